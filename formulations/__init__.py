@@ -1,0 +1,1 @@
+"""Failure-tolerant manipulator Jacobians: models, measures, statements, bounds, proof."""

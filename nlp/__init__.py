@@ -1,0 +1,1 @@
+"""The engine: nonlinear programs, Ipopt, many starts. Knows nothing of robots."""

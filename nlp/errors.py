@@ -1,0 +1,44 @@
+"""The exception tree: one clear sentence each, and the data it was made from."""
+
+from __future__ import annotations
+
+
+class LockedJointError(Exception):
+    """Anything this library raises on purpose."""
+
+
+class InputError(LockedJointError, ValueError):
+    """An argument, option or file content that is not allowed.
+
+    Parameters
+    ----------
+    argument
+        Name of the argument, option or file at fault.
+    value
+        What was given.
+    allowed
+        What is allowed, in words.
+    """
+
+    def __init__(self, argument: str, value: object, allowed: str) -> None:
+        self.argument = argument
+        self.value = value
+        self.allowed = allowed
+        super().__init__(f"{argument} is {_shown(value)}; allowed: {allowed}.")
+
+    def __reduce__(self) -> tuple[type[InputError], tuple[str, object, str]]:
+        """Pickle from the three parts, so that it crosses process boundaries."""
+        return type(self), (self.argument, self.value, self.allowed)
+
+
+class SolverOptionError(InputError):
+    """A solver option that does not exist or a value that it does not take."""
+
+
+class FileError(InputError):
+    """A file or folder that cannot be read, written or understood."""
+
+
+def _shown(value: object, limit: int = 120) -> str:
+    text = value if isinstance(value, str) and value else repr(value)
+    return text if len(text) <= limit else text[: limit - 1] + "…"
