@@ -1,0 +1,101 @@
+"""Third statement: the best worst case among exactly isotropic Jacobians (Section 2).
+
+::
+
+    maximise   t                        over the joints' parameters and t
+    subject to JJᵀ = (T/m) I                   the independent rows only,  T = ‖J‖_F²
+               t ≤ T/m − ‖j_f‖²                for every joint f
+               the joints' own bounds
+
+For isotropic J the smallest singular value without joint f has the square T/m − ‖j_f‖², so
+the second line is eq. (5) without any eigenvalue. Where all columns have one fixed norm, t
+is fixed too and only the question whether the equations can be met remains.
+"""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+
+from formulations import measures
+from formulations.arm import Arm
+from formulations.isotropy_residuals import (
+    constant_where_isotropic,
+    independent_rows,
+    mean_eigenvalue,
+    residuals,
+)
+from nlp.arrays import FloatArray
+from nlp.problem import Constraint, Problem, Sense
+
+NAME = "isotropy"
+SENSE: Sense = "maximise"
+# An isotropy defect, relative to (T/m)², up to which a Jacobian counts as isotropic.
+TOLERANCE = 1e-10
+
+
+def build(arm: Arm) -> Problem:
+    """State the problem for an arm."""
+    variables = arm.symbols()
+    m, n = arm.shape
+    jacobian = arm.matrix(variables)
+    isotropic = Constraint(
+        "isotropy", residuals(arm, variables)[independent_rows(arm)], 0.0, 0.0
+    )
+    norms = ca.vertcat(*(ca.sumsqr(jacobian[:, f]) for f in range(n)))
+    left = mean_eigenvalue(arm, variables) - norms
+    constraints = (isotropic, *_not_implied(arm, variables))
+    common = {"name": NAME, "sense": SENSE, "outputs": {"jacobian": jacobian}}
+    fixed = [constant_where_isotropic(arm, variables, left[f]) for f in range(n)]
+    if all(value is not None for value in fixed):
+        worst = min(value for value in fixed if value is not None)
+        return Problem(
+            variables=variables, objective=ca.SX(worst), constraints=constraints, **common
+        )
+
+    level = ca.SX.sym("t")
+
+    def lift(point: FloatArray) -> FloatArray:
+        matrix = arm.jacobian(point)
+        squares = np.sum(matrix**2, axis=0)
+        return np.append(point, squares.sum() / m - squares.max())
+
+    epigraph = Constraint("worst case", left - level, 0.0, np.inf)
+    return Problem(
+        variables=ca.vertcat(variables, level),
+        objective=level,
+        constraints=(*constraints, epigraph),
+        lift=lift,
+        **common,
+    )
+
+
+def merit(jacobian: FloatArray) -> float:
+    """What the statement maximises, √t from J alone; −∞ if J is not isotropic."""
+    m, _ = jacobian.shape
+    scale = measures.trace(jacobian) / m
+    if measures.isotropy_defect(jacobian) > TOLERANCE * scale**2:
+        return -np.inf
+    return measures.worst_case_sigma(jacobian)
+
+
+def _not_implied(arm: Arm, variables: ca.SX) -> tuple[Constraint, ...]:
+    """Return the joints' own constraints, less the bounds that isotropy alone meets.
+
+    Isotropy fixes some of them outright (the mean of |v|² is 1 for revolute joints); kept,
+    such a row repeats the equations and leaves Ipopt without a strict interior.
+    """
+    kept = []
+    for constraint in arm.constraints(variables):
+        low, high = np.asarray(constraint.lower), np.asarray(constraint.upper)
+        rows = []
+        for k in range(low.size):
+            inequality = low[k] < high[k]
+            value = constant_where_isotropic(arm, variables, constraint.expression[k])
+            met = value is not None and low[k] - 1e-9 <= value <= high[k] + 1e-9
+            if not (inequality and met):
+                rows.append(k)
+        if rows:
+            expression = constraint.expression[rows]
+            kept.append(Constraint(constraint.name, expression, low[rows], high[rows]))
+    return tuple(kept)

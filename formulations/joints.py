@@ -1,0 +1,340 @@
+"""Column models: what one joint can contribute to a Jacobian (Section 4, eq. 21).
+
+A joint kind maps a few parameters to a column of J. Angles are in radians, parameters of
+length in the unit of the linear velocity rows. Columns of spatial joints are (v; ω), linear
+velocity above rotational velocity, as in eq. (21).
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import ClassVar, Literal
+
+import casadi as ca
+import numpy as np
+
+from nlp.arrays import FloatArray, whole_number
+from nlp.errors import InputError
+
+# Bound each joint's own extent, or the mean of the squared extents of all such joints.
+Budget = Literal["each", "mean"]
+TOLERANCE = 1e-6
+
+
+class NotInModelError(InputError):
+    """A Jacobian with a column that its joint cannot contribute."""
+
+
+class Joint(ABC):
+    """One kind of joint.
+
+    Attributes
+    ----------
+    budget
+        ``"each"`` if the joint's extent is bounded by itself; ``"mean"`` if it shares a
+        bound on the mean square with the other joints of its kind in an arm.
+    exact
+        Whether the extent must equal its bound instead of staying below.
+    """
+
+    budget: Budget = "each"
+    exact: ClassVar[bool] = False
+
+    @property
+    @abstractmethod
+    def parameters(self) -> tuple[str, ...]:
+        """Names of the parameters of one joint."""
+
+    @property
+    @abstractmethod
+    def dimension(self) -> int:
+        """Number of task dimensions m: rows of the column."""
+
+    @property
+    @abstractmethod
+    def largest_norm_squared(self) -> float:
+        """Largest ‖j‖², or largest mean of ‖j‖² where the bound is on the mean."""
+
+    @property
+    def rotation_squared(self) -> float | None:
+        """‖ω‖², where the kind fixes it."""
+        return None
+
+    @abstractmethod
+    def column(self, parameters: ca.SX) -> ca.SX:
+        """Symbolic column, shape (dimension, 1)."""
+
+    def equations(self, parameters: ca.SX) -> ca.SX:  # noqa: ARG002
+        """Symbolic column of what must be zero besides; empty unless the kind says more."""
+        return ca.SX(0, 1)
+
+    def extent_squared(self, parameters: ca.SX) -> ca.SX | None:  # noqa: ARG002
+        """Symbolic square of what the kind's bound limits; None if nothing is left to it."""
+        return None
+
+    @property
+    def extent_bound(self) -> float:
+        """Bound on the extent."""
+        return float("inf")
+
+    @abstractmethod
+    def sample(self, rng: np.random.Generator, count: int) -> FloatArray:
+        """Draw parameters of `count` joints, shape (count, len(parameters))."""
+
+    @abstractmethod
+    def invert(self, column: FloatArray) -> FloatArray:
+        """Parameters that give this column; NotInModelError if there are none."""
+
+
+@dataclass(frozen=True)
+class UnitRevolute(Joint):
+    """Revolute joint with |v| = |ω| = 1, v·ω = 0: eq. (21), a point of SO(3)."""
+
+    parameters: ClassVar[tuple[str, ...]] = ("alpha", "beta", "gamma")
+    dimension: ClassVar[int] = 6
+    largest_norm_squared: ClassVar[float] = 2.0
+    rotation_squared: ClassVar[float] = 1.0
+
+    def column(self, parameters: ca.SX) -> ca.SX:
+        """Eq. (21)."""
+        alpha, beta, gamma = ca.vertsplit(parameters)
+        first, second, axis = _axes(alpha, beta)
+        return ca.vertcat(ca.cos(gamma) * first + ca.sin(gamma) * second, axis)
+
+    def sample(self, rng: np.random.Generator, count: int) -> FloatArray:
+        """Uniform on SO(3)."""
+        alpha, beta = _uniform_direction(rng, count)
+        return np.column_stack([alpha, beta, rng.uniform(-np.pi, np.pi, count)])
+
+    def invert(self, column: FloatArray) -> FloatArray:
+        """Angles of the column, in (−π, π] × [−π/2, π/2] × (−π, π]."""
+        _check_revolute(column)
+        velocity = column[:3]
+        if abs(np.linalg.norm(velocity) - 1) > TOLERANCE:
+            raise _outside(column, "linear velocity of norm 1 (unit revolute joint)")
+        alpha, beta = _direction_angles(column[3:])
+        first, second, _ = _frame(np.array([alpha]), np.array([beta]))
+        return np.array([alpha, beta, np.arctan2(velocity @ second[0], velocity @ first[0])])
+
+
+@dataclass(frozen=True)
+class LeverRevolute(Joint):
+    """Revolute joint with a free lever arm: |ω| = 1, v·ω = 0 and |v| bounded.
+
+    The parameters are v and ω themselves, held by those two equations: twice as many random
+    starts reach the best isotropic 7R as with the angles of eq. (21) and two components of v.
+
+    Parameters
+    ----------
+    length
+        The characteristic length ℓ, in the unit of v, above 0.
+    budget
+        ``"mean"``: the mean of |v|² over such joints is at most ℓ². ``"each"``: |v| ≤ ℓ.
+    """
+
+    length: float = 1.0
+    budget: Budget = "mean"
+    parameters: ClassVar[tuple[str, ...]] = ("vx", "vy", "vz", "wx", "wy", "wz")
+    dimension: ClassVar[int] = 6
+    rotation_squared: ClassVar[float] = 1.0
+
+    def __post_init__(self) -> None:
+        _check_length("length", self.length)
+        _check_budget(self.budget)
+
+    @property
+    def largest_norm_squared(self) -> float:
+        """1 + ℓ²."""
+        return 1.0 + self.length**2
+
+    @property
+    def extent_bound(self) -> float:
+        """The characteristic length ℓ."""
+        return self.length
+
+    def column(self, parameters: ca.SX) -> ca.SX:
+        """Return the parameters themselves."""
+        return parameters
+
+    def equations(self, parameters: ca.SX) -> ca.SX:
+        """|ω|² − 1 and v·ω."""
+        velocity, axis = parameters[:3], parameters[3:]
+        return ca.vertcat(ca.sumsqr(axis) - 1, ca.dot(velocity, axis))
+
+    def extent_squared(self, parameters: ca.SX) -> ca.SX:
+        """|v|²."""
+        return ca.sumsqr(parameters[:3])
+
+    def sample(self, rng: np.random.Generator, count: int) -> FloatArray:
+        """Directions uniform; lever arms uniform in the ball that the bound describes."""
+        alpha, beta = _uniform_direction(rng, count)
+        levers = self.length * _in_ball(rng, count, 2, self.budget)
+        first, second, axis = _frame(alpha, beta)
+        return np.column_stack([levers[:, :1] * first + levers[:, 1:] * second, axis])
+
+    def invert(self, column: FloatArray) -> FloatArray:
+        """Return v and ω themselves."""
+        _check_revolute(column)
+        if self.budget == "each" and np.linalg.norm(column[:3]) > self.length + TOLERANCE:
+            raise _outside(column, f"a lever arm of at most {self.length:g}")
+        return column.copy()
+
+
+@dataclass(frozen=True)
+class Prismatic(Joint):
+    """Prismatic joint: the column (v; 0) with |v| = `speed`."""
+
+    speed: float = 1.0
+    parameters: ClassVar[tuple[str, ...]] = ("alpha", "beta")
+    dimension: ClassVar[int] = 6
+    rotation_squared: ClassVar[float] = 0.0
+
+    def __post_init__(self) -> None:
+        _check_length("speed", self.speed)
+
+    @property
+    def largest_norm_squared(self) -> float:
+        """|v|²."""
+        return self.speed**2
+
+    def column(self, parameters: ca.SX) -> ca.SX:
+        """Column (v; 0), the direction of v as that of ω in eq. (21)."""
+        alpha, beta = ca.vertsplit(parameters)
+        return ca.vertcat(self.speed * _axes(alpha, beta)[2], ca.SX.zeros(3))
+
+    def sample(self, rng: np.random.Generator, count: int) -> FloatArray:
+        """Uniform on the sphere of directions."""
+        return np.column_stack(_uniform_direction(rng, count))
+
+    def invert(self, column: FloatArray) -> FloatArray:
+        """Angles of the direction."""
+        if np.linalg.norm(column[3:]) > TOLERANCE:
+            raise _outside(column, "no rotational velocity (prismatic joint)")
+        if abs(np.linalg.norm(column[:3]) - self.speed) > TOLERANCE:
+            raise _outside(column, f"linear velocity of norm {self.speed:g} (prismatic joint)")
+        return np.array(_direction_angles(column[:3]))
+
+
+@dataclass(frozen=True)
+class FreeColumn(Joint):
+    """Any column of m entries: planar and positional arms, general screws.
+
+    Parameters
+    ----------
+    dimension
+        Number of task dimensions m, at least 1.
+    norm
+        What ‖j‖ is (budget ``"each"``), or the root mean square of ‖j‖ over such joints
+        (budget ``"mean"``); above 0.
+    budget
+        ``"each"`` or ``"mean"``.
+    """
+
+    dimension: int = 6
+    norm: float = 1.0
+    budget: Budget = "each"
+    exact: ClassVar[bool] = True
+
+    def __post_init__(self) -> None:
+        whole_number("dimension", self.dimension, 1)
+        _check_length("norm", self.norm)
+        _check_budget(self.budget)
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """Names of the entries."""
+        return tuple(f"j{k + 1}" for k in range(self.dimension))
+
+    @property
+    def largest_norm_squared(self) -> float:
+        """The square of the norm."""
+        return self.norm**2
+
+    @property
+    def extent_bound(self) -> float:
+        """The norm."""
+        return self.norm
+
+    def column(self, parameters: ca.SX) -> ca.SX:
+        """Return the parameters themselves."""
+        return parameters
+
+    def extent_squared(self, parameters: ca.SX) -> ca.SX:
+        """‖j‖²."""
+        return ca.sumsqr(parameters)
+
+    def sample(self, rng: np.random.Generator, count: int) -> FloatArray:
+        """Uniform on the sphere(s) of the given norm."""
+        entries = rng.standard_normal((count, self.dimension))
+        if self.budget == "each":
+            norms = np.linalg.norm(entries, axis=1, keepdims=True)
+        else:
+            norms = np.linalg.norm(entries) / np.sqrt(count)
+        return np.asarray(self.norm * entries / norms)
+
+    def invert(self, column: FloatArray) -> FloatArray:
+        """Return the entries themselves."""
+        if self.budget == "each" and abs(np.linalg.norm(column) - self.norm) > TOLERANCE:
+            raise _outside(column, f"a norm of {self.norm:g}")
+        return column.copy()
+
+
+def _axes(alpha: ca.SX, beta: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
+    """Right-handed frame (e₁, e₂, ω): v = cosγ e₁ + sinγ e₂ in eq. (21)."""
+    sin_a, cos_a, sin_b, cos_b = ca.sin(alpha), ca.cos(alpha), ca.sin(beta), ca.cos(beta)
+    first = ca.vertcat(cos_a * sin_b, sin_a * sin_b, -cos_b)
+    second = ca.vertcat(sin_a, -cos_a, 0)
+    return first, second, ca.vertcat(cos_a * cos_b, sin_a * cos_b, sin_b)
+
+
+def _frame(alpha: FloatArray, beta: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Rows of the frames of `_axes` at numeric angles, each of shape (count, 3)."""
+    sin_a, cos_a, sin_b, cos_b = np.sin(alpha), np.cos(alpha), np.sin(beta), np.cos(beta)
+    first = np.column_stack([cos_a * sin_b, sin_a * sin_b, -cos_b])
+    second = np.column_stack([sin_a, -cos_a, np.zeros_like(alpha)])
+    return first, second, np.column_stack([cos_a * cos_b, sin_a * cos_b, sin_b])
+
+
+def _uniform_direction(rng: np.random.Generator, count: int) -> tuple[FloatArray, FloatArray]:
+    alpha = rng.uniform(-np.pi, np.pi, count)
+    return alpha, np.arcsin(rng.uniform(-1.0, 1.0, count))
+
+
+def _in_ball(rng: np.random.Generator, count: int, size: int, budget: Budget) -> FloatArray:
+    """Uniform points of the unit ball: one in each joint's plane, or one of them all."""
+    points = rng.standard_normal((count, size))
+    if budget == "each":
+        radii = rng.uniform(size=(count, 1)) ** (1 / size)
+        return np.asarray(radii * points / np.linalg.norm(points, axis=1, keepdims=True))
+    radius = np.sqrt(count) * rng.uniform() ** (1 / (count * size))
+    return np.asarray(radius * points / np.linalg.norm(points))
+
+
+def _direction_angles(direction: FloatArray) -> tuple[float, float]:
+    x, y, z = direction
+    return float(np.arctan2(y, x)), float(np.arctan2(z, np.hypot(x, y)))
+
+
+def _check_revolute(column: FloatArray) -> None:
+    velocity, axis = column[:3], column[3:]
+    if abs(np.linalg.norm(axis) - 1) > TOLERANCE:
+        raise _outside(column, "rotational velocity of norm 1 (revolute joint)")
+    if abs(velocity @ axis) > TOLERANCE * max(1.0, float(np.linalg.norm(velocity))):
+        raise _outside(column, "linear velocity orthogonal to the rotational (revolute joint)")
+
+
+def _outside(column: FloatArray, allowed: str) -> NotInModelError:
+    shown = "(" + ", ".join(f"{entry:.6g}" for entry in column) + ")"
+    return NotInModelError("column", shown, allowed)
+
+
+def _check_length(name: str, value: object) -> None:
+    number = isinstance(value, (int, float, np.number)) and not isinstance(value, bool)
+    if not number or not np.isfinite(value) or value <= 0:  # type: ignore[call-overload,operator]
+        raise InputError(name, value, "a finite number above 0")
+
+
+def _check_budget(value: object) -> None:
+    if value not in ("each", "mean"):
+        raise InputError("budget", value, "'each' or 'mean'")

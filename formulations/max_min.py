@@ -1,0 +1,127 @@
+"""Second statement: the worst case after a failure, maximised directly (eq. 5).
+
+::
+
+    maximise   log t                    over the joints' parameters and t
+    subject to λ_min(JJᵀ − J_F J_Fᵀ) ≥ t      for every set F of k joints
+               the joints' own bounds
+
+At the optimum √t is the worst-case smallest singular value after any k joints lock. The
+eigenvalue constraints are stated smoothly by one of `nlp.matrix_inequality`'s encodings.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import casadi as ca
+import numpy as np
+
+from formulations import measures, residual
+from formulations.arm import Arm
+from nlp.arrays import FloatArray, whole_number
+from nlp.errors import InputError
+from nlp.ipopt import IpoptSolver
+from nlp.matrix_inequality import ENCODINGS, column_sets
+from nlp.problem import Problem, Sense
+
+NAME = "max-min"
+SENSE: Sense = "maximise"
+# The level's start stays this far below what the start's own Jacobian allows.
+_LEVEL_SHARE = 0.9
+
+
+def build(arm: Arm, locked: int = 1, encoding: str = "shared-factor") -> Problem:
+    """State the problem for an arm.
+
+    Parameters
+    ----------
+    arm
+        The joints.
+    locked
+        How many joints lock at once, k.
+    encoding
+        One of ``nlp.matrix_inequality.ENCODINGS``.
+
+    Raises
+    ------
+    InputError
+        If the encoding is unknown, k is out of range, or no configuration that was tried
+        keeps full rank after k joints lock.
+    """
+    if encoding not in ENCODINGS:
+        raise InputError("encoding", encoding, "one of " + ", ".join(ENCODINGS))
+    m, n = arm.shape
+    floor = attained_level(arm, locked)
+    variables, level = arm.symbols(), ca.SX.sym("t")
+    jacobian = arm.matrix(variables)
+    # Every feasible t ≥ floor has λ_min(JJᵀ − tI) ≥ t/(n − m): see measures.sigma_bound.
+    pivot = float(np.sqrt(floor / (n - m)))
+    encoded = ENCODINGS[encoding](jacobian, level, column_sets(n, locked), pivot)
+
+    def lift(point: FloatArray) -> FloatArray:
+        numeric = arm.jacobian(point)
+        reach = _LEVEL_SHARE * measures.singular_values(numeric)[-1] ** 2
+        t = min(max(measures.worst_case_sigma(numeric, locked) ** 2, floor), reach)
+        return np.concatenate([point, [t], encoded.lift(numeric, t)])
+
+    size = arm.size
+    return Problem(
+        name=NAME,
+        variables=ca.vertcat(variables, level, encoded.variables),
+        objective=ca.log(level),
+        sense=SENSE,
+        constraints=(*arm.constraints(variables), *encoded.constraints),
+        lower=np.concatenate([np.full(size, -np.inf), [floor], encoded.lower]),
+        upper=np.concatenate([np.full(size + 1, np.inf), encoded.upper]),
+        outputs={"jacobian": jacobian},
+        lift=lift,
+    )
+
+
+def attained_level(arm: Arm, locked: int = 1, samples: int = 100) -> float:
+    """Return a level t that some configuration of the arm attains: half of the best sampled.
+
+    Raises
+    ------
+    InputError
+        If no sampled configuration keeps full rank after `locked` joints lock.
+    """
+    m, n = arm.shape
+    if whole_number("locked joints", locked, 1) > n - m:
+        raise InputError("locked joints", locked, f"at most the degree of redundancy, {n - m}")
+    rng = np.random.default_rng(1995)
+    configurations = (arm.jacobian(arm.sample(rng)) for _ in range(samples))
+    best = max(measures.worst_case_sigma(matrix, locked) for matrix in configurations)
+    if best < 1e-6:
+        names = ", ".join(dict.fromkeys(type(joint).__name__ for joint in arm.joints))
+        allowed = f"joints that can keep full rank after any {locked} lock"
+        raise InputError("arm", f"of {n} joints ({names})", allowed)
+    return 0.5 * best**2
+
+
+def merit(jacobian: FloatArray) -> float:
+    """What the statement maximises, from J alone: the worst-case singular value √t."""
+    return measures.worst_case_sigma(jacobian)
+
+
+class ResidualMinimum:
+    """Draws starts for `build` that are residual minima reached from random starts.
+
+    Parameters
+    ----------
+    arm
+        The joints.
+    """
+
+    def __init__(self, arm: Arm) -> None:
+        self.arm = arm
+
+    def __call__(self, rng: np.random.Generator) -> FloatArray:
+        """Draw variables of the arm at random and minimise the residual from there."""
+        return _residual_solver(self.arm).solve(self.arm.sample(rng)).variables
+
+
+@lru_cache(maxsize=4)
+def _residual_solver(arm: Arm) -> IpoptSolver:
+    return IpoptSolver(residual.build(arm))

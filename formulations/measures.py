@@ -1,0 +1,264 @@
+"""Failure tolerance of a Jacobian, from the matrix alone (Section 2, eqs. 3–11 and 15).
+
+The independent judge of every solution: plain NumPy, no solver, no model of the joints.
+Jacobians are arrays of shape (m, n) with n > m; joints are counted from 0.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
+from itertools import combinations
+
+import numpy as np
+import numpy.typing as npt
+
+from nlp.arrays import FloatArray, as_floats, whole_number
+from nlp.errors import InputError
+
+
+@dataclass(frozen=True, eq=False)
+class WorstCase:
+    """The worst set of locked joints.
+
+    Attributes
+    ----------
+    sigma
+        Smallest singular value that is left (eq. 5).
+    joints
+        The locked joints that leave it, counted from 0; the first such set on a tie.
+    direction
+        End-effector direction that suffers most, a unit vector of shape (m,) (eq. 15),
+        its largest entry positive.
+    """
+
+    sigma: float
+    joints: tuple[int, ...]
+    direction: FloatArray
+
+
+@dataclass(frozen=True)
+class Assessment:
+    """Everything measured of one Jacobian, as plain numbers; see the functions of that name."""
+
+    task_dimension: int
+    joints: int
+    locked: int
+    singular_values: list[float]
+    condition_number: float
+    manipulability: float
+    worst_case_sigma: float
+    worst_case_joints: list[int]
+    worst_case_direction: list[float]
+    sigma_bound: float
+    gap_percent: float
+    isotropy_defect: float
+    residual_sum_of_squares: float
+    range_contributions: list[float]
+    null_space_contributions: list[float]
+    relative_manipulability: list[float]
+    optimally_failure_tolerant: bool
+    tolerance: float
+
+    def to_dict(self) -> dict[str, object]:
+        """Return the fields as a dictionary of plain values."""
+        return asdict(self)
+
+
+def as_jacobian(jacobian: npt.ArrayLike, name: str = "jacobian") -> FloatArray:
+    """Return the array as a Jacobian of floats.
+
+    Raises
+    ------
+    InputError
+        If it is not two-dimensional, has NaN or infinity, or no more columns than rows.
+    """
+    matrix = as_floats(name, jacobian)
+    if matrix.ndim != 2 or 0 in matrix.shape:
+        raise InputError(name, f"of shape {matrix.shape}", "a matrix, one column per joint")
+    if not np.all(np.isfinite(matrix)):
+        raise InputError(name, "a matrix with NaN or infinity", "finite numbers only")
+    m, n = matrix.shape
+    if n <= m:
+        allowed = "more columns (joints) than rows (task dimensions)"
+        raise InputError(name, f"of shape {m}×{n}", allowed)
+    return matrix
+
+
+def singular_values(jacobian: npt.ArrayLike) -> FloatArray:
+    """Singular values in descending order, shape (m,) (eqs. 3–4)."""
+    return np.linalg.svd(as_jacobian(jacobian), compute_uv=False)
+
+
+def condition_number(jacobian: npt.ArrayLike) -> float:
+    """σ₁/σ_m; infinity for a singular Jacobian."""
+    values = singular_values(jacobian)
+    return float(values[0] / values[-1]) if values[-1] > 0 else float("inf")
+
+
+def manipulability(jacobian: npt.ArrayLike) -> float:
+    """√det(JJᵀ), the product of the singular values (Yoshikawa, 1985)."""
+    return float(np.prod(singular_values(jacobian)))
+
+
+def locked_singular_values(jacobian: npt.ArrayLike, locked: int = 1) -> FloatArray:
+    """Smallest singular value after each set of `locked` joints locks (eq. 5).
+
+    Returns
+    -------
+    numpy.ndarray
+        Shape (C(n, locked),), sets in lexicographic order; zero where fewer than m
+        columns are left.
+    """
+    matrix = as_jacobian(jacobian)
+    return np.array([_smallest(kept) for _, kept in _locked(matrix, locked)])
+
+
+def worst_case_sigma(jacobian: npt.ArrayLike, locked: int = 1) -> float:
+    """Worst case over sets of locked joints of the smallest singular value (eq. 5)."""
+    return float(np.min(locked_singular_values(jacobian, locked)))
+
+
+def worst_case(jacobian: npt.ArrayLike, locked: int = 1) -> WorstCase:
+    """Worst set of `locked` joints, and the direction that it hurts most (eqs. 5 and 15)."""
+    matrix = as_jacobian(jacobian)
+    joints, kept = min(_locked(matrix, locked), key=lambda pair: _smallest(pair[1]))
+    direction = np.linalg.svd(kept)[0][:, -1]
+    direction = direction * np.sign(direction[np.argmax(np.abs(direction))])
+    return WorstCase(_smallest(kept), joints, direction)
+
+
+def range_contributions(jacobian: npt.ArrayLike) -> FloatArray:
+    """R_i, each joint's share in the range of Jᵀ, shape (n,) (eq. 9)."""
+    matrix = as_jacobian(jacobian)
+    _, values, rows = np.linalg.svd(matrix, full_matrices=False)
+    rank = int(np.sum(values > values[0] * max(matrix.shape) * np.finfo(float).eps))
+    return np.asarray(np.sum(rows[:rank] ** 2, axis=0))
+
+
+def null_space_contributions(jacobian: npt.ArrayLike) -> FloatArray:
+    """N_i = 1 − R_i, each joint's share in the null space, shape (n,) (eqs. 10–11)."""
+    return 1.0 - range_contributions(jacobian)
+
+
+def sigma_bound(task_dimension: int, joints: int, trace: float) -> float:
+    """Upper bound √(T(n − m)/(mn)) on the worst case, T = ‖J‖_F² (eq. 6, for every J).
+
+    With T = mσ² this is σ√((n − m)/n). It needs no isotropy: summing the rank-one downdate
+    condition j_fᵀ(JJᵀ − tI)⁻¹j_f ≤ 1 over f gives tr((JJᵀ − tI)⁻¹) ≤ (n − m)/t, and
+    convexity the rest. More locked joints only lower the worst case.
+    """
+    m = whole_number("task dimension", task_dimension, 1)
+    n = whole_number("joints", joints, m + 1)
+    if not (np.isfinite(trace) and trace >= 0):
+        raise InputError("trace", trace, "a finite number of at least 0")
+    return float(np.sqrt(trace * (n - m) / (m * n)))
+
+
+def trace(jacobian: npt.ArrayLike) -> float:
+    """T = ‖J‖_F² = tr JJᵀ."""
+    return float(np.sum(as_jacobian(jacobian) ** 2))
+
+
+def gap_percent(sigma: float, bound: float) -> float:
+    """By how many percent a worst case stays below its bound."""
+    return 100.0 * (1.0 - sigma / bound) if bound > 0 else 0.0
+
+
+def isotropy_defect(jacobian: npt.ArrayLike) -> float:
+    """½‖JJᵀ − (T/m)I‖_F², zero exactly for isotropic J; the same in every frame."""
+    return 0.5 * float(np.sum(_deviation(as_jacobian(jacobian)) ** 2))
+
+
+def residual_sum_of_squares(jacobian: npt.ArrayLike) -> float:
+    """fᵀf: squares of the m(m + 1)/2 distinct entries of JJᵀ − (T/m)I (eqs. 23–43).
+
+    Each off-diagonal counts once, so the value depends on the frame; its minimum over
+    frames is `isotropy_defect`.
+    """
+    deviation = _deviation(as_jacobian(jacobian))
+    return float(np.sum(deviation[np.triu_indices(deviation.shape[0])] ** 2))
+
+
+def relative_manipulability(jacobian: npt.ArrayLike, locked: int = 1) -> FloatArray:
+    """Manipulability after each set of joints locks, over that before; NaN if it was 0."""
+    matrix = as_jacobian(jacobian)
+    before = float(np.prod(singular_values(matrix)))
+    after = [_volume(kept) for _, kept in _locked(matrix, locked)]
+    return np.array(after) / before if before > 0 else np.full(len(after), np.nan)
+
+
+def is_optimally_failure_tolerant(jacobian: npt.ArrayLike, tolerance: float = 1e-6) -> bool:
+    """Whether J is isotropic with columns of equal norm, to a relative tolerance (Section 2).
+
+    Both JJᵀ = (T/m)I and ‖j_i‖² = T/n may be off by at most `tolerance`·T/m in any entry.
+    """
+    matrix = as_jacobian(jacobian)
+    m, n = matrix.shape
+    size = trace(matrix)
+    norms = np.sum(matrix**2, axis=0)
+    error = max(np.max(np.abs(_deviation(matrix))), np.max(np.abs(norms - size / n)))
+    return bool(size > 0 and error <= tolerance * size / m)
+
+
+def assess(jacobian: npt.ArrayLike, locked: int = 1, tolerance: float = 1e-6) -> Assessment:
+    """Measure everything at once.
+
+    Parameters
+    ----------
+    jacobian
+        Shape (m, n), n > m.
+    locked
+        How many joints lock at once.
+    tolerance
+        Relative tolerance of the verdict 'optimally failure tolerant'.
+    """
+    matrix = as_jacobian(jacobian)
+    m, n = matrix.shape
+    worst = worst_case(matrix, locked)
+    bound = sigma_bound(m, n, trace(matrix))
+    return Assessment(
+        task_dimension=m,
+        joints=n,
+        locked=locked,
+        singular_values=singular_values(matrix).tolist(),
+        condition_number=condition_number(matrix),
+        manipulability=manipulability(matrix),
+        worst_case_sigma=worst.sigma,
+        worst_case_joints=list(worst.joints),
+        worst_case_direction=worst.direction.tolist(),
+        sigma_bound=bound,
+        gap_percent=gap_percent(worst.sigma, bound),
+        isotropy_defect=isotropy_defect(matrix),
+        residual_sum_of_squares=residual_sum_of_squares(matrix),
+        range_contributions=range_contributions(matrix).tolist(),
+        null_space_contributions=null_space_contributions(matrix).tolist(),
+        relative_manipulability=relative_manipulability(matrix, locked).tolist(),
+        optimally_failure_tolerant=is_optimally_failure_tolerant(matrix, tolerance),
+        tolerance=tolerance,
+    )
+
+
+def _deviation(matrix: FloatArray) -> FloatArray:
+    gram = matrix @ matrix.T
+    return np.asarray(gram - np.trace(gram) / gram.shape[0] * np.eye(gram.shape[0]))
+
+
+def _locked(matrix: FloatArray, locked: int) -> Iterator[tuple[tuple[int, ...], FloatArray]]:
+    n = matrix.shape[1]
+    if whole_number("locked joints", locked, 1) >= n:
+        raise InputError("locked joints", locked, f"fewer than the {n} joints")
+    for joints in combinations(range(n), locked):
+        yield joints, np.delete(matrix, joints, axis=1)
+
+
+def _smallest(kept: FloatArray) -> float:
+    if kept.shape[1] < kept.shape[0]:
+        return 0.0
+    return float(np.linalg.svd(kept, compute_uv=False)[-1])
+
+
+def _volume(kept: FloatArray) -> float:
+    if kept.shape[1] < kept.shape[0]:
+        return 0.0
+    return float(np.prod(np.linalg.svd(kept, compute_uv=False)))

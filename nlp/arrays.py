@@ -1,0 +1,44 @@
+"""Array types, and the checks that let only finite arrays of the right shape through."""
+
+from __future__ import annotations
+
+from typing import TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from nlp.errors import InputError
+
+FloatArray: TypeAlias = npt.NDArray[np.float64]
+
+
+def finite_vector(argument: str, value: npt.ArrayLike, size: int) -> FloatArray:
+    """Return `value` as a vector of `size` finite floats.
+
+    Raises
+    ------
+    InputError
+        If it has another shape, or holds NaN or infinity.
+    """
+    vector = as_floats(argument, value)
+    if vector.shape != (size,):
+        raise InputError(argument, f"an array of shape {vector.shape}", f"shape ({size},)")
+    if not np.all(np.isfinite(vector)):
+        raise InputError(argument, "an array with NaN or infinity", "finite numbers only")
+    return vector
+
+
+def as_floats(argument: str, value: npt.ArrayLike) -> FloatArray:
+    """Return `value` as an array of floats; InputError where it is none."""
+    try:
+        return np.asarray(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise InputError(argument, value, "an array of real numbers") from None
+
+
+def whole_number(argument: str, value: object, lowest: int) -> int:
+    """Return `value` if it is an integer of at least `lowest`; InputError otherwise."""
+    whole = isinstance(value, (int, np.integer)) and not isinstance(value, bool)
+    if not whole or int(value) < lowest:  # type: ignore[call-overload]
+        raise InputError(argument, value, f"a whole number of at least {lowest}")
+    return int(value)  # type: ignore[call-overload,no-any-return]

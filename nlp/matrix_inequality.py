@@ -1,0 +1,211 @@
+"""Eigenvalue constraints after column deletions, as smooth constraints.
+
+Given an m×n matrix A of expressions, a level t and a family of column sets F, say
+
+    λ_min(A Aᵀ − A_F A_Fᵀ) ≥ t     for every F in the family                      (*)
+
+without ever differentiating an eigenvalue, which has no derivative where eigenvalues repeat.
+Each encoding is a function with one signature; all introduce auxiliary variables, which the
+encoding's `lift` computes from a numeric A.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+from types import MappingProxyType
+from typing import Protocol
+
+import casadi as ca
+import numpy as np
+
+from nlp.arrays import FloatArray
+from nlp.problem import Constraint
+
+# Auxiliary starts keep this share of the eigenvalue they must stay below.
+_INTERIOR = 0.9
+
+
+@dataclass(frozen=True, eq=False)
+class Encoding:
+    """The constraints (*) in smooth form.
+
+    Attributes
+    ----------
+    variables
+        Auxiliary symbols, a column of shape (size, 1).
+    lower, upper
+        Their bounds, shape (size,).
+    constraints
+        Smooth constraints on A, t and the auxiliary variables.
+    lift
+        ``lift(A, t)`` gives auxiliary values to start from, for a numeric A and level t.
+    """
+
+    variables: ca.SX
+    lower: FloatArray
+    upper: FloatArray
+    constraints: tuple[Constraint, ...]
+    lift: Callable[[FloatArray, float], FloatArray]
+
+
+class Encode(Protocol):
+    """Signature shared by all encodings.
+
+    Parameters are the m×n matrix A, the symbol t, the column sets F, and the least
+    ``pivot`` that any diagonal entry of a factor of A Aᵀ − tI may be held above.
+    """
+
+    def __call__(
+        self, matrix: ca.SX, level: ca.SX, deleted: Sequence[tuple[int, ...]], pivot: float
+    ) -> Encoding:
+        """Encode (*)."""
+
+
+def shared_factor(
+    matrix: ca.SX, level: ca.SX, deleted: Sequence[tuple[int, ...]], pivot: float
+) -> Encoding:
+    """Encode (*) by one triangular factor that all deletions share.
+
+    With L Lᵀ = A Aᵀ − tI, diag L ≥ pivot > 0 and X = L⁻¹A, Schur complements turn (*) into
+    X_Fᵀ X_F ⪯ I. For one column that is ‖x_f‖² ≤ 1: a single smooth row per deletion, the
+    forward substitution carried out symbolically. For more columns I − X_Fᵀ X_F gets a
+    small factor of its own.
+    """
+    m = matrix.shape[0]
+    entries, factor = _triangular("L", m)
+    gram = matrix @ matrix.T - level * ca.SX.eye(m)
+    whitened = _forward_substitution(factor, matrix)
+    singles = [columns[0] for columns in deleted if len(columns) == 1]
+    several = [columns for columns in deleted if len(columns) > 1]
+    small = [_triangular(f"C{k}", len(columns)) for k, columns in enumerate(several)]
+
+    constraints = [Constraint("shared factor", _lower_part(gram - factor @ factor.T), 0.0, 0.0)]
+    if singles:
+        lengths = ca.vertcat(*(ca.sumsqr(whitened[:, f]) for f in singles))
+        constraints.append(Constraint("deleted column", lengths, -np.inf, 1.0))
+    for columns, (_, root) in zip(several, small, strict=True):
+        part = whitened[:, list(columns)]
+        gap = ca.SX.eye(len(columns)) - part.T @ part - root @ root.T
+        name = "deleted columns " + ",".join(map(str, columns))
+        constraints.append(Constraint(name, _lower_part(gap), 0.0, 0.0))
+
+    def lift(numeric: FloatArray, t: float) -> FloatArray:
+        root = _factor(numeric @ numeric.T - t * np.eye(m))
+        x = np.linalg.solve(root, numeric)
+        parts = [x[:, list(columns)] for columns in several]
+        gaps = [_factor(np.eye(part.shape[1]) - part.T @ part) for part in parts]
+        return np.concatenate([_packed(root), *(_packed(gap) for gap in gaps)])
+
+    diagonals = [_diagonal_bounds(m, pivot), *(_diagonal_bounds(len(c), 0.0) for c in several)]
+    variables = ca.vertcat(entries, *(symbols for symbols, _ in small))
+    return _encoding(variables, np.concatenate(diagonals), constraints, lift)
+
+
+def factor_per_deletion(
+    matrix: ca.SX,
+    level: ca.SX,
+    deleted: Sequence[tuple[int, ...]],
+    pivot: float,  # noqa: ARG001
+) -> Encoding:
+    """Encode (*) by one free triangular factor per deletion: L_F L_Fᵀ = A_F̄ A_F̄ᵀ − tI.
+
+    The classical lifting. At the optimum every binding factor is singular, and its diagonal
+    may pass through zero on the way: many starts stall there. Kept for comparison.
+    """
+    return _factor_per_deletion(matrix, deleted, level, -np.inf)
+
+
+def positive_factor_per_deletion(
+    matrix: ca.SX,
+    level: ca.SX,
+    deleted: Sequence[tuple[int, ...]],
+    pivot: float,  # noqa: ARG001
+) -> Encoding:
+    """Encode (*) as `factor_per_deletion` does, with diag L_F ≥ 0 besides."""
+    return _factor_per_deletion(matrix, deleted, level, 0.0)
+
+
+ENCODINGS: Mapping[str, Encode] = MappingProxyType(
+    {
+        "shared-factor": shared_factor,
+        "factor-per-deletion": factor_per_deletion,
+        "positive-factor-per-deletion": positive_factor_per_deletion,
+    }
+)
+
+
+def column_sets(columns: int, size: int) -> tuple[tuple[int, ...], ...]:
+    """All sets of `size` out of `columns` columns, counted from 0, in order."""
+    return tuple(combinations(range(columns), size))
+
+
+def _factor_per_deletion(
+    matrix: ca.SX, deleted: Sequence[tuple[int, ...]], level: ca.SX, least: float
+) -> Encoding:
+    m, n = matrix.shape
+    factors = [_triangular("L" + "_".join(map(str, columns)), m) for columns in deleted]
+    constraints = []
+    for columns, (_, factor) in zip(deleted, factors, strict=True):
+        kept = matrix[:, [i for i in range(n) if i not in columns]]
+        gap = kept @ kept.T - level * ca.SX.eye(m) - factor @ factor.T
+        name = "deleted columns " + ",".join(map(str, columns))
+        constraints.append(Constraint(name, _lower_part(gap), 0.0, 0.0))
+
+    def lift(numeric: FloatArray, t: float) -> FloatArray:
+        kept = [np.delete(numeric, columns, axis=1) for columns in deleted]
+        return np.concatenate([_packed(_factor(k @ k.T - t * np.eye(m))) for k in kept])
+
+    variables = ca.vertcat(*(symbols for symbols, _ in factors))
+    lower = np.tile(_diagonal_bounds(m, least), len(deleted))
+    return _encoding(variables, lower, constraints, lift)
+
+
+def _encoding(
+    variables: ca.SX,
+    lower: FloatArray,
+    constraints: Sequence[Constraint],
+    lift: Callable[[FloatArray, float], FloatArray],
+) -> Encoding:
+    return Encoding(variables, lower, np.full(lower.size, np.inf), tuple(constraints), lift)
+
+
+def _triangular(name: str, size: int) -> tuple[ca.SX, ca.SX]:
+    """Symbols, row by row, and the lower triangular matrix that they fill."""
+    symbols = ca.SX.sym(name, size * (size + 1) // 2)
+    factor = ca.SX.zeros(size, size)
+    for k, (i, j) in enumerate(_lower_indices(size)):
+        factor[i, j] = symbols[k]
+    return symbols, factor
+
+
+def _lower_indices(size: int) -> list[tuple[int, int]]:
+    return [(i, j) for i in range(size) for j in range(i + 1)]
+
+
+def _lower_part(matrix: ca.SX) -> ca.SX:
+    return ca.vertcat(*(matrix[i, j] for i, j in _lower_indices(matrix.shape[0])))
+
+
+def _packed(factor: FloatArray) -> FloatArray:
+    return np.array([factor[i, j] for i, j in _lower_indices(factor.shape[0])])
+
+
+def _diagonal_bounds(size: int, least: float) -> FloatArray:
+    return np.array([least if i == j else -np.inf for i, j in _lower_indices(size)])
+
+
+def _forward_substitution(factor: ca.SX, matrix: ca.SX) -> ca.SX:
+    rows: list[ca.SX] = []
+    for i in range(factor.shape[0]):
+        known = sum((factor[i, j] * rows[j] for j in range(i)), ca.SX.zeros(1, matrix.shape[1]))
+        rows.append((matrix[i, :] - known) / factor[i, i])
+    return ca.vertcat(*rows)
+
+
+def _factor(matrix: FloatArray) -> FloatArray:
+    """Cholesky factor of the positive definite matrix nearest in spectrum, for a start."""
+    values, vectors = np.linalg.eigh(matrix)
+    least = max(1e-4, (1.0 - _INTERIOR) * float(np.max(np.abs(values))) * 1e-2)
+    return np.linalg.cholesky((vectors * np.maximum(values, least)) @ vectors.T)

@@ -1,0 +1,210 @@
+"""One problem from many random starts, on one or several processes, reproducibly.
+
+Start k of seed s is the same on every machine and with any number of workers: it is drawn
+from a generator of its own, and no solve knows of any other.
+"""
+
+from __future__ import annotations
+
+import os
+import pickle
+import signal
+import threading
+import time
+from collections.abc import Callable, Generator, Mapping, Sequence
+from contextlib import closing
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import joblib
+import numpy as np
+from tqdm import tqdm
+
+from nlp.arrays import FloatArray, whole_number
+from nlp.errors import InputError
+from nlp.ipopt import IpoptSolver
+from nlp.ipopt_options import check_options
+from nlp.problem import Problem
+from nlp.solution import Solution
+
+CHUNK = 10
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """One start and what came of it.
+
+    Attributes
+    ----------
+    seed, index
+        Seed of the study and number of the start in it.
+    solution
+        The solver's answer.
+    cpu_seconds
+        Processor time of drawing the start and solving from it, without building the solver.
+    """
+
+    seed: int
+    index: int
+    solution: Solution
+    cpu_seconds: float
+
+
+@dataclass(frozen=True, eq=False)
+class Study:
+    """Runs in the order of their starts, and whether all that were asked for are there."""
+
+    runs: tuple[Run, ...]
+    complete: bool
+
+
+@dataclass(frozen=True)
+class Task:
+    """What every worker needs: how to build the problem, how to draw a start.
+
+    Attributes
+    ----------
+    build
+        Builds the problem; called once per worker.
+    sample
+        Draws a start from a generator, in the variables that the problem's lift takes.
+    options
+        Ipopt options.
+    """
+
+    build: Callable[[], Problem]
+    sample: Callable[[np.random.Generator], FloatArray]
+    options: Mapping[str, object]
+
+
+def generator(seed: int, index: int) -> np.random.Generator:
+    """Return the random generator of start `index` of a study with this `seed`."""
+    return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(index,)))
+
+
+def default_workers() -> int:
+    """Return the number of processor cores that this process may use."""
+    return int(joblib.cpu_count())
+
+
+def multistart(
+    build: Callable[[], Problem],
+    sample: Callable[[np.random.Generator], FloatArray],
+    *,
+    starts: int,
+    seed: int = 0,
+    workers: int = 1,
+    options: Mapping[str, object] | None = None,
+    label: str | None = None,
+) -> Study:
+    """Solve one problem from many random starts.
+
+    Parameters
+    ----------
+    build, sample, options
+        See `Task`. With more than one worker they must be picklable.
+    starts
+        How many starts, at least 1.
+    seed
+        Seed of the study, a whole number of at least 0.
+    workers
+        How many processes, at least 1; one runs in this process.
+    label
+        Shown before a progress bar on a terminal's standard error; no bar without it.
+
+    Returns
+    -------
+    Study
+        All runs, or those done so far if the user interrupted with Ctrl-C.
+
+    Raises
+    ------
+    InputError
+        If a number is out of range, an option is not Ipopt's, or the task is not picklable.
+    """
+    starts = whole_number("starts", starts, 1)
+    seed = whole_number("seed", seed, 0)
+    workers = whole_number("workers", workers, 1)
+    task = Task(build, sample, check_options(options or {}))
+    runs: list[Run] = []
+    batches = (
+        _in_turn(task, seed, starts) if workers == 1 else _spread(task, seed, starts, workers)
+    )
+    with closing(batches), _progress(label, starts) as bar:
+        best = _Best(bar)
+        try:
+            for batch in batches:
+                runs += batch
+                best.add(batch)
+        except KeyboardInterrupt:
+            pass  # what is done is kept, and `complete` says that it is not all
+    ordered = tuple(sorted(runs, key=lambda run: run.index))
+    return Study(ordered, complete=len(ordered) == starts)
+
+
+def _in_turn(task: Task, seed: int, starts: int) -> Generator[list[Run], None, None]:
+    solver = IpoptSolver(task.build(), task.options)
+    for index in range(starts):
+        yield [_run(solver, task, seed, index)]
+
+
+def _spread(
+    task: Task, seed: int, starts: int, workers: int
+) -> Generator[list[Run], None, None]:
+    try:
+        payload = pickle.dumps(task)
+    except (pickle.PicklingError, AttributeError, TypeError) as reason:
+        allowed = "functions that pickle, such as functions of a module"
+        raise InputError("build or sample", str(reason), allowed) from None
+    size = max(1, min(CHUNK, -(-starts // workers)))
+    chunks = [range(first, min(first + size, starts)) for first in range(0, starts, size)]
+    with joblib.parallel_config("loky", n_jobs=workers, inner_max_num_threads=1):
+        batches = joblib.Parallel(return_as="generator_unordered")(
+            joblib.delayed(_run_chunk)(payload, seed, chunk) for chunk in chunks
+        )
+        with closing(batches):
+            yield from batches
+
+
+def _run_chunk(payload: bytes, seed: int, indices: Sequence[int]) -> list[Run]:
+    if threading.current_thread() is threading.main_thread():
+        signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's to answer
+    solver, task = _worker(payload)
+    return [_run(solver, task, seed, index) for index in indices]
+
+
+@lru_cache(maxsize=2)
+def _worker(payload: bytes) -> tuple[IpoptSolver, Task]:
+    task: Task = pickle.loads(payload)
+    return IpoptSolver(task.build(), task.options), task
+
+
+def _run(solver: IpoptSolver, task: Task, seed: int, index: int) -> Run:
+    began = time.process_time()
+    solution = solver.solve(task.sample(generator(seed, index)))
+    return Run(seed, index, solution, time.process_time() - began)
+
+
+def _progress(label: str | None, starts: int) -> tqdm[Any]:
+    hidden = label is None or not os.isatty(2)
+    return tqdm(total=starts, desc=label, disable=hidden, leave=False, dynamic_ncols=True)
+
+
+class _Best:
+    """Best objective so far, among runs that the solver calls solved."""
+
+    def __init__(self, bar: tqdm[Any]) -> None:
+        self._bar = bar
+        self._value: float | None = None
+
+    def add(self, batch: Sequence[Run]) -> None:
+        for run in batch:
+            solution = run.solution
+            if solution.status.success:
+                pick = min if solution.sense == "minimise" else max
+                known = solution.objective if self._value is None else self._value
+                self._value = pick(known, solution.objective)
+        if self._value is not None:
+            self._bar.set_postfix_str(f"best {self._value:.8g}", refresh=False)
+        self._bar.update(len(batch))

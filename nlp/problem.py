@@ -1,0 +1,141 @@
+"""A nonlinear program, stated symbolically: built once, never changed, solved elsewhere."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import Literal
+
+import casadi as ca
+import numpy as np
+
+from nlp.arrays import FloatArray
+from nlp.errors import InputError
+
+Sense = Literal["minimise", "maximise"]
+
+
+@dataclass(frozen=True, eq=False)
+class Constraint:
+    """A named block of constraints, ``lower <= expression <= upper``.
+
+    Attributes
+    ----------
+    name
+        What the block says, in a word or two.
+    expression
+        Column of SX expressions, shape (rows, 1).
+    lower, upper
+        Bounds, each a float for all rows or an array of shape (rows,).
+    """
+
+    name: str
+    expression: ca.SX
+    lower: FloatArray | float
+    upper: FloatArray | float
+
+    def __post_init__(self) -> None:
+        rows = self.expression.numel()
+        object.__setattr__(self, "expression", ca.vec(self.expression))
+        for side in ("lower", "upper"):
+            object.__setattr__(self, side, _bounds(self.name, getattr(self, side), rows))
+        _check_order(self.name, np.asarray(self.lower), np.asarray(self.upper))
+
+
+def _same(point: FloatArray) -> FloatArray:
+    return point
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """A nonlinear program in the variables x.
+
+    ::
+
+        minimise (or maximise)  objective(x)
+        subject to              c.lower <= c.expression(x) <= c.upper   for c in constraints
+                                lower <= x <= upper
+
+    Attributes
+    ----------
+    name
+        Name of the statement, for tables and messages.
+    variables
+        Column of distinct SX symbols, shape (size, 1).
+    objective
+        Scalar SX expression.
+    sense
+        ``"minimise"`` or ``"maximise"``.
+    constraints
+        Named blocks of constraints.
+    lower, upper
+        Bounds of the variables, shape (size,); unbounded where left out.
+    outputs
+        Named expressions that a solution reports besides x.
+    lift
+        Takes a start in the caller's own variables to a start in all variables: where a
+        statement has auxiliary variables it fills them in. The identity where it has none.
+    """
+
+    name: str
+    variables: ca.SX
+    objective: ca.SX
+    sense: Sense = "minimise"
+    constraints: tuple[Constraint, ...] = ()
+    lower: FloatArray | float = -np.inf
+    upper: FloatArray | float = np.inf
+    outputs: Mapping[str, ca.SX] = field(default_factory=dict)
+    lift: Callable[[FloatArray], FloatArray] = _same
+
+    def __post_init__(self) -> None:
+        if self.sense not in ("minimise", "maximise"):
+            raise InputError("sense", self.sense, "'minimise' or 'maximise'")
+        if not self.variables.is_column() or not self.variables.is_valid_input():
+            raise InputError("variables", str(self.variables), "a column of SX symbols")
+        if not self.objective.is_scalar():
+            shape = f"an expression of shape {self.objective.shape}"
+            raise InputError("objective", shape, "a scalar expression")
+        object.__setattr__(self, "lower", _bounds("lower", self.lower, self.size))
+        object.__setattr__(self, "upper", _bounds("upper", self.upper, self.size))
+        _check_order("variables", np.asarray(self.lower), np.asarray(self.upper))
+        object.__setattr__(self, "outputs", MappingProxyType(dict(self.outputs)))
+        self._check_symbols()
+
+    @property
+    def size(self) -> int:
+        """Number of variables."""
+        return int(self.variables.numel())
+
+    def _check_symbols(self) -> None:
+        known = {symbol.element_hash() for symbol in ca.vertsplit(self.variables)}
+        used = ca.vertcat(
+            self.objective,
+            *(constraint.expression for constraint in self.constraints),
+            *(ca.vec(expression) for expression in self.outputs.values()),
+        )
+        for symbol in ca.symvar(used):
+            if symbol.element_hash() not in known:
+                raise InputError("variables", f"without {symbol}", "every symbol that is used")
+
+
+def _bounds(name: str, value: FloatArray | float, size: int) -> FloatArray:
+    bounds = np.asarray(value, dtype=np.float64)
+    if bounds.ndim == 0:
+        bounds = np.full(size, float(bounds))
+    if bounds.shape != (size,):
+        raise InputError(f"bounds of {name}", f"of shape {bounds.shape}", f"shape ({size},)")
+    if np.any(np.isnan(bounds)):
+        raise InputError(f"bounds of {name}", "NaN", "numbers, or infinity for no bound")
+    bounds = bounds.copy()
+    bounds.setflags(write=False)
+    return bounds
+
+
+def _check_order(name: str, lower: FloatArray, upper: FloatArray) -> None:
+    crossed = np.flatnonzero(lower > upper)
+    if crossed.size:
+        k = int(crossed[0])
+        raise InputError(
+            f"bounds of {name}", f"[{lower[k]:g}, {upper[k]:g}] in row {k}", "lower <= upper"
+        )

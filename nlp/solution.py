@@ -1,0 +1,80 @@
+"""What a solver answered, kept whole: its own status, and what we recomputed ourselves."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from nlp.arrays import FloatArray
+from nlp.problem import Sense
+
+SUCCESS = "Solve_Succeeded"
+ACCEPTABLE = "Solved_To_Acceptable_Level"
+INFEASIBLE = "Infeasible_Problem_Detected"
+
+
+@dataclass(frozen=True)
+class Status:
+    """How Ipopt ended, in its own words and numbers.
+
+    Attributes
+    ----------
+    return_status
+        Ipopt's return status, verbatim.
+    iterations
+        Number of iterations.
+    primal_infeasibility, dual_infeasibility, barrier
+        ``inf_pr``, ``inf_du`` and ``mu`` at the last iteration.
+    cpu_seconds, wall_seconds
+        Time inside the solver, without building it.
+    """
+
+    return_status: str
+    iterations: int
+    primal_infeasibility: float
+    dual_infeasibility: float
+    barrier: float
+    cpu_seconds: float
+    wall_seconds: float
+
+    @property
+    def success(self) -> bool:
+        """Whether Ipopt says that it reached the tolerances it was asked for."""
+        return self.return_status == SUCCESS
+
+    @property
+    def acceptable(self) -> bool:
+        """Whether Ipopt says that it reached its tolerances, or the looser acceptable ones."""
+        return self.return_status in (SUCCESS, ACCEPTABLE)
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """A point and what is known of it; not to be trusted before it is checked.
+
+    Attributes
+    ----------
+    problem, sense
+        Name and sense of the problem.
+    status
+        How the solver ended.
+    variables
+        The point, shape (size,).
+    objective
+        The objective at that point, in the problem's own sense.
+    violation
+        Largest violation of any constraint or bound, recomputed at the point.
+    outputs
+        The problem's named outputs at the point, each a 2-D array.
+    multipliers
+        Lagrange multipliers of each constraint block, by name.
+    """
+
+    problem: str
+    sense: Sense
+    status: Status
+    variables: FloatArray
+    objective: float
+    violation: float
+    outputs: Mapping[str, FloatArray]
+    multipliers: Mapping[str, FloatArray]
