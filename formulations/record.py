@@ -6,9 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from formulations import measures
+from formulations import catalogue, measures
 from formulations.arm import Arm
-from formulations.catalogue import Formulation
 from formulations.joints import NotInModelError
 from nlp.arrays import FloatArray
 from nlp.multistart import Run
@@ -55,17 +54,26 @@ class Record:
         return bool(np.isfinite(self.merit))
 
 
-def judge(run: Run, arm: Arm, formulation: Formulation, locked: int = 1) -> Record:
+def judge(run: Run, arm: Arm, formulation: str, locked: int = 1) -> Record:
     """Measure a run's Jacobian and check it against the arm and the formulation.
 
-    `locked` is the number of joints that lock at once.
+    Parameters
+    ----------
+    run
+        The run, with the output ``jacobian``.
+    arm
+        The joints.
+    formulation
+        Name of the formulation.
+    locked
+        How many joints lock at once.
     """
     solution = run.solution
     jacobian = solution.outputs["jacobian"]
     finite = bool(np.all(np.isfinite(jacobian)))
-    merit = (
-        formulation.merit(jacobian, locked) if finite and _in_model(arm, jacobian) else np.nan
-    )
+    stated = catalogue.formulation(formulation)
+    usable = finite and _in_model(arm, jacobian)
+    merit = stated.merit(jacobian, locked) if usable else np.nan
     nan = float("nan")
     return Record(
         seed=run.seed,

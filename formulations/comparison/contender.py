@@ -128,6 +128,8 @@ def run(
         workers=workers,
         options={**stated.OPTIONS, **(options or {})},
         label=label if progress else None,
+        judge=partial(
+            judge, arm=built, formulation=contender.formulation, locked=contender.locked
+        ),
     )
-    records = tuple(judge(one, built, stated, contender.locked) for one in study.runs)
-    return Outcome(contender, built, records, study.complete)
+    return Outcome(contender, built, study.results, study.complete)
