@@ -15,8 +15,10 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Iterable
+from contextlib import suppress
 from dataclasses import dataclass
 from fractions import Fraction
+from math import lcm
 from pathlib import Path
 from typing import Any, Literal, TypeAlias
 
@@ -25,7 +27,8 @@ from nlp.errors import FileError, LockedJointError
 JOINTS = 7
 TERM_FACTORS = 3
 MONOMIAL_FACTORS = 5
-SQUARES, TERMS, MULTIPLIERS = 10, 200, 1000
+SQUARES, TERMS, MULTIPLIERS = 4, 200, 1000
+COMMON_DENOMINATOR = 10**60
 
 Pairs: TypeAlias = tuple[tuple[int, int], ...]
 Kind: TypeAlias = Literal["row-sum", "square", "tight-frame"]
@@ -56,7 +59,7 @@ class Square:
     terms: tuple[Term, ...]
 
     def __post_init__(self) -> None:
-        _require(self.weight > 0, f"weight {_brief(self.weight)} is not positive")
+        _require(self.weight > 0, f"weight {self.weight} is not positive")
         _require_length("terms", self.terms, TERMS)
 
 
@@ -71,7 +74,7 @@ class Multiplier:
     wbar: Pairs
 
     def __post_init__(self) -> None:
-        _require(self.kind in KINDS, f"equation kind {self.kind!r} is not one of {KINDS}")
+        _require(self.kind in KINDS, f"equation kind {self.kind[:20]!r} is unknown")
         indices = 1 if self.kind == "row-sum" else 2
         _require(len(self.place) == indices, f"a {self.kind} equation has {indices} indices")
         _require_joints(self.place)
@@ -91,9 +94,20 @@ class Certificate:
         _require(
             self.joints == JOINTS, f"joints is {self.joints}, but the theorem is about {JOINTS}"
         )
-        _require(self.constant > 0, f"constant {_brief(self.constant)} is not positive")
+        _require(self.constant > 0, f"constant {self.constant} is not positive")
         _require_length("squares", self.squares, SQUARES)
         _require_length("multipliers", self.multipliers, MULTIPLIERS)
+        self._require_common_denominator()
+
+    def _require_common_denominator(self) -> None:
+        """Refuse numbers whose sums would grow without reasonable bound."""
+        numbers = [self.constant, *(square.weight for square in self.squares)]
+        numbers += [term.coefficient for square in self.squares for term in square.terms]
+        numbers += [multiplier.coefficient for multiplier in self.multipliers]
+        common = 1
+        for number in numbers:
+            common = lcm(common, number.denominator)
+            _require(common <= COMMON_DENOMINATOR, "the denominators have no small multiple")
 
     def write(self, path: Path | str) -> None:
         """Write the JSON file, whole or not at all.
@@ -105,15 +119,17 @@ class Certificate:
         """
         path = Path(path)
         # A name of our own beside the target, so that the replacement is atomic.
-        part = path.with_name(f".{path.name}.{os.getpid()}.part")
+        part = path.parent / f".{path.name}.{os.getpid()}.part"
         try:
             part.write_text(self.to_json(), encoding="utf-8", newline="\n")
             part.replace(path)
         except OSError as error:
-            part.unlink(missing_ok=True)
             raise FileError(
                 str(path), f"not writable ({error.strerror})", "a new file"
             ) from error
+        finally:
+            with suppress(OSError):
+                part.unlink(missing_ok=True)
 
     def to_json(self) -> str:
         """Return the JSON text, one term or multiplier per line."""
@@ -176,7 +192,3 @@ def _require_monomial(coefficient: Fraction, w: Pairs, wbar: Pairs, factors: int
 def _require_joints(joints: tuple[int, ...]) -> None:
     for joint in joints:
         _require(0 <= joint < JOINTS, f"joint {joint} is not one of 0 to {JOINTS - 1}")
-
-
-def _brief(number: Fraction) -> str:
-    return str(number) if len(str(number)) <= 40 else "given"

@@ -15,7 +15,7 @@ from fractions import Fraction
 from typing import TypeAlias
 
 from formulations.existence.equations import Frame, Multiple
-from formulations.existence.graphs import Monomial
+from formulations.existence.graphs import ONE, Monomial
 from formulations.existence.polynomials import Polynomial, combined
 
 Combination: TypeAlias = Mapping[Multiple, Fraction]
@@ -61,7 +61,7 @@ class Rewriting:
     @property
     def consistent(self) -> bool:
         """Whether the equations leave the average of 1 free, that is, do not imply 1 = 0."""
-        return not any(one.degree == 0 for one in self.relations)
+        return ONE not in self.relations and ONE not in self.rules
 
     def rewrite(self, polynomial: Polynomial) -> Polynomial:
         """Apply the rules to a combination of classes until none applies."""
