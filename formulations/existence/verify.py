@@ -120,9 +120,10 @@ def verify(certificate: Certificate) -> Report:
 def _expanded_square(square: Square) -> Iterator[tuple[Factors, Fraction]]:
     """Expand weight · p · conj(p); the products a·conj(b) and b·conj(a) have one real part."""
     for place, a in enumerate(square.terms):
-        for b in square.terms[: place + 1]:
-            value = square.weight * a.coefficient * b.coefficient
-            yield _factors(a.w + b.wbar, a.wbar + b.w), value if a is b else 2 * value
+        for before, b in enumerate(square.terms[: place + 1]):
+            multiplicity = 1 if before == place else 2
+            value = multiplicity * square.weight * a.coefficient * b.coefficient
+            yield _factors(a.w + b.wbar, a.wbar + b.w), value
 
 
 def _expanded_multiplier(multiplier: Multiplier) -> Iterator[tuple[Factors, Fraction]]:
