@@ -171,7 +171,7 @@ def _multiplier(multiplier: Multiplier) -> dict[str, Any]:
 
 def _require(condition: bool, otherwise: str) -> None:
     if not condition:
-        raise CertificateError(otherwise)
+        raise CertificateError(f"{otherwise}.")
 
 
 def _require_rational(name: str, number: object) -> None:

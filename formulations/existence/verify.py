@@ -105,7 +105,7 @@ def verify(certificate: Certificate) -> Report:
         (w, wbar), value = min(left.items())
         raise CertificateError(
             f"the identity does not hold: {len(left)} of {len(total)} averages of monomials do "
-            f"not cancel, the first being {_brief(value)} times that of {_written(w, wbar)}"
+            f"not cancel, the first being {_brief(value)} times that of {_written(w, wbar)}."
         )
     return Report(
         certificate.joints,
