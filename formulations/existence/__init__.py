@@ -1,0 +1,1 @@
+"""The exact proof that no optimally failure-tolerant 7R Jacobian exists."""
