@@ -1,0 +1,211 @@
+"""The existence of an isotropic Jacobian with equal columns, tested by its moments.
+
+A relaxation: `infeasible` excludes such Jacobians (numerically), `feasible` says nothing.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Literal, TypeAlias
+
+from formulations.bounds.existence_moments.linear_moments import (
+    LinearMoments,
+    solve_moment_equations,
+)
+from formulations.bounds.existence_moments.margin_certificate import moment_limits
+from formulations.bounds.existence_moments.margin_sdp import Margin, solve_margin
+from formulations.bounds.existence_moments.moment_blocks import (
+    MomentBlock,
+    moment_blocks,
+    row_bases,
+)
+from formulations.bounds.existence_moments.moment_table import edge_multisets, moment_table
+from formulations.bounds.existence_moments.row_sectors import RowSector
+from formulations.existence.equations import Frame
+from nlp.errors import InputError
+
+Verdict: TypeAlias = Literal["inconsistent", "infeasible", "feasible", "undecided"]
+
+
+@dataclass(frozen=True, eq=False)
+class ExistenceRelaxation:
+    """Outcome of the moment relaxation of one order.
+
+    Parameters
+    ----------
+    moments
+        Exact solution of the linear equations between the moments.
+    blocks
+        The blocks of the moment matrix; none if the equations are inconsistent.
+    margin
+        The largest possible smallest eigenvalue over all blocks, and its check; or None.
+    alone
+        The same for each block by itself.
+    rank_doubt
+        Largest singular value taken for zero, over the smallest taken for nonzero, where rows
+        that the equations send to zero were taken out.
+    solver
+        Name of the conic solver.
+    seconds
+        Wall time of each stage.
+    """
+
+    moments: LinearMoments
+    blocks: tuple[MomentBlock, ...]
+    margin: Margin | None
+    alone: tuple[Margin, ...]
+    rank_doubt: float
+    solver: str
+    seconds: Mapping[str, float]
+
+    @property
+    def verdict(self) -> Verdict:
+        """What follows for these moments.
+
+        ``"inconsistent"``: the linear equations contradict each other (exact arithmetic).
+        ``"infeasible"``: no solution's moments make all blocks positive semidefinite, and
+        ``"feasible"``: the moments found do (both numerical). ``"undecided"``: neither was
+        shown.
+        """
+        if self.margin is None:
+            return "inconsistent"
+        if self.margin.certificate.infeasible:
+            return "infeasible"
+        return "feasible" if self.margin.certificate.feasible else "undecided"
+
+    @property
+    def infeasible_alone(self) -> tuple[MomentBlock, ...]:
+        """The blocks that no moments of a solution make positive semidefinite."""
+        return tuple(
+            block
+            for block, margin in zip(self.blocks, self.alone, strict=True)
+            if margin.certificate.infeasible
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain values for tables and JSON."""
+        moments, margin = self.moments, self.margin
+        return {
+            "kind": "exact" if self.verdict == "inconsistent" else "numerical",
+            "verdict": self.verdict,
+            "order": moments.order,
+            "joints": moments.frame.joints,
+            "task_dimension": moments.frame.task_dimension,
+            "diagonal": moments.frame.diagonal,
+            "classes": len(moments.classes),
+            "equations": moments.equations,
+            "rank": moments.rank,
+            "consistent": moments.consistent,
+            "free_moments": [{"w": graph.w, "wbar": graph.wbar} for graph in moments.free],
+            "largest_block": max((block.size for block in self.blocks), default=0),
+            "margin": None if margin is None else margin.value,
+            "certificate": None if margin is None else margin.certificate.to_dict(),
+            "blocks": [
+                {
+                    "charge": block.charge,
+                    "representation": block.shape,
+                    "copies": block.copies,
+                    "size": block.size,
+                    "margin_alone": alone.value,
+                    "infeasible_alone": alone.certificate.infeasible,
+                }
+                for block, alone in zip(self.blocks, self.alone, strict=True)
+            ],
+            "rank_doubt": self.rank_doubt,
+            "solver": self.solver,
+            "status": None if margin is None else margin.status,
+            "seconds": dict(self.seconds),
+        }
+
+
+def existence_relaxation(
+    order: int,
+    joints: int = 7,
+    *,
+    task_dimension: int | None = None,
+    diagonal: bool = False,
+    solver: str = "CLARABEL",
+    options: Mapping[str, Any] | None = None,
+) -> ExistenceRelaxation:
+    """Test whether isotropic Jacobians with equal columns can exist, by moments.
+
+    The columns are as in eq. (21): two halves of equal norm, at right angles. The Jacobian is
+    square, or has one redundant joint and is then optimally failure tolerant.
+
+    Parameters
+    ----------
+    order
+        1, 2 or 3: moments of up to 2·order factors are used.
+    joints
+        Number n of columns, 2 to 7.
+    task_dimension
+        Number m of rows, even, n − 1 or n; by default whichever is even.
+    diagonal
+        Let the halves of a column be arbitrary: keep W_ii as unknowns.
+    solver, options
+        Conic solver known to cvxpy, and its own options.
+
+    Returns
+    -------
+    ExistenceRelaxation
+        Also when the solver fails: see the status of its `margin`.
+
+    Raises
+    ------
+    InputError
+        If an argument is out of range.
+
+    Notes
+    -----
+    The equations are those of Maciejewski and Roberts (1995), eqs. (23)–(43), with the columns
+    scaled so that JJᵀ = I.
+    """
+    frame = _frame(order, joints, task_dimension, diagonal)
+    clock = [time.perf_counter()]
+    moments = solve_moment_equations(frame, order)
+    clock.append(time.perf_counter())
+    blocks, doubt = _blocks(moments) if moments.consistent else ((), 0.0)
+    clock.append(time.perf_counter())
+    margin, alone = None, ()
+    if blocks:
+        limits = moment_limits(moments)
+        margin = solve_margin(blocks, limits, solver=solver, options=options)
+        alone = tuple(
+            solve_margin([block], limits, solver=solver, options=options) for block in blocks
+        )
+    clock.append(time.perf_counter())
+    stages = ("equations", "blocks", "solver")
+    seconds = {
+        stage: end - start
+        for stage, start, end in zip(stages, clock[:-1], clock[1:], strict=True)
+    }
+    return ExistenceRelaxation(moments, blocks, margin, alone, doubt, solver, seconds)
+
+
+def _frame(order: int, joints: int, task_dimension: int | None, diagonal: bool) -> Frame:
+    if order not in (1, 2, 3):
+        raise InputError("order", order, "1, 2, 3")
+    if joints not in range(2, 8):
+        raise InputError("joints", joints, "an integer from 2 to 7")
+    even = joints - joints % 2
+    if task_dimension not in (None, even):
+        raise InputError("task_dimension", task_dimension, f"{even}, for {joints} joints")
+    return Frame(joints, even, diagonal)
+
+
+def _blocks(moments: LinearMoments) -> tuple[tuple[MomentBlock, ...], float]:
+    """Return all blocks of charge 0 and up, and the doubt about their sizes."""
+    frame = moments.frame
+    multisets = edge_multisets(frame.joints, moments.order, loops=frame.diagonal)
+    table = moment_table(moments.classes, multisets)
+    coefficients = moments.coefficients()
+    blocks: list[MomentBlock] = []
+    doubt = 0.0
+    for charge in range(moments.order + 1):
+        sector = RowSector(multisets, charge, moments.order)
+        bases = row_bases(sector, frame)
+        doubt = max(doubt, *(basis.doubt for basis in bases))
+        blocks += moment_blocks(bases, sector, table, coefficients)
+    return tuple(blocks), doubt
