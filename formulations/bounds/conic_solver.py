@@ -46,6 +46,8 @@ def run(program: cp.Problem, solver: str, options: Mapping[str, Any] | None = No
             program.solve(solver=solver, **(options or {}))
         except cp.SolverError as error:
             return f"solver_error: {error}"
-        except (AttributeError, TypeError) as error:
-            raise SolverOptionError("options", dict(options or {}), str(error)) from error
+        except (AttributeError, TypeError, ValueError) as error:
+            if not options:
+                raise
+            raise SolverOptionError("options", dict(options), str(error)) from error
     return str(program.status)

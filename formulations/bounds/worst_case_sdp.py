@@ -17,83 +17,13 @@ import cvxpy as cp
 import numpy as np
 
 from formulations.bounds.conic_solver import run
+from formulations.bounds.sdp_bound import SdpBound
 from formulations.bounds.worst_case import LinearFact, WorstCase, free_columns
 from formulations.bounds.worst_case_certificate import (
-    WorstCaseCertificate,
     WorstCaseMultipliers,
     check_multipliers,
     scaled_facts,
 )
-
-
-@dataclass(frozen=True, eq=False)
-class SdpBound:
-    """A numerical bound on the worst case after one locked joint.
-
-    `status` is the solver's own word. `eigenvalue_bound` rests on `certificate` alone: it is
-    what the multipliers prove in floating point, whatever the solver says. It is infinite if
-    they prove nothing.
-
-    Parameters
-    ----------
-    problem
-        The class of Jacobians that was bounded.
-    eigenvalue_bound
-        Upper bound on t, in the squared units of J.
-    primal_value
-        Optimal scaled 1/t that the solver reports, or None.
-    multipliers, certificate
-        The dual variables and their independent check, or None if the solver gave none.
-    solver, status
-        Name of the solver and what it reported.
-    seconds
-        Wall time of building and solving.
-    """
-
-    problem: WorstCase
-    eigenvalue_bound: float
-    primal_value: float | None
-    multipliers: WorstCaseMultipliers | None
-    certificate: WorstCaseCertificate | None
-    solver: str
-    status: str
-    seconds: float
-
-    @property
-    def singular_value_bound(self) -> float:
-        """Upper bound on the measure (5), in the units of J."""
-        return math.sqrt(self.eigenvalue_bound)
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain values for tables and JSON; None stands for a bound that is infinite."""
-        closed_form = self.problem.closed_form
-        multipliers = self.multipliers
-        bound = self.eigenvalue_bound if math.isfinite(self.eigenvalue_bound) else None
-        return {
-            "kind": "numerical",
-            "joints": self.problem.joints,
-            "task_dimension": self.problem.task_dimension,
-            "trace": self.problem.trace,
-            "facts": [fact.name for fact in self.problem.facts],
-            "eigenvalue_bound": bound,
-            "singular_value_bound": None if bound is None else math.sqrt(bound),
-            "closed_form_eigenvalue_bound": closed_form,
-            "closed_form_singular_value_bound": (
-                None if closed_form is None else math.sqrt(closed_form)
-            ),
-            "primal_value": self.primal_value,
-            "certificate": None if self.certificate is None else self.certificate.to_dict(),
-            "multipliers": None
-            if multipliers is None
-            else {
-                "matrix": multipliers.matrix.tolist(),
-                "redundancy": multipliers.redundancy,
-                "facts": list(multipliers.facts),
-            },
-            "solver": self.solver,
-            "status": self.status,
-            "seconds": self.seconds,
-        }
 
 
 @dataclass(frozen=True, eq=False)

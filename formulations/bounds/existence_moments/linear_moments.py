@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from formulations.bounds.existence_moments.exact_elimination import eliminate
 from formulations.existence.equations import Frame
-from formulations.existence.graphs import ONE, Monomial, classes
+from formulations.existence.graphs import Monomial, classes
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ class LinearMoments:
     solution: Mapping[Monomial, tuple[Fraction, ...]]
 
     def coefficients(self) -> NDArray[np.float64]:
-        """Return the solution in floating point: a row per class, a column for 1 and each free."""
+        """Return the solution in floating point: a row per class, columns for 1 and the free."""
         rows = [[float(v) for v in self.solution[graph]] for graph in self.classes]
         return np.array(rows).reshape(len(self.classes), 1 + len(self.free))
 

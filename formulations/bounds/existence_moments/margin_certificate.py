@@ -6,7 +6,8 @@ For multipliers X_b ⪰ 0 with Σ tr X_b ≤ 1,
     s ≤ 1 − Σ tr X_b + Σ_b ⟨X_b, B_b(y)⟩,
 
 whose dependence on y should cancel. What is left of it is bounded through |y_k| ≤ Y_k, which
-holds for the moments of every solution. A negative right-hand side excludes solutions.
+holds for the moments of every solution. A negative right-hand side excludes solutions, up to
+the rounding in the blocks themselves, for which an allowance is added.
 """
 
 from __future__ import annotations
@@ -23,6 +24,9 @@ from formulations.bounds.existence_moments.linear_moments import LinearMoments
 from formulations.bounds.existence_moments.moment_blocks import MomentBlock
 
 Matrix: TypeAlias = NDArray[np.float64]
+
+# Relative rounding of the blocks, which are products of bases that are good to about 1e-12.
+_ROUNDING = 1e-10
 
 
 @dataclass(frozen=True)
@@ -114,10 +118,18 @@ def check_margin(
         axis=0,
     )
     leftover = np.abs(sums[1:])
-    proved = 1 - total + float(sums[0] + leftover @ limits)
+    proved = 1 - total + float(sums[0] + leftover @ limits) + _allowance(blocks, limits)
     return MarginCertificate(attained, proved, float(leftover.max(initial=0.0)), smallest)
 
 
 def _positive_part(matrix: Matrix) -> Matrix:
     values, vectors = np.linalg.eigh(matrix)
-    return (vectors * np.maximum(values, 0.0)) @ vectors.T
+    positive: Matrix = (vectors * np.maximum(values, 0.0)) @ vectors.T
+    return positive
+
+
+def _allowance(blocks: Sequence[MomentBlock], limits: NDArray[np.float64]) -> float:
+    """Return what rounding in the blocks can add to Σ⟨X_b, B_b(y)⟩ with Σ tr X_b ≤ 1."""
+    scale = np.concatenate([[1.0], limits])
+    norms = [np.linalg.norm(block.matrices, axis=(1, 2)) @ scale for block in blocks]
+    return _ROUNDING * float(max(norms))

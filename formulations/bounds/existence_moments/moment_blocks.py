@@ -6,16 +6,16 @@ basis, the moment matrix of a true solution is positive semidefinite and may be 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from formulations.bounds.existence_moments.linear_moments import LinearMoments
+from formulations.bounds.existence_moments.equation_rows import equation_rows
+from formulations.bounds.existence_moments.moment_matrix import projected_moment_matrices
 from formulations.bounds.existence_moments.moment_table import MomentTable
-from formulations.bounds.existence_moments.row_sectors import RowSector, equation_rows
+from formulations.bounds.existence_moments.row_sectors import RowSector
 from formulations.bounds.existence_moments.symmetry_adapted_rows import adapted_rows
 from formulations.bounds.existence_moments.tableaux import Shape
 from formulations.existence.equations import Frame
@@ -124,7 +124,7 @@ def moment_blocks(
     """
     kept = [basis for basis in bases if basis.rows.shape[1]]
     together = np.hstack([basis.rows for basis in kept])
-    projected = sector.project(table, moments, together)
+    projected = projected_moment_matrices(sector, table, moments, together)
     ends = np.cumsum([0] + [basis.rows.shape[1] for basis in kept])
     blocks = []
     for basis, start, end in zip(kept, ends, ends[1:], strict=False):

@@ -7,9 +7,9 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any, Literal, TypeAlias
+from typing import Any
 
+from formulations.bounds.existence_moments.edge_multisets import edge_multisets
 from formulations.bounds.existence_moments.linear_moments import (
     LinearMoments,
     solve_moment_equations,
@@ -21,103 +21,11 @@ from formulations.bounds.existence_moments.moment_blocks import (
     moment_blocks,
     row_bases,
 )
-from formulations.bounds.existence_moments.moment_table import edge_multisets, moment_table
+from formulations.bounds.existence_moments.moment_table import moment_table
+from formulations.bounds.existence_moments.outcome import ExistenceRelaxation
 from formulations.bounds.existence_moments.row_sectors import RowSector
 from formulations.existence.equations import Frame
 from nlp.errors import InputError
-
-Verdict: TypeAlias = Literal["inconsistent", "infeasible", "feasible", "undecided"]
-
-
-@dataclass(frozen=True, eq=False)
-class ExistenceRelaxation:
-    """Outcome of the moment relaxation of one order.
-
-    Parameters
-    ----------
-    moments
-        Exact solution of the linear equations between the moments.
-    blocks
-        The blocks of the moment matrix; none if the equations are inconsistent.
-    margin
-        The largest possible smallest eigenvalue over all blocks, and its check; or None.
-    alone
-        The same for each block by itself.
-    rank_doubt
-        Largest singular value taken for zero, over the smallest taken for nonzero, where rows
-        that the equations send to zero were taken out.
-    solver
-        Name of the conic solver.
-    seconds
-        Wall time of each stage.
-    """
-
-    moments: LinearMoments
-    blocks: tuple[MomentBlock, ...]
-    margin: Margin | None
-    alone: tuple[Margin, ...]
-    rank_doubt: float
-    solver: str
-    seconds: Mapping[str, float]
-
-    @property
-    def verdict(self) -> Verdict:
-        """What follows for these moments.
-
-        ``"inconsistent"``: the linear equations contradict each other (exact arithmetic).
-        ``"infeasible"``: no solution's moments make all blocks positive semidefinite, and
-        ``"feasible"``: the moments found do (both numerical). ``"undecided"``: neither was
-        shown.
-        """
-        if self.margin is None:
-            return "inconsistent"
-        if self.margin.certificate.infeasible:
-            return "infeasible"
-        return "feasible" if self.margin.certificate.feasible else "undecided"
-
-    @property
-    def infeasible_alone(self) -> tuple[MomentBlock, ...]:
-        """The blocks that no moments of a solution make positive semidefinite."""
-        return tuple(
-            block
-            for block, margin in zip(self.blocks, self.alone, strict=True)
-            if margin.certificate.infeasible
-        )
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain values for tables and JSON."""
-        moments, margin = self.moments, self.margin
-        return {
-            "kind": "exact" if self.verdict == "inconsistent" else "numerical",
-            "verdict": self.verdict,
-            "order": moments.order,
-            "joints": moments.frame.joints,
-            "task_dimension": moments.frame.task_dimension,
-            "diagonal": moments.frame.diagonal,
-            "classes": len(moments.classes),
-            "equations": moments.equations,
-            "rank": moments.rank,
-            "consistent": moments.consistent,
-            "free_moments": [{"w": graph.w, "wbar": graph.wbar} for graph in moments.free],
-            "largest_block": max((block.size for block in self.blocks), default=0),
-            "margin": None if margin is None else margin.value,
-            "certificate": None if margin is None else margin.certificate.to_dict(),
-            "blocks": [
-                {
-                    "charge": block.charge,
-                    "representation": block.shape,
-                    "copies": block.copies,
-                    "size": block.size,
-                    "margin_alone": alone.value,
-                    "infeasible_alone": alone.certificate.infeasible,
-                }
-                for block, alone in zip(self.blocks, self.alone, strict=True)
-            ],
-            "rank_doubt": self.rank_doubt,
-            "solver": self.solver,
-            "status": None if margin is None else margin.status,
-            "seconds": dict(self.seconds),
-        }
 
 
 def existence_relaxation(
@@ -168,20 +76,21 @@ def existence_relaxation(
     clock.append(time.perf_counter())
     blocks, doubt = _blocks(moments) if moments.consistent else ((), 0.0)
     clock.append(time.perf_counter())
-    margin, alone = None, ()
+    margin: Margin | None = None
+    alone: list[Margin] = []
     if blocks:
         limits = moment_limits(moments)
         margin = solve_margin(blocks, limits, solver=solver, options=options)
-        alone = tuple(
+        alone += [
             solve_margin([block], limits, solver=solver, options=options) for block in blocks
-        )
+        ]
     clock.append(time.perf_counter())
     stages = ("equations", "blocks", "solver")
     seconds = {
         stage: end - start
         for stage, start, end in zip(stages, clock[:-1], clock[1:], strict=True)
     }
-    return ExistenceRelaxation(moments, blocks, margin, alone, doubt, solver, seconds)
+    return ExistenceRelaxation(moments, blocks, margin, tuple(alone), doubt, solver, seconds)
 
 
 def _frame(order: int, joints: int, task_dimension: int | None, diagonal: bool) -> Frame:

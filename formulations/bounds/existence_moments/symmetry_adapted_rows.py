@@ -21,6 +21,7 @@ from formulations.bounds.existence_moments.tableaux import (
     partitions,
     row_reading_contents,
 )
+from nlp.errors import InputError
 
 Matrix: TypeAlias = NDArray[np.float64]
 
@@ -42,6 +43,11 @@ def adapted_rows(sector: RowSector) -> dict[Shape, Matrix]:
     dict
         Shape of the partition to a matrix (rows of the sector, multiplicity). Shapes that do
         not occur are left out.
+
+    Raises
+    ------
+    InputError
+        If there are more than 9 joints.
     """
     joints = sector.multisets.joints
     pairs = list(combinations(range(joints), 2))
@@ -70,7 +76,9 @@ def _eigenvalues(joints: int, weights: NDArray[np.float64]) -> dict[Shape, float
     """Return the eigenvalue of Σ w_k X_k for one tableau of each shape."""
     spectrum = np.sort([np.dot(weights, contents) for contents in all_contents(joints)])
     if np.diff(spectrum).min(initial=np.inf) < _SMALLEST_GAP:
-        raise ArithmeticError("the weights do not tell the standard tableaux apart")
+        raise InputError(
+            "joints", joints, "up to 9: the weights do not tell more tableaux apart"
+        )
     return {
         shape: float(np.dot(weights, row_reading_contents(shape)))
         for shape in partitions(joints)
