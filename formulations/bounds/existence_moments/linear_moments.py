@@ -53,7 +53,7 @@ class LinearMoments:
     solution: Mapping[Monomial, tuple[Fraction, ...]]
 
     def coefficients(self) -> NDArray[np.float64]:
-        """Return the solution in floating point: a row per class, columns for 1 and the free."""
+        """Return the solution as floats: a row per class, a column for 1 and each free one."""
         rows = [[float(v) for v in self.solution[graph]] for graph in self.classes]
         return np.array(rows).reshape(len(self.classes), 1 + len(self.free))
 

@@ -9,6 +9,7 @@ from typing import Any, Literal, TypeAlias
 from formulations.bounds.existence_moments.linear_moments import LinearMoments
 from formulations.bounds.existence_moments.margin_sdp import Margin
 from formulations.bounds.existence_moments.moment_blocks import MomentBlock
+from formulations.bounds.existence_moments.tableaux import dimension
 
 Verdict: TypeAlias = Literal["inconsistent", "infeasible", "feasible", "undecided"]
 
@@ -90,6 +91,7 @@ class ExistenceRelaxation:
                 {
                     "charge": block.charge,
                     "representation": block.shape,
+                    "dimension": dimension(block.shape),
                     "copies": block.copies,
                     "size": block.size,
                     "margin_alone": alone.value,

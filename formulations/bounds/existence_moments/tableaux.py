@@ -8,6 +8,7 @@ eigenvalue of X_k is the content (column minus row) of the box in which k stands
 from __future__ import annotations
 
 from collections.abc import Iterator
+from math import factorial, prod
 from typing import TypeAlias
 
 Shape: TypeAlias = tuple[int, ...]
@@ -27,6 +28,17 @@ def row_reading_contents(shape: Shape) -> tuple[int, ...]:
     """Return the contents of 2…n in the tableau that is filled row after row."""
     contents = [column - row for row, part in enumerate(shape) for column in range(part)]
     return tuple(contents[1:])
+
+
+def dimension(shape: Shape) -> int:
+    """Return the number of standard tableaux of a shape, by the hook length formula."""
+    columns = [sum(part > column for part in shape) for column in range(shape[0])]
+    hooks = [
+        (part - column) + (columns[column] - row) - 1
+        for row, part in enumerate(shape)
+        for column in range(part)
+    ]
+    return factorial(sum(shape)) // prod(hooks)
 
 
 def all_contents(n: int) -> set[tuple[int, ...]]:
