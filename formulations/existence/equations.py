@@ -12,15 +12,15 @@ and W_ii = 0, which every unit revolute joint obeys, is built in unless `diagona
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from fractions import Fraction
 from itertools import combinations_with_replacement
 from typing import Literal, TypeAlias
 
-from formulations.existence.graphs import ONE, Monomial, canonical, coloured_graphs
+from formulations.existence.graphs import ONE, Monomial, coloured_graphs
+from formulations.existence.polynomials import Polynomial, class_sums, collected, times
 
-Polynomial: TypeAlias = Mapping[Monomial, Fraction]
 Kind: TypeAlias = Literal["row-sum", "square", "tight-frame"]
 CHARGE: dict[Kind, int] = {"row-sum": 1, "square": 2, "tight-frame": 0}
 
@@ -110,21 +110,3 @@ class Frame:
         size = 1 if kind == "row-sum" else 2
         candidates = range(min(self.joints, len(monomial.vertices) + size))
         return combinations_with_replacement(candidates, size)
-
-
-def collected(terms: Iterable[tuple[Monomial, Fraction]]) -> Polynomial:
-    """Add up the terms of a polynomial and drop those that cancel."""
-    total: dict[Monomial, Fraction] = {}
-    for monomial, coefficient in terms:
-        total[monomial] = total.get(monomial, Fraction(0)) + coefficient
-    return {monomial: value for monomial, value in total.items() if value}
-
-
-def times(monomial: Monomial, polynomial: Polynomial) -> Polynomial:
-    """Return the product of a monomial and a polynomial."""
-    return {monomial * other: value for other, value in polynomial.items()}
-
-
-def class_sums(polynomial: Polynomial) -> Polynomial:
-    """Return a polynomial averaged over the joint orders and conjugation, class by class."""
-    return collected((canonical(monomial), value) for monomial, value in polynomial.items())
