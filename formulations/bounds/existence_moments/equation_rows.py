@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from formulations.bounds.existence_moments.row_sectors import RowSector
-from formulations.existence.equations import CHARGE, Equation, Frame, Polynomial, times
+from formulations.existence.equations import CHARGE, Equation, Frame
 from formulations.existence.graphs import Monomial
+from formulations.existence.polynomials import Polynomial, times
 
 
 def equation_rows(sector: RowSector, frame: Frame) -> Iterator[tuple[list[int], list[float]]]:

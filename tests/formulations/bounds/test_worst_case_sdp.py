@@ -8,11 +8,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
-from formulations.bounds.worst_case import LinearFact, WorstCase, free_columns, revolute_arm
-from formulations.bounds.worst_case_certificate import WorstCaseMultipliers, check_multipliers
+from formulations.bounds.worst_case import LinearFact, WorstCase, revolute_arm
 from formulations.bounds.worst_case_sdp import SdpBound, solve_bound, solve_worst_case
 from nlp.errors import InputError, SolverOptionError
 
@@ -63,40 +60,6 @@ def test_an_equation_without_a_formula_tightens_the_bound() -> None:
     fact = LinearFact("ratio", np.diag([1.0, -3.0]), 0.0, "equal")
     bound = solve_worst_case(WorstCase(4, 2, 2.0, (fact,)))
     assert_proved(bound, (3 - math.sqrt(3)) / 4)
-
-
-@settings(deadline=None)
-@given(st.integers(0, 2**32 - 1), st.floats(0.0, 0.3))
-def test_no_multipliers_prove_too_much(seed: int, noise: float) -> None:
-    rng = np.random.default_rng(seed)
-    problem = free_columns(7, 6)
-    identity = np.eye(6)
-    optimal = np.block([[6 * identity, -identity], [-identity, identity / 6]])
-    spoiled = WorstCaseMultipliers(
-        optimal + noise * rng.standard_normal((12, 12)),
-        6.0 + noise * float(rng.standard_normal()),
-        (1 / 6 + noise * float(rng.standard_normal()),),
-    )
-    certificate = check_multipliers(problem, spoiled)
-    assert certificate.proved_value <= 7 * (1 + 1e-12)
-    if noise > 1e-3:
-        assert certificate.residual > 1e-5
-
-
-def test_the_exact_multipliers_prove_exactly_eq_6() -> None:
-    identity = np.eye(6)
-    optimal = np.block([[6 * identity, -identity], [-identity, identity / 6]])
-    certificate = check_multipliers(
-        free_columns(7, 6), WorstCaseMultipliers(optimal, 6.0, (1 / 6,))
-    )
-    assert certificate.proved_value == pytest.approx(7, rel=1e-12)
-    assert certificate.residual < 1e-15
-
-
-@pytest.mark.parametrize("nu", [0.0, -1.0, math.nan])
-def test_useless_multipliers_prove_nothing(nu: float) -> None:
-    useless = WorstCaseMultipliers(np.zeros((12, 12)), 0.0, (nu,))
-    assert check_multipliers(free_columns(7, 6), useless).proved_value == -math.inf
 
 
 def test_a_solver_cut_short_says_so_and_proves_less() -> None:
