@@ -59,6 +59,7 @@ class Square:
     terms: tuple[Term, ...]
 
     def __post_init__(self) -> None:
+        _require_rational("weight", self.weight)
         _require(self.weight > 0, f"weight {self.weight} is not positive")
         _require_length("terms", self.terms, TERMS)
 
@@ -94,6 +95,7 @@ class Certificate:
         _require(
             self.joints == JOINTS, f"joints is {self.joints}, but the theorem is about {JOINTS}"
         )
+        _require_rational("constant", self.constant)
         _require(self.constant > 0, f"constant {self.constant} is not positive")
         _require_length("squares", self.squares, SQUARES)
         _require_length("multipliers", self.multipliers, MULTIPLIERS)
@@ -169,7 +171,11 @@ def _multiplier(multiplier: Multiplier) -> dict[str, Any]:
 
 def _require(condition: bool, otherwise: str) -> None:
     if not condition:
-        raise CertificateError(otherwise)
+        raise CertificateError(f"{otherwise}.")
+
+
+def _require_rational(name: str, number: object) -> None:
+    _require(isinstance(number, Fraction), f"{name} {number} is not a Fraction")
 
 
 def _require_length(name: str, items: tuple[object, ...], most: int) -> None:
@@ -178,6 +184,7 @@ def _require_length(name: str, items: tuple[object, ...], most: int) -> None:
 
 
 def _require_monomial(coefficient: Fraction, w: Pairs, wbar: Pairs, factors: int) -> None:
+    _require_rational("coefficient", coefficient)
     _require(coefficient != 0, "a coefficient is zero")
     count = len(w) + len(wbar)
     _require(count <= factors, f"a monomial of {count} factors is longer than {factors}")
@@ -191,4 +198,5 @@ def _require_monomial(coefficient: Fraction, w: Pairs, wbar: Pairs, factors: int
 
 def _require_joints(joints: tuple[int, ...]) -> None:
     for joint in joints:
+        _require(type(joint) is int, f"joint {joint!r} is not a whole number")
         _require(0 <= joint < JOINTS, f"joint {joint} is not one of 0 to {JOINTS - 1}")

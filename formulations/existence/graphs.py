@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 from itertools import combinations, combinations_with_replacement
 from math import perm
 from typing import TypeAlias
@@ -144,7 +144,7 @@ def _new_edges(graph: Monomial, joints: int, loops: bool) -> Iterator[Pair]:
     return choose(candidates, 2)
 
 
-@cache
+@lru_cache(maxsize=100_000)
 def _canonical(monomial: Monomial) -> tuple[Monomial, int]:
     """Return the least relabelling over a search tree, and how often it is met there.
 

@@ -105,7 +105,7 @@ def _equation(value: Any) -> tuple[Any, tuple[int, ...]]:
         return "row-sum", (_at("row", _joint, _fields(value, "kind", "row")["row"]),)
     fields = _fields(value, "kind", "entry")
     if not isinstance(fields["kind"], str):
-        raise CertificateError(f"kind is {_shown(fields['kind'])}, not a string")
+        raise CertificateError(f"kind is {_shown(fields['kind'])}, not a string.")
     return fields["kind"], _at("entry", _list_of(_joint), fields["entry"])
 
 
@@ -116,13 +116,13 @@ def _pairs(value: Any) -> Pairs:
 def _pair(value: Any) -> tuple[int, int]:
     joints = _list_of(_joint)(value)
     if len(joints) != 2:
-        raise CertificateError(f"a list of {len(joints)} joints is not a pair")
+        raise CertificateError(f"a list of {len(joints)} joints is not a pair.")
     return joints[0], joints[1]
 
 
 def _joint(value: Any) -> int:
     if type(value) is not int:  # True is an int too
-        raise CertificateError(f"{_shown(value)} is not a whole number")
+        raise CertificateError(f"{_shown(value)} is not a whole number.")
     return value
 
 
@@ -130,27 +130,27 @@ def _rational(value: Any) -> Fraction:
     if not isinstance(value, str) or RATIONAL.fullmatch(value) is None:
         raise CertificateError(
             f'{_shown(value)} is not a rational number in a string such as "-3/2", '
-            f"with at most {DIGITS} digits above and below"
+            f"with at most {DIGITS} digits above and below."
         )
     return Fraction(value)
 
 
 def _fields(value: Any, *names: str) -> dict[str, Any]:
     if not isinstance(value, dict):
-        raise CertificateError(f"{_shown(value)} is not an object with {', '.join(names)}")
+        raise CertificateError(f"{_shown(value)} is not an object with {', '.join(names)}.")
     for name in names:
         if name not in value:
-            raise CertificateError(f"{name!r} is missing")
+            raise CertificateError(f"{name!r} is missing.")
     for name in value:
         if name not in names:
-            raise CertificateError(f"the key {_shown(name)} is unknown")
+            raise CertificateError(f"the key {_shown(name)} is unknown.")
     return value
 
 
 def _list_of(read_one: Callable[[Any], Record]) -> Callable[[Any], tuple[Record, ...]]:
     def read_all(value: Any) -> tuple[Record, ...]:
         if not isinstance(value, list):
-            raise CertificateError(f"{_shown(value)} is not a list")
+            raise CertificateError(f"{_shown(value)} is not a list.")
         return tuple(_at(f"[{place}]", read_one, item) for place, item in enumerate(value))
 
     return read_all
@@ -167,13 +167,13 @@ def _at(place: str, read_one: Callable[[Any], Record], value: Any) -> Record:
 def _distinct_keys(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     found = dict(pairs)
     if len(found) < len(pairs):
-        raise CertificateError("a key is given twice in one object")
+        raise CertificateError("a key is given twice in one object.")
     return found
 
 
 def _short_integer(digits: str) -> int:
     if len(digits) > DIGITS:
-        raise CertificateError(f"an integer of {len(digits)} digits is not a joint")
+        raise CertificateError(f"an integer of {len(digits)} digits is not a joint.")
     return int(digits)
 
 

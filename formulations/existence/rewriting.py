@@ -63,13 +63,6 @@ class Rewriting:
         """Whether the equations leave the average of 1 free, that is, do not imply 1 = 0."""
         return ONE not in self.relations and ONE not in self.rules
 
-    def rewrite(self, polynomial: Polynomial) -> Polynomial:
-        """Apply the rules to a combination of classes until none applies."""
-        return combined(
-            (value, self.rewritten.get(graph, {graph: Fraction(1)}))
-            for graph, value in polynomial.items()
-        )
-
     def divide(self, polynomial: Polynomial) -> tuple[Combination, Polynomial]:
         """Split a combination of classes into multiples of the equations and a remainder.
 
@@ -79,7 +72,7 @@ class Rewriting:
             ``polynomial = Σ quotient · averaged multiple + remainder``, where the remainder
             holds only classes that no equation reaches: 1 and the free moments.
         """
-        quotients, remainder = _eliminated(self.rewrite(polynomial), self.relations)
+        quotients, remainder = _eliminated(_rewrite(polynomial, self.rewritten), self.relations)
         used = [(-value, self.averaged[multiple]) for multiple, value in quotients.items()]
         rest = combined([(Fraction(1), polynomial), (Fraction(-1), remainder), *used])
         total = dict(quotients)
@@ -95,20 +88,21 @@ class Rewriting:
 def rewriting(frame: Frame, order: int) -> Rewriting:
     """Sort the multiples of a frame's equations, up to an order, into rules and relations."""
     averaged = _simplest_first(frame, order)
-    rules: dict[Monomial, Multiple] = {}
+    first: dict[Monomial, Multiple] = {}
     for multiple, polynomial in averaged.items():
-        rules.setdefault(leading(polynomial), multiple)
-    rules = {graph: rules[graph] for graph in sorted(rules, key=size)}
-    result = Rewriting(averaged, rules, {}, {})
+        first.setdefault(leading(polynomial), multiple)
+    rules = {graph: first[graph] for graph in sorted(first, key=size)}
+    rewritten: dict[Monomial, Polynomial] = {}
     for graph, multiple in rules.items():
         rule = averaged[multiple]
-        smaller = {
-            other: -value / rule[graph] for other, value in rule.items() if other != graph
-        }
-        result.rewritten[graph] = result.rewrite(smaller)
+        equal = {other: -value / rule[graph] for other, value in rule.items() if other != graph}
+        rewritten[graph] = _rewrite(equal, rewritten)
+    relations: dict[Monomial, Relation] = {}
     for multiple, polynomial in averaged.items():
-        _add_relation(result, multiple, polynomial)
-    return result
+        news = _relation(multiple, _rewrite(polynomial, rewritten), relations)
+        if news.polynomial:
+            relations[leading(news.polynomial)] = news
+    return Rewriting(averaged, rules, rewritten, relations)
 
 
 def _simplest_first(frame: Frame, order: int) -> dict[Multiple, Polynomial]:
@@ -122,16 +116,25 @@ def _simplest_first(frame: Frame, order: int) -> dict[Multiple, Polynomial]:
     return dict(sorted(((m, p) for m, p in averaged.items() if p), key=complexity))
 
 
-def _add_relation(result: Rewriting, multiple: Multiple, polynomial: Polynomial) -> None:
-    """Keep what a multiple says about irreducible classes, if it is news."""
-    quotients, remainder = _eliminated(result.rewrite(polynomial), result.relations)
-    if remainder:
-        scale = 1 / remainder[leading(remainder)]
-        origin = {known: -scale * value for known, value in quotients.items()} | {
-            multiple: scale
-        }
-        news = {graph: scale * value for graph, value in remainder.items()}
-        result.relations[leading(news)] = Relation(news, origin)
+def _rewrite(polynomial: Polynomial, rewritten: Mapping[Monomial, Polynomial]) -> Polynomial:
+    """Apply rules, given by what they make of each class, until none applies."""
+    return combined(
+        (value, rewritten.get(graph, {graph: Fraction(1)}))
+        for graph, value in polynomial.items()
+    )
+
+
+def _relation(
+    multiple: Multiple, polynomial: Polynomial, known: Mapping[Monomial, Relation]
+) -> Relation:
+    """Return what a rewritten multiple says beyond the relations already known."""
+    quotients, remainder = _eliminated(polynomial, known)
+    scale = 1 / remainder[leading(remainder)] if remainder else Fraction(1)
+    origin = {used: -scale * value for used, value in quotients.items()}
+    return Relation(
+        {graph: scale * value for graph, value in remainder.items()},
+        {**origin, multiple: scale},
+    )
 
 
 def _eliminated(

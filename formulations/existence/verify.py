@@ -28,10 +28,9 @@ This module shares no mathematics with the derivation. The records and the reade
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from fractions import Fraction
-from functools import lru_cache
 from itertools import chain, permutations, product
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -93,20 +92,20 @@ def verify(certificate: Certificate) -> Report:
     CertificateError
         If the identity does not hold.
     """
-    total: dict[Factors, Fraction] = {}
-    for factors, value in chain(
-        *(_expanded_square(square) for square in certificate.squares),
-        [(((), ()), certificate.constant)],
-        *(_expanded_multiplier(multiplier) for multiplier in certificate.multipliers),
-    ):
-        name = _renamed(*factors)
-        total[name] = total.get(name, Fraction(0)) + value
+    expanded = _added(
+        chain(
+            *(_expanded_square(square) for square in certificate.squares),
+            [(((), ()), certificate.constant)],
+            *(_expanded_multiplier(multiplier) for multiplier in certificate.multipliers),
+        )
+    )
+    total = _added((_renamed(*factors), value) for factors, value in expanded.items())
     left = {name: value for name, value in total.items() if value}
     if left:
         (w, wbar), value = min(left.items())
         raise CertificateError(
             f"the identity does not hold: {len(left)} of {len(total)} averages of monomials do "
-            f"not cancel, the first being {_brief(value)} times that of {_written(w, wbar)}"
+            f"not cancel, the first being {_brief(value)} times that of {_written(w, wbar)}."
         )
     return Report(
         certificate.joints,
@@ -117,12 +116,20 @@ def verify(certificate: Certificate) -> Report:
     )
 
 
+def _added(terms: Iterable[tuple[Factors, Fraction]]) -> dict[Factors, Fraction]:
+    total: dict[Factors, Fraction] = {}
+    for factors, value in terms:
+        total[factors] = total.get(factors, Fraction(0)) + value
+    return total
+
+
 def _expanded_square(square: Square) -> Iterator[tuple[Factors, Fraction]]:
     """Expand weight · p · conj(p); the products a·conj(b) and b·conj(a) have one real part."""
     for place, a in enumerate(square.terms):
-        for b in square.terms[: place + 1]:
-            value = square.weight * a.coefficient * b.coefficient
-            yield _factors(a.w + b.wbar, a.wbar + b.w), value if a is b else 2 * value
+        for before, b in enumerate(square.terms[: place + 1]):
+            multiplicity = 1 if before == place else 2
+            value = multiplicity * square.weight * a.coefficient * b.coefficient
+            yield _factors(a.w + b.wbar, a.wbar + b.w), value
 
 
 def _expanded_multiplier(multiplier: Multiplier) -> Iterator[tuple[Factors, Fraction]]:
@@ -157,7 +164,6 @@ def _ascending(pairs: Pairs) -> Pairs:
     return tuple(sorted((i, j) if i < j else (j, i) for i, j in pairs))
 
 
-@lru_cache(maxsize=100_000)
 def _renamed(w: Pairs, wbar: Pairs) -> Factors:
     """Return the least of some renamings of a product and of its conjugate."""
     return min(chain(_renamings(w, wbar), _renamings(wbar, w)))

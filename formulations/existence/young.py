@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from fractions import Fraction
-from itertools import permutations, zip_longest
+from itertools import chain, permutations, product, zip_longest
 from math import gcd, prod
 from typing import TypeAlias
 
@@ -52,16 +52,7 @@ def sign(permutation: Permutation) -> int:
 
 def _stabiliser(blocks: Sequence[tuple[int, ...]]) -> Iterator[Permutation]:
     """Give all permutations that map every block to itself."""
-    if not blocks:
-        return
-    yield from _products(blocks, tuple(range(sum(map(len, blocks)))))
-
-
-def _products(blocks: Sequence[tuple[int, ...]], images: Permutation) -> Iterator[Permutation]:
-    if not blocks:
-        yield images
-        return
-    block, *others = blocks
-    for arrangement in permutations(block):
-        moved = dict(zip(block, arrangement, strict=True))
-        yield from _products(others, tuple(moved.get(image, image) for image in images))
+    joints = tuple(chain(*blocks))
+    for images in product(*map(permutations, blocks)):
+        moved = dict(zip(joints, chain(*images), strict=True))
+        yield tuple(moved[joint] for joint in range(len(joints)))

@@ -96,6 +96,7 @@ def refusal(path: Path, expected: type[Exception]) -> str:
         read(path)
     sentence = str(caught.value)
     assert "\n" not in sentence
+    assert sentence.endswith(".")
     assert len(sentence) < 300
     return sentence
 

@@ -122,8 +122,8 @@ def test_a_false_identity_is_refused_by_verification_and_by_evaluation(
 
 
 def test_the_smallest_change_of_each_multiplier_shows(certificate: Certificate) -> None:
-    """Every twentieth of the multipliers, one at a time: evaluation sees every one of them."""
-    for place in range(0, len(certificate.multipliers), 20):
+    """Every thirtieth of the multipliers, one at a time: evaluation sees every one of them."""
+    for place in range(0, len(certificate.multipliers), 30):
         multipliers = list(certificate.multipliers)
         old = multipliers[place]
         multipliers[place] = replace(old, coefficient=old.coefficient + Fraction(1, 10**9))
@@ -145,6 +145,29 @@ def test_other_orders_of_joints_and_records_prove_the_same(certificate: Certific
     renamed = replace(certificate, multipliers=multipliers)
     assert verify(renamed) == verify(certificate)
     assert defects(renamed, samples=1) == (0,)
+
+
+def test_a_term_in_two_halves_is_the_same_term(certificate: Certificate) -> None:
+    """The very same record twice: its product with itself counts four quarters."""
+    square = certificate.squares[0]
+    half = replace(square.terms[0], coefficient=square.terms[0].coefficient / 2)
+    halved = replace(square, terms=(half, half, *square.terms[1:]))
+    split = replace(certificate, squares=(halved, certificate.squares[1]))
+    assert verify(split) == verify(certificate)
+    assert defects(split, samples=1) == (0,)
+
+
+def test_records_refuse_floating_point(certificate: Certificate) -> None:
+    for part, name in (
+        (certificate, "constant"),
+        (certificate.squares[0], "weight"),
+        (certificate.squares[0].terms[0], "coefficient"),
+        (certificate.multipliers[0], "coefficient"),
+    ):
+        with pytest.raises(CertificateError, match=r"1\.5 is not a Fraction"):
+            replace(part, **{name: 1.5})
+    with pytest.raises(CertificateError, match="not a whole number"):
+        replace(certificate.squares[0].terms[0], w=((0.0, 1),))
 
 
 def test_scaling_all_weights_proves_the_same(certificate: Certificate) -> None:
