@@ -28,7 +28,7 @@ class SdpBound:
     eigenvalue_bound
         Upper bound on t, in the squared units of J.
     primal_value
-        Optimal scaled 1/t that the solver reports, or None.
+        Optimum s that the solver reports, or None. It is scaled: t = (trace/m)/s.
     multipliers, certificate
         The dual variables and their independent check, or None if the solver gave none.
     solver, status
@@ -51,6 +51,21 @@ class SdpBound:
         """Upper bound on the measure (5), in the units of J."""
         return math.sqrt(self.eigenvalue_bound)
 
+    @property
+    def primal_eigenvalue(self) -> float | None:
+        """The t that the solver reports, unchecked, in the squared units of J."""
+        return self._unscaled(self.primal_value)
+
+    @property
+    def dual_eigenvalue(self) -> float | None:
+        """The t of the solver's multipliers, unchecked, in the squared units of J."""
+        return self._unscaled(None if self.certificate is None else self.certificate.dual_value)
+
+    def _unscaled(self, value: float | None) -> float | None:
+        if value is None or not (math.isfinite(value) and value > 0):
+            return None
+        return self.problem.trace / self.problem.task_dimension / value
+
     def to_dict(self) -> dict[str, Any]:
         """Return plain values for tables and JSON; None stands for a bound that is infinite."""
         closed_form = self.problem.closed_form
@@ -68,7 +83,8 @@ class SdpBound:
             "closed_form_singular_value_bound": (
                 None if closed_form is None else math.sqrt(closed_form)
             ),
-            "primal_value": self.primal_value,
+            "primal_eigenvalue": self.primal_eigenvalue,
+            "dual_eigenvalue": self.dual_eigenvalue,
             "certificate": None if self.certificate is None else self.certificate.to_dict(),
             "multipliers": None
             if multipliers is None

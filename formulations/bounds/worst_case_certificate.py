@@ -71,8 +71,8 @@ class WorstCaseCertificate:
     proved_value: float
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the fields as plain numbers."""
-        return dict(vars(self))
+        """Return plain values; None stands for an infinite one."""
+        return {k: v if math.isfinite(v) else None for k, v in vars(self).items()}
 
 
 def scaled_facts(problem: WorstCase) -> tuple[LinearFact, ...]:

@@ -85,6 +85,9 @@ def test_the_result_is_plain_json() -> None:
     assert shown["kind"] == "numerical"
     assert shown["closed_form_eigenvalue_bound"] == pytest.approx(1 / 7)
     assert np.shape(shown["multipliers"]["matrix"]) == (12, 12)
+    scaled = solve_bound(7, 6, trace=14.0).to_dict()
+    assert scaled["primal_eigenvalue"] == pytest.approx(1 / 3, rel=1e-6)
+    assert scaled["dual_eigenvalue"] == pytest.approx(1 / 3, rel=1e-6)
     failed = replace(solve_bound(7, 6), eigenvalue_bound=math.inf, multipliers=None)
     assert json.loads(json.dumps(failed.to_dict(), allow_nan=False))["eigenvalue_bound"] is None
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -120,3 +121,10 @@ def test_bad_input_is_named(
     with pytest.raises(InputError) as caught:
         existence_relaxation(order, joints, task_dimension=task_dimension)
     assert caught.value.argument == argument
+
+
+def test_the_verdict_rests_on_the_certificate_alone(order_2: ExistenceRelaxation) -> None:
+    assert order_2.margin is not None
+    unproved = check_margin(order_2.blocks, np.zeros(0), None, None)
+    boastful = replace(order_2.margin, value=-1.0, status="optimal", certificate=unproved)
+    assert replace(order_2, margin=boastful).verdict == "undecided"
