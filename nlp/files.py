@@ -34,19 +34,21 @@ def write_text(path: Path, text: str) -> None:
     FileError
         If the file cannot be written; nothing is left behind.
     """
-    part = ""
+    content = text.encode()
+    part = None
     try:
         descriptor, part = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
-        with os.fdopen(descriptor, "w", encoding="utf-8", newline="\n") as file:
-            file.write(text)
+        with os.fdopen(descriptor, "wb") as file:
+            file.write(content)
             file.flush()
             os.fsync(file.fileno())
         Path(part).chmod(0o666 & ~_umask())
         Path(part).replace(path)
     except OSError as reason:
-        if part:
-            Path(part).unlink(missing_ok=True)
         raise FileError("file", str(path), f"a path to write to ({_why(reason)})") from None
+    finally:
+        if part is not None:
+            Path(part).unlink(missing_ok=True)  # only still there if something went wrong
 
 
 def _umask() -> int:

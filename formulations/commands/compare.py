@@ -21,7 +21,7 @@ from formulations.commands.arguments import (
 )
 
 if TYPE_CHECKING:
-    from formulations.comparison.contender import Outcome
+    from formulations.comparison.row import Summary
 
 INTERRUPTED = 130
 
@@ -47,6 +47,7 @@ def compare(
     from formulations.catalogue import arm, models_of
     from formulations.comparison.contender import contenders, run
     from formulations.comparison.report import write
+    from formulations.comparison.row import summarise
     from nlp.files import prepare_folder
     from nlp.ipopt_options import check_options
     from nlp.multistart import default_workers
@@ -56,7 +57,7 @@ def compare(
         arm(model, joints, task_dimension)
     prepare_folder(out)
 
-    outcomes: list[Outcome] = []
+    summaries: list[Summary] = []
     complete = True
     for contender in contenders(task_dimension):
         outcome = run(
@@ -71,18 +72,17 @@ def compare(
         )
         complete = outcome.complete
         if outcome.records:
-            outcomes.append(outcome)
-            write(outcomes, out, seed, complete)
+            summaries.append(summarise(outcome))
+            write(summaries, out, seed, complete)
         if not complete:
             break
-    _show(outcomes, out, complete, as_json)
+    _show(summaries, out, complete, as_json)
 
 
-def _show(outcomes: list[Outcome], out: Path, complete: bool, as_json: bool) -> None:
+def _show(summaries: list[Summary], out: Path, complete: bool, as_json: bool) -> None:
     from formulations.comparison.report import summary, table
-    from formulations.comparison.row import row
 
-    rows = [row(outcome) for outcome in outcomes]
+    rows = [one.row for one in summaries]
     if as_json:
         found = json.loads(table(rows).to_json(orient="records"))
         for one in found:

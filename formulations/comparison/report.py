@@ -8,8 +8,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from formulations.comparison.contender import Outcome
-from formulations.comparison.row import Row, representative, row
+from formulations.comparison.row import Row, Summary
 from formulations.provenance import header
 from nlp.files import write_text
 
@@ -34,7 +33,7 @@ _FORMATS = {
     "objective": "{:.7g}",
     "worst_case_sigma": "{:.7f}",
     "sigma_bound": "{:.7f}",
-    "gap_percent": "{:.2f}",
+    "gap_percent": "{:z.2f}",
     "isotropy_defect": "{:.3g}",
     "iterations_median": "{:g}",
     "milliseconds_per_success": "{:.3g}",
@@ -72,28 +71,25 @@ def markdown(rows: Sequence[Row], seed: int, complete: bool = True) -> str:
     )
 
 
-def jacobians(outcomes: Sequence[Outcome]) -> list[dict[str, object]]:
+def jacobians(summaries: Sequence[Summary]) -> list[dict[str, object]]:
     """Each row's Jacobian at full precision, with what it is."""
-    found: list[dict[str, object]] = []
-    for outcome in outcomes:
-        shown, one = representative(outcome), row(outcome)
-        found.append(
-            {
-                "formulation": one.formulation,
-                "variant": one.variant,
-                "model": one.model,
-                "verdict": one.verdict,
-                "seed": shown.seed,
-                "start": shown.index,
-                "worst_case_sigma": shown.worst_case_sigma,
-                "isotropy_defect": shown.isotropy_defect,
-                "jacobian": shown.jacobian.tolist(),
-            }
-        )
-    return found
+    return [
+        {
+            "formulation": one.row.formulation,
+            "variant": one.row.variant,
+            "model": one.row.model,
+            "verdict": one.row.verdict,
+            "seed": one.record.seed,
+            "start": one.record.index,
+            "worst_case_sigma": one.record.worst_case_sigma,
+            "isotropy_defect": one.record.isotropy_defect,
+            "jacobian": one.record.jacobian.tolist(),
+        }
+        for one in summaries
+    ]
 
 
-def write(outcomes: Sequence[Outcome], folder: Path, seed: int, complete: bool) -> None:
+def write(summaries: Sequence[Summary], folder: Path, seed: int, complete: bool) -> None:
     """Write ``comparison.csv``, ``comparison.md`` and ``jacobians.json`` into the folder.
 
     Raises
@@ -101,7 +97,7 @@ def write(outcomes: Sequence[Outcome], folder: Path, seed: int, complete: bool) 
     FileError
         If a file cannot be written.
     """
-    rows = [row(outcome) for outcome in outcomes]
+    rows = [one.row for one in summaries]
     write_text(folder / "comparison.csv", table(rows).to_csv(index=False))
     write_text(folder / "comparison.md", markdown(rows, seed, complete))
-    write_text(folder / "jacobians.json", json.dumps(jacobians(outcomes), indent=1) + "\n")
+    write_text(folder / "jacobians.json", json.dumps(jacobians(summaries), indent=1) + "\n")

@@ -78,6 +78,14 @@ class Row:
         return asdict(self)
 
 
+@dataclass(frozen=True, eq=False)
+class Summary:
+    """A row and the record that it shows."""
+
+    row: Row
+    record: Record
+
+
 def reached(outcome: Outcome) -> list[Record]:
     """Records that pass the check and are within `REACH` of the best of them."""
     valid = [record for record in outcome.records if record.valid]
@@ -108,8 +116,8 @@ def verdict(outcome: Outcome) -> str:
     return "infeasible" if INFEASIBLE in statuses and not _succeeded(outcome) else "not solved"
 
 
-def row(outcome: Outcome) -> Row:
-    """Sum up an outcome of at least one record."""
+def summarise(outcome: Outcome) -> Summary:
+    """Sum up an outcome of at least one record, and keep the record that the row shows."""
     contender, records = outcome.contender, outcome.records
     m, n = outcome.arm.shape
     best, shown, said = reached(outcome), representative(outcome), verdict(outcome)
@@ -118,7 +126,7 @@ def row(outcome: Outcome) -> Row:
     bound = measures.sigma_bound(m, n, outcome.arm.largest_trace)
     seconds = sum(record.cpu_seconds for record in records)
     counts = Counter(record.status.return_status for record in records)
-    return Row(
+    line = Row(
         formulation=contender.formulation,
         variant=contender.variant,
         model=contender.model,
@@ -141,6 +149,7 @@ def row(outcome: Outcome) -> Row:
         seconds_per_success=seconds / len(best) if best else nan,
         status_counts=json.dumps(dict(sorted(counts.items()))),
     )
+    return Summary(line, shown)
 
 
 def _succeeded(outcome: Outcome) -> int:
