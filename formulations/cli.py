@@ -6,19 +6,21 @@ from typing import Annotated
 
 import typer
 
+from formulations.commands.bound import bound
 from formulations.commands.compare import compare
 from formulations.commands.measure import measure
+from formulations.commands.prove import prove
 from formulations.commands.solve import solve
+from formulations.commands.verify import verify
 
 app = typer.Typer(
     name="lockedjoint",
-    no_args_is_help=True,
     add_completion=False,
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 96},
 )
-for command in (compare, solve, measure):
+for command in (compare, solve, measure, bound, prove, verify):
     app.command()(command)
 
 

@@ -2,9 +2,20 @@
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 
 class LockedJointError(Exception):
-    """Anything this library raises on purpose."""
+    """Anything this library raises on purpose.
+
+    Attributes
+    ----------
+    exit_status
+        What a command ends with when this is what went wrong: 2 for input that is not
+        allowed, 1 for a check that failed.
+    """
+
+    exit_status: ClassVar[int] = 2
 
 
 class InputError(LockedJointError, ValueError):

@@ -11,7 +11,9 @@ import typer
 from nlp.errors import SolverOptionError
 
 
-def _whole(lowest: int) -> Callable[[str], int]:
+def whole(lowest: int) -> Callable[[str], int]:
+    """Return a parser of whole numbers of at least `lowest`."""
+
     def whole_number(text: str) -> int:
         try:
             number = int(str(text))
@@ -26,7 +28,8 @@ def _whole(lowest: int) -> Callable[[str], int]:
     return whole_number
 
 
-def _positive(text: str) -> float:
+def positive(text: str) -> float:
+    """Parse a finite number above 0."""
     try:
         number = float(text)
     except ValueError:
@@ -37,33 +40,33 @@ def _positive(text: str) -> float:
 
 
 Joints = Annotated[
-    int, typer.Option(parser=_whole(2), metavar="N", help="Number of joints n, above m.")
+    int, typer.Option(parser=whole(2), metavar="N", help="Number of joints n, above m.")
 ]
 TaskDimension = Annotated[
-    int, typer.Option(parser=_whole(1), metavar="M", help="Number of task dimensions m.")
+    int, typer.Option(parser=whole(1), metavar="M", help="Number of task dimensions m.")
 ]
 Starts = Annotated[
-    int, typer.Option(parser=_whole(1), metavar="K", help="Random starts of each row.")
+    int, typer.Option(parser=whole(1), metavar="K", help="Random starts of each row.")
 ]
 Seed = Annotated[
     int,
     typer.Option(
-        parser=_whole(0), metavar="S", help="Seed; start k of a seed is the same everywhere."
+        parser=whole(0), metavar="S", help="Seed; start k of a seed is the same everywhere."
     ),
 ]
 Workers = Annotated[
     int | None,
     typer.Option(
-        parser=_whole(1), metavar="W", help="Worker processes.", show_default="all cores"
+        parser=whole(1), metavar="W", help="Worker processes.", show_default="all cores"
     ),
 ]
 Locked = Annotated[
-    int, typer.Option(parser=_whole(1), metavar="K", help="How many joints lock at once.")
+    int, typer.Option(parser=whole(1), metavar="K", help="How many joints lock at once.")
 ]
 Tolerance = Annotated[
     float,
     typer.Option(
-        parser=_positive,
+        parser=positive,
         metavar="TOL",
         help="Relative tolerance of the verdict 'optimally failure tolerant'.",
     ),

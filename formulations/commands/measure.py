@@ -27,6 +27,7 @@ def measure(
     isotropy, and whether it is optimally failure tolerant. Joints are counted from 0.
     """
     from formulations.assessment import assess
+    from formulations.commands.text import as_text
     from formulations.jacobian_file import read_jacobians
 
     found = [
@@ -37,23 +38,3 @@ def measure(
         typer.echo(json.dumps(found if len(found) > 1 else found[0], indent=1))
         return
     typer.echo("\n\n".join(as_text(one) for one in found))
-
-
-def as_text(measured: dict[str, object]) -> str:
-    """Return measures as lines of names and values."""
-    width = max(len(name) for name in measured)
-    lines = [
-        f"{name.replace('_', ' '):<{width}}  {_value(value)}"
-        for name, value in measured.items()
-    ]
-    return "\n".join(lines)
-
-
-def _value(value: object) -> str:
-    if isinstance(value, bool):
-        return "yes" if value else "no"
-    if isinstance(value, float):
-        return f"{value:.9g}"
-    if isinstance(value, list):
-        return "  ".join(_value(entry) for entry in value)
-    return str(value)

@@ -62,7 +62,7 @@ def solve(
 ) -> None:
     """Solve one formulation from random starts and measure the best answer."""
     from formulations.assessment import assess
-    from formulations.commands.measure import as_text
+    from formulations.commands.text import as_text
     from formulations.comparison.contender import Contender, run
     from formulations.comparison.row import reached, representative, verdict
     from nlp.files import prepare_folder, write_text
@@ -110,7 +110,6 @@ def solve(
     else:
         rows = "\n".join("  ".join(f"{x: .9f}" for x in line) for line in shown.jacobian)
         flat = {name: value for name, value in found.items() if name != "jacobian"}
-        flat["status_counts"] = ", ".join(f"{k} {v}" for k, v in _statuses(outcome).items())
         typer.echo(f"{as_text(flat)}\n\njacobian\n{rows}")
     if not outcome.complete:
         raise typer.Exit(130)

@@ -13,16 +13,15 @@ tight-frame (i, j): (W conj(W) + conj(W) W)_ij − 4(δ_ij − 1/7). Whether tha
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Iterable
-from contextlib import suppress
 from dataclasses import dataclass
 from fractions import Fraction
 from math import lcm
 from pathlib import Path
-from typing import Any, Literal, TypeAlias
+from typing import Any, ClassVar, Literal, TypeAlias
 
-from nlp.errors import FileError, LockedJointError
+from nlp.errors import LockedJointError
+from nlp.files import write_text
 
 JOINTS = 7
 TERM_FACTORS = 3
@@ -37,6 +36,8 @@ KINDS = ("row-sum", "square", "tight-frame")
 
 class CertificateError(LockedJointError):
     """A certificate that is ill-formed or does not prove what it claims."""
+
+    exit_status: ClassVar[int] = 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,19 +120,7 @@ class Certificate:
         FileError
             If the folder does not exist or cannot be written to.
         """
-        path = Path(path)
-        # A name of our own beside the target, so that the replacement is atomic.
-        part = path.parent / f".{path.name}.{os.getpid()}.part"
-        try:
-            part.write_text(self.to_json(), encoding="utf-8", newline="\n")
-            part.replace(path)
-        except OSError as error:
-            raise FileError(
-                str(path), f"not writable ({error.strerror})", "a new file"
-            ) from error
-        finally:
-            with suppress(OSError):
-                part.unlink(missing_ok=True)
+        write_text(Path(path), self.to_json())
 
     def to_json(self) -> str:
         """Return the JSON text, one term or multiplier per line."""

@@ -1,0 +1,139 @@
+"""``lockedjoint bound``: how good any answer could be."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from enum import StrEnum
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from formulations.commands.arguments import Joints, Json, TaskDimension, positive
+from formulations.commands.text import as_text
+from nlp.errors import InputError
+
+if TYPE_CHECKING:
+    from formulations.bounds.existence_moments.outcome import ExistenceRelaxation
+
+UNDECIDED = 1
+
+
+class Quantity(StrEnum):
+    """What can be bounded."""
+
+    WORST_CASE = "worst-case"
+    EXISTENCE = "existence"
+
+
+def bound(
+    quantity: Annotated[
+        Quantity,
+        typer.Option(
+            help="worst-case: eq. (6) as a semidefinite program. existence: the moment "
+            "relaxation of the question whether an optimally failure-tolerant Jacobian of "
+            "revolute joints exists."
+        ),
+    ] = Quantity.WORST_CASE,
+    joints: Joints = 7,
+    task_dimension: TaskDimension = 6,
+    trace: Annotated[
+        float | None,
+        typer.Option(
+            parser=positive,
+            metavar="T",
+            help="worst-case: largest ‖J‖_F². By default m, which is σ = 1.",
+            show_default=False,
+        ),
+    ] = None,
+    lever_arm: Annotated[
+        float | None,
+        typer.Option(
+            parser=positive,
+            metavar="L",
+            help="worst-case: arms of revolute joints with |v| at most L, instead of any "
+            "columns of total size T.",
+            show_default=False,
+        ),
+    ] = None,
+    order: Annotated[
+        int, typer.Option(metavar="K", help="existence: order of the relaxation, 1 to 3.")
+    ] = 3,
+    solver: Annotated[str, typer.Option(help="Conic solver, by cvxpy's name.")] = "CLARABEL",
+    as_json: Json = False,
+) -> None:
+    """Bound how good any answer could be, by semidefinite programming.
+
+    Bounds are numerical: computed in floating point, and what they prove is checked again
+    from the solver's multipliers alone. The exact proof that no optimally failure-tolerant
+    7R Jacobian exists is `lockedjoint prove`.
+    """
+    if quantity is Quantity.EXISTENCE:
+        for name, value in (("trace", trace), ("lever arm", lever_arm)):
+            if value is not None:
+                raise InputError(name, value, "none with --quantity existence")
+        _existence(order, joints, task_dimension, solver, as_json)
+    else:
+        _worst_case(joints, task_dimension, trace, lever_arm, solver, as_json)
+
+
+def _worst_case(
+    joints: int,
+    task_dimension: int,
+    trace: float | None,
+    lever_arm: float | None,
+    solver: str,
+    as_json: bool,
+) -> None:
+    from formulations.bounds.worst_case import free_columns, revolute_arm
+    from formulations.bounds.worst_case_sdp import solve_worst_case
+
+    if lever_arm is None:
+        problem = free_columns(joints, task_dimension, trace=trace)
+    elif task_dimension != 6 or trace is not None:
+        raise InputError("lever arm", lever_arm, "none with a trace or other than 6 dimensions")
+    else:
+        problem = revolute_arm(joints, lever_arm=lever_arm)
+    found = solve_worst_case(problem, solver=solver)
+    plain = found.to_dict()
+    if as_json:
+        typer.echo(json.dumps(plain, indent=1))
+    else:
+        typer.echo(as_text({k: v for k, v in plain.items() if k != "multipliers"}))
+    if plain["singular_value_bound"] is None:
+        raise typer.Exit(UNDECIDED)
+
+
+def _existence(
+    order: int, joints: int, task_dimension: int, solver: str, as_json: bool
+) -> None:
+    from formulations.bounds.existence_moments.relaxation import existence_relaxation
+
+    found = existence_relaxation(order, joints, task_dimension=task_dimension, solver=solver)
+    plain = found.to_dict()
+    typer.echo(json.dumps(plain, indent=1) if as_json else _existence_text(found, plain))
+    if found.verdict == "undecided":
+        raise typer.Exit(UNDECIDED)
+
+
+def _existence_text(found: ExistenceRelaxation, plain: Mapping[str, Any]) -> str:
+    skipped = ("blocks", "free_moments", "certificate")
+    summary = {k: v for k, v in plain.items() if k not in skipped}
+    summary["free_moments"] = len(plain["free_moments"])
+    for name, value in (plain["certificate"] or {}).items():
+        summary[f"checked_{name}"] = value
+    lines = [
+        as_text(summary),
+        "",
+        "charge  representation   dimension  copies  size  margin alone",
+    ]
+    for block in plain["blocks"]:
+        shape = "(" + ",".join(map(str, block["representation"])) + ")"
+        alone = block["margin_alone"]
+        margin = "–" if alone is None else f"{alone:+.6f}"
+        said = "  infeasible alone" if block["infeasible_alone"] else ""
+        lines.append(
+            f"{block['charge']:>6}  {shape:<15}  {block['dimension']:>9}  {block['copies']:>6}  "
+            f"{block['size']:>4}  {margin:>12}{said}"
+        )
+    return "\n".join(lines if found.blocks else lines[:1])

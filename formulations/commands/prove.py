@@ -1,0 +1,52 @@
+"""``lockedjoint prove``: derive the certificate that no optimal 7R Jacobian exists."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from formulations.commands.arguments import Json
+
+
+def prove(
+    out: Annotated[
+        Path, typer.Option(metavar="FILE", help="Where to write the certificate (JSON).")
+    ] = Path("certificate.json"),
+    as_json: Json = False,
+) -> None:
+    """Prove that no optimally failure-tolerant 7R Jacobian exists.
+
+    Derives, in exact rational arithmetic and from nothing, polynomials whose weighted squares
+    sum to a negative constant wherever such a Jacobian existed, and writes them with every
+    multiplier that it takes to check this. The same bytes at every run. Check the file with
+    `lockedjoint verify`.
+    """
+    from formulations.existence.derive import derive
+    from nlp.files import prepare_folder
+
+    prepare_folder(out.parent, "folder of --out")
+    certificate = derive()
+    certificate.write(out)
+    found = {
+        "file": str(out),
+        "joints": certificate.joints,
+        "constant": f"-{certificate.constant}",
+        "weights": [str(square.weight) for square in certificate.squares],
+        "terms": [len(square.terms) for square in certificate.squares],
+        "multipliers": len(certificate.multipliers),
+    }
+    if as_json:
+        typer.echo(json.dumps(found, indent=1))
+    else:
+        squares = " + ".join(
+            f"{square.weight} |p{k}|²" for k, square in enumerate(certificate.squares, 1)
+        )
+        typer.echo(
+            f"For every optimally failure-tolerant 7R Jacobian, averaged over joint orders,\n\n"
+            f"    {squares} = {found['constant']} < 0,\n\n"
+            f"so there is none. The identity takes {found['multipliers']} multipliers of the "
+            f"equations;\nall of it is in {out}."
+        )

@@ -1,0 +1,187 @@
+"""The command line as a stranger meets it: real processes, real exit statuses."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+ROOT = Path(__file__).parents[2]
+
+
+def lockedjoint(*arguments, cwd, **keywords):
+    """Run the command line of this tree."""
+    environment = {**os.environ, "PYTHONPATH": str(ROOT), "NO_COLOR": "1"}
+    return subprocess.run(
+        [sys.executable, "-m", "formulations", *map(str, arguments)],
+        cwd=cwd,
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=False,
+        **keywords,
+    )
+
+
+PLANAR = ("--joints", 3, "--task-dimension", 2, "--starts", 3)
+
+
+def test_help_names_every_command_and_option(tmp_path):
+    page = lockedjoint("--help", cwd=tmp_path)
+    assert page.returncode == 0
+    for command in ("compare", "solve", "measure"):
+        assert command in page.stdout
+        one = lockedjoint(command, "--help", cwd=tmp_path)
+        assert one.returncode == 0
+        assert "--json" in one.stdout
+
+
+def test_help_loads_nothing_heavy(tmp_path):
+    """Start-up stays fast because no solver and no table library is imported for it."""
+    script = (
+        "import sys; sys.argv = ['lockedjoint', '--help']\n"
+        "from formulations.__main__ import main\n"
+        "try: main()\n"
+        "except SystemExit: pass\n"
+        "heavy = {'casadi', 'cvxpy', 'numpy', 'pandas', 'scipy', 'joblib', 'matplotlib'}\n"
+        "sys.exit(str(heavy & set(sys.modules)) if heavy & set(sys.modules) else 0)"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+
+
+def test_compare_prints_and_writes(tmp_path):
+    done = lockedjoint("compare", *PLANAR, "--out", "here", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "0.7071068" in done.stdout
+    names = sorted(p.name for p in (tmp_path / "here").iterdir())
+    assert names == ["comparison.csv", "comparison.md", "jacobians.json"]
+    measured = lockedjoint("measure", "here/jacobians.json", "--json", cwd=tmp_path)
+    for one in json.loads(measured.stdout):
+        assert one["optimally_failure_tolerant"] is (one["name"] != "residual free-mean")
+
+
+def test_compare_as_json(tmp_path):
+    done = lockedjoint("compare", *PLANAR, "--json", cwd=tmp_path)
+    found = json.loads(done.stdout)
+    assert found["complete"] is True
+    assert {row["formulation"] for row in found["rows"]} == {"residual", "max-min", "isotropy"}
+    assert found["rows"][0]["status_counts"] == {"Solve_Succeeded": 3}
+
+
+def test_solve_writes_what_measure_reads(tmp_path):
+    done = lockedjoint(
+        "solve", "max-min", "--starts", 3, "--out", "best.json", "--json", cwd=tmp_path
+    )
+    assert done.returncode == 0, done.stderr
+    solved = json.loads(done.stdout)
+    assert solved["worst_case_sigma"] == pytest.approx(0.571482968, abs=1e-7)
+    measured = json.loads(lockedjoint("measure", "best.json", "--json", cwd=tmp_path).stdout)
+    assert measured["worst_case_sigma"] == solved["worst_case_sigma"]
+
+
+def test_solve_says_infeasible_in_words(tmp_path):
+    done = lockedjoint("solve", "isotropy", "--starts", 2, cwd=tmp_path)
+    assert done.returncode == 0
+    assert "infeasible" in done.stdout
+    assert "Infeasible_Problem_Detected 2" in done.stdout
+
+
+def test_solve_takes_ipopt_s_options(tmp_path):
+    done = lockedjoint(
+        "solve", "residual", "--starts", 1, "--ipopt", "max_iter=1", "--json", cwd=tmp_path
+    )
+    assert json.loads(done.stdout)["status_counts"] == {"Maximum_Iterations_Exceeded": 1}
+
+
+def test_measure_two_locked_joints(tmp_path):
+    half = np.sqrt(0.5)
+    np.savetxt(
+        tmp_path / "a.csv",
+        half * np.array([[1, 0, half, -half], [0, 1, half, half]]),
+        delimiter=",",
+    )
+    done = lockedjoint("measure", "a.csv", "--locked", 2, "--json", cwd=tmp_path)
+    assert json.loads(done.stdout)["worst_case_sigma"] == pytest.approx(0.382683, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("compare", "--starts", "0"),
+        ("compare", "--starts", "-4"),
+        ("compare", "--starts", "many"),
+        ("compare", "--seed", "1.5"),
+        ("compare", "--seed", "x"),
+        ("compare", "--seed", "-1"),
+        ("compare", "--joints", "6"),
+        ("compare", "--joints", "3", "--task-dimension", "3"),
+        ("compare", "--workers", "0"),
+        ("compare", "--out", "/proc/nowhere"),
+        ("compare", "--out", "{file}"),
+        ("compare", "--ipopt", "linear_solver=ma97"),
+        ("compare", "--ipopt", "linear_solver=none"),
+        ("compare", "--ipopt", "tolerance=1"),
+        ("compare", "--ipopt", "tol"),
+        ("compare", "--unknown"),
+        ("solve", "something"),
+        ("solve",),
+        ("solve", "max-min", "--locked", "2"),
+        ("solve", "max-min", "--model", "nothing"),
+        ("solve", "max-min", "--encoding", "nothing"),
+        ("solve", "max-min", "--out", "{file}/a.json"),
+        ("solve", "residual", "--task-dimension", "3"),
+        ("measure", "missing.csv"),
+        ("measure", "{file}"),
+        ("measure", "{folder}"),
+        ("measure", "{nan}"),
+        ("measure", "{square}"),
+        ("nothing",),
+    ],
+)
+def test_bad_input_is_one_sentence_and_status_2(tmp_path, arguments):
+    places = {"file": "file.csv", "folder": "folder", "nan": "nan.csv", "square": "square.csv"}
+    (tmp_path / "file.csv").touch()
+    (tmp_path / "folder").mkdir()
+    (tmp_path / "nan.csv").write_text("1,2,nan\n1,2,3\n")
+    (tmp_path / "square.csv").write_text("1,2\n3,4\n")
+    before = sorted(p.name for p in tmp_path.iterdir())
+    done = lockedjoint(*(text.format(**places) for text in arguments), cwd=tmp_path)
+    assert done.returncode == 2
+    assert done.stdout == ""
+    assert done.stderr.startswith("Error: ")
+    assert len(done.stderr.strip().splitlines()) == 1
+    assert "Traceback" not in done.stderr
+    assert sorted(p.name for p in tmp_path.iterdir()) == before, "nothing half-written"
+
+
+def test_ctrl_c_keeps_the_rows_that_are_done(tmp_path):
+    process = subprocess.Popen(
+        [sys.executable, "-m", "formulations", "compare", "--starts", "60", "--workers", "2"],
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
+    )
+    table = tmp_path / "comparison" / "comparison.csv"
+    for _ in range(600):
+        if table.exists():
+            break
+        time.sleep(0.1)
+    os.killpg(process.pid, signal.SIGINT)
+    out, err = process.communicate(timeout=60)
+    assert process.returncode == 130, err
+    assert "Traceback" not in err
+    assert "residual" in table.read_text()
+    assert "Interrupted" in err
+    assert "residual" in out

@@ -1,0 +1,187 @@
+"""The main job: rows that say what was found, and say so when nothing was."""
+
+import csv
+import io
+import json
+
+import numpy as np
+import pytest
+
+from formulations import measures
+from formulations.catalogue import arm
+from formulations.comparison.contender import Contender, contenders, run
+from formulations.comparison.report import summary, table, write
+from formulations.comparison.row import reached, summarise
+from nlp.errors import InputError
+
+
+def outcome(
+    contender, *, joints=7, task_dimension=6, starts=6, seed=0, workers=1, options=None
+):
+    return run(
+        contender,
+        joints=joints,
+        task_dimension=task_dimension,
+        starts=starts,
+        seed=seed,
+        workers=workers,
+        options=options,
+    )
+
+
+@pytest.fixture(scope="module")
+def seven():
+    """Every row of the 7R comparison, from a few starts."""
+    return [outcome(contender) for contender in contenders(6)]
+
+
+@pytest.fixture(scope="module")
+def rows(seven):
+    return {
+        (s.row.formulation, s.row.variant, s.row.model): s.row for s in map(summarise, seven)
+    }
+
+
+def test_each_formulation_is_there_on_both_models(rows):
+    plain = {(formulation, model) for formulation, variant, model in rows if not variant}
+    assert plain == {
+        (formulation, model)
+        for formulation in ("residual", "max-min", "isotropy")
+        for model in ("unit-revolute", "lever-revolute")
+    }
+    assert ("max-min", "one factor per failure", "unit-revolute") in rows
+    assert ("max-min", "from residual minima", "unit-revolute") in rows
+
+
+def test_unit_revolute_7r(rows):
+    residual = rows["residual", "", "unit-revolute"]
+    assert (residual.solved, residual.reached_best, residual.distinct_optima) == (6, 6, 1)
+    assert residual.objective == pytest.approx(0.0568265457, abs=1e-9)
+    assert residual.worst_case_sigma == pytest.approx(0.51986, abs=1e-5)
+    max_min = rows["max-min", "", "unit-revolute"]
+    assert max_min.worst_case_sigma == pytest.approx(0.571482968, abs=1e-8)
+    assert max_min.sigma_bound == pytest.approx(np.sqrt(1 / 3))
+    assert max_min.gap_percent == pytest.approx(1.01625, abs=1e-4)
+    assert max_min.verdict == "solved"
+
+
+def test_isotropic_unit_revolute_7r_is_infeasible_with_its_least_violation(rows):
+    row = rows["isotropy", "", "unit-revolute"]
+    assert row.verdict == "infeasible"
+    assert (row.solved, row.reached_best, row.distinct_optima) == (0, 0, 0)
+    assert json.loads(row.status_counts) == {"Infeasible_Problem_Detected": 6}
+    assert np.isnan(row.objective)
+    assert np.isnan(row.worst_case_sigma)
+    assert 0.05 < row.violation < 1
+    assert 0.0568265 < row.isotropy_defect < 1
+
+
+def test_free_lever_arms_reach_other_optima(rows):
+    assert rows["isotropy", "", "lever-revolute"].worst_case_sigma == pytest.approx(
+        0.480383, abs=1e-6
+    )
+    lever = rows["max-min", "", "lever-revolute"]
+    assert lever.worst_case_sigma == pytest.approx(0.574648936, abs=1e-7)
+    assert lever.worst_case_sigma < lever.sigma_bound
+
+
+def test_common_starts(seven):
+    """Start k is one configuration for all formulations on one model."""
+    arms = {o.arm for o in seven}
+    assert arms == {arm("unit-revolute", 7), arm("lever-revolute", 7)}
+    for o in seven:
+        assert [(record.seed, record.index) for record in o.records] == [
+            (0, k) for k in range(6)
+        ]
+        assert o.contender.sample(o.arm) == o.arm.sample or o.contender.from_residual_minima
+
+
+def test_a_solver_that_claims_success_is_not_believed(seven):
+    """Reaching the best is judged from J: shift one J and the row must count one less."""
+    found = seven[1]
+    assert len(reached(found)) == 6
+    broken = found.records[0]
+    object.__setattr__(broken, "merit", broken.merit - 1e-3)
+    try:
+        row = summarise(found).row
+        assert (row.solved, row.reached_best) == (6, 5)
+    finally:
+        object.__setattr__(broken, "merit", broken.merit + 1e-3)
+
+
+def test_starts_that_ran_out_of_iterations_are_not_called_infeasible():
+    row = summarise(
+        outcome(Contender("isotropy", "unit-revolute"), options={"max_iter": 2})
+    ).row
+    assert row.verdict == "not solved"
+    assert json.loads(row.status_counts) == {"Maximum_Iterations_Exceeded": 6}
+
+
+def plain(outcomes):
+    """The table without its times."""
+    frame = table([summarise(o).row for o in outcomes])
+    return frame.drop(columns=[c for c in frame if c.startswith("seconds")]).to_csv()
+
+
+def test_same_seed_any_workers_identical_tables(seven):
+    again = [outcome(contender, workers=2) for contender in contenders(6)]
+    assert plain(again) == plain(seven)
+    for one, other in zip(seven, again, strict=True):
+        for a, b in zip(one.records, other.records, strict=True):
+            assert a.jacobian.tobytes() == b.jacobian.tobytes()
+
+
+def test_files_say_what_the_rows_say(seven, tmp_path):
+    summaries = [summarise(o) for o in seven]
+    write(summaries, tmp_path, seed=0, complete=True)
+    with (tmp_path / "comparison.csv").open(encoding="utf-8") as file:
+        lines = list(csv.DictReader(file))
+    required = {
+        *("formulation", "model", "joints", "task_dimension", "starts", "solved"),
+        *("reached_best", "objective", "worst_case_sigma", "sigma_bound", "gap_percent"),
+        *("condition_number", "isotropy_defect", "distinct_optima", "iterations_median"),
+        *("seconds_per_start", "status_counts"),
+    }
+    assert required <= set(lines[0])
+    assert len(lines) == len(summaries)
+    entries = json.loads((tmp_path / "jacobians.json").read_text())
+    for line, entry, one in zip(lines, entries, summaries, strict=True):
+        jacobian = np.array(entry["jacobian"])
+        np.testing.assert_array_equal(jacobian, one.record.jacobian)
+        if line["verdict"] == "solved":
+            sigma = measures.worst_case_sigma(jacobian)
+            assert float(line["worst_case_sigma"]) == pytest.approx(sigma, abs=1e-12)
+    page = (tmp_path / "comparison.md").read_text(encoding="utf-8")
+    for text in ("seed: 0", "casadi", "infeasible", "one factor per failure", "0.5714830"):
+        assert text in page
+
+
+def test_the_summary_shows_no_negative_zero():
+    one = summarise(
+        outcome(Contender("max-min", "free"), joints=3, task_dimension=2, starts=2)
+    ).row
+    shown = summary([one]).to_csv(io.StringIO())
+    assert "-0.00" not in str(shown)
+
+
+@pytest.mark.parametrize(
+    ("make", "allowed"),
+    [
+        (lambda: Contender("other", "free"), "one of residual, max-min, isotropy"),
+        (lambda: Contender("residual", "free", locked=2), "1 for the formulation residual"),
+        (lambda: Contender("isotropy", "free", encoding="x"), "shared-factor"),
+        (lambda: outcome(Contender("residual", "nothing")), "one of unit-revolute"),
+        (lambda: arm("lever-revolute:5,prismatic:2", 8), "7 for lever-revolute:5,prismatic:2"),
+        (lambda: arm("lever-revolute:x", 8), "NAME:COUNT"),
+        (lambda: arm("unit-revolute", 7, 3), "6 for the model unit-revolute"),
+    ],
+)
+def test_refuses_unknown_names_and_settings(make, allowed):
+    with pytest.raises(InputError, match=allowed):
+        make()
+
+
+def test_mixed_arms_by_name():
+    mixed = arm("lever-revolute:6,prismatic:2", 8)
+    assert [type(joint).__name__ for joint in mixed.joints].count("Prismatic") == 2
+    assert mixed.shape == (6, 8)
