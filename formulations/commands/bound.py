@@ -132,8 +132,6 @@ def _existence_text(found: ExistenceRelaxation, plain: Mapping[str, Any]) -> str
         alone = block["margin_alone"]
         margin = "–" if alone is None else f"{alone:+.6f}"
         said = "  infeasible alone" if block["infeasible_alone"] else ""
-        lines.append(
-            f"{block['charge']:>6}  {shape:<15}  {block['dimension']:>9}  {block['copies']:>6}  "
-            f"{block['size']:>4}  {margin:>12}{said}"
-        )
+        size = f"{block['dimension']:>9}  {block['copies']:>6}  {block['size']:>4}"
+        lines.append(f"{block['charge']:>6}  {shape:<15}  {size}  {margin:>12}{said}")
     return "\n".join(lines if found.blocks else lines[:1])
