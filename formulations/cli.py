@@ -10,6 +10,7 @@ from formulations.commands.bound import bound
 from formulations.commands.compare import compare
 from formulations.commands.measure import measure
 from formulations.commands.prove import prove
+from formulations.commands.reproduce import reproduce
 from formulations.commands.solve import solve
 from formulations.commands.verify import verify
 
@@ -20,7 +21,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 96},
 )
-for command in (compare, solve, measure, bound, prove, verify):
+for command in (compare, reproduce, solve, measure, bound, prove, verify):
     app.command()(command)
 
 
