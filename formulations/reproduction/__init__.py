@@ -87,4 +87,4 @@ def _rows(seed: int, starts: int) -> Iterator[Row]:
     yield from seven_joints.rows(seed, starts)
     yield from seven_joints_worst_case.rows(seed, min(starts, 20))
     yield from eight_joints.rows(seed, min(starts, 50))
-    yield from eight_joints_family.rows()
+    yield from eight_joints_family.rows(seed, min(starts, 50))

@@ -14,15 +14,13 @@ from formulations.reproduction.rounding import product_slack, singular_value_sla
 from formulations.reproduction.row import Row, Verdict, shown
 from formulations.reproduction.searches import jacobians, search
 from formulations.reproduction.verdicts import equal, holds
-from formulations.solution_family import solve_near
+from formulations.solution_family import least_slope, solve_near
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
 from nlp.solution import Solution
 
 ARM = Arm.of(UnitRevolute(), 8)
 _TOLERANCE = 1e-9
-# Numerical solutions of the paper's time need not be converged to the last printed digit.
-_ENTRY = 1e-3
 _DECIMALS = reference.MATRIX_DECIMALS
 
 
@@ -80,20 +78,23 @@ def _locked_row(printed: FloatArray) -> Row:
 
 
 def _exact_row(printed: FloatArray) -> Row:
-    quantity, paper = (
-        "an exactly isotropic Jacobian at the printed one",
-        "isotropic as designed",
-    )
+    quantity = "distance of the printed matrix to an exactly isotropic one, any entry"
+    paper = "isotropic as designed"
     try:
-        angles = ARM.variables(nearest_unit_revolute(printed))
-        exact = ARM.jacobian(solve_near(ARM, angles))
+        angles = solve_near(ARM, ARM.variables(nearest_unit_revolute(printed)))
     except InputError as reason:
         return Row("(47)", quantity, paper, "none", Verdict.MISMATCH, str(reason))
+    exact = ARM.jacobian(angles)
     moved = float(np.max(np.abs(aligned(exact, printed) - printed)))
     tolerant = measures.is_optimally_failure_tolerant(exact, _TOLERANCE)
-    ours = f"one within {moved:.1e} in every entry"
-    verdict = holds(tolerant and moved <= _ENTRY)
-    return Row("(47)", quantity, paper, ours, verdict, f"allowed {_ENTRY:.0e}")
+    slope = least_slope(ARM, angles)
+    slack = product_slack(printed, _DECIMALS) / slope
+    note = (
+        f"the equations are flat here (slope {slope:.2f} at least), so that what rounding "
+        f"leaves in JJᵀ allows {slack:.1e}"
+    )
+    ours = f"at most {moved:.1e}"
+    return Row("(47)", quantity, paper, ours, holds(tolerant and moved <= slack), note)
 
 
 def _value_row(

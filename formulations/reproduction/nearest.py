@@ -1,4 +1,4 @@
-"""From a printed, rounded Jacobian to exact ones: columns of unit revolute joints, alignment."""
+"""From a printed, rounded Jacobian to exact ones: unit revolute columns, and alignment."""
 
 from __future__ import annotations
 

@@ -85,14 +85,14 @@ def _row_names_row(jacobian: FloatArray) -> Row:
     as_printed = jacobian[[0, 1, 2, 3, 4, 4]]
     n = jacobian.shape[1]
     # By eq. (21) all |ω_i| = 1: the squares of the last three rows add up to n.
-    errors = [abs(float(np.sum(rows[3:] ** 2)) - n) for rows in (as_printed, jacobian)]
+    wrong, right = (abs(float(np.sum(j[3:] ** 2)) - n) for j in (as_printed, jacobian))
     rank = int(np.sum(measures.singular_values(as_printed) > 1e-9))
     return Row(
         "(22)",
         "last row of J",
         "ω_yᵀ, as the row above it",
         "ω_zᵀ",
-        misprint(*errors, _ROUNDING),
+        misprint(wrong, right, _ROUNDING),
         f"with ω_yᵀ twice Σ|ω_i|² = n fails, and J of rank {rank} is never isotropic",
     )
 
