@@ -8,7 +8,7 @@ from typing import Protocol, TypeVar
 
 from formulations import isotropy, max_min, residual
 from formulations.arm import Arm
-from formulations.joints import FreeColumn, Joint, LeverRevolute, UnitRevolute
+from formulations.joints import FreeColumn, Joint, LeverRevolute, Prismatic, UnitRevolute
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
 from nlp.ipopt_options import OptionValue
@@ -27,7 +27,7 @@ class Formulation(Protocol):
     def build(self, arm: Arm) -> Problem:
         """State the problem for an arm."""
 
-    def merit(self, jacobian: FloatArray) -> float:
+    def merit(self, jacobian: FloatArray, locked: int = 1) -> float:
         """What the statement optimises, from J alone."""
 
 
@@ -40,6 +40,7 @@ MODELS: Mapping[str, Callable[[int], Joint]] = MappingProxyType(
         "unit-revolute": lambda _: UnitRevolute(),
         "lever-revolute": lambda _: LeverRevolute(),
         "lever-revolute-each": lambda _: LeverRevolute(budget="each"),
+        "prismatic": lambda _: Prismatic(),
         "free": lambda dimension: FreeColumn(dimension),
         "free-mean": lambda dimension: FreeColumn(dimension, budget="mean"),
     }
@@ -52,18 +53,42 @@ def formulation(name: str) -> Formulation:
 
 
 def arm(model: str, joints: int, task_dimension: int = 6) -> Arm:
-    """Return an arm of equal joints by the name of their column model.
+    """Return an arm by the name of its joints' column model.
+
+    Parameters
+    ----------
+    model
+        A name in `MODELS`, or a mix such as ``lever-revolute:6,prismatic:2``.
+    joints
+        Number of joints n; of a mix, the sum of its parts.
+    task_dimension
+        Number of task dimensions m.
 
     Raises
     ------
     InputError
         If there is no such model, it has another task dimension, or joints are too few.
     """
-    joint = _named("model", model, MODELS)(task_dimension)
-    if joint.dimension != task_dimension:
-        allowed = f"{joint.dimension} for the model {model}"
-        raise InputError("task dimension", task_dimension, allowed)
-    return Arm.of(joint, joints)
+    parts = [_part(part, joints) for part in model.split(",")]
+    if sum(count for _, count in parts) != joints:
+        raise InputError("joints", joints, f"{sum(count for _, count in parts)} for {model}")
+    row = []
+    for name, count in parts:
+        joint = _named("model", name, MODELS)(task_dimension)
+        if joint.dimension != task_dimension:
+            allowed = f"{joint.dimension} for the model {name}"
+            raise InputError("task dimension", task_dimension, allowed)
+        row += [joint] * count
+    return Arm(tuple(row))
+
+
+def _part(text: str, joints: int) -> tuple[str, int]:
+    name, colon, count = text.partition(":")
+    if not colon:
+        return name, joints
+    if not count.isdigit() or int(count) < 1:
+        raise InputError("model", text, "NAME:COUNT with a count of at least 1")
+    return name, int(count)
 
 
 def models_of(task_dimension: int) -> tuple[str, str]:

@@ -85,13 +85,13 @@ def build(arm: Arm) -> Problem:
     )
 
 
-def merit(jacobian: FloatArray) -> float:
+def merit(jacobian: FloatArray, locked: int = 1) -> float:
     """What the statement maximises, √t from J alone; −∞ if J is not isotropic."""
     m, _ = jacobian.shape
     scale = measures.trace(jacobian) / m
     if measures.isotropy_defect(jacobian) > TOLERANCE * scale**2:
         return -np.inf
-    return measures.worst_case_sigma(jacobian)
+    return measures.worst_case_sigma(jacobian, locked)
 
 
 def _not_implied(arm: Arm, variables: ca.SX) -> tuple[Constraint, ...]:

@@ -108,9 +108,9 @@ def attained_level(arm: Arm, locked: int = 1, samples: int = 100) -> float:
     return 0.5 * best**2
 
 
-def merit(jacobian: FloatArray) -> float:
+def merit(jacobian: FloatArray, locked: int = 1) -> float:
     """What the statement maximises, from J alone: the worst-case singular value √t."""
-    return measures.worst_case_sigma(jacobian)
+    return measures.worst_case_sigma(jacobian, locked)
 
 
 class ResidualMinimum:

@@ -74,6 +74,6 @@ def build(arm: Arm, weighting: str = "invariant", rows: str = "derived") -> Prob
     )
 
 
-def merit(jacobian: FloatArray) -> float:
+def merit(jacobian: FloatArray, locked: int = 1) -> float:  # noqa: ARG001
     """What the statement minimises, from J alone."""
     return measures.isotropy_defect(jacobian)

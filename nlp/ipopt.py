@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from nlp.arrays import FloatArray, finite_vector
+from nlp.interrupts import deferred_interrupt
 from nlp.ipopt_options import OptionValue, check_options
 from nlp.problem import Problem
 from nlp.solution import Solution, Status
@@ -70,13 +71,16 @@ class IpoptSolver:
         ------
         InputError
             If the start has a wrong shape or is not finite.
+        KeyboardInterrupt
+            If the user interrupted while Ipopt ran.
         """
         problem = self.problem
         x0 = finite_vector("start", problem.lift(np.asarray(start, dtype=float)), problem.size)
         cpu, wall = time.process_time(), time.perf_counter()
-        answer = self._solver(
-            x0=x0, lbx=problem.lower, ubx=problem.upper, lbg=self._lower, ubg=self._upper
-        )
+        with deferred_interrupt():
+            answer = self._solver(
+                x0=x0, lbx=problem.lower, ubx=problem.upper, lbg=self._lower, ubg=self._upper
+            )
         cpu, wall = time.process_time() - cpu, time.perf_counter() - wall
         return self._solution(answer, cpu, wall)
 

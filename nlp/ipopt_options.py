@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import difflib
 import html
-import os
+import io
 import re
+import subprocess
 import sys
-import tempfile
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
+from contextlib import redirect_stdout
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import IO, Any, TypeAlias
+from typing import Any, TypeAlias
 
 import casadi as ca
 import numpy as np
@@ -80,13 +80,7 @@ def check_options(options: Mapping[str, object]) -> dict[str, OptionValue]:
 @lru_cache(maxsize=1)
 def ipopt_options() -> Mapping[str, Option]:
     """Every option of the installed Ipopt, as that Ipopt documents it."""
-    text = _trial_solve(
-        {
-            "print_options_documentation": "yes",
-            "print_advanced_options": "yes",
-            "print_options_mode": "doxygen",
-        }
-    )[1]
+    text = _documentation()
     return {
         entry["name"]: _parse(entry["name"], entry["text"]) for entry in _ENTRY.finditer(text)
     }
@@ -134,33 +128,36 @@ def _similar(name: str, known: tuple[str, ...]) -> str:
 
 @lru_cache(maxsize=16)
 def _check_linear_solver(name: str) -> None:
-    if _trial_solve({"linear_solver": name})[0] == "Invalid_Option":
+    """Try the linear solver in a process of its own: some, when missing, crash theirs."""
+    if name == "mumps":
+        return
+    trial = subprocess.run(
+        [sys.executable, "-c", _LINEAR_SOLVER_TRIAL, name], capture_output=True, check=False
+    )
+    if trial.returncode != 0:
         allowed = "a linear solver that this Ipopt can load; mumps always is"
         raise SolverOptionError("Ipopt option linear_solver", name, allowed)
 
 
-def _trial_solve(options: dict[str, OptionValue]) -> tuple[str, str]:
-    """Solve min x² with the options; return Ipopt's status and what it printed."""
+_LINEAR_SOLVER_TRIAL = """
+import sys, casadi as ca
+x = ca.SX.sym("x")
+solver = ca.nlpsol("trial", "ipopt", {"x": x, "f": x**2}, {"ipopt.linear_solver": sys.argv[1]})
+solver(x0=1.0)
+sys.exit(0 if solver.stats()["return_status"] == "Solve_Succeeded" else 1)
+"""
+
+
+def _documentation() -> str:
+    """Return Ipopt's documentation of its options, which it prints when asked to solve."""
     x = ca.SX.sym("x")
-    settings: dict[str, Any] = {"ipopt": options, "print_time": False}
-    with _captured_output() as output:
-        solver = ca.nlpsol("trial", "ipopt", {"x": x, "f": x**2}, settings)
+    settings: dict[str, Any] = {
+        "print_options_documentation": "yes",
+        "print_advanced_options": "yes",
+        "print_options_mode": "doxygen",
+    }
+    output = io.StringIO()
+    with redirect_stdout(output):  # CasADi prints through Python's standard output
+        solver = ca.nlpsol("trial", "ipopt", {"x": x, "f": x**2}, {"ipopt": settings})
         solver(x0=1.0)
-    output.seek(0)
-    text = output.read()
-    output.close()
-    return str(solver.stats()["return_status"]), text
-
-
-@contextmanager
-def _captured_output() -> Iterator[IO[str]]:
-    """Catch what compiled code prints: Ipopt writes to file descriptor 1, not sys.stdout."""
-    output = tempfile.TemporaryFile("w+", encoding="utf-8", errors="replace")  # noqa: SIM115
-    sys.stdout.flush()
-    kept = os.dup(1)
-    os.dup2(output.fileno(), 1)
-    try:
-        yield output
-    finally:
-        os.dup2(kept, 1)
-        os.close(kept)
+    return output.getvalue()

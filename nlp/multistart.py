@@ -15,7 +15,7 @@ from collections.abc import Callable, Generator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
+from typing import Any, Generic, TypeVar, overload
 
 import joblib
 import numpy as np
@@ -25,10 +25,11 @@ from nlp.arrays import FloatArray, whole_number
 from nlp.errors import InputError
 from nlp.ipopt import IpoptSolver
 from nlp.ipopt_options import check_options
-from nlp.problem import Problem
+from nlp.problem import Problem, Sense
 from nlp.solution import Solution
 
 CHUNK = 10
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,16 +53,24 @@ class Run:
 
 
 @dataclass(frozen=True, eq=False)
-class Study:
-    """Runs in the order of their starts, and whether all that were asked for are there."""
+class Study(Generic[T]):
+    """What became of each start, in the order of the starts.
 
-    runs: tuple[Run, ...]
+    Attributes
+    ----------
+    results
+        One entry per start that ended: its `Run`, or what the judge made of it.
+    complete
+        Whether all starts that were asked for ended.
+    """
+
+    results: tuple[T, ...]
     complete: bool
 
 
 @dataclass(frozen=True)
-class Task:
-    """What every worker needs: how to build the problem, how to draw a start.
+class Task(Generic[T]):
+    """What every worker needs.
 
     Attributes
     ----------
@@ -71,11 +80,27 @@ class Task:
         Draws a start from a generator, in the variables that the problem's lift takes.
     options
         Ipopt options.
+    judge
+        Makes a result of a run, where it was run.
     """
 
     build: Callable[[], Problem]
     sample: Callable[[np.random.Generator], FloatArray]
     options: Mapping[str, object]
+    judge: Callable[[Run], T]
+
+
+@dataclass(frozen=True, eq=False)
+class _Done(Generic[T]):
+    index: int
+    result: T
+    success: bool
+    sense: Sense
+    objective: float
+
+
+def _unjudged(run: Run) -> Run:
+    return run
 
 
 def generator(seed: int, index: int) -> np.random.Generator:
@@ -88,6 +113,33 @@ def default_workers() -> int:
     return int(joblib.cpu_count())
 
 
+@overload
+def multistart(
+    build: Callable[[], Problem],
+    sample: Callable[[np.random.Generator], FloatArray],
+    *,
+    starts: int,
+    seed: int = ...,
+    workers: int = ...,
+    options: Mapping[str, object] | None = ...,
+    label: str | None = ...,
+) -> Study[Run]: ...
+
+
+@overload
+def multistart(
+    build: Callable[[], Problem],
+    sample: Callable[[np.random.Generator], FloatArray],
+    *,
+    starts: int,
+    seed: int = ...,
+    workers: int = ...,
+    options: Mapping[str, object] | None = ...,
+    label: str | None = ...,
+    judge: Callable[[Run], T],
+) -> Study[T]: ...
+
+
 def multistart(
     build: Callable[[], Problem],
     sample: Callable[[np.random.Generator], FloatArray],
@@ -97,12 +149,13 @@ def multistart(
     workers: int = 1,
     options: Mapping[str, object] | None = None,
     label: str | None = None,
-) -> Study:
+    judge: Callable[[Run], Any] = _unjudged,
+) -> Study[Any]:
     """Solve one problem from many random starts.
 
     Parameters
     ----------
-    build, sample, options
+    build, sample, options, judge
         See `Task`. With more than one worker they must be picklable.
     starts
         How many starts, at least 1.
@@ -116,7 +169,7 @@ def multistart(
     Returns
     -------
     Study
-        All runs, or those done so far if the user interrupted with Ctrl-C.
+        All results, or those there so far if the user interrupted with Ctrl-C.
 
     Raises
     ------
@@ -126,37 +179,38 @@ def multistart(
     starts = whole_number("starts", starts, 1)
     seed = whole_number("seed", seed, 0)
     workers = whole_number("workers", workers, 1)
-    task = Task(build, sample, check_options(options or {}))
-    runs: list[Run] = []
-    batches = (
-        _in_turn(task, seed, starts) if workers == 1 else _spread(task, seed, starts, workers)
-    )
+    task = Task(build, sample, check_options(options or {}), judge)
+    if workers == 1:
+        batches = _in_turn(task, seed, starts)
+    else:
+        batches = _spread(task, seed, starts, workers)
+    done: list[_Done[Any]] = []
     with closing(batches), _progress(label, starts) as bar:
         best = _Best(bar)
         try:
             for batch in batches:
-                runs += batch
+                done += batch
                 best.add(batch)
         except KeyboardInterrupt:
             pass  # what is done is kept, and `complete` says that it is not all
-    ordered = tuple(sorted(runs, key=lambda run: run.index))
-    return Study(ordered, complete=len(ordered) == starts)
+    done.sort(key=lambda one: one.index)
+    return Study(tuple(one.result for one in done), complete=len(done) == starts)
 
 
-def _in_turn(task: Task, seed: int, starts: int) -> Generator[list[Run], None, None]:
+def _in_turn(task: Task[T], seed: int, starts: int) -> Generator[list[_Done[T]], None, None]:
     solver = IpoptSolver(task.build(), task.options)
     for index in range(starts):
         yield [_run(solver, task, seed, index)]
 
 
 def _spread(
-    task: Task, seed: int, starts: int, workers: int
-) -> Generator[list[Run], None, None]:
+    task: Task[T], seed: int, starts: int, workers: int
+) -> Generator[list[_Done[T]], None, None]:
     try:
         payload = pickle.dumps(task)
     except (pickle.PicklingError, AttributeError, TypeError) as reason:
         allowed = "functions that pickle, such as functions of a module"
-        raise InputError("build or sample", str(reason), allowed) from None
+        raise InputError("build, sample or judge", str(reason), allowed) from None
     size = max(1, min(CHUNK, -(-starts // workers)))
     chunks = [range(first, min(first + size, starts)) for first in range(0, starts, size)]
     with joblib.parallel_config("loky", n_jobs=workers, inner_max_num_threads=1):
@@ -167,7 +221,7 @@ def _spread(
             yield from batches
 
 
-def _run_chunk(payload: bytes, seed: int, indices: Sequence[int]) -> list[Run]:
+def _run_chunk(payload: bytes, seed: int, indices: Sequence[int]) -> list[_Done[Any]]:
     if threading.current_thread() is threading.main_thread():
         signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's to answer
     solver, task = _worker(payload)
@@ -175,15 +229,17 @@ def _run_chunk(payload: bytes, seed: int, indices: Sequence[int]) -> list[Run]:
 
 
 @lru_cache(maxsize=2)
-def _worker(payload: bytes) -> tuple[IpoptSolver, Task]:
-    task: Task = pickle.loads(payload)
+def _worker(payload: bytes) -> tuple[IpoptSolver, Task[Any]]:
+    task: Task[Any] = pickle.loads(payload)
     return IpoptSolver(task.build(), task.options), task
 
 
-def _run(solver: IpoptSolver, task: Task, seed: int, index: int) -> Run:
+def _run(solver: IpoptSolver, task: Task[T], seed: int, index: int) -> _Done[T]:
     began = time.process_time()
     solution = solver.solve(task.sample(generator(seed, index)))
-    return Run(seed, index, solution, time.process_time() - began)
+    run = Run(seed, index, solution, time.process_time() - began)
+    success = solution.status.success
+    return _Done(index, task.judge(run), success, solution.sense, solution.objective)
 
 
 def _progress(label: str | None, starts: int) -> tqdm[Any]:
@@ -198,13 +254,12 @@ class _Best:
         self._bar = bar
         self._value: float | None = None
 
-    def add(self, batch: Sequence[Run]) -> None:
-        for run in batch:
-            solution = run.solution
-            if solution.status.success:
-                pick = min if solution.sense == "minimise" else max
-                known = solution.objective if self._value is None else self._value
-                self._value = pick(known, solution.objective)
+    def add(self, batch: Sequence[_Done[Any]]) -> None:
+        for one in batch:
+            if one.success:
+                pick = min if one.sense == "minimise" else max
+                known = one.objective if self._value is None else self._value
+                self._value = pick(known, one.objective)
         if self._value is not None:
             self._bar.set_postfix_str(f"best {self._value:.8g}", refresh=False)
         self._bar.update(len(batch))

@@ -1,0 +1,109 @@
+"""The best worst case after one locked joint, in closed form: eq. (6) and its weighted kin.
+
+Let M = JJᵀ and t = min_f λ_min(M − j_f j_fᵀ), the square of the measure (5). If t > 0, each of
+the n conditions M − j_f j_fᵀ ⪰ tI says j_fᵀ(M − tI)⁻¹j_f ≤ 1, and their sum is
+
+    t · tr((M − tI)⁻¹) ≤ n − m.
+
+Only M occurs, so whatever is known of the trace of M, or of the traces of its diagonal blocks,
+bounds t. By convexity the largest t is met where each block is a multiple of the identity.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from nlp.errors import InputError
+
+
+def largest_eigenvalue_bound(
+    joints: int, task_dimension: int, *, trace: float | None = None
+) -> float:
+    """Return the largest possible t: the square of the right-hand side of eq. (6).
+
+    Parameters
+    ----------
+    joints
+        Number n of columns of J.
+    task_dimension
+        Number m of rows of J, less than n.
+    trace
+        tr JJᵀ, the sum of the squared column norms, in the squared units of J. By default m,
+        which is σ = 1 for an isotropic J.
+
+    Returns
+    -------
+    float
+        t = (trace/m)(n − m)/n: no J, isotropic or not, keeps JJᵀ − j_f j_fᵀ ⪰ τI for every f
+        with a larger τ.
+
+    Raises
+    ------
+    InputError
+        Unless 1 ≤ m < n and the trace is positive and finite.
+
+    Notes
+    -----
+    Maciejewski and Roberts (1995), eq. (6), with σ² = trace/m; there J is assumed isotropic.
+    """
+    check_dimensions(joints, task_dimension)
+    total = check_trace("trace", task_dimension if trace is None else trace)
+    return total / task_dimension * (joints - task_dimension) / joints
+
+
+def block_trace_bound(joints: int, sizes: Sequence[int], traces: Sequence[float]) -> float:
+    """Return the largest possible t when traces of the diagonal blocks of JJᵀ are limited.
+
+    Parameters
+    ----------
+    joints
+        Number n of columns of J.
+    sizes
+        Numbers of rows m_B of the blocks, adding up to m < n.
+    traces
+        Upper limit T_B of the trace of each block, in the squared units of its rows.
+
+    Returns
+    -------
+    float
+        The root t of Σ_B m_B/(T_B/m_B − t) = (n − m)/t below every T_B/m_B.
+
+    Raises
+    ------
+    InputError
+        Unless sizes are positive, as many as the traces, add up to less than n, and the traces
+        are positive and finite.
+    """
+    if len(sizes) != len(traces) or not sizes or min(sizes) < 1:
+        raise InputError("sizes", list(sizes), "one positive size for each trace")
+    check_dimensions(joints, sum(sizes))
+    means = [
+        check_trace("traces", trace) / size for size, trace in zip(sizes, traces, strict=True)
+    ]
+    redundancy = joints - sum(sizes)
+    low, high = 0.0, min(means)
+    # f(t) = t Σ m_B/(mean_B − t) rises from 0 to infinity, so bisection cannot miss the root.
+    while low < (middle := 0.5 * (low + high)) < high:
+        spent = middle * sum(
+            size / (mean - middle) for size, mean in zip(sizes, means, strict=True)
+        )
+        low, high = (middle, high) if spent < redundancy else (low, middle)
+    return high
+
+
+def check_dimensions(joints: int, task_dimension: int) -> None:
+    """Raise InputError unless 1 ≤ m < n: without redundancy no joint may be locked."""
+    if task_dimension < 1:
+        raise InputError("task_dimension", task_dimension, "an integer of at least 1")
+    if joints <= task_dimension:
+        raise InputError(
+            "joints", joints, f"an integer above the task dimension {task_dimension}"
+        )
+
+
+def check_trace(argument: str, value: float) -> float:
+    """Return a trace as a float; raise InputError unless it is positive and finite."""
+    if not (math.isfinite(value) and value > 0):
+        raise InputError(argument, value, "a positive finite number")
+    return float(value)

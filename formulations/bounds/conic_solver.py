@@ -1,0 +1,53 @@
+"""Run a conic solver through cvxpy and keep what it says of itself."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping
+from typing import Any
+
+import cvxpy as cp
+
+from nlp.errors import InputError, SolverOptionError
+
+
+def run(program: cp.Problem, solver: str, options: Mapping[str, Any] | None = None) -> str:
+    """Solve a cvxpy problem in place and return the solver's status in full.
+
+    Parameters
+    ----------
+    program
+        The problem; its variables and constraints receive their values.
+    solver
+        Name of a conic solver that is installed, e.g. ``"CLARABEL"``.
+    options
+        The solver's own options, by their own names.
+
+    Returns
+    -------
+    str
+        cvxpy's status, e.g. ``"optimal"``, ``"optimal_inaccurate"``, ``"infeasible"``, or
+        ``"solver_error: "`` and the message. A failure is a result and is not raised.
+
+    Raises
+    ------
+    InputError
+        If there is no such solver.
+    SolverOptionError
+        If the solver has no such option.
+    """
+    installed = cp.installed_solvers()
+    if solver not in installed:
+        raise InputError("solver", solver, ", ".join(installed))
+    with warnings.catch_warnings():
+        # cvxpy warns of inaccurate answers; the status says so too, and is kept.
+        warnings.simplefilter("ignore", UserWarning)
+        try:
+            program.solve(solver=solver, **(options or {}))
+        except cp.SolverError as error:
+            return f"solver_error: {error}"
+        except (AttributeError, TypeError, ValueError) as error:
+            if not options:
+                raise
+            raise SolverOptionError("options", dict(options), str(error)) from error
+    return str(program.status)

@@ -1,0 +1,150 @@
+"""What a bound on the worst case knows of a robot: n, m, tr JJᵀ and linear facts about JJᵀ.
+
+A fact about M = JJᵀ is ⟨A, M⟩ = b or ⟨A, M⟩ ≤ b for every Jacobian of a column model.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from formulations.bounds.closed_form import (
+    block_trace_bound,
+    check_dimensions,
+    check_trace,
+    largest_eigenvalue_bound,
+)
+from nlp.errors import InputError
+
+Matrix: TypeAlias = NDArray[np.float64]
+Relation: TypeAlias = Literal["equal", "at most"]
+
+
+@dataclass(frozen=True, eq=False)
+class LinearFact:
+    """A linear equation or inequality that M = JJᵀ obeys: ⟨A, M⟩ = b or ⟨A, M⟩ ≤ b.
+
+    Parameters
+    ----------
+    name
+        What it says, for tables.
+    matrix
+        A, symmetric, m×m.
+    value
+        b, in the squared units of J.
+    relation
+        ``"equal"`` or ``"at most"``.
+    """
+
+    name: str
+    matrix: Matrix
+    value: float
+    relation: Relation
+
+    def __post_init__(self) -> None:
+        matrix = np.array(self.matrix, dtype=float)
+        if matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1]:
+            raise InputError("matrix", matrix.shape, "a square matrix")
+        if not (np.isfinite(matrix).all() and (matrix == matrix.T).all()):
+            raise InputError("matrix", self.name, "a finite symmetric matrix")
+        if not math.isfinite(self.value):
+            raise InputError("value", self.value, "a finite number")
+        if self.relation not in ("equal", "at most"):
+            raise InputError("relation", self.relation, "equal, at most")
+        matrix.flags.writeable = False
+        object.__setattr__(self, "matrix", matrix)
+
+
+@dataclass(frozen=True, eq=False)
+class WorstCase:
+    """A class of Jacobians whose worst case after one locked joint is to be bounded.
+
+    Parameters
+    ----------
+    joints
+        Number n of columns of J.
+    task_dimension
+        Number m of rows of J, less than n.
+    trace
+        Upper limit of tr JJᵀ, in the squared units of J.
+    facts
+        What else holds of JJᵀ, each with an m×m matrix.
+    closed_form
+        The bound on t that a formula gives, where there is one.
+
+    Raises
+    ------
+    InputError
+        Unless 1 ≤ m < n, the trace is positive and finite and the facts are m×m.
+    """
+
+    joints: int
+    task_dimension: int
+    trace: float
+    facts: tuple[LinearFact, ...] = ()
+    closed_form: float | None = None
+
+    def __post_init__(self) -> None:
+        check_dimensions(self.joints, self.task_dimension)
+        check_trace("trace", self.trace)
+        for fact in self.facts:
+            if fact.matrix.shape[0] != self.task_dimension:
+                allowed = f"matrices with {self.task_dimension} rows"
+                raise InputError("facts", fact.matrix.shape, allowed)
+
+
+def free_columns(joints: int, task_dimension: int, *, trace: float | None = None) -> WorstCase:
+    """Return the class of all m×n Jacobians with tr JJᵀ at most `trace`: eq. (6).
+
+    Parameters
+    ----------
+    joints
+        Number n of columns.
+    task_dimension
+        Number m of rows.
+    trace
+        Upper limit of tr JJᵀ; by default m, which is σ = 1 in eq. (6).
+
+    Raises
+    ------
+    InputError
+        Unless 1 ≤ m < n and the trace is positive and finite.
+    """
+    total = float(task_dimension if trace is None else trace)
+    closed_form = largest_eigenvalue_bound(joints, task_dimension, trace=total)
+    return WorstCase(joints, task_dimension, total, closed_form=closed_form)
+
+
+def revolute_arm(joints: int, *, lever_arm: float = 1.0) -> WorstCase:
+    """Return the class of arms of revolute joints, rows v above rows ω.
+
+    Each column has |ω_i| = 1 and v_i · ω_i = 0, as in eq. (21), but a lever arm |v_i| that is
+    free up to `lever_arm`, for each joint or in root mean square. `lever_arm` 1 covers the unit
+    revolute joints of eq. (21). Hence the trace of the ω block of JJᵀ is n, that of the v block
+    at most nℓ², and that of the cross block 0.
+
+    Parameters
+    ----------
+    joints
+        Number n of revolute joints, above 6.
+    lever_arm
+        Largest lever arm ℓ, in the length that makes v and ω comparable.
+
+    Raises
+    ------
+    InputError
+        Unless n > 6 and ℓ is positive and finite.
+    """
+    linear = joints * check_trace("lever_arm", lever_arm) ** 2
+    closed_form = block_trace_bound(joints, (3, 3), (linear, joints))
+    cross = np.kron(np.array([[0.0, 0.5], [0.5, 0.0]]), np.eye(3))
+    facts = (
+        LinearFact("angular block", np.diag([0.0] * 3 + [1.0] * 3), joints, "equal"),
+        LinearFact("linear block", np.diag([1.0] * 3 + [0.0] * 3), linear, "at most"),
+        LinearFact("cross block", cross, 0.0, "equal"),
+    )
+    return WorstCase(joints, 6, joints + linear, facts, closed_form)

@@ -1,0 +1,46 @@
+"""The command line ``lockedjoint``: names the commands; each is a file in `commands`."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from formulations.commands.compare import compare
+from formulations.commands.measure import measure
+from formulations.commands.solve import solve
+
+app = typer.Typer(
+    name="lockedjoint",
+    no_args_is_help=True,
+    add_completion=False,
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 96},
+)
+for command in (compare, solve, measure):
+    app.command()(command)
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        from importlib.metadata import version
+
+        typer.echo(f"lockedjoint {version('lockedjoint')}")
+        raise typer.Exit
+
+
+@app.callback()
+def lockedjoint(
+    version: Annotated[
+        bool,
+        typer.Option(
+            "--version", callback=_print_version, is_eager=True, help="Show the version."
+        ),
+    ] = False,
+) -> None:
+    """Design and certify optimally failure-tolerant manipulator Jacobians.
+
+    Start with `lockedjoint compare`. Exit status: 0 when done, 1 when a check failed, 2 for
+    input that is not allowed, 130 after Ctrl-C (what was done is kept).
+    """

@@ -1,0 +1,109 @@
+"""Arguments that commands share, each checked with one sentence of our own."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from nlp.errors import SolverOptionError
+
+
+def _whole(lowest: int) -> Callable[[str], int]:
+    def whole_number(text: str) -> int:
+        try:
+            number = int(str(text))
+        except ValueError:
+            number = lowest - 1
+        if number < lowest:
+            raise typer.BadParameter(
+                f"{text} given; allowed: a whole number of at least {lowest}."
+            )
+        return number
+
+    return whole_number
+
+
+def _positive(text: str) -> float:
+    try:
+        number = float(text)
+    except ValueError:
+        number = float("nan")
+    if not 0 < number < float("inf"):
+        raise typer.BadParameter(f"{text} given; allowed: a finite number above 0.")
+    return number
+
+
+Joints = Annotated[
+    int, typer.Option(parser=_whole(2), metavar="N", help="Number of joints n, above m.")
+]
+TaskDimension = Annotated[
+    int, typer.Option(parser=_whole(1), metavar="M", help="Number of task dimensions m.")
+]
+Starts = Annotated[
+    int, typer.Option(parser=_whole(1), metavar="K", help="Random starts of each row.")
+]
+Seed = Annotated[
+    int,
+    typer.Option(
+        parser=_whole(0), metavar="S", help="Seed; start k of a seed is the same everywhere."
+    ),
+]
+Workers = Annotated[
+    int | None,
+    typer.Option(
+        parser=_whole(1), metavar="W", help="Worker processes.", show_default="all cores"
+    ),
+]
+Locked = Annotated[
+    int, typer.Option(parser=_whole(1), metavar="K", help="How many joints lock at once.")
+]
+Tolerance = Annotated[
+    float,
+    typer.Option(
+        parser=_positive,
+        metavar="TOL",
+        help="Relative tolerance of the verdict 'optimally failure tolerant'.",
+    ),
+]
+Out = Annotated[
+    Path, typer.Option(metavar="DIR", help="Folder for the files; made if missing.")
+]
+Json = Annotated[bool, typer.Option("--json", help="Print JSON instead of text.")]
+Ipopt = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--ipopt",
+        metavar="NAME=VALUE",
+        help="An Ipopt option, over the formulation's own; may be repeated.",
+        show_default=False,
+    ),
+]
+
+
+def ipopt_options(settings: Sequence[str] | None) -> dict[str, object]:
+    """Read ``NAME=VALUE`` settings; numbers become numbers.
+
+    Raises
+    ------
+    SolverOptionError
+        If a setting has no ``=``.
+    """
+    options: dict[str, object] = {}
+    for setting in settings or ():
+        name, equals, value = setting.partition("=")
+        if not (name and equals):
+            raise SolverOptionError("--ipopt", setting, "NAME=VALUE, such as max_iter=500")
+        options[name.strip()] = _number(value.strip())
+    return options
+
+
+def _number(text: str) -> str | int | float:
+    for kind in (int, float):
+        try:
+            return kind(text)
+        except ValueError:
+            continue
+    return text

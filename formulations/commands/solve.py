@@ -1,0 +1,121 @@
+"""``lockedjoint solve``: one formulation on one arm."""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from formulations.commands.arguments import (
+    Ipopt,
+    Joints,
+    Json,
+    Locked,
+    Seed,
+    Starts,
+    TaskDimension,
+    Workers,
+    ipopt_options,
+)
+
+if TYPE_CHECKING:
+    from formulations.comparison.contender import Outcome
+
+
+def solve(
+    formulation: Annotated[
+        str, typer.Argument(metavar="FORMULATION", help="residual, max-min or isotropy.")
+    ],
+    model: Annotated[
+        str,
+        typer.Option(
+            help="Column model: unit-revolute, lever-revolute, lever-revolute-each, prismatic, "
+            "free or free-mean; or a mix such as lever-revolute:6,prismatic:2."
+        ),
+    ] = "unit-revolute",
+    joints: Joints = 7,
+    task_dimension: TaskDimension = 6,
+    locked: Locked = 1,
+    encoding: Annotated[
+        str,
+        typer.Option(
+            help="Eigenvalue constraints of max-min: shared-factor, factor-per-deletion or "
+            "positive-factor-per-deletion."
+        ),
+    ] = "shared-factor",
+    from_residual_minima: Annotated[
+        bool,
+        typer.Option("--from-residual-minima", help="Start max-min from residual minima."),
+    ] = False,
+    starts: Starts = 10,
+    seed: Seed = 0,
+    workers: Workers = 1,
+    ipopt: Ipopt = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Write the best Jacobian and its measures as JSON."),
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Solve one formulation from random starts and measure the best answer."""
+    from formulations.assessment import assess
+    from formulations.commands.measure import as_text
+    from formulations.comparison.contender import Contender, run
+    from formulations.comparison.row import reached, representative, verdict
+    from nlp.files import prepare_folder, write_text
+    from nlp.multistart import default_workers
+
+    contender = Contender(
+        formulation,
+        model,
+        encoding=encoding,
+        from_residual_minima=from_residual_minima,
+        locked=locked,
+    )
+    if out is not None:
+        prepare_folder(out.parent, "folder of --out")
+    outcome = run(
+        contender,
+        joints=joints,
+        task_dimension=task_dimension,
+        starts=starts,
+        seed=seed,
+        workers=workers or default_workers(),
+        options=ipopt_options(ipopt),
+        progress=True,
+    )
+    if not outcome.records:
+        raise typer.Exit(130)
+    shown = representative(outcome)
+    found = {
+        "formulation": formulation,
+        "model": model,
+        "verdict": verdict(outcome),
+        "starts": len(outcome.records),
+        "reached_best": len(reached(outcome)),
+        "status_counts": _statuses(outcome),
+        "seed": seed,
+        "start": shown.index,
+        "violation": shown.violation,
+        **assess(shown.jacobian, locked).to_dict(),
+        "jacobian": shown.jacobian.tolist(),
+    }
+    if out is not None:
+        write_text(out, json.dumps(found, indent=1) + "\n")
+    if as_json:
+        typer.echo(json.dumps(found, indent=1))
+    else:
+        rows = "\n".join("  ".join(f"{x: .9f}" for x in line) for line in shown.jacobian)
+        flat = {name: value for name, value in found.items() if name != "jacobian"}
+        flat["status_counts"] = ", ".join(f"{k} {v}" for k, v in _statuses(outcome).items())
+        typer.echo(f"{as_text(flat)}\n\njacobian\n{rows}")
+    if not outcome.complete:
+        raise typer.Exit(130)
+
+
+def _statuses(outcome: Outcome) -> dict[str, int]:
+    counts = Counter(record.status.return_status for record in outcome.records)
+    return dict(sorted(counts.items()))

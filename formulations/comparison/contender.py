@@ -1,0 +1,135 @@
+"""Who takes part in a comparison: a formulation on a column model, and how it is run."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+
+from formulations import isotropy, max_min, residual
+from formulations.arm import Arm
+from formulations.catalogue import arm, formulation, models_of
+from formulations.record import Record, judge
+from nlp.arrays import FloatArray
+from nlp.errors import InputError
+from nlp.multistart import multistart
+from nlp.problem import Problem
+
+
+@dataclass(frozen=True)
+class Contender:
+    """One row of the comparison.
+
+    Attributes
+    ----------
+    formulation, model
+        Names in `formulations.catalogue`.
+    variant
+        How it departs from the formulation's defaults, in words; empty if it does not.
+    encoding
+        Encoding of the eigenvalue constraints, for max-min.
+    from_residual_minima
+        Whether random starts are first brought to a residual minimum, for max-min.
+    locked
+        How many joints lock at once, for max-min.
+
+    Raises
+    ------
+    InputError
+        If a name is unknown, or a setting of max-min is given to another formulation.
+    """
+
+    formulation: str
+    model: str
+    variant: str = ""
+    encoding: str = "shared-factor"
+    from_residual_minima: bool = False
+    locked: int = 1
+
+    def __post_init__(self) -> None:
+        formulation(self.formulation)
+        if self.formulation == max_min.NAME:
+            return
+        for name in ("encoding", "from_residual_minima", "locked"):
+            default, value = type(self).__dataclass_fields__[name].default, getattr(self, name)
+            if value != default:
+                allowed = f"{default} for the formulation {self.formulation}"
+                raise InputError(name, value, allowed)
+
+    def build(self, joints: int, task_dimension: int) -> Callable[[], Problem]:
+        """Return what builds the problem, in a form that worker processes can be sent."""
+        built = arm(self.model, joints, task_dimension)
+        if self.formulation == max_min.NAME:
+            return partial(max_min.build, built, self.locked, self.encoding)
+        return partial(formulation(self.formulation).build, built)
+
+    def sample(self, arm: Arm) -> Callable[[np.random.Generator], FloatArray]:
+        """Return what draws a start."""
+        return max_min.ResidualMinimum(arm) if self.from_residual_minima else arm.sample
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """What a contender's starts came to, in the order of the starts."""
+
+    contender: Contender
+    arm: Arm
+    records: tuple[Record, ...]
+    complete: bool
+
+
+def contenders(task_dimension: int) -> tuple[Contender, ...]:
+    """List the rows: each formulation on both models, and the variants of max-min on one."""
+    first, second = models_of(task_dimension)
+    return (
+        Contender(residual.NAME, first),
+        Contender(max_min.NAME, first),
+        Contender(max_min.NAME, first, "from residual minima", from_residual_minima=True),
+        Contender(max_min.NAME, first, "one factor per failure", "factor-per-deletion"),
+        Contender(
+            max_min.NAME,
+            first,
+            "one positive factor per failure",
+            "positive-factor-per-deletion",
+        ),
+        Contender(isotropy.NAME, first),
+        Contender(residual.NAME, second),
+        Contender(max_min.NAME, second),
+        Contender(isotropy.NAME, second),
+    )
+
+
+def run(
+    contender: Contender,
+    *,
+    joints: int,
+    task_dimension: int,
+    starts: int,
+    seed: int,
+    workers: int,
+    options: Mapping[str, object] | None = None,
+    progress: bool = False,
+) -> Outcome:
+    """Solve from all starts and judge what comes out.
+
+    Start k is the same for all contenders on one model. Parameters are those of
+    `nlp.multistart.multistart`; `options` go over the formulation's own.
+    """
+    stated = formulation(contender.formulation)
+    built = arm(contender.model, joints, task_dimension)
+    label = " ".join(filter(None, (contender.formulation, contender.model, contender.variant)))
+    study = multistart(
+        contender.build(joints, task_dimension),
+        contender.sample(built),
+        starts=starts,
+        seed=seed,
+        workers=workers,
+        options={**stated.OPTIONS, **(options or {})},
+        label=label if progress else None,
+        judge=partial(
+            judge, arm=built, formulation=contender.formulation, locked=contender.locked
+        ),
+    )
+    return Outcome(contender, built, study.results, study.complete)

@@ -1,0 +1,103 @@
+"""The comparison as files and as text."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+
+import pandas as pd
+
+from formulations.comparison.row import Row, Summary
+from formulations.provenance import header
+from nlp.files import write_text
+
+_SHOWN = {
+    "formulation": "formulation",
+    "variant": "variant",
+    "model": "model",
+    "verdict": "verdict",
+    "starts": "starts",
+    "solved": "solved",
+    "reached_best": "reached best",
+    "objective": "objective",
+    "worst_case_sigma": "worst-case σ",
+    "sigma_bound": "bound",
+    "gap_percent": "gap %",
+    "isotropy_defect": "isotropy defect",
+    "distinct_optima": "optima",
+    "iterations_median": "iterations",
+    "milliseconds_per_success": "CPU ms per success",
+}
+_FORMATS = {
+    "objective": "{:.7g}",
+    "worst_case_sigma": "{:.7f}",
+    "sigma_bound": "{:.7f}",
+    "gap_percent": "{:z.2f}",
+    "isotropy_defect": "{:.3g}",
+    "iterations_median": "{:g}",
+    "milliseconds_per_success": "{:.3g}",
+}
+
+
+def table(rows: Sequence[Row]) -> pd.DataFrame:
+    """All columns, one line per row."""
+    return pd.DataFrame([one.to_dict() for one in rows], columns=list(Row.__dataclass_fields__))
+
+
+def summary(rows: Sequence[Row]) -> pd.DataFrame:
+    """Return the columns to read, as text."""
+    frame = table(rows)
+    frame["milliseconds_per_success"] = 1e3 * frame["seconds_per_success"]
+    for column, style in _FORMATS.items():
+        frame[column] = [
+            "–" if pd.isna(value) else style.format(value) for value in frame[column]
+        ]
+    return frame[list(_SHOWN)].rename(columns=_SHOWN)
+
+
+def markdown(rows: Sequence[Row], seed: int, complete: bool = True) -> str:
+    """Return the comparison as a Markdown page: where it came from, the table, the statuses."""
+    statuses = "\n".join(
+        f"- {' '.join(filter(None, (one.formulation, one.variant)))}, {one.model}: "
+        f"{one.status_counts}"
+        for one in rows
+    )
+    note = "" if complete else "\nInterrupted: not all starts or rows are here.\n"
+    return (
+        f"# Comparison of the formulations\n\n{header({'seed': seed})}{note}\n"
+        f"{summary(rows).to_markdown(index=False, disable_numparse=True)}\n\n"
+        f"Ipopt's return statuses:\n\n{statuses}\n"
+    )
+
+
+def jacobians(summaries: Sequence[Summary]) -> list[dict[str, object]]:
+    """Each row's Jacobian at full precision, with what it is."""
+    return [
+        {
+            "formulation": one.row.formulation,
+            "variant": one.row.variant,
+            "model": one.row.model,
+            "verdict": one.row.verdict,
+            "seed": one.record.seed,
+            "start": one.record.index,
+            "worst_case_sigma": one.record.worst_case_sigma,
+            "isotropy_defect": one.record.isotropy_defect,
+            "jacobian": one.record.jacobian.tolist(),
+        }
+        for one in summaries
+    ]
+
+
+def write(summaries: Sequence[Summary], folder: Path, seed: int, complete: bool) -> None:
+    """Write ``comparison.csv``, ``comparison.md`` and ``jacobians.json`` into the folder.
+
+    Raises
+    ------
+    FileError
+        If a file cannot be written.
+    """
+    rows = [one.row for one in summaries]
+    write_text(folder / "comparison.csv", table(rows).to_csv(index=False))
+    write_text(folder / "comparison.md", markdown(rows, seed, complete))
+    write_text(folder / "jacobians.json", json.dumps(jacobians(summaries), indent=1) + "\n")

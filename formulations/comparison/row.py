@@ -1,0 +1,156 @@
+"""One contender's outcome as one row of numbers."""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from dataclasses import asdict, dataclass
+
+import numpy as np
+
+from formulations import measures
+from formulations.canonical import distinct
+from formulations.catalogue import formulation
+from formulations.comparison.contender import Outcome
+from formulations.record import Record
+from nlp.solution import INFEASIBLE
+
+# An answer within this of the best one, by the independent check, has reached the best.
+REACH = 1e-6
+
+
+@dataclass(frozen=True)
+class Row:
+    """The columns of ``comparison.csv``; NaN where a column does not apply.
+
+    Attributes
+    ----------
+    formulation, variant, model, joints, task_dimension, starts
+        What was run; `starts` counts those that ended.
+    verdict
+        ``solved`` if any answer passed the check; ``infeasible`` if none did and Ipopt said
+        so at every start that it did not give up on; ``not solved`` otherwise.
+    solved
+        Starts at which Ipopt said that it succeeded.
+    reached_best
+        Starts whose answer, checked from J alone, is within `REACH` of the best.
+    objective
+        What the formulation optimises, recomputed from the best J: ½‖JJᵀ − (T/m)I‖² for the
+        residual, the worst-case singular value for the other two.
+    worst_case_sigma, sigma_bound, gap_percent
+        Eq. (5) for the best J, the bound (6) at the model's largest ‖J‖_F, and the gap.
+    condition_number, isotropy_defect
+        Of the best J; if nothing passed the check, of the least violation found.
+    violation
+        Largest violation of any constraint there.
+    distinct_optima
+        Classes among the starts that reached the best, modulo frame, phase, order and signs.
+    iterations_median, seconds_per_start, seconds_per_success
+        Processor time, with the drawing of the start, without building the solver.
+    status_counts
+        Ipopt's return statuses and how often each came, as JSON.
+    """
+
+    formulation: str
+    variant: str
+    model: str
+    joints: int
+    task_dimension: int
+    starts: int
+    verdict: str
+    solved: int
+    reached_best: int
+    objective: float
+    worst_case_sigma: float
+    sigma_bound: float
+    gap_percent: float
+    condition_number: float
+    isotropy_defect: float
+    violation: float
+    distinct_optima: int
+    iterations_median: float
+    seconds_per_start: float
+    seconds_per_success: float
+    status_counts: str
+
+    def to_dict(self) -> dict[str, object]:
+        """Return the columns as plain values."""
+        return asdict(self)
+
+
+@dataclass(frozen=True, eq=False)
+class Summary:
+    """A row and the record that it shows."""
+
+    row: Row
+    record: Record
+
+
+def reached(outcome: Outcome) -> list[Record]:
+    """Records that pass the check and are within `REACH` of the best of them."""
+    valid = [record for record in outcome.records if record.valid]
+    if not valid:
+        return []
+    pick = min if formulation(outcome.contender.formulation).SENSE == "minimise" else max
+    best = pick(record.merit for record in valid)
+    return [record for record in valid if abs(record.merit - best) <= REACH]
+
+
+def representative(outcome: Outcome) -> Record:
+    """Return the record a row shows.
+
+    Of those that reached the best, the one with the largest worst case; if nothing passed
+    the check, the one with the least violation.
+    """
+    best = reached(outcome)
+    if best:
+        return max(best, key=lambda record: record.worst_case_sigma)
+    return min(outcome.records, key=lambda record: np.nan_to_num(record.violation, nan=np.inf))
+
+
+def verdict(outcome: Outcome) -> str:
+    """Return ``solved``, ``infeasible`` or ``not solved``; see `Row`."""
+    if reached(outcome):
+        return "solved"
+    statuses = {record.status.return_status for record in outcome.records}
+    return "infeasible" if INFEASIBLE in statuses and not _succeeded(outcome) else "not solved"
+
+
+def summarise(outcome: Outcome) -> Summary:
+    """Sum up an outcome of at least one record, and keep the record that the row shows."""
+    contender, records = outcome.contender, outcome.records
+    m, n = outcome.arm.shape
+    best, shown, said = reached(outcome), representative(outcome), verdict(outcome)
+    nan = float("nan")
+    sigma = shown.worst_case_sigma if best else nan
+    bound = measures.sigma_bound(m, n, outcome.arm.largest_trace)
+    seconds = sum(record.cpu_seconds for record in records)
+    counts = Counter(record.status.return_status for record in records)
+    line = Row(
+        formulation=contender.formulation,
+        variant=contender.variant,
+        model=contender.model,
+        joints=n,
+        task_dimension=m,
+        starts=len(records),
+        verdict=said,
+        solved=_succeeded(outcome),
+        reached_best=len(best),
+        objective=shown.merit if best else nan,
+        worst_case_sigma=sigma,
+        sigma_bound=bound,
+        gap_percent=measures.gap_percent(sigma, bound) if best else nan,
+        condition_number=shown.condition_number,
+        isotropy_defect=shown.isotropy_defect,
+        violation=shown.violation,
+        distinct_optima=len(distinct([record.jacobian for record in best])) if best else 0,
+        iterations_median=float(np.median([record.status.iterations for record in records])),
+        seconds_per_start=seconds / len(records),
+        seconds_per_success=seconds / len(best) if best else nan,
+        status_counts=json.dumps(dict(sorted(counts.items()))),
+    )
+    return Summary(line, shown)
+
+
+def _succeeded(outcome: Outcome) -> int:
+    return sum(record.status.success for record in outcome.records)

@@ -1,0 +1,202 @@
+"""The certificate: records that are well-formed once they exist, and the file they go to.
+
+Meaning, for every complex symmetric 7×7 matrix W with zero diagonal: the average over all
+orders of the joints of
+
+    Re( Σ weight · |Σ terms|² + constant − Σ coefficient · monomial · equation )
+
+is identically zero, where the equations are row-sum i: Σ_j W_ij, square (i, j): (W²)_ij and
+tight-frame (i, j): (W conj(W) + conj(W) W)_ij − 4(δ_ij − 1/7). Whether that is so is for
+`formulations.existence.verify` to say (docs/nonexistence.md, section 5).
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterable
+from contextlib import suppress
+from dataclasses import dataclass
+from fractions import Fraction
+from math import lcm
+from pathlib import Path
+from typing import Any, Literal, TypeAlias
+
+from nlp.errors import FileError, LockedJointError
+
+JOINTS = 7
+TERM_FACTORS = 3
+MONOMIAL_FACTORS = 5
+SQUARES, TERMS, MULTIPLIERS = 4, 200, 1000
+COMMON_DENOMINATOR = 10**60
+
+Pairs: TypeAlias = tuple[tuple[int, int], ...]
+Kind: TypeAlias = Literal["row-sum", "square", "tight-frame"]
+KINDS = ("row-sum", "square", "tight-frame")
+
+
+class CertificateError(LockedJointError):
+    """A certificate that is ill-formed or does not prove what it claims."""
+
+
+@dataclass(frozen=True, slots=True)
+class Term:
+    """A rational coefficient times a product of entries W_ij (`w`) and conj(W_ij) (`wbar`)."""
+
+    coefficient: Fraction
+    w: Pairs
+    wbar: Pairs
+
+    def __post_init__(self) -> None:
+        _require_monomial(self.coefficient, self.w, self.wbar, TERM_FACTORS)
+
+
+@dataclass(frozen=True, slots=True)
+class Square:
+    """A positive weight times the squared modulus of a sum of terms."""
+
+    weight: Fraction
+    terms: tuple[Term, ...]
+
+    def __post_init__(self) -> None:
+        _require_rational("weight", self.weight)
+        _require(self.weight > 0, f"weight {self.weight} is not positive")
+        _require_length("terms", self.terms, TERMS)
+
+
+@dataclass(frozen=True, slots=True)
+class Multiplier:
+    """A rational coefficient times a monomial times an equation at a row or an entry."""
+
+    coefficient: Fraction
+    kind: Kind
+    place: tuple[int, ...]
+    w: Pairs
+    wbar: Pairs
+
+    def __post_init__(self) -> None:
+        _require(self.kind in KINDS, f"equation kind {self.kind[:20]!r} is unknown")
+        indices = 1 if self.kind == "row-sum" else 2
+        _require(len(self.place) == indices, f"a {self.kind} equation has {indices} indices")
+        _require_joints(self.place)
+        _require_monomial(self.coefficient, self.w, self.wbar, MONOMIAL_FACTORS)
+
+
+@dataclass(frozen=True, slots=True)
+class Certificate:
+    """A sum of squares plus a positive constant, claimed to vanish modulo the equations."""
+
+    joints: int
+    constant: Fraction
+    squares: tuple[Square, ...]
+    multipliers: tuple[Multiplier, ...]
+
+    def __post_init__(self) -> None:
+        _require(
+            self.joints == JOINTS, f"joints is {self.joints}, but the theorem is about {JOINTS}"
+        )
+        _require_rational("constant", self.constant)
+        _require(self.constant > 0, f"constant {self.constant} is not positive")
+        _require_length("squares", self.squares, SQUARES)
+        _require_length("multipliers", self.multipliers, MULTIPLIERS)
+        self._require_common_denominator()
+
+    def _require_common_denominator(self) -> None:
+        """Refuse numbers whose sums would grow without reasonable bound."""
+        numbers = [self.constant, *(square.weight for square in self.squares)]
+        numbers += [term.coefficient for square in self.squares for term in square.terms]
+        numbers += [multiplier.coefficient for multiplier in self.multipliers]
+        common = 1
+        for number in numbers:
+            common = lcm(common, number.denominator)
+            _require(common <= COMMON_DENOMINATOR, "the denominators have no small multiple")
+
+    def write(self, path: Path | str) -> None:
+        """Write the JSON file, whole or not at all.
+
+        Raises
+        ------
+        FileError
+            If the folder does not exist or cannot be written to.
+        """
+        path = Path(path)
+        # A name of our own beside the target, so that the replacement is atomic.
+        part = path.parent / f".{path.name}.{os.getpid()}.part"
+        try:
+            part.write_text(self.to_json(), encoding="utf-8", newline="\n")
+            part.replace(path)
+        except OSError as error:
+            raise FileError(
+                str(path), f"not writable ({error.strerror})", "a new file"
+            ) from error
+        finally:
+            with suppress(OSError):
+                part.unlink(missing_ok=True)
+
+    def to_json(self) -> str:
+        """Return the JSON text, one term or multiplier per line."""
+        squares = ",\n".join(
+            f'  {{"weight": "{square.weight}", "terms": {_lines(map(_term, square.terms), 3)}}}'
+            for square in self.squares
+        )
+        return (
+            f'{{"joints": {self.joints},\n "constant": "{self.constant}",\n'
+            f' "squares": [\n{squares}],\n'
+            f' "multipliers": {_lines(map(_multiplier, self.multipliers), 2)}}}\n'
+        )
+
+
+def _lines(records: Iterable[dict[str, Any]], indent: int) -> str:
+    margin = "\n" + " " * indent
+    return "[" + margin + f",{margin}".join(map(json.dumps, records)) + "]"
+
+
+def _term(term: Term) -> dict[str, Any]:
+    return {"coefficient": str(term.coefficient), "w": term.w, "wbar": term.wbar}
+
+
+def _multiplier(multiplier: Multiplier) -> dict[str, Any]:
+    place = (
+        {"row": multiplier.place[0]}
+        if multiplier.kind == "row-sum"
+        else {"entry": multiplier.place}
+    )
+    return {
+        "coefficient": str(multiplier.coefficient),
+        "equation": {"kind": multiplier.kind, **place},
+        "w": multiplier.w,
+        "wbar": multiplier.wbar,
+    }
+
+
+def _require(condition: bool, otherwise: str) -> None:
+    if not condition:
+        raise CertificateError(f"{otherwise}.")
+
+
+def _require_rational(name: str, number: object) -> None:
+    _require(isinstance(number, Fraction), f"{name} {number} is not a Fraction")
+
+
+def _require_length(name: str, items: tuple[object, ...], most: int) -> None:
+    _require(len(items) > 0, f"the list of {name} is empty")
+    _require(len(items) <= most, f"{len(items)} {name} are more than {most}")
+
+
+def _require_monomial(coefficient: Fraction, w: Pairs, wbar: Pairs, factors: int) -> None:
+    _require_rational("coefficient", coefficient)
+    _require(coefficient != 0, "a coefficient is zero")
+    count = len(w) + len(wbar)
+    _require(count <= factors, f"a monomial of {count} factors is longer than {factors}")
+    for pair in w + wbar:
+        _require(len(pair) == 2, f"{list(pair)} is not a pair of joints")
+        _require_joints(pair)
+        _require(
+            pair[0] != pair[1], f"the pair {list(pair)} is on the diagonal, where W is zero"
+        )
+
+
+def _require_joints(joints: tuple[int, ...]) -> None:
+    for joint in joints:
+        _require(type(joint) is int, f"joint {joint!r} is not a whole number")
+        _require(0 <= joint < JOINTS, f"joint {joint} is not one of 0 to {JOINTS - 1}")

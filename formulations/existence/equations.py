@@ -1,0 +1,112 @@
+"""The equations that W satisfies at an isotropic Jacobian, as sparse polynomials.
+
+J (m×n, orthonormal rows, m even) is written as a complex matrix Z = V + iΩ with m/2 rows, and
+W = ZᵀZ. With P = JᵀJ the equations are (docs/nonexistence.md, section 2)
+
+    row-sum      W 1 = 0              (n = m + 1 only, where P = I − 11ᵀ/n)
+    square       W² = 0
+    tight-frame  W conj(W) + conj(W) W − 4P = 0
+
+and W_ii = 0, which every unit revolute joint obeys, is built in unless `diagonal` is kept.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from fractions import Fraction
+from itertools import combinations_with_replacement
+from typing import Literal, TypeAlias
+
+from formulations.existence.graphs import ONE, Monomial, coloured_graphs
+from formulations.existence.polynomials import Polynomial, class_sums, collected, times
+
+Kind: TypeAlias = Literal["row-sum", "square", "tight-frame"]
+CHARGE: dict[Kind, int] = {"row-sum": 1, "square": 2, "tight-frame": 0}
+
+
+@dataclass(frozen=True, order=True, slots=True)
+class Equation:
+    """One scalar equation: its kind and its place, a row ``(i,)`` or an entry ``(i, j)``."""
+
+    kind: Kind
+    place: tuple[int, ...]
+
+
+@dataclass(frozen=True, order=True, slots=True)
+class Multiple:
+    """A monomial times an equation, which is zero at every solution."""
+
+    equation: Equation
+    monomial: Monomial = ONE
+
+
+@dataclass(frozen=True)
+class Frame:
+    """The equations of isotropic Jacobians with equal column norms.
+
+    Parameters
+    ----------
+    joints
+        Number n of columns.
+    task_dimension
+        Number m of rows, even: n − 1 (one degree of redundancy) or n (none).
+    diagonal
+        Keep the diagonal entries W_ii as unknowns, for columns that need not obey W_ii = 0.
+    """
+
+    joints: int
+    task_dimension: int
+    diagonal: bool = False
+
+    @property
+    def redundant(self) -> bool:
+        """Whether there is a null vector, so that row sums vanish."""
+        return self.joints == self.task_dimension + 1
+
+    def projector(self, i: int, j: int) -> Fraction:
+        """Return the entry P_ij of the projector JᵀJ."""
+        return Fraction(i == j) - (Fraction(1, self.joints) if self.redundant else 0)
+
+    def polynomial(self, equation: Equation) -> Polynomial:
+        """Return the left-hand side of an equation."""
+        if equation.kind == "row-sum":
+            (row,) = equation.place
+            return collected((Monomial(((row, j),)), Fraction(1)) for j in self._columns(row))
+        i, j = equation.place
+        paths = [((i, k), (k, j)) for k in self._columns(i, j)]
+        if equation.kind == "square":
+            return collected((Monomial(path), Fraction(1)) for path in paths)
+        products = [Monomial((a,), (b,)) for a, b in paths]
+        terms = [(term, Fraction(1)) for m in products for term in (m, m.conjugate())]
+        return collected([*terms, (ONE, -4 * self.projector(i, j))])
+
+    def averaged(self, multiple: Multiple) -> Polynomial:
+        """Return a multiple of an equation as a combination of classes."""
+        return class_sums(times(multiple.monomial, self.polynomial(multiple.equation)))
+
+    def multiples(self, order: int) -> Iterator[Multiple]:
+        """Give all multiples with at most `order` edges of each colour.
+
+        Every multiple is met up to the order of the joints and conjugation; some repeatedly.
+        """
+        for kind, charge in CHARGE.items():
+            if kind == "row-sum" and not self.redundant:
+                continue
+            own_wbar = int(kind == "tight-frame")
+            for w in range(order - charge - own_wbar + 1):
+                for monomial in self._graphs(w, w + charge):
+                    for place in self._places(kind, monomial):
+                        yield Multiple(Equation(kind, place), monomial)
+
+    def _columns(self, *rows: int) -> list[int]:
+        return [k for k in range(self.joints) if self.diagonal or k not in rows]
+
+    def _graphs(self, w: int, wbar: int) -> tuple[Monomial, ...]:
+        return coloured_graphs(self.joints, w, wbar, loops=self.diagonal)
+
+    def _places(self, kind: Kind, monomial: Monomial) -> Iterable[tuple[int, ...]]:
+        """Give places among the joints used and as many unused ones as can matter."""
+        size = 1 if kind == "row-sum" else 2
+        candidates = range(min(self.joints, len(monomial.vertices) + size))
+        return combinations_with_replacement(candidates, size)

@@ -1,0 +1,208 @@
+"""Verify a certificate by expanding polynomials, and by nothing else.
+
+**What is checked.** With formal symbols W_ij = W_ji and conj(W_ij), i ≠ j, the polynomial
+
+    Σ weight · |Σ terms|² + constant − Σ coefficient · monomial · equation
+
+is expanded; in each of its monomials the joints are renamed, and W and conj(W) exchanged, in
+a way that depends on that monomial only; then everything cancels.
+
+**Why that is a proof.** Suppose an optimally failure-tolerant 7R Jacobian exists. It gives a
+complex symmetric W with zero diagonal at which all row-sum, square and tight-frame equations
+hold (docs/nonexistence.md, section 2). Permuting the joints permutes the rows and columns of
+W and the result again satisfies them all, so at every permuted W the multipliers contribute
+zero, each square contributes at least zero, and the constant is positive: the real part of
+the polynomial is positive at each, and so is its mean over all 5040. But renaming joints and
+conjugating changes neither the mean over all permutations nor the real part of a monomial
+(coefficients are rational), and after renaming nothing is left: the mean is zero. So there is
+no such Jacobian. For this the following must hold, and does for every `Certificate` that
+exists: seven joints; rational coefficients; weights and constant positive; no W_ii; only
+equations of the three kinds, inside the matrix.
+
+Nothing more is needed. In particular *which* renaming is applied cannot make a false identity
+pass, only a true one fail: a renamed monomial is always one with the same mean.
+
+This module shares no mathematics with the derivation. The records and the reader of the file
+(`certificate`, `reading`) are all it imports.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from fractions import Fraction
+from itertools import chain, permutations, product
+from pathlib import Path
+from typing import Any, TypeAlias
+
+from formulations.existence.certificate import (
+    Certificate,
+    CertificateError,
+    Multiplier,
+    Pairs,
+    Square,
+)
+from formulations.existence.reading import read
+
+Factors: TypeAlias = tuple[Pairs, Pairs]  # the entries of W and of conj(W), each sorted
+Look: TypeAlias = tuple[Any, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Report:
+    """What was verified: the sizes of the certificate and its constant.
+
+    Parameters
+    ----------
+    joints
+        Number of joints the theorem is about.
+    constant
+        The positive number that a sum of squares was shown to be the negative of.
+    squares, multipliers
+        How many of each.
+    monomials
+        How many different averages of monomials occurred, all of which cancelled.
+    """
+
+    joints: int
+    constant: Fraction
+    squares: int
+    multipliers: int
+    monomials: int
+
+
+def verify_file(path: Path | str) -> Report:
+    """Verify the certificate in a file.
+
+    Raises
+    ------
+    FileError
+        If the file cannot be read as JSON.
+    CertificateError
+        If it is not a certificate, or proves nothing.
+    """
+    return verify(read(path))
+
+
+def verify(certificate: Certificate) -> Report:
+    """Verify a certificate.
+
+    Raises
+    ------
+    CertificateError
+        If the identity does not hold.
+    """
+    expanded = _added(
+        chain(
+            *(_expanded_square(square) for square in certificate.squares),
+            [(((), ()), certificate.constant)],
+            *(_expanded_multiplier(multiplier) for multiplier in certificate.multipliers),
+        )
+    )
+    total = _added((_renamed(*factors), value) for factors, value in expanded.items())
+    left = {name: value for name, value in total.items() if value}
+    if left:
+        (w, wbar), value = min(left.items())
+        raise CertificateError(
+            f"the identity does not hold: {len(left)} of {len(total)} averages of monomials do "
+            f"not cancel, the first being {_brief(value)} times that of {_written(w, wbar)}."
+        )
+    return Report(
+        certificate.joints,
+        certificate.constant,
+        len(certificate.squares),
+        len(certificate.multipliers),
+        len(total),
+    )
+
+
+def _added(terms: Iterable[tuple[Factors, Fraction]]) -> dict[Factors, Fraction]:
+    total: dict[Factors, Fraction] = {}
+    for factors, value in terms:
+        total[factors] = total.get(factors, Fraction(0)) + value
+    return total
+
+
+def _expanded_square(square: Square) -> Iterator[tuple[Factors, Fraction]]:
+    """Expand weight · p · conj(p); the products a·conj(b) and b·conj(a) have one real part."""
+    for place, a in enumerate(square.terms):
+        for before, b in enumerate(square.terms[: place + 1]):
+            multiplicity = 1 if before == place else 2
+            value = multiplicity * square.weight * a.coefficient * b.coefficient
+            yield _factors(a.w + b.wbar, a.wbar + b.w), value
+
+
+def _expanded_multiplier(multiplier: Multiplier) -> Iterator[tuple[Factors, Fraction]]:
+    """Expand −coefficient · monomial · equation."""
+    for w, wbar, value in _equation(multiplier):
+        factors = _factors(multiplier.w + w, multiplier.wbar + wbar)
+        yield factors, -multiplier.coefficient * value
+
+
+def _equation(multiplier: Multiplier) -> Iterator[tuple[Pairs, Pairs, Fraction]]:
+    """Write out the equation of a multiplier."""
+    one = Fraction(1)
+    if multiplier.kind == "row-sum":
+        (i,) = multiplier.place
+        yield from (((((i, k),), (), one)) for k in range(7) if k != i)
+        return
+    i, j = multiplier.place
+    inner = [k for k in range(7) if k not in (i, j)]
+    if multiplier.kind == "square":
+        yield from ((((i, k), (k, j)), (), one) for k in inner)
+        return
+    yield from ((((i, k),), ((k, j),), one) for k in inner)
+    yield from ((((k, j),), ((i, k),), one) for k in inner)
+    yield (), (), -4 * (Fraction(i == j) - Fraction(1, 7))
+
+
+def _factors(w: Pairs, wbar: Pairs) -> Factors:
+    return _ascending(w), _ascending(wbar)
+
+
+def _ascending(pairs: Pairs) -> Pairs:
+    return tuple(sorted((i, j) if i < j else (j, i) for i, j in pairs))
+
+
+def _renamed(w: Pairs, wbar: Pairs) -> Factors:
+    """Return the least of some renamings of a product and of its conjugate."""
+    return min(chain(_renamings(w, wbar), _renamings(wbar, w)))
+
+
+def _renamings(w: Pairs, wbar: Pairs) -> Iterator[Factors]:
+    """Give the renamings that put joints in order of their surroundings, ties in all orders."""
+    looks = _looks(w, wbar)
+    ties: dict[Look, list[int]] = {}
+    for joint, look in looks.items():
+        ties.setdefault(look, []).append(joint)
+    for orders in product(*(permutations(ties[look]) for look in sorted(ties))):
+        names = {joint: name for name, joint in enumerate(chain(*orders))}
+        yield (
+            _ascending(tuple((names[i], names[j]) for i, j in w)),
+            _ascending(tuple((names[i], names[j]) for i, j in wbar)),
+        )
+
+
+def _looks(w: Pairs, wbar: Pairs) -> dict[int, Look]:
+    """Describe each joint by its factors, and by those of its partners."""
+    around: dict[int, list[tuple[int, int]]] = {}
+    for colour, pairs in enumerate((w, wbar)):
+        for i, j in pairs:
+            around.setdefault(i, []).append((colour, j))
+            around.setdefault(j, []).append((colour, i))
+    looks: dict[int, Look] = dict.fromkeys(around, ())
+    for _ in range(2):
+        looks = {
+            joint: tuple(sorted((colour, looks[partner]) for colour, partner in factors))
+            for joint, factors in around.items()
+        }
+    return looks
+
+
+def _written(w: Pairs, wbar: Pairs) -> str:
+    factors = [f"W{i}{j}" for i, j in w] + [f"conj(W{i}{j})" for i, j in wbar]
+    return "·".join(factors) or "1"
+
+
+def _brief(value: Fraction) -> str:
+    return str(value) if len(str(value)) <= 40 else f"about {float(value):.3g}"

@@ -1,0 +1,47 @@
+"""Where a table came from: command, versions, machine and date, for its header."""
+
+from __future__ import annotations
+
+import platform
+import shlex
+import sys
+from collections.abc import Mapping
+from datetime import UTC, datetime
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+
+PACKAGES = ("lockedjoint", "casadi", "numpy")
+
+
+def provenance() -> Mapping[str, str]:
+    """Return what it takes to run this again, in the order to print it."""
+    arguments = [Path(sys.argv[0]).name, *sys.argv[1:]]
+    return {
+        "command": shlex.join(arguments),
+        "versions": ", ".join(f"{name} {_version(name)}" for name in PACKAGES)
+        + f", Python {platform.python_version()}",
+        "machine": f"{_processor()}, {platform.system()} {platform.machine()}",
+        "date": datetime.now(UTC).strftime("%Y-%m-%d"),
+    }
+
+
+def header(extra: Mapping[str, object]) -> str:
+    """Return the provenance and `extra` as lines of a Markdown list."""
+    lines = [f"- {name}: {value}" for name, value in {**provenance(), **extra}.items()]
+    return "\n".join(lines) + "\n"
+
+
+def _version(name: str) -> str:
+    try:
+        return version(name)
+    except PackageNotFoundError:
+        return "(not installed)"
+
+
+def _processor() -> str:
+    cpuinfo = Path("/proc/cpuinfo")
+    if cpuinfo.exists():
+        for line in cpuinfo.read_text(errors="replace").splitlines():
+            if line.startswith("model name"):
+                return line.partition(":")[2].strip()
+    return platform.processor() or "unknown processor"

@@ -1,0 +1,61 @@
+"""Files written whole or not at all."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from pathlib import Path
+
+from nlp.errors import FileError
+
+
+def prepare_folder(folder: Path, name: str = "output folder") -> Path:
+    """Create the folder if it is not there and make sure that it can be written to.
+
+    Raises
+    ------
+    FileError
+        If it cannot be created or written to.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except OSError as reason:
+        raise FileError(name, str(folder), f"a folder to write to ({_why(reason)})") from None
+    return folder
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a file so that readers see the old content or the new, never a part.
+
+    Raises
+    ------
+    FileError
+        If the file cannot be written; nothing is left behind.
+    """
+    content = text.encode()
+    part = None
+    try:
+        descriptor, part = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+        with os.fdopen(descriptor, "wb") as file:
+            file.write(content)
+            file.flush()
+            os.fsync(file.fileno())
+        Path(part).chmod(0o666 & ~_umask())
+        Path(part).replace(path)
+    except OSError as reason:
+        raise FileError("file", str(path), f"a path to write to ({_why(reason)})") from None
+    finally:
+        if part is not None:
+            Path(part).unlink(missing_ok=True)  # only still there if something went wrong
+
+
+def _umask() -> int:
+    mask = os.umask(0)
+    os.umask(mask)
+    return mask
+
+
+def _why(reason: OSError) -> str:
+    return (reason.strerror or str(reason)).lower()

@@ -1,0 +1,116 @@
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from fractions import Fraction
+from itertools import permutations
+from pathlib import Path
+
+import pytest
+
+from formulations.existence.certificate import Certificate
+from formulations.existence.derive import TABLEAU, cancelling_weights, squared_polynomials
+from formulations.existence.graphs import ONE, Monomial
+from formulations.existence.polynomials import (
+    Polynomial,
+    class_sums,
+    collected,
+    combined,
+    hermitian_product,
+)
+from formulations.existence.rewriting import Rewriting
+from formulations.existence.young import sign, symmetrised
+
+TRIANGLE = Monomial(((0, 1), (0, 2), (1, 2)), ((0, 1), (0, 2), (1, 2)))
+TRIANGLES = 35
+
+
+def test_derivation_is_byte_identical_to_the_committed_copy(
+    derived: Certificate, committed: Path
+) -> None:
+    assert derived.to_json().encode() == committed.read_bytes()
+
+
+def test_derivation_does_not_depend_on_the_hash_seed(committed: Path, tmp_path: Path) -> None:
+    out = tmp_path / "certificate.json"
+    code = f"from formulations.existence.derive import derive; derive().write({str(out)!r})"
+    environment = {**os.environ, "PYTHONHASHSEED": "12345"}
+    root = committed.parents[2]
+    subprocess.run([sys.executable, "-c", code], check=True, env=environment, cwd=root)
+    assert out.read_bytes() == committed.read_bytes()
+    assert [path.name for path in tmp_path.iterdir()] == ["certificate.json"]
+
+
+def test_weights_and_constant(derived: Certificate) -> None:
+    assert [square.weight for square in derived.squares] == [108, 25]
+    assert derived.constant == Fraction(33248, 1029)
+    assert len(derived.multipliers) == 351
+    assert max(m.coefficient.denominator for m in derived.multipliers) <= 8820
+
+
+def test_every_number_is_rational(derived: Certificate) -> None:
+    numbers = [derived.constant, *(square.weight for square in derived.squares)]
+    numbers += [term.coefficient for square in derived.squares for term in square.terms]
+    numbers += [multiplier.coefficient for multiplier in derived.multipliers]
+    assert {type(number) for number in numbers} == {Fraction}
+
+
+def test_symmetrised_monomials_have_48_and_96_terms_of_coefficient_one() -> None:
+    p1, q = squared_polynomials()
+    p2 = combined([(Fraction(1), q), (Fraction(-3), p1)])
+    assert (len(p1), len(p2), len(q)) == (48, 96, 144)
+    assert {abs(value) for value in (*p1.values(), *p2.values())} == {1}
+    assert {monomial.charge for monomial in q} == {1}
+
+
+def moved(polynomial: Polynomial, order: tuple[int, ...]) -> Polynomial:
+    return collected((m.relabel(order), value) for m, value in polynomial.items())
+
+
+def test_squares_have_the_type_of_their_tableau() -> None:
+    """Antisymmetric in the columns, and killed by symmetrising any four joints."""
+    for polynomial in squared_polynomials():
+        for i, j in ((0, 3), (3, 6), (1, 4), (2, 5)):
+            swap = tuple({i: j, j: i}.get(k, k) for k in range(7))
+            negative = {m: -value for m, value in polynomial.items()}
+            assert moved(polynomial, swap) == negative
+        for four in ((0, 1, 2, 3), (0, 1, 4, 6), (3, 4, 5, 6)):
+            orders = [dict(zip(four, images, strict=True)) for images in permutations(four)]
+            images = [tuple(order.get(k, k) for k in range(7)) for order in orders]
+            assert not combined((Fraction(1), moved(polynomial, image)) for image in images)
+
+
+def test_tau_is_bounded_from_both_sides_the_wrong_way_round(seven: Rewriting) -> None:
+    p, q = (seven.divide(class_sums(hermitian_product(p, p)))[1] for p in squared_polynomials())
+    assert p.keys() == q.keys() == {ONE, TRIANGLE}
+    assert p[TRIANGLE] < 0 < q[TRIANGLE]
+    upper = -TRIANGLES * p[ONE] / p[TRIANGLE]
+    lower = -TRIANGLES * q[ONE] / q[TRIANGLE]
+    assert upper == Fraction(28427, 36015)
+    assert lower == Fraction(163688, 194481)
+    assert upper < lower
+    assert cancelling_weights(p, q) == (108, 25)
+
+
+@pytest.mark.parametrize(
+    ("factor", "contradicts"), [(1, False), (2, True), (3, True), (4, True)]
+)
+def test_which_second_squares_would_do(
+    seven: Rewriting, factor: int, contradicts: bool
+) -> None:
+    p1, q = squared_polynomials()
+    other = combined([(Fraction(factor - 3), p1), (Fraction(1), q)])
+    p, r = (seven.divide(class_sums(hermitian_product(s, s)))[1] for s in (p1, other))
+    assert (p[ONE] / p[TRIANGLE] > r[ONE] / r[TRIANGLE]) is contradicts
+
+
+def test_signs_of_permutations() -> None:
+    assert sign((0, 1, 2)) == 1
+    assert sign((1, 0, 2)) == -1
+    assert sign((1, 2, 0)) == 1
+
+
+def test_an_entry_alone_has_no_part_of_the_type() -> None:
+    """Pairs of joints carry the types (7), (6,1) and (5,2) only."""
+    assert symmetrised(TABLEAU, Monomial(((0, 3),))) == {}

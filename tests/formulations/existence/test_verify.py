@@ -1,0 +1,202 @@
+"""The certificate passes; whatever is done to it does not."""
+
+from __future__ import annotations
+
+import copy
+import json
+import random
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from fractions import Fraction
+from itertools import chain, combinations
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from formulations.existence.certificate import Certificate, CertificateError, Square, Term
+from formulations.existence.evaluate import defects
+from formulations.existence.reading import read
+from formulations.existence.verify import Report, verify, verify_file
+
+Change = Callable[[dict[str, Any]], object]
+
+
+@pytest.fixture(scope="module")
+def certificate(committed: Path) -> Certificate:
+    return read(committed)
+
+
+@pytest.fixture(scope="module")
+def document(committed: Path) -> dict[str, Any]:
+    loaded: dict[str, Any] = json.loads(committed.read_text())
+    return loaded
+
+
+def test_the_committed_certificate_is_a_proof(committed: Path) -> None:
+    report = verify_file(committed)
+    assert report == Report(7, Fraction(33248, 1029), 2, 351, report.monomials)
+    assert report.monomials > 300
+
+
+def test_the_identity_holds_at_random_matrices(certificate: Certificate) -> None:
+    assert defects(certificate, samples=3) == (0, 0, 0)
+
+
+def test_nothing_is_shared_with_the_derivation(committed: Path) -> None:
+    code = (
+        "import sys, formulations.existence.verify, formulations.existence.evaluate;"
+        "print(*sorted(m for m in sys.modules if m.startswith('formulations.existence.')))"
+    )
+    root = committed.parents[2]
+    loaded = subprocess.run(
+        [sys.executable, "-c", code], check=True, capture_output=True, text=True, cwd=root
+    )
+    names = {name.rpartition(".")[2] for name in loaded.stdout.split()}
+    assert names == {"certificate", "reading", "verify", "evaluate"}
+
+
+def set_at(*path: Any) -> Change:
+    """Set the entry at a path to the last argument."""
+
+    def change(document: dict[str, Any]) -> None:
+        *way, key, value = path
+        target: Any = document
+        for step in way:
+            target = target[step]
+        target[key] = value
+
+    return change
+
+
+def negate(*path: Any) -> Change:
+    def change(document: dict[str, Any]) -> None:
+        target: Any = document
+        for step in path[:-1]:
+            target = target[step]
+        target[path[-1]] = str(-Fraction(target[path[-1]]))
+
+    return change
+
+
+FALSE_IDENTITIES: dict[str, Change] = {
+    "coefficient of a multiplier": set_at("multipliers", 17, "coefficient", "1/3"),
+    "sign of a multiplier": negate("multipliers", 100, "coefficient"),
+    "coefficient of a term": set_at("squares", 0, "terms", 3, "coefficient", "2"),
+    "sign of a term": negate("squares", 1, "terms", 20, "coefficient"),
+    "a weight": set_at("squares", 1, "weight", "26"),
+    "the constant": set_at("constant", "33247/1029"),
+    "constant too good": set_at("constant", "33249/1029"),
+    "deleted multiplier": lambda d: d["multipliers"].pop(42),
+    "doubled multiplier": lambda d: d["multipliers"].append(d["multipliers"][7]),
+    "deleted term": lambda d: d["squares"][0]["terms"].pop(),
+    "deleted square": lambda d: d["squares"].pop(),
+    "exchanged squares' weights": lambda d: (
+        set_at("squares", 0, "weight", "25")(d),
+        set_at("squares", 1, "weight", "108")(d),
+    ),
+    "another equation": set_at(
+        "multipliers", 0, "equation", {"kind": "square", "entry": [0, 1]}
+    ),
+    "another row": set_at("multipliers", 0, "equation", "row", 5),
+    "another monomial": set_at("multipliers", 30, "w", [[0, 1]]),
+    "no factors": set_at("squares", 0, "terms", 0, "w", []),
+    "huge coefficient": set_at("multipliers", 3, "coefficient", "9" * 40),
+}
+
+
+@pytest.mark.parametrize("name", FALSE_IDENTITIES)
+def test_a_false_identity_is_refused_by_verification_and_by_evaluation(
+    name: str, document: dict[str, Any], tmp_path: Path
+) -> None:
+    changed = copy.deepcopy(document)
+    FALSE_IDENTITIES[name](changed)
+    path = tmp_path / "changed.json"
+    path.write_text(json.dumps(changed))
+    with pytest.raises(CertificateError, match=r"^the identity does not hold: \d+ of \d+ av"):
+        verify_file(path)
+    assert any(defects(read(path), samples=2))
+
+
+def test_the_smallest_change_of_each_multiplier_shows(certificate: Certificate) -> None:
+    """Every thirtieth of the multipliers, one at a time: evaluation sees every one of them."""
+    for place in range(0, len(certificate.multipliers), 30):
+        multipliers = list(certificate.multipliers)
+        old = multipliers[place]
+        multipliers[place] = replace(old, coefficient=old.coefficient + Fraction(1, 10**9))
+        assert any(defects(replace(certificate, multipliers=tuple(multipliers)), samples=1))
+
+
+def test_other_orders_of_joints_and_records_prove_the_same(certificate: Certificate) -> None:
+    """What the average cannot see is no fault: verification must not be stricter than truth."""
+    order = (3, 6, 0, 2, 5, 1, 4)
+    multipliers = tuple(
+        replace(
+            m,
+            place=tuple(order[i] for i in m.place),
+            w=tuple((order[j], order[i]) for i, j in m.w),
+            wbar=tuple((order[i], order[j]) for i, j in m.wbar),
+        )
+        for m in reversed(certificate.multipliers)
+    )
+    renamed = replace(certificate, multipliers=multipliers)
+    assert verify(renamed) == verify(certificate)
+    assert defects(renamed, samples=1) == (0,)
+
+
+def test_a_term_in_two_halves_is_the_same_term(certificate: Certificate) -> None:
+    """The very same record twice: its product with itself counts four quarters."""
+    square = certificate.squares[0]
+    half = replace(square.terms[0], coefficient=square.terms[0].coefficient / 2)
+    halved = replace(square, terms=(half, half, *square.terms[1:]))
+    split = replace(certificate, squares=(halved, certificate.squares[1]))
+    assert verify(split) == verify(certificate)
+    assert defects(split, samples=1) == (0,)
+
+
+def test_records_refuse_floating_point(certificate: Certificate) -> None:
+    for part, name in (
+        (certificate, "constant"),
+        (certificate.squares[0], "weight"),
+        (certificate.squares[0].terms[0], "coefficient"),
+        (certificate.multipliers[0], "coefficient"),
+    ):
+        with pytest.raises(CertificateError, match=r"1\.5 is not a Fraction"):
+            replace(part, **{name: 1.5})
+    with pytest.raises(CertificateError, match="not a whole number"):
+        replace(certificate.squares[0].terms[0], w=((0.0, 1),))
+
+
+def test_scaling_all_weights_proves_the_same(certificate: Certificate) -> None:
+    squares = tuple(replace(s, weight=s.weight / 7) for s in certificate.squares)
+    multipliers = tuple(
+        replace(m, coefficient=m.coefficient / 7) for m in certificate.multipliers
+    )
+    scaled = replace(
+        certificate,
+        constant=certificate.constant / 7,
+        squares=squares,
+        multipliers=multipliers,
+    )
+    assert verify(scaled).constant == Fraction(33248, 7203)
+
+
+def test_the_largest_certificates_are_judged_in_bounded_time(certificate: Certificate) -> None:
+    """Terms of three disjoint pairs leave the most joints alike, hence the most renamings."""
+    entries = list(combinations(range(7), 2))
+    disjoint = [w for w in combinations(entries, 3) if len(set(chain(*w))) == 6]
+    generator = random.Random(0)
+    squares = tuple(
+        Square(
+            Fraction(1),
+            tuple(Term(Fraction(1), w, ()) for w in generator.choices(disjoint, k=200)),
+        )
+        for _ in range(4)
+    )
+    start = time.perf_counter()
+    with pytest.raises(CertificateError, match="does not hold"):
+        verify(replace(certificate, squares=squares))
+    assert time.perf_counter() - start < 60

@@ -1,0 +1,98 @@
+"""Solutions carry Ipopt's own account and what was recomputed."""
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from nlp.errors import InputError
+from nlp.ipopt import IpoptSolver, solve
+from nlp.problem import Constraint, Problem
+
+
+def circle(sense="maximise"):
+    """Extreme x + y on the unit circle in the half-plane x ≥ 0.9: (√½, √½) is cut off."""
+    x = ca.SX.sym("x", 2)
+    return Problem(
+        name="circle",
+        variables=x,
+        objective=ca.sum1(x),
+        sense=sense,
+        constraints=(
+            Constraint("circle", ca.sumsqr(x), 1.0, 1.0),
+            Constraint("half-plane", x[0], 0.9, np.inf),
+        ),
+        outputs={"twice": 2 * x},
+    )
+
+
+def test_maximum_against_the_closed_form():
+    solution = solve(circle(), [1.0, 0.1])
+    expected = np.array([0.9, np.sqrt(1 - 0.81)])
+    assert solution.status.return_status == "Solve_Succeeded"
+    assert solution.status.success
+    np.testing.assert_allclose(solution.variables, expected, atol=1e-7)
+    np.testing.assert_allclose(solution.outputs["twice"].ravel(), 2 * expected, atol=1e-7)
+    assert solution.objective == pytest.approx(expected.sum(), abs=1e-7)
+    assert solution.violation < 1e-7
+    assert solution.status.iterations > 0
+
+
+def test_sense_is_kept_and_minimum_is_the_other_end():
+    solution = solve(circle("minimise"), [1.0, -0.1])
+    assert solution.sense == "minimise"
+    assert solution.objective == pytest.approx(0.9 - np.sqrt(1 - 0.81), abs=1e-7)
+
+
+def test_multipliers_satisfy_stationarity():
+    """∇f + Σ λ∇g = 0 for the minimised −(x + y)."""
+    solution = solve(circle(), [1.0, 0.1])
+    x, y = solution.variables
+    (circle_multiplier,) = solution.multipliers["circle"]
+    (plane_multiplier,) = solution.multipliers["half-plane"]
+    gradient = -np.ones(2) + circle_multiplier * 2 * np.array([x, y])
+    gradient[0] += plane_multiplier
+    np.testing.assert_allclose(gradient, 0, atol=1e-6)
+
+
+def test_failure_is_a_result():
+    x = ca.SX.sym("x")
+    impossible = Problem("p", x, x**2, constraints=(Constraint("c", x**2, -1.0, -1.0),))
+    solution = solve(impossible, [1.0])
+    assert solution.status.return_status == "Infeasible_Problem_Detected"
+    assert not solution.status.success
+    assert solution.violation == pytest.approx(1.0, abs=1e-4)
+
+
+def test_the_violation_is_recomputed_and_not_the_solvers():
+    x = ca.SX.sym("x")
+    far = Problem(
+        "p", x, x, constraints=(Constraint("c", x, 5.0, np.inf),), lower=-10, upper=10
+    )
+    stopped = solve(far, [0.0], {"max_iter": 0})
+    assert stopped.status.return_status == "Maximum_Iterations_Exceeded"
+    assert stopped.violation == pytest.approx(5 - stopped.variables[0])
+
+
+def test_one_solver_gives_the_same_answer_whatever_it_solved_before():
+    problem = circle()
+    solver = IpoptSolver(problem)
+    starts = np.random.default_rng(0).normal(size=(8, 2))
+    alone = [solve(problem, start).variables for start in starts]
+    in_turn = [solver.solve(start).variables for start in starts]
+    backwards = [solver.solve(start).variables for start in starts[::-1]][::-1]
+    np.testing.assert_array_equal(alone, in_turn)
+    np.testing.assert_array_equal(alone, backwards)
+
+
+@pytest.mark.parametrize(
+    "start", [[1.0], [1.0, np.nan], [1.0, np.inf], [[1.0, 2.0]], ["a", "b"]]
+)
+def test_refuses_a_bad_start(start):
+    with pytest.raises((InputError, ValueError)):
+        solve(circle(), start)
+
+
+def test_no_option_file_of_the_working_folder_is_read(tmp_path, monkeypatch):
+    (tmp_path / "ipopt.opt").write_text("max_iter 0\n")
+    monkeypatch.chdir(tmp_path)
+    assert solve(circle(), [1.0, 0.1]).status.success

@@ -1,0 +1,124 @@
+"""Starts are the same whoever runs them, and an interrupt loses only what was under way."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from nlp.errors import InputError, SolverOptionError
+from nlp.multistart import generator, multistart
+from nlp.problem import Problem
+
+
+def rosenbrock():
+    x = ca.SX.sym("x", 2)
+    return Problem("rosenbrock", x, (1 - x[0]) ** 2 + 100 * (x[1] - x[0] ** 2) ** 2)
+
+
+def sample(rng):
+    return rng.normal(size=2)
+
+
+def start_of(run):
+    return run.index, run.solution.variables.tobytes()
+
+
+def test_any_number_of_workers_gives_the_same_bytes():
+    studies = [
+        multistart(rosenbrock, sample, starts=25, seed=7, workers=workers)
+        for workers in (1, 2, 3)
+    ]
+    points = [[run.solution.variables.tobytes() for run in s.results] for s in studies]
+    assert points[0] == points[1] == points[2]
+    assert [run.index for run in studies[1].results] == list(range(25))
+    assert all(study.complete for study in studies)
+
+
+def test_start_k_does_not_depend_on_how_many_there_are():
+    few = multistart(rosenbrock, sample, starts=3, seed=1, judge=start_of)
+    more = multistart(rosenbrock, sample, starts=6, seed=1, judge=start_of)
+    assert few.results == more.results[:3]
+    other = multistart(rosenbrock, sample, starts=3, seed=2, judge=start_of)
+    assert set(other.results).isdisjoint(few.results)
+
+
+def test_generators_differ_between_starts_and_seeds():
+    draws = {(s, k): generator(s, k).normal() for s in range(5) for k in range(5)}
+    assert len(set(draws.values())) == 25
+    assert draws[3, 4] == generator(3, 4).normal()
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_the_judge_runs_on_every_start(workers):
+    study = multistart(rosenbrock, sample, starts=4, workers=workers, judge=start_of)
+    assert [index for index, _ in study.results] == [0, 1, 2, 3]
+
+
+@pytest.mark.parametrize(
+    "bad", [{"starts": 0}, {"starts": 2.5}, {"seed": -1}, {"workers": 0}, {"starts": True}]
+)
+def test_refuses_bad_numbers(bad):
+    with pytest.raises(InputError, match=f"{next(iter(bad))} is"):
+        multistart(rosenbrock, sample, **{"starts": 1, **bad})
+
+
+def test_refuses_bad_options_before_any_work():
+    with pytest.raises(SolverOptionError):
+        multistart(rosenbrock, sample, starts=1, options={"nonsense": 1})
+
+
+def test_says_so_when_a_task_cannot_be_sent_to_workers():
+    with pytest.raises(InputError, match="pickle"):
+        multistart(lambda: rosenbrock(), sample, starts=2, workers=2)
+
+
+SLOW = """
+import sys
+sys.path.insert(0, {root!r})
+import signal
+signal.signal(signal.SIGINT, signal.default_int_handler)
+from functools import partial
+from formulations import max_min
+from formulations.catalogue import arm
+from nlp.multistart import multistart
+if __name__ == "__main__":
+    seven = arm("unit-revolute", 7)
+    print("started", flush=True)
+    study = multistart(partial(max_min.build, seven), seven.sample, starts=100_000,
+                       workers={workers})
+    indices = [run.index for run in study.results]
+    print(len(indices), study.complete, len(set(indices)) == len(indices), flush=True)
+"""
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_ctrl_c_keeps_what_is_done(workers):
+    root = str(Path(__file__).parents[2])
+    process = subprocess.Popen(
+        [sys.executable, "-c", SLOW.format(root=root, workers=workers)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+    assert process.stdout.readline().strip() == "started"
+    time.sleep(8)  # a start takes hundredths of a second, starting workers a few seconds
+    os.killpg(process.pid, signal.SIGINT)
+    out, err = process.communicate(timeout=60)
+    assert process.returncode == 0, err
+    count, complete, unique = out.split()
+    assert int(count) > 0
+    assert complete == "False"
+    assert unique == "True"
+
+
+def test_points_solve_the_problem():
+    study = multistart(rosenbrock, sample, starts=10)
+    for run in study.results:
+        np.testing.assert_allclose(run.solution.variables, [1, 1], atol=1e-6)
