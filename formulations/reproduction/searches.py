@@ -30,7 +30,7 @@ def search(
     study = multistart(build, sample, starts=starts, seed=seed, options=options)
     if not study.complete:
         raise KeyboardInterrupt
-    return [run.solution for run in study.runs]
+    return [run.solution for run in study.results]
 
 
 def jacobians(solutions: list[Solution]) -> list[FloatArray]:
