@@ -21,6 +21,8 @@ from nlp.solution import Solution
 
 ARM = Arm.of(UnitRevolute(), 8)
 _TOLERANCE = 1e-9
+# A minimum of the sum of squares that is this close has converged to a solution.
+_CONVERGED = 1e-6
 _DECIMALS = reference.MATRIX_DECIMALS
 
 
@@ -32,7 +34,7 @@ def rows(
     yield _locked_row(printed)
     yield _exact_row(printed)
     found = solutions(8, seed, starts)
-    matrices = jacobians(found)
+    matrices = [ARM.jacobian(polished(solution)) for solution in found]
     values = np.concatenate([measures.singular_values(matrix) for matrix in matrices])
     yield _value_row("(48)", "singular values", "√(8/3)", reference.SIGMA_8R, values)
     values = np.concatenate([measures.locked_singular_values(matrix) for matrix in matrices])
@@ -54,6 +56,18 @@ def solutions(joints: int, seed: int, starts: int) -> list[Solution]:
         seed=seed,
         options={"tol": 1e-12},
     )
+
+
+def polished(solution: Solution) -> FloatArray:
+    """Angles of an 8R solution after Gauss–Newton steps on the equations themselves.
+
+    A sum of squares is flat at its zeros, most of all where families meet: minimising it
+    leaves the singular values with half the digits. What is no solution stays as it is.
+    """
+    try:
+        return solve_near(ARM, solution.variables)
+    except InputError:
+        return solution.variables
 
 
 def _isotropic_row(printed: FloatArray) -> Row:
@@ -103,13 +117,13 @@ def _value_row(
     farthest = values[np.argmax(np.abs(values - expected))]
     paper = f"{form} = {shown(expected)}"
     verdict = equal(expected, values, _TOLERANCE)
-    note = f"own solutions; the value farthest from the paper's, to {_TOLERANCE:.0e}"
+    note = f"own solutions, polished; the value farthest from the paper's, to {_TOLERANCE:.0e}"
     return Row(equation, quantity, paper, shown(farthest), verdict, note)
 
 
 def _convergence_row(joints: int, found: list[Solution], equation: str, paper: str) -> Row:
     tolerant = [
-        measures.is_optimally_failure_tolerant(matrix, _TOLERANCE)
+        measures.is_optimally_failure_tolerant(matrix, _CONVERGED)
         for matrix in jacobians(found)
     ]
     iterations = [solution.status.iterations for solution in found]
@@ -119,5 +133,6 @@ def _convergence_row(joints: int, found: list[Solution], equation: str, paper: s
         paper,
         f"{sum(tolerant)} of {len(found)}",
         holds(2 * sum(tolerant) > len(found)),
-        f"agrees if most do; {int(np.median(iterations))} iterations in the median",
+        f"to {_CONVERGED:.0e}, agrees if most do; {int(np.median(iterations))} iterations in "
+        "the median",
     )

@@ -9,7 +9,7 @@ import numpy as np
 
 from formulations import measures, reference
 from formulations.canonical import distinct
-from formulations.reproduction.eight_joints import ARM, solutions
+from formulations.reproduction.eight_joints import ARM, polished, solutions
 from formulations.reproduction.nearest import nearest_unit_revolute
 from formulations.reproduction.row import Row, Verdict, shown
 from formulations.reproduction.verdicts import holds
@@ -61,7 +61,7 @@ def _dimension_row(start: FloatArray) -> Row:
 
 
 def _kinds_row(seed: int, starts: int) -> Row:
-    points = [solution.variables for solution in solutions(8, seed, starts)]
+    points = [polished(solution) for solution in solutions(8, seed, starts)]
     sizes = Counter(local_dimension(ARM, point).family for point in points)
     ours = ", ".join(f"{size} for {count}" for size, count in sorted(sizes.items()))
     return Row(

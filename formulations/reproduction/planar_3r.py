@@ -1,4 +1,4 @@
-"""Section 3, planar 3R: eqs. (12)–(15) and the extremes of Fig. 2."""
+"""Section 3, planar 3R: eqs. (12)–(15), Fig. 1 and the extremes of Fig. 2."""
 
 from __future__ import annotations
 
@@ -27,12 +27,13 @@ def rows(
     jacobian: FloatArray = reference.PLANAR_3R,
     null_space: FloatArray = reference.PLANAR_3R_NULL_SPACE,
 ) -> Iterator[Row]:
-    """Rows of eqs. (12)–(15) and Fig. 2."""
+    """Rows of eqs. (12)–(15) and of Figs. 1 and 2."""
     values = measures.singular_values(jacobian)
     verdict = equal(1, values, _ROUNDING)
     yield Row(
         "(12)", "singular values of planar 3R", "σ = 1, isotropic", shown(values), verdict
     )
+    yield _configuration_row(jacobian)
     yield _null_space_row(jacobian, null_space)
     yield _angle_row(jacobian)
     sigmas = measures.locked_singular_values(jacobian)
@@ -42,6 +43,33 @@ def rows(
     yield _direction_row(jacobian)
     yield _best_row(seed, starts)
     yield _worst_row()
+
+
+def end_effector(links: FloatArray, turns: FloatArray) -> FloatArray:
+    """Position at the end of a planar chain of links, each joint turned by an angle.
+
+    `links` are the link vectors before turning, shape (2, n); `turns` in radians, shape (n,).
+    """
+    angles = np.cumsum(turns)
+    x, y = links
+    turned = [x * np.cos(angles) - y * np.sin(angles), x * np.sin(angles) + y * np.cos(angles)]
+    return np.asarray(np.sum(turned, axis=1))
+
+
+def _configuration_row(jacobian: FloatArray) -> Row:
+    """Place the joints, and differentiate where the chain ends."""
+    # Turning about p moves the origin, where the end effector is, by (p_y, −p_x).
+    places = np.array([-jacobian[1], jacobian[0]])
+    links = np.diff(places, axis=1, append=np.zeros((2, 1)))
+    step = 1e-5
+    moves = [step * unit for unit in np.eye(jacobian.shape[1])]
+    slopes = [
+        (end_effector(links, move) - end_effector(links, -move)) / (2 * step) for move in moves
+    ]
+    verdict = equal(reference.PLANAR_3R, np.transpose(slopes), 1e-8)
+    lengths = shown(np.linalg.norm(links, axis=0))
+    note = "the chain's end differentiated by its joint angles gives (12)"
+    return Row("Fig. 1", "link lengths of a planar 3R", "exists", lengths, verdict, note)
 
 
 def _null_space_row(jacobian: FloatArray, null_space: FloatArray) -> Row:

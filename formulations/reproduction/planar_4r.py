@@ -93,11 +93,14 @@ def _double_failure_rows(seed: int, starts: int, family: Family) -> Iterator[Row
 
 
 def best_parameters(objective: Callable[[float], float]) -> FloatArray:
-    """Return all α in [0, 2π) that maximise a periodic function, ascending."""
+    """Return all α in [0, 2π) that maximise a periodic function, ascending.
+
+    None where the function has no peaks.
+    """
     values = np.array([objective(alpha) for alpha in _GRID])
     peaks = (values >= np.roll(values, 1)) & (values > np.roll(values, -1))
     refined = [_golden_section(objective, alpha) for alpha in _GRID[peaks]]
-    best = max(objective(alpha) for alpha in refined)
+    best = max((objective(alpha) for alpha in refined), default=np.nan)
     kept = [alpha for alpha in refined if objective(alpha) >= best - 1e-6]
     return np.sort(np.mod(kept, 2 * np.pi))
 

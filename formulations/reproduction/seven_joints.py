@@ -18,7 +18,6 @@ from formulations.reproduction.row import Row, Verdict, shown, shown_error
 from formulations.reproduction.searches import jacobians, search
 from formulations.reproduction.verdicts import equal, holds, printed_digits
 from nlp.arrays import FloatArray
-from nlp.errors import InputError
 from nlp.ipopt import solve
 
 ARM = Arm.of(UnitRevolute(), 7)
@@ -105,17 +104,13 @@ def _printed_minimum_row(printed: FloatArray, least: float, minimum: Decimal) ->
 
 def _same_manipulator_row(printed: FloatArray, ours: FloatArray) -> Row:
     quantity = "the same manipulator Jacobian as ours, refined from the print"
-    paper = "a typical Jacobian"
-    try:
-        exact = refined(printed)
-    except InputError as reason:
-        return Row("(44)", quantity, paper, "none", Verdict.MISMATCH, str(reason))
+    exact = refined(printed)
     same = len(distinct([exact, ours], tolerance=1e-5)) == 1
     moved = float(np.max(np.abs(aligned(exact, printed) - printed)))
     return Row(
         "(44)",
         quantity,
-        paper,
+        "a typical Jacobian",
         f"{'the same' if same else 'another'}, entries within {moved:.1e}",
         holds(same and moved <= _ENTRY),
         "modulo frame, phase, order and signs; beyond rounding (5e-5) the rest is the "
