@@ -9,16 +9,19 @@ The squares of the m(m + 1)/2 isotropy equations, those of the diagonal counted 
 weighted, the sum is the same in every frame. The paper's fᵀf counts all alike; its value
 depends on the frame, and its minimum over frames is the sum above. Both have the same
 minima, and the invariant one needs fewer iterations.
+
+For unit revolute joints the equations are there twice: derived from JJᵀ, and as the closed
+forms of the Appendix. They are the same functions of the angles.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from types import MappingProxyType
 
 import casadi as ca
 
-from formulations import measures
+from formulations import appendix, measures
 from formulations.arm import Arm
 from formulations.isotropy_residuals import residuals
 from nlp.arrays import FloatArray
@@ -30,9 +33,12 @@ NAME = "residual"
 SENSE: Sense = "minimise"
 OPTIONS: Mapping[str, OptionValue] = MappingProxyType({})
 DIAGONAL_WEIGHTS: Mapping[str, float] = MappingProxyType({"invariant": 0.5, "paper": 1.0})
+ROWS: Mapping[str, Callable[[Arm, ca.SX], ca.SX]] = MappingProxyType(
+    {"derived": residuals, "appendix": appendix.residuals}
+)
 
 
-def build(arm: Arm, weighting: str = "invariant") -> Problem:
+def build(arm: Arm, weighting: str = "invariant", rows: str = "derived") -> Problem:
     """State the problem for an arm.
 
     Parameters
@@ -41,22 +47,27 @@ def build(arm: Arm, weighting: str = "invariant") -> Problem:
         The joints.
     weighting
         ``"invariant"`` or ``"paper"``, see above.
+    rows
+        ``"derived"`` from JJᵀ, or ``"appendix"``: the Appendix's closed forms.
 
     Raises
     ------
     InputError
-        If the weighting is neither.
+        If the weighting or the rows are none of these, or the Appendix's closed forms are
+        asked for and a joint is not a unit revolute one.
     """
     if weighting not in DIAGONAL_WEIGHTS:
         raise InputError("weighting", weighting, "one of " + ", ".join(DIAGONAL_WEIGHTS))
+    if rows not in ROWS:
+        raise InputError("rows", rows, "one of " + ", ".join(ROWS))
     variables = arm.symbols()
-    rows = residuals(arm, variables)
+    equations = ROWS[rows](arm, variables)
     m, _ = arm.shape
-    diagonal = DIAGONAL_WEIGHTS[weighting] * ca.sumsqr(rows[:m])
+    diagonal = DIAGONAL_WEIGHTS[weighting] * ca.sumsqr(equations[:m])
     return Problem(
         name=NAME,
         variables=variables,
-        objective=diagonal + ca.sumsqr(rows[m:]),
+        objective=diagonal + ca.sumsqr(equations[m:]),
         sense=SENSE,
         constraints=arm.constraints(variables),
         outputs={"jacobian": arm.matrix(variables)},

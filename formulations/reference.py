@@ -1,0 +1,167 @@
+"""The paper's matrices and printed numbers, by equation, as data.
+
+A. A. Maciejewski and R. G. Roberts, "On the existence of an optimally failure tolerant 7R
+manipulator Jacobian", Applied Mathematics and Computer Science 5(2), 1995.
+
+Jacobians are read-only arrays of shape (m, n), one column per joint. Closed forms are
+evaluated; numbers printed with decimals are `Decimal`, so that it stays known how many
+decimals were printed.
+"""
+
+from __future__ import annotations
+
+from decimal import Decimal
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from nlp.arrays import FloatArray, whole_number
+from nlp.errors import InputError
+
+
+def _read_only(rows: npt.ArrayLike) -> FloatArray:
+    matrix = np.array(rows, dtype=np.float64)
+    matrix.setflags(write=False)
+    return matrix
+
+
+def simplex_jacobian(task_dimension: int) -> FloatArray:
+    """Canonical optimally failure-tolerant Jacobian for n = m + 1, shape (m, m + 1).
+
+    The pattern of eqs. (12), (18) and (20): columns to the corners of a regular simplex,
+    rows orthonormal, upper triangular but for the last column.
+    """
+    m = whole_number("task dimension", task_dimension, 1)
+    matrix = np.zeros((m, m + 1))
+    for i in range(m):
+        left = m - i
+        matrix[i, i] = -np.sqrt(left / (left + 1))
+        matrix[i, i + 1 :] = np.sqrt(1 / (left * (left + 1)))
+    return _read_only(matrix)
+
+
+def harmonic_jacobian(task_dimension: int, joints: int) -> FloatArray:
+    """Optimally failure-tolerant Jacobian for any n > m, shape (m, n).
+
+    The paper names a canonical form "for a task space or manipulator of any dimension" and
+    prints n = m + 1 only. This one is the harmonic frame: rows √(2/n) cos(2πki/n) and
+    √(2/n) sin(2πki/n) for k = 1, 2, …, and for odd m the constant row √(1/n) besides. Rows
+    are orthonormal, every column has norm² m/n; for n = m + 1 it is the simplex, turned.
+    """
+    m = whole_number("task dimension", task_dimension, 1)
+    n = whole_number("joints", joints, m + 1)
+    turns = 2 * np.pi * np.arange(n) / n
+    waves = [wave(k * turns) for k in range(1, m // 2 + 1) for wave in (np.cos, np.sin)]
+    rows = [np.sqrt(2 / n) * wave for wave in waves]
+    if m % 2:
+        rows.append(np.full(n, np.sqrt(1 / n)))
+    return _read_only(rows)
+
+
+def planar_4r(alpha: float) -> FloatArray:
+    """Eq. (16): Vᵀ of the planar 4R family, shape (4, 4); its first two rows are J.
+
+    Parameters
+    ----------
+    alpha
+        The family's parameter α, in radians.
+    """
+    if not np.isfinite(alpha):
+        raise InputError("alpha", alpha, "a finite angle in radians")
+    c, s = np.cos(alpha), np.sin(alpha)
+    rows = [[1, 0, c, -s], [0, 1, s, c], [1, 0, -c, s], [0, 1, -s, -c]]
+    return _read_only(np.sqrt(1 / 2) * np.array(rows))
+
+
+# Section 3 -----------------------------------------------------------------------------------
+
+#: Eq. (12): planar 3R.
+PLANAR_3R: Final = _read_only(
+    [
+        [-np.sqrt(2 / 3), np.sqrt(1 / 6), np.sqrt(1 / 6)],
+        [0, -np.sqrt(1 / 2), np.sqrt(1 / 2)],
+    ]
+)
+#: Eq. (13): its null space.
+PLANAR_3R_NULL_SPACE: Final = _read_only(np.full(3, np.sqrt(1 / 3)))
+#: Angle between its columns, in degrees.
+PLANAR_3R_ANGLE: Final = 120.0
+#: Eq. (14): its smallest singular value after each failure, and the best of Fig. 2.
+PLANAR_3R_SIGMA: Final = float(np.sqrt(1 / 3))
+#: Fig. 2: the worst index of a planar 3R.
+PLANAR_3R_WORST: Final = 0.0
+#: Eq. (17): smallest singular value of the planar 4R family after each failure.
+PLANAR_4R_SIGMA: Final = float(np.sqrt(1 / 2))
+#: After eq. (17): α in [0, 2π) optimal for double failures, odd multiples of π/4.
+PLANAR_4R_DOUBLE_FAILURE: Final = _read_only(np.pi / 4 * np.array([1, 3, 5, 7]))
+#: Eq. (18): Vᵀ of the positional 4R; its first three rows are J.
+POSITIONAL_4R: Final = _read_only(
+    [
+        [-np.sqrt(3 / 4), np.sqrt(1 / 12), np.sqrt(1 / 12), np.sqrt(1 / 12)],
+        [0, -np.sqrt(2 / 3), np.sqrt(1 / 6), np.sqrt(1 / 6)],
+        [0, 0, -np.sqrt(1 / 2), np.sqrt(1 / 2)],
+        [1 / 2, 1 / 2, 1 / 2, 1 / 2],
+    ]
+)
+#: Eq. (19): its smallest singular value after each failure.
+POSITIONAL_4R_SIGMA: Final = 0.5
+#: Eq. (20): the canonical optimally failure-tolerant 6×7 matrix.
+CANONICAL_6X7: Final = _read_only(
+    [
+        [-np.sqrt(6 / 7)] + 6 * [np.sqrt(1 / 42)],
+        [0] + [-np.sqrt(5 / 6)] + 5 * [np.sqrt(1 / 30)],
+        2 * [0] + [-np.sqrt(4 / 5)] + 4 * [np.sqrt(1 / 20)],
+        3 * [0] + [-np.sqrt(3 / 4)] + 3 * [np.sqrt(1 / 12)],
+        4 * [0] + [-np.sqrt(2 / 3)] + 2 * [np.sqrt(1 / 6)],
+        5 * [0] + [-np.sqrt(1 / 2)] + [np.sqrt(1 / 2)],
+    ]
+)
+
+# Section 4 -----------------------------------------------------------------------------------
+
+#: After eqs. (28) and (43): independent equations on the diagonal and off it.
+INDEPENDENT_NORM_EQUATIONS: Final = 4
+INDEPENDENT_ORTHOGONALITY_EQUATIONS: Final = 14
+#: Before eq. (44): fᵀf at every local minimum found for 7R.
+RESIDUAL_MINIMUM_7R: Final = Decimal("0.056827")
+#: Eq. (44): a nearly optimal 7R Jacobian.
+NEARLY_OPTIMAL_7R: Final = _read_only(
+    [
+        [1, 0.4296, 0.7495, -0.5431, 0.1401, 0.3298, -0.3783],
+        [0, -0.6041, 0.6479, 0.4640, -0.7889, -0.1853, -0.8047],
+        [0, -0.6712, -0.1357, -0.6998, 0.5983, -0.9257, -0.4575],
+        [0, 0.7678, 0.1449, 0.8391, 0.5831, -0.6882, -0.4296],
+        [1, -0.1469, -0.3607, 0.3308, -0.4226, -0.7184, 0.5904],
+        [0, 0.6236, -0.9214, -0.4319, -0.6938, -0.1014, -0.6832],
+    ]
+)
+#: Eq. (45): its singular values.
+SINGULAR_VALUES_7R: Final = tuple(
+    Decimal(printed) for printed in ("1.5829", "1.5829", "1.5250", "1.5250", "1.4727", "1.4727")
+)
+#: After eq. (45): σ = √(n/3) of an isotropic 7R.
+ISOTROPIC_SIGMA_7R: Final = Decimal("1.5275")
+#: Eq. (46): worst case after a failure, and the joint (counted from 1) that causes it.
+WORST_CASE_7R: Final = Decimal("0.5196")
+WORST_JOINT_7R: Final = 7
+#: After eq. (46): the theoretical optimum √(1/3), and by how many percent (46) is poorer.
+OPTIMAL_SIGMA_7R: Final = Decimal("0.5774")
+POORER_PERCENT_7R: Final = Decimal("10")
+#: Eq. (47): an optimally failure-tolerant 8R Jacobian.
+OPTIMAL_8R: Final = _read_only(
+    [
+        [1, 0.0223, -0.9878, 0.1851, -0.6558, 0.4505, -0.1501, -0.0246],
+        [0, 0.7775, -0.1554, -0.9784, 0.3045, 0.1982, -0.8740, 0.4298],
+        [0, -0.6284, -0.0002, -0.0917, 0.6908, 0.8705, -0.4622, -0.9026],
+        [0, 0.4130, -0.0978, 0.5393, 0.7384, 0.8588, 0.5993, 0.7442],
+        [1, -0.5796, 0.6228, 0.1791, 0.4491, -0.3626, -0.4523, 0.6108],
+        [0, -0.7024, -0.7762, -0.8229, 0.5030, -0.3619, 0.6606, 0.2706],
+    ]
+)
+#: Decimals printed in eqs. (44) and (47).
+MATRIX_DECIMALS: Final = 4
+#: Eq. (48): its singular values.
+SIGMA_8R: Final = float(np.sqrt(8 / 3))
+#: Eq. (49): its smallest singular value after each failure.
+WORST_CASE_8R: Final = float(np.sqrt(2 / 3))
