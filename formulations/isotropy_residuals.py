@@ -38,11 +38,12 @@ def independent_rows(arm: Arm) -> list[int]:
 
     The others follow from them whatever the joints' parameters are: 21 rows leave 18 for
     unit revolute joints (Section 4), 19 with free lever arms. Equality constraints that
-    repeat one another have no unique multipliers, and cost Ipopt its convergence.
+    repeat one another have no unique multipliers, and cost Ipopt its convergence. A row that
+    contradicts the others is no repetition, and stays: an impossible arm must look it.
     """
     variables = arm.symbols()
     values = sampled(arm, variables, residuals(arm, variables))
-    basis = [_normalised(np.ones(values.shape[0]))]
+    basis: list[FloatArray] = []
     rows = []
     for k in range(values.shape[1]):
         rest = _remainder(values[:, k], basis)

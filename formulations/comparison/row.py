@@ -8,10 +8,12 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 
-from formulations import measures
+from formulations import isotropy, measures
 from formulations.canonical import distinct
 from formulations.catalogue import formulation
 from formulations.comparison.contender import Outcome
+from formulations.existence.theorem import excludes
+from formulations.joints import LeverRevolute, UnitRevolute
 from formulations.record import Record
 from nlp.solution import INFEASIBLE
 
@@ -28,8 +30,9 @@ class Row:
     formulation, variant, model, joints, task_dimension, starts
         What was run; `starts` counts those that ended.
     verdict
-        ``solved`` if any answer passed the check; ``infeasible`` if none did and Ipopt said
-        so at every start that it did not give up on; ``not solved`` otherwise.
+        ``solved`` if any answer passed the check; if none did, ``infeasible`` if Ipopt said
+        so and nowhere claimed success, ``proved infeasible`` if there is a verified proof
+        besides; ``not solved`` otherwise.
     solved
         Starts at which Ipopt said that it succeeded.
     reached_best
@@ -109,11 +112,21 @@ def representative(outcome: Outcome) -> Record:
 
 
 def verdict(outcome: Outcome) -> str:
-    """Return ``solved``, ``infeasible`` or ``not solved``; see `Row`."""
+    """Return ``solved``, ``infeasible``, ``proved infeasible`` or ``not solved``; see `Row`."""
     if reached(outcome):
         return "solved"
     statuses = {record.status.return_status for record in outcome.records}
-    return "infeasible" if INFEASIBLE in statuses and not _succeeded(outcome) else "not solved"
+    if INFEASIBLE not in statuses or _succeeded(outcome):
+        return "not solved"
+    return "proved infeasible" if _proved(outcome) else "infeasible"
+
+
+def _proved(outcome: Outcome) -> bool:
+    """Whether the theorem excludes the arm: isotropic with |v_i| ≤ 1 is optimal (Section 2)."""
+    kinds = set(outcome.arm.joints)
+    unit = kinds <= {UnitRevolute(), LeverRevolute(1.0, "each")}
+    isotropic = outcome.contender.formulation == isotropy.NAME
+    return isotropic and unit and excludes(len(outcome.arm.joints))
 
 
 def summarise(outcome: Outcome) -> Summary:

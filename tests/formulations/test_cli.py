@@ -1,5 +1,6 @@
 """The command line as a stranger meets it: real processes, real exit statuses."""
 
+import csv
 import json
 import os
 import signal
@@ -34,7 +35,7 @@ PLANAR = ("--joints", 3, "--task-dimension", 2, "--starts", 3)
 def test_help_names_every_command_and_option(tmp_path):
     page = lockedjoint("--help", cwd=tmp_path)
     assert page.returncode == 0
-    for command in ("compare", "solve", "measure"):
+    for command in ("compare", "reproduce", "solve", "measure", "bound", "prove", "verify"):
         assert command in page.stdout
         one = lockedjoint(command, "--help", cwd=tmp_path)
         assert one.returncode == 0
@@ -90,7 +91,7 @@ def test_solve_writes_what_measure_reads(tmp_path):
 def test_solve_says_infeasible_in_words(tmp_path):
     done = lockedjoint("solve", "isotropy", "--starts", 2, cwd=tmp_path)
     assert done.returncode == 0
-    assert "infeasible" in done.stdout
+    assert "proved infeasible" in done.stdout
     assert "Infeasible_Problem_Detected 2" in done.stdout
 
 
@@ -112,9 +113,75 @@ def test_measure_two_locked_joints(tmp_path):
     assert json.loads(done.stdout)["worst_case_sigma"] == pytest.approx(0.382683, abs=1e-6)
 
 
+def test_prove_then_verify(tmp_path):
+    proved = lockedjoint("prove", "--out", "proof/c.json", cwd=tmp_path)
+    assert proved.returncode == 0, proved.stderr
+    assert "= -33248/1029 < 0" in proved.stdout
+    verified = lockedjoint("verify", "proof/c.json", "--samples", 1, "--json", cwd=tmp_path)
+    assert verified.returncode == 0, verified.stderr
+    assert json.loads(verified.stdout)["verdict"].startswith("proved")
+
+
+def test_verify_tells_invalid_from_unreadable(tmp_path):
+    certificate = (ROOT / "results" / "existence" / "certificate.json").read_text()
+    (tmp_path / "wrong.json").write_text(certificate.replace("33248", "33249"))
+    (tmp_path / "cut.json").write_text(certificate[:1000])
+    (tmp_path / "empty.json").write_text("[]")
+    for name, status in (("wrong", 1), ("empty", 1), ("cut", 2), ("missing", 2)):
+        done = lockedjoint("verify", f"{name}.json", cwd=tmp_path)
+        assert done.returncode == status, done.stderr
+        assert len(done.stderr.strip().splitlines()) == 1
+        assert done.stdout == ""
+
+
+def test_bound_of_the_worst_case(tmp_path):
+    done = lockedjoint("bound", "--joints", 5, "--task-dimension", 3, "--json", cwd=tmp_path)
+    found = json.loads(done.stdout)
+    assert found["kind"] == "numerical"
+    assert found["singular_value_bound"] == pytest.approx(np.sqrt(2 / 5), abs=1e-6)
+    lever = lockedjoint("bound", "--lever-arm", 1, "--json", cwd=tmp_path)
+    found = json.loads(lever.stdout)
+    assert found["singular_value_bound"] == pytest.approx(np.sqrt(1 / 3), abs=1e-6)
+
+
+def test_bound_of_existence(tmp_path):
+    arguments = ("bound", "--quantity", "existence", "--order", 2)
+    done = lockedjoint(*arguments, "--json", cwd=tmp_path)
+    found = json.loads(done.stdout)
+    assert (found["verdict"], found["classes"], found["free_moments"]) == ("feasible", 43, [])
+    text = lockedjoint(*arguments, cwd=tmp_path).stdout
+    assert "classes                      43" in text
+    assert "(4,2,1)" in text
+
+
+def test_reproduce_writes_every_row(tmp_path):
+    done = lockedjoint("reproduce", "--starts", 10, "--out", "here", cwd=tmp_path)
+    assert done.returncode == 0, done.stdout + done.stderr
+    with (tmp_path / "here" / "reproduction.csv").open(encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    assert list(rows[0]) == ["equation", "quantity", "paper", "ours", "verdict", "note"]
+    assert {row["verdict"] for row in rows} == {"agrees", "misprint", "rounded", "improved"}
+    assert "proved not to exist" in {row["ours"] for row in rows}
+    assert len(rows) > 80
+
+
 @pytest.mark.parametrize(
     "arguments",
     [
+        ("bound", "--joints", "6"),
+        ("bound", "--quantity", "nothing"),
+        ("bound", "--trace", "-1"),
+        ("bound", "--trace", "nan"),
+        ("bound", "--lever-arm", "1", "--task-dimension", "3"),
+        ("bound", "--quantity", "existence", "--trace", "3"),
+        ("bound", "--quantity", "existence", "--order", "4"),
+        ("bound", "--quantity", "existence", "--joints", "9"),
+        ("bound", "--solver", "NOTHING"),
+        ("prove", "--out", "{file}/a.json"),
+        ("reproduce", "--starts", "0"),
+        ("reproduce", "--out", "{file}"),
+        ("verify", "{folder}"),
+        ("verify",),
         ("compare", "--starts", "0"),
         ("compare", "--starts", "-4"),
         ("compare", "--starts", "many"),

@@ -67,13 +67,21 @@ def test_unit_revolute_7r(rows):
 
 def test_isotropic_unit_revolute_7r_is_infeasible_with_its_least_violation(rows):
     row = rows["isotropy", "", "unit-revolute"]
-    assert row.verdict == "infeasible"
+    assert row.verdict == "proved infeasible"
     assert (row.solved, row.reached_best, row.distinct_optima) == (0, 0, 0)
     assert json.loads(row.status_counts) == {"Infeasible_Problem_Detected": 6}
     assert np.isnan(row.objective)
     assert np.isnan(row.worst_case_sigma)
     assert 0.05 < row.violation < 1
     assert 0.0568265 < row.isotropy_defect < 1
+
+
+def test_infeasible_is_called_proved_only_where_it_is():
+    """6 revolute joints and one prismatic of norm 1 have other traces above and below."""
+    each = Contender("isotropy", "lever-revolute-each")
+    assert summarise(outcome(each, starts=4)).row.verdict == "proved infeasible"
+    impossible = Contender("isotropy", "unit-revolute:6,prismatic:1")
+    assert summarise(outcome(impossible, starts=4)).row.verdict == "infeasible"
 
 
 def test_free_lever_arms_reach_other_optima(rows):

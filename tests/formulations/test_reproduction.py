@@ -83,7 +83,7 @@ def test_nothing_is_unexplained(rows: tuple[Row, ...]) -> None:
     [
         (Verdict.MISPRINT, ["(21)", "(22)", "(39)"]),
         (Verdict.ROUNDED, ["(44)", "(45)", "(45)", "(46)", "(46)"]),
-        (Verdict.IMPROVED, ["after (46)"]),
+        (Verdict.IMPROVED, ["after (46)", "Sec. 5"]),
     ],
 )
 def test_what_does_not_simply_agree(

@@ -1,0 +1,33 @@
+"""The answer that other tables show rests on a verification, and says no more."""
+
+import json
+from importlib.resources import files
+
+import pytest
+
+from formulations.existence import theorem
+from formulations.existence.certificate import CertificateError
+from formulations.existence.derive import derive
+
+
+def test_the_packaged_certificate_is_the_derived_one() -> None:
+    packaged = (files("formulations.existence") / "certificate.json").read_text("utf-8")
+    assert packaged == derive().to_json()
+
+
+def test_seven_joints_are_excluded_and_no_others() -> None:
+    assert theorem.excludes(7)
+    assert not any(theorem.excludes(joints) for joints in (6, 8, 9))
+
+
+def test_a_certificate_that_proves_nothing_is_no_answer(tmp_path, monkeypatch) -> None:
+    certificate = json.loads(derive().to_json())
+    certificate["constant"] = "33247/1029"
+    (tmp_path / "certificate.json").write_text(json.dumps(certificate))
+    monkeypatch.setattr(theorem, "files", lambda _: tmp_path)
+    theorem.verified.cache_clear()
+    try:
+        with pytest.raises(CertificateError):
+            theorem.excludes(7)
+    finally:
+        theorem.verified.cache_clear()
