@@ -25,7 +25,7 @@ _WIDTH = 512
 class Symmetry(Enum):
     """What leaves a Jacobian the same.
 
-    FRAME: JU's rows are one space, any orthogonal U acts (planar, positional, screws).
+    FRAME: J → UJ for any orthogonal U (planar, positional, general screws).
     REVOLUTE: rows are (v; ω), one rotation acts on both, and the mirror image.
     UNIT_REVOLUTE: the same, and the common phase of v and ω.
     """
