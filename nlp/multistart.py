@@ -17,6 +17,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, Generic, TypeVar, overload
 
+import cloudpickle
 import joblib
 import numpy as np
 from tqdm import tqdm
@@ -207,9 +208,9 @@ def _spread(
     task: Task[T], seed: int, starts: int, workers: int
 ) -> Generator[list[_Done[T]], None, None]:
     try:
-        payload = pickle.dumps(task)
+        payload = cloudpickle.dumps(task)  # takes functions of a script or notebook, too
     except (pickle.PicklingError, AttributeError, TypeError) as reason:
-        allowed = "functions that pickle, such as functions of a module"
+        allowed = "functions that can be sent to other processes"
         raise InputError("build, sample or judge", str(reason), allowed) from None
     size = max(1, min(CHUNK, -(-starts // workers)))
     chunks = [range(first, min(first + size, starts)) for first in range(0, starts, size)]
