@@ -1,0 +1,125 @@
+"""Bases of rows in which permutations act as in Young's orthogonal form.
+
+For a shape λ with standard tableaux T the columns of U_T are joint eigenvectors of the
+Jucys–Murphy elements X_{i+1} = s_i X_i s_i + s_i, where s_i exchanges i and i + 1, and
+
+    s_i U_T = U_T/r + √(1 − 1/r²) U_{T'},   r = content of i + 1 minus content of i,
+
+T' being T with i and i + 1 exchanged. So averages over all permutations follow from U alone:
+the average of |(U_T a)ᵀφ|² over permutations of the joints is that over all T.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from functools import lru_cache
+from itertools import product
+from math import sqrt
+from typing import TypeAlias
+
+import numpy as np
+
+from formulations.bounds.existence_moments.tableaux import (
+    Shape,
+    all_contents,
+    partitions,
+    row_reading_contents,
+)
+from formulations.bounds.so3_moments.clebsch_gordan import Floats
+
+# One shape for each of the groups of joints that are permuted among themselves.
+Shapes: TypeAlias = tuple[Shape, ...]
+Contents: TypeAlias = tuple[int, ...]
+
+_WEIGHTS = tuple(sqrt(prime) for prime in (2, 3, 5, 7, 11, 13, 17, 19, 23, 29))
+_SMALLEST_GAP = 1e-6
+
+
+def young_bases(exchanges: Mapping[int, Floats], groups: Sequence[range]) -> dict[Shapes, Floats]:
+    """Return for each shape the bases U_T of all its tableaux.
+
+    Parameters
+    ----------
+    exchanges
+        Orthogonal matrix (rows, rows) that exchanges joints i and i + 1, for each i such that
+        both are in the same group.
+    groups
+        Consecutive ranges of joints; permutations act within each.
+
+    Returns
+    -------
+    dict
+        Shapes that occur to an array (tableaux, rows, multiplicity); the tableaux are in the
+        order of `tableau_contents`. All bases together are orthonormal.
+    """
+    rows = len(next(iter(exchanges.values()))) if exchanges else 1
+    operator = np.zeros((rows, rows))
+    for group in groups:
+        element = np.zeros((rows, rows))
+        for joint in group[:-1]:
+            swap = exchanges[joint]
+            element = swap @ element @ swap + swap
+            operator += _WEIGHTS[joint] * element
+    values, vectors = np.linalg.eigh(0.5 * (operator + operator.T))
+    found: dict[Shapes, Floats] = {}
+    for shapes in product(*(tuple(partitions(len(group))) for group in groups)):
+        names = tableau_contents(shapes)
+        start = names.index(tuple(row_reading_contents(shape) for shape in shapes))
+        wanted = sum(
+            _WEIGHTS[joint] * content
+            for group, contents in zip(groups, names[start], strict=True)
+            for joint, content in zip(group, contents, strict=False)
+        )
+        first = vectors[:, np.abs(values - wanted) < _SMALLEST_GAP]
+        if first.shape[1]:
+            found[shapes] = _all_tableaux(first, start, exchanges, groups, shapes)
+    return found
+
+
+def _all_tableaux(
+    first: Floats,
+    start: int,
+    exchanges: Mapping[int, Floats],
+    groups: Sequence[range],
+    shapes: Shapes,
+) -> Floats:
+    """Return the bases of all tableaux from that of one, by Young's orthogonal form."""
+    names = tableau_contents(shapes)
+    numbers = {name: number for number, name in enumerate(names)}
+    bases: dict[int, Floats] = {start: first}
+    waiting = [start]
+    while waiting:
+        number = waiting.pop()
+        for joint, (goal, distance) in neighbours(names[number], groups).items():
+            if abs(distance) > 1 and numbers[goal] not in bases:
+                moved = exchanges[joint] @ bases[number] - bases[number] / distance
+                bases[numbers[goal]] = moved / sqrt(1 - 1 / distance**2)
+                waiting.append(numbers[goal])
+    return np.stack([bases[number] for number in range(len(names))])
+
+
+@lru_cache(maxsize=None)
+def tableau_contents(shapes: Shapes) -> tuple[tuple[Contents, ...], ...]:
+    """Return the standard tableaux of a shape in each group, as contents of 2, 3, …; sorted."""
+    of_group = []
+    for shape in shapes:
+        size = sum(shape)
+        corner = sorted(row_reading_contents(shape)) if size else []
+        candidates = all_contents(size) if size else {()}
+        of_group.append(sorted(name for name in candidates if sorted(name) == corner))
+    return tuple(product(*of_group))
+
+
+def neighbours(
+    name: tuple[Contents, ...], groups: Sequence[range]
+) -> dict[int, tuple[tuple[Contents, ...], int]]:
+    """Return for each i the contents with i and i + 1 exchanged, and the distance r."""
+    found = {}
+    for number, (contents, group) in enumerate(zip(name, groups, strict=True)):
+        boxes = [0, *contents] if len(group) else []
+        for place in range(len(boxes) - 1):
+            swapped = boxes.copy()
+            swapped[place : place + 2] = boxes[place + 1], boxes[place]
+            goal = (*name[:number], tuple(swapped[1:]), *name[number + 1 :])
+            found[group[place]] = (goal, boxes[place + 1] - boxes[place])
+    return found
