@@ -8,17 +8,19 @@ carry odd m and summing over tableaux.
 from __future__ import annotations
 
 from itertools import combinations
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from formulations.bounds.so3_moments.adapted_rows import AdaptedRows, adapted_rows, sector_rows
-from formulations.bounds.so3_moments.clebsch_gordan import Floats, coupled_tensors
-from formulations.bounds.so3_moments.permuted_rows import PermutedRows
+from formulations.bounds.so3_moments.clebsch_gordan import Floats, coupling
+from formulations.bounds.so3_moments.permuted_rows import Assignment, PermutedRows
 from formulations.bounds.so3_moments.row_sectors import RowSector
 from formulations.bounds.so3_moments.wigner import wigner_matrices
 
-_CHUNK = 4_000_000  # numbers in one product of Wigner functions
+# Total spin to values of shape (ways, configurations, components).
+Coupled: TypeAlias = dict[int, NDArray[np.complex128]]
 
 
 class SectorBlocks:
@@ -66,27 +68,60 @@ def plain_rows(rows: PermutedRows, wigner: list[NDArray[np.complex128]]) -> Floa
     """Return the values of plain rows, shape (rows, configurations, 2(2L+1)).
 
     The last axis holds the components of the total spin, real parts before imaginary parts.
-    `wigner` holds D^l of shape (configurations, n, 2l+1, 2l+1).
+    `wigner` holds D^l of shape (configurations, n, 2l+1, 2l+1). Joints are coupled one after
+    another, so assignments that begin alike share their first steps.
     """
-    labels = rows.labels.labels
+    labels, components = rows.labels.labels, 2 * rows.spin + 1
+    columns = [wigner[spin][:, :, :, spin + m].swapaxes(0, 1) for spin, m in labels]
     count = len(wigner[0])
-    components = 2 * rows.spin + 1
-    tensors = coupled_tensors(rows.labels.spins, rows.spin)
-    flat = np.moveaxis(tensors, 0, -2).reshape(-1, rows.ways * components)
-    columns = [wigner[spin][:, :, :, spin + m] for spin, m in labels]
     found = np.empty((len(rows.assignments), rows.ways, count, 2 * components))
-    step = max(1, _CHUNK // max(1, count * len(flat)))
-    for start in range(0, len(rows.assignments), step):
-        chosen = np.array(rows.assignments[start : start + step], dtype=int)
-        products = np.ones((len(chosen) * count, 1), dtype=complex)
-        for q, column in enumerate(columns):
-            factor = column[:, chosen[:, q]].swapaxes(0, 1).reshape(len(products), -1)
-            products = (products[:, :, None] * factor[:, None, :]).reshape(len(products), -1)
-        shape = (len(chosen), count, rows.ways, components)
-        part = found[start : start + step].transpose(0, 2, 1, 3)
-        part[..., :components] = (products.real @ flat).reshape(shape)
-        part[..., components:] = (products.imag @ flat).reshape(shape)
+    known: dict[Assignment, Coupled] = {(): {0: np.ones((1, count, 1), dtype=complex)}}
+    for number, assignment in enumerate(rows.assignments):
+        # Assignments are sorted: only beginnings of the present one are still of use.
+        known = {
+            begun: coupled
+            for begun, coupled in known.items()
+            if assignment[: len(begun)] == begun
+        }
+        for q in range(max(map(len, known)), len(labels)):
+            left = sum(rows.labels.spins[q + 1 :])
+            reachable = range(max(0, rows.spin - left), rows.spin + left + 1)
+            factor = columns[q][assignment[q]]
+            grown = coupled_with(known[assignment[:q]], factor, labels[q][0], reachable)
+            known[assignment[: q + 1]] = grown
+        values = known[assignment][rows.spin]
+        found[number, :, :, :components] = values.real
+        found[number, :, :, components:] = values.imag
     return found.reshape(rows.length, count, 2 * components)
+
+
+def coupled_with(
+    coupled: Coupled, factor: NDArray[np.complex128], spin: int, reachable: range
+) -> Coupled:
+    """Return what coupling one more joint gives, in the order of `coupled_tensors`.
+
+    Parameters
+    ----------
+    coupled
+        For each total spin l so far the values, (ways, configurations, 2l+1).
+    factor
+        Functions of the joint, (configurations, 2·spin+1).
+    spin
+        Spin of the joint.
+    reachable
+        Total spins that are still of use.
+    """
+    grown: dict[int, list[NDArray[np.complex128]]] = {}
+    for before, values in coupled.items():
+        products = (values[:, :, :, None] * factor[:, None, :]).reshape(*values.shape[:2], -1)
+        for target in range(abs(before - spin), before + spin + 1):
+            if target in reachable:
+                table = coupling(before, spin, target).reshape(-1, 2 * target + 1)
+                both = products.view(float).reshape(*products.shape, 2)
+                part = np.empty((*products.shape[:2], 2 * target + 1), dtype=complex)
+                part.real, part.imag = both[..., 0] @ table, both[..., 1] @ table
+                grown.setdefault(target, []).append(part)
+    return {target: np.concatenate(parts) for target, parts in grown.items()}
 
 
 def adapted_values(block: AdaptedRows, plain: list[Floats]) -> Floats:
