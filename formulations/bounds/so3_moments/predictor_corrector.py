@@ -29,6 +29,7 @@ _STEP = 0.95  # fraction of the way to the boundary
 _START = 1.0  # multiple of the unit matrix to start X from
 _MOST_ITERATIONS = 100
 _STALLED = 1e-4
+_SHIFTS = (0.0, 1e-15, 1e-14, 1e-13, 1e-12, 1e-11, 1e-10, 1e-9)
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,6 +46,7 @@ def solve_with_predictor_corrector(
     program: MomentProgram,
     *,
     gap: float = 1e-9,
+    accuracy: float = 1e-8,
     progress: Callable[[str], None] | None = None,
 ) -> ConicOutcome:
     """Return pseudo-moments and positive definite multipliers.
@@ -53,8 +55,8 @@ def solve_with_predictor_corrector(
     ----------
     program
         The program; y = 0 must make every block positive definite.
-    gap
-        Accuracy of the objective and of the dual equations at which to stop.
+    gap, accuracy
+        Stop where ⟨X, S⟩ is below `gap` and no dual equation is off by more than `accuracy`.
     progress
         Told of every iteration.
 
@@ -82,7 +84,7 @@ def solve_with_predictor_corrector(
                 f"iteration {iterations}: bound {program.dual_value(x):.7f}, "
                 f"gap {order * mu:.1e}, residual {residual:.1e}"
             )
-        if order * mu < gap and residual < gap:
+        if order * mu < gap and residual < accuracy:
             status = "optimal"
             break
         if iterations == _MOST_ITERATIONS:
@@ -104,9 +106,8 @@ def _step(
     program: MomentProgram, point: _Point, slacks: list[Floats], mu: float, order: int
 ) -> tuple[Floats, list[Floats], float, float] | None:
     """Return dy, dX and the lengths of the steps in y and X."""
-    try:
-        schur = cho_factor(_schur_complement(program, point), lower=True, check_finite=False)
-    except np.linalg.LinAlgError:
+    schur = _factored(_schur_complement(program, point))
+    if schur is None:
         return None
     nothing = [np.zeros_like(block) for block in point.x]
     dy, dx, ds = _direction(program, point, schur, 0.0, nothing)
@@ -157,6 +158,22 @@ def _schur_complement(program: MomentProgram, point: _Point) -> Floats:
             overwrite_c=1,
         )  # fmt: skip
     return np.asarray(found)
+
+
+def _factored(schur: Floats) -> tuple[Floats, bool] | None:
+    """Return a Cholesky factor, of a slightly larger matrix if rounding makes that necessary.
+
+    The larger matrix only shortens steps along directions that are hardly determined.
+    """
+    diagonal = np.diag(schur).copy()
+    for shift in _SHIFTS:
+        np.fill_diagonal(schur, (1 + shift) * diagonal)
+        try:
+            root, lower = cho_factor(schur, lower=True, check_finite=False)
+        except np.linalg.LinAlgError:
+            continue
+        return np.asarray(root), bool(lower)
+    return None
 
 
 def _slacks(program: MomentProgram, y: Floats) -> list[Floats]:

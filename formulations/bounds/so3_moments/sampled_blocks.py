@@ -40,13 +40,22 @@ class SectorBlocks:
         self.rows = sector_rows(sector, joints)
         self.blocks: list[AdaptedRows] = adapted_rows(sector, joints)
 
+    @property
+    def sizes(self) -> list[int]:
+        """Numbers of rows of the blocks."""
+        return [block.size for block in self.blocks]
+
+    @property
+    def largest_spin(self) -> int:
+        """Largest spin of one joint."""
+        return max((spin for rows in self.rows for spin in rows.labels.spins), default=0)
+
     def evaluate(self, rotations: Floats) -> list[Floats]:
         """Return each block, shape (configurations, size, size), at (configurations, n, 3, 3).
 
         The mean over uniformly distributed configurations is the unit matrix.
         """
-        largest = max((max(rows.labels.spins, default=0) for rows in self.rows), default=0)
-        wigner = wigner_matrices(rotations, max(largest, 1))
+        wigner = wigner_matrices(rotations, self.largest_spin)
         orders = [
             (*chosen, *(j for j in range(self.joints) if j not in chosen))
             for chosen in combinations(range(self.joints), self.sector.odd)
