@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from fractions import Fraction
-from functools import lru_cache
+from functools import cache
 from math import factorial, sqrt
 from typing import TypeAlias
 
@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 Floats: TypeAlias = NDArray[np.float64]
 
 
-@lru_cache(maxsize=None)
+@cache
 def coupling(first: int, second: int, total: int) -> Floats:
     """Return ⟨first a, second b | total M⟩, shape (2·first+1, 2·second+1, 2·total+1).
 
@@ -74,7 +74,7 @@ def _coefficient(first: int, a: int, second: int, b: int, total: int) -> float:
     return sqrt(square) if series >= 0 else -sqrt(square)
 
 
-@lru_cache(maxsize=None)
+@cache
 def coupled_tensors(spins: tuple[int, ...], total: int) -> Floats:
     """Return an orthonormal basis of the ways to couple spins to a total spin, in sequence.
 

@@ -63,7 +63,9 @@ class MomentProgram:
 
     def dual_value(self, multipliers: Sequence[Floats]) -> float:
         """Return ρ_0 − Σ ⟨X, B_0⟩."""
-        paid = sum(np.vdot(x, block[0]) for x, block in zip(multipliers, self.blocks, strict=True))
+        paid = sum(
+            np.vdot(x, block[0]) for x, block in zip(multipliers, self.blocks, strict=True)
+        )
         return float(self.objective[0] - paid)
 
     def dual_residual(self, multipliers: Sequence[Floats]) -> Floats:

@@ -101,7 +101,7 @@ class PermutedRows:
             image = tuple(assignment[q] for q in order)
             action[numbers[image], :, a, :] = mixing
         sign = (-1) ** sum(self.labels.spins)
-        return sign * action.reshape(goal.length, self.length)
+        return np.asarray(sign * action.reshape(goal.length, self.length))
 
 
 def _assignments(labels: Sequence[Label], places: range) -> list[Assignment]:

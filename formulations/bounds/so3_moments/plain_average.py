@@ -30,7 +30,9 @@ def averaged_sum_of_squares(
     components = 2 * family.sector.spin + 1
     found = np.zeros(len(rotations))
     for number, configuration in enumerate(rotations):
-        single = [_wigner_by_angles(configuration, l) for l in range(family.largest_spin + 1)]
+        single = [
+            _wigner_by_angles(configuration, spin) for spin in range(family.largest_spin + 1)
+        ]
         for start in range(0, len(orders), _ORDERS_AT_ONCE):
             wigner = [matrix[orders[start : start + _ORDERS_AT_ONCE]] for matrix in single]
             plain = [plain_rows(rows, wigner) for rows in family.rows]

@@ -56,7 +56,8 @@ def solve_with_predictor_corrector(
     program
         The program; y = 0 must make every block positive definite.
     gap, accuracy
-        Stop where ⟨X, S⟩ is below `gap` and no dual equation is off by more than `accuracy`.
+        Stop where ⟨X, S⟩ is below `gap` and no dual equation is off by more than `accuracy`,
+        both relative to the largest coefficient of the objective, at least 1.
     progress
         Told of every iteration.
 
@@ -69,6 +70,7 @@ def solve_with_predictor_corrector(
     y = np.zeros(program.moments - 1)
     x = [_START * np.eye(size) for size in program.sizes]
     order = sum(program.sizes)
+    scale = max(1.0, float(np.abs(program.objective).max()))
     status = "iteration_limit"
     iterations = 0
     for iterations in range(_MOST_ITERATIONS + 1):
@@ -84,7 +86,7 @@ def solve_with_predictor_corrector(
                 f"iteration {iterations}: bound {program.dual_value(x):.7f}, "
                 f"gap {order * mu:.1e}, residual {residual:.1e}"
             )
-        if order * mu < gap and residual < accuracy:
+        if order * mu < gap * scale and residual < accuracy * scale:
             status = "optimal"
             break
         if iterations == _MOST_ITERATIONS:
@@ -182,8 +184,8 @@ def _slacks(program: MomentProgram, y: Floats) -> list[Floats]:
 
 def _factor(x: Sequence[Floats], slacks: Sequence[Floats]) -> _Point | None:
     try:
-        x_root = [np.linalg.cholesky(block) for block in x]
-        s_root = [np.linalg.cholesky(block) for block in slacks]
+        x_root = [np.asarray(np.linalg.cholesky(block), dtype=float) for block in x]
+        s_root = [np.asarray(np.linalg.cholesky(block), dtype=float) for block in slacks]
     except np.linalg.LinAlgError:
         return None
     inverse = [

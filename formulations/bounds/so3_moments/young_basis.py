@@ -12,7 +12,7 @@ the average of |(U_T a)ᵀφ|² over permutations of the joints is that over all
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from functools import lru_cache
+from functools import cache
 from itertools import product
 from math import sqrt
 from typing import TypeAlias
@@ -35,7 +35,9 @@ _WEIGHTS = tuple(sqrt(prime) for prime in (2, 3, 5, 7, 11, 13, 17, 19, 23, 29))
 _SMALLEST_GAP = 1e-6
 
 
-def young_bases(exchanges: Mapping[int, Floats], groups: Sequence[range]) -> dict[Shapes, Floats]:
+def young_bases(
+    exchanges: Mapping[int, Floats], groups: Sequence[range]
+) -> dict[Shapes, Floats]:
     """Return for each shape the bases U_T of all its tableaux.
 
     Parameters
@@ -98,7 +100,7 @@ def _all_tableaux(
     return np.stack([bases[number] for number in range(len(names))])
 
 
-@lru_cache(maxsize=None)
+@cache
 def tableau_contents(shapes: Shapes) -> tuple[tuple[Contents, ...], ...]:
     """Return the standard tableaux of a shape in each group, as contents of 2, 3, …; sorted."""
     of_group = []
