@@ -6,6 +6,7 @@ is 0, conjugation splits what belongs to a shape into even and odd.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import prod
 from typing import Literal, TypeAlias
@@ -14,7 +15,6 @@ import numpy as np
 
 from formulations.bounds.so3_moments.clebsch_gordan import Floats
 from formulations.bounds.so3_moments.permuted_rows import PermutedRows
-from formulations.bounds.so3_moments.row_sectors import RowSector
 from formulations.bounds.so3_moments.young_basis import Shapes, young_bases
 
 Parity: TypeAlias = Literal["even", "odd", "mixed"]
@@ -26,10 +26,8 @@ class AdaptedRows:
 
     Parameters
     ----------
-    sector
-        The sector that they belong to.
     shapes
-        Shapes of the permutations of the joints with odd m and of the rest.
+        Shapes of the permutations of the joints in each group.
     parity
         Behaviour under conjugation; ``"mixed"`` if the charge is not 0.
     parts
@@ -41,7 +39,6 @@ class AdaptedRows:
         Number of tableaux of the shapes.
     """
 
-    sector: RowSector
     shapes: Shapes
     parity: Parity
     parts: tuple[tuple[int, range, Floats], ...]
@@ -49,31 +46,34 @@ class AdaptedRows:
     tableaux: int
 
 
-def sector_rows(sector: RowSector, joints: int) -> list[PermutedRows]:
-    """Return the plain rows of a sector, one entry for each set of labels."""
-    rows = [PermutedRows(labels, sector.spin, joints) for labels in sector.label_sets(joints)]
-    return [entry for entry in rows if entry.length]
-
-
-def adapted_rows(sector: RowSector, joints: int) -> list[AdaptedRows]:
+def adapted_rows(rows: Sequence[PermutedRows], charge: int) -> list[AdaptedRows]:
     """Return the rows of all blocks of a sector.
 
-    Plain rows are scaled so that every row has mean square 1 over all configurations.
+    Parameters
+    ----------
+    rows
+        The plain rows, one entry for each set of labels; all have the same groups of joints
+        and total spin.
+    charge
+        Their charge; for 0 the rows must be closed under conjugation.
+
+    Returns
+    -------
+    list of AdaptedRows
+        Scaled so that every row has mean square 1 over all configurations.
     """
-    rows = sector_rows(sector, joints)
-    numbers = {entry.labels: number for number, entry in enumerate(rows)}
-    groups = (range(sector.odd), range(sector.odd, joints))
+    numbers = {entry.parts: number for number, entry in enumerate(rows)}
     found: dict[tuple[Shapes, Parity], list[list[tuple[int, Floats]]]] = {}
     for number, entry in enumerate(rows):
-        if sector.charge:
-            for shapes, basis in _bases(entry, groups).items():
+        if charge:
+            for shapes, basis in _bases(entry).items():
                 found.setdefault((shapes, "mixed"), []).append([(number, basis)])
             continue
-        other = numbers[entry.labels.conjugate]
+        other = numbers[entry.conjugate.parts]
         if other < number:
             continue
         conjugation = entry.conjugation()
-        for shapes, basis in _bases(entry, groups).items():
+        for shapes, basis in _bases(entry).items():
             if other == number:
                 even, odd = _split(conjugation, basis)
                 parts = {"even": [(number, even)], "odd": [(number, odd)]}
@@ -86,15 +86,15 @@ def adapted_rows(sector: RowSector, joints: int) -> list[AdaptedRows]:
             found.setdefault((shapes, "even"), []).append(parts["even"])
             found.setdefault((shapes, "odd"), []).append(parts["odd"])
     blocks = [
-        _collect(sector, shapes, parity, parts, rows)
+        _collect(shapes, parity, parts, rows)
         for (shapes, parity), parts in sorted(found.items())
     ]
     return [block for block in blocks if block.size]
 
 
-def _bases(entry: PermutedRows, groups: tuple[range, range]) -> dict[Shapes, Floats]:
-    exchanges = {joint: entry.exchange(joint) for group in groups for joint in group[:-1]}
-    return young_bases(exchanges, groups)
+def _bases(entry: PermutedRows) -> dict[Shapes, Floats]:
+    exchanges = {joint: entry.exchange(joint) for group in entry.places for joint in group[:-1]}
+    return young_bases(exchanges, entry.places)
 
 
 def _split(conjugation: Floats, basis: Floats) -> tuple[Floats, Floats]:
@@ -104,11 +104,10 @@ def _split(conjugation: Floats, basis: Floats) -> tuple[Floats, Floats]:
 
 
 def _collect(
-    sector: RowSector,
     shapes: Shapes,
     parity: Parity,
     contributions: list[list[tuple[int, Floats]]],
-    rows: list[PermutedRows],
+    rows: Sequence[PermutedRows],
 ) -> AdaptedRows:
     parts = []
     size = 0
@@ -120,9 +119,9 @@ def _collect(
                 (number, columns, _scale(rows[number]) * basis) for number, basis in together
             ]
     tableaux = contributions[0][0][1].shape[0]
-    return AdaptedRows(sector, shapes, parity, tuple(parts), size, tableaux)
+    return AdaptedRows(shapes, parity, tuple(parts), size, tableaux)
 
 
 def _scale(entry: PermutedRows) -> float:
     """Return 1 over the root mean square of a plain row."""
-    return float(np.sqrt(prod(2 * spin + 1 for spin in entry.labels.spins)))
+    return float(np.sqrt(prod(2 * spin + 1 for spin in entry.spins)))

@@ -1,8 +1,8 @@
 """How permutations of the joints, and conjugation, act on the rows with one set of labels.
 
 A row is an assignment of the labels to joints together with one way of coupling. The joints
-with odd m are 0 … k−1 here; only permutations within these and within the rest are needed.
-Equal labels are given to joints in ascending order.
+fall into groups, each with its own labels; only permutations within a group are needed. Equal
+labels are given to joints in ascending order.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import permutations
+from itertools import chain, permutations, product
 from typing import TypeAlias
 
 import numpy as np
@@ -20,7 +20,7 @@ from formulations.bounds.so3_moments.clebsch_gordan import (
     axis_exchange,
     coupled_tensors,
 )
-from formulations.bounds.so3_moments.row_sectors import Label, LabelSet
+from formulations.bounds.so3_moments.row_sectors import Label
 
 Assignment: TypeAlias = tuple[int, ...]
 
@@ -31,30 +31,42 @@ class PermutedRows:
 
     Parameters
     ----------
-    labels
-        The labels.
+    parts
+        The labels that occur in each group of joints, ascending; the other joints of the group
+        contribute 1.
+    places
+        The groups: consecutive ranges of joints.
     spin
         Total spin L.
-    joints
-        Number n of joints.
     """
 
-    labels: LabelSet
+    parts: tuple[tuple[Label, ...], ...]
+    places: tuple[range, ...]
     spin: int
-    joints: int
+
+    @property
+    def labels(self) -> tuple[Label, ...]:
+        """All labels, in the order of coupling."""
+        return tuple(label for part in self.parts for label in part)
+
+    @property
+    def spins(self) -> tuple[int, ...]:
+        """The spins, in the order of coupling."""
+        return tuple(spin for spin, _ in self.labels)
 
     @cached_property
     def assignments(self) -> tuple[Assignment, ...]:
         """Which joint carries each label, in the order of the labels; lexicographic."""
-        k = len(self.labels.odd)
-        odd = _assignments(self.labels.odd, range(k))
-        even = _assignments(self.labels.even, range(k, self.joints))
-        return tuple(first + second for first in odd for second in even)
+        choices = (
+            _assignments(part, places)
+            for part, places in zip(self.parts, self.places, strict=True)
+        )
+        return tuple(tuple(chain(*chosen)) for chosen in product(*choices))
 
     @property
     def ways(self) -> int:
         """Number of ways to couple the spins to L."""
-        return len(coupled_tensors(self.labels.spins, self.spin))
+        return len(coupled_tensors(self.spins, self.spin))
 
     @property
     def length(self) -> int:
@@ -64,10 +76,10 @@ class PermutedRows:
     def exchange(self, joint: int) -> Floats:
         """Return the orthogonal matrix, (rows, rows), that exchanges a joint and the next.
 
-        Both must carry odd m or both even m.
+        Both must be in the same group.
         """
         numbers = {assignment: a for a, assignment in enumerate(self.assignments)}
-        labels, spins, ways = self.labels.labels, self.labels.spins, self.ways
+        labels, spins, ways = self.labels, self.spins, self.ways
         swapped = {joint: joint + 1, joint + 1: joint}
         action = np.zeros((len(numbers), ways, len(numbers), ways))
         for assignment, a in numbers.items():
@@ -84,24 +96,29 @@ class PermutedRows:
     @property
     def conjugate(self) -> PermutedRows:
         """The rows with all phases reversed."""
-        return PermutedRows(self.labels.conjugate, self.spin, self.joints)
+        parts = tuple(tuple(sorted(_reversed(part))) for part in self.parts)
+        return PermutedRows(parts, self.places, self.spin)
 
     def conjugation(self) -> Floats:
         """Return the orthogonal matrix, (conjugate rows, rows), of (v, ω) → (v, −ω)."""
         goal = self.conjugate
-        reversed_labels = [(spin, -m) for spin, m in self.labels.labels]
-        k = len(self.labels.odd)
-        # Sorting is stable, so joints with equal labels stay in ascending order.
-        order = sorted(range(k), key=lambda q: reversed_labels[q])
-        order += sorted(range(k, len(reversed_labels)), key=lambda q: reversed_labels[q])
-        mixing = axis_exchange(self.labels.spins, self.spin, order)
+        order: list[int] = []
+        for part in self.parts:
+            image, start = _reversed(part), len(order)
+            # Sorting is stable, so joints with equal labels stay in ascending order.
+            order += [start + q for q in sorted(range(len(part)), key=image.__getitem__)]
+        mixing = axis_exchange(self.spins, self.spin, order)
         numbers = {assignment: a for a, assignment in enumerate(goal.assignments)}
         action = np.zeros((len(numbers), goal.ways, len(self.assignments), self.ways))
         for a, assignment in enumerate(self.assignments):
-            image = tuple(assignment[q] for q in order)
-            action[numbers[image], :, a, :] = mixing
-        sign = (-1) ** sum(self.labels.spins)
+            target = tuple(assignment[q] for q in order)
+            action[numbers[target], :, a, :] = mixing
+        sign = (-1) ** sum(self.spins)
         return np.asarray(sign * action.reshape(goal.length, self.length))
+
+
+def _reversed(labels: Sequence[Label]) -> list[Label]:
+    return [(spin, -m) for spin, m in labels]
 
 
 def _assignments(labels: Sequence[Label], places: range) -> list[Assignment]:

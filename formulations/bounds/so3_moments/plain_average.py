@@ -16,7 +16,7 @@ from scipy.linalg import expm
 
 from formulations.bounds.so3_moments.adapted_rows import AdaptedRows
 from formulations.bounds.so3_moments.clebsch_gordan import Floats
-from formulations.bounds.so3_moments.sampled_blocks import SectorBlocks, plain_rows
+from formulations.bounds.so3_moments.sampled_blocks import SectorBlocks, joint_factors, plain_rows
 
 _ORDERS_AT_ONCE = 720
 
@@ -35,7 +35,8 @@ def averaged_sum_of_squares(
         ]
         for start in range(0, len(orders), _ORDERS_AT_ONCE):
             wigner = [matrix[orders[start : start + _ORDERS_AT_ONCE]] for matrix in single]
-            plain = [plain_rows(rows, wigner) for rows in family.rows]
+            factors = joint_factors(wigner, range(family.joints))
+            plain = [plain_rows(rows, factors) for rows in family.rows]
             for block, root in zip(family.blocks, roots, strict=True):
                 found[number] += np.sum(_first_tableau(block, root, plain) ** 2)
     return found / (len(orders) * components)
@@ -43,10 +44,12 @@ def averaged_sum_of_squares(
 
 def _first_tableau(block: AdaptedRows, root: Floats, plain: list[Floats]) -> Floats:
     """Return rootᵀ times the values of the block's rows for one tableau."""
-    total = np.zeros((root.shape[1], plain[0][0].size))
+    size = max(values[0].size for values in plain)
+    total = np.zeros((root.shape[1], size))
     for number, columns, coefficients in block.parts:
         weights = coefficients[0] @ root[columns.start : columns.stop]
-        total += weights.T @ plain[number].reshape(len(plain[number]), -1)
+        values = weights.T @ plain[number].reshape(len(plain[number]), -1)
+        total += np.tile(values, size // values.shape[1])
     return total
 
 

@@ -16,38 +16,6 @@ from nlp.errors import InputError
 Label: TypeAlias = tuple[int, int]
 
 
-@dataclass(frozen=True)
-class LabelSet:
-    """The labels of the joints that occur in a product; the other joints contribute 1.
-
-    Parameters
-    ----------
-    odd
-        Labels with odd m, ascending: one for each joint whose sign matters.
-    even
-        Labels with even m other than (0, 0), ascending.
-    """
-
-    odd: tuple[Label, ...]
-    even: tuple[Label, ...]
-
-    @property
-    def labels(self) -> tuple[Label, ...]:
-        """All labels, in the order of coupling."""
-        return self.odd + self.even
-
-    @property
-    def spins(self) -> tuple[int, ...]:
-        """The spins, in the order of coupling."""
-        return tuple(spin for spin, _ in self.labels)
-
-    @property
-    def conjugate(self) -> LabelSet:
-        """The labels with all phases reversed."""
-        odd, even = ([(spin, -m) for spin, m in part] for part in (self.odd, self.even))
-        return LabelSet(tuple(sorted(odd)), tuple(sorted(even)))
-
-
 @dataclass(frozen=True, order=True)
 class RowSector:
     """The products of Wigner functions with one behaviour under all symmetries but S_n.
@@ -81,20 +49,9 @@ class RowSector:
         if (self.odd - self.charge) % 2 or (self.charge - self.degree) % 2:
             raise InputError("row sector (k, c, L, d)", values, "k ≡ c ≡ d modulo 2")
 
-    def label_sets(self, joints: int) -> list[LabelSet]:
-        """Return all sets of labels that `joints` joints can carry."""
-        if self.odd > joints:
-            return []
-        found = []
-        for odd in _multisets(_labels(1, self.degree), self.odd, self.degree):
-            left = self.degree - sum(map(label_degree, odd))
-            for size in range(joints - self.odd + 1):
-                found += [
-                    LabelSet(odd, even)
-                    for even in _multisets(_labels(0, self.degree), size, left)
-                    if sum(m for _, m in odd + even) == self.charge
-                ]
-        return found
+    def label_sets(self, joints: int) -> list[tuple[tuple[Label, ...], tuple[Label, ...]]]:
+        """Return the labels with odd and those with even m that `joints` joints can carry."""
+        return label_sets(self.odd, self.charge, self.degree, joints)
 
     def contains(self, other: RowSector) -> bool:
         """Whether the other sector's rows are all among these."""
@@ -106,6 +63,28 @@ def label_degree(label: Label) -> int:
     """Return the degree of D^l_{Mm} as a polynomial in the entries of J."""
     spin, m = label
     return spin + (spin - m) % 2
+
+
+def label_sets(
+    odd: int, charge: int, degree: int, joints: int
+) -> list[tuple[tuple[Label, ...], tuple[Label, ...]]]:
+    """Return the labels with odd and those with even m that `joints` joints can carry.
+
+    There are `odd` labels with odd m; all m add up to `charge` and all degrees to at most
+    `degree`. Labels are ascending, and (0, 0) is left out.
+    """
+    if odd > joints:
+        return []
+    found = []
+    for first in _multisets(labels_of_parity(1, degree), odd, degree):
+        left = degree - sum(map(label_degree, first))
+        for size in range(joints - odd + 1):
+            found += [
+                (first, second)
+                for second in _multisets(labels_of_parity(0, degree), size, left)
+                if sum(m for _, m in first + second) == charge
+            ]
+    return found
 
 
 def degree_sectors(
@@ -133,7 +112,7 @@ def without_repetition(sectors: list[RowSector]) -> tuple[RowSector, ...]:
     )
 
 
-def _labels(parity: int, degree: int) -> list[Label]:
+def labels_of_parity(parity: int, degree: int) -> list[Label]:
     """Return the labels with m of one parity and degree from 1 to `degree`, ascending."""
     return [
         (spin, m)

@@ -7,20 +7,24 @@ carry odd m and summing over tableaux.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from itertools import combinations
 from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from formulations.bounds.so3_moments.adapted_rows import AdaptedRows, adapted_rows, sector_rows
+from formulations.bounds.so3_moments.adapted_rows import AdaptedRows, adapted_rows
 from formulations.bounds.so3_moments.clebsch_gordan import Floats, coupling
 from formulations.bounds.so3_moments.permuted_rows import Assignment, PermutedRows
-from formulations.bounds.so3_moments.row_sectors import RowSector
+from formulations.bounds.so3_moments.row_sectors import Label, RowSector
 from formulations.bounds.so3_moments.wigner import wigner_matrices
 
+Complex: TypeAlias = NDArray[np.complex128]
+# Functions of one joint: label and place to values of shape (configurations, 2l+1).
+Factors: TypeAlias = Callable[[Label, int], Complex]
 # Total spin to values of shape (ways, configurations, components).
-Coupled: TypeAlias = dict[int, NDArray[np.complex128]]
+Coupled: TypeAlias = dict[int, Complex]
 
 
 class SectorBlocks:
@@ -37,8 +41,12 @@ class SectorBlocks:
     def __init__(self, sector: RowSector, joints: int) -> None:
         self.sector = sector
         self.joints = joints
-        self.rows = sector_rows(sector, joints)
-        self.blocks: list[AdaptedRows] = adapted_rows(sector, joints)
+        places = (range(sector.odd), range(sector.odd, joints))
+        entries = [
+            PermutedRows(parts, places, sector.spin) for parts in sector.label_sets(joints)
+        ]
+        self.rows = [entry for entry in entries if entry.length]
+        self.blocks: list[AdaptedRows] = adapted_rows(self.rows, sector.charge)
 
     @property
     def sizes(self) -> list[int]:
@@ -48,7 +56,7 @@ class SectorBlocks:
     @property
     def largest_spin(self) -> int:
         """Largest spin of one joint."""
-        return max((spin for rows in self.rows for spin in rows.labels.spins), default=0)
+        return max((spin for rows in self.rows for spin in rows.spins), default=0)
 
     def evaluate(self, rotations: Floats) -> list[Floats]:
         """Return each block, shape (configurations, size, size), at (configurations, n, 3, 3).
@@ -62,8 +70,8 @@ class SectorBlocks:
         ]
         found = [np.zeros((len(rotations), block.size, block.size)) for block in self.blocks]
         for order in orders:
-            arranged = [matrix[:, list(order)] for matrix in wigner]
-            plain = [plain_rows(rows, arranged) for rows in self.rows]
+            factors = joint_factors(wigner, order)
+            plain = [plain_rows(rows, factors) for rows in self.rows]
             for total, block in zip(found, self.blocks, strict=True):
                 values = adapted_values(block, plain)
                 total += values @ values.transpose(0, 2, 1)
@@ -73,19 +81,28 @@ class SectorBlocks:
         return found
 
 
-def plain_rows(rows: PermutedRows, wigner: list[NDArray[np.complex128]]) -> Floats:
+def joint_factors(wigner: Sequence[Complex], order: Sequence[int]) -> Factors:
+    """Return the functions of the joints in an order, from D^l of all configurations."""
+
+    def factors(label: Label, place: int) -> Complex:
+        spin, m = label
+        return wigner[spin][:, order[place], :, spin + m]
+
+    return factors
+
+
+def plain_rows(rows: PermutedRows, factors: Factors) -> Floats:
     """Return the values of plain rows, shape (rows, configurations, 2(2L+1)).
 
     The last axis holds the components of the total spin, real parts before imaginary parts.
-    `wigner` holds D^l of shape (configurations, n, 2l+1, 2l+1). Joints are coupled one after
-    another, so assignments that begin alike share their first steps.
+    `factors` gives the functions D^l_{·m} of the joint at a place, (configurations, 2l+1); the
+    last label may come with several values for each configuration. Joints are coupled one
+    after another, so assignments that begin alike share their first steps.
     """
-    labels, components = rows.labels.labels, 2 * rows.spin + 1
-    columns = [wigner[spin][:, :, :, spin + m].swapaxes(0, 1) for spin, m in labels]
-    count = len(wigner[0])
-    found = np.empty((len(rows.assignments), rows.ways, count, 2 * components))
-    known: dict[Assignment, Coupled] = {(): {0: np.ones((1, count, 1), dtype=complex)}}
-    for number, assignment in enumerate(rows.assignments):
+    labels, components = rows.labels, 2 * rows.spin + 1
+    found: list[Floats] = []
+    known: dict[Assignment, Coupled] = {(): {0: np.ones((1, 1, 1), dtype=complex)}}
+    for assignment in rows.assignments:
         # Assignments are sorted: only beginnings of the present one are still of use.
         known = {
             begun: coupled
@@ -93,19 +110,19 @@ def plain_rows(rows: PermutedRows, wigner: list[NDArray[np.complex128]]) -> Floa
             if assignment[: len(begun)] == begun
         }
         for q in range(max(map(len, known)), len(labels)):
-            left = sum(rows.labels.spins[q + 1 :])
+            left = sum(rows.spins[q + 1 :])
             reachable = range(max(0, rows.spin - left), rows.spin + left + 1)
-            factor = columns[q][assignment[q]]
+            factor = factors(labels[q], assignment[q])
             grown = coupled_with(known[assignment[:q]], factor, labels[q][0], reachable)
             known[assignment[: q + 1]] = grown
         values = known[assignment][rows.spin]
-        found[number, :, :, :components] = values.real
-        found[number, :, :, components:] = values.imag
-    return found.reshape(rows.length, count, 2 * components)
+        found.append(np.concatenate([values.real, values.imag], axis=-1))
+    stacked = np.concatenate(found)
+    return stacked.reshape(rows.length, -1, 2 * components)
 
 
 def coupled_with(
-    coupled: Coupled, factor: NDArray[np.complex128], spin: int, reachable: range
+    coupled: Coupled, factor: Complex, spin: int, reachable: range
 ) -> Coupled:
     """Return what coupling one more joint gives, in the order of `coupled_tensors`.
 
@@ -120,8 +137,11 @@ def coupled_with(
     reachable
         Total spins that are still of use.
     """
-    grown: dict[int, list[NDArray[np.complex128]]] = {}
-    for before, values in coupled.items():
+    grown: dict[int, list[Complex]] = {}
+    for before, begun in coupled.items():
+        values = begun
+        if len(factor) != values.shape[1]:
+            values = np.tile(values, (1, len(factor) // values.shape[1], 1))
         products = (values[:, :, :, None] * factor[:, None, :]).reshape(*values.shape[:2], -1)
         for target in range(abs(before - spin), before + spin + 1):
             if target in reachable:
@@ -135,10 +155,15 @@ def coupled_with(
 
 def adapted_values(block: AdaptedRows, plain: list[Floats]) -> Floats:
     """Return the values of a block's rows, (configurations, size, tableaux · components)."""
-    _, count, components = plain[0].shape
+    # Rows without any joint are the same at all configurations.
+    count = max(values.shape[1] for values in plain)
+    components = plain[0].shape[2]
     found = np.zeros((block.tableaux, block.size, count * components))
     for number, columns, coefficients in block.parts:
-        values = plain[number].reshape(len(plain[number]), -1)
+        values = plain[number]
+        if values.shape[1] != count:
+            values = np.tile(values, (1, count // values.shape[1], 1))
+        values = values.reshape(len(values), -1)
         found[:, columns.start : columns.stop] += coefficients.transpose(0, 2, 1) @ values
     shaped = found.reshape(block.tableaux, block.size, count, components)
     return shaped.transpose(2, 1, 0, 3).reshape(count, block.size, -1)
