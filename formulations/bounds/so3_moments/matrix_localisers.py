@@ -68,7 +68,9 @@ class LocaliserSector:
         parity = self.odd + (self.locked or 0)
         fits = (parity - self.degree) % 2 == 0 and (parity - self.charge) % 2 == 1
         if min(values[:4]) < 0 or self.locked not in (None, 0, 1) or not fits:
-            raise InputError("localiser sector (k, c, L, e, parity)", values, "fitting parities")
+            raise InputError(
+                "localiser sector (k, c, L, e, parity)", values, "fitting parities"
+            )
 
     def plain_rows(self, joints: int) -> list[PermutedRows]:
         """Return the rows; places: locked joint, odd joints, even joints, slot."""

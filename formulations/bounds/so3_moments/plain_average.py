@@ -16,7 +16,11 @@ from scipy.linalg import expm
 
 from formulations.bounds.so3_moments.adapted_rows import AdaptedRows
 from formulations.bounds.so3_moments.clebsch_gordan import Floats
-from formulations.bounds.so3_moments.sampled_blocks import SectorBlocks, joint_factors, plain_rows
+from formulations.bounds.so3_moments.sampled_blocks import (
+    SectorBlocks,
+    joint_factors,
+    plain_rows,
+)
 
 _ORDERS_AT_ONCE = 720
 

@@ -121,9 +121,7 @@ def plain_rows(rows: PermutedRows, factors: Factors) -> Floats:
     return stacked.reshape(rows.length, -1, 2 * components)
 
 
-def coupled_with(
-    coupled: Coupled, factor: Complex, spin: int, reachable: range
-) -> Coupled:
+def coupled_with(coupled: Coupled, factor: Complex, spin: int, reachable: range) -> Coupled:
     """Return what coupling one more joint gives, in the order of `coupled_tensors`.
 
     Parameters

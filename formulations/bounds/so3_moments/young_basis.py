@@ -32,7 +32,7 @@ Shapes: TypeAlias = tuple[Shape, ...]
 Contents: TypeAlias = tuple[int, ...]
 
 _WEIGHTS = tuple(sqrt(prime) for prime in (2, 3, 5, 7, 11, 13, 17, 19, 23, 29))
-_SMALLEST_GAP = 1e-6
+_WINDOW = 0.25
 
 
 def young_bases(
@@ -54,28 +54,59 @@ def young_bases(
         Shapes that occur to an array (tableaux, rows, multiplicity); the tableaux are in the
         order of `tableau_contents`. All bases together are orthonormal.
     """
+    elements = _jucys_murphy(exchanges, groups)
     rows = len(next(iter(exchanges.values()))) if exchanges else 1
-    operator = np.zeros((rows, rows))
-    for group in groups:
-        element = np.zeros((rows, rows))
-        for joint in group[:-1]:
-            swap = exchanges[joint]
-            element = swap @ element @ swap + swap
-            operator += _WEIGHTS[joint] * element
+    operator = sum(
+        (_WEIGHTS[joint] * x for joint, x in elements.items()), np.zeros((rows, rows))
+    )
     values, vectors = np.linalg.eigh(0.5 * (operator + operator.T))
     found: dict[Shapes, Floats] = {}
     for shapes in product(*(tuple(partitions(len(group))) for group in groups)):
         names = tableau_contents(shapes)
         start = names.index(tuple(row_reading_contents(shape) for shape in shapes))
-        wanted = sum(
-            _WEIGHTS[joint] * content
-            for group, contents in zip(groups, names[start], strict=True)
-            for joint, content in zip(group, contents, strict=False)
-        )
-        first = vectors[:, np.abs(values - wanted) < _SMALLEST_GAP]
+        contents = {
+            joint: content
+            for group, row in zip(groups, names[start], strict=True)
+            for joint, content in zip(group, row, strict=False)
+        }
+        wanted = sum(_WEIGHTS[joint] * content for joint, content in contents.items())
+        near = vectors[:, np.abs(values - wanted) < _WINDOW]
+        first = _joint_eigenvectors(near, elements, contents)
         if first.shape[1]:
             found[shapes] = _all_tableaux(first, start, exchanges, groups, shapes)
     return found
+
+
+def _jucys_murphy(
+    exchanges: Mapping[int, Floats], groups: Sequence[range]
+) -> dict[int, Floats]:
+    """Return X_{i+1} of each group, by joint i."""
+    found = {}
+    for group in groups:
+        element: Floats | None = None
+        for joint in group[:-1]:
+            swap = exchanges[joint]
+            element = swap if element is None else swap @ element @ swap + swap
+            found[joint] = element
+    return found
+
+
+def _joint_eigenvectors(
+    near: Floats, elements: Mapping[int, Floats], contents: Mapping[int, int]
+) -> Floats:
+    """Return the vectors in the span of `near` with X_{i+1} u = (content) u for all i.
+
+    The weighted sum of the X may have other eigenvalues close by; but the other eigenvalues of
+    Σ (X − content)² are at least 1.
+    """
+    if not near.shape[1]:
+        return near
+    square = np.zeros((near.shape[1], near.shape[1]))
+    for joint, content in contents.items():
+        image = elements[joint] @ near - content * near
+        square += image.T @ image
+    values, vectors = np.linalg.eigh(square)
+    return np.asarray(near @ vectors[:, values < 0.5])
 
 
 def _all_tableaux(
