@@ -58,16 +58,21 @@ class SectorBlocks:
         """Largest spin of one joint."""
         return max((spin for rows in self.rows for spin in rows.spins), default=0)
 
+    @property
+    def orders(self) -> list[tuple[int, ...]]:
+        """Orders of the joints that put each choice of k joints first."""
+        return [
+            (*chosen, *(j for j in range(self.joints) if j not in chosen))
+            for chosen in combinations(range(self.joints), self.sector.odd)
+        ]
+
     def evaluate(self, rotations: Floats) -> list[Floats]:
         """Return each block, shape (configurations, size, size), at (configurations, n, 3, 3).
 
         The mean over uniformly distributed configurations is the unit matrix.
         """
         wigner = wigner_matrices(rotations, self.largest_spin)
-        orders = [
-            (*chosen, *(j for j in range(self.joints) if j not in chosen))
-            for chosen in combinations(range(self.joints), self.sector.odd)
-        ]
+        orders = self.orders
         found = [np.zeros((len(rotations), block.size, block.size)) for block in self.blocks]
         for order in orders:
             factors = joint_factors(wigner, order)

@@ -57,8 +57,9 @@ def wigner_matrices(rotations: Floats, largest: int) -> list[NDArray[np.complex1
     one = SPHERICAL.conj().T @ rotations @ SPHERICAL
     found = [np.ones((*rotations.shape[:-2], 1, 1), dtype=complex), one]
     for spin in range(1, largest):
-        cut = coupling(spin, 1, spin + 1)
-        found.append(
-            np.einsum("abM,cdm,...ac,...bd->...Mm", cut, cut, found[spin], one, optimize=True)
-        )
+        size = 3 * (2 * spin + 1)
+        cut = coupling(spin, 1, spin + 1).reshape(size, -1)
+        products = found[spin][..., :, None, :, None] * one[..., None, :, None, :]
+        together = products.reshape(*rotations.shape[:-2], size, size)
+        found.append(cut.T @ (together @ cut))
     return found[: largest + 1]

@@ -1,0 +1,128 @@
+"""A basis of all invariants of a degree, good enough to bound an invariant by a few values.
+
+Let V be a space of invariants of known dimension D (see `invariant_dimension`), and e_1 … e_D
+combinations of averaged block entries, e_j = Σ_b ⟨T_jb, B_b⟩, which lie in V. If their values
+at points x_1 … x_P, known up to small errors, have a left inverse R, they are a basis, and
+f ∈ V with values f_i there is Σ c_j e_j with |c| ≤ |R f|/(1 − q), where q bounds ‖RG − I‖ for
+the exact matrix G of values. As B_b ⪰ 0,
+
+    |f(x)| ≤ |c| Σ_b ‖T_b‖ max_x tr B_b(x)   for every configuration x.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import sqrt
+
+import numpy as np
+
+from formulations.bounds.so3_moments.clebsch_gordan import Floats
+from formulations.bounds.so3_moments.enclosed_squares import (
+    SAFETY,
+    EnclosedBlock,
+    enclosed_block,
+)
+from formulations.bounds.so3_moments.rounding import gamma, row_error
+from formulations.bounds.so3_moments.sampled_blocks import SectorBlocks
+from nlp.errors import LockedJointError
+
+
+class NoBasisError(LockedJointError):
+    """The values at the points do not prove that the functions are a basis."""
+
+
+@dataclass(frozen=True, eq=False)
+class InvariantBasis:
+    """What is needed to bound an invariant by its values at the points.
+
+    Parameters
+    ----------
+    left_inverse
+        R, shape (dimension, points).
+    defect
+        Bound on ‖RG − I‖ for the exact matrix of values G; below 1.
+    amplification
+        Σ_b ‖T_b‖ max tr B_b, so that |f| ≤ amplification · |c|.
+    """
+
+    left_inverse: Floats
+    defect: float
+    amplification: float
+
+    def largest_value(self, values: Floats, errors: Floats) -> float:
+        """Bound |f| over all configurations by its values at the points and their errors."""
+        norm = float(np.linalg.norm(self.left_inverse, 2))
+        coefficients = float(np.linalg.norm(self.left_inverse @ values))
+        size = float(np.linalg.norm(values))
+        coefficients += norm * (float(np.linalg.norm(errors)) + gamma(len(values) + 2) * size)
+        return SAFETY**2 * self.amplification * coefficients / (1.0 - self.defect)
+
+
+def invariant_basis(
+    families: Sequence[SectorBlocks], rotations: Floats, dimension: int
+) -> InvariantBasis:
+    """Return a basis of a space of invariants of known dimension.
+
+    Parameters
+    ----------
+    families
+        Blocks whose entries, averaged, lie in the space and span it.
+    rotations
+        The points, (points, n, 3, 3), more than `dimension`.
+    dimension
+        D.
+
+    Raises
+    ------
+    NoBasisError
+        If the values do not prove that there is a basis.
+    """
+    points = len(rotations)
+    blocks: list[EnclosedBlock] = []
+    values: list[Floats] = []
+    wrong: list[float] = []
+    for family in families:
+        for block, found in zip(family.blocks, family.evaluate(rotations), strict=True):
+            enclosed = enclosed_block(family, block, np.eye(block.size))
+            blocks.append(enclosed)
+            values.append(found.reshape(points, -1) / enclosed.trace)
+            wrong.append(_value_error(family, enclosed))
+    gram = sum((part @ part.T for part in values), np.zeros((points, points)))
+    strengths, vectors = np.linalg.eigh(gram)
+    strengths, vectors = strengths[-dimension:], vectors[:, -dimension:]
+    if strengths[0] <= 1e-12 * strengths[-1]:
+        raise NoBasisError("the blocks span less than the space of invariants")
+    goal = sqrt(points) * vectors / strengths
+    matrix = np.zeros((points, dimension))
+    amplification, error = 0.0, 0.0
+    for part, block, off in zip(values, blocks, wrong, strict=True):
+        combination = part.T @ goal  # T of this block times the bound on its trace
+        matrix += part @ combination
+        amplification += float(np.linalg.norm(combination, 2))
+        size = float(np.linalg.norm(combination))
+        rounding = gamma(sum(map(len, part[:1])) + len(blocks) + 4)
+        error += size * ((off + block.asymmetry) / block.trace + rounding)
+    left_inverse = np.linalg.pinv(matrix)
+    norm = float(np.linalg.norm(left_inverse, 2))
+    defect = float(np.linalg.norm(left_inverse @ matrix - np.eye(dimension)))
+    rounding = gamma(points + 2) * float(np.linalg.norm(left_inverse) * np.linalg.norm(matrix))
+    defect = SAFETY**2 * (defect + rounding + norm * sqrt(points) * error)
+    if not defect < 0.5:
+        raise NoBasisError(f"the values are too inexact: ‖RG − I‖ could be {defect:.2g}")
+    return InvariantBasis(left_inverse, defect, SAFETY**2 * amplification)
+
+
+def _value_error(family: SectorBlocks, block: EnclosedBlock) -> float:
+    """Return a bound on the Frobenius norm of the rounding error of a block's values."""
+    wrong, length = 0.0, 0
+    for number, a in block.parts:
+        rows = family.rows[number]
+        length += a.shape[1]
+        size = SAFETY * float(np.linalg.norm(a)) * sqrt(len(rows.assignments))
+        wrong += size * (row_error(rows) + 1.1 * gamma(a.shape[1] + len(block.parts)))
+    # |w|² = tr B · scale for w = Uᵀφ, and B sums wwᵀ over tableaux, components and orders.
+    largest = sqrt(block.trace * block.scale)
+    terms = 2 * block.scale + len(family.orders) + 8
+    error = (2 * largest * wrong + wrong**2) / block.scale + gamma(terms) * block.trace
+    return SAFETY * error

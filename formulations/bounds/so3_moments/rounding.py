@@ -1,0 +1,83 @@
+"""Bounds on rounding errors, worked out beforehand, of Wigner functions and plain rows.
+
+Standard model of double precision: every operation has a relative error of at most u = 2⁻⁵³,
+and sums of K products, in whatever order, one of at most γ_K = Ku/(1 − Ku) relative to the sum
+of the absolute values (Higham, 2002). Exact values have norms that are known: columns of D^l
+are unit vectors, and coupling is an isometry; that keeps the bounds small.
+
+A configuration is a list of quaternions whose entries are doubles; its rotations are those of
+the exactly normalised quaternions.
+"""
+
+from __future__ import annotations
+
+from math import sqrt
+
+from formulations.bounds.so3_moments.permuted_rows import PermutedRows
+
+UNIT = 2.0**-53
+# Entries of a rotation: numerator and denominator have 4 products and 3 sums each, relative
+# to |q|²; then one division. Below 16u.
+ROTATION_ENTRY = 16 * UNIT
+# Frobenius norm: 3 · 16u from R; the spherical unit vectors are rounded (2u on each side, times
+# the norm 1 of R); two complex products of 3×3 matrices with absolute values of norm √3 each,
+# 2√2γ_4 · 3 each. Below 120u.
+_FIRST_SPIN = 120 * UNIT
+# Growth of errors by factors 1 + error, none above 1e-9, over fewer than 20 steps.
+_GROWTH = 1.0 + 1e-6
+
+
+def gamma(operations: int) -> float:
+    """Return γ_K."""
+    product = operations * UNIT
+    return product / (1.0 - product)
+
+
+def wigner_error(spin: int) -> float:
+    """Return a bound on the spectral norm of the error of D^spin.
+
+    One step from l to l + 1 computes Cᵀ(D^l ⊗ D^1)C with a table C of couplings, K×(2l+3),
+    K = 3(2l+1), whose entries are off by two units in the last place. The absolute values have
+    Frobenius norms √(2l+3), √(2l+1)√3 and √(2l+3).
+    """
+    if spin == 0:
+        return 0.0
+    error = _FIRST_SPIN
+    for before in range(1, spin):
+        size = 3 * (2 * before + 1)
+        magnitude = (2 * before + 3) * sqrt(size)
+        # Two sums of K products, one complex product, two tables off by 2u: halves of complex
+        # numbers taken together cost a factor √2 < 2.
+        error += _FIRST_SPIN + 2 * gamma(2 * size + 10) * magnitude
+    return error * _GROWTH
+
+
+def row_error(rows: PermutedRows) -> float:
+    """Return a bound on the error of the rows of one assignment, all ways and components.
+
+    It is the Euclidean norm of the error of a vector whose exact norm is at most 1. A step
+    couples K = (2l+1)(2s+1) products to all possible spins; the tables of these make an
+    orthogonal K×K matrix, whose Frobenius norm is √K.
+    """
+    error, reached = 0.0, 0
+    for spin in rows.spins:
+        size = (2 * reached + 1) * (2 * spin + 1)
+        error += wigner_error(spin) + 2 * gamma(size + 10) * sqrt(size)
+        reached += spin
+    return error * _GROWTH
+
+
+def exchange_error(rows: PermutedRows) -> float:
+    """Return a bound on the Frobenius norm of the error of an exchange for one assignment.
+
+    It is a matrix of inner products of tensors of norm 1, (ways, ways). A tensor with p factors
+    is found in p steps, sums of at most K = 2Σl+1 products with a table of couplings that is off
+    by two units; relative to the norm √(2L+1) of all components a step costs γ_K √K at most.
+    """
+    entries = 1
+    for spin in rows.spins:
+        entries *= 2 * spin + 1
+    factors = len(rows.spins)
+    longest = 2 * sum(rows.spins) + 1
+    tensor = factors * gamma(longest + 4) * sqrt(longest * (2 * rows.spin + 1))
+    return rows.ways * (2 * tensor + gamma(entries + 2)) * _GROWTH
