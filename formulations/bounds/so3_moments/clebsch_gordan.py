@@ -127,6 +127,8 @@ def axis_exchange(spins: Sequence[int], total: int, order: Sequence[int]) -> Flo
         reordered spins.
     """
     given = coupled_tensors(tuple(spins), total)
+    if list(order) == list(range(len(order))):
+        return np.eye(len(given))
     goal = coupled_tensors(tuple(spins[q] for q in order), total)
     moved = given.transpose(0, *(1 + q for q in order), given.ndim - 1)
     # Every component of L gives the same overlaps; the highest one is enough.

@@ -7,10 +7,10 @@ rounded U_T L. Then
 
 whatever A_T is. Over rotations of the frame, phase, conjugation and signs s is invariant
 exactly, since φ stands for the exact rows; over permutations only if A obeys Young's orthogonal
-form exactly: P A_T = Σ A_T' Y_{T'T} for exchanges P of neighbours. If the two sides differ by E,
-‖PQPᵀ − Q‖ ≤ ‖E‖(2‖A‖ + ‖E‖) for Q = Σ A_T A_Tᵀ, and a permutation of k and of n − k joints takes
-at most k(k−1)/2 + (n−k)(n−k−1)/2 exchanges. So s differs from its average over all
-permutations, which is invariant and not negative, by no more than `asymmetry`.
+form exactly: P A_T = Σ A_T' Y_{T'T} for exchanges P of neighbours. If the two sides differ by E
+with |Eᵀφ| ≤ e, an exchange changes |Aᵀφ| by at most e, and a permutation of k and of n − k
+joints takes at most ℓ = k(k−1)/2 + (n−k)(n−k−1)/2 exchanges: with a = |Aᵀφ|, a² differs from its
+average over permutations, which is invariant and not negative, by at most ℓe(2a + ℓe).
 """
 
 from __future__ import annotations
@@ -50,26 +50,23 @@ class EnclosedBlock:
     ----------
     parts
         Number of a set of labels and A_T there, shape (tableaux, plain rows, columns).
-    largest
-        Bound on the spectral norm of A, all tableaux side by side.
-    asymmetry
-        Bound on |φᵀ(Q − average of Q)φ| over the scale of the block, for all configurations.
-    trace
-        Bound on Σ_T |A_Tᵀφ|² over the scale of the block, for all configurations.
+    difference
+        Bound e on |Eᵀφ| for all configurations.
+    exchanges
+        Number ℓ of exchanges that make any permutation.
     scale
         (2L+1) · tableaux.
     """
 
     parts: tuple[tuple[int, Floats], ...]
-    largest: float
-    asymmetry: float
-    trace: float
+    difference: float
+    exchanges: int
     scale: int
 
-    @property
-    def frobenius(self) -> float:
-        """Bound on the Frobenius norm of A."""
-        return SAFETY * sqrt(sum(float(np.sum(a**2)) for _, a in self.parts))
+    def asymmetry(self, norm: Floats) -> Floats:
+        """Return a bound on how far |Aᵀφ|² is from its average, where |Aᵀφ| is at most `norm`."""
+        step = self.exchanges * self.difference
+        return np.asarray(SAFETY * step * (2 * norm + step))
 
 
 def enclosed_block(family: SectorBlocks, block: AdaptedRows, columns: Floats) -> EnclosedBlock:
@@ -80,34 +77,23 @@ def enclosed_block(family: SectorBlocks, block: AdaptedRows, columns: Floats) ->
         merged[number] = merged[number] + part if number in merged else part
     parts = tuple(merged.items())
     rows = [family.rows[number] for number, _ in parts]
-    together = np.concatenate([a for _, a in parts], axis=1)
-    flat = together.transpose(1, 0, 2).reshape(together.shape[1], -1)
-    largest = SAFETY * float(np.linalg.norm(flat, 2))
-    difference = _exchange_difference(rows, [a for _, a in parts], block)
     exchanges = sum(len(place) * (len(place) - 1) // 2 for place in rows[0].places)
-    assignments = sum(len(entry.assignments) for entry in rows)
-    scale = (2 * family.sector.spin + 1) * block.tableaux
-    asymmetry = exchanges * difference * (2 * largest + difference) * assignments / scale
-    # |Aᵀφ| ≤ Σ_parts |A_partᵀ φ_part|, but columns of different parts may be different too, so
-    # the norm of A as a whole is the better bound: at most `assignments` for |φ|².
-    weights = sum(
-        (SAFETY * _norm(a)) ** 2 * len(entry.assignments)
-        for (_, a), entry in zip(parts, rows, strict=True)
+    difference = _exchange_difference(rows, [a for _, a in parts], block)
+    return EnclosedBlock(
+        parts, difference, exchanges, (2 * family.sector.spin + 1) * block.tableaux
     )
-    trace = min(largest**2 * assignments, len(parts) * weights) / scale
-    return EnclosedBlock(parts, largest, asymmetry * SAFETY, trace * SAFETY, scale)
 
 
 def _exchange_difference(
     rows: Sequence[PermutedRows], parts: Sequence[Floats], block: AdaptedRows
 ) -> float:
-    """Return a bound on the Frobenius norm of P A_T − Σ A_T' Y_{T'T}, over all exchanges."""
+    """Return a bound on |Eᵀφ|, E = P A_T − Σ A_T' Y_{T'T}, for all exchanges and φ."""
     names = tableau_contents(block.shapes)
     numbers = {name: number for number, name in enumerate(names)}
     places = rows[0].places
     worst = 0.0
     for joint in (joint for place in places for joint in place[:-1]):
-        squared = 0.0
+        total = 0.0
         for entry, a in zip(rows, parts, strict=True):
             exchange = entry.exchange(joint)
             rounding = exchange_error(entry) + sqrt(entry.ways) * gamma(entry.ways + 4)
@@ -119,15 +105,19 @@ def _exchange_difference(
                     difference[number] -= sqrt(1 - 1 / distance**2) * a[numbers[goal]]
             size = float(np.linalg.norm(a))
             # An exchange has at most `ways` entries in a row.
-            squared += (float(np.linalg.norm(difference)) + (rounding + 12 * UNIT) * size) ** 2
-        worst = max(worst, sqrt(squared))
+            norm = float(np.linalg.norm(difference)) + (rounding + 12 * UNIT) * size
+            total += norm * sqrt(len(entry.assignments))
+        worst = max(worst, total)
     return worst * SAFETY
 
 
 def enclosed_sums(
     family: SectorBlocks, blocks: Sequence[EnclosedBlock], rotations: Floats
 ) -> tuple[Floats, Floats]:
-    """Return Σ s(x) over blocks of one family, and bounds on the errors, (configurations,)."""
+    """Return Σ s̄(x) over blocks of one family, and bounds on the errors, (configurations,).
+
+    The errors include the difference between s and its average s̄.
+    """
     count = len(rotations)
     wigner = wigner_matrices(rotations, family.largest_spin)
     orders = family.orders
@@ -140,7 +130,7 @@ def enclosed_sums(
             squares, wrong = _block_sum(family, block, plain, off, count)
             weight = 1.0 / (len(orders) * block.scale)
             total += weight * squares
-            errors += weight * wrong
+            errors += weight * (wrong + block.asymmetry(np.sqrt(squares + wrong)))
     # Weights and sums of positive numbers over blocks and orders.
     return total, SAFETY * (errors + gamma(len(orders) * len(blocks) + 8) * total)
 
@@ -174,7 +164,3 @@ def _block_sum(
     terms = found.shape[0] * components
     error = 2 * np.sqrt(squared) * wrong + wrong**2 + gamma(terms + 2) * squared
     return squared, SAFETY * error
-
-
-def _norm(a: Floats) -> float:
-    return float(np.linalg.norm(a.transpose(1, 0, 2).reshape(a.shape[1], -1), 2))

@@ -4,9 +4,10 @@ Let V be a space of invariants of known dimension D (see `invariant_dimension`),
 combinations of averaged block entries, e_j = Σ_b ⟨T_jb, B_b⟩, which lie in V. If their values
 at points x_1 … x_P, known up to small errors, have a left inverse R, they are a basis, and
 f ∈ V with values f_i there is Σ c_j e_j with |c| ≤ |R f|/(1 − q), where q bounds ‖RG − I‖ for
-the exact matrix G of values. As B_b ⪰ 0,
+the exact matrix G of values. For the blocks of one sector Σ_b d_b tr B_b(x) ≤ τ, where d_b is
+the number of tableaux, and B_b ⪰ 0. So
 
-    |f(x)| ≤ |c| Σ_b ‖T_b‖ max_x tr B_b(x)   for every configuration x.
+    |f(x)| ≤ |c| Σ_sectors τ max_b ‖T_b‖/d_b   for every configuration x.
 """
 
 from __future__ import annotations
@@ -43,7 +44,7 @@ class InvariantBasis:
     defect
         Bound on ‖RG − I‖ for the exact matrix of values G; below 1.
     amplification
-        Σ_b ‖T_b‖ max tr B_b, so that |f| ≤ amplification · |c|.
+        Σ τ max_b ‖T_b‖/d_b, so that |f| ≤ amplification · |c|.
     """
 
     left_inverse: Floats
@@ -79,15 +80,19 @@ def invariant_basis(
         If the values do not prove that there is a basis.
     """
     points = len(rotations)
-    blocks: list[EnclosedBlock] = []
+    blocks: list[tuple[int, EnclosedBlock, float]] = []
     values: list[Floats] = []
-    wrong: list[float] = []
-    for family in families:
-        for block, found in zip(family.blocks, family.evaluate(rotations), strict=True):
-            enclosed = enclosed_block(family, block, np.eye(block.size))
-            blocks.append(enclosed)
-            values.append(found.reshape(points, -1) / enclosed.trace)
-            wrong.append(_value_error(family, enclosed))
+    for number, family in enumerate(families):
+        together = [
+            enclosed_block(family, block, np.eye(block.size)) for block in family.blocks
+        ]
+        limit = _trace_limit(family, together)
+        for entry, block, found in zip(
+            together, family.blocks, family.evaluate(rotations), strict=True
+        ):
+            weight = block.tableaux / limit
+            values.append(weight * found.reshape(points, -1))
+            blocks.append((number, entry, weight * _value_error(family, entry, limit)))
     gram = sum((part @ part.T for part in values), np.zeros((points, points)))
     strengths, vectors = np.linalg.eigh(gram)
     strengths, vectors = strengths[-dimension:], vectors[:, -dimension:]
@@ -95,14 +100,13 @@ def invariant_basis(
         raise NoBasisError("the blocks span less than the space of invariants")
     goal = sqrt(points) * vectors / strengths
     matrix = np.zeros((points, dimension))
-    amplification, error = 0.0, 0.0
-    for part, block, off in zip(values, blocks, wrong, strict=True):
-        combination = part.T @ goal  # T of this block times the bound on its trace
+    largest, error = np.zeros(len(families)), 0.0
+    for part, (number, _, off) in zip(values, blocks, strict=True):
+        combination = part.T @ goal  # T of this block times τ/d
         matrix += part @ combination
-        amplification += float(np.linalg.norm(combination, 2))
-        size = float(np.linalg.norm(combination))
-        rounding = gamma(sum(map(len, part[:1])) + len(blocks) + 4)
-        error += size * ((off + block.asymmetry) / block.trace + rounding)
+        largest[number] = max(largest[number], float(np.linalg.norm(combination, 2)))
+        rounding = gamma(part.shape[1] + len(blocks) + 8)
+        error += float(np.linalg.norm(combination)) * (off + rounding)
     left_inverse = np.linalg.pinv(matrix)
     norm = float(np.linalg.norm(left_inverse, 2))
     defect = float(np.linalg.norm(left_inverse @ matrix - np.eye(dimension)))
@@ -110,19 +114,38 @@ def invariant_basis(
     defect = SAFETY**2 * (defect + rounding + norm * sqrt(points) * error)
     if not defect < 0.5:
         raise NoBasisError(f"the values are too inexact: ‖RG − I‖ could be {defect:.2g}")
-    return InvariantBasis(left_inverse, defect, SAFETY**2 * amplification)
+    return InvariantBasis(left_inverse, defect, SAFETY**2 * float(largest.sum()))
 
 
-def _value_error(family: SectorBlocks, block: EnclosedBlock) -> float:
-    """Return a bound on the Frobenius norm of the rounding error of a block's values."""
-    wrong, length = 0.0, 0
+def _trace_limit(family: SectorBlocks, blocks: Sequence[EnclosedBlock]) -> float:
+    """Return τ ≥ Σ_b d_b tr B_b(x) = Σ_b Σ_T |U_Tᵀφ|²/(2L+1) for all configurations.
+
+    U_T of all blocks side by side is a multiple of an orthogonal matrix, nearly, for each set
+    of labels. What couples a set of labels to its conjugate cancels between even and odd rows.
+    """
+    squares = [np.zeros((rows.length, rows.length)) for rows in family.rows]
+    for block in blocks:
+        for number, a in block.parts:
+            flat = a.transpose(1, 0, 2).reshape(a.shape[1], -1)
+            squares[number] += flat @ flat.T
+    total = sum(
+        float(np.abs(square).sum(axis=1).max()) * len(rows.assignments)
+        for square, rows in zip(squares, family.rows, strict=True)
+    )
+    return SAFETY * total / (2 * family.sector.spin + 1)
+
+
+def _value_error(family: SectorBlocks, block: EnclosedBlock, limit: float) -> float:
+    """Return a bound on ‖computed B − averaged B‖ in the Frobenius norm."""
+    wrong = 0.0
     for number, a in block.parts:
         rows = family.rows[number]
-        length += a.shape[1]
         size = SAFETY * float(np.linalg.norm(a)) * sqrt(len(rows.assignments))
         wrong += size * (row_error(rows) + 1.1 * gamma(a.shape[1] + len(block.parts)))
-    # |w|² = tr B · scale for w = Uᵀφ, and B sums wwᵀ over tableaux, components and orders.
-    largest = sqrt(block.trace * block.scale)
+    # |w|² = Σ_T |U_Tᵀφ|² for one order is at most τ (2L+1); B sums wwᵀ over tableaux,
+    # components and orders.
+    squared = limit * (2 * family.sector.spin + 1)
     terms = 2 * block.scale + len(family.orders) + 8
-    error = (2 * largest * wrong + wrong**2) / block.scale + gamma(terms) * block.trace
-    return SAFETY * error
+    error = 2 * sqrt(squared) * wrong + wrong**2 + gamma(terms) * squared
+    asymmetry = float(block.asymmetry(np.array(sqrt(squared))))
+    return SAFETY * (error + asymmetry) / block.scale

@@ -59,8 +59,6 @@ class DefectBound:
         The largest |f| computed at the points.
     largest_error
         The largest bound on its error there.
-    asymmetry
-        Part of that bound which is due to the average over orders.
     amplification
         How much larger f may be elsewhere, per unit of root mean square at the points.
     basis_defect
@@ -71,7 +69,6 @@ class DefectBound:
 
     largest_value: float
     largest_error: float
-    asymmetry: float
     amplification: float
     basis_defect: float
     defect: float
@@ -172,7 +169,7 @@ def bound_defect(
     """
     joints = rotations.shape[1]
     dimension = invariant_dimension(joints, _DEGREE)
-    sums, errors, asymmetry = np.zeros(len(rotations)), np.zeros(len(rotations)), 0.0
+    sums, errors = np.zeros(len(rotations)), np.zeros(len(rotations))
     start = 0
     for number, family in enumerate(families, start=1):
         tell(f"evaluating sums of squares with error bounds: {number} of {len(families)}")
@@ -182,7 +179,6 @@ def bound_defect(
             enclosed_block(family, block, _root(x))
             for block, x in zip(family.blocks, own, strict=True)
         ]
-        asymmetry += sum(block.asymmetry for block in enclosed)
         part, wrong = enclosed_sums(family, enclosed, rotations)
         sums += part
         errors += wrong
@@ -191,13 +187,12 @@ def bound_defect(
     basis = invariant_basis(spanning, rotations, dimension)
     residuals = residual_values(rotations)
     values = residuals - claimed - sums
-    errors += residual_error(rotations) + asymmetry
+    errors += residual_error(rotations)
     errors += gamma(len(families) + 4) * (residuals + abs(claimed) + sums)
     errors *= SAFETY
     return DefectBound(
         largest_value=float(np.abs(values).max()),
         largest_error=float(errors.max()),
-        asymmetry=asymmetry,
         amplification=basis.amplification,
         basis_defect=basis.defect,
         defect=basis.largest_value(values, errors),

@@ -70,14 +70,15 @@ def row_error(rows: PermutedRows) -> float:
 def exchange_error(rows: PermutedRows) -> float:
     """Return a bound on the Frobenius norm of the error of an exchange for one assignment.
 
-    It is a matrix of inner products of tensors of norm 1, (ways, ways). A tensor with p factors
-    is found in p steps, sums of at most K = 2Σl+1 products with a table of couplings that is off
-    by two units; relative to the norm √(2L+1) of all components a step costs γ_K √K at most.
+    It is a matrix of inner products of tensors of norm 1, (ways, ways). An entry of a tensor
+    with p factors is a single product of p − 1 couplings, since the components fix the
+    intermediate ones; each coupling is off by two units. The components of all factors but the
+    longest fix that of the longest.
     """
+    if all(len(set(part)) == len(part) for part in rows.parts):
+        return 0.0  # nothing is reordered: a permutation matrix
     entries = 1
-    for spin in rows.spins:
+    for spin in sorted(rows.spins)[:-1]:
         entries *= 2 * spin + 1
-    factors = len(rows.spins)
-    longest = 2 * sum(rows.spins) + 1
-    tensor = factors * gamma(longest + 4) * sqrt(longest * (2 * rows.spin + 1))
+    tensor = gamma(3 * len(rows.spins))
     return rows.ways * (2 * tensor + gamma(entries + 2)) * _GROWTH

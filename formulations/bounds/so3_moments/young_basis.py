@@ -73,7 +73,8 @@ def young_bases(
         near = vectors[:, np.abs(values - wanted) < _WINDOW]
         first = _joint_eigenvectors(near, elements, contents)
         if first.shape[1]:
-            found[shapes] = _all_tableaux(first, start, exchanges, groups, shapes)
+            bases = _all_tableaux(first, start, exchanges, groups, shapes)
+            found[shapes] = _averaged(bases, exchanges, groups, shapes)
     return found
 
 
@@ -129,6 +130,33 @@ def _all_tableaux(
                 bases[numbers[goal]] = moved / sqrt(1 - 1 / distance**2)
                 waiting.append(numbers[goal])
     return np.stack([bases[number] for number in range(len(names))])
+
+
+def _averaged(
+    bases: Floats, exchanges: Mapping[int, Floats], groups: Sequence[range], shapes: Shapes
+) -> Floats:
+    """Return the mean over all permutations g of P_g U Y_gᵀ: rounding errors are averaged out.
+
+    All permutations of the first j + 1 joints of a group are those of the first j, followed by
+    taking the last to any place.
+    """
+    names = tableau_contents(shapes)
+    numbers = {name: number for number, name in enumerate(names)}
+    for group in groups:
+        for end in range(1, len(group)):
+            moved, total = bases, bases.copy()
+            for place in reversed(range(end)):
+                joint = group[place]
+                image = exchanges[joint] @ moved
+                moved = np.empty_like(image)
+                for number, name in enumerate(names):
+                    goal, distance = neighbours(name, groups)[joint]
+                    moved[number] = image[number] / distance
+                    if abs(distance) > 1:
+                        moved[number] += sqrt(1 - 1 / distance**2) * image[numbers[goal]]
+                total += moved
+            bases = total / (end + 1)
+    return bases
 
 
 @cache
