@@ -88,7 +88,7 @@ class LocaliserSector:
         for head in heads:
             left = self.degree - sum(map(label_degree, head))
             for q in (-1, 1):
-                charge = self.charge - q - sum(m for _, m in head)
+                charge = self.charge - q - sum(label[1] for label in head)
                 found += [
                     PermutedRows((head, odd, even, ((1, q),)), places, self.spin)
                     for odd, even in label_sets(self.odd, charge, left, joints - first)

@@ -52,7 +52,7 @@ class PermutedRows:
     @property
     def spins(self) -> tuple[int, ...]:
         """The spins, in the order of coupling."""
-        return tuple(spin for spin, _ in self.labels)
+        return tuple(label[0] for label in self.labels)
 
     @cached_property
     def assignments(self) -> tuple[Assignment, ...]:
@@ -118,7 +118,7 @@ class PermutedRows:
 
 
 def _reversed(labels: Sequence[Label]) -> list[Label]:
-    return [(spin, -m) for spin, m in labels]
+    return [(label[0], -label[1], *label[2:]) for label in labels]
 
 
 def _assignments(labels: Sequence[Label], places: range) -> list[Assignment]:

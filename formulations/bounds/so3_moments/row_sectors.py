@@ -2,7 +2,8 @@
 
 A label (l, m) stands for the functions D^l_{Mm} of one joint. As a polynomial in the entries of
 J its degree is l if l ≡ m (mod 2), else l + 1, because v × ω has degree two. Turning the sign
-of a column multiplies it by (−1)^m.
+of a column multiplies it by (−1)^m. A label may carry a mark, (l, m, 1), which singles a joint
+out and changes nothing else; then even (0, 0, 1) is worth noting.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from typing import TypeAlias
 
 from nlp.errors import InputError
 
-Label: TypeAlias = tuple[int, int]
+Label: TypeAlias = tuple[int, ...]
 
 
 @dataclass(frozen=True, order=True)
@@ -61,7 +62,7 @@ class RowSector:
 
 def label_degree(label: Label) -> int:
     """Return the degree of D^l_{Mm} as a polynomial in the entries of J."""
-    spin, m = label
+    spin, m = label[:2]
     return spin + (spin - m) % 2
 
 
@@ -82,7 +83,7 @@ def label_sets(
             found += [
                 (first, second)
                 for second in _multisets(labels_of_parity(0, degree), size, left)
-                if sum(m for _, m in first + second) == charge
+                if sum(label[1] for label in first + second) == charge
             ]
     return found
 
