@@ -6,11 +6,11 @@ rounded U_T L. Then
     s(x) = Σ_orders Σ_T |A_Tᵀφ(x)|² / (orders · (2L+1) · tableaux) ≥ 0,
 
 whatever A_T is. Over rotations of the frame, phase, conjugation and signs s is invariant
-exactly, since φ stands for the exact rows; over permutations only if A obeys Young's orthogonal
-form exactly: P A_T = Σ A_T' Y_{T'T} for exchanges P of neighbours. If the two sides differ by E
+exactly, since φ stands for the exact rows; over permutations only if A obeys Young's
+orthogonal form exactly: P A_T = Σ A_T' Y_{T'T} for exchanges P of neighbours. If the two sides differ by E
 with |Eᵀφ| ≤ e, an exchange changes |Aᵀφ| by at most e, and a permutation of k and of n − k
-joints takes at most ℓ = k(k−1)/2 + (n−k)(n−k−1)/2 exchanges: with a = |Aᵀφ|, a² differs from its
-average over permutations, which is invariant and not negative, by at most ℓe(2a + ℓe).
+joints takes at most ℓ = k(k−1)/2 + (n−k)(n−k−1)/2 exchanges: with a = |Aᵀφ|, a² differs from
+its average over permutations, which is invariant and not negative, by at most ℓe(2a + ℓe).
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ class EnclosedBlock:
     scale: int
 
     def asymmetry(self, norm: Floats) -> Floats:
-        """Return a bound on how far |Aᵀφ|² is from its average, where |Aᵀφ| is at most `norm`."""
+        """Return a bound on how far |Aᵀφ|² is from its average, for |Aᵀφ| up to `norm`."""
         step = self.exchanges * self.difference
         return np.asarray(SAFETY * step * (2 * norm + step))
 
@@ -122,12 +122,12 @@ def enclosed_sums(
     wigner = wigner_matrices(rotations, family.largest_spin)
     orders = family.orders
     total, errors = np.zeros(count), np.zeros(count)
-    off = [row_error(rows) for rows in family.rows]
+    mistakes = [product_error(family, block) for block in blocks]
     for order in orders:
         factors = joint_factors(wigner, order)
         plain = [plain_rows(rows, factors) for rows in family.rows]
-        for block in blocks:
-            squares, wrong = _block_sum(family, block, plain, off, count)
+        for block, mistake in zip(blocks, mistakes, strict=True):
+            squares, wrong = _block_sum(block, plain, mistake, count)
             weight = 1.0 / (len(orders) * block.scale)
             total += weight * squares
             errors += weight * (wrong + block.asymmetry(np.sqrt(squares + wrong)))
@@ -135,18 +135,30 @@ def enclosed_sums(
     return total, SAFETY * (errors + gamma(len(orders) * len(blocks) + 8) * total)
 
 
+def product_error(family: SectorBlocks, block: EnclosedBlock) -> float:
+    """Return a bound on the Euclidean norm of the error of Aᵀφ for one order."""
+    wrong = 0.0
+    for number, a in block.parts:
+        rows = family.rows[number]
+        flat = a.transpose(1, 0, 2).reshape(a.shape[1], -1)
+        products = gamma(a.shape[1] + len(block.parts) + 1)
+        size = _norm(flat) * row_error(rows) + 1.1 * _norm(np.abs(flat)) * products
+        wrong += size * sqrt(len(rows.assignments))
+    return SAFETY * wrong
+
+
+def _norm(matrix: Floats) -> float:
+    """Return the spectral norm of a matrix with few rows, rounded up."""
+    square = matrix @ matrix.T
+    return SAFETY * sqrt(max(float(np.linalg.eigvalsh(square)[-1]), 0.0))
+
+
 def _block_sum(
-    family: SectorBlocks,
-    block: EnclosedBlock,
-    plain: Sequence[Floats],
-    off: Sequence[float],
-    count: int,
+    block: EnclosedBlock, plain: Sequence[Floats], wrong: float, count: int
 ) -> tuple[Floats, Floats]:
     """Return Σ_T |A_Tᵀφ|² and a bound on its error, of one order."""
     components = plain[0].shape[2]
     found: Floats | None = None
-    wrong = 0.0
-    length = 0
     for number, a in block.parts:
         values = np.broadcast_to(
             plain[number], (len(plain[number]), count, components)
@@ -154,10 +166,6 @@ def _block_sum(
         flat = a.transpose(0, 2, 1).reshape(-1, a.shape[1])
         part = flat @ values
         found = part if found is None else found + part
-        size = SAFETY * float(np.linalg.norm(a))
-        exact = sqrt(len(family.rows[number].assignments))
-        wrong += size * exact * (off[number] + 1.1 * gamma(a.shape[1] + len(block.parts)))
-        length += a.shape[1]
     if found is None:
         return np.zeros(count), np.zeros(count)
     squared = np.sum(found.reshape(-1, count, components) ** 2, axis=(0, 2))

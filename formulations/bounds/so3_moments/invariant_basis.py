@@ -23,8 +23,9 @@ from formulations.bounds.so3_moments.enclosed_squares import (
     SAFETY,
     EnclosedBlock,
     enclosed_block,
+    product_error,
 )
-from formulations.bounds.so3_moments.rounding import gamma, row_error
+from formulations.bounds.so3_moments.rounding import gamma
 from formulations.bounds.so3_moments.sampled_blocks import SectorBlocks
 from nlp.errors import LockedJointError
 
@@ -137,11 +138,7 @@ def _trace_limit(family: SectorBlocks, blocks: Sequence[EnclosedBlock]) -> float
 
 def _value_error(family: SectorBlocks, block: EnclosedBlock, limit: float) -> float:
     """Return a bound on ‖computed B − averaged B‖ in the Frobenius norm."""
-    wrong = 0.0
-    for number, a in block.parts:
-        rows = family.rows[number]
-        size = SAFETY * float(np.linalg.norm(a)) * sqrt(len(rows.assignments))
-        wrong += size * (row_error(rows) + 1.1 * gamma(a.shape[1] + len(block.parts)))
+    wrong = product_error(family, block)
     # |w|² = Σ_T |U_Tᵀφ|² for one order is at most τ (2L+1); B sums wwᵀ over tableaux,
     # components and orders.
     squared = limit * (2 * family.sector.spin + 1)

@@ -36,19 +36,18 @@ def gamma(operations: int) -> float:
 def wigner_error(spin: int) -> float:
     """Return a bound on the spectral norm of the error of D^spin.
 
-    One step from l to l + 1 computes Cᵀ(D^l ⊗ D^1)C with a table C of couplings, K×(2l+3),
-    K = 3(2l+1), whose entries are off by two units in the last place. The absolute values have
-    Frobenius norms √(2l+3), √(2l+1)√3 and √(2l+3).
+    One step from l to l + 1 computes Cᵀ(D^l ⊗ D^1)C with a table C of couplings whose entries
+    are off by two units in the last place. A row of C has one entry that is not 0, since the
+    components add up, so |C| has orthonormal columns as C has; a column has at most three. The
+    absolute values of D^l ⊗ D^1 have a norm of at most √(2l+1)√3.
     """
     if spin == 0:
         return 0.0
     error = _FIRST_SPIN
     for before in range(1, spin):
-        size = 3 * (2 * before + 1)
-        magnitude = (2 * before + 3) * sqrt(size)
-        # Two sums of K products, one complex product, two tables off by 2u: halves of complex
-        # numbers taken together cost a factor √2 < 2.
-        error += _FIRST_SPIN + 2 * gamma(2 * size + 10) * magnitude
+        # Two sums of 3 products, one complex product, two tables off by 2u: real and
+        # imaginary parts taken together cost a factor √2 < 2.
+        error += _FIRST_SPIN + 2 * gamma(2 * 3 + 10) * sqrt(3 * (2 * before + 1))
     return error * _GROWTH
 
 
@@ -56,13 +55,13 @@ def row_error(rows: PermutedRows) -> float:
     """Return a bound on the error of the rows of one assignment, all ways and components.
 
     It is the Euclidean norm of the error of a vector whose exact norm is at most 1. A step
-    couples K = (2l+1)(2s+1) products to all possible spins; the tables of these make an
-    orthogonal K×K matrix, whose Frobenius norm is √K.
+    couples spins l' and s: a sum has at most 2 min(l', s) + 1 products that are not 0, and there
+    are as many possible total spins, each with a table |C| of norm 1.
     """
     error, reached = 0.0, 0
     for spin in rows.spins:
-        size = (2 * reached + 1) * (2 * spin + 1)
-        error += wigner_error(spin) + 2 * gamma(size + 10) * sqrt(size)
+        terms = 2 * min(reached, spin) + 1
+        error += wigner_error(spin) + 2 * gamma(terms + 10) * sqrt(terms)
         reached += spin
     return error * _GROWTH
 
