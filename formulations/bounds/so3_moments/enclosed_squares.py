@@ -1,16 +1,16 @@
-"""Sums of squares of rows, with bounds on all rounding, and on how far from invariant they are.
+"""Sums of squares of rows: bounds on all rounding and on how far they are from invariant.
 
-For a block with bases U_T (floating-point numbers, taken as they are) and X = LLᵀ let A_T be the
-rounded U_T L. Then
+For a block with bases U_T (floating-point numbers, taken as they are) and X = LLᵀ let A_T be
+the rounded U_T L. Then
 
     s(x) = Σ_orders Σ_T |A_Tᵀφ(x)|² / (orders · (2L+1) · tableaux) ≥ 0,
 
 whatever A_T is. Over rotations of the frame, phase, conjugation and signs s is invariant
 exactly, since φ stands for the exact rows; over permutations only if A obeys Young's
-orthogonal form exactly: P A_T = Σ A_T' Y_{T'T} for exchanges P of neighbours. If the two sides differ by E
-with |Eᵀφ| ≤ e, an exchange changes |Aᵀφ| by at most e, and a permutation of k and of n − k
-joints takes at most ℓ = k(k−1)/2 + (n−k)(n−k−1)/2 exchanges: with a = |Aᵀφ|, a² differs from
-its average over permutations, which is invariant and not negative, by at most ℓe(2a + ℓe).
+orthogonal form exactly: P A_T = Σ A_T' Y_{T'T} for exchanges P of neighbours. If the two sides
+differ by E with |Eᵀφ| ≤ e, an exchange changes |Aᵀφ| by at most e, and a permutation of k and
+of n − k joints takes at most ℓ = k(k−1)/2 + (n−k)(n−k−1)/2 exchanges: with a = |Aᵀφ|, a² differs
+from its average over permutations, which is invariant and not negative, by at most ℓe(2a + ℓe).
 """
 
 from __future__ import annotations

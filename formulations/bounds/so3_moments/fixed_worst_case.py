@@ -36,9 +36,14 @@ from formulations.bounds.so3_moments.row_sectors import RowSector
 from formulations.bounds.so3_moments.scaled_blocks import ScaledBlocks
 from formulations.bounds.so3_moments.spectral_limits import largest_residual
 from formulations.bounds.so3_moments.wigner import random_rotations
+from nlp.errors import LockedJointError
 
 _GAP = 1e-7
 _FRESH = 40
+
+
+class SolverFailureError(LockedJointError):
+    """The solver gave no multipliers at all."""
 
 
 @dataclass(frozen=True)
@@ -98,8 +103,7 @@ class Exclusion:
 def condition_families(conditions: Conditions, joints: int, t: float) -> list[BlockFamily]:
     """Return the blocks that are positive semidefinite wherever the worst case is σ² ≥ t."""
     limit = largest_residual(joints, t)
-    # Divided by the mean of ρ, so that all blocks are of one size.
-    size = joints * (joints - 1) / 2 * 2.0
+    size = 5 * joints / 3  # the mean of ρ, so that all blocks are of one size
 
     def room(rotations: Floats) -> Floats:
         return (limit - residual_values(rotations)) / size
@@ -145,7 +149,9 @@ def exclude_worst_case(
     tell(f"solving: {program.moments} moments, {len(program.blocks)} blocks")
     outcome = solve_with_predictor_corrector(margins, gap=_GAP, progress=tell)
     clock.append(time.perf_counter())
-    multipliers = outcome.multipliers or ()
+    if outcome.multipliers is None:
+        raise SolverFailureError(outcome.status)
+    multipliers = outcome.multipliers
     cleaned = [nearest_semidefinite(x) for x in multipliers]
     total = sum(float(np.trace(x)) for x, _ in cleaned)
     fresh = random_rotations(rng, _FRESH, joints)
@@ -170,7 +176,7 @@ def margin_check(
     blocks: Sequence[Floats],
     fresh: Floats,
 ) -> IdentityCheck:
-    """Check Σ ⟨X, B(x)⟩ = −bound at fresh configurations, as an identity 0 − bound = Σ ⟨X, B⟩."""
+    """Check 0 − bound = Σ ⟨X, B(x)⟩ at fresh configurations."""
     bound = -sum(float(np.vdot(x, b[0])) for x, b in zip(multipliers, blocks, strict=True))
 
     def nothing(rotations: Floats) -> Floats:

@@ -76,7 +76,7 @@ class GramSector:
         found = []
         for head in heads:
             for in_odd in (True, False):
-                own = [(0, 0)] if in_odd else []
+                own: list[Label] = [(0, 0)] if in_odd else []
                 own += labels_of_parity(0 if in_odd else 1, self.degree)
                 for label in own:
                     found += self._with_mark(head, label, in_odd, joints, places)

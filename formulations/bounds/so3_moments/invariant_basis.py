@@ -108,7 +108,7 @@ def invariant_basis(
         largest[number] = max(largest[number], float(np.linalg.norm(combination, 2)))
         rounding = gamma(part.shape[1] + len(blocks) + 8)
         error += float(np.linalg.norm(combination)) * (off + rounding)
-    left_inverse = np.linalg.pinv(matrix)
+    left_inverse = np.asarray(np.linalg.pinv(matrix), dtype=float)
     norm = float(np.linalg.norm(left_inverse, 2))
     defect = float(np.linalg.norm(left_inverse @ matrix - np.eye(dimension)))
     rounding = gamma(points + 2) * float(np.linalg.norm(left_inverse) * np.linalg.norm(matrix))

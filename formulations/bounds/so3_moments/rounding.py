@@ -55,8 +55,8 @@ def row_error(rows: PermutedRows) -> float:
     """Return a bound on the error of the rows of one assignment, all ways and components.
 
     It is the Euclidean norm of the error of a vector whose exact norm is at most 1. A step
-    couples spins l' and s: a sum has at most 2 min(l', s) + 1 products that are not 0, and there
-    are as many possible total spins, each with a table |C| of norm 1.
+    couples spins l' and s: a sum has at most 2 min(l', s) + 1 products that are not 0, and
+    there are as many possible total spins, each with a table |C| of norm 1.
     """
     error, reached = 0.0, 0
     for spin in rows.spins:
