@@ -9,8 +9,9 @@ whatever A_T is. Over rotations of the frame, phase, conjugation and signs s is 
 exactly, since φ stands for the exact rows; over permutations only if A obeys Young's
 orthogonal form exactly: P A_T = Σ A_T' Y_{T'T} for exchanges P of neighbours. If the two sides
 differ by E with |Eᵀφ| ≤ e, an exchange changes |Aᵀφ| by at most e, and a permutation of k and
-of n − k joints takes at most ℓ = k(k−1)/2 + (n−k)(n−k−1)/2 exchanges: with a = |Aᵀφ|, a² differs
-from its average over permutations, which is invariant and not negative, by at most ℓe(2a + ℓe).
+of n − k joints takes at most ℓ = k(k−1)/2 + (n−k)(n−k−1)/2 exchanges: with a = |Aᵀφ|, a²
+differs from its average over permutations, which is invariant and not negative, by at most
+ℓe(2a + ℓe).
 """
 
 from __future__ import annotations

@@ -6,11 +6,13 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
+from formulations.bounds.so3_moments import max_min_bound as max_min_module
 from formulations.bounds.so3_moments.clebsch_gordan import Floats
 from formulations.bounds.so3_moments.fixed_worst_case import (
     Conditions,
     condition_families,
     exclude_worst_case,
+    margin_check,
 )
 from formulations.bounds.so3_moments.global_bound import GlobalBound
 from formulations.bounds.so3_moments.gram_localisers import (
@@ -217,3 +219,26 @@ def test_impossible_sectors_are_refused() -> None:
         GramSector(0, 0, 0, 1, 0)
     with pytest.raises(InputError):
         max_min_bound("unknown", 8)
+
+
+def test_no_proof_is_claimed_for_the_localised_bound() -> None:
+    with pytest.raises(InputError):
+        max_min_bound("localised", 7, rigorous=True)
+
+
+def test_an_exclusion_needs_a_negative_margin(monkeypatch: pytest.MonkeyPatch) -> None:
+    """With conditions that exclude nothing the plain bound is reported."""
+    monkeypatch.setattr(max_min_module, "CONDITIONS", SMALL)
+    result = max_min_bound("localised", 7)
+    assert result.kind == "closed form"
+    assert result.bound == pytest.approx(np.sqrt(1 / 3), abs=1e-9)
+    assert result.check["margin"] > -1e-6
+
+
+def test_an_impossible_worst_case_is_excluded() -> None:
+    """Above the plain bound even the mean of J_f J_fᵀ − tI is too small for t = 2."""
+    families = [MatrixLocaliser(LocaliserSector(0, 1, 1, 0, 0), 7, ((1, 2.01),))]
+    where = np.broadcast_to(np.eye(3), (5, 7, 3, 3))
+    (block,) = families[0].evaluate(where)
+    check = margin_check(families, [np.eye(1)], [block], where)
+    assert check.checked_bound > 0
