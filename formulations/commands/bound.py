@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import json
+import sys
 from collections.abc import Mapping
 from enum import StrEnum
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from formulations.commands.arguments import Joints, Json, TaskDimension, positive
+from formulations.commands.arguments import Joints, Json, Seed, TaskDimension, positive
 from formulations.commands.text import as_text
 from nlp.errors import InputError
 
@@ -24,6 +25,8 @@ class Quantity(StrEnum):
 
     WORST_CASE = "worst-case"
     EXISTENCE = "existence"
+    RESIDUAL = "residual"
+    MAX_MIN = "max-min"
 
 
 def bound(
@@ -32,7 +35,7 @@ def bound(
         typer.Option(
             help="worst-case: eq. (6) as a semidefinite program. existence: the moment "
             "relaxation of the question whether an optimally failure-tolerant Jacobian of "
-            "revolute joints exists."
+            "revolute joints exists. residual, max-min: global bounds for unit revolute joints."
         ),
     ] = Quantity.WORST_CASE,
     joints: Joints = 7,
@@ -59,22 +62,47 @@ def bound(
     order: Annotated[
         int, typer.Option(metavar="K", help="existence: order of the relaxation, 1 to 3.")
     ] = 3,
-    solver: Annotated[str, typer.Option(help="Conic solver, by cvxpy's name.")] = "CLARABEL",
+    preset: Annotated[
+        str,
+        typer.Option(
+            help="residual, max-min: fast (seconds), compact, tight (minutes); for max-min "
+            "also localised."
+        ),
+    ] = "fast",
+    rigorous: Annotated[
+        bool,
+        typer.Option(
+            "--rigorous",
+            help="residual, max-min: account for all rounding, so that the bound is a theorem.",
+        ),
+    ] = False,
+    seed: Seed = 0,
+    solver: Annotated[
+        str | None,
+        typer.Option(
+            help="Conic solver, by cvxpy's name (CLARABEL if left out); residual: also "
+            "predictor-corrector, and by default what suits the preset.",
+            show_default=False,
+        ),
+    ] = None,
     as_json: Json = False,
 ) -> None:
     """Bound how good any answer could be, by semidefinite programming.
 
-    Bounds are numerical: computed in floating point, and what they prove is checked again
-    from the solver's multipliers alone. The exact proof that no optimally failure-tolerant
-    7R Jacobian exists is `lockedjoint prove`.
+    Bounds are numerical unless said otherwise: computed in floating point, and what they prove
+    is checked again from the solver's multipliers alone. The exact proof that no optimally
+    failure-tolerant 7R Jacobian exists is `lockedjoint prove`.
     """
-    if quantity is Quantity.EXISTENCE:
+    if quantity is not Quantity.WORST_CASE:
         for name, value in (("trace", trace), ("lever arm", lever_arm)):
             if value is not None:
-                raise InputError(name, value, "none with --quantity existence")
-        _existence(order, joints, task_dimension, solver, as_json)
+                raise InputError(name, value, f"none with --quantity {quantity}")
+    if quantity is Quantity.EXISTENCE:
+        _existence(order, joints, task_dimension, solver or "CLARABEL", as_json)
+    elif quantity is Quantity.WORST_CASE:
+        _worst_case(joints, task_dimension, trace, lever_arm, solver or "CLARABEL", as_json)
     else:
-        _worst_case(joints, task_dimension, trace, lever_arm, solver, as_json)
+        _unit_revolute(quantity, joints, preset, rigorous, seed, solver, as_json)
 
 
 def _worst_case(
@@ -102,6 +130,38 @@ def _worst_case(
         typer.echo(as_text({k: v for k, v in plain.items() if k != "multipliers"}))
     if plain["singular_value_bound"] is None:
         raise typer.Exit(UNDECIDED)
+
+
+def _unit_revolute(
+    quantity: Quantity,
+    joints: int,
+    preset: str,
+    rigorous: bool,
+    seed: int,
+    solver: str | None,
+    as_json: bool,
+) -> None:
+    from formulations.bounds.so3_moments.max_min_bound import max_min_bound
+    from formulations.bounds.so3_moments.residual_bound import residual_bound
+    from formulations.bounds.so3_moments.rigorous_residual import rigorous_residual_bound
+
+    residual = quantity is Quantity.RESIDUAL
+    if solver is not None and (rigorous or not residual):
+        raise InputError("solver", solver, "none with --rigorous or --quantity max-min")
+    if not residual:
+        found = max_min_bound(preset, joints, rigorous=rigorous, seed=seed, progress=_progress)
+    elif rigorous:
+        found = rigorous_residual_bound(preset, joints, seed=seed, progress=_progress)
+    else:
+        found = residual_bound(preset, joints, solver=solver, seed=seed, progress=_progress)
+    plain = found.to_dict()
+    typer.echo(json.dumps(plain, indent=1) if as_json else as_text(plain))
+
+
+def _progress(sentence: str) -> None:
+    """Show what is being done, on a terminal's standard error."""
+    if sys.stderr.isatty():
+        typer.echo(f"\r\x1b[K{sentence[:78]}", nl=False, err=True)
 
 
 def _existence(

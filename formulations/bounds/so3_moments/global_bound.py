@@ -1,0 +1,124 @@
+"""A bound that holds for every unit revolute Jacobian, with all that is known of it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, Literal, TypeAlias
+
+Quantity: TypeAlias = Literal["residual", "max-min"]
+Kind: TypeAlias = Literal["numerical", "rigorous", "closed form"]
+
+
+@dataclass(frozen=True)
+class ProgramSize:
+    """How large a moment program is.
+
+    Parameters
+    ----------
+    moments
+        Dimension of the span of its functions.
+    blocks
+        Number of blocks.
+    largest_block
+        Rows of the largest.
+    svec
+        Number of distinct entries of all blocks.
+    """
+
+    moments: int
+    blocks: int
+    largest_block: int
+    svec: int
+
+    def to_dict(self) -> dict[str, int]:
+        """Return plain values for tables and JSON."""
+        return dict(vars(self))
+
+
+@dataclass(frozen=True)
+class GlobalBound:
+    """A bound on the residual from below or on the max-min measure from above.
+
+    Parameters
+    ----------
+    quantity
+        ``"residual"``: ρ = ½‖JJᵀ − (n/3)I‖_F², bounded from below. ``"max-min"``: the worst
+        case σ after one locked joint, eq. (5), bounded from above.
+    joints
+        Number n of unit revolute joints.
+    preset
+        Name of the choice of rows.
+    kind
+        ``"rigorous"`` only if rounding is accounted for everywhere.
+    bound
+        The bound, after all that the check found was subtracted.
+    best_known
+        The best value of the quantity that a Jacobian is known to reach, or None.
+    size
+        Size of the moment program, or None if there is none.
+    solver, status, iterations
+        The solver, what it said, and how long it took; all empty without a program.
+    dual_residual
+        Largest violation of the dual equations by the solver's multipliers.
+    smallest_eigenvalue
+        Smallest eigenvalue of the solver's multipliers; negative ones were set to zero before
+        the check.
+    how_checked
+        In words.
+    check
+        Details of the check.
+    seconds
+        Wall time of each phase.
+    """
+
+    quantity: Quantity
+    joints: int
+    preset: str
+    kind: Kind
+    bound: float
+    best_known: float | None
+    size: ProgramSize | None = None
+    solver: str = ""
+    status: str = ""
+    iterations: int | None = None
+    dual_residual: float | None = None
+    smallest_eigenvalue: float | None = None
+    how_checked: str = ""
+    check: Mapping[str, Any] = field(default_factory=dict)
+    seconds: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def gap(self) -> float | None:
+        """Distance between the bound and the best known value, not negative if both hold."""
+        if self.best_known is None:
+            return None
+        sign = 1 if self.quantity == "residual" else -1
+        return sign * (self.best_known - self.bound)
+
+    @property
+    def gap_percent(self) -> float | None:
+        """The gap in percent of the best known value; None where that is 0 or unknown."""
+        return None if not self.best_known else 100 * (self.gap or 0.0) / self.best_known
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain values for tables and JSON."""
+        return {
+            "quantity": self.quantity,
+            "joints": self.joints,
+            "preset": self.preset,
+            "kind": self.kind,
+            "bound": self.bound,
+            "best_known": self.best_known,
+            "gap": self.gap,
+            "gap_percent": self.gap_percent,
+            "size": None if self.size is None else self.size.to_dict(),
+            "solver": self.solver,
+            "status": self.status,
+            "iterations": self.iterations,
+            "dual_residual": self.dual_residual,
+            "smallest_eigenvalue": self.smallest_eigenvalue,
+            "how_checked": self.how_checked,
+            "check": dict(self.check),
+            "seconds": dict(self.seconds),
+        }

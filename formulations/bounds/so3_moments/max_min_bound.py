@@ -1,0 +1,136 @@
+"""An upper bound on the worst case of every unit revolute Jacobian after one locked joint."""
+
+from __future__ import annotations
+
+import time
+from math import sqrt
+
+from formulations.bounds.so3_moments.best_known import best_known_max_min
+from formulations.bounds.so3_moments.fixed_worst_case import Conditions, exclude_worst_case
+from formulations.bounds.so3_moments.global_bound import GlobalBound, Kind
+from formulations.bounds.so3_moments.matrix_localisers import localiser_sectors
+from formulations.bounds.so3_moments.presets import RESIDUAL_PRESETS
+from formulations.bounds.so3_moments.residual_bound import Progress, residual_bound
+from formulations.bounds.so3_moments.rigorous_residual import rigorous_residual_bound
+from formulations.bounds.so3_moments.spectral_limits import worst_case_limit
+from nlp.errors import InputError
+
+_HOW_CHECKED = "closed form from a lower bound on the residual, which was checked so: "
+_HOW_EXCLUDED = (
+    "a sum of squares and localisers equal to a negative constant at fresh random "
+    "configurations, multipliers made positive semidefinite, largest difference subtracted"
+)
+LOCALISED = "localised"
+# The squared worst case that is excluded for seven joints.
+EXCLUDED = 0.329
+CONDITIONS = Conditions(
+    plain=RESIDUAL_PRESETS["compact"].sectors,
+    scaled=RESIDUAL_PRESETS["low"].sectors,
+    localised=tuple(localiser_sectors(5, range(1), range(1), locked=True)),
+)
+# Room for rounding in the closed form, far more than bisection in doubles needs.
+_ROUNDING = 1e-12
+
+
+def max_min_bound(
+    preset: str = "fast",
+    joints: int = 7,
+    *,
+    rigorous: bool = False,
+    seed: int = 0,
+    progress: Progress | None = None,
+) -> GlobalBound:
+    """Bound the worst case (5) of all unit revolute Jacobians from above.
+
+    A worst case σ limits the residual to ρ_max(σ²), so a lower bound on the residual limits σ.
+
+    Parameters
+    ----------
+    preset
+        Of the residual bound: ``"low"``, ``"fast"``, ``"compact"`` or ``"tight"``. Or
+        ``"localised"``: exclude one fixed worst case by all conditions that it implies, which
+        is sharper and takes several minutes; for 7 joints, numerical only.
+    joints
+        Number n of joints, 7 to 9. From 8 joints on, isotropic Jacobians exist, the residual
+        can be 0 and the bound is that of eq. (6); nothing is computed then.
+    rigorous
+        Start from a proved bound on the residual.
+    seed, progress
+        As in `residual_bound`.
+
+    Returns
+    -------
+    GlobalBound
+        On σ, of the kind of the residual's bound; ``"closed form"`` from 8 joints on.
+
+    Raises
+    ------
+    InputError
+        If the preset or the number of joints is not allowed.
+
+    Notes
+    -----
+    The measure and eq. (6) are those of Maciejewski and Roberts (1995).
+    """
+    if preset not in (*RESIDUAL_PRESETS, LOCALISED):
+        raise InputError("preset", preset, ", ".join((*RESIDUAL_PRESETS, LOCALISED)))
+    if joints not in range(7, 10):
+        raise InputError("joints", joints, "an integer from 7 to 9")
+    if preset == LOCALISED and rigorous:
+        raise InputError("rigorous", rigorous, f"False for the preset {LOCALISED}")
+    best = best_known_max_min(joints)
+    if joints > 7:
+        bound = sqrt((joints - 6) / 3) + _ROUNDING
+        return GlobalBound(
+            "max-min", joints, preset, "closed form", bound, best, how_checked="eq. (6)"
+        )
+    if preset == LOCALISED:
+        return _localised(joints, seed, progress)
+    kind: Kind = "rigorous" if rigorous else "numerical"
+    if rigorous:
+        residual = rigorous_residual_bound(preset, joints, seed=seed, progress=progress)
+    else:
+        residual = residual_bound(preset, joints, seed=seed, progress=progress)
+    start = time.perf_counter()
+    limit = worst_case_limit(joints, residual.bound) + _ROUNDING
+    seconds = {**residual.seconds, "closed form": time.perf_counter() - start}
+    return GlobalBound(
+        quantity="max-min",
+        joints=joints,
+        preset=preset,
+        kind=kind,
+        bound=limit,
+        best_known=best,
+        size=residual.size,
+        solver=residual.solver,
+        status=residual.status,
+        iterations=residual.iterations,
+        dual_residual=residual.dual_residual,
+        smallest_eigenvalue=residual.smallest_eigenvalue,
+        how_checked=_HOW_CHECKED + residual.how_checked,
+        check={"residual_bound": residual.bound, **residual.check},
+        seconds=seconds,
+    )
+
+
+def _localised(joints: int, seed: int, progress: Progress | None) -> GlobalBound:
+    """Return the root of the excluded squared worst case, or the bound (6) if it is not."""
+    found = exclude_worst_case(EXCLUDED, CONDITIONS, joints, seed=seed, progress=progress)
+    squared = found.t if found.excluded else (joints - 6) / 3
+    return GlobalBound(
+        quantity="max-min",
+        joints=joints,
+        preset=LOCALISED,
+        kind="numerical" if found.excluded else "closed form",
+        bound=sqrt(squared) + _ROUNDING,
+        best_known=best_known_max_min(joints),
+        size=found.size,
+        solver="predictor-corrector",
+        status=found.status,
+        iterations=found.iterations,
+        dual_residual=found.dual_residual,
+        smallest_eigenvalue=found.smallest_eigenvalue,
+        how_checked=_HOW_EXCLUDED if found.excluded else "not excluded; eq. (6)",
+        check={"excluded": found.t, "margin": found.margin, **found.check},
+        seconds=found.seconds,
+    )

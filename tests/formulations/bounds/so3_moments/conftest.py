@@ -1,0 +1,71 @@
+"""Configurations made without the code under test, and one small program to solve."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+from scipy.spatial.transform import Rotation
+
+Floats = NDArray[np.float64]
+
+
+def haar_rotations(seed: int, count: int, joints: int) -> Floats:
+    """Return uniform rotations by QR, (count, joints, 3, 3)."""
+    rng = np.random.default_rng(seed)
+    q, r = np.linalg.qr(rng.standard_normal((count, joints, 3, 3)))
+    q = q * np.sign(np.diagonal(r, axis1=-2, axis2=-1))[..., None, :]
+    return q * np.linalg.det(q)[..., None, None]
+
+
+def jacobian(rotations: Floats) -> Floats:
+    """Return J, (…, 6, n), with columns (v; ω)."""
+    return np.concatenate([rotations[..., 0], rotations[..., 1]], axis=-1).swapaxes(-1, -2)
+
+
+def residual(rotations: Floats) -> Floats:
+    j = jacobian(rotations)
+    gram = j @ j.swapaxes(-1, -2) - j.shape[-1] / 3 * np.eye(6)
+    return 0.5 * np.sum(gram**2, axis=(-1, -2))
+
+
+def moved(rotations: Floats, seed: int) -> Floats:
+    """Apply a random element of every symmetry to one configuration, (n, 3, 3)."""
+    rng = np.random.default_rng(seed)
+    joints = len(rotations)
+    angle = rng.uniform(0, 2 * np.pi)
+    cos, sin = np.cos(angle), np.sin(angle)
+    phase = np.array([[cos, -sin, 0], [sin, cos, 0], [0, 0, 1]])
+    frame = haar_rotations(seed + 1, 1, 1)[0, 0]
+    image = frame @ rotations[rng.permutation(joints)] @ phase @ np.diag([1.0, -1.0, -1.0])
+    signs = rng.choice([-1.0, 1.0], joints)
+    scale = np.stack([signs, signs, np.ones(joints)], axis=-1)
+    return image * scale[:, None, :]
+
+
+@pytest.fixture(scope="session")
+def isotropic_8r() -> Floats:
+    """Return rotations of an isotropic unit revolute 8R, by least squares in Euler angles."""
+
+    def rotations(angles: Floats) -> Floats:
+        return Rotation.from_euler("ZXZ", angles.reshape(8, 3)).as_matrix()
+
+    def defect(angles: Floats) -> Floats:
+        j = jacobian(rotations(angles))
+        return (j @ j.T - 8 / 3 * np.eye(6)).ravel()
+
+    start = np.random.default_rng(5).uniform(-np.pi, np.pi, 24)
+    found = least_squares(defect, start, xtol=1e-15, ftol=1e-15, gtol=1e-15)
+    assert np.abs(found.fun).max() < 1e-10
+    return rotations(found.x)
+
+
+@pytest.fixture(scope="session")
+def so3() -> SimpleNamespace:
+    """Hand the functions of this file to the tests."""
+    return SimpleNamespace(
+        haar_rotations=haar_rotations, jacobian=jacobian, residual=residual, moved=moved
+    )
