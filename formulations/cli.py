@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 from formulations.commands.bound import bound
+from formulations.commands.campaign import campaign
 from formulations.commands.compare import compare
 from formulations.commands.measure import measure
 from formulations.commands.prove import prove
@@ -21,7 +22,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 96},
 )
-for command in (compare, reproduce, solve, measure, bound, prove, verify):
+for command in (compare, reproduce, solve, measure, bound, prove, verify, campaign):
     app.command()(command)
 
 

@@ -53,6 +53,13 @@ class Processes:
         for future in futures:
             future.cancel()
 
+    def abandon(self, futures: Collection[Future[Results]]) -> None:
+        """Kill all processes, so that none works on for nothing."""
+        self.kill(futures)
+
+    def close(self) -> None:
+        """Do nothing: idle processes end by themselves, or serve the next call."""
+
     def _executor(self) -> Any:
         return loky.get_reusable_executor(
             max_workers=self.size,

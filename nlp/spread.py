@@ -30,6 +30,12 @@ class Pool(Protocol):
     def kill(self, futures: Collection[Future[Results]]) -> None:
         """Stop these, by killing their workers; others may be lost with them."""
 
+    def abandon(self, futures: Collection[Future[Results]]) -> None:
+        """Stop caring for these."""
+
+    def close(self) -> None:
+        """Let go of the workers."""
+
 
 @dataclass(frozen=True)
 class Arrival:
@@ -82,7 +88,7 @@ def spread(
                 yield from _failed(trial, suspects)
     finally:
         if flight:
-            pool.kill(list(flight))
+            pool.abandon(list(flight))
 
 
 def _fill(

@@ -14,9 +14,10 @@ import numpy as np
 
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
-from nlp.ipopt import IpoptSolver
+from nlp.nlpsol import NlpsolSolver
 from nlp.problem import Problem, Sense
 from nlp.solution import Solution
+from nlp.solvers import build_solver
 
 T = TypeVar("T")
 
@@ -55,19 +56,23 @@ class Task(Generic[T]):
     sample
         Draws a start from a generator, in the variables that the problem's lift takes.
     options
-        Ipopt options.
+        The solver's options.
     judge
         Makes a result of a run, where it was run.
+    solver_name, compiled
+        See `nlp.solvers`.
     """
 
     build: Callable[[], Problem]
     sample: Callable[[np.random.Generator], FloatArray]
     options: Mapping[str, object]
     judge: Callable[[Run], T]
+    solver_name: str = "ipopt"
+    compiled: bool = False
 
-    def solver(self) -> IpoptSolver:
+    def solver(self) -> NlpsolSolver:
         """Build the problem and its solver."""
-        return IpoptSolver(self.build(), self.options)
+        return build_solver(self.build(), self.solver_name, self.options, self.compiled)
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,12 +130,12 @@ def run_chunk(payload: bytes, seed: int, indices: Sequence[int]) -> list[Done[An
 
 
 @lru_cache(maxsize=2)
-def _unpacked(payload: bytes) -> tuple[IpoptSolver, Task[Any]]:
+def _unpacked(payload: bytes) -> tuple[NlpsolSolver, Task[Any]]:
     task: Task[Any] = pickle.loads(payload)
     return task.solver(), task
 
 
-def run_start(solver: IpoptSolver, task: Task[T], seed: int, index: int) -> Done[T]:
+def run_start(solver: NlpsolSolver, task: Task[T], seed: int, index: int) -> Done[T]:
     """Draw a start, solve from it and judge what came of it."""
     began = time.process_time()
     solution = solver.solve(task.sample(generator(seed, index)))
