@@ -12,6 +12,7 @@ from formulations.commands.compare import compare
 from formulations.commands.measure import measure
 from formulations.commands.prove import prove
 from formulations.commands.reproduce import reproduce
+from formulations.commands.show import show
 from formulations.commands.solve import solve
 from formulations.commands.verify import verify
 
@@ -22,7 +23,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 96},
 )
-for command in (compare, reproduce, solve, measure, bound, prove, verify, campaign):
+for command in (compare, reproduce, solve, measure, bound, prove, verify, campaign, show):
     app.command()(command)
 
 

@@ -97,12 +97,9 @@ def keep(run: Run, arm: Arm, formulation: str, locked: int = 1) -> Kept:
     )
 
 
-def jacobian_of(row: Mapping[str, Value]) -> FloatArray:
-    """Return the Jacobian of a record, shape (m, n)."""
-    raw, shape = row["jacobian"], (row["task_dimension"], row["joints"])
-    assert isinstance(raw, bytes)
-    matrix = np.frombuffer(raw, "<f8").reshape(shape)  # type: ignore[arg-type]
-    return matrix.astype(np.float64)
+def jacobian_of(raw: bytes, task_dimension: int, joints: int) -> FloatArray:
+    """Return the Jacobian that a record keeps, shape (m, n)."""
+    return np.frombuffer(raw, "<f8").reshape(task_dimension, joints).astype(np.float64)
 
 
 @lru_cache(maxsize=1)
