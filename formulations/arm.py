@@ -11,7 +11,7 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from formulations.joints import TOLERANCE, Joint, NotInModelError
+from formulations.joint import TOLERANCE, Joint, NotInModelError
 from nlp.arrays import FloatArray, as_floats, finite_vector, whole_number
 from nlp.errors import InputError
 from nlp.problem import Constraint

@@ -9,44 +9,17 @@ phase and conjugation, so a canonical order of the inner products gives a canoni
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
-from enum import Enum
+from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
 
+from formulations.joint_order import Symmetry, canonical_order, inner_products, mirror_image
 from formulations.measures import as_jacobian
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
 
-# Inner products closer than this count as equal when joints are put in order.
-TIE = 1e-4
-# Orders kept side by side while they are tied; only highly symmetric Jacobians need many.
-_WIDTH = 512
-
-
-class Symmetry(Enum):
-    """What leaves a Jacobian the same.
-
-    FRAME: JU's rows are one space, any orthogonal U acts (planar, positional, screws).
-    REVOLUTE: rows are (v; ω), one rotation acts on both, and the mirror image.
-    UNIT_REVOLUTE: the same, and the common phase of v and ω.
-    """
-
-    FRAME = "frame"
-    REVOLUTE = "revolute"
-    UNIT_REVOLUTE = "unit-revolute"
-
-
-@dataclass(frozen=True, eq=False)
-class _Order:
-    """A partial order of the joints: who comes next, with which sign, in which phase."""
-
-    joints: tuple[int, ...]
-    signs: tuple[float, ...]
-    mirrored: bool
-    phase: float | None
+__all__ = ["Symmetry", "canonical_form", "distinct", "symmetry_of"]
 
 
 def symmetry_of(jacobian: npt.ArrayLike, tolerance: float = 1e-6) -> Symmetry:
@@ -137,8 +110,8 @@ def _checked(jacobian: npt.ArrayLike, symmetry: Symmetry | None) -> tuple[FloatA
 
 def _arranged(matrix: FloatArray, symmetry: Symmetry) -> FloatArray:
     """J with joints, signs, phase and mirror image in canonical order; frame untouched."""
-    order = _canonical_order(matrix, symmetry)
-    arranged = _mirror(matrix) if order.mirrored else matrix
+    order = canonical_order(matrix, symmetry)
+    arranged = mirror_image(matrix) if order.mirrored else matrix
     arranged = np.asarray(arranged[:, list(order.joints)] * np.array(order.signs))
     if order.phase is None:
         return arranged
@@ -146,83 +119,9 @@ def _arranged(matrix: FloatArray, symmetry: Symmetry) -> FloatArray:
     return np.asarray(np.vstack([z.real, z.imag]))
 
 
-def _canonical_order(matrix: FloatArray, symmetry: Symmetry) -> _Order:
-    """Order the joints so that their inner products, read in turn, are largest."""
-    mirrors = (False,) if symmetry is Symmetry.FRAME else (False, True)
-    kernels = {m: _kernels(_mirror(matrix) if m else matrix, symmetry) for m in mirrors}
-    scale = float(np.sum(matrix**2)) / matrix.shape[1] or 1.0
-    phased = symmetry is Symmetry.UNIT_REVOLUTE
-    tied = [_Order((), (), mirrored, None) for mirrored in mirrors]
-    for _ in range(matrix.shape[1]):
-        candidates = [
-            found
-            for order in tied
-            for found in _extended(order, kernels[order.mirrored], phased, scale)
-        ]
-        tied = _largest(candidates, TIE * scale)[:_WIDTH]
-    return tied[0]
-
-
-def _kernels(matrix: FloatArray, symmetry: Symmetry) -> npt.NDArray[np.complex128]:
-    """Inner products of the joints that no frame changes, shape (kinds, n, n).
-
-    The last kind, z_iᵀz_j for unit revolute joints, turns with twice the phase.
-    """
-    if symmetry is Symmetry.FRAME:
-        return np.array([matrix.T @ matrix], dtype=np.complex128)
-    velocity, axis = matrix[:3], matrix[3:]
-    if symmetry is Symmetry.REVOLUTE:
-        cross = velocity.T @ axis
-        kinds = [velocity.T @ velocity, axis.T @ axis, cross, cross.T]
-        return np.array(kinds, dtype=np.complex128)
-    z = velocity + 1j * axis
-    return np.array([z.conj().T @ z, z.T @ z])
-
-
-def _extended(
-    order: _Order, kernels: npt.NDArray[np.complex128], phased: bool, scale: float
-) -> Iterator[tuple[list[float], _Order]]:
-    """All ways to name one more joint, each with the numbers it is judged by."""
-    for joint in range(kernels.shape[1]):
-        if joint in order.joints:
-            continue
-        joints = (*order.joints, joint)
-        for sign in (1.0, -1.0) if order.joints else (1.0,):
-            signs = (*order.signs, sign)
-            row = np.array(signs) * sign * kernels[:, joints, joint]
-            phase = order.phase
-            if phased:
-                phase = _phase(phase, row[-1], scale)
-                # Without a phase yet these are too small to tell one; they say nothing.
-                row[-1] *= 0.0 if phase is None else np.exp(2j * phase)
-            numbers = np.concatenate([row.real, row.imag]).T.ravel().tolist()
-            yield numbers, replace(order, joints=joints, signs=signs, phase=phase)
-
-
-def _phase(known: float | None, row: npt.NDArray[np.complex128], scale: float) -> float | None:
-    """Return the phase that makes the first inner product z_iᵀz_j that is not 0 positive."""
-    if known is not None:
-        return known
-    large = row[np.abs(row) > 1e-2 * scale]
-    return float(-np.angle(large[0]) / 2) if large.size else None
-
-
-def _largest(candidates: list[tuple[list[float], _Order]], tie: float) -> list[_Order]:
-    numbers = np.array([row for row, _ in candidates])
-    left = np.arange(len(candidates))
-    for k in range(numbers.shape[1]):
-        column = numbers[left, k]
-        left = left[column >= column.max() - tie]
-    return [candidates[k][1] for k in left]
-
-
 def _products(matrix: FloatArray, symmetry: Symmetry) -> FloatArray:
-    kernels = _kernels(matrix, symmetry)
+    kernels = inner_products(matrix, symmetry)
     return np.concatenate([kernels.real, kernels.imag])
-
-
-def _mirror(matrix: FloatArray) -> FloatArray:
-    return np.vstack([matrix[:3], -matrix[3:]])
 
 
 def _in_canonical_frame(matrix: FloatArray, symmetry: Symmetry) -> FloatArray:

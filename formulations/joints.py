@@ -7,84 +7,39 @@ velocity above rotational velocity, as in eq. (21).
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import ClassVar, Literal
+from typing import ClassVar
 
 import casadi as ca
 import numpy as np
 
+from formulations.axes import (
+    direction_angles,
+    in_ball,
+    numeric_frame,
+    symbolic_frame,
+    uniform_direction,
+)
+from formulations.joint import (
+    TOLERANCE,
+    Budget,
+    Joint,
+    NotInModelError,
+    check_budget,
+    check_length,
+    check_revolute,
+    outside,
+)
 from nlp.arrays import FloatArray, whole_number
-from nlp.errors import InputError
 
-# Bound each joint's own extent, or the mean of the squared extents of all such joints.
-Budget = Literal["each", "mean"]
-TOLERANCE = 1e-6
-
-
-class NotInModelError(InputError):
-    """A Jacobian with a column that its joint cannot contribute."""
-
-
-class Joint(ABC):
-    """One kind of joint.
-
-    Attributes
-    ----------
-    budget
-        ``"each"`` if the joint's extent is bounded by itself; ``"mean"`` if it shares a
-        bound on the mean square with the other joints of its kind in an arm.
-    exact
-        Whether the extent must equal its bound instead of staying below.
-    """
-
-    budget: Budget = "each"
-    exact: ClassVar[bool] = False
-
-    @property
-    @abstractmethod
-    def parameters(self) -> tuple[str, ...]:
-        """Names of the parameters of one joint."""
-
-    @property
-    @abstractmethod
-    def dimension(self) -> int:
-        """Number of task dimensions m: rows of the column."""
-
-    @property
-    @abstractmethod
-    def largest_norm_squared(self) -> float:
-        """Largest ‖j‖², or largest mean of ‖j‖² where the bound is on the mean."""
-
-    @property
-    def rotation_squared(self) -> float | None:
-        """‖ω‖², where the kind fixes it."""
-        return None
-
-    @abstractmethod
-    def column(self, parameters: ca.SX) -> ca.SX:
-        """Symbolic column, shape (dimension, 1)."""
-
-    def equations(self, parameters: ca.SX) -> ca.SX:  # noqa: ARG002
-        """Symbolic column of what must be zero besides; empty unless the kind says more."""
-        return ca.SX(0, 1)
-
-    def extent_squared(self, parameters: ca.SX) -> ca.SX | None:  # noqa: ARG002
-        """Symbolic square of what the kind's bound limits; None if nothing is left to it."""
-        return None
-
-    @property
-    def extent_bound(self) -> float:
-        """Bound on the extent."""
-        return float("inf")
-
-    @abstractmethod
-    def sample(self, rng: np.random.Generator, count: int) -> FloatArray:
-        """Draw parameters of `count` joints, shape (count, len(parameters))."""
-
-    @abstractmethod
-    def invert(self, column: FloatArray) -> FloatArray:
-        """Parameters that give this column; NotInModelError if there are none."""
+__all__ = [
+    "FreeColumn",
+    "Joint",
+    "LeverRevolute",
+    "NotInModelError",
+    "Prismatic",
+    "UnitRevolute",
+]
 
 
 @dataclass(frozen=True)
@@ -99,22 +54,22 @@ class UnitRevolute(Joint):
     def column(self, parameters: ca.SX) -> ca.SX:
         """Eq. (21)."""
         alpha, beta, gamma = ca.vertsplit(parameters)
-        first, second, axis = _axes(alpha, beta)
+        first, second, axis = symbolic_frame(alpha, beta)
         return ca.vertcat(ca.cos(gamma) * first + ca.sin(gamma) * second, axis)
 
     def sample(self, rng: np.random.Generator, count: int) -> FloatArray:
         """Uniform on SO(3)."""
-        alpha, beta = _uniform_direction(rng, count)
+        alpha, beta = uniform_direction(rng, count)
         return np.column_stack([alpha, beta, rng.uniform(-np.pi, np.pi, count)])
 
     def invert(self, column: FloatArray) -> FloatArray:
         """Angles of the column, in (−π, π] × [−π/2, π/2] × (−π, π]."""
-        _check_revolute(column)
+        check_revolute(column)
         velocity = column[:3]
         if abs(np.linalg.norm(velocity) - 1) > TOLERANCE:
-            raise _outside(column, "linear velocity of norm 1 (unit revolute joint)")
-        alpha, beta = _direction_angles(column[3:])
-        first, second, _ = _frame(np.array([alpha]), np.array([beta]))
+            raise outside(column, "linear velocity of norm 1 (unit revolute joint)")
+        alpha, beta = direction_angles(column[3:])
+        first, second, _ = numeric_frame(np.array([alpha]), np.array([beta]))
         return np.array([alpha, beta, np.arctan2(velocity @ second[0], velocity @ first[0])])
 
 
@@ -140,8 +95,8 @@ class LeverRevolute(Joint):
     rotation_squared: ClassVar[float] = 1.0
 
     def __post_init__(self) -> None:
-        _check_length("length", self.length)
-        _check_budget(self.budget)
+        check_length("length", self.length)
+        check_budget(self.budget)
 
     @property
     def largest_norm_squared(self) -> float:
@@ -168,16 +123,16 @@ class LeverRevolute(Joint):
 
     def sample(self, rng: np.random.Generator, count: int) -> FloatArray:
         """Directions uniform; lever arms uniform in the ball that the bound describes."""
-        alpha, beta = _uniform_direction(rng, count)
-        levers = self.length * _in_ball(rng, count, 2, self.budget)
-        first, second, axis = _frame(alpha, beta)
+        alpha, beta = uniform_direction(rng, count)
+        levers = self.length * in_ball(rng, count, 2, self.budget)
+        first, second, axis = numeric_frame(alpha, beta)
         return np.column_stack([levers[:, :1] * first + levers[:, 1:] * second, axis])
 
     def invert(self, column: FloatArray) -> FloatArray:
         """Return v and ω themselves."""
-        _check_revolute(column)
+        check_revolute(column)
         if self.budget == "each" and np.linalg.norm(column[:3]) > self.length + TOLERANCE:
-            raise _outside(column, f"a lever arm of at most {self.length:g}")
+            raise outside(column, f"a lever arm of at most {self.length:g}")
         return column.copy()
 
 
@@ -191,7 +146,7 @@ class Prismatic(Joint):
     rotation_squared: ClassVar[float] = 0.0
 
     def __post_init__(self) -> None:
-        _check_length("speed", self.speed)
+        check_length("speed", self.speed)
 
     @property
     def largest_norm_squared(self) -> float:
@@ -201,19 +156,19 @@ class Prismatic(Joint):
     def column(self, parameters: ca.SX) -> ca.SX:
         """Column (v; 0), the direction of v as that of ω in eq. (21)."""
         alpha, beta = ca.vertsplit(parameters)
-        return ca.vertcat(self.speed * _axes(alpha, beta)[2], ca.SX.zeros(3))
+        return ca.vertcat(self.speed * symbolic_frame(alpha, beta)[2], ca.SX.zeros(3))
 
     def sample(self, rng: np.random.Generator, count: int) -> FloatArray:
         """Uniform on the sphere of directions."""
-        return np.column_stack(_uniform_direction(rng, count))
+        return np.column_stack(uniform_direction(rng, count))
 
     def invert(self, column: FloatArray) -> FloatArray:
         """Angles of the direction."""
         if np.linalg.norm(column[3:]) > TOLERANCE:
-            raise _outside(column, "no rotational velocity (prismatic joint)")
+            raise outside(column, "no rotational velocity (prismatic joint)")
         if abs(np.linalg.norm(column[:3]) - self.speed) > TOLERANCE:
-            raise _outside(column, f"linear velocity of norm {self.speed:g} (prismatic joint)")
-        return np.array(_direction_angles(column[:3]))
+            raise outside(column, f"linear velocity of norm {self.speed:g} (prismatic joint)")
+        return np.array(direction_angles(column[:3]))
 
 
 @dataclass(frozen=True)
@@ -238,8 +193,8 @@ class FreeColumn(Joint):
 
     def __post_init__(self) -> None:
         whole_number("dimension", self.dimension, 1)
-        _check_length("norm", self.norm)
-        _check_budget(self.budget)
+        check_length("norm", self.norm)
+        check_budget(self.budget)
 
     @property
     def parameters(self) -> tuple[str, ...]:
@@ -276,65 +231,5 @@ class FreeColumn(Joint):
     def invert(self, column: FloatArray) -> FloatArray:
         """Return the entries themselves."""
         if self.budget == "each" and abs(np.linalg.norm(column) - self.norm) > TOLERANCE:
-            raise _outside(column, f"a norm of {self.norm:g}")
+            raise outside(column, f"a norm of {self.norm:g}")
         return column.copy()
-
-
-def _axes(alpha: ca.SX, beta: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
-    """Right-handed frame (e₁, e₂, ω): v = cosγ e₁ + sinγ e₂ in eq. (21)."""
-    sin_a, cos_a, sin_b, cos_b = ca.sin(alpha), ca.cos(alpha), ca.sin(beta), ca.cos(beta)
-    first = ca.vertcat(cos_a * sin_b, sin_a * sin_b, -cos_b)
-    second = ca.vertcat(sin_a, -cos_a, 0)
-    return first, second, ca.vertcat(cos_a * cos_b, sin_a * cos_b, sin_b)
-
-
-def _frame(alpha: FloatArray, beta: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Rows of the frames of `_axes` at numeric angles, each of shape (count, 3)."""
-    sin_a, cos_a, sin_b, cos_b = np.sin(alpha), np.cos(alpha), np.sin(beta), np.cos(beta)
-    first = np.column_stack([cos_a * sin_b, sin_a * sin_b, -cos_b])
-    second = np.column_stack([sin_a, -cos_a, np.zeros_like(alpha)])
-    return first, second, np.column_stack([cos_a * cos_b, sin_a * cos_b, sin_b])
-
-
-def _uniform_direction(rng: np.random.Generator, count: int) -> tuple[FloatArray, FloatArray]:
-    alpha = rng.uniform(-np.pi, np.pi, count)
-    return alpha, np.arcsin(rng.uniform(-1.0, 1.0, count))
-
-
-def _in_ball(rng: np.random.Generator, count: int, size: int, budget: Budget) -> FloatArray:
-    """Uniform points of the unit ball: one in each joint's plane, or one of them all."""
-    points = rng.standard_normal((count, size))
-    if budget == "each":
-        radii = rng.uniform(size=(count, 1)) ** (1 / size)
-        return np.asarray(radii * points / np.linalg.norm(points, axis=1, keepdims=True))
-    radius = np.sqrt(count) * rng.uniform() ** (1 / (count * size))
-    return np.asarray(radius * points / np.linalg.norm(points))
-
-
-def _direction_angles(direction: FloatArray) -> tuple[float, float]:
-    x, y, z = direction
-    return float(np.arctan2(y, x)), float(np.arctan2(z, np.hypot(x, y)))
-
-
-def _check_revolute(column: FloatArray) -> None:
-    velocity, axis = column[:3], column[3:]
-    if abs(np.linalg.norm(axis) - 1) > TOLERANCE:
-        raise _outside(column, "rotational velocity of norm 1 (revolute joint)")
-    if abs(velocity @ axis) > TOLERANCE * max(1.0, float(np.linalg.norm(velocity))):
-        raise _outside(column, "linear velocity orthogonal to the rotational (revolute joint)")
-
-
-def _outside(column: FloatArray, allowed: str) -> NotInModelError:
-    shown = "(" + ", ".join(f"{entry:.6g}" for entry in column) + ")"
-    return NotInModelError("column", shown, allowed)
-
-
-def _check_length(name: str, value: object) -> None:
-    number = isinstance(value, (int, float, np.number)) and not isinstance(value, bool)
-    if not number or not np.isfinite(value) or value <= 0:  # type: ignore[call-overload,operator]
-        raise InputError(name, value, "a finite number above 0")
-
-
-def _check_budget(value: object) -> None:
-    if value not in ("each", "mean"):
-        raise InputError("budget", value, "'each' or 'mean'")

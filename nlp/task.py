@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, Generic, TypeVar
 
+import cloudpickle
 import numpy as np
 
 from nlp.arrays import FloatArray
@@ -116,10 +117,11 @@ def generator(seed: int, index: int) -> np.random.Generator:
 def packed(task: Task[Any]) -> bytes:
     """Return the task in a form that travels; InputError if it has none."""
     try:
-        return pickle.dumps(task)
+        content: bytes = cloudpickle.dumps(task)  # takes functions of a script or notebook
     except (pickle.PicklingError, AttributeError, TypeError) as reason:
-        allowed = "functions that pickle, such as functions of a module"
+        allowed = "functions that can be sent to other processes"
         raise InputError("build, sample or judge", str(reason), allowed) from None
+    return content
 
 
 def run_chunk(payload: bytes, seed: int, indices: Sequence[int]) -> list[Done[Any]]:

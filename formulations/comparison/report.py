@@ -28,6 +28,7 @@ _SHOWN = {
     "distinct_optima": "optima",
     "iterations_median": "iterations",
     "milliseconds_per_success": "CPU ms per success",
+    "relative_cost": "relative cost",
 }
 _FORMATS = {
     "objective": "{:.7g}",
@@ -37,12 +38,27 @@ _FORMATS = {
     "isotropy_defect": "{:.3g}",
     "iterations_median": "{:g}",
     "milliseconds_per_success": "{:.3g}",
+    "relative_cost": "{:.3g}",
 }
 
 
 def table(rows: Sequence[Row]) -> pd.DataFrame:
-    """All columns, one line per row."""
-    return pd.DataFrame([one.to_dict() for one in rows], columns=list(Row.__dataclass_fields__))
+    """All columns, one line per row.
+
+    `relative_cost` is the processor time per success over that of the same formulation and
+    model without a variant.
+    """
+    frame = pd.DataFrame(
+        [one.to_dict() for one in rows], columns=list(Row.__dataclass_fields__)
+    )
+    plain = {(one.formulation, one.model): one for one in rows if not one.variant}
+    frame["relative_cost"] = [
+        one.seconds_per_success / plain[one.formulation, one.model].seconds_per_success
+        if (one.formulation, one.model) in plain
+        else float("nan")
+        for one in rows
+    ]
+    return frame
 
 
 def summary(rows: Sequence[Row]) -> pd.DataFrame:

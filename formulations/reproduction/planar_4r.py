@@ -65,7 +65,7 @@ def _double_failure_rows(seed: int, starts: int, family: Family) -> Iterator[Row
     same = len(optima) == len(expected)
     verdict = equal(expected, optima, 1e-6) if same else holds(False)
     note = "search over α in [0, 2π) for the best worst case of two failures, in units of π/4"
-    ours = shown(optima / (np.pi / 4))
+    ours = f"{shown(optima / (np.pi / 4))}, times π/4"
     yield Row("after (17)", "α optimal for double failures", _ODD, ours, verdict, note)
 
     at_best, at_zero = worst(float(expected[0])), worst(0.0)

@@ -25,9 +25,10 @@ def markdown(rows: Sequence[Row], seed: int, complete: bool) -> str:
     counts = Counter(str(row.verdict) for row in rows)
     said = ", ".join(f"{count} {verdict}" for verdict, count in sorted(counts.items()))
     note = "" if complete else "\nInterrupted or still running: not all rows are here.\n"
+    escaped = table(rows).map(lambda text: text.replace("|", "\\|"))
     return (
         f"# The paper, reproduced\n\n{header({'seed': seed, 'verdicts': said})}{note}\n"
-        f"{table(rows).to_markdown(index=False, disable_numparse=True)}\n"
+        f"{escaped.to_markdown(index=False, disable_numparse=True)}\n"
     )
 
 

@@ -128,7 +128,8 @@ def test_starts_that_ran_out_of_iterations_are_not_called_infeasible():
 def plain(outcomes):
     """The table without its times."""
     frame = table([summarise(o).row for o in outcomes])
-    return frame.drop(columns=[c for c in frame if c.startswith("seconds")]).to_csv()
+    times = [column for column in frame if column.startswith(("seconds", "relative_cost"))]
+    return frame.drop(columns=times).to_csv()
 
 
 def test_same_seed_any_workers_identical_tables(seven):
@@ -137,6 +138,18 @@ def test_same_seed_any_workers_identical_tables(seven):
     for one, other in zip(seven, again, strict=True):
         for a, b in zip(one.records, other.records, strict=True):
             assert a.jacobian.tobytes() == b.jacobian.tobytes()
+
+
+def test_cost_is_relative_to_the_default_encoding(seven):
+    frame = table([summarise(o).row for o in seven]).set_index(
+        ["formulation", "variant", "model"]
+    )
+    cost = frame["relative_cost"]
+    assert cost["max-min", "", "unit-revolute"] == 1
+    one = frame.loc["max-min", "one factor per failure", "unit-revolute"]
+    default = frame.loc["max-min", "", "unit-revolute"]
+    assert one["relative_cost"] == one["seconds_per_success"] / default["seconds_per_success"]
+    assert np.isnan(cost["isotropy", "", "unit-revolute"])
 
 
 def test_files_say_what_the_rows_say(seven, tmp_path):

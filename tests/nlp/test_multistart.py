@@ -4,6 +4,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 
@@ -73,9 +74,17 @@ def test_refuses_bad_options_before_any_work():
         multistart(rosenbrock, sample, starts=1, options={"nonsense": 1})
 
 
+def test_functions_of_a_script_reach_the_workers():
+    here = multistart(lambda: rosenbrock(), lambda rng: rng.normal(size=2), starts=4, workers=2)
+    assert [start_of(run) for run in here.results] == list(
+        multistart(rosenbrock, sample, starts=4, judge=start_of).results
+    )
+
+
 def test_says_so_when_a_task_cannot_be_sent_to_workers():
-    with pytest.raises(InputError, match="pickle"):
-        multistart(lambda: rosenbrock(), sample, starts=2, workers=2)
+    handle = threading.Lock()
+    with pytest.raises(InputError, match="sent to other processes"):
+        multistart(lambda: handle and rosenbrock(), sample, starts=2, workers=2)
 
 
 SLOW = """

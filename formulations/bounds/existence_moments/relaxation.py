@@ -9,6 +9,8 @@ import time
 from collections.abc import Mapping
 from typing import Any
 
+from threadpoolctl import threadpool_limits
+
 from formulations.bounds.existence_moments.edge_multisets import edge_multisets
 from formulations.bounds.existence_moments.linear_moments import (
     LinearMoments,
@@ -74,7 +76,8 @@ def existence_relaxation(
     clock = [time.perf_counter()]
     moments = solve_moment_equations(frame, order)
     clock.append(time.perf_counter())
-    blocks, doubt = _blocks(moments) if moments.consistent else ((), 0.0)
+    with threadpool_limits(limits=1, user_api="blas"):  # many small matrices: threads only wait
+        blocks, doubt = _blocks(moments) if moments.consistent else ((), 0.0)
     clock.append(time.perf_counter())
     margin: Margin | None = None
     alone: list[Margin] = []

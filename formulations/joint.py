@@ -1,0 +1,109 @@
+"""What a column model must say of one kind of joint, and the checks that kinds share."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import ClassVar, Literal
+
+import casadi as ca
+import numpy as np
+
+from nlp.arrays import FloatArray
+from nlp.errors import InputError
+
+# Bound each joint's own extent, or the mean of the squared extents of all such joints.
+Budget = Literal["each", "mean"]
+TOLERANCE = 1e-6
+
+
+class NotInModelError(InputError):
+    """A Jacobian with a column that its joint cannot contribute."""
+
+
+class Joint(ABC):
+    """One kind of joint.
+
+    Attributes
+    ----------
+    budget
+        ``"each"`` if the joint's extent is bounded by itself; ``"mean"`` if it shares a
+        bound on the mean square with the other joints of its kind in an arm.
+    exact
+        Whether the extent must equal its bound instead of staying below.
+    """
+
+    budget: Budget = "each"
+    exact: ClassVar[bool] = False
+
+    @property
+    @abstractmethod
+    def parameters(self) -> tuple[str, ...]:
+        """Names of the parameters of one joint."""
+
+    @property
+    @abstractmethod
+    def dimension(self) -> int:
+        """Number of task dimensions m: rows of the column."""
+
+    @property
+    @abstractmethod
+    def largest_norm_squared(self) -> float:
+        """Largest ‖j‖², or largest mean of ‖j‖² where the bound is on the mean."""
+
+    @property
+    def rotation_squared(self) -> float | None:
+        """‖ω‖², where the kind fixes it."""
+        return None
+
+    @abstractmethod
+    def column(self, parameters: ca.SX) -> ca.SX:
+        """Symbolic column, shape (dimension, 1)."""
+
+    def equations(self, parameters: ca.SX) -> ca.SX:  # noqa: ARG002
+        """Symbolic column of what must be zero besides; empty unless the kind says more."""
+        return ca.SX(0, 1)
+
+    def extent_squared(self, parameters: ca.SX) -> ca.SX | None:  # noqa: ARG002
+        """Symbolic square of what the kind's bound limits; None if nothing is left to it."""
+        return None
+
+    @property
+    def extent_bound(self) -> float:
+        """Bound on the extent."""
+        return float("inf")
+
+    @abstractmethod
+    def sample(self, rng: np.random.Generator, count: int) -> FloatArray:
+        """Draw parameters of `count` joints, shape (count, len(parameters))."""
+
+    @abstractmethod
+    def invert(self, column: FloatArray) -> FloatArray:
+        """Parameters that give this column; NotInModelError if there are none."""
+
+
+def check_revolute(column: FloatArray) -> None:
+    """Raise NotInModelError unless |ω| = 1 and v·ω = 0."""
+    velocity, axis = column[:3], column[3:]
+    if abs(np.linalg.norm(axis) - 1) > TOLERANCE:
+        raise outside(column, "rotational velocity of norm 1 (revolute joint)")
+    if abs(velocity @ axis) > TOLERANCE * max(1.0, float(np.linalg.norm(velocity))):
+        raise outside(column, "linear velocity orthogonal to the rotational (revolute joint)")
+
+
+def outside(column: FloatArray, allowed: str) -> NotInModelError:
+    """Return the error for a column that a joint cannot contribute."""
+    shown = "(" + ", ".join(f"{entry:.6g}" for entry in column) + ")"
+    return NotInModelError("column", shown, allowed)
+
+
+def check_length(name: str, value: object) -> None:
+    """Raise InputError unless the value is a finite number above 0."""
+    number = isinstance(value, (int, float, np.number)) and not isinstance(value, bool)
+    if not number or not np.isfinite(value) or value <= 0:  # type: ignore[call-overload,operator]
+        raise InputError(name, value, "a finite number above 0")
+
+
+def check_budget(value: object) -> None:
+    """Raise InputError unless the value is a `Budget`."""
+    if value not in ("each", "mean"):
+        raise InputError("budget", value, "'each' or 'mean'")

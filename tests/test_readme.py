@@ -1,0 +1,73 @@
+"""The README's numbers are those of the committed results, and its example runs."""
+
+import csv
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+
+
+def block(marker, language):
+    found = re.search(rf"<!-- {marker} -->\n```{language}\n(.*?)```", README, re.DOTALL)
+    return found.group(1)
+
+
+@pytest.fixture(scope="module")
+def comparison():
+    path = ROOT / "results" / "comparison" / "comparison.csv"
+    with path.open(encoding="utf-8") as file:
+        return {
+            (row["formulation"], row["model"]): row
+            for row in csv.DictReader(file)
+            if not row["variant"]
+        }
+
+
+@pytest.mark.parametrize(
+    ("line", "key"),
+    [
+        ("the paper's near-isotropic optimum, eq. (46)", ("residual", "unit-revolute")),
+        ("max-min, unit lever arms", ("max-min", "unit-revolute")),
+        ("max-min, free lever arms of the same mean square", ("max-min", "lever-revolute")),
+        ("exactly isotropic, free lever arms", ("isotropy", "lever-revolute")),
+    ],
+)
+def test_the_table_is_the_committed_comparison(comparison, line, key):
+    row = comparison[key]
+    [shown] = [text for text in README.splitlines() if text.startswith(f"| {line} |")]
+    sigma, gap, reached = [cell.strip(" *") for cell in shown.strip("|").split("|")[1:]]
+    assert sigma == f"{float(row['worst_case_sigma']):.5f}"
+    assert gap == f"{float(row['gap_percent']):.2f} %"
+    assert reached == f"{row['reached_best']} of {row['starts']}"
+
+
+def test_the_infeasible_row_is_the_committed_one(comparison):
+    assert comparison["isotropy", "unit-revolute"]["verdict"] == "proved infeasible"
+    assert "| exactly isotropic, unit lever arms | – | – | proved infeasible |" in README
+
+
+def test_the_number_of_reproduced_rows():
+    path = ROOT / "results" / "reproduction" / "reproduction.csv"
+    with path.open(encoding="utf-8") as file:
+        assert f"all {len(list(csv.DictReader(file)))} of them" in README
+
+
+def test_the_example_runs_and_prints_what_it_says():
+    done = subprocess.run(
+        [sys.executable, "-c", block("example", "python")],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert done.stdout.startswith("0.571482967")
+
+
+def test_the_two_commands_are_one_line_each():
+    assert block("main job", "bash").strip().endswith("lockedjoint compare")
+    assert block("tests", "bash").strip().endswith("-m pytest")
