@@ -14,6 +14,7 @@ import shutil
 import subprocess
 import tempfile
 import warnings
+from collections.abc import Sequence
 from pathlib import Path
 
 import casadi as ca
@@ -41,6 +42,11 @@ def compiled_callbacks(solver: ca.Function) -> Path | None:
     Path or None
         None, with a warning, if there is no working C compiler or nowhere to keep it.
     """
+    return shared_library(_c_code(solver))
+
+
+def shared_library(code: bytes, flags: Sequence[str] = _FLAGS) -> Path | None:
+    """Return the library made of C code; None, with a warning, if there cannot be one."""
     compiler = _compiler()
     if compiler is None:
         _warn("there is no C compiler; set CC to one")
@@ -49,7 +55,7 @@ def compiled_callbacks(solver: ca.Function) -> Path | None:
         folder = cache_folder()
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(dir=folder) as scratch:
-            return _compile(solver, compiler, folder, Path(scratch))
+            return _compile(code, [*compiler, *flags], folder, Path(scratch))
     except subprocess.CalledProcessError as reason:
         _warn(f"the C compiler failed with status {reason.returncode}")
     except OSError as reason:
@@ -57,9 +63,7 @@ def compiled_callbacks(solver: ca.Function) -> Path | None:
     return None
 
 
-def _compile(solver: ca.Function, compiler: list[str], folder: Path, scratch: Path) -> Path:
-    code = _c_code(solver)
-    command = [*compiler, *_FLAGS]
+def _compile(code: bytes, command: Sequence[str], folder: Path, scratch: Path) -> Path:
     key = "\0".join([ca.CasadiMeta.version(), *command]).encode() + b"\0" + code
     library = folder / f"{hashlib.sha256(key).hexdigest()[:32]}.so"
     if not library.exists():
@@ -86,4 +90,4 @@ def _compiler() -> list[str] | None:
 
 
 def _warn(reason: str) -> None:
-    warnings.warn(f"Callbacks are not compiled: {reason}.", RuntimeWarning, stacklevel=4)
+    warnings.warn(f"Not compiled: {reason}.", RuntimeWarning, stacklevel=4)

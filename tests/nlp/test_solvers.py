@@ -94,7 +94,7 @@ def test_falls_back_with_a_warning(command, said, cache, monkeypatch):
 def test_falls_back_where_nothing_can_be_kept(tmp_path, monkeypatch):
     (tmp_path / "file").touch()
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "file"))
-    with pytest.warns(RuntimeWarning, match="not compiled"):
+    with pytest.warns(RuntimeWarning, match="Not compiled"):
         assert build_solver(rosenbrock(), "fatrop", {}, True).solve([0, 0]).status.success
 
 
