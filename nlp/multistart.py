@@ -18,9 +18,9 @@ from tqdm import tqdm
 
 from nlp.arrays import FloatArray, whole_number
 from nlp.errors import WorkerError
-from nlp.ipopt_options import check_options
 from nlp.problem import Problem
 from nlp.processes import Processes
+from nlp.solvers import check_solver
 from nlp.spread import spread
 from nlp.task import Chunk, Done, Run, Task, generator, packed, run_start
 
@@ -64,6 +64,8 @@ def multistart(
     seed: int = ...,
     workers: int = ...,
     options: Mapping[str, object] | None = ...,
+    solver: str = ...,
+    compiled: bool = ...,
     label: str | None = ...,
 ) -> Study[Run]: ...
 
@@ -77,6 +79,8 @@ def multistart(
     seed: int = ...,
     workers: int = ...,
     options: Mapping[str, object] | None = ...,
+    solver: str = ...,
+    compiled: bool = ...,
     label: str | None = ...,
     judge: Callable[[Run], T],
 ) -> Study[T]: ...
@@ -90,6 +94,8 @@ def multistart(
     seed: int = 0,
     workers: int = 1,
     options: Mapping[str, object] | None = None,
+    solver: str = "ipopt",
+    compiled: bool = False,
     label: str | None = None,
     judge: Callable[[Run], Any] = _unjudged,
 ) -> Study[Any]:
@@ -105,6 +111,8 @@ def multistart(
         Seed of the study, a whole number of at least 0.
     workers
         How many processes, at least 1; one runs in this process.
+    solver, compiled
+        See `nlp.solvers`; the options are that solver's.
     label
         Shown before a progress bar on a terminal's standard error; no bar without it.
 
@@ -116,12 +124,16 @@ def multistart(
     Raises
     ------
     InputError
-        If a number is out of range, an option is not Ipopt's, or the task is not picklable.
+        If a number is out of range, an option is not the solver's, or the task cannot be sent
+        to other processes.
+    WorkerError
+        If a start ends its worker process, each time it is run.
     """
     starts = whole_number("starts", starts, 1)
     seed = whole_number("seed", seed, 0)
     workers = whole_number("workers", workers, 1)
-    task = Task(build, sample, check_options(options or {}), judge)
+    checked = check_solver(solver, options or {}, compiled)
+    task = Task(build, sample, checked, judge, solver, compiled)
     if workers == 1:
         batches = _in_turn(task, seed, starts)
     else:

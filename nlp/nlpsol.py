@@ -48,6 +48,13 @@ class NlpsolSolver(ABC):
             self._solver = ca.nlpsol("solver", plugin, str(library), dict(settings))
         self._lower = _stacked([np.asarray(c.lower) for c in problem.constraints])
         self._upper = _stacked([np.asarray(c.upper) for c in problem.constraints])
+        # Converted once: for small problems the conversion is felt at every start.
+        self._bounds = {
+            "lbx": ca.DM(np.asarray(problem.lower)),
+            "ubx": ca.DM(np.asarray(problem.upper)),
+            "lbg": ca.DM(self._lower),
+            "ubg": ca.DM(self._upper),
+        }
         names = list(problem.outputs)
         self._evaluate = ca.Function(
             "evaluate", [x], [problem.objective, g, *(problem.outputs[k] for k in names)]
@@ -81,9 +88,7 @@ class NlpsolSolver(ABC):
         x0 = finite_vector("start", problem.lift(np.asarray(start, dtype=float)), problem.size)
         cpu, wall = time.process_time(), time.perf_counter()
         with deferred_interrupt():
-            answer = self._solver(
-                x0=x0, lbx=problem.lower, ubx=problem.upper, lbg=self._lower, ubg=self._upper
-            )
+            answer = self._solver(x0=x0, **self._bounds)
         cpu, wall = time.process_time() - cpu, time.perf_counter() - wall
         return self._solution(answer, cpu, wall)
 

@@ -9,8 +9,8 @@ from functools import partial
 
 from formulations import max_min
 from formulations.campaign.columns import Kept, keep
-from formulations.catalogue import arm, formulation
-from formulations.comparison.contender import Contender
+from formulations.catalogue import arm
+from formulations.comparison.contender import Contender, solver_options
 from nlp.solvers import check_solver
 from nlp.store_schema import Value
 from nlp.task import Task
@@ -78,6 +78,5 @@ class Cell:
             "seed": self.seed,
         }
 
-    def _all_options(self) -> dict[str, object]:
-        own = formulation(self.contender.formulation).OPTIONS if self.solver == "ipopt" else {}
-        return {**own, **self.options}
+    def _all_options(self) -> Mapping[str, object]:
+        return solver_options(self.contender.formulation, self.solver, self.options)
