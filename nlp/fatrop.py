@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+import casadi as ca
 import numpy as np
 
 from nlp.errors import InputError, SolverOptionError
@@ -16,7 +17,7 @@ from nlp.nlpsol import NlpsolSolver
 from nlp.problem import Problem
 from nlp.solution import SUCCESS, Status
 
-# The options that are passed on: kind, and whether 0 is allowed.
+# The options that are passed on, and their kinds; all above 0.
 OPTIONS: Mapping[str, type] = {"max_iter": int, "tol": float}
 
 
@@ -37,7 +38,7 @@ class FatropSolver(NlpsolSolver):
     SolverOptionError
         If an option is another one, or not above 0.
     InputError
-        If the problem has constraints or bounds.
+        If the problem has constraints or bounds, or this CasADi comes without Fatrop.
     """
 
     def __init__(
@@ -50,6 +51,8 @@ class FatropSolver(NlpsolSolver):
         if problem.constraints or bounded:
             allowed = "problems without constraints or bounds; ipopt takes all"
             raise InputError("solver", f"fatrop for {problem.name}", allowed)
+        if not ca.has_nlpsol("fatrop"):
+            raise InputError("solver", "fatrop", "ipopt; this CasADi comes without Fatrop")
         settings = {
             "fatrop": {"print_level": 0, **check_fatrop_options(options or {})},
             "print_time": False,

@@ -5,6 +5,7 @@ from __future__ import annotations
 from formulations import max_min, residual
 from formulations.arm import Arm
 from formulations.benchmark.peer import Peer, Run, each
+from formulations.comparison.contender import solver_options
 from nlp.arrays import FloatArray
 from nlp.solvers import build_solver
 
@@ -13,7 +14,8 @@ def residual_peer(name: str, solver: str, compiled: bool) -> Peer:
     """Return residual minimisation by one of our solvers."""
 
     def prepare(arm: Arm, batch: int) -> Run:  # noqa: ARG001
-        built = build_solver(residual.build(arm), solver, {}, compiled)
+        options = solver_options(residual.NAME, solver, {})
+        built = build_solver(residual.build(arm), solver, options, compiled)
         return each(lambda start: built.solve(start).outputs["jacobian"], arm.shape)
 
     return Peer(name, residual.NAME, prepare, "exact Hessian, default tolerances")
@@ -34,7 +36,8 @@ def max_min_peer(
         built = build_solver(problem, "ipopt", max_min.OPTIONS, compiled)
         if not first:
             return each(lambda start: built.solve(start).outputs["jacobian"], arm.shape)
-        before = build_solver(residual.build(arm), first, {}, compiled)
+        options = solver_options(residual.NAME, first, {})
+        before = build_solver(residual.build(arm), first, options, compiled)
 
         def one(start: FloatArray) -> FloatArray:
             return built.solve(before.solve(start).variables).outputs["jacobian"]
