@@ -32,6 +32,8 @@ class DaskCluster:
         If Dask is not installed, or no scheduler or no worker answers.
     """
 
+    lost: tuple[type[Exception], ...] = (BrokenExecutor,)
+
     def __init__(self, address: str) -> None:
         try:
             from distributed import Client

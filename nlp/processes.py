@@ -12,6 +12,7 @@ from contextlib import contextmanager
 from typing import Any
 
 from joblib.externals import loky
+from joblib.externals.loky.process_executor import ShutdownExecutorError
 
 from nlp.spread import Results
 from nlp.task import Chunk, run_chunk
@@ -32,23 +33,22 @@ class Processes:
         How many.
     """
 
+    lost: tuple[type[Exception], ...] = (BrokenExecutor, ShutdownExecutorError)
+
     def __init__(self, workers: int) -> None:
         self.size = workers
 
     def submit(self, chunk: Chunk) -> Future[Results]:
         """Run a chunk in some process."""
         with _interrupts_held():
-            try:
-                future: Future[Results] = self._executor().submit(
-                    run_chunk, chunk.payload, chunk.seed, chunk.indices
-                )
-            except loky.process_executor.ShutdownExecutorError as reason:
-                raise BrokenExecutor(str(reason)) from None
-            return future
+            future: Future[Results] = self._executor().submit(
+                run_chunk, chunk.payload, chunk.seed, chunk.indices
+            )
+        return future
 
     def kill(self, futures: Collection[Future[Results]]) -> None:
         """Kill all processes; new ones start with the next chunk."""
-        # Chunks that run beside `futures` end with BrokenExecutor, and are run again.
+        # Chunks that run beside these are lost, too, and run again.
         self._executor().shutdown(wait=True, kill_workers=True)
         for future in futures:
             future.cancel()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections import deque
 from collections.abc import Collection, Generator, Iterable
-from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, wait
+from concurrent.futures import FIRST_COMPLETED, Future, wait
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -18,14 +18,22 @@ Results = list[Done[Any]]
 
 
 class Pool(Protocol):
-    """Workers that run chunks."""
+    """Workers that run chunks.
+
+    Attributes
+    ----------
+    lost
+        What a future raises whose worker died or was killed.
+    """
+
+    lost: tuple[type[Exception], ...]
 
     @property
     def size(self) -> int:
         """How many chunks they can run at once."""
 
     def submit(self, chunk: Chunk) -> Future[Results]:
-        """Run a chunk; the future raises BrokenExecutor if its worker died."""
+        """Run a chunk; raises one of `lost` itself if no worker can take it just now."""
 
     def kill(self, futures: Collection[Future[Results]]) -> None:
         """Stop these, by killing their workers; others may be lost with them."""
@@ -83,7 +91,7 @@ def spread(
             _fill(flight, suspects, waiting, pool)
             if not flight:
                 return
-            yield from _landed(flight, suspects, time_limit)
+            yield from _landed(flight, suspects, pool, time_limit)
             for trial in _overdue(flight, pool, time_limit):
                 yield from _failed(trial, suspects)
     finally:
@@ -117,14 +125,17 @@ def _submit(
     began = _Trial(trial.chunk, trial.failures, trial.alone, time.monotonic())
     try:
         flight[pool.submit(trial.chunk)] = began
-    except BrokenExecutor:  # a worker died since, and not of this chunk
+    except pool.lost:  # a worker died since, and not of this chunk
         suspects.append(trial)
         return False
     return True
 
 
 def _landed(
-    flight: dict[Future[Results], _Trial], suspects: deque[_Trial], time_limit: float | None
+    flight: dict[Future[Results], _Trial],
+    suspects: deque[_Trial],
+    pool: Pool,
+    time_limit: float | None,
 ) -> Generator[Arrival, None, None]:
     """Wait until something ends, and say what."""
     patience = None
@@ -135,7 +146,7 @@ def _landed(
     for future in ended:
         try:
             results = future.result()
-        except BrokenExecutor:
+        except pool.lost:
             yield from _failed(flight.pop(future), suspects)
         else:
             yield Arrival(flight.pop(future).chunk, results)

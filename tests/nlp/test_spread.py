@@ -77,6 +77,20 @@ def test_a_worker_that_fails_once_costs_nothing(tmp_path, kind):
     assert lost == []
 
 
+def slowly(run, folder):
+    if run.index == 0 and not (folder / "hung").exists():
+        (folder / "hung").touch()
+        time.sleep(600)
+    time.sleep(0.15)
+    return run.index
+
+
+def test_chunks_beside_one_that_hangs_are_run_again(tmp_path):
+    payload = task_of(partial(slowly, folder=tmp_path))
+    done, lost = collect(spread(chunks(payload, 60), Processes(2), 5.0))
+    assert (done, lost) == (list(range(60)), [])
+
+
 def test_a_start_that_always_kills_is_lost_alone(tmp_path):
     payload = task_of(partial(mischief, folder=tmp_path, kind="die", bad=13, once=False))
     done, lost = collect(spread(chunks(payload, 40), Processes(2)))
