@@ -43,6 +43,7 @@ def run(
     store: Store,
     pool: Pool,
     time_limit: float | None = None,
+    chunk: int = CHUNK,
     progress: bool = False,
 ) -> Report:
     """Solve every start that has no record yet, and keep what comes as it comes.
@@ -56,7 +57,9 @@ def run(
     pool
         The workers.
     time_limit
-        Seconds that a chunk of `CHUNK` starts may take; longer, and its worker is killed.
+        Seconds that a chunk may take; longer, and its worker is killed.
+    chunk
+        Starts that a worker is sent, and that one transaction keeps, at once.
     progress
         Whether to show a bar, where standard error is a terminal.
 
@@ -69,7 +72,7 @@ def run(
     asked = len(cells) * declared.starts
     before = _missing(store, cells, declared.starts)
     added, lost = 0, list[tuple[Cell, int]]()
-    chunks = _chunks(store, cells, declared.starts)
+    chunks = _chunks(store, cells, declared.starts, chunk)
     hidden = not (progress and os.isatty(2))
     with (
         closing(spread(chunks, pool, time_limit)) as arrivals,
@@ -89,12 +92,12 @@ def run(
     return Report(asked, added, _missing(store, cells, declared.starts), tuple(lost))
 
 
-def _chunks(store: Store, cells: Mapping[int, Cell], starts: int) -> Iterator[Chunk]:
+def _chunks(store: Store, cells: Mapping[int, Cell], starts: int, size: int) -> Iterator[Chunk]:
     for number, cell in cells.items():
         payload = packed(cell.task())
         for gap in store.missing(number, starts):
-            for first in range(gap.start, gap.stop, CHUNK):
-                indices = range(first, min(first + CHUNK, gap.stop))
+            for first in range(gap.start, gap.stop, size):
+                indices = range(first, min(first + size, gap.stop))
                 yield Chunk(payload, cell.seed, indices, number)
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from formulations.commands.arguments import Json, Workers, positive
+from formulations.commands.arguments import Json, Workers, positive, whole
 
 if TYPE_CHECKING:
     from nlp.spread import Pool
@@ -38,9 +38,17 @@ def campaign(
         typer.Option(
             parser=positive,
             metavar="SECONDS",
-            help="Time for a chunk of 20 starts, after which its worker is killed.",
+            help="Time for a chunk of starts, after which its worker is killed.",
         ),
     ] = 3600.0,
+    chunk: Annotated[
+        int,
+        typer.Option(
+            parser=whole(10),
+            metavar="K",
+            help="Starts that a worker is sent at once; more of them on a large cluster.",
+        ),
+    ] = 20,
     as_json: Json = False,
 ) -> None:
     """Run a declared grid of formulations, models and sizes from many random starts.
@@ -60,7 +68,7 @@ def campaign(
         closing(_pool(workers, scheduler)) as pool,
         Store(store, SCHEMA, writable=True) as study,
     ):
-        report = run(declared, study, pool, time_limit, progress=True)
+        report = run(declared, study, pool, time_limit, chunk, progress=True)
     found = {
         "store": str(store),
         "cells": len(declared.cells),

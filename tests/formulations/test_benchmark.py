@@ -54,6 +54,12 @@ def test_every_peer_reaches_the_known_optimum(peer, tmp_path, monkeypatch):
         assert best == pytest.approx(0.571483, abs=2e-5)
 
 
+def test_compiled_peers_leave_arithmetic_alone():
+    """Libraries built with -ffast-math round subnormal numbers to 0 in the whole process."""
+    assert np.float64(5e-324) * np.float64(1.0) > 0
+    assert 2.0**-1060 / 2.0 > 0
+
+
 def fixed(jacobian_of, **keywords):
     def prepare(arm, batch):
         return each(jacobian_of, arm.shape)
