@@ -51,6 +51,7 @@ def compare(
     from formulations.comparison.report import write
     from formulations.comparison.row import summarise
     from nlp.files import prepare_folder
+    from nlp.interrupts import deferred_interrupt
     from nlp.ipopt_options import check_options
     from nlp.multistart import default_workers
 
@@ -61,24 +62,28 @@ def compare(
 
     summaries: list[Summary] = []
     complete = True
-    for contender in contenders(task_dimension):
-        outcome = run(
-            contender,
-            joints=joints,
-            task_dimension=task_dimension,
-            starts=starts,
-            seed=seed,
-            workers=workers or default_workers(),
-            options=options,
-            compiled=compiled,
-            progress=True,
-        )
-        complete = outcome.complete
-        if outcome.records:
-            summaries.append(summarise(outcome))
-            write(summaries, out, seed, complete)
-        if not complete:
-            break
+    try:
+        for contender in contenders(task_dimension):
+            outcome = run(
+                contender,
+                joints=joints,
+                task_dimension=task_dimension,
+                starts=starts,
+                seed=seed,
+                workers=workers or default_workers(),
+                options=options,
+                compiled=compiled,
+                progress=True,
+            )
+            complete = outcome.complete
+            if outcome.records:
+                with deferred_interrupt():
+                    summaries.append(summarise(outcome))
+                    write(summaries, out, seed, complete)
+            if not complete:
+                break
+    except KeyboardInterrupt:
+        complete = False
     _show(summaries, out, complete, as_json)
 
 

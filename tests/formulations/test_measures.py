@@ -176,6 +176,19 @@ def test_tolerance_of_the_verdict():
     assert not measures.is_optimally_failure_tolerant(np.zeros((2, 3)))
 
 
+def test_the_tolerance_is_relative_to_the_mean_eigenvalue():
+    """Stretching one row of a frame with JJᵀ = 4I by 1 + ε moves its entry by 8ε."""
+    frame = 2 * simplex(3)
+    off = 1e-3
+    stretched = frame * np.array([[1 + off], [1], [1]])
+    gram = stretched @ stretched.T
+    size = np.trace(gram)
+    error = np.max(np.abs(gram - size / 3 * np.eye(3)))
+    relative = error / (size / 3)
+    assert measures.is_optimally_failure_tolerant(stretched, 1.01 * relative)
+    assert not measures.is_optimally_failure_tolerant(stretched, 0.99 * relative)
+
+
 def test_too_many_locked_joints_leave_nothing():
     assert measures.worst_case_sigma(PLANAR_3R, locked=2) == 0
     with pytest.raises(InputError, match="fewer than the 3 joints"):

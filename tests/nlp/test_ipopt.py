@@ -73,6 +73,13 @@ def test_the_violation_is_recomputed_and_not_the_solvers():
     assert stopped.violation == pytest.approx(5 - stopped.variables[0])
 
 
+def test_the_violation_counts_the_variables_bounds():
+    x = ca.SX.sym("x")
+    solution = solve(Problem("p", x, x, lower=0.0), [1.0], {"bound_relax_factor": 1e-2})
+    assert solution.variables[0] < -5e-5
+    assert solution.violation == pytest.approx(-solution.variables[0])
+
+
 def test_one_solver_gives_the_same_answer_whatever_it_solved_before():
     problem = circle()
     solver = IpoptSolver(problem)
