@@ -80,8 +80,10 @@ def measure(peers: Sequence[Peer], joints: int, starts: int, seed: int) -> list[
     built = arm("unit-revolute", joints)
     points = np.array([built.sample(generator(seed, index)) for index in range(starts)])
     batch = -(-starts // _ROUNDS)
-    with threadpool_limits(1), _fresh_cache():
+    with _fresh_cache():
         trials = [_set_up(peer, built, batch, points[:1]) for peer in peers]
+    # Only now: libraries of linear algebra that peers brought with them count, too.
+    with threadpool_limits(1):
         for first in range(0, starts, batch):
             for trial in trials:
                 _take_turn(trial, built, points[first : first + batch], batch)

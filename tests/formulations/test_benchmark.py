@@ -140,3 +140,21 @@ def test_refuses_sizes_out_of_range(joints, tmp_path):
     arguments = ["benchmark", "--joints", joints, "--out", str(tmp_path / "b")]
     assert typer.testing.CliRunner().invoke(app, arguments).exit_code == 2
     assert not (tmp_path / "b").exists()
+
+
+def test_libraries_that_peers_bring_are_held_to_one_thread():
+    from threadpoolctl import threadpool_info
+
+    seen = []
+
+    def prepare(arm, batch):
+        import scipy.linalg  # noqa: F401, brings a library of linear algebra of its own
+
+        def one(start):
+            seen.append({one["num_threads"] for one in threadpool_info()})
+            return np.zeros((6, 7))
+
+        return each(one, arm.shape)
+
+    measure([Peer("threads", "residual", prepare)], joints=7, starts=1, seed=0)
+    assert seen[-1] == {1}
