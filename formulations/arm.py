@@ -139,14 +139,12 @@ class Arm:
         return point
 
     def _check_extents(self, point: FloatArray) -> None:
-        symbols = self.symbols()
-        for constraint in self.constraints(symbols):
-            value = np.array(ca.Function("value", [symbols], [constraint.expression])(point))
-            low, high = np.asarray(constraint.lower), np.asarray(constraint.upper)
+        for name, function, low, high in _extent_functions(self):
+            value = np.array(function(point))
             slack = TOLERANCE * (1 + np.abs(high))
             if np.any(value.ravel() < low - slack) or np.any(value.ravel() > high + slack):
                 allowed = f"within [{low.min():g}, {high.max():g}]"
-                raise NotInModelError(constraint.name, value.ravel().tolist(), allowed)
+                raise NotInModelError(name, value.ravel().tolist(), allowed)
 
     def _split(self, variables: ca.SX) -> Sequence[ca.SX]:
         ends = np.cumsum([0, *(len(joint.parameters) for joint in self.joints)])
@@ -167,3 +165,20 @@ def _extent_constraint(kind: Joint, squares: Sequence[ca.SX]) -> Constraint:
 def _jacobian_function(arm: Arm) -> ca.Function:
     variables = arm.symbols()
     return ca.Function("jacobian", [variables], [arm.matrix(variables)])
+
+
+@lru_cache(maxsize=64)
+def _extent_functions(
+    arm: Arm,
+) -> tuple[tuple[str, ca.Function, FloatArray, FloatArray], ...]:
+    """Return name, numeric function and bounds of each of the joints' own constraints."""
+    symbols = arm.symbols()
+    return tuple(
+        (
+            constraint.name,
+            ca.Function("value", [symbols], [constraint.expression]),
+            np.asarray(constraint.lower),
+            np.asarray(constraint.upper),
+        )
+        for constraint in arm.constraints(symbols)
+    )

@@ -6,11 +6,14 @@ from typing import Annotated
 
 import typer
 
+from formulations.commands.benchmark import benchmark
 from formulations.commands.bound import bound
+from formulations.commands.campaign import campaign
 from formulations.commands.compare import compare
 from formulations.commands.measure import measure
 from formulations.commands.prove import prove
 from formulations.commands.reproduce import reproduce
+from formulations.commands.show import show
 from formulations.commands.solve import solve
 from formulations.commands.verify import verify
 
@@ -21,7 +24,18 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 96},
 )
-for command in (compare, reproduce, solve, measure, bound, prove, verify):
+for command in (
+    compare,
+    reproduce,
+    solve,
+    measure,
+    bound,
+    prove,
+    verify,
+    campaign,
+    show,
+    benchmark,
+):
     app.command()(command)
 
 

@@ -50,6 +50,12 @@ class FileError(InputError):
     """A file or folder that cannot be read, written or understood."""
 
 
+class WorkerError(LockedJointError):
+    """A start that ends the process it runs in, each time it is run."""
+
+    exit_status: ClassVar[int] = 1
+
+
 def _shown(value: object, limit: int = 120) -> str:
     text = value if isinstance(value, str) and value else repr(value)
     return text if len(text) <= limit else text[: limit - 1] + "…"

@@ -34,7 +34,11 @@ def write_text(path: Path, text: str) -> None:
     FileError
         If the file cannot be written; nothing is left behind.
     """
-    content = text.encode()
+    write_bytes(path, text.encode())
+
+
+def write_bytes(path: Path, content: bytes) -> None:
+    """Write a file of bytes; see `write_text`."""
     part = None
     try:
         descriptor, part = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")

@@ -7,50 +7,27 @@ from a generator of its own, and no solve knows of any other.
 from __future__ import annotations
 
 import os
-import pickle
-import signal
-import threading
-import time
 from collections.abc import Callable, Generator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import Any, Generic, TypeVar, overload
 
-import cloudpickle
 import joblib
 import numpy as np
 from tqdm import tqdm
 
 from nlp.arrays import FloatArray, whole_number
-from nlp.errors import InputError
-from nlp.ipopt import IpoptSolver
-from nlp.ipopt_options import check_options
-from nlp.problem import Problem, Sense
-from nlp.solution import Solution
+from nlp.errors import WorkerError
+from nlp.problem import Problem
+from nlp.processes import Processes
+from nlp.solvers import check_solver
+from nlp.spread import spread
+from nlp.task import Chunk, Done, Run, Task, generator, packed, run_start
+
+__all__ = ["Run", "Study", "Task", "default_workers", "generator", "multistart"]
 
 CHUNK = 10
 T = TypeVar("T")
-
-
-@dataclass(frozen=True, eq=False)
-class Run:
-    """One start and what came of it.
-
-    Attributes
-    ----------
-    seed, index
-        Seed of the study and number of the start in it.
-    solution
-        The solver's answer.
-    cpu_seconds
-        Processor time of drawing the start and solving from it, without building the solver.
-    """
-
-    seed: int
-    index: int
-    solution: Solution
-    cpu_seconds: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,44 +46,8 @@ class Study(Generic[T]):
     complete: bool
 
 
-@dataclass(frozen=True)
-class Task(Generic[T]):
-    """What every worker needs.
-
-    Attributes
-    ----------
-    build
-        Builds the problem; called once per worker.
-    sample
-        Draws a start from a generator, in the variables that the problem's lift takes.
-    options
-        Ipopt options.
-    judge
-        Makes a result of a run, where it was run.
-    """
-
-    build: Callable[[], Problem]
-    sample: Callable[[np.random.Generator], FloatArray]
-    options: Mapping[str, object]
-    judge: Callable[[Run], T]
-
-
-@dataclass(frozen=True, eq=False)
-class _Done(Generic[T]):
-    index: int
-    result: T
-    success: bool
-    sense: Sense
-    objective: float
-
-
 def _unjudged(run: Run) -> Run:
     return run
-
-
-def generator(seed: int, index: int) -> np.random.Generator:
-    """Return the random generator of start `index` of a study with this `seed`."""
-    return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(index,)))
 
 
 def default_workers() -> int:
@@ -123,6 +64,8 @@ def multistart(
     seed: int = ...,
     workers: int = ...,
     options: Mapping[str, object] | None = ...,
+    solver: str = ...,
+    compiled: bool = ...,
     label: str | None = ...,
 ) -> Study[Run]: ...
 
@@ -136,6 +79,8 @@ def multistart(
     seed: int = ...,
     workers: int = ...,
     options: Mapping[str, object] | None = ...,
+    solver: str = ...,
+    compiled: bool = ...,
     label: str | None = ...,
     judge: Callable[[Run], T],
 ) -> Study[T]: ...
@@ -149,6 +94,8 @@ def multistart(
     seed: int = 0,
     workers: int = 1,
     options: Mapping[str, object] | None = None,
+    solver: str = "ipopt",
+    compiled: bool = False,
     label: str | None = None,
     judge: Callable[[Run], Any] = _unjudged,
 ) -> Study[Any]:
@@ -164,6 +111,8 @@ def multistart(
         Seed of the study, a whole number of at least 0.
     workers
         How many processes, at least 1; one runs in this process.
+    solver, compiled
+        See `nlp.solvers`; the options are that solver's.
     label
         Shown before a progress bar on a terminal's standard error; no bar without it.
 
@@ -175,17 +124,21 @@ def multistart(
     Raises
     ------
     InputError
-        If a number is out of range, an option is not Ipopt's, or the task is not picklable.
+        If a number is out of range, an option is not the solver's, or the task cannot be sent
+        to other processes.
+    WorkerError
+        If a start ends its worker process, each time it is run.
     """
     starts = whole_number("starts", starts, 1)
     seed = whole_number("seed", seed, 0)
     workers = whole_number("workers", workers, 1)
-    task = Task(build, sample, check_options(options or {}), judge)
+    checked = check_solver(solver, options or {}, compiled)
+    task = Task(build, sample, checked, judge, solver, compiled)
     if workers == 1:
         batches = _in_turn(task, seed, starts)
     else:
         batches = _spread(task, seed, starts, workers)
-    done: list[_Done[Any]] = []
+    done: list[Done[Any]] = []
     with closing(batches), _progress(label, starts) as bar:
         best = _Best(bar)
         try:
@@ -198,49 +151,26 @@ def multistart(
     return Study(tuple(one.result for one in done), complete=len(done) == starts)
 
 
-def _in_turn(task: Task[T], seed: int, starts: int) -> Generator[list[_Done[T]], None, None]:
-    solver = IpoptSolver(task.build(), task.options)
+def _in_turn(task: Task[T], seed: int, starts: int) -> Generator[list[Done[T]], None, None]:
+    solver = task.solver()
     for index in range(starts):
-        yield [_run(solver, task, seed, index)]
+        yield [run_start(solver, task, seed, index)]
 
 
 def _spread(
     task: Task[T], seed: int, starts: int, workers: int
-) -> Generator[list[_Done[T]], None, None]:
-    try:
-        payload = cloudpickle.dumps(task)  # takes functions of a script or notebook, too
-    except (pickle.PicklingError, AttributeError, TypeError) as reason:
-        allowed = "functions that can be sent to other processes"
-        raise InputError("build, sample or judge", str(reason), allowed) from None
+) -> Generator[list[Done[T]], None, None]:
+    payload = packed(task)
     size = max(1, min(CHUNK, -(-starts // workers)))
-    chunks = [range(first, min(first + size, starts)) for first in range(0, starts, size)]
-    with joblib.parallel_config("loky", n_jobs=workers, inner_max_num_threads=1):
-        batches = joblib.Parallel(return_as="generator_unordered")(
-            joblib.delayed(_run_chunk)(payload, seed, chunk) for chunk in chunks
-        )
-        with closing(batches):
-            yield from batches
-
-
-def _run_chunk(payload: bytes, seed: int, indices: Sequence[int]) -> list[_Done[Any]]:
-    if threading.current_thread() is threading.main_thread():
-        signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's to answer
-    solver, task = _worker(payload)
-    return [_run(solver, task, seed, index) for index in indices]
-
-
-@lru_cache(maxsize=2)
-def _worker(payload: bytes) -> tuple[IpoptSolver, Task[Any]]:
-    task: Task[Any] = pickle.loads(payload)
-    return IpoptSolver(task.build(), task.options), task
-
-
-def _run(solver: IpoptSolver, task: Task[T], seed: int, index: int) -> _Done[T]:
-    began = time.process_time()
-    solution = solver.solve(task.sample(generator(seed, index)))
-    run = Run(seed, index, solution, time.process_time() - began)
-    success = solution.status.success
-    return _Done(index, task.judge(run), success, solution.sense, solution.objective)
+    chunks = (
+        Chunk(payload, seed, range(first, min(first + size, starts)))
+        for first in range(0, starts, size)
+    )
+    with closing(spread(chunks, Processes(workers))) as arrivals:
+        for arrival in arrivals:
+            if arrival.results is None:
+                raise WorkerError(f"Start {arrival.chunk.indices[0]} ends its worker process.")
+            yield arrival.results
 
 
 def _progress(label: str | None, starts: int) -> tqdm[Any]:
@@ -255,7 +185,7 @@ class _Best:
         self._bar = bar
         self._value: float | None = None
 
-    def add(self, batch: Sequence[_Done[Any]]) -> None:
+    def add(self, batch: Sequence[Done[Any]]) -> None:
         for one in batch:
             if one.success:
                 pick = min if one.sense == "minimise" else max

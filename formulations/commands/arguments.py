@@ -85,6 +85,13 @@ Ipopt = Annotated[
     ),
 ]
 
+Compiled = Annotated[
+    bool,
+    typer.Option(
+        "--compiled", help="Compile the problem's functions first, if there is a C compiler."
+    ),
+]
+
 
 def ipopt_options(settings: Sequence[str] | None) -> dict[str, object]:
     """Read ``NAME=VALUE`` settings; numbers become numbers.

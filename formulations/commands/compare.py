@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import typer
 
 from formulations.commands.arguments import (
+    Compiled,
     Ipopt,
     Joints,
     Json,
@@ -34,6 +35,7 @@ def compare(
     workers: Workers = None,
     out: Out = Path("comparison"),
     ipopt: Ipopt = None,
+    compiled: Compiled = False,
     as_json: Json = False,
 ) -> None:
     """Compare the three formulations from common random starts.
@@ -70,6 +72,7 @@ def compare(
                 seed=seed,
                 workers=workers or default_workers(),
                 options=options,
+                compiled=compiled,
                 progress=True,
             )
             complete = outcome.complete

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from formulations.commands.arguments import (
+    Compiled,
     Ipopt,
     Joints,
     Json,
@@ -54,6 +55,11 @@ def solve(
     seed: Seed = 0,
     workers: Workers = 1,
     ipopt: Ipopt = None,
+    solver: Annotated[
+        str,
+        typer.Option(help="ipopt; or fatrop, faster, for the residual without constraints."),
+    ] = "ipopt",
+    compiled: Compiled = False,
     out: Annotated[
         Path | None,
         typer.Option(metavar="FILE", help="Write the best Jacobian and its measures as JSON."),
@@ -85,6 +91,8 @@ def solve(
         seed=seed,
         workers=workers or default_workers(),
         options=ipopt_options(ipopt),
+        solver=solver,
+        compiled=compiled,
         progress=True,
     )
     if not outcome.records:

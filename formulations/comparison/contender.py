@@ -101,6 +101,14 @@ def contenders(task_dimension: int) -> tuple[Contender, ...]:
     )
 
 
+def solver_options(
+    name: str, solver: str, options: Mapping[str, object]
+) -> Mapping[str, object]:
+    """Return the options over the formulation's own, which are Ipopt's."""
+    own = formulation(name).OPTIONS if solver == "ipopt" else {}
+    return {**own, **options}
+
+
 def run(
     contender: Contender,
     *,
@@ -110,6 +118,8 @@ def run(
     seed: int,
     workers: int,
     options: Mapping[str, object] | None = None,
+    solver: str = "ipopt",
+    compiled: bool = False,
     progress: bool = False,
 ) -> Outcome:
     """Solve from all starts and judge what comes out.
@@ -117,7 +127,6 @@ def run(
     Start k is the same for all contenders on one model. Parameters are those of
     `nlp.multistart.multistart`; `options` go over the formulation's own.
     """
-    stated = formulation(contender.formulation)
     built = arm(contender.model, joints, task_dimension)
     label = " ".join(filter(None, (contender.formulation, contender.model, contender.variant)))
     study = multistart(
@@ -126,7 +135,9 @@ def run(
         starts=starts,
         seed=seed,
         workers=workers,
-        options={**stated.OPTIONS, **(options or {})},
+        options=solver_options(contender.formulation, solver, options or {}),
+        solver=solver,
+        compiled=compiled,
         label=label if progress else None,
         judge=partial(
             judge, arm=built, formulation=contender.formulation, locked=contender.locked

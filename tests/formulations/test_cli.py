@@ -35,7 +35,10 @@ PLANAR = ("--joints", 3, "--task-dimension", 2, "--starts", 3)
 def test_help_names_every_command_and_option(tmp_path):
     page = lockedjoint("--help", cwd=tmp_path)
     assert page.returncode == 0
-    for command in ("compare", "reproduce", "solve", "measure", "bound", "prove", "verify"):
+    for command in (
+        *("compare", "reproduce", "solve", "measure", "bound", "prove", "verify"),
+        *("campaign", "show", "benchmark"),
+    ):
         assert command in page.stdout
         one = lockedjoint(command, "--help", cwd=tmp_path)
         assert one.returncode == 0

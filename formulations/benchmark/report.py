@@ -1,0 +1,126 @@
+"""The benchmark as files: one table per statement and size, the targets, the growth."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import pandas as pd
+
+from formulations.benchmark.measurement import NEAR, REACH, Row
+from formulations.provenance import header
+from nlp.files import write_text
+
+_SHOWN = {
+    "peer": "peer",
+    "starts": "starts",
+    "success": "success",
+    "near": "near",
+    "milliseconds_per_start": "CPU ms per start",
+    "milliseconds_per_success": "CPU ms per success",
+    "relative": "relative to default",
+    "setup_seconds": "set-up s",
+    "settings": "settings",
+    "note": "note",
+}
+_DEFAULT = "lockedjoint, Ipopt (default)"
+_COMPILED = "lockedjoint, Ipopt, compiled"
+_FAST = "lockedjoint, Fatrop, compiled (fast path)"
+_FLOOR = "floor: hand-written C, Levenberg–Marquardt, exact Hessian"
+_TRF = "scipy least_squares trf"
+_SHARED = "lockedjoint, shared factor (default)"
+_CLASSICAL = "classical: one free factor per failure"
+
+
+@dataclass(frozen=True)
+class Target:
+    """A ratio of CPU ms per success on 7R, and what it should be."""
+
+    text: str
+    formulation: str
+    above: str
+    below: str
+    met: Callable[[float], bool]
+
+
+TARGETS = (
+    Target("default at least 2 times trf", "residual", _TRF, _DEFAULT, lambda r: r >= 2),
+    Target("compiled at least 3 times trf", "residual", _TRF, _COMPILED, lambda r: r >= 3),
+    Target("fast path at least 15 times trf", "residual", _TRF, _FAST, lambda r: r >= 15),
+    Target("fast path within 8 times the floor", "residual", _FAST, _FLOOR, lambda r: r <= 8),
+    Target("at least 10 times classical", "max-min", _CLASSICAL, _SHARED, lambda r: r >= 10),
+)
+
+
+def write(rows: Sequence[Row], folder: Path, seed: int, packages: Sequence[str]) -> None:
+    """Write ``benchmark.csv`` and ``benchmark.md``; FileError if a file cannot be written."""
+    table = pd.DataFrame(
+        [row.to_dict() for row in rows], columns=list(Row.__dataclass_fields__)
+    )
+    write_text(folder / "benchmark.csv", table.to_csv(index=False))
+    write_text(folder / "benchmark.md", markdown(rows, seed, packages))
+
+
+def markdown(rows: Sequence[Row], seed: int, packages: Sequence[str]) -> str:
+    """Return the benchmark as a Markdown page."""
+    parts = [
+        "# Benchmark\n",
+        header({"seed": seed, "peers": ", ".join(packages)}),
+        "Unit revolute joints, the same random starts for all, in turns within one run, one "
+        "thread each. A *success* is an answer whose Jacobian, measured by itself, is one of "
+        f"the arm's and within {REACH:g} of the best of all peers; *near* is within {NEAR:g}. "
+        "Processor time is without set-up, which stands beside it.\n",
+        targets(rows),
+    ]
+    for formulation, joints in dict.fromkeys((row.formulation, row.joints) for row in rows):
+        here = [r for r in rows if (r.formulation, r.joints) == (formulation, joints)]
+        parts.append(f"## {formulation}, {joints}R\n\n{_table(here)}\n")
+    parts.append(f"## Growth\n\nCPU ms per success.\n\n{growth(rows)}\n")
+    return "\n".join(parts)
+
+
+def targets(rows: Sequence[Row]) -> str:
+    """Say which targets on 7R are met, as a Markdown list."""
+    lines = []
+    times = {
+        (row.formulation, row.peer): row.milliseconds_per_success
+        for row in rows
+        if row.joints == 7
+    }
+    for target in TARGETS:
+        above = times.get((target.formulation, target.above), float("nan"))
+        below = times.get((target.formulation, target.below), float("nan"))
+        ratio = above / below
+        verdict = "not measured" if pd.isna(ratio) else "met" if target.met(ratio) else "missed"
+        lines.append(f"- {target.formulation}, {target.text}: {ratio:.2f}, {verdict}")
+    return "Targets on 7R, by CPU ms per success:\n\n" + "\n".join(lines) + "\n"
+
+
+def growth(rows: Sequence[Row]) -> str:
+    """Return CPU ms per success by number of joints, as a Markdown table."""
+    sizes = sorted({row.joints for row in rows})
+    lines = []
+    for name in dict.fromkeys((row.formulation, row.peer) for row in rows):
+        found = {r.joints: r for r in rows if (r.formulation, r.peer) == name}
+        cells = [
+            _number(found[n].milliseconds_per_success) if n in found else "–" for n in sizes
+        ]
+        lines.append([*name, *cells])
+    heads = ["formulation", "peer", *(f"{n}R" for n in sizes)]
+    return str(
+        pd.DataFrame(lines, columns=heads).to_markdown(index=False, disable_numparse=True)
+    )
+
+
+def _table(rows: Sequence[Row]) -> str:
+    table = pd.DataFrame([row.to_dict() for row in rows])[list(_SHOWN)]
+    for column in table.columns:
+        table[column] = [_number(value) for value in table[column]]
+    return str(table.rename(columns=_SHOWN).to_markdown(index=False, disable_numparse=True))
+
+
+def _number(value: object) -> str:
+    if isinstance(value, float):
+        return "–" if pd.isna(value) else f"{value:.3g}"
+    return str(value)

@@ -1,0 +1,1 @@
+"""Many starts over formulations, models and sizes: declared, resumable, kept on disk."""

@@ -1,0 +1,112 @@
+"""A declared campaign run to its end, from wherever it stands."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Mapping
+from contextlib import closing
+from dataclasses import dataclass
+
+from tqdm import tqdm
+
+from formulations.campaign.cell import Cell
+from formulations.campaign.declaration import Declaration
+from nlp.spread import Arrival, Pool, spread
+from nlp.store import Store
+from nlp.task import Chunk, packed
+
+# Starts of a chunk: enough that sending it costs little, few enough to lose one with a
+# light heart.
+CHUNK = 20
+
+
+@dataclass(frozen=True)
+class Report:
+    """How a campaign stands.
+
+    Attributes
+    ----------
+    asked, added, missing
+        Records that were asked for, that this run added, and that are still missing.
+    lost
+        Cell and start of those that ended or outlasted every worker they were given.
+    """
+
+    asked: int
+    added: int
+    missing: int
+    lost: tuple[tuple[Cell, int], ...]
+
+
+def run(
+    declared: Declaration,
+    store: Store,
+    pool: Pool,
+    time_limit: float | None = None,
+    chunk: int = CHUNK,
+    progress: bool = False,
+) -> Report:
+    """Solve every start that has no record yet, and keep what comes as it comes.
+
+    Parameters
+    ----------
+    declared
+        The campaign.
+    store
+        Where its records are, open for writing.
+    pool
+        The workers.
+    time_limit
+        Seconds that a chunk may take; longer, and its worker is killed.
+    chunk
+        Starts that a worker is sent, and that one transaction keeps, at once.
+    progress
+        Whether to show a bar, where standard error is a terminal.
+
+    Returns
+    -------
+    Report
+        If the user interrupted with Ctrl-C, `missing` says how much is left.
+    """
+    cells = {store.cell(cell.settings()): cell for cell in declared.cells}
+    asked = len(cells) * declared.starts
+    before = _missing(store, cells, declared.starts)
+    added, lost = 0, list[tuple[Cell, int]]()
+    chunks = _chunks(store, cells, declared.starts, chunk)
+    hidden = not (progress and os.isatty(2))
+    with (
+        closing(spread(chunks, pool, time_limit)) as arrivals,
+        tqdm(total=before, desc="campaign", disable=hidden, dynamic_ncols=True) as bar,
+    ):
+        try:
+            for arrival in arrivals:
+                if arrival.results is None:
+                    cell = cells[arrival.chunk.label]
+                    lost += [(cell, index) for index in arrival.chunk.indices]
+                else:
+                    _keep(store, arrival)
+                    added += len(arrival.results)
+                bar.update(len(arrival.chunk.indices))
+        except KeyboardInterrupt:
+            pass  # what is kept is kept, and the report says that it is not all
+    return Report(asked, added, _missing(store, cells, declared.starts), tuple(lost))
+
+
+def _chunks(store: Store, cells: Mapping[int, Cell], starts: int, size: int) -> Iterator[Chunk]:
+    for number, cell in cells.items():
+        payload = packed(cell.task())
+        for gap in store.missing(number, starts):
+            for first in range(gap.start, gap.stop, size):
+                indices = range(first, min(first + size, gap.stop))
+                yield Chunk(payload, cell.seed, indices, number)
+
+
+def _keep(store: Store, arrival: Arrival) -> None:
+    results = arrival.results or []
+    environment = results[0].result.environment  # one chunk, one process
+    records = [(one.index, one.result.values) for one in results]
+    store.add(arrival.chunk.label, records, environment)
+
+
+def _missing(store: Store, cells: Mapping[int, Cell], starts: int) -> int:
+    return sum(len(gap) for number in cells for gap in store.missing(number, starts))

@@ -1,0 +1,105 @@
+"""``lockedjoint campaign``: a declared grid of many starts, kept in a store, resumable."""
+
+from __future__ import annotations
+
+import json
+from contextlib import closing
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from formulations.commands.arguments import Json, Workers, positive, whole
+
+if TYPE_CHECKING:
+    from nlp.spread import Pool
+
+INTERRUPTED = 130
+INCOMPLETE = 1
+
+
+def campaign(
+    file: Annotated[
+        Path,
+        typer.Argument(metavar="FILE", help="The campaign in TOML, see docs/campaigns.md."),
+    ],
+    store: Annotated[
+        Path, typer.Option(metavar="DB", help="Store of the records; made if missing.")
+    ],
+    workers: Workers = None,
+    scheduler: Annotated[
+        str | None,
+        typer.Option(
+            metavar="ADDRESS", help="Run on the Dask cluster with this scheduler instead."
+        ),
+    ] = None,
+    time_limit: Annotated[
+        float,
+        typer.Option(
+            parser=positive,
+            metavar="SECONDS",
+            help="Time for a chunk of starts, after which its worker is killed.",
+        ),
+    ] = 3600.0,
+    chunk: Annotated[
+        int,
+        typer.Option(
+            parser=whole(10),
+            metavar="K",
+            help="Starts that a worker is sent at once; more of them on a large cluster.",
+        ),
+    ] = 20,
+    as_json: Json = False,
+) -> None:
+    """Run a declared grid of formulations, models and sizes from many random starts.
+
+    Every start becomes one record in the store as it ends. Run the same command again after
+    Ctrl-C, a crash or a full disk: it goes on with what is missing, and more starts or cells
+    may be declared meanwhile. Exit status 1 if starts were lost because they ended or
+    outlasted their workers.
+    """
+    from formulations.campaign.columns import SCHEMA
+    from formulations.campaign.declaration import read
+    from formulations.campaign.execution import run
+    from nlp.store import Store
+
+    declared = read(file)
+    with (
+        closing(_pool(workers, scheduler)) as pool,
+        Store(store, SCHEMA, writable=True) as study,
+    ):
+        report = run(declared, study, pool, time_limit, chunk, progress=True)
+    found = {
+        "store": str(store),
+        "cells": len(declared.cells),
+        "records_asked_for": report.asked,
+        "added": report.added,
+        "missing": report.missing,
+        "lost": [{**cell.settings(), "start": start} for cell, start in report.lost],
+    }
+    if as_json:
+        typer.echo(json.dumps(found, indent=1))
+    else:
+        typer.echo(
+            f"{report.asked - report.missing} of {report.asked} records of "
+            f"{len(declared.cells)} cells are in {store}, {report.added} of them new."
+        )
+    if report.lost:
+        for cell, start in report.lost:
+            name = f"{cell.contender.formulation} {cell.contender.model} n={cell.joints}"
+            typer.echo(f"Lost: start {start} of {name} ends its worker process.", err=True)
+        raise typer.Exit(INCOMPLETE)
+    if report.missing:
+        typer.echo("Interrupted: run the same command again to go on.", err=True)
+        raise typer.Exit(INTERRUPTED)
+
+
+def _pool(workers: int | None, scheduler: str | None) -> Pool:
+    if scheduler is not None:
+        from nlp.cluster import DaskCluster
+
+        return DaskCluster(scheduler)
+    from nlp.multistart import default_workers
+    from nlp.processes import Processes
+
+    return Processes(workers or default_workers())

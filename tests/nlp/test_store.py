@@ -1,0 +1,230 @@
+"""The store keeps every bit once, refuses what is not its own, and says so in a sentence."""
+
+import math
+import os
+import shutil
+import signal
+import sqlite3
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from nlp.errors import FileError, InputError
+from nlp.store import Store
+from nlp.store_schema import Schema, condition
+
+SCHEMA = Schema(7, 1, {"name": "TEXT", "size": "INTEGER"}, {"x": "REAL", "raw": "BLOB"})
+ROOT = Path(__file__).parents[2]
+
+
+def record(x, raw=b""):
+    return {"x": x, "raw": raw}
+
+
+def filled(path, starts=5):
+    with Store(path, SCHEMA, writable=True) as store:
+        cell = store.cell({"name": "a", "size": 3})
+        store.add(cell, [(k, record(k / 3)) for k in range(starts)], "v1")
+    return path
+
+
+@given(x=st.floats(), raw=st.binary(max_size=50))
+def test_every_bit_comes_back(tmp_path_factory, x, raw):
+    path = tmp_path_factory.mktemp("store") / "s.db"
+    with Store(path, SCHEMA, writable=True) as store:
+        store.add(store.cell({"name": "a", "size": 3}), [(0, record(x, raw))], "v")
+    with Store(path, SCHEMA) as store:
+        (row,) = store.rows()
+    assert row["raw"] == raw
+    same = math.isnan(row["x"]) if math.isnan(x) else row["x"].hex() == x.hex()
+    assert same
+
+
+def test_a_start_is_kept_once_and_stays_as_it_was(tmp_path):
+    path = filled(tmp_path / "s.db")
+    with Store(path, SCHEMA, writable=True) as store:
+        cell = store.cell({"name": "a", "size": 3})
+        store.add(cell, [(2, record(99.0)), (5, record(5.0))], "v2")
+        rows = list(store.rows())
+    assert [row["start"] for row in rows] == [0, 1, 2, 3, 4, 5]
+    assert rows[2]["x"] == 2 / 3
+    assert (rows[2]["environment"], rows[5]["environment"]) == ("v1", "v2")
+    database = sqlite3.connect(path)
+    with pytest.raises(sqlite3.IntegrityError):
+        database.execute("INSERT INTO record (cell, start, environment) VALUES (1, 2, 1)")
+    database.close()
+
+
+def test_a_bad_record_keeps_none_of_its_batch(tmp_path):
+    with Store(tmp_path / "s.db", SCHEMA, writable=True) as store:
+        cell = store.cell({"name": "a", "size": 3})
+        with pytest.raises(KeyError):
+            store.add(cell, [(0, record(1.0)), (1, {"x": 2.0})], "v")
+        assert list(store.rows()) == []
+        store.add(cell, [(0, record(1.0))], "v")
+
+
+@given(done=st.sets(st.integers(0, 30)), starts=st.integers(1, 25))
+def test_missing_are_the_starts_without_a_record(tmp_path_factory, done, starts):
+    path = tmp_path_factory.mktemp("store") / "s.db"
+    with Store(path, SCHEMA, writable=True) as store:
+        cell, other = (store.cell({"name": name, "size": 1}) for name in "ab")
+        store.add(cell, [(k, record(0.0)) for k in done], "v")
+        missing = [k for gap in store.missing(cell, starts) for k in gap]
+        assert missing == sorted(set(range(starts)) - done)
+        assert store.missing(other, starts) == [range(starts)]
+
+
+def test_filters_compare_columns_with_values(tmp_path):
+    with Store(filled(tmp_path / "s.db"), SCHEMA) as store:
+        for text, starts in {
+            "start>=3": [3, 4],
+            "start != 3": [0, 1, 2, 4],
+            "x<0.5": [0, 1],
+            "size=4": [],
+            "name = a' OR 1=1 --": [],
+        }.items():
+            found = store.rows([condition(SCHEMA, text)], ["start"])
+            assert [row["start"] for row in found] == starts, text
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("size", "COLUMN=VALUE"),
+        ("nothing=1", "one of name, size, start, x, raw, environment"),
+        ("size=many", "a whole number"),
+        ("size=99999999999999999999", "a whole number"),
+        ("x=nan", "a number"),
+        ("raw=1", "a column of numbers or text"),
+        ("1=1; DROP TABLE record", "one of name"),
+    ],
+)
+def test_refuses_filters_that_are_none(text, said):
+    with pytest.raises(InputError, match=said):
+        condition(SCHEMA, text)
+
+
+def test_refuses_files_that_are_not_stores(tmp_path):
+    (tmp_path / "text").write_text("not a database at all, just some words" * 30)
+    foreign = sqlite3.connect(tmp_path / "foreign")
+    foreign.execute("CREATE TABLE t (a)")
+    foreign.close()
+    before = (tmp_path / "foreign").read_bytes()
+    for name in ("text", "foreign", "missing", "."):
+        with pytest.raises(FileError, match="store is"):
+            Store(tmp_path / name, SCHEMA)
+    for name in ("text", "foreign", ".", "no/folder"):
+        with pytest.raises(FileError, match="store is"):
+            Store(tmp_path / name, SCHEMA, writable=True)
+    assert (tmp_path / "foreign").read_bytes() == before
+    assert not (tmp_path / "missing").exists()
+
+
+def test_migrates_an_older_store_and_refuses_what_it_cannot(tmp_path):
+    path = filled(tmp_path / "s.db")
+    values = {**SCHEMA.values, "y": "REAL"}
+    add = {1: ["ALTER TABLE record ADD COLUMN y REAL"]}
+    newer = Schema(7, 2, SCHEMA.settings, values, add)
+    with pytest.raises(FileError, match="too old"):
+        Store(path, Schema(7, 2, SCHEMA.settings, values), writable=True)
+    with pytest.raises(FileError, match="run its campaign again"):
+        Store(path, newer)
+    with Store(path, newer, writable=True) as store:
+        assert all(math.isnan(row["y"]) for row in store.rows())
+        assert len(list(store.rows())) == 5
+    with pytest.raises(FileError, match="a newer lockedjoint"):
+        Store(path, SCHEMA)
+
+
+def test_a_migration_that_fails_changes_nothing(tmp_path):
+    path = filled(tmp_path / "s.db")
+    broken = {1: ["ALTER TABLE record ADD COLUMN y REAL", "nonsense"]}
+    with pytest.raises(FileError):
+        Store(path, Schema(7, 2, SCHEMA.settings, SCHEMA.values, broken), writable=True)
+    with Store(path, SCHEMA) as store:
+        assert len(list(store.rows())) == 5
+
+
+def test_two_read_while_one_writes(tmp_path):
+    path = filled(tmp_path / "s.db")
+    with Store(path, SCHEMA) as one, Store(path, SCHEMA) as two:
+        first, second = one.rows(), two.rows()
+        next(first), next(second)
+        with Store(path, SCHEMA, writable=True) as writer:
+            writer.add(1, [(7, record(1.0))], "v")
+        assert len(list(first)) == len(list(second)) == 4, "what they saw when they began"
+        assert len(list(one.rows())) == 6
+
+
+WRITER = """
+import sys
+sys.path.insert(0, {root!r})
+from pathlib import Path
+from nlp.store import Store
+from nlp.store_schema import Schema
+schema = Schema(7, 1, {{"name": "TEXT", "size": "INTEGER"}}, {{"x": "REAL", "raw": "BLOB"}})
+with Store(Path({path!r}), schema, writable=True) as store:
+    cell = store.cell({{"name": "a", "size": 3}})
+    for k in range({last}):
+        store.add(cell, [(10 * k + i, {{"x": 1.0, "raw": bytes(300)}}) for i in range(10)], "v")
+        print(k, flush=True)
+"""
+
+
+def test_kill_9_loses_no_batch_that_was_added(tmp_path):
+    path = tmp_path / "s.db"
+    code = WRITER.format(root=str(ROOT), path=str(path), last=10**6)
+    writer = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True)
+    while int(writer.stdout.readline()) < 20:
+        pass
+    os.kill(writer.pid, signal.SIGKILL)
+    told = [int(line) for line in writer.communicate()[0].split()]
+    with Store(path, SCHEMA) as store:
+        starts = [row["start"] for row in store.rows(columns=["start"])]
+    assert len(starts) % 10 == 0, "whole batches"
+    assert starts == list(range(len(starts)))
+    assert len(starts) >= 10 * (max(told, default=20) + 1)
+
+
+@pytest.mark.parametrize("limit", ["pages", "file size"])
+def test_a_full_disk_is_one_sentence_and_keeps_what_is_there(tmp_path, limit):
+    path = filled(tmp_path / "s.db")
+    code = WRITER.format(root=str(ROOT), path=str(path), last=10**4)
+    if limit == "pages":
+        code = code.replace(
+            "    cell =",
+            "    store._database.execute('PRAGMA max_page_count = 30')\n    cell =",
+        )
+    else:
+        code = "import resource\nresource.setrlimit(resource.RLIMIT_FSIZE, (10**5,) * 2)" + code
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=False
+    )
+    assert "nlp.errors.FileError: store is" in done.stderr
+    assert "a file on a disk with room" in done.stderr
+    told = len(done.stdout.split())
+    shutil.copy(path, tmp_path / "copy.db")
+    with Store(path, SCHEMA, writable=True) as store:
+        starts = [row["start"] for row in store.rows(columns=["start"])]
+        assert starts == list(range(10 * told))
+        store.add(1, [(10**6, record(1.0))], "room again")
+
+
+def test_a_second_writer_waits_its_turn(tmp_path):
+    path = filled(tmp_path / "s.db")
+    code = WRITER.format(root=str(ROOT), path=str(path), last=30)
+    writers = [
+        subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.DEVNULL)
+        for _ in range(2)
+    ]
+    began = time.monotonic()
+    assert [writer.wait(timeout=60) for writer in writers] == [0, 0]
+    assert time.monotonic() - began < 60
+    with Store(path, SCHEMA) as store:
+        assert [row["start"] for row in store.rows(columns=["start"])] == list(range(300))
