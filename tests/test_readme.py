@@ -65,7 +65,7 @@ def test_the_example_runs_and_prints_what_it_says():
         text=True,
         check=True,
     )
-    assert done.stdout.startswith("0.571482967")
+    assert done.stdout.startswith("0.57148296")
 
 
 def test_the_two_commands_are_one_line_each():
