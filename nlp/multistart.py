@@ -6,6 +6,7 @@ from a generator of its own, and no solve knows of any other.
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Callable, Generator, Mapping, Sequence
 from contextlib import closing
@@ -83,6 +84,7 @@ def multistart(
     compiled: bool = ...,
     label: str | None = ...,
     judge: Callable[[Run], T],
+    figure: Callable[[T], float] | None = ...,
 ) -> Study[T]: ...
 
 
@@ -98,6 +100,7 @@ def multistart(
     compiled: bool = False,
     label: str | None = None,
     judge: Callable[[Run], Any] = _unjudged,
+    figure: Callable[[Any], float] | None = None,
 ) -> Study[Any]:
     """Solve one problem from many random starts.
 
@@ -115,6 +118,9 @@ def multistart(
         See `nlp.solvers`; the options are that solver's.
     label
         Shown before a progress bar on a terminal's standard error; no bar without it.
+    figure
+        Of a result, the number whose best the bar shows, NaN for none; by default the
+        objective where the solver says that it succeeded.
 
     Returns
     -------
@@ -140,7 +146,7 @@ def multistart(
         batches = _spread(task, seed, starts, workers)
     done: list[Done[Any]] = []
     with closing(batches), _progress(label, starts) as bar:
-        best = _Best(bar)
+        best = _Best(bar, figure)
         try:
             for batch in batches:
                 done += batch
@@ -179,18 +185,22 @@ def _progress(label: str | None, starts: int) -> tqdm[Any]:
 
 
 class _Best:
-    """Best objective so far, among runs that the solver calls solved."""
+    """Shows the best figure so far on the bar."""
 
-    def __init__(self, bar: tqdm[Any]) -> None:
+    def __init__(self, bar: tqdm[Any], figure: Callable[[Any], float] | None) -> None:
         self._bar = bar
-        self._value: float | None = None
+        self._figure = figure
+        self._value = math.nan
 
     def add(self, batch: Sequence[Done[Any]]) -> None:
         for one in batch:
-            if one.success:
-                pick = min if one.sense == "minimise" else max
-                known = one.objective if self._value is None else self._value
-                self._value = pick(known, one.objective)
-        if self._value is not None:
+            pick = np.fmin if one.sense == "minimise" else np.fmax  # both pass over NaN
+            self._value = float(pick(self._value, self._of(one)))
+        if not math.isnan(self._value):
             self._bar.set_postfix_str(f"best {self._value:.8g}", refresh=False)
         self._bar.update(len(batch))
+
+    def _of(self, one: Done[Any]) -> float:
+        if self._figure is not None:
+            return self._figure(one.result)
+        return one.objective if one.success else math.nan

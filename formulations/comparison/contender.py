@@ -142,5 +142,6 @@ def run(
         judge=partial(
             judge, arm=built, formulation=contender.formulation, locked=contender.locked
         ),
+        figure=lambda record: record.merit,
     )
     return Outcome(contender, built, study.results, study.complete)
