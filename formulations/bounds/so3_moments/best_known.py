@@ -11,7 +11,7 @@ _MAX_MIN = {6: 0.0, 7: 0.571482968, 8: sqrt(2 / 3), 9: 1.0}
 
 
 def best_known_residual(joints: int) -> float | None:
-    """Return the smallest known ½‖JJᵀ − (n/3)I‖_F², to eleven decimals; None if not recorded."""
+    """Return the smallest known ½‖JJᵀ − (n/3)I‖_F², to 11 decimals, or None."""
     return _RESIDUAL.get(joints)
 
 
