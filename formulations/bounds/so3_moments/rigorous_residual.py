@@ -154,13 +154,16 @@ def bound_defect(
     claimed: float,
     rotations: Floats,
     tell: Progress,
+    *,
+    degree: int = _DEGREE,
+    spanning: str = "compact",
 ) -> DefectBound:
     """Bound |ρ − claimed − s̄| over all configurations.
 
     Parameters
     ----------
     families
-        Blocks with rows of degree at most 6.
+        Blocks with rows of degree at most `degree`/2.
     multipliers
         X of each block. Only a factor of each is used, so they need not be semidefinite.
     claimed
@@ -169,9 +172,13 @@ def bound_defect(
         The points at which everything is evaluated, (points, n, 3, 3).
     tell
         Told what is being done.
+    degree
+        Twice the largest degree of the rows, at least 4.
+    spanning
+        Preset whose blocks span all invariants of that degree.
     """
     joints = rotations.shape[1]
-    dimension = invariant_dimension(joints, _DEGREE)
+    dimension = invariant_dimension(joints, degree)
     sums, errors = np.zeros(len(rotations)), np.zeros(len(rotations))
     start = 0
     for number, family in enumerate(families, start=1):
@@ -185,9 +192,9 @@ def bound_defect(
         part, wrong = enclosed_sums(family, enclosed, rotations)
         sums += part
         errors += wrong
-    tell(f"proving a basis of the {dimension} invariants of degree {_DEGREE}")
-    spanning = sector_families(residual_preset("compact").sectors, joints)
-    basis = invariant_basis(spanning, rotations, dimension)
+    tell(f"proving a basis of the {dimension} invariants of degree {degree}")
+    spanned = sector_families(residual_preset(spanning).sectors, joints)
+    basis = invariant_basis(spanned, rotations, dimension)
     residuals = residual_values(rotations)
     values = residuals - claimed - sums
     errors += residual_error(rotations)

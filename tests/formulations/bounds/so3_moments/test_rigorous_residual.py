@@ -14,7 +14,7 @@ from formulations.bounds.so3_moments.permuted_rows import PermutedRows
 from formulations.bounds.so3_moments.plain_average import averaged_sum_of_squares
 from formulations.bounds.so3_moments.predictor_corrector import solve_with_predictor_corrector
 from formulations.bounds.so3_moments.residual_bound import residual_values, sector_families
-from formulations.bounds.so3_moments.rigorous_residual import residual_error
+from formulations.bounds.so3_moments.rigorous_residual import bound_defect, residual_error
 from formulations.bounds.so3_moments.rounding import exchange_error, row_error, wigner_error
 from formulations.bounds.so3_moments.row_sectors import RowSector, degree_sectors
 from formulations.bounds.so3_moments.sampled_blocks import SectorBlocks
@@ -120,3 +120,30 @@ def test_refined_multipliers_satisfy_the_equations_better(
     before = np.abs(program.dual_residual(noisy)).max()
     assert np.abs(program.dual_residual(fine)).max() < 1e-3 * before
     assert min(np.linalg.eigvalsh(x)[0] for x in fine) > -1e-12
+
+
+def test_the_defect_covers_whatever_is_claimed_too_much(
+    low: list[SectorBlocks], so3: SimpleNamespace
+) -> None:
+    samples = so3.haar_rotations(10, 160, 7)
+    blocks = [block for family in low for block in family.evaluate(samples)]
+    program = moment_program(residual_values(samples), blocks)
+    found = solve_with_predictor_corrector(program, gap=1e-4).multipliers
+    assert found is not None
+    multipliers = refined_multipliers(program, found)
+    claimed = program.dual_value(multipliers)
+    points = so3.haar_rotations(11, 60, 7)
+
+    def defect(constant: float, scale: float) -> float:
+        scaled = [scale * x for x in multipliers]
+        bounds = bound_defect(
+            low, scaled, constant, points, lambda _: None, degree=8, spanning="low"
+        )
+        assert bounds.basis_defect < 0.5
+        return bounds.defect
+
+    assert -1e-3 < claimed < 0
+    assert defect(claimed, 1.0) < 1e-5
+    assert defect(claimed + 0.1, 1.0) > 0.1
+    # ρ ≤ 5n²/3, and the sum of squares has the same size.
+    assert defect(claimed, 1.01) > 0.01 * 5 * 49 / 3
