@@ -157,6 +157,17 @@ def test_bound_of_existence(tmp_path):
     assert "(4,2,1)" in text
 
 
+def test_global_bounds(tmp_path):
+    eight = lockedjoint("bound", "--quantity", "max-min", "--joints", 8, "--json", cwd=tmp_path)
+    found = json.loads(eight.stdout)
+    assert found["kind"] == "closed form"
+    assert found["bound"] == pytest.approx(np.sqrt(2 / 3), abs=1e-9)
+    low = lockedjoint("bound", "--quantity", "residual", "--preset", "low", cwd=tmp_path)
+    assert low.returncode == 0, low.stderr
+    assert "numerical" in low.stdout
+    assert low.stderr == "", "progress is for terminals"
+
+
 def test_reproduce_writes_every_row(tmp_path):
     done = lockedjoint("reproduce", "--starts", 10, "--out", "here", cwd=tmp_path)
     assert done.returncode == 0, done.stdout + done.stderr
@@ -180,6 +191,12 @@ def test_reproduce_writes_every_row(tmp_path):
         ("bound", "--quantity", "existence", "--order", "4"),
         ("bound", "--quantity", "existence", "--joints", "9"),
         ("bound", "--solver", "NOTHING"),
+        ("bound", "--quantity", "residual", "--preset", "nothing"),
+        ("bound", "--quantity", "residual", "--joints", "12"),
+        ("bound", "--quantity", "residual", "--solver", "NOTHING", "--preset", "low"),
+        ("bound", "--quantity", "residual", "--rigorous", "--solver", "CLARABEL"),
+        ("bound", "--quantity", "max-min", "--preset", "localised", "--rigorous"),
+        ("bound", "--quantity", "max-min", "--lever-arm", "1"),
         ("prove", "--out", "{file}/a.json"),
         ("reproduce", "--starts", "0"),
         ("reproduce", "--out", "{file}"),
