@@ -9,11 +9,10 @@ from dataclasses import asdict, dataclass
 import numpy as np
 
 from formulations import isotropy, measures
+from formulations.bounds.certified import certified_bound, is_excluded, numerical_bound
 from formulations.canonical import distinct
 from formulations.catalogue import formulation
 from formulations.comparison.contender import Outcome
-from formulations.existence.theorem import excludes
-from formulations.joints import LeverRevolute, UnitRevolute
 from formulations.record import Record
 from nlp.solution import INFEASIBLE
 
@@ -42,6 +41,12 @@ class Row:
         residual, the worst-case singular value for the other two.
     worst_case_sigma, sigma_bound, gap_percent
         Eq. (5) for the best J, the bound (6) at the model's largest ‖J‖_F, and the gap.
+    certified_bound, certified_gap_percent, certificate
+        What is proved about the objective for every Jacobian of the model, how far the
+        objective is from it in percent of the objective, and the kind of proof
+        (`formulations.bounds.certified`).
+    numerical_bound, numerical_gap_percent
+        The same, checked in floating point only, where such a bound is on record.
     condition_number, isotropy_defect
         Of the best J; if nothing passed the check, of the least violation found.
     violation
@@ -67,6 +72,11 @@ class Row:
     worst_case_sigma: float
     sigma_bound: float
     gap_percent: float
+    certified_bound: float
+    certified_gap_percent: float
+    certificate: str
+    numerical_bound: float
+    numerical_gap_percent: float
     condition_number: float
     isotropy_defect: float
     violation: float
@@ -118,15 +128,8 @@ def verdict(outcome: Outcome) -> str:
     statuses = {record.status.return_status for record in outcome.records}
     if INFEASIBLE not in statuses or _succeeded(outcome):
         return "not solved"
-    return "proved infeasible" if _proved(outcome) else "infeasible"
-
-
-def _proved(outcome: Outcome) -> bool:
-    """Whether the theorem excludes the arm: isotropic with |v_i| ≤ 1 is optimal (Section 2)."""
-    kinds = set(outcome.arm.joints)
-    unit = kinds <= {UnitRevolute(), LeverRevolute(1.0, "each")}
-    isotropic = outcome.contender.formulation == isotropy.NAME
-    return isotropic and unit and excludes(len(outcome.arm.joints))
+    proved = outcome.contender.formulation == isotropy.NAME and is_excluded(outcome.arm)
+    return "proved infeasible" if proved else "infeasible"
 
 
 def summarise(outcome: Outcome) -> Summary:
@@ -139,6 +142,9 @@ def summarise(outcome: Outcome) -> Summary:
     bound = measures.sigma_bound(m, n, outcome.arm.largest_trace)
     seconds = sum(record.cpu_seconds for record in records)
     counts = Counter(record.status.return_status for record in records)
+    objective = shown.merit if best else nan
+    proved = certified_bound(contender.formulation, outcome.arm)
+    checked = numerical_bound(contender.formulation, outcome.arm)
     line = Row(
         formulation=contender.formulation,
         variant=contender.variant,
@@ -149,10 +155,15 @@ def summarise(outcome: Outcome) -> Summary:
         verdict=said,
         solved=_succeeded(outcome),
         reached_best=len(best),
-        objective=shown.merit if best else nan,
+        objective=objective,
         worst_case_sigma=sigma,
         sigma_bound=bound,
         gap_percent=measures.gap_percent(sigma, bound) if best else nan,
+        certified_bound=proved.value,
+        certified_gap_percent=proved.gap_percent(objective),
+        certificate=proved.kind,
+        numerical_bound=checked.value if checked else nan,
+        numerical_gap_percent=checked.gap_percent(objective) if checked else nan,
         condition_number=shown.condition_number,
         isotropy_defect=shown.isotropy_defect,
         violation=shown.violation,

@@ -93,6 +93,21 @@ def test_free_lever_arms_reach_other_optima(rows):
     assert lever.worst_case_sigma < lever.sigma_bound
 
 
+def test_every_row_has_a_certified_bound_that_it_respects(rows):
+    for (formulation, _, model), row in rows.items():
+        if row.verdict == "proved infeasible":
+            assert row.certificate == "exact proof"
+        elif formulation == "residual":
+            assert 0 <= row.certified_bound <= row.objective
+        else:
+            assert row.objective <= row.certified_bound <= row.sigma_bound
+        assert np.isnan(row.numerical_bound) or model == "unit-revolute"
+    residual = rows["residual", "", "unit-revolute"]
+    assert residual.certified_gap_percent < 2
+    assert residual.numerical_gap_percent < 1e-3
+    assert rows["max-min", "", "unit-revolute"].certified_gap_percent < 0.9
+
+
 def test_common_starts(seven):
     """Start k is one configuration for all formulations on one model."""
     arms = {o.arm for o in seven}
@@ -161,7 +176,7 @@ def test_files_say_what_the_rows_say(seven, tmp_path):
         *("formulation", "model", "joints", "task_dimension", "starts", "solved"),
         *("reached_best", "objective", "worst_case_sigma", "sigma_bound", "gap_percent"),
         *("condition_number", "isotropy_defect", "distinct_optima", "iterations_median"),
-        *("seconds_per_start", "status_counts"),
+        *("seconds_per_start", "status_counts", "certified_bound", "certificate"),
     }
     assert required <= set(lines[0])
     assert len(lines) == len(summaries)
