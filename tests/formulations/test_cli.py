@@ -201,7 +201,6 @@ def test_reproduce_writes_every_row(tmp_path):
         ("reproduce", "--starts", "0"),
         ("reproduce", "--out", "{file}"),
         ("verify", "{folder}"),
-        ("verify",),
         ("compare", "--starts", "0"),
         ("compare", "--starts", "-4"),
         ("compare", "--starts", "many"),
