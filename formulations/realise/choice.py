@@ -1,0 +1,169 @@
+"""Choose one of the manipulators that share a Jacobian."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from formulations.realise.criteria import CRITERIA, Criterion, Sampling, criterion
+from formulations.realise.family import Arrangements, count, every, family
+from formulations.realise.manipulator import Manipulator
+from formulations.realise.search import search
+from formulations.realise.symmetry import distinct, symmetries
+from nlp.arrays import FloatArray
+
+# Arrangements are tried one and all up to here: 8! orders fit, and 6!·2⁶ with flips.
+EXHAUSTIVE = 50_000
+SHORTLIST = 200
+
+
+@dataclass(frozen=True, eq=False)
+class Choice:
+    """A manipulator and how it was chosen.
+
+    Attributes
+    ----------
+    manipulator
+        The one chosen.
+    order, flips
+        How it is arranged, counted from 0; see `Manipulator.arranged`.
+    criterion
+        By what; None if the order was given.
+    method
+        Which arrangements were looked at.
+    arrangements
+        All orders and signs, n!·2ⁿ.
+    distinct
+        How many of them are different manipulators (see `symmetry`); None if not counted.
+    values
+        The chosen manipulator's values by every criterion.
+    """
+
+    manipulator: Manipulator
+    order: tuple[int, ...]
+    flips: tuple[bool, ...]
+    criterion: str | None
+    method: str
+    arrangements: int
+    distinct: int | None
+    values: dict[str, float]
+
+    def to_dict(self) -> dict[str, object]:
+        """Return everything but the manipulator, as plain values."""
+        return {
+            "order": list(self.order),
+            "flips": list(self.flips),
+            "criterion": self.criterion,
+            "method": self.method,
+            "arrangements": self.arrangements,
+            "distinct": self.distinct,
+            "criteria": self.values,
+        }
+
+
+def choose(manipulator: Manipulator, name: str, sampling: Sampling | None = None) -> Choice:
+    """Return the best arrangement of a manipulator's joints by one criterion.
+
+    Up to 50 000 arrangements (n ≤ 8 where flips move nothing) all distinct ones are tried,
+    beyond that a seeded local search is made. Criteria that move the manipulator are
+    evaluated for the 200 of least total length only, where there are more. Of arrangements
+    that tie, the first in lexicographic order is taken.
+
+    Raises
+    ------
+    InputError
+        If there is no such criterion.
+    """
+    wanted, sampling = criterion(name), sampling or Sampling()
+    length = CRITERIA["total-length"]
+    first = length if wanted.sampled else wanted
+    if count(manipulator) <= EXHAUSTIVE:
+        group = symmetries(manipulator)
+        candidates = every(manipulator)
+        candidates = candidates if group is None else distinct(candidates, group)
+        method = f"all {len(candidates)} distinct arrangements"
+        if wanted.sampled and len(candidates) > SHORTLIST:
+            costs = _costs(length, manipulator, candidates, sampling)
+            candidates = candidates[np.argsort(costs, kind="stable")[:SHORTLIST]]
+            method = f"the {SHORTLIST} shortest of {method}"
+    else:
+        candidates = search(
+            manipulator,
+            lambda these: _costs(first, manipulator, these, sampling),
+            sampling.seed,
+            SHORTLIST,
+        )
+        method = f"seeded local search for {first.name}"
+        if wanted.sampled:
+            method = f"the {len(candidates)} shortest of a {method}"
+    costs = _costs(wanted, manipulator, candidates, sampling)
+    best = int(np.flatnonzero(costs <= costs.min() + 1e-10 * abs(costs.min()))[0])
+    order, flips = candidates.orders[best].tolist(), candidates.flips[best].tolist()
+    return _chosen(manipulator, order, flips, name, method, sampling)
+
+
+def given(
+    manipulator: Manipulator,
+    order: Sequence[int] | None = None,
+    flips: Sequence[bool] | None = None,
+    sampling: Sampling | None = None,
+) -> Choice:
+    """Return the arrangement asked for; columns as they come if left out.
+
+    Raises
+    ------
+    InputError
+        If it is none; see `Manipulator.arranged`.
+    """
+    n = manipulator.joints
+    order = range(n) if order is None else order
+    flips = [False] * n if flips is None else flips
+    return _chosen(manipulator, order, flips, None, "given", sampling or Sampling())
+
+
+def evaluate(manipulator: Manipulator, sampling: Sampling | None = None) -> dict[str, float]:
+    """Return a manipulator's values by every criterion."""
+    own = Arrangements(
+        np.arange(manipulator.joints)[None], np.zeros((1, manipulator.joints), dtype=bool)
+    )
+    members, how = family(manipulator, own), sampling or Sampling()
+    return {name: float(one.evaluate(members, how)[0]) for name, one in CRITERIA.items()}
+
+
+def _chosen(
+    manipulator: Manipulator,
+    order: Sequence[int],
+    flips: Sequence[bool],
+    name: str | None,
+    method: str,
+    sampling: Sampling,
+) -> Choice:
+    chosen = manipulator.arranged(order, flips)
+    group = symmetries(manipulator)
+    different = None if group is None else count(manipulator) // len(group)
+    return Choice(
+        manipulator=chosen,
+        order=tuple(order),
+        flips=tuple(flips),
+        criterion=name,
+        method=method,
+        arrangements=_all(manipulator.joints),
+        distinct=different,
+        values=evaluate(chosen, sampling),
+    )
+
+
+def _costs(
+    wanted: Criterion, manipulator: Manipulator, these: Arrangements, sampling: Sampling
+) -> FloatArray:
+    values = wanted.evaluate(family(manipulator, these), sampling)
+    return -values if wanted.larger_is_better else values
+
+
+def _all(joints: int) -> int:
+    total = 1
+    for i in range(1, joints + 1):
+        total *= 2 * i
+    return total
