@@ -14,8 +14,6 @@ matters, sit one unit of length from p, at p − ω or p − v.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 import numpy.typing as npt
 
@@ -94,6 +92,20 @@ def realise(
     return Manipulator(axes, tip + offsets, prismatic, tip, chosen)
 
 
+def deviation(manipulator: Manipulator, jacobian: npt.ArrayLike, length: float = 1.0) -> float:
+    """Largest difference between a manipulator's Jacobian at q = 0 and the one it realises.
+
+    Columns are compared in the manipulator's order and up to their signs, linear velocities
+    in the robot's unit of length; see `realise`.
+    """
+    wanted = manipulator.task.embed(as_jacobian(jacobian))[:, list(manipulator.columns)]
+    wanted[:3] *= length
+    rows = list(manipulator.task.rows)
+    wanted, found = wanted[rows], manipulator.jacobian()
+    signs = np.where(np.sum(wanted * found, axis=0) < 0, -1.0, 1.0)
+    return float(np.max(np.abs(found - signs * wanted)))
+
+
 def _prismatic(
     columns: FloatArray, task: Task, kinds: str | None, tolerance: float
 ) -> npt.NDArray[np.bool_]:
@@ -164,7 +176,7 @@ def _across(
             shown = f"{_shown(wanted)} for joint {i}"
             allowed = f"orthogonal to its column {_shown(velocity)}, and not 0"
             raise InputError("direction", shown, allowed)
-    for choice in ([wanted] if wanted is not None else [_Z, np.array([1.0, 0.0, 0.0])]):
+    for choice in [wanted] if wanted is not None else [_Z, np.array([1.0, 0.0, 0.0])]:
         across = choice - (along @ choice) * along
         norm = float(np.linalg.norm(across))
         if norm > TOLERANCE:

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import factorial
 
 import numpy as np
 
 from formulations.realise.criteria import CRITERIA, Criterion, Sampling, criterion
-from formulations.realise.family import Arrangements, count, every, family
+from formulations.realise.family import Arrangements, IntArray, count, every, family
 from formulations.realise.manipulator import Manipulator
 from formulations.realise.search import search
 from formulations.realise.symmetry import distinct, symmetries
@@ -17,6 +18,8 @@ from nlp.arrays import FloatArray
 # Arrangements are tried one and all up to here: 8! orders fit, and 6!·2⁶ with flips.
 EXHAUSTIVE = 50_000
 SHORTLIST = 200
+# Values closer than this, relative, are a tie.
+TIE = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +72,8 @@ def choose(manipulator: Manipulator, name: str, sampling: Sampling | None = None
     Up to 50 000 arrangements (n ≤ 8 where flips move nothing) all distinct ones are tried,
     beyond that a seeded local search is made. Criteria that move the manipulator are
     evaluated for the 200 of least total length only, where there are more. Of arrangements
-    that tie, the first in lexicographic order is taken.
+    that tie, the one with the largest clearance is taken, then the first in lexicographic
+    order.
 
     Raises
     ------
@@ -99,7 +103,9 @@ def choose(manipulator: Manipulator, name: str, sampling: Sampling | None = None
         if wanted.sampled:
             method = f"the {len(candidates)} shortest of a {method}"
     costs = _costs(wanted, manipulator, candidates, sampling)
-    best = int(np.flatnonzero(costs <= costs.min() + 1e-10 * abs(costs.min()))[0])
+    tied = _tied(costs)
+    room = _costs(CRITERIA["clearance"], manipulator, candidates[tied], sampling)
+    best = int(tied[_tied(room)[0]])
     order, flips = candidates.orders[best].tolist(), candidates.flips[best].tolist()
     return _chosen(manipulator, order, flips, name, method, sampling)
 
@@ -162,8 +168,11 @@ def _costs(
     return -values if wanted.larger_is_better else values
 
 
+def _tied(costs: FloatArray) -> IntArray:
+    least = float(np.min(costs))
+    slack = TIE * abs(least) if np.isfinite(least) else 0.0
+    return np.asarray(np.flatnonzero(costs <= least + slack))
+
+
 def _all(joints: int) -> int:
-    total = 1
-    for i in range(1, joints + 1):
-        total *= 2 * i
-    return total
+    return factorial(joints) << joints

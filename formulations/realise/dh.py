@@ -98,9 +98,7 @@ def denavit_hartenberg(
         a, alpha = np.append(0.0, a[: n - 1]), np.append(0.0, alpha[: n - 1])
     base = _frame(across[0], axes[0], normals.start[0])
     tool = _inverse(last) @ tip
-    return DenavitHartenberg(
-        convention, theta, d, a, alpha, manipulator.prismatic, base, tool
-    )
+    return DenavitHartenberg(convention, theta, d, a, alpha, manipulator.prismatic, base, tool)
 
 
 def manipulator_of(table: DenavitHartenberg, task: Task = Task.SPATIAL) -> Manipulator:

@@ -93,7 +93,7 @@ def flippable(manipulator: Manipulator) -> BoolArray:
 
 def count(manipulator: Manipulator) -> int:
     """Return the number of orders and of flips that move a joint: n!·2ᶠ arrangements."""
-    return factorial(manipulator.joints) * 2 ** int(np.sum(flippable(manipulator)))
+    return factorial(manipulator.joints) << int(np.sum(flippable(manipulator)))
 
 
 def every(manipulator: Manipulator) -> Arrangements:

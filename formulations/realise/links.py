@@ -18,6 +18,8 @@ from formulations.realise.motion import BoolArray
 from nlp.arrays import FloatArray
 
 SWEEPS = 200
+# Joints closer than this, relative to the arm's length, are in one place.
+TOUCHING = 1e-6
 
 
 def link_lengths(points: FloatArray, end_effector: FloatArray) -> FloatArray:
@@ -26,13 +28,20 @@ def link_lengths(points: FloatArray, end_effector: FloatArray) -> FloatArray:
 
 
 def clearance(points: FloatArray, end_effector: FloatArray) -> FloatArray:
-    """Smallest distance between two links that share no joint; infinity for n < 3."""
+    """Smallest distance between two links that do not meet at a joint; infinity if all do.
+
+    Links meet at a joint also where joints in one place lie between them (axes that intersect
+    there, as in a universal joint).
+    """
     ends = _ends(points, end_effector)
+    lengths = link_lengths(points, end_effector)
+    total = lengths.sum(axis=-1)
     smallest = np.full(points.shape[:-2], np.inf)
     for i, j in combinations(range(points.shape[-2]), 2):
-        if j > i + 1:
-            segments = (points[..., i, :], ends[..., i, :], points[..., j, :], ends[..., j, :])
-            smallest = np.minimum(smallest, segment_distance(*segments))
+        apart = lengths[..., i + 1 : j].sum(axis=-1) > TOUCHING * total
+        segments = (points[..., i, :], ends[..., i, :], points[..., j, :], ends[..., j, :])
+        distance = np.where(apart, segment_distance(*segments), np.inf)
+        smallest = np.minimum(smallest, distance)
     return smallest
 
 

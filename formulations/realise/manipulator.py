@@ -86,7 +86,9 @@ class Manipulator:
         span = np.linalg.norm(places[:, None] - places[None], axis=-1)
         return float(np.max(span)) or 1.0
 
-    def arranged(self, order: Sequence[int], flips: Sequence[bool] | None = None) -> Manipulator:
+    def arranged(
+        self, order: Sequence[int], flips: Sequence[bool] | None = None
+    ) -> Manipulator:
         """Return the manipulator with its joints in another order, some of them flipped.
 
         A flip turns the direction of the axis, so that the column changes its sign. Where the
@@ -143,6 +145,21 @@ class Manipulator:
     def jacobian(self, displacements: npt.ArrayLike | None = None) -> FloatArray:
         """Return the rows of `full_jacobian` that the task needs, shape (…, m, n)."""
         return self.full_jacobian(displacements)[..., list(self.task.rows), :]
+
+    def to_dict(self) -> dict[str, object]:
+        """Return the axes joint by joint, and the end effector, as plain values."""
+        joints = [
+            {
+                "joint": i,
+                "column": self.columns[i],
+                "kind": "prismatic" if self.prismatic[i] else "revolute",
+                "direction": self.directions[i].tolist(),
+                "point": self.points[i].tolist(),
+            }
+            for i in range(self.joints)
+        ]
+        tip = self.end_effector.tolist()
+        return {"task": self.task.value, "end_effector": tip, "joints": joints}
 
     def _checked(self, displacements: npt.ArrayLike) -> FloatArray:
         q = as_floats("displacements", displacements)

@@ -66,13 +66,13 @@ def common_normals(
     for k in range(n):
         axis, point = directions[..., k, :], points[..., k, :]
         if k == n - 1:
-            feet = _through(_nearest(end_effector, axis, point), end_effector, before)
+            feet = [*_through(_nearest(end_effector, axis, point), end_effector, before)]
         else:
             other, place = directions[..., k + 1, :], points[..., k + 1, :]
             parallel = _through(here, _nearest(here, other, place), before)
             skew = _skew(axis, point, other, place)
             turned = np.linalg.norm(np.cross(axis, other), axis=-1)[..., None] > PARALLEL
-            feet = tuple(np.where(turned, a, b) for a, b in zip(skew, parallel, strict=True))
+            feet = [np.where(turned, a, b) for a, b in zip(skew, parallel, strict=True)]
         start[..., k, :], end[..., k, :], across[..., k, :] = feet
         here, before = end[..., k, :], across[..., k, :]
     return Normals(start, end, across)
@@ -106,9 +106,7 @@ def _through(
 
 def _nearest(target: FloatArray, axis: FloatArray, point: FloatArray) -> FloatArray:
     """Point of the axis nearest to a target."""
-    return np.asarray(
-        point + np.sum((target - point) * axis, axis=-1, keepdims=True) * axis
-    )
+    return np.asarray(point + np.sum((target - point) * axis, axis=-1, keepdims=True) * axis)
 
 
 def _any_orthogonal(axis: FloatArray) -> FloatArray:

@@ -33,7 +33,9 @@ def search(
     seen: dict[tuple[tuple[int, ...], tuple[bool, ...]], float] = {}
     for _ in range(starts):
         order = rng.permutation(manipulator.joints)
-        here = Arrangements(order[None], (rng.integers(2, size=len(order)) == 1)[None] & free[order])
+        here = Arrangements(
+            order[None], (rng.integers(2, size=len(order)) == 1)[None] & free[order]
+        )
         value = float(cost(here)[0])
         while True:
             near = _neighbours(here, free)

@@ -15,9 +15,9 @@ import numpy as np
 from formulations.realise.manipulator import Manipulator
 from nlp.arrays import FloatArray
 
-JOINT_COLOUR = "0.17 0.17 0.19 1"
+JOINT_COLOUR = "0.00 0.45 0.70 1"
 LINK_COLOUR = "0.90 0.62 0.00 1"
-TIP_COLOUR = "0.00 0.45 0.70 1"
+TIP_COLOUR = "0.84 0.37 0.00 1"
 # Sizes of bodies, in parts of the manipulator's size.
 LINK_RADIUS, JOINT_RADIUS, JOINT_LENGTH, TIP_RADIUS = 0.012, 0.022, 0.09, 0.02
 SPEED, EFFORT = 3.14, 100.0
@@ -26,8 +26,8 @@ SPEED, EFFORT = 3.14, 100.0
 def urdf(manipulator: Manipulator, name: str = "lockedjoint") -> str:
     """Return the manipulator as URDF.
 
-    Links are ``base``, ``link1`` … ``linkn`` and ``tip``, joints ``joint1`` … ``jointn`` and
-    the fixed ``to_tip``. The base's frame is that of the Jacobian. A revolute joint may turn
+    Links are ``base``, ``link0``, ``link1``, … and ``tip``; joint ``jointk`` moves ``linkk``,
+    and ``to_tip`` is fixed. The base's frame is that of the Jacobian. A revolute joint may turn
     by ±π, a prismatic one move by ± the manipulator's size.
     """
     size, n = manipulator.size, manipulator.joints
@@ -39,7 +39,7 @@ def urdf(manipulator: Manipulator, name: str = "lockedjoint") -> str:
     pedestal = (2 * JOINT_RADIUS * size, 0.25 * JOINT_LENGTH * size)
     _cylinder(base, places[1], manipulator.directions[0], *pedestal, "joint")
     for i in range(n):
-        link = Tree.SubElement(robot, "link", name=f"link{i + 1}")
+        link = Tree.SubElement(robot, "link", name=f"link{i}")
         axis, way = manipulator.directions[i], places[i + 2] - places[i + 1]
         if manipulator.prismatic[i]:
             _box(link, axis, size)
@@ -50,10 +50,10 @@ def urdf(manipulator: Manipulator, name: str = "lockedjoint") -> str:
             length = float(np.linalg.norm(way))
             _cylinder(link, way / 2, way / length, LINK_RADIUS * size, length, "link")
     _sphere(Tree.SubElement(robot, "link", name="tip"), TIP_RADIUS * size)
-    names = ["base", *(f"link{i + 1}" for i in range(n)), "tip"]
+    names = ["base", *(f"link{i}" for i in range(n)), "tip"]
     for i in range(n):
         kind = "prismatic" if manipulator.prismatic[i] else "revolute"
-        joint = _joint(robot, f"joint{i + 1}", kind, names[i : i + 2], places[i + 1] - places[i])
+        joint = _joint(robot, f"joint{i}", kind, names[i : i + 2], places[i + 1] - places[i])
         Tree.SubElement(joint, "axis", xyz=_numbers(manipulator.directions[i]))
         end = size if manipulator.prismatic[i] else np.pi
         limit = {"lower": -end, "upper": end, "velocity": SPEED, "effort": EFFORT}
