@@ -21,6 +21,9 @@ from nlp.errors import InputError
 class Sampling:
     """Which displacements criteria look at; all manipulators are moved by the same ones.
 
+    Where q and −q of a joint change places, as they do when it is flipped or the whole arm
+    turned over, the same arm is sampled elsewhere, and its values differ a little.
+
     Parameters
     ----------
     seed

@@ -52,7 +52,7 @@ class _Part:
     senses: tuple[int, ...] = ()
 
 
-def symmetries(manipulator: Manipulator, limit: int = 50_000) -> Symmetries | None:
+def symmetries(manipulator: Manipulator, limit: int = 5_000) -> Symmetries | None:
     """Return the group G, or None if the search for it passes `limit` partial members."""
     directions = manipulator.directions
     places = _places(manipulator) / manipulator.size
@@ -113,7 +113,8 @@ def _extended(
                 after = np.vstack([where, whither])
                 # Only inner products with the new axis can be new.
                 pair = [new, 2 * new + 1]
-                if np.allclose(after @ after[pair].T, before @ before[pair].T, 0, EQUAL):
+                change = after @ after[pair].T - before @ before[pair].T
+                if np.abs(change).max() < EQUAL:
                     found.append(
                         _Part(tuple(images), (*part.places, place), (*part.senses, sense))
                     )
