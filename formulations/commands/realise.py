@@ -108,6 +108,14 @@ def realise(
         int,
         typer.Option(parser=whole(1), metavar="K", help="Displacements that criteria sample."),
     ] = 100,
+    shortlist: Annotated[
+        int,
+        typer.Option(
+            parser=whole(1),
+            metavar="K",
+            help="How many arms, the shortest, criteria that sample look at.",
+        ),
+    ] = 200,
     radius: Annotated[
         float, typer.Option(parser=positive, metavar="R", help="Radius of the neighbourhood.")
     ] = 0.2,
@@ -121,6 +129,7 @@ def realise(
     direction is the one nearest to z.
     """
     from formulations.realise import axes, forms
+    from formulations.realise.choice import choose
     from formulations.realise.criteria import Sampling
     from formulations.realise.report import summary, summary_lines
     from nlp.files import prepare_folder, write_bytes
@@ -133,7 +142,14 @@ def realise(
         prepare_folder(out.parent, "folder of --out")
     matrix = _only_jacobian(file, pick)
     found = axes.realise(matrix, task=task, kinds=kinds, length=length, tolerance=tolerance)
-    choice = _choice(found, criterion, order, signs, Sampling(seed, samples, radius), slide)
+    sampling = Sampling(seed, samples, radius)
+    if criterion is None:
+        choice = _given(found, order, signs, sampling)
+    elif order is not None or signs is not None:
+        raise InputError("--criterion", criterion, "none with --order or --signs")
+    else:
+        choice = choose(found, criterion, sampling, shortlist)
+    choice = _slid(choice, sampling) if slide else choice
     said = summary(choice, axes.deviation(choice.manipulator, matrix, length))
     if count:
         typer.echo(json.dumps(said, indent=1) if as_json else as_text(summary_lines(said)))
@@ -151,26 +167,20 @@ def realise(
         typer.echo(as_text(summary_lines(said)))
 
 
-def _choice(
-    found: Manipulator,
-    criterion: str | None,
-    order: str | None,
-    signs: str | None,
-    sampling: Sampling,
-    slide: bool,
+def _given(
+    found: Manipulator, order: str | None, signs: str | None, sampling: Sampling
 ) -> Choice:
-    from formulations.realise import choice, links
+    from formulations.realise.choice import given
 
-    if criterion is None:
-        made = choice.given(found, _order(order), _flips(signs, found.joints), sampling)
-    elif order is not None or signs is not None:
-        raise InputError("--criterion", criterion, "none with --order or --signs")
-    else:
-        made = choice.choose(found, criterion, sampling)
-    if not slide:
-        return made
-    slid = links.slide(made.manipulator)
-    return replace(made, manipulator=slid, values=choice.evaluate(slid, sampling))
+    return given(found, _order(order), _flips(signs, found.joints), sampling)
+
+
+def _slid(choice: Choice, sampling: Sampling) -> Choice:
+    from formulations.realise.choice import evaluate
+    from formulations.realise.links import slide
+
+    manipulator = slide(choice.manipulator)
+    return replace(choice, manipulator=manipulator, values=evaluate(manipulator, sampling))
 
 
 def _order(text: str | None) -> list[int] | None:

@@ -25,6 +25,7 @@ from nlp.arrays import FloatArray, as_floats, finite_vector
 from nlp.errors import InputError
 
 TOLERANCE = 1e-6
+SMALLEST, LARGEST = 1e-100, 1e100
 _Z = np.array([0.0, 0.0, 1.0])
 
 
@@ -74,6 +75,7 @@ def realise(
     close = _positive("tolerance", tolerance)
     columns = chosen.embed(matrix)
     columns[:3] *= scale
+    _check_size(columns[:3])
     tip = finite_vector("end effector", end_effector, 3)
     prismatic = _prismatic(columns, chosen, kinds, close)
     given = _given(directions, chosen, matrix.shape[1])
@@ -182,6 +184,14 @@ def _across(
         if norm > TOLERANCE:
             return np.asarray(across / norm)
     raise AssertionError("z and x cannot both be along v")
+
+
+def _check_size(velocities: FloatArray) -> None:
+    """Raise InputError for lengths whose squares are no floating-point numbers any more."""
+    sizes = np.abs(velocities[velocities != 0])
+    if sizes.size and not (np.min(sizes) >= SMALLEST and np.max(sizes) <= LARGEST):
+        shown = f"entries from {np.min(sizes):.3g} to {np.max(sizes):.3g} in size"
+        raise InputError("linear velocity", shown, f"0, or {SMALLEST:g} to {LARGEST:g}")
 
 
 def _positive(name: str, value: float) -> float:

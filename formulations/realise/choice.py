@@ -13,7 +13,7 @@ from formulations.realise.family import Arrangements, IntArray, count, every, fa
 from formulations.realise.manipulator import Manipulator
 from formulations.realise.search import search
 from formulations.realise.symmetry import distinct, symmetries
-from nlp.arrays import FloatArray
+from nlp.arrays import FloatArray, whole_number
 
 # Arrangements are tried one and all up to here: 8! orders fit, and 6!·2⁶ with flips.
 EXHAUSTIVE = 50_000
@@ -54,7 +54,7 @@ class Choice:
     values: dict[str, float]
 
     def to_dict(self) -> dict[str, object]:
-        """Return everything but the manipulator, as plain values."""
+        """Return everything but the manipulator, as plain values; None for infinite ones."""
         return {
             "order": list(self.order),
             "flips": list(self.flips),
@@ -62,25 +62,31 @@ class Choice:
             "method": self.method,
             "arrangements": self.arrangements,
             "distinct": self.distinct,
-            "criteria": self.values,
+            "criteria": {k: v if np.isfinite(v) else None for k, v in self.values.items()},
         }
 
 
-def choose(manipulator: Manipulator, name: str, sampling: Sampling | None = None) -> Choice:
+def choose(
+    manipulator: Manipulator,
+    name: str,
+    sampling: Sampling | None = None,
+    shortlist: int = SHORTLIST,
+) -> Choice:
     """Return the best arrangement of a manipulator's joints by one criterion.
 
     Up to 50 000 arrangements (n ≤ 8 where flips move nothing) all distinct ones are tried,
     beyond that a seeded local search is made. Criteria that move the manipulator are
-    evaluated for the 200 of least total length only, where there are more. Of arrangements
-    that tie, the one with the largest clearance is taken, then the first in lexicographic
-    order.
+    evaluated for the `shortlist` of least total length only, where there are more. Of
+    arrangements that tie, the one with the largest clearance is taken, then the first in
+    lexicographic order.
 
     Raises
     ------
     InputError
-        If there is no such criterion.
+        If there is no such criterion, or the shortlist is not at least 1.
     """
     wanted, sampling = criterion(name), sampling or Sampling()
+    shortlist = whole_number("shortlist", shortlist, 1)
     length = CRITERIA["total-length"]
     first = length if wanted.sampled else wanted
     if count(manipulator) <= EXHAUSTIVE:
@@ -88,16 +94,16 @@ def choose(manipulator: Manipulator, name: str, sampling: Sampling | None = None
         candidates = every(manipulator)
         candidates = candidates if group is None else distinct(candidates, group)
         method = f"all {len(candidates)} distinct arrangements"
-        if wanted.sampled and len(candidates) > SHORTLIST:
+        if wanted.sampled and len(candidates) > shortlist:
             costs = _costs(length, manipulator, candidates, sampling)
-            candidates = candidates[np.argsort(costs, kind="stable")[:SHORTLIST]]
-            method = f"the {SHORTLIST} shortest of {method}"
+            candidates = candidates[np.argsort(costs, kind="stable")[:shortlist]]
+            method = f"the {shortlist} shortest of {method}"
     else:
         candidates = search(
             manipulator,
             lambda these: _costs(first, manipulator, these, sampling),
             sampling.seed,
-            SHORTLIST,
+            shortlist,
         )
         method = f"seeded local search for {first.name}"
         if wanted.sampled:

@@ -60,17 +60,19 @@ def common_normals(
         Shape (3,).
     """
     n = directions.shape[-2]
+    scale = float(np.max(np.linalg.norm(points - end_effector, axis=-1))) or 1.0
     start, end, across = (np.empty(directions.shape) for _ in range(3))
     here = points[..., 0, :]
     before = _any_orthogonal(directions[..., 0, :])
     for k in range(n):
         axis, point = directions[..., k, :], points[..., k, :]
         if k == n - 1:
-            feet = [*_through(_nearest(end_effector, axis, point), end_effector, before)]
+            foot = _nearest(end_effector, axis, point)
+            feet = [*_through(foot, end_effector, before, scale)]
         else:
             other, place = directions[..., k + 1, :], points[..., k + 1, :]
-            parallel = _through(here, _nearest(here, other, place), before)
-            skew = _skew(axis, point, other, place)
+            parallel = _through(here, _nearest(here, other, place), before, scale)
+            skew = _skew(axis, point, other, place, scale)
             turned = np.linalg.norm(np.cross(axis, other), axis=-1)[..., None] > PARALLEL
             feet = [np.where(turned, a, b) for a, b in zip(skew, parallel, strict=True)]
         start[..., k, :], end[..., k, :], across[..., k, :] = feet
@@ -79,7 +81,7 @@ def common_normals(
 
 
 def _skew(
-    axis: FloatArray, point: FloatArray, other: FloatArray, place: FloatArray
+    axis: FloatArray, point: FloatArray, other: FloatArray, place: FloatArray, scale: float
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Feet and direction of the common normal of axes that are not parallel."""
     cross = np.cross(axis, other)
@@ -89,18 +91,17 @@ def _skew(
     second = np.sum(np.cross(way, axis) * cross, axis=-1, keepdims=True) / square
     along = cross / np.sqrt(square)
     length = np.sum(way * along, axis=-1, keepdims=True)
-    size = np.linalg.norm(way, axis=-1, keepdims=True)
-    forward = np.where(length < -PARALLEL * np.maximum(size, 1.0), -1.0, 1.0)
+    forward = np.where(length < -PARALLEL * scale, -1.0, 1.0)
     return point + first * axis, place + second * other, forward * along
 
 
 def _through(
-    start: FloatArray, end: FloatArray, otherwise: FloatArray
+    start: FloatArray, end: FloatArray, otherwise: FloatArray, scale: float
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Feet and direction of a normal whose feet are known."""
     way = end - start
     length = np.linalg.norm(way, axis=-1, keepdims=True)
-    apart = length > PARALLEL * np.maximum(np.linalg.norm(end, axis=-1, keepdims=True), 1.0)
+    apart = length > PARALLEL * scale
     return start, end, np.where(apart, way / np.where(apart, length, 1.0), otherwise)
 
 

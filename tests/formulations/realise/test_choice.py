@@ -90,8 +90,6 @@ def test_ties_go_to_the_larger_clearance(optimum):
 
 
 def test_values_mean_what_they_say(arm):
-    if arm.joints > 7:
-        pytest.skip("measured on smaller arms")
     values = evaluate(arm, FEW)
     lengths = link_lengths(arm.points, arm.end_effector)
     assert values["total-length"] == pytest.approx(sum(lengths))
@@ -149,9 +147,15 @@ def test_many_joints_are_searched_and_a_seed_says_all():
 
 
 def test_a_shortlist_is_named(optimum):
-    assert choose(realise(optimum), "reach", FEW).method == (
-        "the 200 shortest of all 5040 distinct arrangements"
+    assert choose(realise(optimum), "reach", FEW, shortlist=9).method == (
+        "the 9 shortest of all 5040 distinct arrangements"
     )
+
+
+def test_an_arm_whose_links_all_meet_has_no_clearance_to_tell():
+    chosen = choose(realise(np.zeros((2, 3))), "clearance", FEW)
+    assert chosen.to_dict()["criteria"]["clearance"] is None
+    assert chosen.values["total-length"] == 0
 
 
 def test_what_is_given_is_kept(optimum):
@@ -168,6 +172,7 @@ def test_what_is_given_is_kept(optimum):
             "criterion is beauty; allowed: one of total-length",
         ),
         (lambda arm: given(arm, [0, 1]), "order is 0,1"),
+        (lambda arm: choose(arm, "reach", FEW, 0), "shortlist is 0"),
         (lambda _: Sampling(samples=0), "samples is 0"),
         (lambda _: Sampling(seed=-1), "seed is -1"),
         (lambda _: Sampling(radius=np.inf), "radius is inf"),

@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
+import roboticstoolbox
 
-from formulations import measures
+from formulations import measures, reference
+from formulations.realise.axes import realise
 from formulations.realise.dh import Convention, denavit_hartenberg, manipulator_of
-
-roboticstoolbox = pytest.importorskip("roboticstoolbox")
 
 both = pytest.mark.parametrize("convention", list(Convention))
 
@@ -68,9 +68,9 @@ def test_the_shape_of_a_table(arm, convention):
         np.testing.assert_allclose(pose[:3, :3] @ pose[:3, :3].T, np.eye(3), atol=1e-12)
 
 
-def test_a_planar_arm_needs_lengths_and_angles_only(arm):
-    if not arm.task.in_plane or arm.prismatic.any():
-        pytest.skip("planar revolute arms")
+@pytest.mark.parametrize("matrix", [reference.PLANAR_3R, reference.planar_4r(0.3)[:2]])
+def test_a_planar_arm_needs_lengths_and_angles_only(matrix):
+    arm = realise(matrix)
     table = denavit_hartenberg(arm)
     np.testing.assert_allclose(table.d, 0, atol=1e-15)
     np.testing.assert_allclose(np.sin(table.alpha), 0, atol=1e-15)
@@ -78,9 +78,27 @@ def test_a_planar_arm_needs_lengths_and_angles_only(arm):
     np.testing.assert_allclose(table.a, np.linalg.norm(np.diff(places, axis=0), axis=1))
 
 
-def test_the_worst_case_survives_the_table(optimum):
-    from formulations.realise.axes import realise
+@both
+@pytest.mark.parametrize("angle", [1e-4, 1e-6, 1e-8, 1e-10, 0.0])
+def test_axes_that_are_almost_parallel(optimum, convention, angle):
+    matrix = np.array(optimum)
+    tilted = matrix[3:, 0] + angle * matrix[3:, 1]
+    matrix[3:, 1] = tilted / np.linalg.norm(tilted)
+    matrix[:3, 1] = np.cross(matrix[3:, 1], [1.0, 0.3, 0.2])
+    arm = realise(matrix)
+    again = manipulator_of(denavit_hartenberg(arm, convention))
+    np.testing.assert_allclose(again.full_jacobian(), arm.full_jacobian(), atol=1e-8)
 
+
+@pytest.mark.parametrize("size", [1e-12, 1e12])
+def test_tables_scale_with_the_arm(size):
+    matrix = reference.planar_4r(0.3)[:2]
+    one, other = (denavit_hartenberg(realise(s * matrix)) for s in (1.0, size))
+    np.testing.assert_allclose(other.a, size * one.a)
+    np.testing.assert_allclose(other.theta, one.theta, atol=1e-12)
+
+
+def test_the_worst_case_survives_the_table(optimum):
     robot = toolbox_robot(denavit_hartenberg(realise(optimum)))
     found = measures.worst_case_sigma(np.array(robot.jacob0(np.zeros(7))))
     assert found == pytest.approx(measures.worst_case_sigma(optimum), abs=1e-9)
