@@ -34,12 +34,15 @@ def test_stacks_of_singular_values_are_the_measures():
 
 @pytest.fixture(scope="module")
 def four():
-    """A planar 4R, and its values in every order with all signs, one by one."""
+    """A planar 4R, and its values in every order with all signs, one by one.
+
+    Half of the signs: half a turn about the end effector flips all joints at once.
+    """
     arm = realise(reference.planar_4r(0.3)[:2])
     arrangements = [
-        (order, flips)
+        (order, (False, *flips))
         for order in permutations(range(4))
-        for flips in product([False, True], repeat=4)
+        for flips in product([False, True], repeat=3)
     ]
     values = {one: evaluate(arm.arranged(*one), FEW) for one in arrangements}
     return arm, values
@@ -127,7 +130,7 @@ def test_the_search_finds_what_trying_all_finds(optimum, name):
     def cost(these):
         return sign * wanted.evaluate(family(arm, these), FEW)
 
-    found = search(arm, cost, seed=0, keep=5)
+    found = search(arm, cost, seed=0, keep=5, starts=12)
     values = cost(found)
     assert np.all(np.diff(values) >= 0)
     assert sign * values[0] == pytest.approx(choose(arm, name, FEW).values[name], rel=1e-9)
@@ -141,9 +144,7 @@ def test_many_joints_are_searched_and_a_seed_says_all():
     assert (
         one.distinct == 9 * 8 * 7 * 6 * 5 * 4 * 3 * 2 * 2**9 // 36
     )  # 18 turns, 18 reflections
-    assert choose(arm, "total-length").values["total-length"] < sum(
-        link_lengths(arm.points, arm.end_effector)
-    )
+    assert one.values["total-length"] < sum(link_lengths(arm.points, arm.end_effector))
 
 
 def test_a_shortlist_is_named(optimum):
