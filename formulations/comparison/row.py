@@ -136,7 +136,7 @@ def summarise(outcome: Outcome) -> Summary:
     best, shown, said = reached(outcome), representative(outcome), verdict(outcome)
     nan = float("nan")
     sigma = shown.worst_case_sigma if best else nan
-    bound = measures.sigma_bound(m, n, outcome.arm.largest_trace)
+    bound = measures.sigma_bound(m, n, outcome.arm.largest_trace, contender.locked)
     seconds = sum(record.cpu_seconds for record in records)
     counts = Counter(record.status.return_status for record in records)
     line = Row(
