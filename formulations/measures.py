@@ -155,7 +155,8 @@ def averaged_spectrum(eigenvalues: npt.ArrayLike, joints: int, locked: int = 1) 
         raise InputError("locked joints", locked, f"at most {n - values.size}")
     for removed in range(locked):
         roots = np.sqrt(np.maximum(values, 0.0))
-        values = np.linalg.eigvalsh(np.diag(values) - np.outer(roots, roots) / (n - removed))
+        rest = np.diag(values) - np.outer(roots, roots) / (n - removed)
+        values = np.asarray(np.linalg.eigvalsh(rest), dtype=np.float64)
     return np.maximum(values, 0.0)
 
 
