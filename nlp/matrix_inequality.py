@@ -110,8 +110,8 @@ def principal_minors(
 
     Rows det(I − X_Gᵀ X_G) ≥ 0 for each column and each leading part G of each F, and no
     auxiliary variables but the shared factor. For one column the same as `shared_factor`. For
-    several it is four to six times cheaper where the deletions leave columns to spare, and
-    loses most starts where they leave a square matrix.
+    several it is cheaper where the deletions leave columns to spare (four times on six rows),
+    and loses most starts where they leave a square matrix of six rows.
     """
     m, n = matrix.shape
     entries, factor = _triangular("L", m)
