@@ -10,6 +10,7 @@ from formulations.commands.benchmark import benchmark
 from formulations.commands.bound import bound
 from formulations.commands.campaign import campaign
 from formulations.commands.compare import compare
+from formulations.commands.failures import failures
 from formulations.commands.measure import measure
 from formulations.commands.prove import prove
 from formulations.commands.realise import realise
@@ -37,6 +38,7 @@ for command in (
     campaign,
     show,
     benchmark,
+    failures,
 ):
     app.command()(command)
 
