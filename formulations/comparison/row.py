@@ -145,7 +145,7 @@ def summarise(outcome: Outcome) -> Summary:
     seconds = sum(record.cpu_seconds for record in records)
     counts = Counter(record.status.return_status for record in records)
     objective = shown.merit if best else nan
-    proved = certified_bound(contender.formulation, outcome.arm)
+    proved = certified_bound(contender.formulation, outcome.arm, contender.locked)
     checked = numerical_bound(contender.formulation, outcome.arm)
     line = Row(
         formulation=contender.formulation,
