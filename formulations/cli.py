@@ -10,6 +10,7 @@ from formulations.commands.benchmark import benchmark
 from formulations.commands.bound import bound
 from formulations.commands.campaign import campaign
 from formulations.commands.compare import compare
+from formulations.commands.join import join
 from formulations.commands.measure import measure
 from formulations.commands.prove import prove
 from formulations.commands.reproduce import reproduce
@@ -33,6 +34,7 @@ for command in (
     prove,
     verify,
     campaign,
+    join,
     show,
     benchmark,
 ):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -27,14 +28,16 @@ class Evaluation:
     def __init__(self, variables: ca.SX, expressions: Sequence[ca.SX]) -> None:
         full = [ca.densify(ca.SX(expression)) for expression in expressions]
         self._function = ca.Function("evaluation", [variables], full)
-        self._buffer, self._run = self._function.buffer()
+        buffer: Any
+        buffer, self._run = self._function.buffer()
         self._point = np.zeros(variables.numel())
         self._columns = [np.zeros(expression.shape[::-1]) for expression in full]
         if self._point.size:
-            self._buffer.set_arg(0, memoryview(self._point))
+            buffer.set_arg(0, self._point.data)
+        self._buffer = buffer  # which frees itself with its last reference
         for position, column in enumerate(self._columns):
             if column.size:
-                self._buffer.set_res(position, memoryview(column.ravel()))
+                buffer.set_res(position, column.ravel().data)
 
     def __call__(self, point: FloatArray) -> list[FloatArray]:
         """Return the value of each expression at a point, as arrays of two dimensions."""
