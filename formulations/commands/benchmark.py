@@ -65,6 +65,7 @@ def benchmark(
         complete = True
     except KeyboardInterrupt:
         typer.echo("Interrupted: what was done is kept, the rest is missing.", err=True)
+    progress("")
     if as_json:
         typer.echo(json.dumps([row.to_dict() for row in rows], indent=1))
     elif rows:
