@@ -145,19 +145,30 @@ def _take_turn(
 ) -> None:
     if trial.run is None:
         return
-    if trial.peer.batched:  # compiled for one size of batch
-        turns = [(np.resize(points, (batch, points.shape[1])), len(points))]
-    else:
-        turns = [(point[None], 1) for point in points]
-    for given, wanted in turns:
-        if trial.seconds >= time_limit:
-            return
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # peers' own; what counts is what comes out
+    done = 0
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # peers' own; what counts is what comes out
+        while done < len(points) and trial.seconds < time_limit:
+            wanted = _as_many(trial, len(points) - done, time_limit)
+            given = points[done : done + wanted]
+            if trial.peer.batched:  # compiled for one size of batch
+                given = np.resize(given, (batch, points.shape[1]))
             began = time.process_time()
             jacobians = trial.run(given)
             trial.seconds += time.process_time() - began
-        trial.merits += [_merit(trial.peer, built, matrix) for matrix in jacobians[:wanted]]
+            merits = (_merit(trial.peer, built, matrix) for matrix in jacobians[:wanted])
+            trial.merits += merits
+            done += wanted
+
+
+def _as_many(trial: _Trial, left: int, time_limit: float) -> int:
+    """Return how many starts to run at once, so that the limit is found soon when it is met."""
+    if trial.peer.batched or np.isinf(time_limit):
+        return left
+    if not trial.merits:
+        return 1
+    each = trial.seconds / len(trial.merits)
+    return max(1, min(left, int((time_limit - trial.seconds) / max(each, 1e-9))))
 
 
 def _merit(peer: Peer, built: Arm, jacobian: FloatArray) -> float:
