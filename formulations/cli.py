@@ -11,6 +11,7 @@ from formulations.commands.bound import bound
 from formulations.commands.campaign import campaign
 from formulations.commands.compare import compare
 from formulations.commands.failures import failures
+from formulations.commands.join import join
 from formulations.commands.measure import measure
 from formulations.commands.prove import prove
 from formulations.commands.realise import realise
@@ -36,6 +37,7 @@ for command in (
     prove,
     verify,
     campaign,
+    join,
     show,
     benchmark,
     failures,

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import combinations
+from itertools import combinations, islice
 
 import numpy as np
 import numpy.typing as npt
@@ -83,7 +83,10 @@ def locked_singular_values(jacobian: npt.ArrayLike, locked: int = 1) -> FloatArr
         columns are left.
     """
     matrix = as_jacobian(jacobian)
-    return np.array([_smallest(kept) for _, kept in _locked(matrix, locked)])
+    kept = np.array([kept for _, kept in _locked(matrix, locked)])
+    if kept.shape[2] < kept.shape[1]:
+        return np.zeros(len(kept))
+    return np.asarray(np.linalg.svd(kept, compute_uv=False)[:, -1])
 
 
 def worst_case_sigma(jacobian: npt.ArrayLike, locked: int = 1) -> float:
@@ -94,10 +97,12 @@ def worst_case_sigma(jacobian: npt.ArrayLike, locked: int = 1) -> float:
 def worst_case(jacobian: npt.ArrayLike, locked: int = 1) -> WorstCase:
     """Worst set of `locked` joints, and the direction that it hurts most (eqs. 5 and 15)."""
     matrix = as_jacobian(jacobian)
-    joints, kept = min(_locked(matrix, locked), key=lambda pair: _smallest(pair[1]))
+    sigmas = locked_singular_values(matrix, locked)
+    worst = int(np.argmin(sigmas))
+    joints, kept = next(islice(_locked(matrix, locked), worst, None))
     direction = np.linalg.svd(kept)[0][:, -1]
     direction = direction * np.sign(direction[np.argmax(np.abs(direction))])
-    return WorstCase(_smallest(kept), joints, direction)
+    return WorstCase(float(sigmas[worst]), joints, direction)
 
 
 def range_contributions(jacobian: npt.ArrayLike) -> FloatArray:
@@ -216,13 +221,8 @@ def _locked(matrix: FloatArray, locked: int) -> Iterator[tuple[tuple[int, ...], 
     if whole_number("locked joints", locked, 1) >= n:
         raise InputError("locked joints", locked, f"fewer than the {n} joints")
     for joints in combinations(range(n), locked):
-        yield joints, np.delete(matrix, joints, axis=1)
-
-
-def _smallest(kept: FloatArray) -> float:
-    if kept.shape[1] < kept.shape[0]:
-        return 0.0
-    return float(np.linalg.svd(kept, compute_uv=False)[-1])
+        left = [joint for joint in range(n) if joint not in joints]
+        yield joints, matrix[:, left]
 
 
 def _volume(kept: FloatArray) -> float:

@@ -133,8 +133,12 @@ def contenders(task_dimension: int) -> tuple[Contender, ...]:
 def solver_options(
     name: str, solver: str, options: Mapping[str, object]
 ) -> Mapping[str, object]:
-    """Return the options over the formulation's own, which are Ipopt's."""
-    own = formulation(name).OPTIONS if solver == "ipopt" else {}
+    """Return the options over the formulation's own for this solver."""
+    own: Mapping[str, object] = {}
+    if solver == "ipopt":
+        own = formulation(name).OPTIONS
+    elif solver == "fatrop" and name == residual.NAME:
+        own = residual.FATROP_OPTIONS
     return {**own, **options}
 
 
