@@ -6,11 +6,13 @@ from typing import Annotated
 
 import typer
 
+from formulations.commands.assess import assess
 from formulations.commands.benchmark import benchmark
 from formulations.commands.bound import bound
 from formulations.commands.campaign import campaign
 from formulations.commands.compare import compare
 from formulations.commands.measure import measure
+from formulations.commands.posture import posture
 from formulations.commands.prove import prove
 from formulations.commands.reproduce import reproduce
 from formulations.commands.show import show
@@ -29,6 +31,8 @@ for command in (
     reproduce,
     solve,
     measure,
+    assess,
+    posture,
     bound,
     prove,
     verify,

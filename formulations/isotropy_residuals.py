@@ -67,7 +67,9 @@ def sampled(arm: ColumnModel, variables: ca.SX, expressions: ca.SX) -> FloatArra
     return np.array([np.array(function(arm.sample(rng))).ravel() for _ in range(count)])
 
 
-def constant_where_isotropic(arm: ColumnModel, variables: ca.SX, expression: ca.SX) -> float | None:
+def constant_where_isotropic(
+    arm: ColumnModel, variables: ca.SX, expression: ca.SX
+) -> float | None:
     """The value that a scalar has at every isotropic Jacobian of the arm, if it is a
     combination of `residuals` and a constant; None otherwise.
     """  # noqa: D205

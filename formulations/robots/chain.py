@@ -229,7 +229,9 @@ def _driver(tree: RobotTree, joint: TreeJoint) -> tuple[TreeJoint, float, float]
             raise RobotError(f"<mimic> of joint {follower}", "circular", allowed)
         if joint.kind not in MOVING:
             allowed = "one of " + ", ".join(MOVING)
-            raise RobotError(f"joint {joint.name}, mimicked by {follower},", joint.kind, allowed)
+            raise RobotError(
+                f"joint {joint.name}, mimicked by {follower},", joint.kind, allowed
+            )
         seen.add(joint.name)
         offset += multiplier * mimic.offset
         multiplier *= mimic.multiplier

@@ -25,14 +25,14 @@ import numpy.typing as npt
 from formulations.joint import check_length
 from formulations.robots import kinematics
 from formulations.robots.chain import Chain
-from formulations.robots.task import Task
+from formulations.robots.task import ALL_DIRECTIONS, Task
 from nlp.arrays import FloatArray, finite_vector
 from nlp.errors import InputError
 from nlp.problem import Constraint
 
-# Where a joint has no limits, or more than a turn between them, one turn is drawn from.
+# Half of what is drawn from at most, where a joint has no limits or wider ones: one turn,
 _HALF_TURN = np.pi
-# A prismatic joint without limits, in metres.
+# or two metres.
 _REACH = 1.0
 
 
@@ -56,7 +56,7 @@ class RobotArm:
     """
 
     chain: Chain
-    task: Task = Task()
+    task: Task = ALL_DIRECTIONS
     length: float | None = None
 
     def __post_init__(self) -> None:
@@ -103,12 +103,10 @@ class RobotArm:
 
     def matrix(self, variables: ca.SX) -> ca.SX:
         """Symbolic Jacobian in units of ℓ, shape (m, n)."""
-        full, rotation = kinematics.jacobian(self.chain, variables)
-        if self.task.frame == "tip":
-            full = ca.vertcat(rotation.T @ full[:3, :], rotation.T @ full[3:, :])
-        length = self._symbolic_length(full)
+        metric = self._symbolic_metric(variables)
+        length = self._symbolic_length(metric)
         rates = [length if joint.prismatic else ca.SX(1) for joint in self.chain.joints]
-        scaled = ca.vertcat(full[:3, :] / length, full[3:, :]) @ ca.diag(ca.vertcat(*rates))
+        scaled = ca.vertcat(metric[:3, :] / length, metric[3:, :]) @ ca.diag(ca.vertcat(*rates))
         return scaled[list(self.task.rows), :]
 
     def constraints(self, variables: ca.SX) -> tuple[Constraint, ...]:  # noqa: ARG002
@@ -117,45 +115,75 @@ class RobotArm:
 
     def jacobian(self, variables: npt.ArrayLike) -> FloatArray:
         """Return the Jacobian at numeric positions, in units of ℓ, shape (m, n)."""
-        point = finite_vector("configuration", variables, self.size)
-        return np.array(_functions(self)[0](point), dtype=float)
+        return self.jacobian_at_length(variables, self.length_at(variables))
+
+    def jacobian_at_length(self, variables: npt.ArrayLike, length: float) -> FloatArray:
+        """Return the Jacobian at numeric positions, in units of another length."""
+        check_length("length", length)
+        scaled = self.metric_jacobian(variables)
+        scaled[:3] /= length
+        scaled[:, list(self.chain.prismatic)] *= length
+        return scaled[list(self.task.rows)]
 
     def metric_jacobian(self, variables: npt.ArrayLike) -> FloatArray:
-        """Return all six rows in metres and radians, along the base's axes, shape (6, n)."""
+        """Return all six rows (v; ω) in metres and radians, in the task's frame, (6, n)."""
         point = finite_vector("configuration", variables, self.size)
-        return np.array(_functions(self)[1](point), dtype=float)
+        return np.array(_metric_function(self)(point), dtype=float)
 
     def length_at(self, variables: npt.ArrayLike) -> float:
-        """Characteristic length ℓ at numeric positions, in metres."""
-        point = finite_vector("configuration", variables, self.size)
-        return float(_functions(self)[2](point))
+        """Characteristic length ℓ at numeric positions, in metres.
+
+        Raises
+        ------
+        InputError
+            If it is not given and the axes of all revolute joints meet in the tip.
+        """
+        if not self._follows_configuration:
+            return 1.0 if self.length is None else self.length
+        columns = self.metric_jacobian(variables)[:, ~np.array(self.chain.prismatic)]
+        square = float(np.sum(columns[:3] ** 2) / np.sum(columns[3:] ** 2))
+        if square < 1e-18:
+            allowed = "a given length, where the axes of all revolute joints meet in the tip"
+            raise InputError("characteristic length", "0", allowed)
+        return float(np.sqrt(square))
+
+    @property
+    def depends_on_length(self) -> bool:
+        """Whether ℓ weighs anything against anything, and is not a mere unit."""
+        linear = any(name.startswith("v") for name in self.task.directions)
+        kinds = set(self.chain.prismatic)
+        return self.task.mixed or (linear and len(kinds) == 2)
 
     def sample(self, rng: np.random.Generator) -> FloatArray:
         """Draw positions uniformly within the limits; within one turn if they leave more."""
-        spans = [
-            _REACH if joint.prismatic else _HALF_TURN for joint in self.chain.joints
-        ]  # half of what is drawn from at most
+        spans = np.where(self.chain.prismatic, _REACH, _HALF_TURN)
         lower, upper = self.bounds
+        wide = upper - lower > 2 * spans
         centre = np.clip(0.0, lower + spans, upper - spans)
-        wide = upper - lower > 2 * np.array(spans)
         least = np.where(wide, centre - spans, lower)
         largest = np.where(wide, centre + spans, upper)
         return np.asarray(rng.uniform(least, largest))
 
-    def _symbolic_length(self, full: ca.SX) -> ca.SX:
-        revolute = [k for k, joint in enumerate(self.chain.joints) if not joint.prismatic]
+    @property
+    def _follows_configuration(self) -> bool:
         linear = any(name.startswith("v") for name in self.task.directions)
-        if self.length is not None or not revolute or not linear:
+        return self.length is None and linear and not all(self.chain.prismatic)
+
+    def _symbolic_metric(self, variables: ca.SX) -> ca.SX:
+        full, rotation = kinematics.jacobian(self.chain, variables)
+        if self.task.frame == "base":
+            return full
+        return ca.vertcat(rotation.T @ full[:3, :], rotation.T @ full[3:, :])
+
+    def _symbolic_length(self, metric: ca.SX) -> ca.SX:
+        if not self._follows_configuration:
             return ca.SX(1.0 if self.length is None else self.length)
-        columns = full[:, revolute]
+        revolute = [k for k, joint in enumerate(self.chain.joints) if not joint.prismatic]
+        columns = metric[:, revolute]
         return ca.sqrt(ca.sumsqr(columns[:3, :]) / ca.sumsqr(columns[3:, :]))
 
 
 @lru_cache(maxsize=64)
-def _functions(arm: RobotArm) -> tuple[ca.Function, ca.Function, ca.Function]:
-    """Numeric J, full J in metres, and ℓ."""
+def _metric_function(arm: RobotArm) -> ca.Function:
     q = arm.symbols()
-    full, _ = kinematics.jacobian(arm.chain, q)
-    expressions = (arm.matrix(q), full, arm._symbolic_length(full))
-    first, second, third = (ca.Function("value", [q], [one]) for one in expressions)
-    return first, second, third
+    return ca.Function("metric", [q], [arm._symbolic_metric(q)])

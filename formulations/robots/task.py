@@ -58,3 +58,6 @@ class Task:
     def mixed(self) -> bool:
         """Whether there are both linear and rotational directions."""
         return len({name[0] for name in self.directions}) == 2
+
+
+ALL_DIRECTIONS = Task()
