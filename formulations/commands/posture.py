@@ -91,7 +91,7 @@ def posture(
         write_text(out, content + "\n")
     how = {
         "formulation": formulation,
-        "starts": f"{found.starts}, of which {found.reached_best} reached the best (seed {seed})",
+        "starts": f"{found.starts} (seed {seed}), best reached by {found.reached_best}",
         "status counts": found.status_counts,
         "midway sigma": found.mid_range_sigma,
     }

@@ -79,7 +79,7 @@ def robot_arm(
     held: list[str] | None,
 ) -> RobotArm:
     """Read the robot and return the arm; InputError if anything is wrong with it."""
-    from formulations.robots.chain import chain
+    from formulations.robots.chain_between import chain_between
     from formulations.robots.configuration import number, pairs
     from formulations.robots.robot_arm import RobotArm
     from formulations.robots.task import Task
@@ -91,7 +91,7 @@ def robot_arm(
         raise InputError("--point", point, "three numbers X,Y,Z, in metres")
     locked = pairs(held or [], "--held")
     tree = read_urdf(file)
-    links = chain(tree, _tip(tree, tip), base, locked, offset)
+    links = chain_between(tree, _tip(tree, tip), base, locked, offset)
     return RobotArm(links, directions, length)
 
 

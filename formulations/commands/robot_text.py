@@ -12,6 +12,8 @@ if TYPE_CHECKING:
     from formulations.robots.characteristic_length import AtLength
     from formulations.robots.robot_assessment import Failure, RobotAssessment
 
+# A singular value up to this is rounding.
+_ROUNDING = 1e-12
 # Failures shown, the worst first; the rest is in the JSON.
 _SHOWN = 12
 
@@ -36,8 +38,8 @@ def robot_text(found: RobotAssessment, above: Mapping[str, object], source: str)
         "configuration": f"{_positions(found.configuration)} ({source})",
         "at their limits": ", ".join(found.at_limits) or "none",
         "characteristic length": f"{found.characteristic_length:.6g} m",
-        "worst-case sigma": found.worst_case_sigma,
-        "worst failure": " and ".join(found.worst_case_joints),
+        "worst-case sigma": _sigma(found.worst_case_sigma),
+        "worst failure": _worst(found),
         "hurts most": _direction(found.worst_case_direction),
         "bound": f"{found.sigma_bound:.9g}, reached to {found.percent_of_bound:.2f} %",
         "reachable": f"{found.reachable_sigma:.9g}, reached to "
@@ -48,14 +50,23 @@ def robot_text(found: RobotAssessment, above: Mapping[str, object], source: str)
     return "\n\n".join(part for part in parts if part)
 
 
+def _worst(found: RobotAssessment) -> str:
+    joints = " and ".join(found.worst_case_joints)
+    others = found.equally_bad - 1
+    return f"{joints} ({others} more leave as little)" if others else joints
+
+
+def _sigma(value: float) -> str:
+    return f"{value:.6g}" if value > _ROUNDING else "0"
+
+
 def _failures(failures: Sequence[Failure]) -> str:
     width = max(len(" and ".join(one.joints)) for one in failures)
     width = max(width, len("locked"))
     lines = [f"{'locked':<{width}}  sigma left   direction that suffers most"]
-    lines += [
-        f"{' and '.join(one.joints):<{width}}  {one.sigma:<11.6g}  {_direction(one.direction)}"
-        for one in failures[:_SHOWN]
-    ]
+    for one in failures[:_SHOWN]:
+        joints, direction = " and ".join(one.joints), _direction(one.direction)
+        lines.append(f"{joints:<{width}}  {_sigma(one.sigma):<11}  {direction}")
     if len(failures) > _SHOWN:
         lines.append(f"… and {len(failures) - _SHOWN} failures that leave more")
     return "\n".join(lines)
@@ -72,11 +83,8 @@ def _lengths(found: RobotAssessment) -> str:
 
 
 def _length(one: AtLength) -> str:
-    joints = " and ".join(one.worst_case_joints)
-    return (
-        f"{one.length:<11.4g}  {one.worst_case_sigma:<11.6g}  {one.percent_of_bound:<11.2f}"
-        f"  {joints}"
-    )
+    joints, sigma = " and ".join(one.worst_case_joints), _sigma(one.worst_case_sigma)
+    return f"{one.length:<11.4g}  {sigma:<11}  {one.percent_of_bound:<11.2f}  {joints}"
 
 
 def _positions(values: Mapping[str, float]) -> str:

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from formulations.robots.tree import MOVING, RobotError, RobotTree, Transform, TreeJoint
+from formulations.robots.tree import Transform
 from nlp.arrays import FloatArray, finite_vector
 from nlp.errors import InputError
 
@@ -115,170 +115,14 @@ class Chain:
         """Return the configuration; InputError if it is outside the joints' limits."""
         point = finite_vector("configuration", configuration, len(self.joints))
         for joint, value in zip(self.joints, point, strict=True):
-            _check_limits(joint.name, float(value), joint.lower, joint.upper)
+            check_limits(joint.name, float(value), joint.lower, joint.upper)
         return point
 
 
-def chain(
-    tree: RobotTree,
-    tip: str,
-    base: str | None = None,
-    held: Mapping[str, float] | None = None,
-    point: Sequence[float] = (0.0, 0.0, 0.0),
-) -> Chain:
-    """Return the chain from one link to another.
-
-    Parameters
-    ----------
-    tree
-        The robot.
-    tip
-        Link that the Jacobian is of.
-    base
-        Link that it is relative to: one on the way from the root to the tip; by default
-        the root.
-    held
-        Joints that have locked, by name, and where, in radians or metres.
-    point
-        The point of the tip's link that counts, in its frame, in metres.
-
-    Raises
-    ------
-    InputError
-        If a name is unknown, a value is outside its joint's limits, or nothing is free.
-    RobotError
-        If a joint on the way is of an unsupported kind.
-    """
-    held = held or {}
-    path = _path(tree, tip, base)
-    offset = np.eye(4)
-    offset[:3, 3] = finite_vector("point", np.asarray(point), 3)
-
-    fixed = np.eye(4)
-    drivers: dict[str, list[tuple[TreeJoint, float, float]]] = {}
-    plan: list[tuple[FloatArray, TreeJoint, str, float, float]] = []
-    known: set[str] = set()
-    for joint in path:
-        fixed = fixed @ np.array(joint.origin)
-        if joint.kind == "fixed":
-            continue
-        driver, multiplier, shift = _driver(tree, joint)
-        known.add(driver.name)
-        if driver.name in held or multiplier == 0.0:
-            value = multiplier * held.get(driver.name, 0.0) + shift
-            _check_limits(joint.name, value, joint.lower, joint.upper)
-            fixed = fixed @ _displacement(joint, value)
-            continue
-        drivers.setdefault(driver.name, []).append((joint, multiplier, shift))
-        plan.append((fixed, joint, driver.name, multiplier, shift))
-        fixed = np.eye(4)
-    _check_held(held, known)
-    if not plan:
-        allowed = "a link that free joints move"
-        raise InputError("tip", f"{tip}, which nothing moves relative to the base", allowed)
-    for name, value in held.items():
-        driver = tree.joint(name)
-        _check_limits(name, value, driver.lower, driver.upper)
-
-    names = list(drivers)
-    motions = tuple(
-        Motion(_frozen(placement), j.axis, j.kind == "prismatic", names.index(name), k, c)
-        for placement, j, name, k, c in plan
-    )
-    return Chain(
-        robot=tree.name,
-        base=tree.root if base is None else base,
-        tip=tip,
-        joints=tuple(_chain_joint(tree.joint(name), drivers[name]) for name in names),
-        motions=motions,
-        end=_frozen(fixed @ offset),
-        held=tuple(sorted(held.items())),
-    )
-
-
-def _path(tree: RobotTree, tip: str, base: str | None) -> tuple[TreeJoint, ...]:
-    for name, link in (("tip", tip), ("base", base)):
-        if link is not None and link not in tree.links:
-            raise InputError(name, link, "one of the links " + listed(tree.links))
-    path = tree.path(tip)
-    on_the_way = [tree.root, *(joint.child for joint in path)]
-    if base is not None:
-        if base not in on_the_way[:-1]:
-            allowed = f"a link before {tip}: one of " + listed(on_the_way[:-1])
-            raise InputError("base", base, allowed)
-        path = path[on_the_way.index(base) :]
-    for joint in path:
-        if joint.kind not in (*MOVING, "fixed"):
-            allowed = f"only {', '.join(MOVING)} and fixed joints between base and tip"
-            raise RobotError(f"joint {joint.name}", joint.kind, allowed)
-    return path
-
-
-def _driver(tree: RobotTree, joint: TreeJoint) -> tuple[TreeJoint, float, float]:
-    """Return the joint that drives a joint, and by which multiplier and offset."""
-    multiplier, offset, seen = 1.0, 0.0, {joint.name}
-    while joint.mimic is not None:
-        follower, mimic = joint.name, joint.mimic
-        try:
-            joint = tree.joint(mimic.joint)
-        except KeyError:
-            allowed = "the name of another joint"
-            raise RobotError(f"<mimic> of joint {follower}", mimic.joint, allowed) from None
-        if joint.name in seen:
-            allowed = "mimicry that ends at a joint with a drive of its own"
-            raise RobotError(f"<mimic> of joint {follower}", "circular", allowed)
-        if joint.kind not in MOVING:
-            allowed = "one of " + ", ".join(MOVING)
-            raise RobotError(
-                f"joint {joint.name}, mimicked by {follower},", joint.kind, allowed
-            )
-        seen.add(joint.name)
-        offset += multiplier * mimic.offset
-        multiplier *= mimic.multiplier
-    return joint, multiplier, offset
-
-
-def _chain_joint(
-    driver: TreeJoint, driven: Sequence[tuple[TreeJoint, float, float]]
-) -> ChainJoint:
-    lower, upper = driver.lower, driver.upper
-    for joint, multiplier, offset in driven:
-        ends = sorted((end - offset) / multiplier for end in (joint.lower, joint.upper))
-        lower, upper = max(lower, ends[0]), min(upper, ends[1])
-    if lower > upper:
-        allowed = "limits that leave room together with those of the joints that mimic it"
-        raise RobotError(f"limits of joint {driver.name}", "contradictory", allowed)
-    return ChainJoint(driver.name, driver.kind == "prismatic", lower, upper)
-
-
-def _displacement(joint: TreeJoint, value: float) -> FloatArray:
-    """Pose after a numeric displacement along or about the joint's axis, 4×4."""
-    axis, pose = np.array(joint.axis), np.eye(4)
-    if joint.kind == "prismatic":
-        pose[:3, 3] = value * axis
-        return pose
-    x, y, z = axis
-    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    pose[:3, :3] += np.sin(value) * cross + (1 - np.cos(value)) * cross @ cross
-    return pose
-
-
-def _check_held(held: Mapping[str, float], known: set[str]) -> None:
-    for name, value in held.items():
-        if name not in known:
-            allowed = "one of " + listed(sorted(known))
-            raise InputError("held joint", name, allowed)
-        if not np.isfinite(value):
-            raise InputError(f"held joint {name}", value, "a finite number")
-
-
-def _check_limits(name: str, value: float, lower: float, upper: float) -> None:
+def check_limits(name: str, value: float, lower: float, upper: float) -> None:
+    """Raise InputError unless a joint's position is within its limits."""
     if not lower - LIMIT_TOLERANCE <= value <= upper + LIMIT_TOLERANCE:
         raise InputError(f"joint {name}", f"{value:.7g}", f"within [{lower:.7g}, {upper:.7g}]")
-
-
-def _frozen(matrix: FloatArray) -> Transform:
-    return tuple(tuple(row) for row in matrix.tolist())
 
 
 def listed(names: Sequence[str], limit: int = 12) -> str:

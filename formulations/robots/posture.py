@@ -22,12 +22,12 @@ from nlp.problem import Problem
 # Random configurations at which a failure must leave something, or it counts as fatal.
 _PROBES = 200
 _FATAL = 1e-6
-# Answers whose merits agree to this, relatively, are equally good.
+# Answers whose merits agree to this are equally good.
 REACH = 1e-6
 # Max-min on robots: an adaptive barrier takes half the time of a monotone one and loses
 # fewer starts; for joints to be designed it is the other way round.
 OPTIONS: Mapping[str, Mapping[str, object]] = MappingProxyType(
-    {max_min.NAME: {"mu_strategy": "adaptive", "max_iter": 300}}
+    {max_min.NAME: {"mu_strategy": "adaptive", "max_iter": 150}}
 )
 
 
@@ -206,4 +206,4 @@ def _best(candidates: tuple[Candidate, ...], formulation: str) -> list[Candidate
         return []
     pick = min if catalogue.formulation(formulation).SENSE == "minimise" else max
     best = pick(one.merit for one in valid)
-    return [one for one in valid if abs(one.merit - best) <= REACH * max(abs(best), REACH)]
+    return [one for one in valid if abs(one.merit - best) <= REACH]

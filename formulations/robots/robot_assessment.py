@@ -14,6 +14,8 @@ from formulations.robots.reachable import reachable_sigma
 from formulations.robots.robot_arm import RobotArm
 from nlp.arrays import FloatArray
 
+# Failures that leave the same up to this share of the largest singular value are equally bad.
+_TIE = 1e-6
 # A joint this close to a limit is at it; radians or metres.
 _AT_LIMIT = 1e-4
 
@@ -55,6 +57,8 @@ class RobotAssessment:
         How many joints lock at once.
     worst_case_sigma, worst_case_joints, worst_case_direction
         Eqs. (5) and (15), in units of ℓ.
+    equally_bad
+        How many failures leave as little, to `_TIE` of the largest singular value.
     sigma_bound, percent_of_bound
         The bound (6) at the same ‖J‖_F, and how much of it the worst case is.
     reachable_sigma, percent_of_reachable
@@ -82,6 +86,7 @@ class RobotAssessment:
     worst_case_sigma: float
     worst_case_joints: tuple[str, ...]
     worst_case_direction: dict[str, float]
+    equally_bad: int
     sigma_bound: float
     percent_of_bound: float
     reachable_sigma: float
@@ -118,6 +123,7 @@ def assess(arm: RobotArm, configuration: npt.ArrayLike, locked: int = 1) -> Robo
     point = chain.within_limits(np.asarray(configuration, dtype=float))
     matrix = arm.jacobian(point)
     failures = _failures(arm, matrix, locked)
+    values = measures.singular_values(matrix)
     worst = failures[0]
     bound = measures.sigma_bound(*arm.shape, measures.trace(matrix))
     best = reachable_sigma(arm, matrix)
@@ -135,11 +141,12 @@ def assess(arm: RobotArm, configuration: npt.ArrayLike, locked: int = 1) -> Robo
         worst_case_sigma=worst.sigma,
         worst_case_joints=worst.joints,
         worst_case_direction=worst.direction,
+        equally_bad=sum(one.sigma <= worst.sigma + _TIE * values[0] for one in failures),
         sigma_bound=bound,
         percent_of_bound=_percent(worst.sigma, bound),
         reachable_sigma=best,
         percent_of_reachable=_percent(worst.sigma, best),
-        singular_values=measures.singular_values(matrix).tolist(),
+        singular_values=values.tolist(),
         failures=failures,
         by_length=sweep(arm, point, locked),
         best_length=best_length(arm, point, locked),
