@@ -15,6 +15,7 @@ from formulations.commands.measure import measure
 from formulations.commands.posture import posture
 from formulations.commands.prove import prove
 from formulations.commands.reproduce import reproduce
+from formulations.commands.robots import robots
 from formulations.commands.show import show
 from formulations.commands.solve import solve
 from formulations.commands.verify import verify
@@ -33,6 +34,7 @@ for command in (
     measure,
     assess,
     posture,
+    robots,
     bound,
     prove,
     verify,

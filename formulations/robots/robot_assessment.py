@@ -141,7 +141,7 @@ def assess(arm: RobotArm, configuration: npt.ArrayLike, locked: int = 1) -> Robo
         worst_case_sigma=worst.sigma,
         worst_case_joints=worst.joints,
         worst_case_direction=worst.direction,
-        equally_bad=sum(one.sigma <= worst.sigma + _TIE * values[0] for one in failures),
+        equally_bad=sum(bool(one.sigma <= worst.sigma + _TIE * values[0]) for one in failures),
         sigma_bound=bound,
         percent_of_bound=_percent(worst.sigma, bound),
         reachable_sigma=best,
