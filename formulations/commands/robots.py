@@ -18,7 +18,7 @@ INTERRUPTED = 130
 
 
 def robots(
-    starts: Starts = 200,
+    starts: Starts = 100,
     seed: Seed = 0,
     workers: Workers = None,
     only: Annotated[

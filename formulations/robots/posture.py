@@ -10,7 +10,8 @@ from types import MappingProxyType
 
 import numpy as np
 
-from formulations import catalogue, max_min, measures, residual
+from formulations import catalogue, isotropy, max_min, measures, residual
+from formulations.isotropy_residuals import independent_rows
 from formulations.robots.candidate import Candidate, PromisingStart, judge
 from formulations.robots.robot_arm import RobotArm
 from formulations.robots.robot_assessment import RobotAssessment, assess
@@ -120,7 +121,8 @@ def best_posture(arm: RobotArm, search: Search | None = None) -> Posture:
     FatalFailureError
         If, for max-min, some failure leaves less than full rank wherever the arm was tried.
     RobotError
-        If no start gave a posture that satisfies the formulation.
+        If no start gave a posture that satisfies the formulation, or isotropy is asked for
+        and has more equations than there are joints.
     InputError
         If the residual is to be minimised where it is least for an arm that shrinks.
     KeyboardInterrupt
@@ -175,6 +177,12 @@ def _check(arm: RobotArm, search: Search) -> None:
             where = f"failure of {' or of '.join(fatal)}"
             allowed = "a chain and a task that outlive every failure at some posture"
             raise FatalFailureError(where, "fatal at every posture tried", allowed)
+    if search.formulation == isotropy.NAME:
+        equations = len(independent_rows(arm))
+        if equations > arm.size:
+            where = f"isotropy of {arm.description}"
+            allowed = "no more than joints; the residual comes as near to isotropy as can be"
+            raise RobotError(where, f"a matter of {equations} independent equations", allowed)
     shrinks = search.formulation == residual.NAME and not arm.task.mixed
     if shrinks and arm.length is not None:
         allowed = "none for the residual of such a task, which a small Jacobian makes small"
