@@ -18,7 +18,7 @@ INTERRUPTED = 130
 
 
 def robots(
-    starts: Starts = 100,
+    starts: Starts = 200,
     seed: Seed = 0,
     workers: Workers = None,
     only: Annotated[

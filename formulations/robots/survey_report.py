@@ -44,7 +44,8 @@ depend on the robot's size. *The bound* is eq. (6), which no arm of so many join
 *the best 7R* is the largest worst case that seven revolute joints are known to reach however
 they are placed, σ = {BEST_7R:.6f} at mean square lever arm 1, in six dimensions. *As bad*
 counts the joints whose failure leaves the same. The chain goes from the robot's root to the
-tip named in robots.csv, torso included where there is one.
+tip named in robots.csv, torso included where there is one. Robots have many local optima:
+where few starts reached the best, a better posture may remain to be found.
 """
 
 
@@ -76,10 +77,12 @@ def markdown(rows: Sequence[SurveyRow], seed: int, complete: bool = True) -> str
     packages = {one.package: _version(one.package) for one in rows}
     robots = ", ".join(f"{name} {number}" for name, number in packages.items())
     statuses = "\n".join(f"- {one.arm}, {one.task}: {one.status_counts}" for one in rows)
+    postures = "\n".join(_posture(one) for one in rows if not one.fatal_failures)
     note = "" if complete else "\nInterrupted: not all starts or arms are here.\n"
     return (
         f"# Arms that exist\n\n{header({'seed': seed, 'robots': robots})}{note}\n{_NOTES}\n"
         f"{summary(rows).to_markdown(index=False, disable_numparse=True)}\n\n"
+        f"Postures, in radians and metres (every digit in robots.csv):\n\n{postures}\n\n"
         f"Ipopt's return statuses:\n\n{statuses}\n"
     )
 
@@ -101,6 +104,12 @@ def write(found: Sequence[Surveyed], folder: Path, seed: int, complete: bool) ->
     write_text(folder / "robots.csv", table(rows).to_csv(index=False))
     write_text(folder / "robots.md", markdown(rows, seed, complete))
     write_text(folder / "postures.json", json.dumps(postures, indent=1) + "\n")
+
+
+def _posture(one: SurveyRow) -> str:
+    positions = json.loads(one.configuration)
+    shown = ", ".join(f"{joint} {value:z.4f}" for joint, value in positions.items())
+    return f"- {one.arm}, {one.task}: {shown}"
 
 
 def _version(package: str) -> str:
