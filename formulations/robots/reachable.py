@@ -16,9 +16,12 @@ def best_7r(arm: RobotArm, jacobian: FloatArray) -> float | None:
     """Return the best known worst case of any 7R of the same ‖J‖_F; None for other arms.
 
     It is `BEST_7R`·√(‖J‖_F²/14). At the default characteristic length ‖J‖_F² is 14, and
-    the arm is one of those that `BEST_7R` is the best of.
+    the arm is one of those that `BEST_7R` is the best of. At any other the best 7R of the
+    same ‖J‖_F is poorer still: 0.5712·√(‖J‖_F²/14) at root mean square lever arm 0.9ℓ,
+    0.5715·√(‖J‖_F²/14) at 1.1ℓ. Arms in which joints mimic others are not counted as 7R.
     """
-    if arm.shape != (6, 7) or any(arm.chain.prismatic):
+    followed = len(arm.chain.motions) > len(arm.chain.joints)
+    if arm.shape != (6, 7) or any(arm.chain.prismatic) or followed:
         return None
     return BEST_7R * float((measures.trace(jacobian) / _TRACE_7R) ** 0.5)
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 from dataclasses import asdict, dataclass
 
+import numpy as np
+
 from formulations.robots.posture import (
     FatalFailureError,
     Posture,
@@ -12,6 +14,7 @@ from formulations.robots.posture import (
     best_posture,
     fatal_failures,
 )
+from formulations.robots.reachable import best_7r
 from formulations.robots.robot_arm import RobotArm
 from formulations.robots.survey_arms import SurveyArm
 
@@ -99,7 +102,7 @@ def _row(one: SurveyArm, arm: RobotArm, found: Posture | None) -> SurveyRow:
     nan = float("nan")
     at = None if found is None else found.assessment
     fatal = fatal_failures(arm) if found is None else ()
-    six_by_seven = arm.shape == (6, 7) and not any(arm.chain.prismatic)
+    best = best_7r(arm, np.array(at.jacobian)) if at else None
     return SurveyRow(
         arm=one.name,
         package=one.package,
@@ -115,7 +118,7 @@ def _row(one: SurveyArm, arm: RobotArm, found: Posture | None) -> SurveyRow:
         equally_bad=at.equally_bad if at else len(fatal),
         sigma_bound=at.sigma_bound if at else nan,
         percent_of_bound=at.percent_of_bound if at else 0.0,
-        percent_of_best_7r=at.percent_of_reachable if at and six_by_seven else nan,
+        percent_of_best_7r=100 * at.worst_case_sigma / best if at and best else nan,
         mid_range_sigma=found.mid_range_sigma if found else 0.0,
         fatal_failures=", ".join(fatal),
         at_limits=", ".join(at.at_limits) if at else "",

@@ -113,7 +113,9 @@ def test_wrong_input_is_one_sentence(
 
 
 def test_robots_writes_a_table_that_measure_reads(tmp_path):
-    done = lockedjoint("robots", "--only", "UR5", "--starts", 2, "--out", "here", cwd=tmp_path)
+    done = lockedjoint(
+        "robots", "--only", "UR5", "--starts", 2, "--workers", 1, "--out", "here", cwd=tmp_path
+    )
     assert done.returncode == 0, done.stderr
     with (tmp_path / "here/robots.csv").open() as file:
         (row,) = csv.DictReader(file)
