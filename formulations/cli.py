@@ -6,6 +6,7 @@ from typing import Annotated
 
 import typer
 
+from formulations.commands.assess import assess
 from formulations.commands.benchmark import benchmark
 from formulations.commands.bound import bound
 from formulations.commands.campaign import campaign
@@ -13,9 +14,11 @@ from formulations.commands.compare import compare
 from formulations.commands.failures import failures
 from formulations.commands.join import join
 from formulations.commands.measure import measure
+from formulations.commands.posture import posture
 from formulations.commands.prove import prove
 from formulations.commands.realise import realise
 from formulations.commands.reproduce import reproduce
+from formulations.commands.robots import robots
 from formulations.commands.show import show
 from formulations.commands.solve import solve
 from formulations.commands.verify import verify
@@ -33,6 +36,9 @@ for command in (
     solve,
     measure,
     realise,
+    assess,
+    posture,
+    robots,
     bound,
     prove,
     verify,

@@ -22,7 +22,7 @@ from types import MappingProxyType
 import casadi as ca
 
 from formulations import appendix, measures
-from formulations.arm import Arm
+from formulations.column_model import ColumnModel
 from formulations.isotropy_residuals import residuals
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
@@ -54,12 +54,12 @@ FATROP_OPTIONS: Mapping[str, float] = MappingProxyType(
     {"delta_w0": _FIRST, "kappa_wplus": _MORE, "kappa_wplusem": _MORE}
 )
 DIAGONAL_WEIGHTS: Mapping[str, float] = MappingProxyType({"invariant": 0.5, "paper": 1.0})
-ROWS: Mapping[str, Callable[[Arm, ca.SX], ca.SX]] = MappingProxyType(
+ROWS: Mapping[str, Callable[[ColumnModel, ca.SX], ca.SX]] = MappingProxyType(
     {"derived": residuals, "appendix": appendix.residuals}
 )
 
 
-def build(arm: Arm, weighting: str = "invariant", rows: str = "derived") -> Problem:
+def build(arm: ColumnModel, weighting: str = "invariant", rows: str = "derived") -> Problem:
     """State the problem for an arm.
 
     Parameters
@@ -84,6 +84,7 @@ def build(arm: Arm, weighting: str = "invariant", rows: str = "derived") -> Prob
     variables = arm.symbols()
     equations = ROWS[rows](arm, variables)
     m, _ = arm.shape
+    lower, upper = arm.bounds
     diagonal = DIAGONAL_WEIGHTS[weighting] * ca.sumsqr(equations[:m])
     return Problem(
         name=NAME,
@@ -91,6 +92,8 @@ def build(arm: Arm, weighting: str = "invariant", rows: str = "derived") -> Prob
         objective=diagonal + ca.sumsqr(equations[m:]),
         sense=SENSE,
         constraints=arm.constraints(variables),
+        lower=lower,
+        upper=upper,
         outputs={"jacobian": arm.matrix(variables)},
     )
 

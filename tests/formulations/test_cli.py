@@ -37,7 +37,7 @@ def test_help_names_every_command_and_option(tmp_path):
     assert page.returncode == 0
     for command in (
         *("compare", "reproduce", "solve", "measure", "realise", "bound", "prove", "verify"),
-        *("campaign", "show", "benchmark", "failures"),
+        *("campaign", "show", "join", "benchmark", "failures", "assess", "posture", "robots"),
     ):
         assert command in page.stdout
         one = lockedjoint(command, "--help", cwd=tmp_path)
@@ -52,7 +52,8 @@ def test_help_loads_nothing_heavy(tmp_path):
         "from formulations.__main__ import main\n"
         "try: main()\n"
         "except SystemExit: pass\n"
-        "heavy = {'casadi', 'cvxpy', 'numpy', 'pandas', 'scipy', 'joblib', 'matplotlib'}\n"
+        "heavy = {'casadi', 'cvxpy', 'numpy', 'pandas', 'scipy', 'joblib', 'matplotlib',\n"
+        "         'lxml'}\n"
         "sys.exit(str(heavy & set(sys.modules)) if heavy & set(sys.modules) else 0)"
     )
     done = subprocess.run(
