@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -54,6 +55,17 @@ class Record:
     def valid(self) -> bool:
         """Whether J satisfies the formulation and the model, by our own check."""
         return bool(np.isfinite(self.merit))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain values for tables and JSON, the solver's account among them."""
+        own = {name: value for name, value in vars(self).items() if name != "status"}
+        return {
+            **own,
+            **self.status.to_dict(),
+            "cpu_seconds": self.cpu_seconds,
+            "valid": self.valid,
+            "jacobian": self.jacobian.tolist(),
+        }
 
 
 def judge(

@@ -47,6 +47,10 @@ class Status:
         """Whether Ipopt says that it reached its tolerances, or the looser acceptable ones."""
         return self.return_status in (SUCCESS, ACCEPTABLE)
 
+    def to_dict(self) -> dict[str, str | int | float]:
+        """Return plain values for tables and JSON."""
+        return dict(vars(self))
+
 
 @dataclass(frozen=True, eq=False)
 class Solution:

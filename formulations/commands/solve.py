@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -24,7 +23,7 @@ from formulations.commands.arguments import (
 from formulations.commands.failure_options import NeverFails, Probabilities
 
 if TYPE_CHECKING:
-    from formulations.comparison.contender import Outcome
+    pass
 
 
 def solve(
@@ -82,7 +81,6 @@ def solve(
     from formulations.commands.failure_options import failure_model
     from formulations.commands.text import as_text
     from formulations.comparison.contender import Contender, run
-    from formulations.comparison.row import reached, representative, verdict
     from formulations.failure_assessment import assess_failures
     from formulations.unequal_max_min import checked_goal, default_encoding
     from nlp.files import prepare_folder, write_text
@@ -117,14 +115,14 @@ def solve(
     )
     if not outcome.records:
         raise typer.Exit(130)
-    shown = representative(outcome)
+    shown = outcome.best
     found = {
         "formulation": formulation,
         "model": model,
-        "verdict": verdict(outcome),
+        "verdict": outcome.verdict,
         "starts": len(outcome.records),
-        "reached_best": len(reached(outcome)),
-        "status_counts": _statuses(outcome),
+        "reached_best": len(outcome.reached),
+        "status_counts": outcome.status_counts,
         "seed": seed,
         "start": shown.index,
         "violation": shown.violation,
@@ -145,8 +143,3 @@ def solve(
         typer.echo(f"{as_text(flat)}\n\njacobian\n{rows}")
     if not outcome.complete:
         raise typer.Exit(130)
-
-
-def _statuses(outcome: Outcome) -> dict[str, int]:
-    counts = Counter(record.status.return_status for record in outcome.records)
-    return dict(sorted(counts.items()))

@@ -11,8 +11,9 @@ import numpy as np
 from formulations import isotropy, max_min, residual, unequal_max_min
 from formulations.arm import Arm
 from formulations.catalogue import arm, formulation, models_of
+from formulations.comparison.outcome import Outcome
 from formulations.failures import FailureModel
-from formulations.record import Record, judge
+from formulations.record import judge
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
 from nlp.multistart import multistart
@@ -97,16 +98,6 @@ class Contender:
     def sample(self, arm: Arm) -> Callable[[np.random.Generator], FloatArray]:
         """Return what draws a start."""
         return max_min.ResidualMinimum(arm) if self.from_residual_minima else arm.sample
-
-
-@dataclass(frozen=True, eq=False)
-class Outcome:
-    """What a contender's starts came to, in the order of the starts."""
-
-    contender: Contender
-    arm: Arm
-    records: tuple[Record, ...]
-    complete: bool
 
 
 def contenders(task_dimension: int) -> tuple[Contender, ...]:

@@ -3,21 +3,15 @@
 from __future__ import annotations
 
 import json
-from collections import Counter
 from dataclasses import asdict, dataclass
 
 import numpy as np
 
-from formulations import isotropy, measures
-from formulations.bounds.certified import certified_bound, is_excluded, numerical_bound
+from formulations import measures
+from formulations.bounds.certified import certified_bound, numerical_bound
 from formulations.canonical import distinct
-from formulations.catalogue import formulation
-from formulations.comparison.contender import Outcome
+from formulations.comparison.outcome import Outcome
 from formulations.record import Record
-from nlp.solution import INFEASIBLE
-
-# An answer within this of the best one, by the independent check, has reached the best.
-REACH = 1e-6
 
 
 @dataclass(frozen=True)
@@ -29,9 +23,7 @@ class Row:
     formulation, variant, model, joints, task_dimension, starts
         What was run; `starts` counts those that ended.
     verdict
-        ``solved`` if any answer passed the check; if none did, ``infeasible`` if Ipopt said
-        so and nowhere claimed success, ``proved infeasible`` if there is a verified proof
-        besides; ``not solved`` otherwise.
+        `Outcome.verdict`.
     solved
         Starts at which Ipopt said that it succeeded.
     reached_best
@@ -99,51 +91,15 @@ class Summary:
     record: Record
 
 
-def reached(outcome: Outcome) -> list[Record]:
-    """Records that pass the check and are within `REACH` of the best of them."""
-    valid = [record for record in outcome.records if record.valid]
-    if not valid:
-        return []
-    pick = min if formulation(outcome.contender.formulation).SENSE == "minimise" else max
-    best = pick(record.merit for record in valid)
-    return [record for record in valid if abs(record.merit - best) <= REACH]
-
-
-def representative(outcome: Outcome) -> Record:
-    """Return the record a row shows.
-
-    Of those that reached the best, the one with the largest worst case, or with the best merit
-    where failures are unequal; if nothing passed the check, the one with the least violation.
-    """
-    best = reached(outcome)
-    if best and outcome.contender.failures is not None:
-        return max(best, key=lambda record: record.merit)
-    if best:
-        return max(best, key=lambda record: record.worst_case_sigma)
-    return min(outcome.records, key=lambda record: np.nan_to_num(record.violation, nan=np.inf))
-
-
-def verdict(outcome: Outcome) -> str:
-    """Return ``solved``, ``infeasible``, ``proved infeasible`` or ``not solved``; see `Row`."""
-    if reached(outcome):
-        return "solved"
-    statuses = {record.status.return_status for record in outcome.records}
-    if INFEASIBLE not in statuses or _succeeded(outcome):
-        return "not solved"
-    proved = outcome.contender.formulation == isotropy.NAME and is_excluded(outcome.arm)
-    return "proved infeasible" if proved else "infeasible"
-
-
 def summarise(outcome: Outcome) -> Summary:
     """Sum up an outcome of at least one record, and keep the record that the row shows."""
     contender, records = outcome.contender, outcome.records
     m, n = outcome.arm.shape
-    best, shown, said = reached(outcome), representative(outcome), verdict(outcome)
+    best, shown = outcome.reached, outcome.best
     nan = float("nan")
     sigma = shown.worst_case_sigma if best else nan
     bound = measures.sigma_bound(m, n, outcome.arm.largest_trace, contender.locked)
     seconds = sum(record.cpu_seconds for record in records)
-    counts = Counter(record.status.return_status for record in records)
     objective = shown.merit if best else nan
     proved = certified_bound(contender.formulation, outcome.arm, contender.locked)
     checked = numerical_bound(contender.formulation, outcome.arm)
@@ -154,8 +110,8 @@ def summarise(outcome: Outcome) -> Summary:
         joints=n,
         task_dimension=m,
         starts=len(records),
-        verdict=said,
-        solved=_succeeded(outcome),
+        verdict=outcome.verdict,
+        solved=outcome.succeeded,
         reached_best=len(best),
         objective=objective,
         worst_case_sigma=sigma,
@@ -173,10 +129,6 @@ def summarise(outcome: Outcome) -> Summary:
         iterations_median=float(np.median([record.status.iterations for record in records])),
         seconds_per_start=seconds / len(records),
         seconds_per_success=seconds / len(best) if best else nan,
-        status_counts=json.dumps(dict(sorted(counts.items()))),
+        status_counts=json.dumps(outcome.status_counts),
     )
     return Summary(line, shown)
-
-
-def _succeeded(outcome: Outcome) -> int:
-    return sum(record.status.success for record in outcome.records)

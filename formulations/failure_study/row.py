@@ -9,8 +9,8 @@ import numpy as np
 from formulations import measures
 from formulations.bounds import unequal_failures
 from formulations.canonical import distinct
-from formulations.comparison.contender import Outcome, run
-from formulations.comparison.row import reached, representative
+from formulations.comparison.contender import run
+from formulations.comparison.outcome import Outcome
 from formulations.failure_measures import expected_sigma, possible_worst_case_sigma
 from formulations.failure_study.cases import Case
 from formulations.failures import FailureModel
@@ -88,7 +88,7 @@ def solve(case: Case, *, starts: int, seed: int, workers: int) -> Summary | None
 
 def _summary(case: Case, outcome: Outcome) -> Summary:
     contender, records = case.contender, outcome.records
-    best, shown = reached(outcome), representative(outcome)
+    best, shown = outcome.reached, outcome.best
     n, k = case.joints, contender.locked
     failures = contender.failures or FailureModel.equally_likely(n, k)
     alike = contender.failures is None
@@ -104,7 +104,7 @@ def _summary(case: Case, outcome: Outcome) -> Summary:
         encoding=contender.encoding,
         starts_from="residual minima" if contender.from_residual_minima else "random",
         starts=len(records),
-        solved=sum(record.status.success for record in records),
+        solved=outcome.succeeded,
         reached_best=len(best),
         merit=found,
         bound=bound,

@@ -3,6 +3,7 @@
 import csv
 import io
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ from formulations import measures
 from formulations.catalogue import arm
 from formulations.comparison.contender import Contender, contenders, run
 from formulations.comparison.report import summary, table, write
-from formulations.comparison.row import reached, summarise
+from formulations.comparison.row import summarise
 from nlp.errors import InputError
 
 
@@ -122,14 +123,23 @@ def test_common_starts(seven):
 def test_a_solver_that_claims_success_is_not_believed(seven):
     """Reaching the best is judged from J: shift one J and the row must count one less."""
     found = seven[1]
-    assert len(reached(found)) == 6
-    broken = found.records[0]
-    object.__setattr__(broken, "merit", broken.merit - 1e-3)
-    try:
-        row = summarise(found).row
-        assert (row.solved, row.reached_best) == (6, 5)
-    finally:
-        object.__setattr__(broken, "merit", broken.merit + 1e-3)
+    assert len(found.reached) == 6
+    first, *others = found.records
+    broken = replace(first, merit=first.merit - 1e-3)
+    row = summarise(replace(found, records=(broken, *others))).row
+    assert (row.solved, row.reached_best) == (6, 5)
+
+
+def test_an_outcome_tells_itself(seven):
+    found = seven[1]
+    plain = found.to_dict()
+    assert (plain["verdict"], plain["reached_best"]) == ("solved", 6)
+    json.dumps(plain)
+    frame = found.to_frame()
+    assert len(frame) == 6
+    assert frame["merit"].max() == found.best.merit
+    assert "solved, 6 of 6 starts at the best 0.571482968" in repr(found)
+    assert "<table" in found._repr_html_()
 
 
 def test_starts_that_ran_out_of_iterations_are_not_called_infeasible():
