@@ -80,36 +80,30 @@ def solve(
     from formulations.assessment import assess
     from formulations.commands.failure_options import failure_model
     from formulations.commands.text import as_text
-    from formulations.comparison.contender import Contender, run
     from formulations.failure_assessment import assess_failures
-    from formulations.unequal_max_min import checked_goal, default_encoding
+    from formulations.solve import solve as solve_from_many_starts
+    from formulations.unequal_max_min import checked_goal
     from nlp.files import prepare_folder, write_text
-    from nlp.multistart import default_workers
 
     failures = failure_model(failure_probabilities, never_fails, joints, locked)
     goal = checked_goal(objective)
-    if encoding is None:
-        encoding = "shared-factor" if failures is None else default_encoding(failures, goal)
-    contender = Contender(
+    if out is not None:
+        prepare_folder(out.parent, "folder of --out")
+    outcome = solve_from_many_starts(
         formulation,
         model,
-        encoding=encoding,
-        from_residual_minima=from_residual_minima,
+        joints,
+        task_dimension,
+        starts=starts,
+        seed=seed,
+        workers=workers,
         locked=locked,
         failures=failures,
         goal=goal,
-    )
-    if out is not None:
-        prepare_folder(out.parent, "folder of --out")
-    outcome = run(
-        contender,
-        joints=joints,
-        task_dimension=task_dimension,
-        starts=starts,
-        seed=seed,
-        workers=workers or default_workers(),
-        options=ipopt_options(ipopt),
+        encoding=encoding,
+        from_residual_minima=from_residual_minima,
         solver=solver,
+        options=ipopt_options(ipopt),
         compiled=compiled,
         progress=True,
     )
