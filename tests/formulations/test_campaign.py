@@ -169,6 +169,8 @@ def test_a_full_disk_stops_in_one_sentence_and_loses_nothing(folder, whole):
     assert records(folder / "study.db") == whole
 
 
+@pytest.mark.filterwarnings("ignore:Port .* is already in use:UserWarning")
+@pytest.mark.filterwarnings("ignore::ResourceWarning")
 def test_dask_gives_the_same_records(folder, whole):
     distributed = pytest.importorskip("distributed")
     with distributed.LocalCluster(
