@@ -8,18 +8,23 @@ Build it, in an environment with the extra ``docs``::
 from __future__ import annotations
 
 import os
+import shutil
 import sys
 from importlib.metadata import version as installed
 from pathlib import Path
 
 HERE = Path(__file__).parent
 sys.path[:0] = [str(HERE.parent), str(HERE / "_extensions")]
-# Cells run in processes of their own: they find this checkout, its command, one thread each.
+# Cells run in kernels of their own: they find this checkout, its command, one thread each.
 os.environ["PYTHONPATH"] = os.pathsep.join(
     filter(None, [str(HERE.parent), os.environ.get("PYTHONPATH")])
 )
 os.environ["PATH"] = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+os.environ["IPYTHONDIR"] = str(HERE / "_build" / "ipython")
+STARTUP = HERE / "_build" / "ipython" / "profile_default" / "startup"
+STARTUP.mkdir(parents=True, exist_ok=True)
+shutil.copy(HERE / "_extensions" / "bash_cells.py", STARTUP)
 
 project = "lockedjoint"
 author = "The lockedjoint developers"
@@ -29,14 +34,13 @@ extensions = [
     "plain_docstrings",
     "repository_links",
     "myst_nb",
+    "sphinx.ext.apidoc",
     "sphinx.ext.autodoc",
-    "sphinx.ext.autosummary",
     "sphinx.ext.napoleon",
     "sphinx.ext.viewcode",
     "sphinx_copybutton",
 ]
-exclude_patterns = ["_build", "jupyter_execute", "**.ipynb_checkpoints"]
-templates_path = ["_templates"]
+exclude_patterns = ["_build", "jupyter_execute", "reference/*/modules.rst"]
 # A place is kept for pages that may not be there yet; two modules may name a class alike.
 suppress_warnings = ["toc.empty_glob", "ref.python"]
 
@@ -53,10 +57,18 @@ nb_merge_streams = True
 
 # Reference -----------------------------------------------------------------------------------
 default_role = "py:obj"
-autosummary_generate = True
-autosummary_ignore_module_all = False
+apidoc_modules = [
+    {"path": "../nlp", "destination": "reference/nlp", "module_first": True},
+    {
+        "path": "../formulations",
+        "destination": "reference/formulations",
+        "module_first": True,
+        "exclude_patterns": ["../formulations/commands", "../formulations/cli.py"],
+    },
+]
 autodoc_default_options = {"members": True, "ignore-module-all": True}
 autodoc_member_order = "bysource"
+apidoc_automodule_options = {"members"}
 autodoc_typehints = "description"
 autodoc_typehints_description_target = "documented_params"
 autodoc_typehints_format = "short"
