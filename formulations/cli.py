@@ -12,6 +12,7 @@ from formulations.commands.campaign import campaign
 from formulations.commands.compare import compare
 from formulations.commands.measure import measure
 from formulations.commands.prove import prove
+from formulations.commands.realise import realise
 from formulations.commands.reproduce import reproduce
 from formulations.commands.show import show
 from formulations.commands.solve import solve
@@ -29,6 +30,7 @@ for command in (
     reproduce,
     solve,
     measure,
+    realise,
     bound,
     prove,
     verify,

@@ -13,7 +13,14 @@ from formulations.commands.text import as_text
 
 
 def verify(
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="A certificate in JSON.")],
+    file: Annotated[
+        Path | None,
+        typer.Argument(
+            metavar="FILE",
+            help="A certificate in JSON; by default the one that the package carries.",
+            show_default=False,
+        ),
+    ] = None,
     samples: Annotated[
         int,
         typer.Option(
@@ -34,9 +41,10 @@ def verify(
     from formulations.existence.certificate import CertificateError
     from formulations.existence.evaluate import defects
     from formulations.existence.reading import read
+    from formulations.existence.theorem import package_certificate
     from formulations.existence.verify import verify as expand
 
-    certificate = read(file)
+    certificate = package_certificate() if file is None else read(file)
     report = expand(certificate)
     if samples and any(defects(certificate, samples=samples)):
         raise CertificateError("the identity does not hold at a random matrix.")

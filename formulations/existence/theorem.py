@@ -9,7 +9,15 @@ from __future__ import annotations
 from functools import lru_cache
 from importlib.resources import as_file, files
 
-from formulations.existence.verify import Report, verify_file
+from formulations.existence.certificate import Certificate
+from formulations.existence.reading import read
+from formulations.existence.verify import Report, verify
+
+
+def package_certificate() -> Certificate:
+    """Read the certificate that the package carries."""
+    with as_file(files("formulations.existence") / "certificate.json") as path:
+        return read(path)
 
 
 @lru_cache(maxsize=1)
@@ -21,8 +29,7 @@ def verified() -> Report:
     CertificateError
         If it proves nothing.
     """
-    with as_file(files("formulations.existence") / "certificate.json") as path:
-        return verify_file(path)
+    return verify(package_certificate())
 
 
 def excludes(unit_revolute_joints: int) -> bool:

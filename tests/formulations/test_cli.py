@@ -36,7 +36,7 @@ def test_help_names_every_command_and_option(tmp_path):
     page = lockedjoint("--help", cwd=tmp_path)
     assert page.returncode == 0
     for command in (
-        *("compare", "reproduce", "solve", "measure", "bound", "prove", "verify"),
+        *("compare", "reproduce", "solve", "measure", "realise", "bound", "prove", "verify"),
         *("campaign", "show", "benchmark"),
     ):
         assert command in page.stdout
@@ -201,7 +201,6 @@ def test_reproduce_writes_every_row(tmp_path):
         ("reproduce", "--starts", "0"),
         ("reproduce", "--out", "{file}"),
         ("verify", "{folder}"),
-        ("verify",),
         ("compare", "--starts", "0"),
         ("compare", "--starts", "-4"),
         ("compare", "--starts", "many"),

@@ -1,0 +1,213 @@
+"""``lockedjoint realise``: from a Jacobian to a robot."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from formulations.commands.arguments import Json, Seed, positive, whole
+from formulations.commands.text import as_text
+from nlp.errors import InputError
+
+if TYPE_CHECKING:
+    from formulations.realise.choice import Choice
+    from formulations.realise.criteria import Sampling
+    from formulations.realise.manipulator import Manipulator
+    from nlp.arrays import FloatArray
+
+
+def realise(
+    file: Annotated[
+        Path, typer.Argument(metavar="FILE", help="CSV, NPY or JSON; one column per joint.")
+    ],
+    to: Annotated[str, typer.Option(metavar="FORM", help="axes, dh, urdf or figure.")] = "axes",
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="Write there, and say here what was chosen; a figure's name ends in .svg, "
+            ".png or .pdf.",
+        ),
+    ] = None,
+    criterion: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME",
+            help="Choose order and signs by: total-length, largest-link, dh-length, clearance, "
+            "reach, neighbourhood, neighbourhood-before, workspace, workspace-before.",
+            show_default="columns as they come",
+        ),
+    ] = None,
+    order: Annotated[
+        str | None,
+        typer.Option(metavar="J,J,...", help="Columns from base to tip, counted from 0."),
+    ] = None,
+    signs: Annotated[
+        str | None,
+        typer.Option(
+            metavar="+-...",
+            help="One per joint, from base to tip. Minus: the axis the other way round; in "
+            "planar and positional tasks on the other side of the end effector.",
+        ),
+    ] = None,
+    count: Annotated[
+        bool,
+        typer.Option(
+            "--count", help="Only say how many manipulators there are, and what is chosen."
+        ),
+    ] = False,
+    convention: Annotated[
+        str, typer.Option(metavar="NAME", help="dh: standard or modified.")
+    ] = "standard",
+    task: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME",
+            help="planar (2 rows), positional, planar-pose, rotational (3) or spatial (6).",
+            show_default="by the number of rows",
+        ),
+    ] = None,
+    kinds: Annotated[
+        str | None,
+        typer.Option(
+            metavar="RP...",
+            help="Revolute or prismatic, one letter per column.",
+            show_default="from the columns",
+        ),
+    ] = None,
+    length: Annotated[
+        float,
+        typer.Option(parser=positive, metavar="L", help="Metres per unit of linear velocity."),
+    ] = 1.0,
+    slide: Annotated[
+        bool,
+        typer.Option(
+            "--slide", help="Slide joints along their axes to the least total length."
+        ),
+    ] = False,
+    tolerance: Annotated[
+        float,
+        typer.Option(
+            parser=positive,
+            metavar="TOL",
+            help="How far a column may be from one that a joint can contribute.",
+        ),
+    ] = 1e-6,
+    pick: Annotated[
+        int | None,
+        typer.Option(
+            parser=whole(0), metavar="K", help="Which Jacobian of the file, counted from 0."
+        ),
+    ] = None,
+    seed: Seed = 0,
+    samples: Annotated[
+        int,
+        typer.Option(parser=whole(1), metavar="K", help="Displacements that criteria sample."),
+    ] = 100,
+    shortlist: Annotated[
+        int,
+        typer.Option(
+            parser=whole(1),
+            metavar="K",
+            help="How many arms, the shortest, criteria that sample look at.",
+        ),
+    ] = 200,
+    radius: Annotated[
+        float, typer.Option(parser=positive, metavar="R", help="Radius of the neighbourhood.")
+    ] = 0.2,
+    as_json: Json = False,
+) -> None:
+    """Realise a Jacobian as a manipulator.
+
+    Every column fixes one axis: a revolute joint with direction w passes through p - v x w,
+    where p is the end effector. The order of the joints is free, and their signs; choose both
+    by a criterion or name them. Where columns do not fix an axis (positional tasks) its
+    direction is the one nearest to z.
+    """
+    from formulations.realise import axes, forms
+    from formulations.realise.choice import choose
+    from formulations.realise.criteria import Sampling
+    from formulations.realise.report import summary, summary_lines
+    from nlp.files import prepare_folder, write_bytes
+
+    if to not in forms.FORMS:
+        raise InputError("--to", to, "one of " + ", ".join(forms.FORMS))
+    if as_json and to == "figure" and not count:
+        raise InputError("--json", "given", "none with --to figure")
+    if out is not None and not count:
+        prepare_folder(out.parent, "folder of --out")
+    matrix = _only_jacobian(file, pick)
+    found = axes.realise(matrix, task=task, kinds=kinds, length=length, tolerance=tolerance)
+    sampling = Sampling(seed, samples, radius)
+    if criterion is None:
+        choice = _given(found, order, signs, sampling)
+    elif order is not None or signs is not None:
+        raise InputError("--criterion", criterion, "none with --order or --signs")
+    else:
+        choice = choose(found, criterion, sampling, shortlist)
+    choice = _slid(choice, sampling) if slide else choice
+    said = summary(choice, axes.deviation(choice.manipulator, matrix, length))
+    if count:
+        typer.echo(json.dumps(said, indent=1) if as_json else as_text(summary_lines(said)))
+        return
+    if as_json:
+        everything = said | forms.as_plain(choice, convention)
+        content = f"{json.dumps(everything, indent=1)}\n".encode()
+    else:
+        kind = "svg" if out is None else out.suffix.lower().removeprefix(".")
+        content = forms.write_down(choice.manipulator, to, convention, kind)
+    if out is None:
+        typer.echo(content, nl=False)
+    else:
+        write_bytes(out, content)
+        typer.echo(as_text(summary_lines(said)))
+
+
+def _given(
+    found: Manipulator, order: str | None, signs: str | None, sampling: Sampling
+) -> Choice:
+    from formulations.realise.choice import given
+
+    return given(found, _order(order), _flips(signs, found.joints), sampling)
+
+
+def _slid(choice: Choice, sampling: Sampling) -> Choice:
+    from formulations.realise.choice import evaluate
+    from formulations.realise.links import slide
+
+    manipulator = slide(choice.manipulator)
+    return replace(choice, manipulator=manipulator, values=evaluate(manipulator, sampling))
+
+
+def _order(text: str | None) -> list[int] | None:
+    if text is None:
+        return None
+    try:
+        return [int(part) for part in text.split(",")]
+    except ValueError:
+        allowed = "columns counted from 0, separated by commas"
+        raise InputError("--order", text, allowed) from None
+
+
+def _flips(text: str | None, joints: int) -> list[bool] | None:
+    if text is None:
+        return None
+    if len(text) != joints or set(text) - set("+-"):
+        raise InputError("--signs", text, f"{joints} signs + or -, one per joint")
+    return [sign == "-" for sign in text]
+
+
+def _only_jacobian(file: Path, pick: int | None) -> FloatArray:
+    from formulations.jacobian_file import read_jacobians
+
+    found = read_jacobians(file)
+    allowed = f"0 to {len(found) - 1}: which of the {len(found)} Jacobians in {file}"
+    if pick is None and len(found) > 1:
+        raise InputError("--pick", "missing", allowed)
+    if pick is not None and pick >= len(found):
+        raise InputError("--pick", pick, allowed)
+    return found[pick or 0][1]

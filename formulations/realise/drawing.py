@@ -1,0 +1,116 @@
+"""Drawings of manipulators: axes as thin lines, links as thick segments, labelled in place.
+
+Needs matplotlib (`pip install lockedjoint[figures]`), which is imported on the first drawing.
+"""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from formulations.realise.manipulator import Manipulator
+from formulations.realise.projection import View, clear_views
+from formulations.realise.strokes import Strokes
+from nlp.errors import InputError
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+FORMATS = ("svg", "png", "pdf")
+
+
+def figure(manipulator: Manipulator, view: View | None = None) -> Figure:
+    """Return a drawing: planar arms in their plane, others from two sides.
+
+    Raises
+    ------
+    InputError
+        If matplotlib is not installed.
+    """
+    new_figure = _figure_class()
+    views = list(clear_views(manipulator)) if view is None else [view]
+    if manipulator.task.in_plane:
+        views = views[:1]
+    drawn = new_figure(figsize=(4.2 * len(views), 4.2), layout="constrained")
+    for axes, one in zip(drawn.subplots(1, len(views), squeeze=False)[0], views, strict=True):
+        draw(manipulator, axes, one)
+    return drawn
+
+
+def render(manipulator: Manipulator, kind: str = "svg", view: View | None = None) -> bytes:
+    """Return the drawing as the content of a file; the same bytes each time.
+
+    Raises
+    ------
+    InputError
+        If the kind is not svg, png or pdf, or matplotlib is not installed.
+    """
+    if kind not in FORMATS:
+        raise InputError("kind of figure", kind, ", ".join(FORMATS))
+    drawn = figure(manipulator, view)
+    from matplotlib import rc_context
+
+    content = io.BytesIO()
+    undated = {"svg": {"Date": None}, "pdf": {"CreationDate": None}, "png": {}}[kind]
+    with rc_context({"svg.hashsalt": "lockedjoint", "svg.fonttype": "none"}):
+        drawn.savefig(content, format=kind, dpi=200, metadata=undated)
+    return content.getvalue()
+
+
+def draw(
+    manipulator: Manipulator,
+    axes: Axes,
+    view: View | None = None,
+    labels: Sequence[str] | None = None,
+    columns: bool = True,
+) -> None:
+    """Draw a manipulator into axes of a matplotlib figure.
+
+    Parameters
+    ----------
+    manipulator, axes
+        What is drawn, and where.
+    view
+        From where; chosen for clarity if left out.
+    labels
+        Names of the joints, from the base; their numbers, counted from 0, if left out.
+    columns
+        Whether the columns of a planar arm's Jacobian are drawn at the end effector,
+        all shortened alike.
+
+    Raises
+    ------
+    InputError
+        If there are not as many labels as joints.
+    """
+    view = view or clear_views(manipulator)[0]
+    names = [str(i) for i in range(manipulator.joints)] if labels is None else list(labels)
+    if len(names) != manipulator.joints:
+        raise InputError("labels", names, f"one for each of the {manipulator.joints} joints")
+    strokes = Strokes(manipulator, axes, view)
+    if manipulator.task.in_plane:
+        strokes.pins()
+        if columns:
+            strokes.columns(names)
+    else:
+        strokes.sphere()
+        strokes.axis_lines()
+        strokes.bodies()
+    strokes.ground()
+    strokes.links()
+    strokes.tip()
+    strokes.names(names)
+    axes.set_aspect("equal")
+    axes.set_axis_off()
+    axes.margins(0.06)
+
+
+def _figure_class() -> type[Figure]:
+    try:
+        from matplotlib.figure import Figure
+    except ImportError:
+        allowed = "installed, for figures: pip install lockedjoint[figures]"
+        raise InputError("matplotlib", "missing", allowed) from None
+    return Figure

@@ -1,0 +1,102 @@
+"""Manipulators move as a chain of rigid bodies does."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+from formulations.realise.manipulator import Manipulator
+from formulations.realise.task import Task
+from nlp.errors import InputError
+
+
+def screw(axis, point, slides):
+    """The 4×4 matrix of a joint's unit twist."""
+    turn = np.cross(np.eye(3), axis)  # rows e_i × ω make the matrix of ω×
+    twist = np.zeros((4, 4))
+    if slides:
+        twist[:3, 3] = axis
+    else:
+        twist[:3, :3], twist[:3, 3] = turn, np.cross(point, axis)
+    return twist
+
+
+def test_pose_is_the_product_of_matrix_exponentials(arm):
+    q = np.random.default_rng(1).uniform(-3, 3, arm.joints)
+    pose = np.eye(4)
+    for i in range(arm.joints):
+        pose = pose @ expm(screw(arm.directions[i], arm.points[i], arm.prismatic[i]) * q[i])
+    tip = np.eye(4)
+    tip[:3, 3] = arm.end_effector
+    np.testing.assert_allclose(arm.pose(q), pose @ tip, atol=1e-12)
+
+
+def test_jacobian_is_the_derivative_of_the_pose(arm):
+    q, step = np.random.default_rng(2).uniform(-3, 3, arm.joints), 1e-6
+    matrix = arm.full_jacobian(q)
+    turn = arm.pose(q)[:3, :3]
+    for i, way in enumerate(step * np.eye(arm.joints)):
+        change = (arm.pose(q + way) - arm.pose(q - way)) / (2 * step)
+        spin = change[:3, :3] @ turn.T
+        found = [*change[:3, 3], spin[2, 1], spin[0, 2], spin[1, 0]]
+        np.testing.assert_allclose(matrix[:, i], found, atol=1e-8)
+
+
+def test_many_configurations_at_once(arm):
+    q = np.random.default_rng(3).uniform(-3, 3, (2, 5, arm.joints))
+    many = arm.jacobian(q)
+    assert many.shape == (2, 5, len(arm.task.rows), arm.joints)
+    np.testing.assert_allclose(many[1, 4], arm.jacobian(q[1, 4]), atol=1e-14)
+
+
+def test_another_order_and_flips_share_the_columns(arm):
+    rng = np.random.default_rng(4)
+    order, flips = rng.permutation(arm.joints), rng.integers(2, size=arm.joints) == 1
+    other = arm.arranged(order, flips)
+    free = arm.task.free_directions & ~other.prismatic
+    signs = np.where(flips & ~free, -1, 1)
+    np.testing.assert_allclose(other.jacobian(), signs * arm.jacobian()[:, order], atol=1e-12)
+    assert other.columns == tuple(order)
+    again = other.arranged(np.argsort(order), flips[np.argsort(order)])
+    np.testing.assert_allclose(again.points, arm.points, atol=1e-15)
+    assert again.columns == arm.columns
+
+
+def test_a_flip_of_a_planar_joint_is_another_place(arm):
+    flips = np.arange(arm.joints) == 0
+    other = arm.arranged(range(arm.joints), flips)
+    moved = not np.allclose(other.points, arm.points)
+    assert moved == (arm.task in (Task.PLANAR, Task.POSITIONAL))
+
+
+AXES = np.eye(3)
+
+
+@pytest.mark.parametrize(
+    ("change", "sentence"),
+    [
+        ({"directions": 2 * AXES}, "norms of the directions"),
+        ({"directions": np.eye(4)}, "directions"),
+        ({"points": AXES[:2]}, "points"),
+        ({"points": np.full((3, 3), np.nan)}, "finite"),
+        ({"prismatic": [True]}, "prismatic"),
+        ({"columns": (0, 0, 1)}, "each of 0 to 2 once"),
+        ({"end_effector": np.zeros(2)}, "end_effector"),
+    ],
+)
+def test_what_is_no_manipulator(change, sentence):
+    good = Manipulator(AXES, AXES, np.zeros(3, dtype=bool), np.zeros(3))
+    with pytest.raises(InputError, match=sentence):
+        replace(good, **change)
+
+
+def test_bad_orders_and_displacements():
+    good = Manipulator(AXES, AXES, np.zeros(3, dtype=bool), np.zeros(3))
+    with pytest.raises(InputError, match="order is 0,0,1; allowed: each of 0 to 2 once"):
+        good.arranged([0, 0, 1])
+    with pytest.raises(InputError, match="flips"):
+        good.arranged([0, 1, 2], [True])
+    for q in ([1.0], [np.nan, 0, 0], 1.0):
+        with pytest.raises(InputError, match="displacements"):
+            good.pose(q)

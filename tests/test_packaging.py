@@ -1,0 +1,83 @@
+"""The wheel and the sdist: complete, equal, and at work in an environment of their own."""
+
+import shutil
+import subprocess
+import sys
+import sysconfig
+import tarfile
+import zipfile
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+PACKAGES = ("nlp", "formulations")
+TOP = ("pyproject.toml", "README.md", "LICENSE", "CHANGELOG.md", "CITATION.cff")
+SKIPPED = {"__pycache__", "_build", "jupyter_execute", ".jupyter_cache"}
+
+
+def run(*arguments, cwd):
+    done = subprocess.run(
+        [str(word) for word in arguments], cwd=cwd, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stdout[-2000:] + done.stderr[-2000:]
+    return done.stdout
+
+
+def files_in(folder):
+    """Files of a folder of the checkout, relative to it, without what running leaves."""
+    return {
+        path.relative_to(ROOT).as_posix()
+        for path in (ROOT / folder).rglob("*")
+        if path.is_file() and not SKIPPED & set(path.relative_to(ROOT).parts)
+    }
+
+
+@pytest.fixture(scope="module")
+def built(tmp_path_factory):
+    """The sdist of a copy of the checkout, and the wheel built from that sdist."""
+    folder = tmp_path_factory.mktemp("packaging")
+    source = folder / "source"
+    source.mkdir()
+    for name in TOP:
+        shutil.copy(ROOT / name, source)
+    for name in (*PACKAGES, "tests", "docs", "results"):
+        shutil.copytree(ROOT / name, source / name, ignore=shutil.ignore_patterns(*SKIPPED))
+    out = folder / "dist"
+    run(sys.executable, "-m", "build", "--no-isolation", "--outdir", out, source, cwd=folder)
+    [sdist], [wheel] = out.glob("*.tar.gz"), out.glob("*.whl")
+    return sdist, wheel
+
+
+def test_the_wheel_holds_the_packages_and_nothing_else(built):
+    _, wheel = built
+    with zipfile.ZipFile(wheel) as archive:
+        names = {name for name in archive.namelist() if ".dist-info/" not in name}
+    expected = set().union(*(files_in(name) for name in PACKAGES))
+    assert names == expected
+    assert {"nlp/py.typed", "formulations/existence/certificate.json"} <= names
+
+
+def test_the_sdist_holds_sources_tests_documents_and_results(built):
+    sdist, _ = built
+    with tarfile.open(sdist) as archive:
+        names = {member.name.partition("/")[2] for member in archive if member.isfile()}
+    folders = (*PACKAGES, "tests", "results")
+    expected = set().union(*(files_in(name) for name in folders), TOP)
+    assert expected <= names
+
+
+def test_the_wheel_works_in_an_environment_of_its_own(built, tmp_path):
+    """Dependencies are this environment's; `.ci/run` installs the wheel with all of its own."""
+    _, wheel = built
+    environment = tmp_path / "environment"
+    run(sys.executable, "-m", "venv", environment, cwd=tmp_path)
+    python = environment / "bin" / "python"
+    run(python, "-m", "pip", "install", "--quiet", "--no-deps", wheel, cwd=tmp_path)
+    [site] = environment.glob("lib/python*/site-packages")
+    (site / "zz_dependencies.pth").write_text(sysconfig.get_path("purelib") + "\n")
+    command = environment / "bin" / "lockedjoint"
+    shown = run(python, "-c", "import formulations; print(formulations.__file__)", cwd=tmp_path)
+    assert shown.startswith(str(environment))
+    assert run(command, "--version", cwd=tmp_path).startswith("lockedjoint ")
+    assert "proved" in run(command, "verify", cwd=tmp_path)
