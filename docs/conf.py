@@ -37,12 +37,11 @@ extensions = [
     "sphinx.ext.apidoc",
     "sphinx.ext.autodoc",
     "sphinx.ext.napoleon",
-    "sphinx.ext.viewcode",
     "sphinx_copybutton",
 ]
 exclude_patterns = ["_build", "jupyter_execute", "reference/*/modules.rst"]
-# A place is kept for pages that may not be there yet; two modules may name a class alike.
-suppress_warnings = ["toc.empty_glob", "ref.python"]
+# Two modules may name a class alike.
+suppress_warnings = ["ref.python"]
 
 # Pages ---------------------------------------------------------------------------------------
 myst_enable_extensions = ["dollarmath", "colon_fence", "deflist"]
@@ -50,7 +49,7 @@ myst_heading_anchors = 3
 nb_execution_mode = "cache"
 nb_execution_cache_path = str(HERE / "_build" / "jupyter_cache")
 nb_execution_in_temp = True
-nb_execution_timeout = 120
+nb_execution_timeout = 300
 nb_execution_raise_on_error = True
 nb_execution_show_tb = True
 nb_merge_streams = True
@@ -78,7 +77,6 @@ napoleon_google_docstring = False
 napoleon_use_ivar = True
 napoleon_use_rtype = False
 python_use_unqualified_type_names = True
-viewcode_line_numbers = True
 
 # Looks ---------------------------------------------------------------------------------------
 html_theme = "furo"

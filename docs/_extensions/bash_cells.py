@@ -11,6 +11,8 @@ from IPython.core.magic import register_cell_magic
 @register_cell_magic
 def bash(_: str, cell: str) -> None:
     """Run a cell with bash; a command that fails fails the cell."""
-    done = subprocess.run(["bash", "-e", "-c", cell], capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        ["bash", "-e", "-c", cell], capture_output=True, text=True, check=False
+    )
     print(done.stdout + done.stderr, end="")
     done.check_returncode()

@@ -24,11 +24,26 @@ if TYPE_CHECKING:
 TAG = re.compile(r"\\tag\{(.*?)\}")
 GLYPHS = "U+20-7E,U+A0-FF,U+2C6-2DD,U+302-304,U+370-3FF,U+2010-22FF,U+2308-230B,U+27E8-27EF,"
 GLYPHS += "U+27F9-27FA,U+2AAF-2AB0,U+1D400-1D7FF"
+# What the converter leaves: bars that stretch or stand apart, relations taken for variables.
+BAR = '<mo stretchy="false" lspace="0" rspace="0">'
+REPAIRS = {
+    "<mo>&#x02016;</mo>": f"{BAR}‖</mo>",
+    '<mo stretchy="false">&#x0007C;</mo>': f"{BAR}|</mo>",
+    "<mi>&#x02AB0;</mi>": "<mo>⪰</mo>",
+}
+
+
+def mathml(latex: str, display: str) -> str:
+    """Return a formula as MathML, ``inline`` or ``block``."""
+    formula = convert(latex, display=display)
+    for wrong, right in REPAIRS.items():
+        formula = formula.replace(wrong, right)
+    return formula
 
 
 def inline(writer: HTML5Translator, node: nodes.math) -> None:
     """Write a formula in a line of text."""
-    writer.body.append(convert(node.astext()))
+    writer.body.append(mathml(node.astext(), "inline"))
     raise nodes.SkipNode
 
 
@@ -37,7 +52,7 @@ def display(writer: HTML5Translator, node: nodes.math_block) -> None:
     latex = node.astext()
     number = TAG.search(latex)
     tag = f'<span class="eqno">({escape(number[1])})</span>' if number else ""
-    formula = convert(TAG.sub("", latex), display="block")
+    formula = mathml(TAG.sub("", latex), "block")
     writer.body.append(f'<div class="math">{formula}{tag}</div>\n')
     raise nodes.SkipNode
 
