@@ -57,11 +57,12 @@ nb_merge_streams = True
 # Reference -----------------------------------------------------------------------------------
 default_role = "py:obj"
 apidoc_modules = [
-    {"path": "../nlp", "destination": "reference/nlp", "module_first": True},
+    {"path": "../nlp", "destination": "reference/nlp", "module_first": True, "max_depth": 1},
     {
         "path": "../formulations",
         "destination": "reference/formulations",
         "module_first": True,
+        "max_depth": 1,
         "exclude_patterns": ["../formulations/commands", "../formulations/cli.py"],
     },
 ]
@@ -77,6 +78,8 @@ napoleon_google_docstring = False
 napoleon_use_ivar = True
 napoleon_use_rtype = False
 python_use_unqualified_type_names = True
+
+smartquotes = False  # options begin with two hyphens, in tables of results too
 
 # Looks ---------------------------------------------------------------------------------------
 html_theme = "furo"
