@@ -13,6 +13,7 @@ from __future__ import annotations
 import casadi as ca
 
 from formulations.arm import Arm
+from formulations.column_model import ColumnModel
 from formulations.joints import UnitRevolute
 from nlp.errors import InputError
 
@@ -55,7 +56,7 @@ def closed_forms(variables: ca.SX, as_printed: bool = False) -> ca.SX:
     return forms
 
 
-def residuals(arm: Arm, variables: ca.SX) -> ca.SX:
+def residuals(arm: ColumnModel, variables: ca.SX) -> ca.SX:
     """f_1 … f_21 with the signs of eqs. (23)–(43), f_17 corrected, shape (21, 1).
 
     The same functions as `isotropy_residuals.residuals`, written as in the Appendix.
@@ -65,9 +66,8 @@ def residuals(arm: Arm, variables: ca.SX) -> ca.SX:
     InputError
         If a joint of the arm is not a unit revolute one.
     """
-    kinds = sorted({type(joint).__name__ for joint in arm.joints})
-    if kinds != [UnitRevolute.__name__]:
-        raise InputError("arm", "of " + ", ".join(kinds), "unit revolute joints only")
+    if not (isinstance(arm, Arm) and set(arm.joints) == {UnitRevolute()}):
+        raise InputError("arm", f"of {arm.description}", "unit revolute joints only")
     return closed_forms(variables) * ca.DM(SIGNS)
 
 

@@ -64,6 +64,17 @@ class Arm:
         fixed = all(joint.exact or joint.extent_bound == np.inf for joint in self.joints)
         return self.largest_trace if fixed else None
 
+    @property
+    def bounds(self) -> tuple[FloatArray, FloatArray]:
+        """Bounds of the variables: none."""
+        return np.full(self.size, -np.inf), np.full(self.size, np.inf)
+
+    @property
+    def description(self) -> str:
+        """Return the number and the kinds of the joints."""
+        names = ", ".join(dict.fromkeys(type(joint).__name__ for joint in self.joints))
+        return f"{len(self.joints)} joints ({names})"
+
     def symbols(self) -> ca.SX:
         """Symbols of all joints' parameters, joint after joint, shape (size, 1)."""
         return ca.vertcat(

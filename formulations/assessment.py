@@ -52,7 +52,7 @@ def assess(jacobian: npt.ArrayLike, locked: int = 1, tolerance: float = 1e-6) ->
     matrix = measures.as_jacobian(jacobian)
     m, n = matrix.shape
     worst = measures.worst_case(matrix, locked)
-    bound = measures.sigma_bound(m, n, measures.trace(matrix))
+    bound = measures.sigma_bound(m, n, measures.trace(matrix), locked)
     return Assessment(
         task_dimension=m,
         joints=n,

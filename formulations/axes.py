@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
+
 import casadi as ca
 import numpy as np
 
@@ -43,7 +46,7 @@ def in_ball(rng: np.random.Generator, count: int, size: int, budget: Budget) -> 
     return np.asarray(radius * points / np.linalg.norm(points))
 
 
-def direction_angles(direction: FloatArray) -> tuple[float, float]:
+def direction_angles(direction: Sequence[float] | FloatArray) -> tuple[float, float]:
     """Angles (α, β) of a direction: ω = (cosα cosβ, sinα cosβ, sinβ)."""
     x, y, z = direction
-    return float(np.arctan2(y, x)), float(np.arctan2(z, np.hypot(x, y)))
+    return math.atan2(y, x), math.atan2(z, math.hypot(x, y))

@@ -8,6 +8,7 @@ from typing import Protocol, TypeVar
 
 from formulations import isotropy, max_min, residual
 from formulations.arm import Arm
+from formulations.column_model import ColumnModel
 from formulations.joints import FreeColumn, Joint, LeverRevolute, Prismatic, UnitRevolute
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
@@ -24,7 +25,7 @@ class Formulation(Protocol):
     SENSE: Sense
     OPTIONS: Mapping[str, OptionValue]
 
-    def build(self, arm: Arm) -> Problem:
+    def build(self, arm: ColumnModel) -> Problem:
         """State the problem for an arm."""
 
     def merit(self, jacobian: FloatArray, locked: int = 1) -> float:

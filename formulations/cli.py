@@ -6,14 +6,19 @@ from typing import Annotated
 
 import typer
 
+from formulations.commands.assess import assess
 from formulations.commands.benchmark import benchmark
 from formulations.commands.bound import bound
 from formulations.commands.campaign import campaign
 from formulations.commands.compare import compare
+from formulations.commands.failures import failures
+from formulations.commands.join import join
 from formulations.commands.measure import measure
+from formulations.commands.posture import posture
 from formulations.commands.prove import prove
 from formulations.commands.realise import realise
 from formulations.commands.reproduce import reproduce
+from formulations.commands.robots import robots
 from formulations.commands.show import show
 from formulations.commands.solve import solve
 from formulations.commands.verify import verify
@@ -31,12 +36,17 @@ for command in (
     solve,
     measure,
     realise,
+    assess,
+    posture,
+    robots,
     bound,
     prove,
     verify,
     campaign,
+    join,
     show,
     benchmark,
+    failures,
 ):
     app.command()(command)
 

@@ -22,7 +22,7 @@ import casadi as ca
 import numpy as np
 
 from formulations import measures
-from formulations.arm import Arm
+from formulations.column_model import ColumnModel
 from formulations.isotropy_residuals import (
     constant_where_isotropic,
     independent_rows,
@@ -43,10 +43,11 @@ OPTIONS: Mapping[str, OptionValue] = MappingProxyType({"barrier_tol_factor": 1.0
 TOLERANCE = 1e-10
 
 
-def build(arm: Arm) -> Problem:
+def build(arm: ColumnModel) -> Problem:
     """State the problem for an arm."""
     variables = arm.symbols()
     m, n = arm.shape
+    lower, upper = arm.bounds
     jacobian = arm.matrix(variables)
     isotropic = Constraint(
         "isotropy", residuals(arm, variables)[independent_rows(arm)], 0.0, 0.0
@@ -62,6 +63,8 @@ def build(arm: Arm) -> Problem:
         objective=ca.SX(min(known, default=0.0)),
         sense=SENSE,
         constraints=constraints,
+        lower=lower,
+        upper=upper,
         outputs={"jacobian": jacobian},
     )
     if len(known) == n:
@@ -81,8 +84,8 @@ def build(arm: Arm) -> Problem:
         objective=level,
         constraints=(*constraints, epigraph),
         lift=lift,
-        lower=-np.inf,
-        upper=np.inf,
+        lower=np.append(lower, -np.inf),
+        upper=np.append(upper, np.inf),
     )
 
 
@@ -95,7 +98,7 @@ def merit(jacobian: FloatArray, locked: int = 1) -> float:
     return measures.worst_case_sigma(jacobian, locked)
 
 
-def _not_implied(arm: Arm, variables: ca.SX) -> tuple[Constraint, ...]:
+def _not_implied(arm: ColumnModel, variables: ca.SX) -> tuple[Constraint, ...]:
     """Return the joints' own constraints, less the bounds that isotropy alone meets.
 
     Isotropy fixes some of them outright (the mean of |v|² is 1 for revolute joints); kept,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 
-from formulations.arm import Arm
+from formulations.column_model import ColumnModel
 from nlp.arrays import FloatArray
 
 # A row is redundant when what is left of it, relative to its size, is below this.
@@ -18,7 +18,7 @@ def pairs(task_dimension: int) -> list[tuple[int, int]]:
     return [(i, i) for i in range(m)] + [(i, j) for i in range(m) for j in range(i + 1, m)]
 
 
-def mean_eigenvalue(arm: Arm, variables: ca.SX) -> ca.SX:
+def mean_eigenvalue(arm: ColumnModel, variables: ca.SX) -> ca.SX:
     """T/m, what every eigenvalue of JJᵀ must be: a constant where the joints fix T."""
     m, _ = arm.shape
     if arm.fixed_trace is not None:
@@ -26,14 +26,14 @@ def mean_eigenvalue(arm: Arm, variables: ca.SX) -> ca.SX:
     return ca.sumsqr(arm.matrix(variables)) / m
 
 
-def residuals(arm: Arm, variables: ca.SX) -> ca.SX:
+def residuals(arm: ColumnModel, variables: ca.SX) -> ca.SX:
     """The m(m + 1)/2 distinct entries of JJᵀ − (T/m)I, shape (m(m + 1)/2, 1)."""
     matrix = arm.matrix(variables)
     deviation = matrix @ matrix.T - mean_eigenvalue(arm, variables) * ca.SX.eye(arm.shape[0])
     return ca.vertcat(*(deviation[i, j] for i, j in pairs(arm.shape[0])))
 
 
-def independent_rows(arm: Arm) -> list[int]:
+def independent_rows(arm: ColumnModel) -> list[int]:
     """Rows of `residuals` that are linearly independent as functions on the arm's Jacobians.
 
     The others follow from them whatever the joints' parameters are: 21 rows leave 18 for
@@ -53,7 +53,7 @@ def independent_rows(arm: Arm) -> list[int]:
     return rows
 
 
-def sampled(arm: Arm, variables: ca.SX, expressions: ca.SX) -> FloatArray:
+def sampled(arm: ColumnModel, variables: ca.SX, expressions: ca.SX) -> FloatArray:
     """Values of expressions at random configurations, more than there are expressions.
 
     Returns
@@ -67,7 +67,9 @@ def sampled(arm: Arm, variables: ca.SX, expressions: ca.SX) -> FloatArray:
     return np.array([np.array(function(arm.sample(rng))).ravel() for _ in range(count)])
 
 
-def constant_where_isotropic(arm: Arm, variables: ca.SX, expression: ca.SX) -> float | None:
+def constant_where_isotropic(
+    arm: ColumnModel, variables: ca.SX, expression: ca.SX
+) -> float | None:
     """The value that a scalar has at every isotropic Jacobian of the arm, if it is a
     combination of `residuals` and a constant; None otherwise.
     """  # noqa: D205

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import operator
 from abc import ABC, abstractmethod
 from typing import ClassVar, Literal
 
@@ -83,10 +85,13 @@ class Joint(ABC):
 
 def check_revolute(column: FloatArray) -> None:
     """Raise NotInModelError unless |ω| = 1 and v·ω = 0."""
-    velocity, axis = column[:3], column[3:]
-    if abs(np.linalg.norm(axis) - 1) > TOLERANCE:
+    # Plain floats: every answer of every solver is checked, and arrays of three are slow.
+    velocity, axis = column[:3].tolist(), column[3:].tolist()
+    if abs(math.hypot(*axis) - 1) > TOLERANCE:
         raise outside(column, "rotational velocity of norm 1 (revolute joint)")
-    if abs(velocity @ axis) > TOLERANCE * max(1.0, float(np.linalg.norm(velocity))):
+    if abs(sum(map(operator.mul, velocity, axis))) > TOLERANCE * max(
+        1.0, math.hypot(*velocity)
+    ):
         raise outside(column, "linear velocity orthogonal to the rotational (revolute joint)")
 
 

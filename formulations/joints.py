@@ -8,6 +8,7 @@ velocity above rotational velocity, as in eq. (21).
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import atan2, cos, hypot, sin
 from typing import ClassVar
 
 import casadi as ca
@@ -65,12 +66,14 @@ class UnitRevolute(Joint):
     def invert(self, column: FloatArray) -> FloatArray:
         """Angles of the column, in (−π, π] × [−π/2, π/2] × (−π, π]."""
         check_revolute(column)
-        velocity = column[:3]
-        if abs(np.linalg.norm(velocity) - 1) > TOLERANCE:
+        x, y, z, *axis = column.tolist()
+        if abs(hypot(x, y, z) - 1) > TOLERANCE:
             raise outside(column, "linear velocity of norm 1 (unit revolute joint)")
-        alpha, beta = direction_angles(column[3:])
-        first, second, _ = numeric_frame(np.array([alpha]), np.array([beta]))
-        return np.array([alpha, beta, np.arctan2(velocity @ second[0], velocity @ first[0])])
+        alpha, beta = direction_angles(axis)
+        sin_a, cos_a, sin_b, cos_b = sin(alpha), cos(alpha), sin(beta), cos(beta)
+        along_first = sin_b * (cos_a * x + sin_a * y) - cos_b * z
+        along_second = sin_a * x - cos_a * y
+        return np.array([alpha, beta, atan2(along_second, along_first)])
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,7 @@ import casadi as ca
 import numpy as np
 
 from formulations import measures, residual
-from formulations.arm import Arm
+from formulations.column_model import ColumnModel
 from nlp.arrays import FloatArray, whole_number
 from nlp.errors import InputError
 from nlp.ipopt import IpoptSolver
@@ -44,7 +44,7 @@ OPTIONS: Mapping[str, OptionValue] = MappingProxyType(
 _LEVEL_SHARE = 0.5
 
 
-def build(arm: Arm, locked: int = 1, encoding: str = "shared-factor") -> Problem:
+def build(arm: ColumnModel, locked: int = 1, encoding: str = "shared-factor") -> Problem:
     """State the problem for an arm.
 
     Parameters
@@ -78,21 +78,21 @@ def build(arm: Arm, locked: int = 1, encoding: str = "shared-factor") -> Problem
         t = min(max(measures.worst_case_sigma(numeric, locked) ** 2, floor), reach)
         return np.concatenate([point, [t], encoded.lift(numeric, t)])
 
-    size = arm.size
+    least, largest = arm.bounds
     return Problem(
         name=NAME,
         variables=ca.vertcat(variables, level, encoded.variables),
         objective=ca.log(level),
         sense=SENSE,
         constraints=(*arm.constraints(variables), *encoded.constraints),
-        lower=np.concatenate([np.full(size, -np.inf), [floor], encoded.lower]),
-        upper=np.concatenate([np.full(size + 1, np.inf), encoded.upper]),
+        lower=np.concatenate([least, [floor], encoded.lower]),
+        upper=np.concatenate([largest, [np.inf], encoded.upper]),
         outputs={"jacobian": jacobian},
         lift=lift,
     )
 
 
-def attained_level(arm: Arm, locked: int = 1, samples: int = 100) -> float:
+def attained_level(arm: ColumnModel, locked: int = 1, samples: int = 100) -> float:
     """Return a level t that some configuration of the arm attains: half of the best sampled.
 
     Raises
@@ -107,9 +107,8 @@ def attained_level(arm: Arm, locked: int = 1, samples: int = 100) -> float:
     configurations = (arm.jacobian(arm.sample(rng)) for _ in range(samples))
     best = max(measures.worst_case_sigma(matrix, locked) for matrix in configurations)
     if best < 1e-6:
-        names = ", ".join(dict.fromkeys(type(joint).__name__ for joint in arm.joints))
         allowed = f"joints that can keep full rank after any {locked} lock"
-        raise InputError("arm", f"of {n} joints ({names})", allowed)
+        raise InputError("arm", f"of {arm.description}", allowed)
     return 0.5 * best**2
 
 
@@ -127,7 +126,7 @@ class ResidualMinimum:
         The joints.
     """
 
-    def __init__(self, arm: Arm) -> None:
+    def __init__(self, arm: ColumnModel) -> None:
         self.arm = arm
 
     def __call__(self, rng: np.random.Generator) -> FloatArray:
@@ -136,5 +135,5 @@ class ResidualMinimum:
 
 
 @lru_cache(maxsize=4)
-def _residual_solver(arm: Arm) -> IpoptSolver:
+def _residual_solver(arm: ColumnModel) -> IpoptSolver:
     return IpoptSolver(residual.build(arm), residual.OPTIONS)

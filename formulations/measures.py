@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import combinations
+from itertools import combinations, islice
 
 import numpy as np
 import numpy.typing as npt
@@ -83,7 +83,10 @@ def locked_singular_values(jacobian: npt.ArrayLike, locked: int = 1) -> FloatArr
         columns are left.
     """
     matrix = as_jacobian(jacobian)
-    return np.array([_smallest(kept) for _, kept in _locked(matrix, locked)])
+    kept = np.array([kept for _, kept in _locked(matrix, locked)])
+    if kept.shape[2] < kept.shape[1]:
+        return np.zeros(len(kept))
+    return np.asarray(np.linalg.svd(kept, compute_uv=False)[:, -1])
 
 
 def worst_case_sigma(jacobian: npt.ArrayLike, locked: int = 1) -> float:
@@ -94,10 +97,12 @@ def worst_case_sigma(jacobian: npt.ArrayLike, locked: int = 1) -> float:
 def worst_case(jacobian: npt.ArrayLike, locked: int = 1) -> WorstCase:
     """Worst set of `locked` joints, and the direction that it hurts most (eqs. 5 and 15)."""
     matrix = as_jacobian(jacobian)
-    joints, kept = min(_locked(matrix, locked), key=lambda pair: _smallest(pair[1]))
+    sigmas = locked_singular_values(matrix, locked)
+    worst = int(np.argmin(sigmas))
+    joints, kept = next(islice(_locked(matrix, locked), worst, None))
     direction = np.linalg.svd(kept)[0][:, -1]
     direction = direction * np.sign(direction[np.argmax(np.abs(direction))])
-    return WorstCase(_smallest(kept), joints, direction)
+    return WorstCase(float(sigmas[worst]), joints, direction)
 
 
 def range_contributions(jacobian: npt.ArrayLike) -> FloatArray:
@@ -113,18 +118,51 @@ def null_space_contributions(jacobian: npt.ArrayLike) -> FloatArray:
     return 1.0 - range_contributions(jacobian)
 
 
-def sigma_bound(task_dimension: int, joints: int, trace: float) -> float:
-    """Upper bound √(T(n − m)/(mn)) on the worst case, T = ‖J‖_F² (eq. 6, for every J).
+def sigma_bound(task_dimension: int, joints: int, trace: float, locked: int = 1) -> float:
+    """Upper bound on the worst case after any `locked` joints lock (eq. 6, for every J).
 
-    With T = mσ² this is σ√((n − m)/n). It needs no isotropy: summing the rank-one downdate
-    condition j_fᵀ(JJᵀ − tI)⁻¹j_f ≤ 1 over f gives tr((JJᵀ − tI)⁻¹) ≤ (n − m)/t, and
-    convexity the rest. More locked joints only lower the worst case.
+    For one joint it is √(T(n − m)/(mn)), T = ‖J‖_F²; with T = mσ² this is σ√((n − m)/n). It
+    needs no isotropy: summing the rank-one downdate condition j_fᵀ(JJᵀ − tI)⁻¹j_f ≤ 1 over f
+    gives tr((JJᵀ − tI)⁻¹) ≤ (n − m)/t, and convexity the rest. For k joints it is √(T/m · y)
+    with y the least entry of `averaged_spectrum` of the identity, derived in
+    `formulations.bounds.several_failures`; zero where fewer than m joints are left.
     """
     m = whole_number("task dimension", task_dimension, 1)
     n = whole_number("joints", joints, m + 1)
+    k = whole_number("locked joints", locked, 1)
     if not (np.isfinite(trace) and trace >= 0):
         raise InputError("trace", trace, "a finite number of at least 0")
-    return float(np.sqrt(trace * (n - m) / (m * n)))
+    if k > n - m:
+        return 0.0
+    if k == 1:
+        return float(np.sqrt(trace * (n - m) / (m * n)))
+    return float(np.sqrt(trace / m * averaged_spectrum(np.ones(m), n, k)[0]))
+
+
+def averaged_spectrum(eigenvalues: npt.ArrayLike, joints: int, locked: int = 1) -> FloatArray:
+    """Roots of the mean of det(xI − J_F̄J_F̄ᵀ) over all sets F of `locked` joints, ascending.
+
+    They depend on the eigenvalues λ of JJᵀ alone. Averaged over one of n columns the
+    characteristic polynomial is that of Λ − rrᵀ/n, r_i = √λ_i; further columns likewise.
+
+    Parameters
+    ----------
+    eigenvalues
+        Those of JJᵀ, shape (m,), at least 0.
+    joints
+        Number n of columns, above m.
+    locked
+        How many joints lock at once, at most n − m.
+    """
+    values = as_floats("eigenvalues", eigenvalues)
+    n = whole_number("joints", joints, values.size + 1)
+    if whole_number("locked joints", locked, 1) > n - values.size:
+        raise InputError("locked joints", locked, f"at most {n - values.size}")
+    for removed in range(locked):
+        roots = np.sqrt(np.maximum(values, 0.0))
+        rest = np.diag(values) - np.outer(roots, roots) / (n - removed)
+        values = np.asarray(np.linalg.eigvalsh(rest), dtype=np.float64)
+    return np.maximum(values, 0.0)
 
 
 def trace(jacobian: npt.ArrayLike) -> float:
@@ -183,13 +221,8 @@ def _locked(matrix: FloatArray, locked: int) -> Iterator[tuple[tuple[int, ...], 
     if whole_number("locked joints", locked, 1) >= n:
         raise InputError("locked joints", locked, f"fewer than the {n} joints")
     for joints in combinations(range(n), locked):
-        yield joints, np.delete(matrix, joints, axis=1)
-
-
-def _smallest(kept: FloatArray) -> float:
-    if kept.shape[1] < kept.shape[0]:
-        return 0.0
-    return float(np.linalg.svd(kept, compute_uv=False)[-1])
+        left = [joint for joint in range(n) if joint not in joints]
+        yield joints, matrix[:, left]
 
 
 def _volume(kept: FloatArray) -> float:

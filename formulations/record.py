@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -54,7 +56,13 @@ class Record:
         return bool(np.isfinite(self.merit))
 
 
-def judge(run: Run, arm: Arm, formulation: str, locked: int = 1) -> Record:
+def judge(
+    run: Run,
+    arm: Arm,
+    formulation: str,
+    locked: int = 1,
+    merit: Callable[[FloatArray], float] | None = None,
+) -> Record:
     """Measure a run's Jacobian and check it against the arm and the formulation.
 
     Parameters
@@ -67,20 +75,22 @@ def judge(run: Run, arm: Arm, formulation: str, locked: int = 1) -> Record:
         Name of the formulation.
     locked
         How many joints lock at once.
+    merit
+        What is optimised, from J alone, where it is not the formulation's own.
     """
     solution = run.solution
     jacobian = solution.outputs["jacobian"]
     finite = bool(np.all(np.isfinite(jacobian)))
-    stated = catalogue.formulation(formulation)
+    stated = merit or partial(catalogue.formulation(formulation).merit, locked=locked)
     usable = finite and _in_model(arm, jacobian)
-    merit = stated.merit(jacobian, locked) if usable else np.nan
+    value = stated(jacobian) if usable else np.nan
     nan = float("nan")
     return Record(
         seed=run.seed,
         index=run.index,
         status=solution.status,
         violation=solution.violation,
-        merit=merit if np.isfinite(merit) else nan,
+        merit=value if np.isfinite(value) else nan,
         worst_case_sigma=measures.worst_case_sigma(jacobian, locked) if finite else nan,
         condition_number=measures.condition_number(jacobian) if finite else nan,
         isotropy_defect=measures.isotropy_defect(jacobian) if finite else nan,

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+import time
+from collections.abc import Collection, Sequence
 from concurrent.futures import BrokenExecutor, Future
 from contextlib import suppress
 from functools import partial
@@ -42,6 +43,7 @@ class DaskCluster:
             raise InputError("scheduler", address, allowed) from None
         self._address = address
         self._tasks: dict[Future[Results], Any] = {}
+        self._started: dict[str, float] = {}
         try:
             self._client = Client(address, timeout=_PATIENCE, set_as_default=False)
         except (OSError, ValueError):
@@ -53,6 +55,8 @@ class DaskCluster:
             self.close()
             allowed = "that of a Dask scheduler with at least one worker"
             raise InputError("scheduler", address, allowed) from None
+        self._topic = f"lockedjoint-{self._client.id}"
+        self._client.subscribe_topic(self._topic, self._note)
 
     @property
     def size(self) -> int:
@@ -67,11 +71,16 @@ class DaskCluster:
         future: Future[Results] = Future()
         future.set_running_or_notify_cancel()
         task = self._client.submit(
-            run_chunk, chunk.payload, chunk.seed, chunk.indices, pure=False
+            _run, self._topic, chunk.payload, chunk.seed, chunk.indices, pure=False
         )
         self._tasks[future] = task
         task.add_done_callback(partial(self._settle, future))
         return future
+
+    def started(self, future: Future[Results], submitted: float) -> float | None:  # noqa: ARG002
+        """Return when a worker said that it began; None while none has."""
+        task = self._tasks.get(future)
+        return None if task is None else self._started.get(task.key)
 
     def kill(self, futures: Collection[Future[Results]]) -> None:
         """Restart the workers that run these; their other chunks are run again by Dask."""
@@ -88,7 +97,10 @@ class DaskCluster:
     def abandon(self, futures: Collection[Future[Results]]) -> None:
         """Forget these: waiting ones are never run, running ones end for nothing."""
         tasks = [self._tasks.pop(future, None) for future in futures]
-        self._client.cancel([task for task in tasks if task is not None], force=True)
+        known = [task for task in tasks if task is not None]
+        for task in known:
+            self._started.pop(task.key, None)
+        self._client.cancel(known, force=True)
 
     def close(self) -> None:
         """Leave the cluster; it goes on without us."""
@@ -97,10 +109,26 @@ class DaskCluster:
     def _settle(self, future: Future[Results], task: Any) -> None:
         if self._tasks.pop(future, None) is None:  # abandoned
             return
+        self._started.pop(task.key, None)
         try:
             future.set_result(task.result())
         except Exception as error:
             future.set_exception(_told(error))
+
+    def _note(self, event: tuple[float, str]) -> None:
+        """Note that a chunk began to run, or runs again on another worker."""
+        key = event[1]
+        if any(task.key == key for task in list(self._tasks.values())):
+            self._started[key] = time.monotonic()
+
+
+def _run(topic: str, payload: bytes, seed: int, indices: Sequence[int]) -> Results:
+    """Say that the chunk begins, and run it."""
+    from distributed import get_worker
+
+    worker = get_worker()
+    worker.log_event(topic, worker.get_current_task())
+    return run_chunk(payload, seed, indices)
 
 
 def _told(error: Exception) -> Exception:

@@ -17,8 +17,17 @@ from nlp.nlpsol import NlpsolSolver
 from nlp.problem import Problem
 from nlp.solution import SUCCESS, Status
 
-# The options that are passed on, and their kinds; all above 0.
-OPTIONS: Mapping[str, type] = {"max_iter": int, "tol": float}
+# The options that are passed on, and their kinds; all above 0. The last four say what is added
+# to the Hessian where it is not convex: first, by what factor more until it is (the first
+# time, later), and by what factor less at the next iteration.
+OPTIONS: Mapping[str, type] = {
+    "max_iter": int,
+    "tol": float,
+    "delta_w0": float,
+    "kappa_wplusem": float,
+    "kappa_wplus": float,
+    "kappa_wmin": float,
+}
 
 
 class FatropSolver(NlpsolSolver):
@@ -29,7 +38,7 @@ class FatropSolver(NlpsolSolver):
     problem
         The nonlinear program.
     options
-        ``max_iter`` and ``tol``.
+        Those in `OPTIONS`.
     compiled
         Whether to compile the problem's functions; see `nlp.compiled`.
 

@@ -103,6 +103,35 @@ def shared_factor(
     return _encoding(variables, np.concatenate(diagonals), constraints, lift)
 
 
+def principal_minors(
+    matrix: ca.SX, level: ca.SX, deleted: Sequence[tuple[int, ...]], pivot: float
+) -> Encoding:
+    """Encode (*) as `shared_factor` does, I − X_Fᵀ X_F ⪰ 0 by its principal minors.
+
+    Rows det(I − X_Gᵀ X_G) ≥ 0 for each column and each leading part G of each F, and no
+    auxiliary variables but the shared factor. For one column the same as `shared_factor`. For
+    several it is cheaper where the deletions leave columns to spare (four times on six rows),
+    and loses most starts where they leave a square matrix of six rows.
+    """
+    m, n = matrix.shape
+    entries, factor = _triangular("L", m)
+    gram = matrix @ matrix.T - level * ca.SX.eye(m)
+    whitened = _forward_substitution(factor, matrix)
+    left = ca.SX.eye(n) - whitened.T @ whitened
+    parts = {columns[:size] for columns in deleted for size in range(1, len(columns) + 1)}
+    parts |= {(column,) for columns in deleted for column in columns}
+    minors = ca.vertcat(*(ca.det(left[list(part), list(part)]) for part in sorted(parts)))
+    constraints = (
+        Constraint("shared factor", _lower_part(gram - factor @ factor.T), 0.0, 0.0),
+        Constraint("principal minors", minors, 0.0, np.inf),
+    )
+
+    def lift(numeric: FloatArray, t: float) -> FloatArray:
+        return _packed(_factor(numeric @ numeric.T - t * np.eye(m)))
+
+    return _encoding(entries, _diagonal_bounds(m, pivot), constraints, lift)
+
+
 def factor_per_deletion(
     matrix: ca.SX,
     level: ca.SX,
@@ -130,6 +159,7 @@ def positive_factor_per_deletion(
 ENCODINGS: Mapping[str, Encode] = MappingProxyType(
     {
         "shared-factor": shared_factor,
+        "principal-minors": principal_minors,
         "factor-per-deletion": factor_per_deletion,
         "positive-factor-per-deletion": positive_factor_per_deletion,
     }

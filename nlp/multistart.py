@@ -15,6 +15,7 @@ from typing import Any, Generic, TypeVar, overload
 
 import joblib
 import numpy as np
+from threadpoolctl import threadpool_limits
 from tqdm import tqdm
 
 from nlp.arrays import FloatArray, whole_number
@@ -159,8 +160,9 @@ def multistart(
 
 def _in_turn(task: Task[T], seed: int, starts: int) -> Generator[list[Done[T]], None, None]:
     solver = task.solver()
-    for index in range(starts):
-        yield [run_start(solver, task, seed, index)]
+    with threadpool_limits(limits=1, user_api="blas"):
+        for index in range(starts):
+            yield [run_start(solver, task, seed, index)]
 
 
 def _spread(

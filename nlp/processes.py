@@ -46,6 +46,10 @@ class Processes:
             )
         return future
 
+    def started(self, future: Future[Results], submitted: float) -> float | None:  # noqa: ARG002
+        """Return when it was submitted: there are as many processes as chunks."""
+        return submitted
+
     def kill(self, futures: Collection[Future[Results]]) -> None:
         """Kill all processes; new ones start with the next chunk."""
         # Chunks that run beside these are lost, too, and run again.

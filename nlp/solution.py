@@ -68,6 +68,8 @@ class Solution:
         The problem's named outputs at the point, each a 2-D array.
     multipliers
         Lagrange multipliers of each constraint block, by name.
+    compiled
+        Whether the problem's functions ran as machine code: asked for, and possible here.
     """
 
     problem: str
@@ -78,3 +80,4 @@ class Solution:
     violation: float
     outputs: Mapping[str, FloatArray]
     multipliers: Mapping[str, FloatArray]
+    compiled: bool = False

@@ -35,6 +35,12 @@ class Pool(Protocol):
     def submit(self, chunk: Chunk) -> Future[Results]:
         """Run a chunk; raises one of `lost` itself if no worker can take it just now."""
 
+    def started(self, future: Future[Results], submitted: float) -> float | None:
+        """Return when it began to run, by `time.monotonic`; None if it may still wait.
+
+        `submitted` is when it was submitted, by the same clock.
+        """
+
     def kill(self, futures: Collection[Future[Results]]) -> None:
         """Stop these, by killing their workers; others may be lost with them."""
 
@@ -81,7 +87,8 @@ def spread(
     pool
         Where to run it.
     time_limit
-        Seconds that a chunk may take; no limit by default.
+        Seconds that a chunk may run, not counting the time that it waits for a worker; no
+        limit by default.
     """
     waiting = iter(chunks)
     suspects: deque[_Trial] = deque()
@@ -140,8 +147,10 @@ def _landed(
     """Wait until something ends, and say what."""
     patience = None
     if time_limit is not None:
-        oldest = min(trial.since for trial in flight.values())
-        patience = max(0.0, oldest + time_limit - time.monotonic()) + 0.01
+        # What has not begun yet cannot be late before this much time has passed.
+        latest = time.monotonic() + time_limit
+        ends = (_deadline(pool, *pair, time_limit) for pair in flight.items())
+        patience = max(0.0, min(latest, *ends) - time.monotonic()) + 0.01
     ended, _ = wait(flight, timeout=patience, return_when=FIRST_COMPLETED)
     for future in ended:
         try:
@@ -158,13 +167,21 @@ def _overdue(
     """Stop what takes too long; return it and what was lost with it."""
     if time_limit is None:
         return []
-    latest = time.monotonic() - time_limit
-    late = [future for future, trial in flight.items() if trial.since < latest]
-    late = [future for future in late if not future.done()]
-    if not late:
+    now = time.monotonic()
+    late = [one for one in flight.items() if _deadline(pool, *one, time_limit) < now]
+    overdue = [future for future, _ in late if not future.done()]
+    if not overdue:
         return []
-    pool.kill(late)
-    return [flight.pop(future) for future in late]
+    pool.kill(overdue)
+    return [flight.pop(future) for future in overdue]
+
+
+def _deadline(pool: Pool, future: Future[Results], trial: _Trial, time_limit: float) -> float:
+    started = pool.started(future, trial.since)
+    if started is not None:
+        return started + time_limit
+    # Behind one other at most. If neither that nor a start shows, its worker is stuck.
+    return trial.since + 2 * time_limit
 
 
 def _failed(trial: _Trial, suspects: deque[_Trial]) -> Generator[Arrival, None, None]:

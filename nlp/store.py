@@ -9,13 +9,14 @@ which SQL does not have, is kept as NULL. The caller's `Schema` says which colum
 from __future__ import annotations
 
 import sqlite3
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
 from pathlib import Path
 from types import TracebackType
 from typing import Self, TypeAlias
 
 from nlp.errors import FileError, InputError
+from nlp.store_join import conflict_query, join_statements
 from nlp.store_schema import Condition, Schema, Value, create_statements, from_sql, to_sql
 
 Row: TypeAlias = dict[str, Value]
@@ -121,6 +122,56 @@ class Store:
             ]
             self._database.executemany(insert, lines)
 
+    def join(self, other: Path, apart_from: Collection[str] = ()) -> tuple[int, int]:
+        """Add the records of another store of the same kind, all of them or none.
+
+        Parameters
+        ----------
+        other
+            Its file, which stays as it is.
+        apart_from
+            Values in which records of one start may differ, such as times.
+
+        Returns
+        -------
+        tuple of int
+            Records that were added, and records that were there already.
+
+        Raises
+        ------
+        FileError
+            If it is not such a store, has another version or is this one.
+        InputError
+            If both have a record of one start with different values; nothing is added.
+        """
+        with Store(other, self.schema):  # refuses what is not a store of this version
+            pass
+        if other.samefile(self.path):
+            raise FileError("store to join", str(other), "another file than the store itself")
+        with self._clear():
+            uri = f"{other.absolute().as_uri()}?mode=ro"
+            self._database.execute("ATTACH DATABASE ? AS other", (uri,))
+        try:
+            with self._transaction():
+                self._refuse_conflicts(other, apart_from)
+                added = [
+                    self._database.execute(s).rowcount for s in join_statements(self.schema)
+                ]
+                count = "SELECT count(*) FROM other.record"
+                theirs = int(self._database.execute(count).fetchone()[0])
+        finally:
+            self._database.execute("DETACH DATABASE other")
+        return added[-1], theirs - added[-1]
+
+    def _refuse_conflicts(self, other: Path, apart_from: Collection[str]) -> None:
+        found = self._database.execute(conflict_query(self.schema, apart_from)).fetchone()
+        if found is None:
+            return
+        names = (*self.schema.settings, "start")
+        record = ", ".join(f"{name}={value}" for name, value in zip(names, found, strict=True))
+        allowed = "records equal to those that are there already, where starts are the same"
+        raise InputError(f"record of {record}", f"another one in {other}", allowed)
+
     def missing(self, cell: int, starts: int) -> list[range]:
         """Return the starts below `starts` without a record, as ranges in order."""
         gaps: list[range] = []
@@ -134,7 +185,12 @@ class Store:
         return [*gaps, range(expected, starts)] if expected < starts else gaps
 
     def rows(
-        self, conditions: Sequence[Condition] = (), columns: Sequence[str] | None = None
+        self,
+        conditions: Sequence[Condition] = (),
+        columns: Sequence[str] | None = None,
+        *,
+        order: str | None = None,
+        descending: bool = False,
     ) -> Iterator[Row]:
         """Yield records with their cells' settings, in the order of cells and starts.
 
@@ -144,13 +200,29 @@ class Store:
             What records must meet, all of it.
         columns
             Which columns; all by default.
+        order, descending
+            A column to order by first.
 
         Raises
         ------
         InputError
             If there is no such column.
         """
+        first = "" if order is None else self.schema.qualified(order)
+        ordered = f"{first}{' DESC' if descending else ''}, " if first else ""
         chosen = list(self.schema.columns if columns is None else columns)
+        return self._rows(chosen, conditions, f"ORDER BY {ordered}record.cell, record.start")
+
+    def distinct(
+        self, columns: Sequence[str], conditions: Sequence[Condition] = ()
+    ) -> Iterator[Row]:
+        """Yield each combination of settings that records have, in the order of cells."""
+        first = "GROUP BY " + ", ".join(self.schema.qualified(name) for name in columns)
+        return self._rows(list(columns), conditions, f"{first} ORDER BY min(record.cell)")
+
+    def _rows(
+        self, chosen: Sequence[str], conditions: Sequence[Condition], ending: str
+    ) -> Iterator[Row]:
         kinds = [self.schema.kind(name) for name in chosen]
         clauses = [condition.clause(self.schema) for condition in conditions]
         listed = ", ".join(self.schema.qualified(name) for name in chosen)
@@ -158,7 +230,7 @@ class Store:
             f"SELECT {listed} FROM record JOIN cell ON cell.id = record.cell "
             "JOIN environment ON environment.id = record.environment "
             + ("WHERE " + " AND ".join(clauses) if clauses else "")
-            + " ORDER BY record.cell, record.start"
+            + f" {ending}"
         )
         values = [condition.value for condition in conditions]
         with self._clear(), closing(self._database.execute(query, values)) as found:

@@ -12,6 +12,7 @@ from typing import Any, Generic, TypeVar
 
 import cloudpickle
 import numpy as np
+from threadpoolctl import ThreadpoolController
 
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
@@ -127,14 +128,18 @@ def packed(task: Task[Any]) -> bytes:
 def run_chunk(payload: bytes, seed: int, indices: Sequence[int]) -> list[Done[Any]]:
     """Run the starts of a chunk in this process; the solver is kept for the next chunk."""
     with _ONE_AT_A_TIME:
-        solver, task = _unpacked(payload)
-        return [run_start(solver, task, seed, index) for index in indices]
+        solver, task, libraries = _unpacked(payload)
+        # A cluster's workers are not ours to set up; where they are, this changes nothing.
+        with libraries.limit(limits=1, user_api="blas"):
+            return [run_start(solver, task, seed, index) for index in indices]
 
 
 @lru_cache(maxsize=2)
-def _unpacked(payload: bytes) -> tuple[NlpsolSolver, Task[Any]]:
+def _unpacked(payload: bytes) -> tuple[NlpsolSolver, Task[Any], ThreadpoolController]:
     task: Task[Any] = pickle.loads(payload)
-    return task.solver(), task
+    solver = task.solver()
+    # Looked for once, and when the solver has brought its own: that takes milliseconds.
+    return solver, task, ThreadpoolController()
 
 
 def run_start(solver: NlpsolSolver, task: Task[T], seed: int, index: int) -> Done[T]:

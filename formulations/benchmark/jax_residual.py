@@ -1,7 +1,8 @@
-"""JAX on the residual: Levenberg–Marquardt, compiled, all starts of a batch at once."""
+"""JAX on the residual: Levenberg–Marquardt and damped Newton, all starts of a batch at once."""
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,7 @@ from nlp.arrays import FloatArray
 _STEPS, _GRADIENT = 300, 1e-7
 
 
-def _prepare(arm: Arm, batch: int) -> Run:
+def _prepare(arm: Arm, batch: int, exact: bool) -> Run:
     import jax
 
     jax.config.update("jax_enable_x64", True)
@@ -41,13 +42,18 @@ def _prepare(arm: Arm, batch: int) -> Run:
         gap = found @ found.T - found.shape[1] / 3 * jnp.eye(6)
         return weights * gap[rows, columns]
 
+    def half(angles: Any) -> Any:
+        return jnp.sum(equations(angles) ** 2) / 2
+
     def step(state: Any) -> Any:
         x, damping, count, _ = state
         r, d = equations(x), jax.jacfwd(equations)(x)
         slope = d.T @ r
-        lhs = d.T @ d + damping * jnp.eye(x.size)
+        curvature = jax.hessian(half)(x) if exact else d.T @ d
+        lhs = curvature + damping * jnp.eye(x.size)
+        # Where it is not positive definite the step is NaN, no better, and damped more.
         trial = x - jax.scipy.linalg.cho_solve(jax.scipy.linalg.cho_factor(lhs), slope)
-        better = jnp.sum(equations(trial) ** 2) < jnp.sum(r**2)
+        better = half(trial) < jnp.sum(r**2) / 2
         damping = jnp.where(better, jnp.maximum(damping / 5, 1e-10), damping * 4)
         return jnp.where(better, trial, x), damping, count + 1, jnp.max(jnp.abs(slope))
 
@@ -67,12 +73,13 @@ def _prepare(arm: Arm, batch: int) -> Run:
     return run
 
 
-PEERS = (
+PEERS = tuple(
     Peer(
-        "JAX, batched Levenberg–Marquardt",
+        f"JAX, batched {name}",
         residual.NAME,
-        _prepare,
+        partial(_prepare, exact=exact),
         f"float64, at most {_STEPS} steps, gradient below {_GRADIENT:g}",
         batched=True,
-    ),
+    )
+    for name, exact in (("Levenberg–Marquardt", False), ("Newton, damped", True))
 )

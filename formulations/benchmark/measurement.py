@@ -6,9 +6,10 @@ import os
 import tempfile
 import time
 import warnings
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
+from typing import TypeAlias
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -22,6 +23,7 @@ from nlp.task import generator
 
 # Answers within this of the best of all peers are successes; within the second, near.
 REACH, NEAR = 1e-6, 1e-3
+Progress: TypeAlias = Callable[[str], None]
 # Peers take turns, so that whatever else the machine does meets all alike.
 _ROUNDS = 4
 
@@ -34,8 +36,10 @@ class Row:
     ----------
     formulation, joints, peer, settings
         What was run.
-    starts, success, near
-        Starts, and those within `REACH` and `NEAR` of the best merit of all peers.
+    asked, starts
+        Starts that it was given, and that it got to before its time was up.
+    success, near
+        Starts within `REACH` and `NEAR` of the best merit of all peers.
     milliseconds_per_start, milliseconds_per_success
         Processor time, without setting up.
     relative
@@ -44,13 +48,14 @@ class Row:
     setup_seconds
         Wall time of setting up: derivatives, compilation.
     note
-        Why it was not run, if it was not.
+        Why it was not run, or stopped early, if so.
     """
 
     formulation: str
     joints: int
     peer: str
     settings: str
+    asked: int
     starts: int
     success: int
     near: int
@@ -72,27 +77,55 @@ class _Trial:
     note: str = ""
     setup: float = float("nan")
     seconds: float = 0.0
-    merits: tuple[float, ...] = ()
+    merits: list[float] = field(default_factory=list)
 
 
-def measure(peers: Sequence[Peer], joints: int, starts: int, seed: int) -> list[Row]:
-    """Return a row for each peer, all of one formulation, on `joints` unit revolute joints."""
+def measure(
+    peers: Sequence[Peer],
+    joints: int,
+    starts: int,
+    seed: int,
+    time_limit: float = np.inf,
+    progress: Progress | None = None,
+) -> Iterator[list[Row]]:
+    """Yield a row for each peer as it stands, after each round of turns.
+
+    Parameters
+    ----------
+    peers
+        All of one formulation.
+    joints
+        Number of unit revolute joints.
+    starts, seed
+        Starts for each, the same for all.
+    time_limit
+        Seconds of processor time for each peer: what has used them up begins no other start.
+    progress
+        Told what is being done.
+    """
+    tell = progress or _in_silence
     built = arm("unit-revolute", joints)
     points = np.array([built.sample(generator(seed, index)) for index in range(starts)])
     batch = -(-starts // _ROUNDS)
     with _fresh_cache():
-        trials = [_set_up(peer, built, batch, points[:1]) for peer in peers]
+        trials = []
+        for peer in peers:
+            tell(f"{peer.formulation} {joints}R, setting up: {peer.name}")
+            trials.append(_set_up(peer, built, batch, points[:1]))
     # Only now: libraries of linear algebra that peers brought with them count, too.
     with threadpool_limits(1):
         for first in range(0, starts, batch):
             for trial in trials:
-                _take_turn(trial, built, points[first : first + batch], batch)
-    return _rows(trials, joints, starts)
+                tell(f"{trial.peer.formulation} {joints}R, start {first}: {trial.peer.name}")
+                _take_turn(trial, built, points[first : first + batch], batch, time_limit)
+            yield _rows(trials, joints, starts, time_limit)
+
+
+def _in_silence(_: str) -> None:
+    pass
 
 
 def _set_up(peer: Peer, built: Arm, batch: int, point: FloatArray) -> _Trial:
-    if built.shape[1] > peer.most_joints:
-        return _Trial(peer, note=f"only up to {peer.most_joints} joints")
     began = time.perf_counter()
     try:
         run = peer.prepare(built, batch)
@@ -107,20 +140,35 @@ def _set_up(peer: Peer, built: Arm, batch: int, point: FloatArray) -> _Trial:
     return _Trial(peer, run, setup=setup)
 
 
-def _take_turn(trial: _Trial, built: Arm, points: FloatArray, batch: int) -> None:
+def _take_turn(
+    trial: _Trial, built: Arm, points: FloatArray, batch: int, time_limit: float
+) -> None:
     if trial.run is None:
         return
-    if trial.peer.batched:  # compiled for one size of batch
-        points, wanted = np.resize(points, (batch, points.shape[1])), len(points)
-    else:
-        wanted = len(points)
+    done = 0
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # peers' own; what counts is what comes out
-        began = time.process_time()
-        jacobians = trial.run(points)
-        trial.seconds += time.process_time() - began
-    merits = (_merit(trial.peer, built, matrix) for matrix in jacobians[:wanted])
-    trial.merits = (*trial.merits, *merits)
+        while done < len(points) and trial.seconds < time_limit:
+            wanted = _as_many(trial, len(points) - done, time_limit)
+            given = points[done : done + wanted]
+            if trial.peer.batched:  # compiled for one size of batch
+                given = np.resize(given, (batch, points.shape[1]))
+            began = time.process_time()
+            jacobians = trial.run(given)
+            trial.seconds += time.process_time() - began
+            merits = (_merit(trial.peer, built, matrix) for matrix in jacobians[:wanted])
+            trial.merits += merits
+            done += wanted
+
+
+def _as_many(trial: _Trial, left: int, time_limit: float) -> int:
+    """Return how many starts to run at once, so that the limit is found soon when it is met."""
+    if trial.peer.batched or np.isinf(time_limit):
+        return left
+    if not trial.merits:
+        return 1
+    each = trial.seconds / len(trial.merits)
+    return max(1, min(left, int((time_limit - trial.seconds) / max(each, 1e-9))))
 
 
 def _merit(peer: Peer, built: Arm, jacobian: FloatArray) -> float:
@@ -134,18 +182,24 @@ def _merit(peer: Peer, built: Arm, jacobian: FloatArray) -> float:
     return formulation(peer.formulation).merit(jacobian)
 
 
-def _rows(trials: Sequence[_Trial], joints: int, starts: int) -> list[Row]:
+def _rows(trials: Sequence[_Trial], joints: int, asked: int, time_limit: float) -> list[Row]:
     everything = [merit for trial in trials for merit in trial.merits if np.isfinite(merit)]
-    if not everything:
-        return [_row(trial, joints, starts, float("nan"), float("nan")) for trial in trials]
-    sense = formulation(trials[0].peer.formulation).SENSE
-    best = min(everything) if sense == "minimise" else max(everything)
-    unit = _row(trials[0], joints, starts, best, float("nan")).milliseconds_per_success
-    return [_row(trial, joints, starts, best, unit) for trial in trials]
+    best = unit = float("nan")
+    if everything:
+        sense = formulation(trials[0].peer.formulation).SENSE
+        best = min(everything) if sense == "minimise" else max(everything)
+        unit = _row(trials[0], joints, asked, best, unit, "").milliseconds_per_success
+    rows = []
+    for trial in trials:
+        note = trial.note
+        if trial.run is not None and trial.seconds >= time_limit and len(trial.merits) < asked:
+            note = f"stopped after {time_limit:g} s"
+        rows.append(_row(trial, joints, asked, best, unit, note))
+    return rows
 
 
-def _row(trial: _Trial, joints: int, starts: int, best: float, unit: float) -> Row:
-    ran, nan = trial.run is not None, float("nan")
+def _row(trial: _Trial, joints: int, asked: int, best: float, unit: float, note: str) -> Row:
+    starts, nan = len(trial.merits), float("nan")
     away = np.abs(np.array(trial.merits) - best)
     success = int(np.sum(away <= REACH))
     per_success = 1e3 * trial.seconds / success if success else nan
@@ -154,14 +208,15 @@ def _row(trial: _Trial, joints: int, starts: int, best: float, unit: float) -> R
         joints=joints,
         peer=trial.peer.name,
         settings=trial.peer.settings,
-        starts=starts if ran else 0,
+        asked=asked,
+        starts=starts,
         success=success,
         near=int(np.sum(away <= NEAR)),
-        milliseconds_per_start=1e3 * trial.seconds / starts if ran else nan,
+        milliseconds_per_start=1e3 * trial.seconds / starts if starts else nan,
         milliseconds_per_success=per_success,
         relative=per_success / unit,
         setup_seconds=trial.setup,
-        note=trial.note,
+        note=note,
     )
 
 

@@ -27,7 +27,6 @@ def max_min_peer(
     encoding: str = "shared-factor",
     compiled: bool = False,
     first: str = "",
-    most_joints: int = 20,
 ) -> Peer:
     """Return max-min; with `first`, from residual minima that this solver finds."""
 
@@ -44,7 +43,7 @@ def max_min_peer(
 
         return each(one, arm.shape)
 
-    return Peer(name, max_min.NAME, prepare, f"encoding {encoding}", most_joints)
+    return Peer(name, max_min.NAME, prepare, f"encoding {encoding}")
 
 
 PEERS = (
@@ -60,12 +59,9 @@ PEERS = (
         first="fatrop",
         compiled=True,
     ),
-    max_min_peer(
-        "classical: one free factor per failure", encoding="factor-per-deletion", most_joints=8
-    ),
+    max_min_peer("classical: one free factor per failure", encoding="factor-per-deletion"),
     max_min_peer(
         "one positive factor per failure",
         encoding="positive-factor-per-deletion",
-        most_joints=8,
     ),
 )

@@ -32,8 +32,6 @@ class Peer:
         is reported apart. Raises NotRunError, or ImportError where a package is missing.
     settings
         How it is set up, in words.
-    most_joints
-        Largest number of joints it is run for.
     batched
         Whether it only takes batches of the size it was set up for.
     """
@@ -42,7 +40,6 @@ class Peer:
     formulation: str
     prepare: Callable[[Arm, int], Run]
     settings: str = ""
-    most_joints: int = 20
     batched: bool = False
 
 

@@ -11,6 +11,7 @@ from formulations.benchmark import (
     ours,
     pymanopt_residual,
     schatten,
+    scipy_max_min,
     scipy_residual,
 )
 from formulations.benchmark.peer import Peer
@@ -21,6 +22,7 @@ PEERS: Sequence[Peer] = (
     *scipy_residual.PEERS,
     *jax_residual.PEERS,
     *pymanopt_residual.PEERS,
+    *scipy_max_min.PEERS,
     *schatten.PEERS,
 )
 

@@ -15,6 +15,7 @@ from nlp.files import write_text
 _SHOWN = {
     "peer": "peer",
     "starts": "starts",
+    "asked": "of",
     "success": "success",
     "near": "near",
     "milliseconds_per_start": "CPU ms per start",
@@ -24,6 +25,10 @@ _SHOWN = {
     "settings": "settings",
     "note": "note",
 }
+_GROWTH = (
+    "CPU ms per success; with >, what was spent without one. A star: stopped at the time limit "
+    "before all starts."
+)
 _DEFAULT = "lockedjoint, Ipopt (default)"
 _COMPILED = "lockedjoint, Ipopt, compiled"
 _FAST = "lockedjoint, Fatrop, compiled (fast path)"
@@ -53,16 +58,18 @@ TARGETS = (
 )
 
 
-def write(rows: Sequence[Row], folder: Path, seed: int, packages: Sequence[str]) -> None:
+def write(
+    rows: Sequence[Row], folder: Path, seed: int, packages: Sequence[str], time_limit: float
+) -> None:
     """Write ``benchmark.csv`` and ``benchmark.md``; FileError if a file cannot be written."""
     table = pd.DataFrame(
         [row.to_dict() for row in rows], columns=list(Row.__dataclass_fields__)
     )
     write_text(folder / "benchmark.csv", table.to_csv(index=False))
-    write_text(folder / "benchmark.md", markdown(rows, seed, packages))
+    write_text(folder / "benchmark.md", markdown(rows, seed, packages, time_limit))
 
 
-def markdown(rows: Sequence[Row], seed: int, packages: Sequence[str]) -> str:
+def markdown(rows: Sequence[Row], seed: int, packages: Sequence[str], time_limit: float) -> str:
     """Return the benchmark as a Markdown page."""
     parts = [
         "# Benchmark\n",
@@ -70,13 +77,15 @@ def markdown(rows: Sequence[Row], seed: int, packages: Sequence[str]) -> str:
         "Unit revolute joints, the same random starts for all, in turns within one run, one "
         "thread each. A *success* is an answer whose Jacobian, measured by itself, is one of "
         f"the arm's and within {REACH:g} of the best of all peers; *near* is within {NEAR:g}. "
-        "Processor time is without set-up, which stands beside it.\n",
+        "Processor time is without set-up, which stands beside it. Who has used up "
+        f"{time_limit:g} s of it on one statement and size begins no other start there, which "
+        "the note says.\n",
         targets(rows),
     ]
     for formulation, joints in dict.fromkeys((row.formulation, row.joints) for row in rows):
         here = [r for r in rows if (r.formulation, r.joints) == (formulation, joints)]
         parts.append(f"## {formulation}, {joints}R\n\n{_table(here)}\n")
-    parts.append(f"## Growth\n\nCPU ms per success.\n\n{growth(rows)}\n")
+    parts.append(f"## Growth\n\n{_GROWTH}\n\n{growth(rows)}\n")
     return "\n".join(parts)
 
 
@@ -103,14 +112,20 @@ def growth(rows: Sequence[Row]) -> str:
     lines = []
     for name in dict.fromkeys((row.formulation, row.peer) for row in rows):
         found = {r.joints: r for r in rows if (r.formulation, r.peer) == name}
-        cells = [
-            _number(found[n].milliseconds_per_success) if n in found else "–" for n in sizes
-        ]
+        cells = [_growth_cell(found[n]) if n in found else "–" for n in sizes]
         lines.append([*name, *cells])
     heads = ["formulation", "peer", *(f"{n}R" for n in sizes)]
     return str(
         pd.DataFrame(lines, columns=heads).to_markdown(index=False, disable_numparse=True)
     )
+
+
+def _growth_cell(row: Row) -> str:
+    if row.starts and not row.success:
+        shown = f"> {_number(row.milliseconds_per_start * row.starts)}"
+    else:
+        shown = _number(row.milliseconds_per_success)
+    return f"{shown} *" if 0 < row.starts < row.asked else shown
 
 
 def _table(rows: Sequence[Row]) -> str:

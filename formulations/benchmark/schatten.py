@@ -53,6 +53,5 @@ PEERS = (
         max_min.NAME,
         _prepare,
         f"p from {_POWERS[0]:g} to {_POWERS[-1]:g}",
-        most_joints=8,
     ),
 )

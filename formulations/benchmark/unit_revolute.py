@@ -39,6 +39,26 @@ def chain(angles: FloatArray, slope: FloatArray) -> FloatArray:
     return np.asarray(np.einsum("an,ank->nk", slope, _columns(angles)[1])).ravel()
 
 
+def locked_eigenvalues(angles: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Eigenvalues of JJᵀ − j_f j_fᵀ for each joint f, and their derivatives by eigenvectors.
+
+    Returns
+    -------
+    values
+        Shape (6n,), those of one failure after the other, each in ascending order.
+    slopes
+        Shape (6n, 3n). Where eigenvalues meet they are those of one choice of eigenvectors.
+    """
+    matrix, turned = _columns(angles)
+    n = matrix.shape[1]
+    gram = matrix @ matrix.T
+    values, vectors = np.linalg.eigh(gram - np.einsum("an,bn->nab", matrix, matrix))
+    along = np.einsum("fak,ai->fki", vectors, matrix)
+    along[np.arange(n), :, np.arange(n)] = 0.0  # a locked joint moves nothing
+    slopes = 2 * along[..., None] * np.einsum("fak,aic->fkic", vectors, turned)
+    return values.ravel(), np.asarray(slopes.reshape(6 * n, 3 * n))
+
+
 def _columns(angles: FloatArray) -> tuple[FloatArray, FloatArray]:
     """J and its derivatives in each joint's own angles, shape (6, n, 3)."""
     alpha, beta, gamma = angles.reshape(-1, 3).T

@@ -46,8 +46,8 @@ class CertifiedBound:
         return 0.0 if gap <= CLOSED * max(1.0, abs(self.value)) else 100 * gap / abs(found)
 
 
-def certified_bound(formulation: str, arm: Arm) -> CertifiedBound:
-    """Return the best bound on the optimum that is proved, for any number of locked joints.
+def certified_bound(formulation: str, arm: Arm, locked: int = 1) -> CertifiedBound:
+    """Return the best bound on the optimum that is proved.
 
     Parameters
     ----------
@@ -55,18 +55,21 @@ def certified_bound(formulation: str, arm: Arm) -> CertifiedBound:
         Name of the formulation.
     arm
         The joints.
+    locked
+        How many joints lock at once. What is on record for one holds for more.
     """
     if formulation == residual.NAME:
         trivial = CertifiedBound(0.0, "closed form")
         return _on_record("residual", arm, "rigorous") or trivial
     if formulation == isotropy.NAME and is_excluded(arm):
         return CertifiedBound(float("nan"), "exact proof")
-    bound = CertifiedBound(measures.sigma_bound(*arm.shape, arm.largest_trace), "closed form")
-    return _on_record("max-min", arm, "rigorous") or bound
+    value = measures.sigma_bound(*arm.shape, arm.largest_trace, locked)
+    bounds = [CertifiedBound(value, "closed form"), _on_record("max-min", arm, "rigorous")]
+    return min((one for one in bounds if one), key=lambda one: one.value)
 
 
 def numerical_bound(formulation: str, arm: Arm) -> CertifiedBound | None:
-    """Return the best numerical bound on record, or None; parameters as `certified_bound`."""
+    """Return the best numerical bound on record, for any number of locked joints, or None."""
     if formulation == isotropy.NAME and is_excluded(arm):
         return None
     quantity = "residual" if formulation == residual.NAME else "max-min"

@@ -23,7 +23,7 @@ from nlp.store_schema import Schema, Value
 # brought to it; a study may have cost weeks.
 SCHEMA = Schema(
     application=0x6C6A7331,
-    version=1,
+    version=2,
     settings={
         "formulation": "TEXT",
         "model": "TEXT",
@@ -51,9 +51,14 @@ SCHEMA = Schema(
         "condition_number": "REAL",
         "isotropy_defect": "REAL",
         "jacobian": "BLOB",
+        "ran_compiled": "INTEGER",
         "solver_cpu_seconds": "REAL",
         "solver_wall_seconds": "REAL",
         "cpu_seconds": "REAL",
+    },
+    migrations={
+        # Version 1 did not say whether what was to be compiled was: it is not known.
+        1: ("ALTER TABLE record ADD COLUMN ran_compiled INTEGER",),
     },
 )
 TIMES = ("solver_cpu_seconds", "solver_wall_seconds", "cpu_seconds")
@@ -89,6 +94,7 @@ def keep(run: Run, arm: Arm, formulation: str, locked: int = 1) -> Kept:
             "condition_number": record.condition_number,
             "isotropy_defect": record.isotropy_defect,
             "jacobian": record.jacobian.astype("<f8").tobytes(),
+            "ran_compiled": int(run.solution.compiled),
             "solver_cpu_seconds": status.cpu_seconds,
             "solver_wall_seconds": status.wall_seconds,
             "cpu_seconds": record.cpu_seconds,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Annotated
@@ -26,6 +27,12 @@ def whole(lowest: int) -> Callable[[str], int]:
         return number
 
     return whole_number
+
+
+def progress(sentence: str) -> None:
+    """Show what is being done, on a terminal's standard error."""
+    if sys.stderr.isatty():
+        typer.echo(f"\r\x1b[K{sentence[:78]}", nl=False, err=True)
 
 
 def positive(text: str) -> float:

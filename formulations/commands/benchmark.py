@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from formulations.commands.arguments import Out, Seed, Starts, whole
+from formulations.commands.arguments import Out, Seed, Starts, positive, progress, whole
 
 if TYPE_CHECKING:
     from formulations.benchmark.measurement import Row
@@ -21,6 +21,14 @@ def benchmark(
         str, typer.Option(metavar="N,...", help="Numbers of joints, from 7 to 20.")
     ] = "7,8,10,14,20",
     seed: Seed = 0,
+    time_limit: Annotated[
+        float,
+        typer.Option(
+            parser=positive,
+            metavar="SECONDS",
+            help="Processor time for each solver on one statement and size.",
+        ),
+    ] = 20.0,
     out: Out = Path("benchmark"),
     as_json: Annotated[
         bool, typer.Option("--json", help="Print JSON instead of text.")
@@ -30,7 +38,8 @@ def benchmark(
 
     Residual minimisation and max-min on unit revolute joints. Peers are an extra: pip install
     lockedjoint[peers]; one that is missing says so in its row. Sizes above 8 take a fifth of
-    the starts. Writes benchmark.csv and benchmark.md after every size.
+    the starts, and whoever uses up the time limit stops there. Writes benchmark.csv and
+    benchmark.md after every round, so that Ctrl-C keeps what is done.
     """
     import json
 
@@ -41,6 +50,7 @@ def benchmark(
 
     sizes = _sizes(joints)
     prepare_folder(out)
+    before: list[Row] = []
     rows: list[Row] = []
     complete = False
     try:
@@ -48,11 +58,14 @@ def benchmark(
             for formulation in dict.fromkeys(peer.formulation for peer in PEERS):
                 peers = [peer for peer in PEERS if peer.formulation == formulation]
                 few = starts if size <= 8 else max(1, starts // 5)
-                rows += measure(peers, size, few, seed)
-                write(rows, out, seed, packages())
+                for found in measure(peers, size, few, seed, time_limit, progress):
+                    rows = [*before, *found]
+                    write(rows, out, seed, packages(), time_limit)
+                before = rows
         complete = True
     except KeyboardInterrupt:
         typer.echo("Interrupted: what was done is kept, the rest is missing.", err=True)
+    progress("")
     if as_json:
         typer.echo(json.dumps([row.to_dict() for row in rows], indent=1))
     elif rows:

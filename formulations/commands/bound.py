@@ -3,14 +3,20 @@
 from __future__ import annotations
 
 import json
-import sys
 from collections.abc import Mapping
 from enum import StrEnum
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from formulations.commands.arguments import Joints, Json, Seed, TaskDimension, positive
+from formulations.commands.arguments import (
+    Joints,
+    Json,
+    Seed,
+    TaskDimension,
+    positive,
+    progress,
+)
 from formulations.commands.text import as_text
 from nlp.errors import InputError
 
@@ -141,8 +147,6 @@ def _unit_revolute(
     solver: str | None,
     as_json: bool,
 ) -> None:
-    from threadpoolctl import threadpool_limits
-
     from formulations.bounds.so3_moments.max_min_bound import max_min_bound
     from formulations.bounds.so3_moments.residual_bound import residual_bound
     from formulations.bounds.so3_moments.rigorous_residual import rigorous_residual_bound
@@ -150,23 +154,14 @@ def _unit_revolute(
     residual = quantity is Quantity.RESIDUAL
     if solver is not None and (rigorous or not residual):
         raise InputError("solver", solver, "none with --rigorous or --quantity max-min")
-    with threadpool_limits(limits=1, user_api="blas"):  # many small matrices: threads only wait
-        if not residual:
-            found = max_min_bound(
-                preset, joints, rigorous=rigorous, seed=seed, progress=_progress
-            )
-        elif rigorous:
-            found = rigorous_residual_bound(preset, joints, seed=seed, progress=_progress)
-        else:
-            found = residual_bound(preset, joints, solver=solver, seed=seed, progress=_progress)
+    if not residual:
+        found = max_min_bound(preset, joints, rigorous=rigorous, seed=seed, progress=progress)
+    elif rigorous:
+        found = rigorous_residual_bound(preset, joints, seed=seed, progress=progress)
+    else:
+        found = residual_bound(preset, joints, solver=solver, seed=seed, progress=progress)
     plain = found.to_dict()
     typer.echo(json.dumps(plain, indent=1) if as_json else as_text(plain))
-
-
-def _progress(sentence: str) -> None:
-    """Show what is being done, on a terminal's standard error."""
-    if sys.stderr.isatty():
-        typer.echo(f"\r\x1b[K{sentence[:78]}", nl=False, err=True)
 
 
 def _existence(

@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from formulations.commands.arguments import Json, Locked, Tolerance
+from formulations.commands.failure_options import NeverFails, Probabilities
 
 
 def measure(
@@ -16,6 +17,8 @@ def measure(
         Path, typer.Argument(metavar="FILE", help="CSV, NPY or JSON; one column per joint.")
     ],
     locked: Locked = 1,
+    failure_probabilities: Probabilities = None,
+    never_fails: NeverFails = None,
     tolerance: Tolerance = 1e-6,
     as_json: Json = False,
 ) -> None:
@@ -24,16 +27,25 @@ def measure(
     Reads a matrix from CSV, NPY or JSON (a list of rows, an object with the key "jacobian",
     or a list of such objects as in jacobians.json) and prints its singular values, its worst
     case after locked joints with the joints and direction that realise it, the bound, its
-    isotropy, and whether it is optimally failure tolerant. Joints are counted from 0.
+    isotropy, and whether it is optimally failure tolerant. Joints are counted from 0. With
+    failure probabilities or joints that never fail also the expected dexterity and the
+    probability-weighted worst case.
     """
     from formulations.assessment import assess
+    from formulations.commands.failure_options import failure_model
     from formulations.commands.text import as_text
+    from formulations.failure_assessment import assess_failures
     from formulations.jacobian_file import read_jacobians
 
-    found = [
-        {"name": name, **assess(matrix, locked, tolerance).to_dict()}
-        for name, matrix in read_jacobians(file)
-    ]
+    found = []
+    for name, matrix in read_jacobians(file):
+        values = {"name": name, **assess(matrix, locked, tolerance).to_dict()}
+        joints = matrix.shape[1]
+        model = failure_model(failure_probabilities, never_fails, joints, locked)
+        if model is not None:
+            known = failure_probabilities is not None
+            values |= assess_failures(matrix, model, probabilities_known=known).to_dict()
+        found.append(values)
     if as_json:
         typer.echo(json.dumps(found if len(found) > 1 else found[0], indent=1))
         return

@@ -92,12 +92,13 @@ def _table(
     records: bool,
     optima: bool,
 ) -> pd.DataFrame:
-    from formulations.campaign import frame
+    from formulations.campaign.frame import frame
+    from formulations.campaign.groups import grouped
     from formulations.campaign.optima import optima as optima_of
 
     if records:
-        return frame.frame(study, conditions)
+        return frame(study, conditions)
     if optima:
         return optima_of(study, conditions)
     by = None if group_by is None else [name.strip() for name in group_by.split(",")]
-    return frame.grouped(study, conditions, by)
+    return grouped(study, conditions, by)

@@ -21,6 +21,7 @@ from formulations.commands.arguments import (
     Workers,
     ipopt_options,
 )
+from formulations.commands.failure_options import NeverFails, Probabilities
 
 if TYPE_CHECKING:
     from formulations.comparison.contender import Outcome
@@ -40,13 +41,23 @@ def solve(
     joints: Joints = 7,
     task_dimension: TaskDimension = 6,
     locked: Locked = 1,
-    encoding: Annotated[
+    failure_probabilities: Probabilities = None,
+    never_fails: NeverFails = None,
+    objective: Annotated[
         str,
         typer.Option(
-            help="Eigenvalue constraints of max-min: shared-factor, factor-per-deletion or "
-            "positive-factor-per-deletion."
+            help="What max-min maximises where failures are unequal: worst, the least "
+            "dexterity over each failure's relative probability, or expected."
         ),
-    ] = "shared-factor",
+    ] = "worst",
+    encoding: Annotated[
+        str | None,
+        typer.Option(
+            help="Eigenvalue constraints of max-min: shared-factor, principal-minors, "
+            "factor-per-deletion or positive-factor-per-deletion.",
+            show_default="shared-factor; positive-factor-per-deletion for unequal failures",
+        ),
+    ] = None,
     from_residual_minima: Annotated[
         bool,
         typer.Option("--from-residual-minima", help="Start max-min from residual minima."),
@@ -68,18 +79,27 @@ def solve(
 ) -> None:
     """Solve one formulation from random starts and measure the best answer."""
     from formulations.assessment import assess
+    from formulations.commands.failure_options import failure_model
     from formulations.commands.text import as_text
     from formulations.comparison.contender import Contender, run
     from formulations.comparison.row import reached, representative, verdict
+    from formulations.failure_assessment import assess_failures
+    from formulations.unequal_max_min import checked_goal, default_encoding
     from nlp.files import prepare_folder, write_text
     from nlp.multistart import default_workers
 
+    failures = failure_model(failure_probabilities, never_fails, joints, locked)
+    goal = checked_goal(objective)
+    if encoding is None:
+        encoding = "shared-factor" if failures is None else default_encoding(failures, goal)
     contender = Contender(
         formulation,
         model,
         encoding=encoding,
         from_residual_minima=from_residual_minima,
         locked=locked,
+        failures=failures,
+        goal=goal,
     )
     if out is not None:
         prepare_folder(out.parent, "folder of --out")
@@ -109,8 +129,12 @@ def solve(
         "start": shown.index,
         "violation": shown.violation,
         **assess(shown.jacobian, locked).to_dict(),
-        "jacobian": shown.jacobian.tolist(),
     }
+    if failures is not None:
+        known = failure_probabilities is not None
+        unequal = assess_failures(shown.jacobian, failures, probabilities_known=known)
+        found |= {"objective": goal, **unequal.to_dict()}
+    found["jacobian"] = shown.jacobian.tolist()
     if out is not None:
         write_text(out, json.dumps(found, indent=1) + "\n")
     if as_json:

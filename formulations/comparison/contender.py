@@ -8,9 +8,10 @@ from functools import partial
 
 import numpy as np
 
-from formulations import isotropy, max_min, residual
+from formulations import isotropy, max_min, residual, unequal_max_min
 from formulations.arm import Arm
 from formulations.catalogue import arm, formulation, models_of
+from formulations.failures import FailureModel
 from formulations.record import Record, judge
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
@@ -34,6 +35,10 @@ class Contender:
         Whether random starts are first brought to a residual minimum, for max-min.
     locked
         How many joints lock at once, for max-min.
+    failures
+        Which joints may fail and how likely, for max-min; None where all are alike.
+    goal
+        What is maximised then; see `unequal_max_min`.
 
     Raises
     ------
@@ -47,12 +52,18 @@ class Contender:
     encoding: str = "shared-factor"
     from_residual_minima: bool = False
     locked: int = 1
+    failures: FailureModel | None = None
+    goal: unequal_max_min.Goal = "worst"
 
     def __post_init__(self) -> None:
         formulation(self.formulation)
         if self.formulation == max_min.NAME:
+            self._check_failures()
             return
-        for name in ("encoding", "from_residual_minima", "locked"):
+        if self.failures is not None:
+            allowed = f"left out for the formulation {self.formulation}"
+            raise InputError("failure model", "given", allowed)
+        for name in ("encoding", "from_residual_minima", "locked", "goal"):
             default, value = type(self).__dataclass_fields__[name].default, getattr(self, name)
             if value != default:
                 allowed = f"{default} for the formulation {self.formulation}"
@@ -61,9 +72,27 @@ class Contender:
     def build(self, joints: int, task_dimension: int) -> Callable[[], Problem]:
         """Return what builds the problem, in a form that worker processes can be sent."""
         built = arm(self.model, joints, task_dimension)
+        if self.failures is not None:
+            build = unequal_max_min.build
+            return partial(build, built, self.failures, self.goal, self.encoding)
         if self.formulation == max_min.NAME:
             return partial(max_min.build, built, self.locked, self.encoding)
         return partial(formulation(self.formulation).build, built)
+
+    def merit(self) -> Callable[[FloatArray], float] | None:
+        """Return what is maximised, from J alone, where it is not the formulation's own."""
+        if self.failures is None:
+            return None
+        return partial(unequal_max_min.merit, failures=self.failures, goal=self.goal)
+
+    def _check_failures(self) -> None:
+        unequal_max_min.checked_goal(self.goal)
+        if self.failures is None:
+            if self.goal != "worst":
+                raise InputError("objective", self.goal, "'worst' where all joints are alike")
+        elif self.failures.locked != self.locked:
+            allowed = f"{self.failures.locked}, as in the failure model"
+            raise InputError("locked joints", self.locked, allowed)
 
     def sample(self, arm: Arm) -> Callable[[np.random.Generator], FloatArray]:
         """Return what draws a start."""
@@ -104,8 +133,12 @@ def contenders(task_dimension: int) -> tuple[Contender, ...]:
 def solver_options(
     name: str, solver: str, options: Mapping[str, object]
 ) -> Mapping[str, object]:
-    """Return the options over the formulation's own, which are Ipopt's."""
-    own = formulation(name).OPTIONS if solver == "ipopt" else {}
+    """Return the options over the formulation's own for this solver."""
+    own: Mapping[str, object] = {}
+    if solver == "ipopt":
+        own = formulation(name).OPTIONS
+    elif solver == "fatrop" and name == residual.NAME:
+        own = residual.FATROP_OPTIONS
     return {**own, **options}
 
 
@@ -140,7 +173,11 @@ def run(
         compiled=compiled,
         label=label if progress else None,
         judge=partial(
-            judge, arm=built, formulation=contender.formulation, locked=contender.locked
+            judge,
+            arm=built,
+            formulation=contender.formulation,
+            locked=contender.locked,
+            merit=contender.merit(),
         ),
         figure=lambda record: record.merit,
     )

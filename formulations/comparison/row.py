@@ -112,10 +112,12 @@ def reached(outcome: Outcome) -> list[Record]:
 def representative(outcome: Outcome) -> Record:
     """Return the record a row shows.
 
-    Of those that reached the best, the one with the largest worst case; if nothing passed
-    the check, the one with the least violation.
+    Of those that reached the best, the one with the largest worst case, or with the best merit
+    where failures are unequal; if nothing passed the check, the one with the least violation.
     """
     best = reached(outcome)
+    if best and outcome.contender.failures is not None:
+        return max(best, key=lambda record: record.merit)
     if best:
         return max(best, key=lambda record: record.worst_case_sigma)
     return min(outcome.records, key=lambda record: np.nan_to_num(record.violation, nan=np.inf))
@@ -139,11 +141,11 @@ def summarise(outcome: Outcome) -> Summary:
     best, shown, said = reached(outcome), representative(outcome), verdict(outcome)
     nan = float("nan")
     sigma = shown.worst_case_sigma if best else nan
-    bound = measures.sigma_bound(m, n, outcome.arm.largest_trace)
+    bound = measures.sigma_bound(m, n, outcome.arm.largest_trace, contender.locked)
     seconds = sum(record.cpu_seconds for record in records)
     counts = Counter(record.status.return_status for record in records)
     objective = shown.merit if best else nan
-    proved = certified_bound(contender.formulation, outcome.arm)
+    proved = certified_bound(contender.formulation, outcome.arm, contender.locked)
     checked = numerical_bound(contender.formulation, outcome.arm)
     line = Row(
         formulation=contender.formulation,

@@ -37,7 +37,7 @@ def test_help_names_every_command_and_option(tmp_path):
     assert page.returncode == 0
     for command in (
         *("compare", "reproduce", "solve", "measure", "realise", "bound", "prove", "verify"),
-        *("campaign", "show", "benchmark"),
+        *("campaign", "show", "join", "benchmark", "failures", "assess", "posture", "robots"),
     ):
         assert command in page.stdout
         one = lockedjoint(command, "--help", cwd=tmp_path)
@@ -52,7 +52,8 @@ def test_help_loads_nothing_heavy(tmp_path):
         "from formulations.__main__ import main\n"
         "try: main()\n"
         "except SystemExit: pass\n"
-        "heavy = {'casadi', 'cvxpy', 'numpy', 'pandas', 'scipy', 'joblib', 'matplotlib'}\n"
+        "heavy = {'casadi', 'cvxpy', 'numpy', 'pandas', 'scipy', 'joblib', 'matplotlib',\n"
+        "         'lxml'}\n"
         "sys.exit(str(heavy & set(sys.modules)) if heavy & set(sys.modules) else 0)"
     )
     done = subprocess.run(
@@ -114,6 +115,39 @@ def test_measure_two_locked_joints(tmp_path):
     )
     done = lockedjoint("measure", "a.csv", "--locked", 2, "--json", cwd=tmp_path)
     assert json.loads(done.stdout)["worst_case_sigma"] == pytest.approx(0.382683, abs=1e-6)
+
+
+def test_measure_and_solve_with_unequal_failures(tmp_path):
+    arm = ("--model", "free", "--joints", 4, "--task-dimension", 2, "--starts", 4)
+    likely = ("--failure-probabilities", "0.1,0.2,0.1,0.1", "--never-fails", "3")
+    solved = {}
+    for objective in ("worst", "expected"):
+        done = lockedjoint(
+            *("solve", "max-min", *arm, *likely, "--objective", objective, "--json"),
+            *("--out", f"{objective}.json"),
+            cwd=tmp_path,
+        )
+        assert done.returncode == 0, done.stderr
+        solved[objective] = json.loads(done.stdout)
+        assert solved[objective]["never_failing_joints"] == [3]
+    assert solved["expected"]["expected_sigma"] == pytest.approx(1.1239167, abs=1e-5)
+    assert solved["worst"]["weighted_worst_sigma"] == pytest.approx(np.sqrt(1.5), abs=1e-5)
+    again = lockedjoint("measure", "expected.json", *likely, "--json", cwd=tmp_path)
+    measured = json.loads(again.stdout)
+    for name in ("expected_sigma", "overall_expected_sigma", "weighted_worst_sigma"):
+        assert measured[name] == solved["expected"][name]
+    plain = json.loads(lockedjoint("measure", "expected.json", "--json", cwd=tmp_path).stdout)
+    assert "expected_sigma" not in plain
+
+
+def test_joints_that_never_fail_need_no_probabilities(tmp_path):
+    np.savetxt(tmp_path / "a.csv", np.array([[1, 1, 0, 0], [0, 0, 1, 1]]), delimiter=",")
+    done = lockedjoint(
+        "measure", "a.csv", "--locked", 2, "--never-fails", "0,2", "--json", cwd=tmp_path
+    )
+    found = json.loads(done.stdout)
+    assert (found["worst_case_sigma"], found["possible_worst_sigma"]) == (0, 1)
+    assert found["overall_expected_sigma"] is None
 
 
 def test_prove_then_verify(tmp_path):
@@ -224,6 +258,17 @@ def test_reproduce_writes_every_row(tmp_path):
         ("solve", "max-min", "--encoding", "nothing"),
         ("solve", "max-min", "--out", "{file}/a.json"),
         ("solve", "residual", "--task-dimension", "3"),
+        ("solve", "residual", "--never-fails", "1"),
+        ("solve", "max-min", "--objective", "expected"),
+        ("solve", "max-min", "--never-fails", "0", "--objective", "other"),
+        ("solve", "max-min", "--never-fails", "7"),
+        ("solve", "max-min", "--never-fails", "one"),
+        ("solve", "max-min", "--failure-probabilities", "0.1,0.2"),
+        ("solve", "max-min", "--failure-probabilities", "1"),
+        ("solve", "max-min", "--failure-probabilities", "nan"),
+        ("solve", "max-min", "--failure-probabilities", "0"),
+        ("failures", "--starts", "0"),
+        ("failures", "--out", "{file}"),
         ("measure", "missing.csv"),
         ("measure", "{file}"),
         ("measure", "{folder}"),

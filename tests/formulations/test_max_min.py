@@ -7,8 +7,10 @@ import pytest
 
 from formulations import max_min, measures, residual
 from formulations.arm import Arm
+from formulations.canonical import distinct
 from formulations.catalogue import arm
 from formulations.joints import LeverRevolute, Prismatic
+from formulations.reference import planar_4r
 from nlp.errors import InputError
 from nlp.ipopt import solve
 from nlp.matrix_inequality import ENCODINGS
@@ -67,12 +69,26 @@ def test_all_encodings_have_the_same_optimum(encoding):
     assert found.max() == pytest.approx(BEST_7R, abs=1e-6)
 
 
-def test_two_locked_joints_find_the_square():
+@pytest.mark.parametrize("model", ["free", "free-mean"])
+@pytest.mark.parametrize("encoding", ["shared-factor", "principal-minors"])
+def test_two_locked_joints_find_the_square(model, encoding):
     """Planar 4R: two failures are tolerated best at α = π/4 (after eq. 17), with
     √((1 − √½)/2) = 0.38268 for JJᵀ = I, hence √2 times that for columns of norm 1."""
-    one = arm("free", 4, 2)
-    found = worst_cases(run(one, 5, locked=2), locked=2)
-    assert found.max() == pytest.approx(np.sqrt(2) * np.sin(np.pi / 8), abs=1e-6)
+    study = run(arm(model, 4, 2), 5, locked=2, encoding=encoding)
+    assert worst_cases(study, 2) == pytest.approx(
+        [np.sqrt(2) * np.sin(np.pi / 8)] * 5, abs=1e-6
+    )
+    found = [run.solution.outputs["jacobian"] for run in study.results]
+    assert len(distinct([*found, np.sqrt(2) * planar_4r(np.pi / 4)[:2]])) == 1
+    assert len(distinct([found[0], np.sqrt(2) * planar_4r(0.1)[:2]])) == 2
+
+
+def test_two_locked_joints_of_six_find_the_icosahedron():
+    """Positional 6R attains the bound for two failures."""
+    one = arm("free-mean", 6, 3)
+    found = worst_cases(run(one, 3, locked=2), locked=2)
+    bound = measures.sigma_bound(3, 6, one.largest_trace, 2)
+    assert found == pytest.approx([bound] * 3, abs=1e-7)
 
 
 def test_a_mix_of_joints():

@@ -223,7 +223,7 @@ def test_assessment_agrees_with_the_functions():
     jacobian = np.random.default_rng(1).normal(size=(3, 5))
     found = assess(jacobian, locked=2)
     assert found.worst_case_sigma == measures.worst_case_sigma(jacobian, 2)
-    assert found.sigma_bound == measures.sigma_bound(3, 5, np.sum(jacobian**2))
+    assert found.sigma_bound == measures.sigma_bound(3, 5, np.sum(jacobian**2), 2)
     assert found.gap_percent == 100 * (1 - found.worst_case_sigma / found.sigma_bound)
     assert len(found.relative_manipulability) == 10
     assert found.to_dict()["joints"] == 5

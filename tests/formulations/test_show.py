@@ -5,6 +5,7 @@ import io
 import json
 import subprocess
 import sys
+import tracemalloc
 
 import numpy as np
 import pandas as pd
@@ -13,10 +14,12 @@ import typer.testing
 
 from formulations import measures
 from formulations.campaign import export, optima
+from formulations.campaign import frame as frame_module
 from formulations.campaign.columns import SCHEMA
 from formulations.campaign.declaration import declaration
 from formulations.campaign.execution import run
-from formulations.campaign.frame import frame, grouped
+from formulations.campaign.frame import frame
+from formulations.campaign.groups import grouped
 from formulations.cli import app
 from nlp.errors import InputError, LockedJointError
 from nlp.processes import Processes
@@ -177,3 +180,33 @@ def test_a_store_that_is_missing_is_not_made(tmp_path):
     assert done.returncode == 2
     assert done.stderr.startswith("Error: store is")
     assert list(tmp_path.iterdir()) == []
+
+
+def test_every_record_is_classified(tmp_path):
+    """Also those after the first thousand: copies of a few answers, each many times."""
+    with Store(tmp_path / "s.db", SCHEMA, writable=True) as store:
+        run(declaration({**PLANAR, "starts": 3, "joints": [3]}), store, Processes(1))
+        rows = list(store.rows([condition(SCHEMA, "formulation=residual")]))
+        values = {k: v for k, v in rows[0].items() if k in SCHEMA.values}
+        copies = [(k, values) for k in range(3, 2503)]
+        store.add(1, copies, "copied")
+        table = optima.optima(store, [condition(SCHEMA, "formulation=residual")])
+    assert list(table["reached"]) == [2503]
+    assert list(table["of_starts"]) == [2503]
+
+
+def test_tables_need_no_more_memory_for_more_records(tmp_path, monkeypatch):
+    monkeypatch.setattr(frame_module, "BATCH", 500)
+    used = []
+    with Store(tmp_path / "s.db", SCHEMA, writable=True) as store:
+        run(declaration({**PLANAR, "starts": 3, "joints": [3]}), store, Processes(1))
+        values = {k: v for k, v in next(store.rows()).items() if k in SCHEMA.values}
+        for first, last in ((3, 1500), (1500, 4500)):
+            store.add(1, [(k, values) for k in range(first, last)], "copied")
+            tracemalloc.start()
+            table = grouped(store)
+            levels = optima.optima(store)
+            used.append(tracemalloc.get_traced_memory()[1])
+            tracemalloc.stop()
+            assert table["starts"].iloc[0] == levels["of_starts"].iloc[0] == last
+    assert used[1] < 1.3 * used[0], "three times the records"

@@ -94,3 +94,19 @@ def test_says_so_when_no_scheduler_answers(monkeypatch):
     for address in ("tcp://127.0.0.1:1", "nonsense://x"):
         with pytest.raises(InputError, match="Dask scheduler that answers"):
             module.DaskCluster(address)
+
+
+def test_waiting_for_a_worker_does_not_count(cluster, tmp_path):
+    """Chunks of three seconds behind others of three seconds, within a limit of five."""
+    mark = partial(three_seconds_a_chunk, folder=tmp_path)
+    todo = chunks(mark, 40)
+    assert collected(cluster, todo, limit=5.0) == list(range(40))
+    runs = [path.read_text().count("x") for path in sorted(tmp_path.iterdir())]
+    assert runs == [1] * 40, "none was killed and run again"
+
+
+def three_seconds_a_chunk(run, folder):
+    with (folder / f"{run.index:03}").open("a") as file:
+        file.write("x")
+    time.sleep(0.3)
+    return run.index

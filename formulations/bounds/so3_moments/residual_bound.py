@@ -31,6 +31,7 @@ from formulations.bounds.so3_moments.row_sectors import RowSector
 from formulations.bounds.so3_moments.sampled_blocks import SectorBlocks
 from formulations.bounds.so3_moments.wigner import jacobians_of, random_rotations
 from nlp.errors import InputError
+from nlp.threads import one_blas_thread
 
 Progress = Callable[[str], None]
 LARGEST_JOINTS = 9
@@ -50,6 +51,7 @@ def residual_values(rotations: Floats) -> Floats:
     return np.asarray(0.5 * np.sum(defect**2, axis=(-1, -2)))
 
 
+@one_blas_thread
 def residual_bound(
     preset: str = "fast",
     joints: int = 7,

@@ -40,6 +40,7 @@ from formulations.bounds.so3_moments.rounding import ROTATION_ENTRY, gamma
 from formulations.bounds.so3_moments.sampled_blocks import SectorBlocks
 from formulations.bounds.so3_moments.wigner import jacobians_of, random_rotations
 from nlp.errors import InputError
+from nlp.threads import one_blas_thread
 
 _DEGREE = 12
 _POINTS = 560
@@ -80,6 +81,7 @@ class DefectBound:
         return dict(vars(self))
 
 
+@one_blas_thread
 def rigorous_residual_bound(
     preset: str = "fast", joints: int = 7, *, seed: int = 0, progress: Progress | None = None
 ) -> GlobalBound:

@@ -57,7 +57,7 @@ def test_bounds_hold_for_random_jacobians(seed):
         for locked in (1, 2):
             if locked <= built.shape[1] - built.shape[0]:
                 worst = measures.worst_case_sigma(matrix, locked)
-                assert worst < certified_bound("max-min", built).value
+                assert worst < certified_bound("max-min", built, locked).value
 
 
 def test_the_record_is_for_unit_revolute_joints_only():

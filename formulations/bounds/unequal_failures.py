@@ -1,0 +1,155 @@
+"""Bounds where some joints never fail, or fail less often than others.
+
+**Some never fail.** Of n columns let s belong to joints that may fail (S), r = n − s to joints
+that never do, and let M − J_F J_Fᵀ ⪰ tI for every set F of k joints in S. Choose a subspace Q
+of dimension ρ = min(r, m) that contains the r columns; on its complement, of dimension
+m' = m − ρ, only S is left, so `several_failures` applies there: with τ the share of T = tr JJᵀ
+in the complement, τ ≥ t m'/y, y the least averaged root of s columns in m' dimensions. The mean
+trace in Q, over all F, gives T − τ − (k/s)(T_S − τ) ≥ ρt with T_S = Σ_{f∈S} ‖j_f‖². Together
+
+    t ≤ T/(ρ + m'/y),
+    t ≤ (T − (k/s) T_S)/(ρ + (1 − k/s) m'/y),       t ≤ T_S y/m'  (if m' > 0),
+
+the first for any T_S between τ and T. With r = 0 the first is the bound for k failures; with
+r ≥ m the second, (T − (k/s) T_S)/m, is attained where all columns in S are parallel.
+
+**Unequal weights.** Let σ_F ≥ w_F √t. For every set S of joints the least weight w of k joints
+in S gives w²t ≤ the bound above, all other joints counted as never failing; the a likeliest
+joints, for each a, are the sets worth trying.
+
+**Expectations.** The j joints whose failures leave most have all σ_f ≥ σ_(j), so σ_(j)² is at
+most the bound B_j with S those j joints, and Σ q_f σ_f ≤ Σ q_(j) √B_j, both in descending
+order. For k > 1, σ_F is at most the mean of σ_f over f in F. Valid, but not sharp.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from formulations import measures
+from formulations.failures import FailureModel
+from nlp.arrays import FloatArray, finite_vector, whole_number
+from nlp.errors import InputError
+
+
+def fallible_bound(
+    task_dimension: int,
+    joints: int,
+    fallible: int,
+    trace: float,
+    locked: int = 1,
+    fallible_trace: tuple[float, float] | None = None,
+) -> float:
+    """Return the largest t where only some joints may fail.
+
+    Parameters
+    ----------
+    task_dimension, joints
+        m and n.
+    fallible
+        How many joints may fail, s.
+    trace
+        T = ‖J‖_F².
+    locked
+        How many of them lock at once, k.
+    fallible_trace
+        Limits of T_S, the sum of the squared norms of the columns that may fail.
+
+    Returns
+    -------
+    float
+        A bound on the square of the measure; 0 where fewer than m joints are left.
+
+    Raises
+    ------
+    InputError
+        Unless 1 ≤ m < n and k ≤ s ≤ n.
+    """
+    m = whole_number("task dimension", task_dimension, 1)
+    n = whole_number("joints", joints, m + 1)
+    k = whole_number("locked joints", locked, 1)
+    s = whole_number("joints that may fail", fallible, k)
+    if s > n:
+        raise InputError("joints that may fail", s, f"at most all {n}")
+    if k > n - m:
+        return 0.0
+    spanned = min(n - s, m)
+    rest = m - spanned
+    least = float(measures.averaged_spectrum(np.ones(rest), s, k)[0]) if rest else 1.0
+    spent = rest / least
+    bounds = [trace / (spanned + spent)]
+    if fallible_trace is not None:
+        low, high = fallible_trace
+        bounds.append((trace - k / s * low) / (spanned + (1 - k / s) * spent))
+        if rest:
+            bounds.append(high * least / rest)
+    return min(bounds)
+
+
+def weighted_worst_bound(
+    task_dimension: int, norms_squared: Sequence[float], failures: FailureModel
+) -> float:
+    """Bound the weighted worst case min_F σ_F/w_F of all J with columns of these norms.
+
+    Parameters
+    ----------
+    task_dimension
+        m.
+    norms_squared
+        ‖j_i‖² of each column.
+    failures
+        Which joints may fail, and how likely.
+    """
+    m, norms = task_dimension, _norms(norms_squared, failures)
+    n, k, trace = norms.size, failures.locked, float(norms.sum())
+    likeliest = sorted(failures.fallible, key=lambda f: -failures.odds[f])
+    logs = np.log([failures.odds[f] for f in likeliest])
+    levels = []
+    for count in range(k, len(likeliest) + 1):
+        weight = math.exp(float(logs[count - k : count].sum() - logs[:k].sum()))
+        size = float(norms[likeliest[:count]].sum())
+        level = fallible_bound(m, n, count, trace, k, (size, size))
+        levels.append(math.sqrt(level) / weight)
+    return min(levels)
+
+
+def possible_worst_bound(
+    task_dimension: int, norms_squared: Sequence[float], failures: FailureModel
+) -> float:
+    """Bound the worst case over possible failures of all J with columns of these norms."""
+    norms = _norms(norms_squared, failures)
+    size = float(norms[list(failures.fallible)].sum())
+    count = len(failures.fallible)
+    trace, k = float(norms.sum()), failures.locked
+    level = fallible_bound(task_dimension, norms.size, count, trace, k, (size, size))
+    return math.sqrt(level)
+
+
+def expected_bound(
+    task_dimension: int, norms_squared: Sequence[float], failures: FailureModel
+) -> float:
+    """Bound the expected dexterity Σ_F P(F | k) σ_F of all J with columns of these norms."""
+    m, norms = task_dimension, _norms(norms_squared, failures)
+    n, trace = norms.size, float(norms.sum())
+    if failures.locked > n - m:
+        return 0.0
+    marginal = np.zeros(n)
+    for joints, share in failures.shares().items():
+        marginal[list(joints)] += share / failures.locked
+    ascending = np.sort(norms[list(failures.fallible)])
+    levels = []
+    for count in range(1, ascending.size + 1):
+        limits = float(ascending[:count].sum()), float(ascending[-count:].sum())
+        levels.append(fallible_bound(m, n, count, trace, 1, limits))
+    left = np.minimum.accumulate(np.sqrt(levels))
+    return float(np.sort(marginal)[::-1][: left.size] @ left)
+
+
+def _norms(norms_squared: Sequence[float], failures: FailureModel) -> FloatArray:
+    norms = finite_vector("squared column norms", norms_squared, failures.joints)
+    if np.any(norms < 0):
+        raise InputError("squared column norms", float(norms.min()), "at least 0")
+    return norms

@@ -1,0 +1,100 @@
+"""``lockedjoint posture``: the most failure-tolerant posture of a robot."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from formulations.commands.arguments import (
+    Ipopt,
+    Json,
+    Locked,
+    Seed,
+    Starts,
+    Workers,
+    ipopt_options,
+)
+from formulations.commands.robot_arguments import (
+    Base,
+    Frame,
+    Held,
+    Length,
+    Point,
+    Robot,
+    TaskDirections,
+    Tip,
+    robot_arm,
+)
+
+
+def posture(
+    file: Robot,
+    tip: Tip = None,
+    formulation: Annotated[
+        str, typer.Option(metavar="NAME", help="residual, max-min or isotropy.")
+    ] = "max-min",
+    length: Length = None,
+    task: TaskDirections = "all",
+    frame: Frame = "base",
+    held: Held = None,
+    locked: Locked = 1,
+    base: Base = None,
+    point: Point = None,
+    starts: Starts = 100,
+    seed: Seed = 0,
+    workers: Workers = 1,
+    ipopt: Ipopt = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Write the JSON there, Jacobian included."),
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Find the most failure-tolerant posture of a robot within its joints' limits.
+
+    One of the three formulations over the joints' positions, from random postures; what
+    comes out is measured again from its Jacobian alone. With --held, the best posture after
+    a failure. `assess --configuration FILE` reads what --out writes.
+    """
+    from formulations.commands.robot_text import robot_text
+    from formulations.robots.posture import Search, best_posture
+    from nlp.files import prepare_folder, write_text
+    from nlp.multistart import default_workers
+
+    arm = robot_arm(
+        file,
+        tip=tip,
+        base=base,
+        point=point,
+        task=task,
+        frame=frame,
+        length=length,
+        held=held,
+    )
+    search = Search(
+        formulation,
+        locked,
+        starts,
+        seed,
+        workers or default_workers(),
+        ipopt_options(ipopt),
+        progress=True,
+    )
+    if out is not None:
+        prepare_folder(out.parent, "folder of --out")
+    found = best_posture(arm, search)
+    content = json.dumps(found.to_dict(), indent=1)
+    if out is not None:
+        write_text(out, content + "\n")
+    how = {
+        "formulation": formulation,
+        "starts": f"{found.starts} (seed {seed}), best reached by {found.reached_best}",
+        "status counts": found.status_counts,
+        "midway sigma": found.mid_range_sigma,
+    }
+    typer.echo(content if as_json else robot_text(found.assessment, how, "the best found"))
+    if not found.complete:
+        raise typer.Exit(130)

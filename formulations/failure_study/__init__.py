@@ -1,0 +1,1 @@
+"""Several and unequal failures: the best found beside the bound, over a list of cases."""

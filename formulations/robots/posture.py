@@ -1,0 +1,217 @@
+"""The most failure-tolerant posture of a robot within its joints' limits."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import partial
+from types import MappingProxyType
+
+import numpy as np
+
+from formulations import catalogue, isotropy, max_min, measures, residual
+from formulations.isotropy_residuals import independent_rows
+from formulations.robots.candidate import Candidate, PromisingStart, judge
+from formulations.robots.robot_arm import RobotArm
+from formulations.robots.robot_assessment import RobotAssessment, assess
+from formulations.robots.tree import RobotError
+from nlp.errors import InputError
+from nlp.multistart import Study, multistart
+from nlp.problem import Problem
+
+# Random configurations at which a failure must leave something, or it counts as fatal.
+_PROBES = 200
+_FATAL = 1e-6
+# Answers whose merits agree to this are equally good.
+REACH = 1e-6
+# Max-min on robots: an adaptive barrier takes half the time of a monotone one and loses
+# fewer starts; for joints to be designed it is the other way round.
+OPTIONS: Mapping[str, Mapping[str, object]] = MappingProxyType(
+    {max_min.NAME: {"mu_strategy": "adaptive", "max_iter": 150}}
+)
+
+
+class FatalFailureError(RobotError):
+    """A robot that some failure cripples at every posture."""
+
+
+@dataclass(frozen=True, eq=False)
+class Posture:
+    """The best posture found, and how it was found.
+
+    Attributes
+    ----------
+    formulation
+        What was optimised.
+    assessment
+        The robot there.
+    mid_range_sigma
+        Worst case midway between the limits, for comparison.
+    seed, starts, reached_best
+        Seed, starts that ended, and those as good as the best to `REACH`.
+    status_counts
+        Ipopt's return statuses and how often each came.
+    complete
+        Whether all starts ended.
+    """
+
+    formulation: str
+    assessment: RobotAssessment
+    mid_range_sigma: float
+    seed: int
+    starts: int
+    reached_best: int
+    status_counts: Mapping[str, int]
+    complete: bool
+
+    def to_dict(self) -> dict[str, object]:
+        """Return the fields as plain values, the assessment's among them."""
+        return {
+            "formulation": self.formulation,
+            "model": self.assessment.robot,
+            **self.assessment.to_dict(),
+            "mid_range_sigma": self.mid_range_sigma,
+            "seed": self.seed,
+            "starts": self.starts,
+            "reached_best": self.reached_best,
+            "status_counts": dict(self.status_counts),
+            "complete": self.complete,
+        }
+
+
+@dataclass(frozen=True)
+class Search:
+    """How to look for a posture.
+
+    Attributes
+    ----------
+    formulation
+        A name in `formulations.catalogue`.
+    locked
+        How many joints lock at once; other than 1 for max-min only.
+    starts, seed, workers
+        See `nlp.multistart.multistart`.
+    options
+        Ipopt options, over the formulation's own.
+    progress
+        Whether to show a progress bar on a terminal.
+    """
+
+    formulation: str = max_min.NAME
+    locked: int = 1
+    starts: int = 100
+    seed: int = 0
+    workers: int = 1
+    options: Mapping[str, object] = field(default_factory=dict)
+    progress: bool = False
+
+    def __post_init__(self) -> None:
+        catalogue.formulation(self.formulation)
+        if self.locked != 1 and self.formulation != max_min.NAME:
+            allowed = f"1 for the formulation {self.formulation}"
+            raise InputError("locked joints", self.locked, allowed)
+
+
+def best_posture(arm: RobotArm, search: Search | None = None) -> Posture:
+    """Search for the posture that a formulation makes best.
+
+    Raises
+    ------
+    FatalFailureError
+        If, for max-min, some failure leaves less than full rank wherever the arm was tried.
+    RobotError
+        If no start gave a posture that satisfies the formulation, or isotropy is asked for
+        and has more equations than there are joints.
+    InputError
+        If the residual is to be minimised where it is least for an arm that shrinks.
+    KeyboardInterrupt
+        If interrupted before the first start ended.
+    """
+    search = search or Search()
+    _check(arm, search)
+    study = _candidates(arm, search)
+    if not study.results:
+        raise KeyboardInterrupt
+    best = _best(study.results, search.formulation)
+    statuses = Counter(one.return_status for one in study.results)
+    if not best:
+        counts = ", ".join(f"{status} {count}" for status, count in sorted(statuses.items()))
+        where = f"posture of {arm.description} for {search.formulation}"
+        allowed = f"a task or robot for which one exists ({counts})"
+        raise RobotError(where, f"not found from {len(study.results)} starts", allowed)
+    shown = max(best, key=lambda one: one.worst_case_sigma)
+    middle = arm.jacobian(arm.chain.mid_range)
+    return Posture(
+        formulation=search.formulation,
+        assessment=assess(arm, shown.configuration, search.locked),
+        mid_range_sigma=measures.worst_case_sigma(middle, search.locked),
+        seed=search.seed,
+        starts=len(study.results),
+        reached_best=len(best),
+        status_counts=dict(sorted(statuses.items())),
+        complete=study.complete,
+    )
+
+
+def fatal_failures(arm: RobotArm) -> tuple[str, ...]:
+    """Joints whose single failure leaves less than full rank at every posture tried.
+
+    An arm with a spherical shoulder and a spherical wrist, for example, cannot move its
+    wrist nearer to its shoulder once the elbow is locked, whatever the posture.
+    """
+    rng = np.random.default_rng(1995)
+    left = [
+        measures.locked_singular_values(arm.jacobian(arm.sample(rng))) for _ in range(_PROBES)
+    ]
+    most = np.max(left, axis=0)
+    return tuple(
+        name for name, sigma in zip(arm.chain.names, most, strict=True) if sigma < _FATAL
+    )
+
+
+def _check(arm: RobotArm, search: Search) -> None:
+    if search.formulation == max_min.NAME:
+        fatal = fatal_failures(arm)
+        if fatal:
+            where = f"failure of {' or of '.join(fatal)}"
+            allowed = "a chain and a task that outlive every failure at some posture"
+            raise FatalFailureError(where, "fatal at every posture tried", allowed)
+    if search.formulation == isotropy.NAME:
+        equations = len(independent_rows(arm))
+        if equations > arm.size:
+            where = f"isotropy of {arm.description}"
+            allowed = "no more than joints; the residual comes as near to isotropy as can be"
+            raise RobotError(where, f"a matter of {equations} independent equations", allowed)
+    shrinks = search.formulation == residual.NAME and not arm.task.mixed
+    if shrinks and arm.length is not None:
+        allowed = "none for the residual of such a task, which a small Jacobian makes small"
+        raise InputError("length", arm.length, allowed)
+
+
+def _candidates(arm: RobotArm, search: Search) -> Study[Candidate]:
+    stated = catalogue.formulation(search.formulation)
+    build: Callable[[], Problem] = partial(stated.build, arm)
+    if search.formulation == max_min.NAME:
+        build = partial(max_min.build, arm, search.locked)
+    own = OPTIONS.get(search.formulation, stated.OPTIONS)
+    return multistart(
+        build,
+        PromisingStart(arm, search.locked),
+        starts=search.starts,
+        seed=search.seed,
+        workers=search.workers,
+        options={**own, **search.options},
+        label=f"{search.formulation} {arm.chain.robot}" if search.progress else None,
+        judge=partial(judge, arm=arm, formulation=search.formulation, locked=search.locked),
+        figure=lambda candidate: candidate.merit,
+    )
+
+
+def _best(candidates: tuple[Candidate, ...], formulation: str) -> list[Candidate]:
+    valid = [one for one in candidates if np.isfinite(one.merit)]
+    if not valid:
+        return []
+    pick = min if catalogue.formulation(formulation).SENSE == "minimise" else max
+    best = pick(one.merit for one in valid)
+    return [one for one in valid if abs(one.merit - best) <= REACH]

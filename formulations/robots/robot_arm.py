@@ -1,0 +1,189 @@
+"""The column model *robot*: joint positions as variables, J(q) from the kinematic chain.
+
+A Jacobian mixes metres and radians. Here every length is measured in a characteristic
+length ℓ: linear velocities become v/ℓ, and so does the rate of a prismatic joint, whose
+column then has |v| = 1 as a revolute joint's has |ω| = 1. What comes out has no unit.
+
+Unless a length is given, ℓ is the root mean square of the revolute joints' lever arms,
+
+    ℓ² = Σ|v_i|² / Σ|ω_i|²     over the revolute joints, at that configuration.
+
+Then Σ|v_i|² = Σ|ω_i|², as an isotropic Jacobian of revolute joints must have it; ‖J‖_F² is
+2n whatever the robot's size; and a robot is held to the same scale as `LeverRevolute`
+joints, which are designed at mean square lever arm 1.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import casadi as ca
+import numpy as np
+import numpy.typing as npt
+
+from formulations.joint import check_length
+from formulations.robots import kinematics
+from formulations.robots.chain import Chain
+from formulations.robots.task import ALL_DIRECTIONS, Task
+from nlp.arrays import FloatArray, finite_vector
+from nlp.errors import InputError
+from nlp.problem import Constraint
+
+# Half of what is drawn from at most, where a joint has no limits or wider ones: one turn,
+_HALF_TURN = np.pi
+# or two metres.
+_REACH = 1.0
+
+
+@dataclass(frozen=True)
+class RobotArm:
+    """A chain of a robot, the task and the characteristic length: a `ColumnModel`.
+
+    Parameters
+    ----------
+    chain
+        The joints.
+    task
+        The directions that count.
+    length
+        Characteristic length ℓ in metres; by default that of each configuration, see above.
+
+    Raises
+    ------
+    InputError
+        If there are not more joints than directions, or the length is not above 0.
+    """
+
+    chain: Chain
+    task: Task = ALL_DIRECTIONS
+    length: float | None = None
+
+    def __post_init__(self) -> None:
+        m, n = self.shape
+        if n <= m:
+            names = ", ".join(self.chain.names)
+            raise InputError(
+                f"free joints between {self.chain.base} and {self.chain.tip}",
+                f"{n} ({names})",
+                f"more than the {m} task directions: only a redundant arm outlives a failure",
+            )
+        if self.length is not None:
+            check_length("length", self.length)
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """(m, n): task dimension and number of joints."""
+        return len(self.task.directions), len(self.chain.joints)
+
+    @property
+    def size(self) -> int:
+        """Number of variables: one per joint."""
+        return len(self.chain.joints)
+
+    @property
+    def bounds(self) -> tuple[FloatArray, FloatArray]:
+        """The joints' limits."""
+        return self.chain.limits
+
+    @property
+    def fixed_trace(self) -> float | None:
+        """None: ‖J‖_F² depends on the configuration in general."""
+        return None
+
+    @property
+    def description(self) -> str:
+        """Return the robot and its chain in a few words."""
+        chain = self.chain
+        return f"{self.size} joints of {chain.robot} from {chain.base} to {chain.tip}"
+
+    def symbols(self) -> ca.SX:
+        """Symbols of the joints' positions, radians or metres, shape (n, 1)."""
+        return ca.SX.sym("q", self.size)
+
+    def matrix(self, variables: ca.SX) -> ca.SX:
+        """Symbolic Jacobian in units of ℓ, shape (m, n)."""
+        metric = self._symbolic_metric(variables)
+        length = self._symbolic_length(metric)
+        rates = [length if joint.prismatic else ca.SX(1) for joint in self.chain.joints]
+        scaled = ca.vertcat(metric[:3, :] / length, metric[3:, :]) @ ca.diag(ca.vertcat(*rates))
+        return scaled[list(self.task.rows), :]
+
+    def constraints(self, variables: ca.SX) -> tuple[Constraint, ...]:  # noqa: ARG002
+        """Return none: limits are bounds."""
+        return ()
+
+    def jacobian(self, variables: npt.ArrayLike) -> FloatArray:
+        """Return the Jacobian at numeric positions, in units of ℓ, shape (m, n)."""
+        return self.jacobian_at_length(variables, self.length_at(variables))
+
+    def jacobian_at_length(self, variables: npt.ArrayLike, length: float) -> FloatArray:
+        """Return the Jacobian at numeric positions, in units of another length."""
+        check_length("length", length)
+        scaled = self.metric_jacobian(variables)
+        scaled[:3] /= length
+        scaled[:, list(self.chain.prismatic)] *= length
+        return scaled[list(self.task.rows)]
+
+    def metric_jacobian(self, variables: npt.ArrayLike) -> FloatArray:
+        """Return all six rows (v; ω) in metres and radians, in the task's frame, (6, n)."""
+        point = finite_vector("configuration", variables, self.size)
+        return np.array(_metric_function(self)(point), dtype=float)
+
+    def length_at(self, variables: npt.ArrayLike) -> float:
+        """Characteristic length ℓ at numeric positions, in metres.
+
+        Raises
+        ------
+        InputError
+            If it is not given and the axes of all revolute joints meet in the tip.
+        """
+        if not self._follows_configuration:
+            return 1.0 if self.length is None else self.length
+        columns = self.metric_jacobian(variables)[:, ~np.array(self.chain.prismatic)]
+        square = float(np.sum(columns[:3] ** 2) / np.sum(columns[3:] ** 2))
+        if square < 1e-18:
+            allowed = "a given length, where the axes of all revolute joints meet in the tip"
+            raise InputError("characteristic length", "0", allowed)
+        return float(np.sqrt(square))
+
+    @property
+    def depends_on_length(self) -> bool:
+        """Whether ℓ weighs anything against anything, and is not a mere unit."""
+        linear = any(name.startswith("v") for name in self.task.directions)
+        kinds = set(self.chain.prismatic)
+        return self.task.mixed or (linear and len(kinds) == 2)
+
+    def sample(self, rng: np.random.Generator) -> FloatArray:
+        """Draw positions uniformly within the limits; within one turn if they leave more."""
+        spans = np.where(self.chain.prismatic, _REACH, _HALF_TURN)
+        lower, upper = self.bounds
+        wide = upper - lower > 2 * spans
+        centre = np.clip(0.0, lower + spans, upper - spans)
+        least = np.where(wide, centre - spans, lower)
+        largest = np.where(wide, centre + spans, upper)
+        return np.asarray(rng.uniform(least, largest))
+
+    @property
+    def _follows_configuration(self) -> bool:
+        linear = any(name.startswith("v") for name in self.task.directions)
+        return self.length is None and linear and not all(self.chain.prismatic)
+
+    def _symbolic_metric(self, variables: ca.SX) -> ca.SX:
+        full, rotation = kinematics.jacobian(self.chain, variables)
+        if self.task.frame == "base":
+            return full
+        return ca.vertcat(rotation.T @ full[:3, :], rotation.T @ full[3:, :])
+
+    def _symbolic_length(self, metric: ca.SX) -> ca.SX:
+        if not self._follows_configuration:
+            return ca.SX(1.0 if self.length is None else self.length)
+        revolute = [k for k, joint in enumerate(self.chain.joints) if not joint.prismatic]
+        columns = metric[:, revolute]
+        return ca.sqrt(ca.sumsqr(columns[:3, :]) / ca.sumsqr(columns[3:, :]))
+
+
+@lru_cache(maxsize=64)
+def _metric_function(arm: RobotArm) -> ca.Function:
+    q = arm.symbols()
+    return ca.Function("metric", [q], [arm._symbolic_metric(q)])

@@ -1,0 +1,225 @@
+"""The second statement where failures are unequal: two variants of max-min.
+
+Over the sets F of k joints that can fail, P(F) their shares and w_F = P(F)/max P::
+
+    worst      maximise log t        subject to  λ_min(JJᵀ − J_F J_Fᵀ) ≥ w_F² t
+    expected   maximise Σ P(F) s_F   subject to  λ_min(JJᵀ − J_F J_Fᵀ) ≥ s_F²,  s_F ≥ 0
+
+and the joints' own bounds. The first maximises the probability-weighted worst case
+min_F σ_F/w_F, the second the expected dexterity Σ P(F) σ_F. With equal probabilities and every
+joint fallible the first is `max_min`, problem for problem.
+
+Sets of one level share the factors of an encoding: one group per distinct weight for the
+first, one per set for the second. At an optimum of the expectation that gives a joint up,
+s_f = 0, the constraint s_f² ≤ λ_min has no multiplier: Ipopt slows down there, and the answer,
+as any, is judged from J alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Literal, cast, get_args
+
+import casadi as ca
+import numpy as np
+
+from formulations import failure_measures, max_min, measures
+from formulations.arm import Arm
+from formulations.failures import FailureModel
+from nlp.arrays import FloatArray
+from nlp.errors import InputError
+from nlp.matrix_inequality import ENCODINGS, Encoding
+from nlp.problem import Problem
+
+Goal = Literal["worst", "expected"]
+Sets = tuple[tuple[int, ...], ...]
+# Where JJᵀ − tI may be singular at the optimum its factor stays this share of √t away from it:
+# what is lost of t is the square.
+_NEARLY_SINGULAR = 1e-4
+_LEVEL_SHARE = 0.5
+
+
+@dataclass(frozen=True, eq=False)
+class _Levels:
+    """Symbols that say how much is left, what is maximised, and the encoded inequalities."""
+
+    symbols: ca.SX
+    lower: FloatArray
+    objective: ca.SX
+    encoded: tuple[Encoding, ...]
+    start: Callable[[FloatArray], tuple[FloatArray, FloatArray]]
+
+
+def build(
+    arm: Arm,
+    failures: FailureModel,
+    goal: Goal = "worst",
+    encoding: str | None = None,
+) -> Problem:
+    """State the problem for an arm.
+
+    Parameters
+    ----------
+    arm
+        The joints.
+    failures
+        Which joints may fail, how likely, and how many at once.
+    goal
+        ``"worst"`` or ``"expected"``.
+    encoding
+        One of ``nlp.matrix_inequality.ENCODINGS``; by default `default_encoding`.
+
+    Raises
+    ------
+    InputError
+        If a name is unknown, the model is of another number of joints, k exceeds the
+        redundancy, or no configuration that was tried has a merit above zero.
+    """
+    encoding = encoding or default_encoding(failures, goal)
+    if encoding not in ENCODINGS:
+        raise InputError("encoding", encoding, "one of " + ", ".join(ENCODINGS))
+    attained = attained_merit(arm, failures, goal)
+    variables = arm.symbols()
+    jacobian = arm.matrix(variables)
+    state = _worst if goal == "worst" else _expected
+    levels = state(jacobian, failures, attained, encoding)
+    lowers = [np.full(arm.size, -np.inf), levels.lower, *(one.lower for one in levels.encoded)]
+    return Problem(
+        name=f"{max_min.NAME}, {goal}",
+        variables=ca.vertcat(variables, levels.symbols, *(e.variables for e in levels.encoded)),
+        objective=levels.objective,
+        sense=max_min.SENSE,
+        constraints=(
+            *arm.constraints(variables),
+            *(constraint for one in levels.encoded for constraint in one.constraints),
+        ),
+        lower=np.concatenate(lowers),
+        outputs={"jacobian": jacobian},
+        lift=_lift(arm, levels),
+    )
+
+
+def default_encoding(failures: FailureModel, goal: Goal = "worst") -> str:
+    """Return the encoding that most starts succeed with.
+
+    The shared factor where all joints are alike. Elsewhere JJᵀ − tI may be singular at the
+    optimum, which stalls it: on planar 4R with one joint twice as likely to fail 20 instead
+    of 8 of 20 starts reach the best with one positive factor per deletion.
+    """
+    checked_goal(goal)
+    alike = len(failures.fallible) == failures.joints and len(_by_weight(failures)) == 1
+    return "shared-factor" if goal == "worst" and alike else "positive-factor-per-deletion"
+
+
+def merit(jacobian: FloatArray, failures: FailureModel, goal: Goal = "worst") -> float:
+    """What the statement maximises, from J alone."""
+    if goal == "expected":
+        return failure_measures.expected_sigma(jacobian, failures)
+    return failure_measures.weighted_worst_case(jacobian, failures)[0]
+
+
+def attained_merit(
+    arm: Arm, failures: FailureModel, goal: Goal = "worst", samples: int = 100
+) -> float:
+    """Return the best merit of some configurations drawn at random.
+
+    Raises
+    ------
+    InputError
+        If k exceeds the redundancy, or no configuration has a merit above zero.
+    """
+    m, n = arm.shape
+    if failures.locked > n - m:
+        allowed = f"at most the degree of redundancy, {n - m}"
+        raise InputError("locked joints", failures.locked, allowed)
+    rng = np.random.default_rng(1995)
+    drawn = (arm.jacobian(arm.sample(rng)) for _ in range(samples))
+    best = max(merit(matrix, failures, goal) for matrix in drawn)
+    if best < 1e-6:
+        allowed = "joints that can keep full rank after those that may fail lock"
+        raise InputError("arm", f"of {n} joints", allowed)
+    return best
+
+
+def checked_goal(goal: str) -> Goal:
+    """Return the value if it is a `Goal`; InputError otherwise."""
+    for known in get_args(Goal):
+        if goal == known:
+            return cast(Goal, known)
+    raise InputError("objective", goal, "one of " + ", ".join(get_args(Goal)))
+
+
+def _worst(jacobian: ca.SX, failures: FailureModel, attained: float, encoding: str) -> _Levels:
+    level, floor = ca.SX.sym("t"), 0.5 * attained**2
+    groups = _by_weight(failures)
+    encoded = tuple(
+        ENCODINGS[encoding](
+            jacobian, weight**2 * level, sets, _pivot(jacobian.shape, weight, sets, floor)
+        )
+        for weight, sets in groups.items()
+    )
+
+    def start(numeric: FloatArray) -> tuple[FloatArray, FloatArray]:
+        reach = _LEVEL_SHARE * measures.singular_values(numeric)[-1] ** 2
+        t = min(max(merit(numeric, failures) ** 2, floor), reach)
+        return np.array([t]), np.square(list(groups)) * t
+
+    return _Levels(level, np.array([floor]), ca.log(level), encoded, start)
+
+
+def _expected(
+    jacobian: ca.SX, failures: FailureModel, attained: float, encoding: str
+) -> _Levels:
+    shares = failures.shares()
+    symbols = ca.SX.sym("s", len(shares))
+    pivot = _NEARLY_SINGULAR * attained
+    encoded = tuple(
+        ENCODINGS[encoding](jacobian, symbols[i] ** 2, (joints,), pivot)
+        for i, joints in enumerate(shares)
+    )
+
+    def start(numeric: FloatArray) -> tuple[FloatArray, FloatArray]:
+        found = failure_measures.possible_sigmas(numeric, failures)
+        reach = np.sqrt(_LEVEL_SHARE) * measures.singular_values(numeric)[-1]
+        left = np.clip(list(found.values()), min(0.1 * attained, reach), reach)
+        return left, left**2
+
+    objective = ca.dot(ca.DM(list(shares.values())), symbols)
+    return _Levels(symbols, np.zeros(len(shares)), objective, encoded, start)
+
+
+def _lift(arm: Arm, levels: _Levels) -> Callable[[FloatArray], FloatArray]:
+    def lift(point: FloatArray) -> FloatArray:
+        numeric = arm.jacobian(point)
+        own, squares = levels.start(numeric)
+        pairs = zip(levels.encoded, squares, strict=True)
+        return np.concatenate([point, own, *(one.lift(numeric, float(t)) for one, t in pairs)])
+
+    return lift
+
+
+def _by_weight(failures: FailureModel) -> Mapping[float, Sets]:
+    """Sets by weight, the largest first; weights that differ by rounding are one."""
+    groups: dict[float, list[tuple[int, ...]]] = {}
+    for joints, weight in failures.weights().items():
+        near = [known for known in groups if abs(known - weight) <= 1e-9 * weight]
+        groups.setdefault(near[0] if near else weight, []).append(joints)
+    return MappingProxyType({w: tuple(groups[w]) for w in sorted(groups, reverse=True)})
+
+
+def _pivot(
+    shape: tuple[int, int], weight: float, sets: Sequence[tuple[int, ...]], floor: float
+) -> float:
+    """Return what every diagonal entry of a factor of JJᵀ − w²tI may be held above.
+
+    If w < 1, JJᵀ ⪰ tI for the likeliest failures' sake leaves (1 − w²)t; if every joint is
+    in a set of weight 1, `max_min` says what is left; else JJᵀ − tI may be singular.
+    """
+    m, n = shape
+    nearly = _NEARLY_SINGULAR * np.sqrt(floor)
+    if weight < 1:
+        return float(max(np.sqrt((1 - weight**2) * floor), nearly))
+    everywhere = {f for joints in sets for f in joints} == set(range(n))
+    return float(np.sqrt(floor / (n - m)) if everywhere else nearly)

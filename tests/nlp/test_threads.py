@@ -1,0 +1,51 @@
+"""Linear algebra runs on one thread where starts are solved, and only there."""
+
+import casadi as ca
+import numpy as np
+import pytest
+from threadpoolctl import threadpool_info, threadpool_limits
+
+from nlp.multistart import multistart
+from nlp.problem import Problem
+from nlp.task import Task, packed, run_chunk
+from nlp.threads import one_blas_thread
+
+
+def parabola():
+    x = ca.SX.sym("x", 2)
+    return Problem("parabola", x, ca.sumsqr(x - 1))
+
+
+def sample(rng):
+    return rng.normal(size=2)
+
+
+def threads(run=None):
+    """Threads of each library of linear algebra in this process."""
+    np.linalg.norm(np.eye(2))
+    return {one["num_threads"] for one in threadpool_info() if one["user_api"] == "blas"}
+
+
+@pytest.fixture(autouse=True)
+def _two_threads_outside():
+    with threadpool_limits(limits=2, user_api="blas"):
+        if threads() != {2}:
+            pytest.skip("this library of linear algebra knows one thread only")
+        yield
+        assert threads() == {2}, "as it was"
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_starts_are_solved_on_one_thread_each(workers):
+    study = multistart(parabola, sample, starts=3, workers=workers, judge=threads)
+    assert study.results == ({1},) * 3
+
+
+def test_chunks_are_whoever_runs_them():
+    done = run_chunk(packed(Task(parabola, sample, {}, threads)), 0, range(2))
+    assert [one.result for one in done] == [{1}] * 2
+
+
+def test_the_decorator_limits_and_lets_go():
+    assert one_blas_thread(threads)() == {1}
+    assert one_blas_thread(threads).__doc__ == threads.__doc__
