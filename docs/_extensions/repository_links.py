@@ -1,7 +1,7 @@
 """Links that work on a repository's web site, made to work here too.
 
-A link from one Markdown file to another is resolved as the repository has it. Files of
-``results/`` and the README are pages of this site, under other names.
+A link from one Markdown file to another is resolved as the repository has it. The README and
+the tables in the folders of ``results/`` are pages of this site, under other names.
 """
 
 from __future__ import annotations
@@ -31,6 +31,15 @@ def page_of(file: Path) -> str | None:
     return None
 
 
+def add_results(app: Sphinx) -> None:
+    """Write a page for each Markdown file in a folder of ``results/``: it includes the file."""
+    for file in sorted((REPOSITORY / "results").glob("*/*.md")):
+        page = Path(app.srcdir) / "results" / f"{file.parent.name}.md"
+        content = f"```{{include}} ../../{file.relative_to(REPOSITORY).as_posix()}\n```\n"
+        if not page.exists() or page.read_text(encoding="utf-8") != content:
+            page.write_text(content, encoding="utf-8")
+
+
 def relinked(text: str, folder: Path) -> str:
     """Return Markdown of a file in `folder` with its links as this site has them."""
 
@@ -55,6 +64,7 @@ def included(app: Sphinx, path: Path, _: str, source: list[str]) -> None:
 
 def setup(app: Sphinx) -> dict[str, Any]:
     """Relink pages as they are read."""
+    app.connect("builder-inited", add_results)
     app.connect("source-read", read)
     app.connect("include-read", included)
     return {"parallel_read_safe": True, "parallel_write_safe": True}
