@@ -1,6 +1,8 @@
 """Searching for postures: the three formulations on robots, judged from outside."""
 
+import json
 from functools import lru_cache
+from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
@@ -21,6 +23,8 @@ from formulations.robots.survey_arms import ARMS, SurveyArm
 from formulations.robots.task import Task
 from nlp.errors import InputError
 
+RESULTS = Path(__file__).parents[3] / "results" / "robots"
+
 
 @lru_cache
 def real(name, task="all"):
@@ -32,28 +36,51 @@ def tiago():
     return best_posture(real("TIAGo,").arm(), Search(starts=8))
 
 
-def test_the_worst_case_by_pinocchio_alone():
-    """From the posture by name to σ without any of our kinematics or scaling."""
-    found = tiago()
-    declared = real("TIAGo,")
+def by_pinocchio(declared, configuration):
+    """From a posture by name to ℓ and σ without any of our kinematics, scaling or measures."""
     model = pin.buildModelFromUrdf(str(declared.path))
     q, places, slides = pin.neutral(model), [], []
-    for name, value in found.assessment.configuration.items():
+    for name, value in configuration.items():
         joint = model.joints[model.getJointId(name)]
-        q[joint.idx_q] = value
+        q[joint.idx_q : joint.idx_q + joint.nq] = (
+            value if joint.nq == 1 else [np.cos(value), np.sin(value)]
+        )
         places.append(joint.idx_v)
         slides.append(joint.shortname().startswith("JointModelP"))
-    frame = model.getFrameId(declared.tip)
-    data = model.createData()
+    frame, data = model.getFrameId(declared.tip), model.createData()
     matrix = pin.computeFrameJacobian(model, data, q, frame, pin.LOCAL_WORLD_ALIGNED)[:, places]
     turning = matrix[:, ~np.array(slides)]
     length = np.sqrt(np.sum(turning[:3] ** 2) / np.sum(turning[3:] ** 2))
     matrix[:3] /= length
     matrix[:, slides] *= length
-    left = [np.linalg.svd(np.delete(matrix, f, axis=1), compute_uv=False)[-1] for f in range(8)]
-    assert sum(slides) == 1
-    assert length == pytest.approx(found.assessment.characteristic_length)
-    assert min(left) == pytest.approx(found.assessment.worst_case_sigma, abs=1e-9)
+    rows = matrix[:3] if declared.task == "position" else matrix
+    left = [
+        np.linalg.svd(np.delete(rows, f, axis=1), compute_uv=False)[-1]
+        for f in range(len(places))
+    ]
+    return length, min(left)
+
+
+def test_the_worst_case_by_pinocchio_alone():
+    found = tiago().assessment
+    length, sigma = by_pinocchio(real("TIAGo,"), found.configuration)
+    assert length == pytest.approx(found.characteristic_length)
+    assert sigma == pytest.approx(found.worst_case_sigma, abs=1e-9)
+
+
+@pytest.mark.parametrize("declared", ARMS, ids=lambda one: f"{one.name}, {one.task}")
+def test_the_postures_on_record_by_pinocchio_alone(declared):
+    """Every row of results/robots is as good as it says, within the limits."""
+    recorded = json.loads((RESULTS / "postures.json").read_text())
+    (found,) = (
+        one
+        for one in recorded
+        if (one["arm"], one["variant"]) == (declared.name, declared.task)
+    )
+    length, sigma = by_pinocchio(declared, found["configuration"])
+    assert length == pytest.approx(found["characteristic_length"])
+    assert sigma == pytest.approx(found["worst_case_sigma"], abs=1e-9)
+    declared.arm().chain.within_limits(list(found["configuration"].values()))
 
 
 def test_max_min_is_better_than_what_it_started_from_and_than_mid_range():
