@@ -1,0 +1,94 @@
+"""Sphinx configuration of the documentation site.
+
+Build it, in an environment with the extra ``docs``::
+
+    python -m sphinx -W --keep-going -b html docs docs/_build/html
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import sys
+from importlib.metadata import version as installed
+from pathlib import Path
+
+HERE = Path(__file__).parent
+sys.path[:0] = [str(HERE.parent), str(HERE / "_extensions")]
+# Cells run in kernels of their own: they find this checkout, its command, one thread each.
+os.environ["PYTHONPATH"] = os.pathsep.join(
+    filter(None, [str(HERE.parent), os.environ.get("PYTHONPATH")])
+)
+os.environ["PATH"] = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+os.environ["IPYTHONDIR"] = str(HERE / "_build" / "ipython")
+STARTUP = HERE / "_build" / "ipython" / "profile_default" / "startup"
+STARTUP.mkdir(parents=True, exist_ok=True)
+shutil.copy(HERE / "_extensions" / "bash_cells.py", STARTUP)
+
+project = "lockedjoint"
+author = "The lockedjoint developers"
+version = release = installed("lockedjoint")
+extensions = [
+    "mathml",
+    "plain_docstrings",
+    "repository_links",
+    "myst_nb",
+    "sphinx.ext.apidoc",
+    "sphinx.ext.autodoc",
+    "sphinx.ext.napoleon",
+    "sphinx_copybutton",
+]
+exclude_patterns = ["_build", "jupyter_execute", "reference/*/modules.rst"]
+# Two modules may name a class alike.
+suppress_warnings = ["ref.python"]
+
+# Pages ---------------------------------------------------------------------------------------
+myst_enable_extensions = ["dollarmath", "colon_fence", "deflist"]
+myst_heading_anchors = 3
+nb_execution_mode = "cache"
+nb_execution_cache_path = str(HERE / "_build" / "jupyter_cache")
+nb_execution_in_temp = True
+nb_execution_timeout = 300
+nb_execution_raise_on_error = True
+nb_execution_show_tb = True
+nb_merge_streams = True
+
+# Reference -----------------------------------------------------------------------------------
+default_role = "py:obj"
+apidoc_modules = [
+    {"path": "../nlp", "destination": "reference/nlp", "module_first": True, "max_depth": 1},
+    {
+        "path": "../formulations",
+        "destination": "reference/formulations",
+        "module_first": True,
+        "max_depth": 1,
+        "exclude_patterns": ["../formulations/commands", "../formulations/cli.py"],
+    },
+]
+autodoc_default_options = {"members": True, "ignore-module-all": True}
+autodoc_member_order = "bysource"
+apidoc_automodule_options = {"members"}
+autodoc_typehints = "description"
+autodoc_typehints_description_target = "documented_params"
+autodoc_typehints_format = "short"
+autodoc_type_aliases = {"npt.ArrayLike": "ArrayLike", "FloatArray": "FloatArray"}
+autodoc_preserve_defaults = True
+napoleon_google_docstring = False
+napoleon_use_ivar = True
+napoleon_use_rtype = False
+python_use_unqualified_type_names = True
+
+smartquotes = False  # options begin with two hyphens, in tables of results too
+
+# Looks ---------------------------------------------------------------------------------------
+html_theme = "furo"
+html_title = "lockedjoint"
+html_math_renderer = "mathml"
+html_static_path = ["_static"]
+html_css_files = ["site.css"]
+html_copy_source = False
+html_show_sphinx = html_show_copyright = False
+html_theme_options = {"navigation_with_keys": True}
+copybutton_exclude = ".linenos, .gp, .go"
+copybutton_prompt_text = "$ "
