@@ -10,14 +10,13 @@ import numpy as np
 
 from formulations.realise.manipulator import Manipulator
 from formulations.realise.projection import View
+from formulations.style import BLUE, INK, ORANGE, PALE, PAPER, VERMILION
 from nlp.arrays import FloatArray
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-# Okabe and Ito's colours, told apart by colour-blind readers, and greys.
-LINK, AXIS, TIP, INK = "#E69F00", "#0072B2", "#D55E00", "#333333"
-PALE, PAPER = "#C8CDD2", "#F5F7F9"
+LINK, AXIS, TIP = ORANGE, BLUE, VERMILION
 # Half the length of a drawn axis and of a joint's body, in parts of the drawing's radius.
 AXIS_REACH, BODY_REACH = 0.42, 0.06
 # Columns are drawn to this part of their length, inside most arms.

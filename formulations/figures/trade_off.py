@@ -1,0 +1,89 @@
+"""The trade-off between isotropy and worst case, as curves of unit and free lever arms."""
+
+from __future__ import annotations
+
+import json
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pandas as pd
+
+from formulations import measures, style
+from formulations.catalogue import arm
+from formulations.figure_file import figure_class
+from formulations.figures.picture import NothingFoundError, Picture, Request
+from formulations.trade_off_curve import curve
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+WIDTH, HEIGHT = 7.4, 4.8
+MODELS = {"unit-revolute": "unit lever arms", "lever-revolute": "free lever arms"}
+COLOURS = {"unit-revolute": style.BLUE, "lever-revolute": style.VERMILION}
+POINTS = 10
+
+
+def make(request: Request) -> Picture:
+    """Sweep the limit on the isotropy defect, for each model."""
+    table = pd.concat([_curve(model, request) for model in MODELS], ignore_index=True)
+    seven = arm("unit-revolute", 7)
+    bound = measures.sigma_bound(*seven.shape, seven.largest_trace)
+    with style.applied():
+        figure = figure_class()(figsize=(WIDTH, HEIGHT))
+        axes = figure.subplots()
+        axes.set_title("Seven revolute joints: what isotropy costs the worst case")
+        for model in MODELS:
+            _draw(axes, model, table[table["model"] == model])
+        right = float(distance(table["isotropy_defect"]).max())
+        axes.hlines(bound, 0, right, color=style.INK, lw=0.6, ls=(0, (4, 3)))
+        axes.text(0, bound + 0.001, f"bound (6) {bound:.5f}", va="bottom")
+        axes.set_xlabel("distance from isotropy ‖JJᵀ − (T/m)I‖, T = ‖J‖²")
+        axes.set_ylabel("σ in the worst case")
+        axes.set_xlim(-0.01, None)
+        style.without_frame(axes, "left", "bottom")
+    return Picture(figure, table)
+
+
+def distance(defect: pd.Series) -> pd.Series:
+    """Return ‖JJᵀ − (T/m)I‖_F for isotropy defects, which are half its square."""
+    return np.sqrt(2 * defect.clip(lower=0))
+
+
+def _curve(model: str, request: Request) -> pd.DataFrame:
+    found = curve(
+        arm(model, 7),
+        POINTS,
+        request.starts,
+        request.seed,
+        lambda what: request.say(f"{model}: {what}"),
+    )
+    if len(found) < 2:
+        raise NothingFoundError(f"No start on {model} passes the check; ask for more starts.")
+    rows = [
+        {"model": model, **point.to_dict(), "jacobian": json.dumps(point.jacobian.tolist())}
+        for point in found
+    ]
+    return pd.DataFrame(rows)
+
+
+def _draw(axes: Axes, model: str, table: pd.DataFrame) -> None:
+    x, y = distance(table["isotropy_defect"]).to_numpy(), table["worst_case_sigma"].to_numpy()
+    colour = COLOURS[model]
+    axes.plot(x, y, color=colour, lw=1.4)
+    axes.plot(x[1:-1], y[1:-1], "o", ms=3, color=colour)
+    axes.plot(x[[0, -1]], y[[0, -1]], "o", ms=6, color=colour, mec="white", mew=1)
+    first = {"isotropy": "exactly isotropic", "residual": "residual minimum"}
+    start = first[str(table["statement"].iloc[0])]
+    axes.annotate(
+        f"{start} {y[0]:.5f}", (x[0], y[0]), xytext=(9, -4), textcoords="offset points",
+        va="top", color=colour,
+    )
+    axes.annotate(
+        f"max-min {y[-1]:.5f}", (x[-1], y[-1]), xytext=(0, -9), textcoords="offset points",
+        va="top", ha="center", color=colour,
+    )
+    k = len(x) // 2
+    axes.annotate(
+        MODELS[model], (x[k], y[k]), xytext=(9, -3), textcoords="offset points", va="top",
+        color=colour, fontsize=style.SAID,
+    )
