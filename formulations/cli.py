@@ -10,6 +10,7 @@ from formulations.commands.benchmark import benchmark
 from formulations.commands.bound import bound
 from formulations.commands.campaign import campaign
 from formulations.commands.compare import compare
+from formulations.commands.figure import figure
 from formulations.commands.measure import measure
 from formulations.commands.prove import prove
 from formulations.commands.realise import realise
@@ -36,6 +37,7 @@ for command in (
     verify,
     campaign,
     show,
+    figure,
     benchmark,
 ):
     app.command()(command)

@@ -8,7 +8,7 @@ defect within the limit, its worst case measured by singular values.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -33,7 +33,7 @@ class Point:
     Attributes
     ----------
     statement
-        Name of the statement that was solved.
+        Name of the statement whose optimum it is.
     limit
         The largest isotropy defect that was allowed; infinity at the end without a limit.
     isotropy_defect, worst_case_sigma
@@ -104,31 +104,25 @@ def _between(
     first: Point,
     last: Point,
     say: Say,
-) -> Iterator[Point]:
+) -> list[Point]:
     """Solve from left to right, then once more from the right neighbours' optima."""
     solvers, found = [], []
-    left = first
-    for k, limit in enumerate(limits):
+    left, right = first, last
+    for k, limit in enumerate(map(float, limits)):
         say(f"trade-off {k + 1} of {len(limits)}")
-        solver = IpoptSolver(trade_off.build(arm, float(limit)), trade_off.OPTIONS)
-        solvers.append(solver)
-        # What a smaller limit allows is allowed here.
-        known = Point(trade_off.NAME, float(limit), *_measured(left.jacobian), left.jacobian)
+        solvers.append(IpoptSolver(trade_off.build(arm, limit), trade_off.OPTIONS))
         starts = [arm.variables(left.jacobian), *drawn]
-        left = _better(known, *_solved(arm, trade_off.NAME, float(limit), solver, starts))
+        new = _solved(arm, trade_off.NAME, limit, solvers[k], starts)
+        left = _better(*new, replace(left, limit=limit))
         found.append(left)
-    right = last
-    for k in reversed(range(len(limits))):
+    for k in reversed(range(len(found))):
         start = [arm.variables(right.jacobian)]
-        again = _solved(arm, trade_off.NAME, float(limits[k]), solvers[k], start)
-        right = found[k] = _better(found[k], *again)
-    best = first
-    for one in found:
-        if best.worst_case_sigma > one.worst_case_sigma:
-            best = Point(one.statement, one.limit, *_measured(best.jacobian), best.jacobian)
-        else:
-            best = one
-        yield best
+        new = _solved(arm, trade_off.NAME, found[k].limit, solvers[k], start)
+        right = found[k] = _better(found[k], *new)
+    # What a smaller limit allows is allowed by a larger one.
+    for k in range(1, len(found)):
+        found[k] = _better(found[k], replace(found[k - 1], limit=found[k].limit))
+    return found
 
 
 def _best(

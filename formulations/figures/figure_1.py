@@ -12,7 +12,7 @@ import pandas as pd
 from formulations import measures, style
 from formulations.figure_file import figure_class
 from formulations.figures.picture import Picture, Request
-from formulations.figures.planar import angles, optima, turned
+from formulations.figures.planar import angles, optima, round_tip, turned
 from formulations.realise.axes import realise
 from formulations.realise.drawing import draw
 from formulations.realise.family import every
@@ -22,7 +22,7 @@ from formulations.realise.symmetry import distinct, symmetries
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
 
-WIDTH, HEIGHT = 7.4, 7.6
+WIDTH, HEIGHT = 7.4, 7.8
 
 
 def make(request: Request) -> Picture:
@@ -33,13 +33,12 @@ def make(request: Request) -> Picture:
     with style.applied():
         figure = figure_class()(figsize=(WIDTH, HEIGHT))
         sigma = measures.worst_case_sigma(matrix)
-        figure.suptitle(
-            f"Planar 3R with the optimal Jacobian: σ = {sigma:.4f} = √⅓ whichever joint locks",
-            fontsize=style.SAID,
-        )
+        what = f"σ = √⅓ = {sigma:.4f} whichever joint locks"
+        figure.suptitle(f"Planar 3R with the optimal Jacobian: {what}\n", fontsize=style.SAID)
         panels = figure.subplots(-(-len(arms) // 2), 2, squeeze=False).ravel()
         for axes, arm, lengths in zip(panels, arms, table["link_lengths"], strict=False):
             draw(arm, axes, labels=[str(i + 1) for i in range(arm.joints)])
+            round_tip(axes, arm)
             links = ", ".join(f"{length:.3f}" for length in lengths)
             axes.set_title(f"links {links}", fontsize=style.PART, loc="center")
         for axes in panels[len(arms) :]:

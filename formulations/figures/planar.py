@@ -3,19 +3,26 @@
 from __future__ import annotations
 
 from functools import partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from formulations import max_min
+from formulations import max_min, style
 from formulations.arm import Arm
 from formulations.figures.picture import NothingFoundError, Request
 from formulations.joints import FreeColumn
 from formulations.measures import worst_case_sigma
+from formulations.realise.manipulator import Manipulator
 from nlp.arrays import FloatArray
 from nlp.multistart import multistart
 
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
 # What a start reaches counts as the optimum within this.
 REACH = 1e-6
+# Half the width of a panel, in radii of the circle that joints sit on.
+ROOM = 1.22
 
 
 def optima(joints: int, request: Request, locked: int = 1) -> list[FloatArray]:
@@ -59,4 +66,19 @@ def turned(matrix: FloatArray, direction: float) -> FloatArray:
 
 def angles(matrix: FloatArray) -> FloatArray:
     """Angles of the columns from x towards y, in radians, shape (n,)."""
-    return np.arctan2(matrix[1], matrix[0])
+    return np.asarray(np.arctan2(matrix[1], matrix[0]))
+
+
+def round_tip(axes: Axes, arm: Manipulator) -> None:
+    """Draw the circle about the end effector on which joints sit, and show no more than it.
+
+    Columns of one norm put all joints at one distance; panels are then of one scale.
+    """
+    away = arm.points[:, :2] - arm.end_effector[:2]
+    radius = float(np.max(np.linalg.norm(away, axis=1)))
+    turn = np.linspace(0, 2 * np.pi, 181)
+    x, y = arm.end_effector[:2]
+    circle = x + radius * np.cos(turn), y + radius * np.sin(turn)
+    axes.plot(*circle, color=style.PALE, lw=0.6, zorder=0)
+    axes.set_xlim(x - ROOM * radius, x + ROOM * radius)
+    axes.set_ylim(y - ROOM * radius, y + ROOM * radius)

@@ -6,6 +6,8 @@ tangent of the unit sphere about it. The order of the joints does not matter her
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 import pandas as pd
 
@@ -14,31 +16,49 @@ from formulations.comparison.contender import Contender
 from formulations.figure_file import figure_class
 from formulations.figures.picture import Picture, Request, best, solved
 from formulations.realise.axes import realise
-from formulations.realise.drawing import draw
 from formulations.realise.manipulator import Manipulator
-from formulations.realise.projection import clear_views
+from formulations.realise.projection import View, clear_views
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
 
-WIDTH, HEIGHT = 9.0, 5.0
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+WIDTH, HEIGHT = 8.4, 4.6
+# Half the length of a drawn axis; where its name stands; half the width of a panel; in radii.
+REACH, NAME, ROOM = 0.62, 0.7, 1.26
+PIECES = 60
+SHADES = 30
 
 
 def make(request: Request) -> Picture:
     """Solve, or take the Jacobian given, and draw its axes from two sides."""
     matrix = _matrix(request)
     arm = realise(matrix)
-    names = [str(i + 1) for i in range(arm.joints)]
+    if np.any(arm.prismatic):
+        raise InputError("--jacobian", "with a prismatic joint", "revolute joints only")
+    distances = np.linalg.norm(arm.points - arm.end_effector, axis=1)
     with style.applied():
         figure = figure_class()(figsize=(WIDTH, HEIGHT))
-        figure.suptitle(_title(arm, matrix), fontsize=style.SAID)
-        for axes, view in zip(figure.subplots(1, 2), clear_views(arm), strict=True):
-            draw(arm, axes, view, names, links=False)
+        tangent = np.ptp(distances) < 1e-3 * np.max(distances)
+        what = "axes tangent to a sphere" if tangent else "axes, and the sphere of their mean"
+        sigma = measures.worst_case_sigma(matrix)
+        number = "Seven" if arm.joints == 7 else str(arm.joints)
+        figure.suptitle(
+            f"{number} {what}: σ ≥ {sigma:.4f} whichever joint locks", fontsize=style.SAID
+        )
+        panels = figure.subplots(1, 2)
+        for axes, view, side in zip(
+            panels, clear_views(arm), ("from one side", "a quarter turn on"), strict=True
+        ):
+            _draw(axes, arm, view, float(np.mean(distances)))
+            axes.set_title(side, fontsize=style.SMALL, color=style.GREY, loc="center", y=-0.02)
     table = pd.DataFrame(
         {
             "joint": range(1, arm.joints + 1),
             "direction": arm.directions.tolist(),
-            "point_nearest": arm.points.tolist(),
-            "distance": np.linalg.norm(arm.points - arm.end_effector, axis=1),
+            "nearest_point": (arm.points - arm.end_effector).tolist(),
+            "distance": distances,
             "sigma_when_locked": measures.locked_singular_values(matrix),
         }
     )
@@ -54,10 +74,64 @@ def _matrix(request: Request) -> FloatArray:
     return request.jacobian
 
 
-def _title(arm: Manipulator, matrix: FloatArray) -> str:
-    distances = np.linalg.norm(arm.points - arm.end_effector, axis=1)
-    tangent = np.ptp(distances) < 1e-3 and not np.any(arm.prismatic)
-    what = "axes tangent to one sphere" if tangent else "axes about the end effector"
-    sigma = measures.worst_case_sigma(matrix)
-    counted = {7: "Seven", 8: "Eight", 9: "Nine"}.get(arm.joints, str(arm.joints))
-    return f"{counted} {what}: σ ≥ {sigma:.4f} whichever joint locks"
+def _draw(axes: Axes, arm: Manipulator, view: View, radius: float) -> None:
+    _sphere(axes, view, radius)
+    near = view.project(arm.points - arm.end_effector)
+    ways = radius * view.project(arm.directions)
+    for point, way in zip(near, ways, strict=True):
+        _axis(axes, point, way, radius)
+    _names(axes, near, ways)
+    axes.plot(0, 0, "+", ms=6, mew=0.8, color=style.GREY, zorder=2)
+    axes.set_aspect("equal")
+    axes.set_axis_off()
+    axes.set_xlim(-ROOM * radius, ROOM * radius)
+    axes.set_ylim(-ROOM * radius, ROOM * radius)
+
+
+def _sphere(axes: Axes, view: View, radius: float) -> None:
+    """Draw a ball lit from the upper left, and its equator."""
+    turn = np.linspace(0, 2 * np.pi, 181)
+    circle = np.column_stack([np.cos(turn), np.sin(turn), 0 * turn])
+    for k in range(SHADES):
+        part = 1 - k / SHADES
+        middle = 0.3 * (1 - part) * np.array([-1.0, 1.0])
+        shade = 0.90 + 0.09 * (k / SHADES) ** 0.7
+        x, y = radius * (middle[:, None] + part * circle[:, :2].T)
+        axes.fill(x, y, color=(shade - 0.01, shade, shade + 0.01), lw=0, zorder=0)
+    axes.plot(*(radius * circle[:, :2].T), color=style.PALE, lw=0.6, zorder=1)
+    equator = radius * view.project(circle)
+    front = np.where(equator[:, 2:] >= 0, equator, np.nan)
+    behind = np.where(equator[:, 2:] < 0, equator, np.nan)
+    axes.plot(front[:, 0], front[:, 1], color=style.GREY, lw=0.5, zorder=1)
+    axes.plot(behind[:, 0], behind[:, 1], color=style.PALE, lw=0.5, zorder=1)
+
+
+def _axis(axes: Axes, point: FloatArray, way: FloatArray, radius: float) -> None:
+    """Draw a tangent and the point where it touches, pale where the ball is in front."""
+    from matplotlib.collections import LineCollection
+
+    line = point + np.linspace(-REACH, REACH, PIECES + 1)[:, None] * way
+    middle = (line[:-1] + line[1:]) / 2
+    hidden = (np.hypot(middle[:, 0], middle[:, 1]) < radius) & (middle[:, 2] < 0)
+    shades = [(style.BLUE, 0.3 if one else 1.0) for one in hidden]
+    pieces = list(np.stack([line[:-1, :2], line[1:, :2]], axis=1))
+    depth = 3 if point[2] >= 0 else 2
+    axes.add_collection(LineCollection(pieces, colors=shades, lw=1.5, zorder=depth))
+    [dot] = axes.plot(point[0], point[1], "o", ms=6, mec="white", mew=0.8, zorder=depth + 0.5)
+    dot.set_markerfacecolor(style.VERMILION if point[2] >= 0 else "#EDBFA0")
+
+
+def _names(axes: Axes, near: FloatArray, ways: FloatArray) -> None:
+    """Write each joint's number at the end of its axis that is farther from all others."""
+    steps = np.linspace(-REACH, REACH, 9)[:, None]
+    lines = [(point + steps * way)[:, :2] for point, way in zip(near, ways, strict=True)]
+    taken: list[FloatArray] = []
+    for i, (point, way) in enumerate(zip(near, ways, strict=True)):
+        foreshortened = float(np.hypot(way[0], way[1]) / np.linalg.norm(way))
+        reach = REACH + (NAME - REACH) / max(foreshortened, 0.2)
+        ends = np.array([point - reach * way, point + reach * way])[:, :2]
+        others = np.vstack([*(line for k, line in enumerate(lines) if k != i), *taken])
+        room = np.linalg.norm(others[:, None] - ends, axis=-1).min(axis=0)
+        place = ends[int(np.argmax(room))]
+        taken.append(place[None])
+        axes.text(place[0], place[1], str(i + 1), color=style.INK, ha="center", va="center")

@@ -24,10 +24,11 @@ from nlp.arrays import FloatArray
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-HEIGHT, MARGIN, STEP = 4.6, 1.4, 0.42
+HEIGHT, MARGIN, STEP = 4.8, 1.0, 0.37
 TITLES = {residual.NAME: "Residual minimum", max_min.NAME: "Max-min optimum"}
 # Half the length of the stroke that is a singular value, joints being 1 apart.
 HALF = 0.3
+CERTIFIED = "certified bound"
 # Bounds closer than this are one line.
 SAME = 1e-4
 
@@ -38,17 +39,15 @@ def make(request: Request) -> Picture:
     columns = sum(matrix.shape[1] + 3 for _, matrix in shown)
     with style.applied():
         figure = figure_class()(figsize=(MARGIN + STEP * columns, HEIGHT))
+        widths = [matrix.shape[1] + 3 for _, matrix in shown]
         panels = figure.subplots(
-            1,
-            len(shown),
-            sharey=True,
-            squeeze=False,
-            width_ratios=[matrix.shape[1] + 3 for _, matrix in shown],
-        )[0]
-        for axes, (title, matrix) in zip(panels, shown, strict=True):
-            _draw(axes, title, matrix)
-        panels[0].set_ylabel("singular values")
-        for axes in panels[1:]:
+            2, len(shown), sharex="col", sharey="row", squeeze=False, width_ratios=widths
+        )
+        for column, (title, matrix) in zip(panels.T, shown, strict=True):
+            _draw(column[0], column[1], title, matrix)
+        panels[0, 0].set_ylabel("all other\nsingular values")
+        panels[1, 0].set_ylabel("the smallest\nafter the failure")
+        for axes in panels[:, 1:].ravel():
             style.without_frame(axes)
     return Picture(figure, pd.concat([_table(*one) for one in shown], ignore_index=True))
 
@@ -65,7 +64,7 @@ def bounds(matrix: FloatArray) -> list[tuple[str, float]]:
     if m == 6 and _is_unit_revolute(matrix):
         certified = certified_bound(max_min.NAME, Arm.of(UnitRevolute(), n)).value
         if certified < plain - SAME:
-            found.append(("certified", certified))
+            found.append((CERTIFIED, certified))
     return found
 
 
@@ -89,10 +88,9 @@ def _is_unit_revolute(matrix: FloatArray) -> bool:
 
 def _values(matrix: FloatArray) -> list[FloatArray]:
     """Singular values before, then after each failure; as many as there are rows."""
-    m, n = matrix.shape
-    left = [np.delete(matrix, f, axis=1) for f in range(n)]
-    after = [np.linalg.svd(one, compute_uv=False) for one in left]
-    return [measures.singular_values(matrix), *(values[:m] for values in after)]
+    left = [np.delete(matrix, f, axis=1) for f in range(matrix.shape[1])]
+    after = [np.asarray(np.linalg.svd(one, compute_uv=False)) for one in left]
+    return [measures.singular_values(matrix), *after]
 
 
 def _table(title: str, matrix: FloatArray) -> pd.DataFrame:
@@ -102,7 +100,7 @@ def _table(title: str, matrix: FloatArray) -> pd.DataFrame:
             "locked_joint": None if place == 0 else place,
             "singular_value": k + 1,
             "value": float(value),
-            **{name: bound for name, bound in bounds(matrix)},
+            **dict(bounds(matrix)),
         }
         for place, values in enumerate(_values(matrix))
         for k, value in enumerate(values)
@@ -110,28 +108,38 @@ def _table(title: str, matrix: FloatArray) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def _draw(axes: Axes, title: str, matrix: FloatArray) -> None:
+def _draw(upper: Axes, lower: Axes, title: str, matrix: FloatArray) -> None:
+    """Draw the smallest value after each failure below, all others above: two scales."""
     values = _values(matrix)
-    places = [0.0, *(1.5 + f for f in range(len(values) - 1))]
+    places = np.array([0.0, *(1.5 + f for f in range(len(values) - 1))])
     for place, column in zip(places, values, strict=True):
-        colours = [style.BLUE] * (len(column) - 1)
-        colours.append(style.BLUE if place == 0 else style.VERMILION)
-        axes.hlines(
-            column, place - HALF, place + HALF, color=colours, lw=1.6, capstyle="butt"
-        )
-    worst = int(np.argmin([column[-1] for column in values[1:]]))
-    sigma, end = values[1 + worst][-1], places[-1] + HALF
+        others = column if place == 0 else column[:-1]
+        upper.hlines(others, place - HALF, place + HALF, color=style.BLUE, lw=1.4)
+    smallest, after = np.array([column[-1] for column in values[1:]]), places[1:]
+    lower.hlines(smallest, after - HALF, after + HALF, color=style.VERMILION, lw=2.0)
     known = bounds(matrix)
+    left, right = after[0] - HALF, after[-1] + HALF
     for name, bound in known:
-        axes.hlines(bound, places[1] - HALF, end + 0.15, color=style.INK, lw=0.6, ls=(0, (4, 3)))
-    said = [f"{name} {bound:.4f}" for name, bound in known]
-    axes.text(end, max(b for _, b in known) + 0.02, "   ".join(said), ha="right", va="bottom")
-    axes.text(
-        places[1 + worst], sigma - 0.03, f"{sigma:.4f}", color=style.VERMILION, ha="center",
-        va="top",
+        dashes = "-" if name == CERTIFIED else (0, (4, 3))
+        lower.hlines(bound, left, right, color=style.INK, lw=0.6, ls=dashes)
+    said = ", ".join(f"{name} {bound:.4f}" for name, bound in known)
+    _beside(lower, left, max(bound for _, bound in known), said, 4, style.INK)
+    worst = int(np.argmin(smallest))
+    _beside(lower, left, smallest[worst], f"worst case {smallest[worst]:.4f}", -4)
+    upper.set_title(title)
+    upper.tick_params(labelbottom=False)
+    lower.set_xticks(places, ["before", *(str(f + 1) for f in range(len(smallest)))])
+    lower.set_xlabel("joint that locks")
+    for axes in (upper, lower):
+        axes.margins(y=0.18)
+        style.without_frame(axes, "left")
+
+
+def _beside(
+    axes: Axes, x: float, y: float, text: str, off: int, colour: str = style.VERMILION
+) -> None:
+    """Write text from x on, so many points above or below y."""
+    up = "bottom" if off > 0 else "top"
+    axes.annotate(
+        text, (x, y), xytext=(0, off), textcoords="offset points", va=up, color=colour
     )
-    axes.set_title(title)
-    axes.set_ylim(0, None)
-    axes.set_xticks(places, ["before", *(str(f + 1) for f in range(len(values) - 1))])
-    axes.set_xlabel("joint that locks", loc="center")
-    style.without_frame(axes, "left")

@@ -8,19 +8,23 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from formulations import measures, style
+from formulations import measures, residual, style
+from formulations.bounds.certified import certified_bound
 from formulations.catalogue import arm
 from formulations.figure_file import figure_class
 from formulations.figures.picture import NothingFoundError, Picture, Request
 from formulations.trade_off_curve import curve
+from nlp.arrays import FloatArray
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 WIDTH, HEIGHT = 7.4, 4.8
 MODELS = {"unit-revolute": "unit lever arms", "lever-revolute": "free lever arms"}
+# Which side of its curve a name stands on.
+SIDES = {"unit-revolute": (1, -1), "lever-revolute": (-1, 1)}
 COLOURS = {"unit-revolute": style.BLUE, "lever-revolute": style.VERMILION}
-POINTS = 10
+POINTS = 12
 
 
 def make(request: Request) -> Picture:
@@ -35,18 +39,35 @@ def make(request: Request) -> Picture:
         for model in MODELS:
             _draw(axes, model, table[table["model"] == model])
         right = float(distance(table["isotropy_defect"]).max())
-        axes.hlines(bound, 0, right, color=style.INK, lw=0.6, ls=(0, (4, 3)))
+        low = float(table["worst_case_sigma"].min())
+        axes.hlines(bound, 0, 1.22 * right, color=style.INK, lw=0.6, ls=(0, (4, 3)))
         axes.text(0, bound + 0.001, f"bound (6) {bound:.5f}", va="bottom")
         axes.set_xlabel("distance from isotropy ‖JJᵀ − (T/m)I‖, T = ‖J‖²")
         axes.set_ylabel("σ in the worst case")
-        axes.set_xlim(-0.01, None)
+        axes.set_xlim(-0.01, 1.22 * right)
+        _proved(axes, low)
         style.without_frame(axes, "left", "bottom")
     return Picture(figure, table)
 
 
-def distance(defect: pd.Series) -> pd.Series:
+def distance(defect: pd.Series) -> FloatArray:
     """Return ‖JJᵀ − (T/m)I‖_F for isotropy defects, which are half its square."""
-    return np.sqrt(2 * defect.clip(lower=0))
+    return np.sqrt(2 * defect.to_numpy(dtype=float))
+
+
+def _proved(axes: Axes, low: float) -> None:
+    """Draw how isotropic unit lever arms can be at most."""
+    defect = certified_bound(residual.NAME, arm("unit-revolute", 7)).value
+    place = float(np.sqrt(2 * defect))
+    axes.vlines(place, low, 0.517, color=style.GREY, lw=0.6)
+    axes.annotate(
+        "proved: no unit lever arms left of here",
+        (place, low),
+        xytext=(5, 0),
+        textcoords="offset points",
+        color=style.GREY,
+        fontsize=style.SMALL,
+    )
 
 
 def _curve(model: str, request: Request) -> pd.DataFrame:
@@ -67,7 +88,7 @@ def _curve(model: str, request: Request) -> pd.DataFrame:
 
 
 def _draw(axes: Axes, model: str, table: pd.DataFrame) -> None:
-    x, y = distance(table["isotropy_defect"]).to_numpy(), table["worst_case_sigma"].to_numpy()
+    x, y = distance(table["isotropy_defect"]), table["worst_case_sigma"].to_numpy()
     colour = COLOURS[model]
     axes.plot(x, y, color=colour, lw=1.4)
     axes.plot(x[1:-1], y[1:-1], "o", ms=3, color=colour)
@@ -75,15 +96,29 @@ def _draw(axes: Axes, model: str, table: pd.DataFrame) -> None:
     first = {"isotropy": "exactly isotropic", "residual": "residual minimum"}
     start = first[str(table["statement"].iloc[0])]
     axes.annotate(
-        f"{start} {y[0]:.5f}", (x[0], y[0]), xytext=(9, -4), textcoords="offset points",
-        va="top", color=colour,
+        f"{start} {y[0]:.5f}",
+        (x[0], y[0]),
+        xytext=(9, -4),
+        textcoords="offset points",
+        va="top",
+        color=colour,
     )
     axes.annotate(
-        f"max-min {y[-1]:.5f}", (x[-1], y[-1]), xytext=(0, -9), textcoords="offset points",
-        va="top", ha="center", color=colour,
+        f"max-min {y[-1]:.5f}",
+        (x[-1], y[-1]),
+        xytext=(8, 0),
+        textcoords="offset points",
+        va="center",
+        color=colour,
     )
-    k = len(x) // 2
+    k, (across, up) = len(x) // 2, SIDES[model]
     axes.annotate(
-        MODELS[model], (x[k], y[k]), xytext=(9, -3), textcoords="offset points", va="top",
-        color=colour, fontsize=style.SAID,
+        MODELS[model],
+        (x[k], y[k]),
+        xytext=(9 * across, 5 * up),
+        textcoords="offset points",
+        ha="left" if across > 0 else "right",
+        va="bottom" if up > 0 else "top",
+        color=colour,
+        fontsize=style.SAID,
     )

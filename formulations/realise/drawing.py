@@ -56,7 +56,7 @@ def draw(
     view: View | None = None,
     labels: Sequence[str] | None = None,
     columns: bool = True,
-    links: bool = True,
+    weight: float = 1.0,
 ) -> None:
     """Draw a manipulator into axes of a matplotlib figure.
 
@@ -71,8 +71,8 @@ def draw(
     columns
         Whether the columns of a planar arm's Jacobian are drawn at the end effector,
         all shortened alike.
-    links
-        Whether links and the ground are drawn, or the axes alone.
+    weight
+        How bold links and joints are; below 1 in small panels, where names stand farther off.
 
     Raises
     ------
@@ -83,7 +83,7 @@ def draw(
     names = [str(i) for i in range(manipulator.joints)] if labels is None else list(labels)
     if len(names) != manipulator.joints:
         raise InputError("labels", names, f"one for each of the {manipulator.joints} joints")
-    strokes = Strokes(manipulator, axes, view)
+    strokes = Strokes(manipulator, axes, view, weight)
     if manipulator.task.in_plane:
         strokes.pins()
         if columns:
@@ -92,9 +92,8 @@ def draw(
         strokes.sphere()
         strokes.axis_lines()
         strokes.bodies()
-    if links:
-        strokes.ground()
-        strokes.links()
+    strokes.ground()
+    strokes.links()
     strokes.tip()
     strokes.names(names)
     axes.set_aspect("equal")

@@ -37,7 +37,7 @@ def test_help_names_every_command_and_option(tmp_path):
     assert page.returncode == 0
     for command in (
         *("compare", "reproduce", "solve", "measure", "realise", "bound", "prove", "verify"),
-        *("campaign", "show", "benchmark"),
+        *("campaign", "show", "figure", "benchmark"),
     ):
         assert command in page.stdout
         one = lockedjoint(command, "--help", cwd=tmp_path)
