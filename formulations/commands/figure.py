@@ -93,14 +93,15 @@ def figure(
         say=_say,
     )
     picture = wanted.make(request)
+    _say("")
     write_bytes(out, content(picture.figure, form))
     if data is not None:
         write_text(data, picture.table.to_csv(index=False, lineterminator="\n"))
-    _say("")
-    said = {"figure": name, "file": str(out), "seed": seed, "starts": request.starts}
+    said: dict[str, object] = {"figure": name, "file": str(out)}
+    if jacobian is None and store is None:
+        said |= {"seed": seed, "starts": request.starts}
     if as_json:
-        rows = json.loads(picture.table.to_json(orient="records", double_precision=15))
-        typer.echo(json.dumps(said | {"rows": rows}, indent=1))
+        typer.echo(json.dumps(said | {"rows": picture.rows()}, indent=1))
     else:
         typer.echo(as_text(said))
 

@@ -25,8 +25,8 @@ WIDTH, ROW = 8.4, 0.8
 BINS = 240
 # Starts this close to one another are at one optimum, as far as numbers are printed.
 SAME = 1e-5
-# More optima than this share of the starts are a continuum.
-SCATTERED = 0.2
+# More optima than this, and than this share of the starts, are a continuum.
+FEW, SCATTERED = 3, 0.2
 UNIT, LEVER = "unit lever arms", "free lever arms"
 PROBLEMS = (
     (f"residual, {UNIT}", Contender(residual.NAME, "unit-revolute")),
@@ -147,7 +147,7 @@ def _said(sigmas: pd.Series, starts: int) -> str:
     if not found:
         return f"none of {starts}"
     best, reached = found[0]
-    if len(found) > SCATTERED * len(sigmas):
+    if len(found) > max(FEW, SCATTERED * len(sigmas)):
         said = f"{len(sigmas)} of {starts}, scattered from {found[-1][0]:.3f} to {best:.3f}"
     else:
         said = f"{reached} of {starts} at {best:.5f}"

@@ -53,6 +53,15 @@ class Picture:
     figure: Figure
     table: pd.DataFrame
 
+    def rows(self) -> list[dict[str, object]]:
+        """Return the table's rows as plain values; None for missing ones."""
+        names = [str(name) for name in self.table.columns]
+        columns = [self.table[name].tolist() for name in names]
+        return [
+            {k: None if v != v else v for k, v in zip(names, row, strict=True)}  # NaN
+            for row in zip(*columns, strict=True)
+        ]
+
 
 class NothingFoundError(LockedJointError):
     """No start led to a Jacobian that passes the check."""

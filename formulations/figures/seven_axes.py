@@ -25,8 +25,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 WIDTH, HEIGHT = 8.4, 4.6
-# Half the length of a drawn axis; where its name stands; half the width of a panel; in radii.
-REACH, NAME, ROOM = 0.62, 0.7, 1.26
+# Half the length of a drawn axis; where its name stands: in radii. Room about axes.
+REACH, NAME, ROOM = 0.62, 0.7, 1.07
 PIECES = 60
 SHADES = 30
 
@@ -84,8 +84,10 @@ def _draw(axes: Axes, arm: Manipulator, view: View, radius: float) -> None:
     axes.plot(0, 0, "+", ms=6, mew=0.8, color=style.GREY, zorder=2)
     axes.set_aspect("equal")
     axes.set_axis_off()
-    axes.set_xlim(-ROOM * radius, ROOM * radius)
-    axes.set_ylim(-ROOM * radius, ROOM * radius)
+    # The same for both panels: how far axes reach in space.
+    half = ROOM * float(np.max(np.hypot(np.linalg.norm(near, axis=1), REACH * radius)))
+    axes.set_xlim(-half, half)
+    axes.set_ylim(-half, half)
 
 
 def _sphere(axes: Axes, view: View, radius: float) -> None:

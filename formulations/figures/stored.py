@@ -17,7 +17,7 @@ _NEEDED = ("start", "status", "valid", "worst_case_sigma", "isotropy_defect")
 
 
 def stored(path: Path) -> pd.DataFrame:
-    """Return one row per start of a store, named by the settings that differ.
+    """Return one row per start of a store, named by the settings that differ within a problem.
 
     Raises
     ------
@@ -28,7 +28,8 @@ def stored(path: Path) -> pd.DataFrame:
         records = frame(store, columns=[*SETTINGS, *_NEEDED])
     if records.empty:
         raise FileError("--store", str(path), "a store with records")
-    differing = [n for n in SETTINGS if n not in _ALWAYS and records[n].nunique() > 1]
+    alike = records.groupby(list(_ALWAYS), dropna=False)
+    differing = [n for n in SETTINGS if n not in _ALWAYS and alike[n].nunique().max() > 1]
     names = [_name(row, differing) for _, row in records[list(SETTINGS)].iterrows()]
     return pd.DataFrame(
         {

@@ -52,7 +52,7 @@ def make(request: Request) -> Picture:
 
 def distance(defect: pd.Series) -> FloatArray:
     """Return ‖JJᵀ − (T/m)I‖_F for isotropy defects, which are half its square."""
-    return np.sqrt(2 * defect.to_numpy(dtype=float))
+    return np.asarray(np.sqrt(2 * defect.to_numpy(dtype=float)))
 
 
 def _proved(axes: Axes, low: float) -> None:
