@@ -96,7 +96,15 @@ def _edges(sigmas: pd.Series) -> FloatArray:
 def _draw(axes: Axes, table: pd.DataFrame, edges: FloatArray) -> None:
     sigmas = table.loc[table["counted"], "worst_case_sigma"]
     counts, _ = np.histogram(sigmas, edges)
-    axes.bar(edges[:-1], counts, np.diff(edges), align="edge", color=style.BLUE, lw=0)
+    there = counts > 0
+    axes.bar(
+        edges[:-1][there],
+        counts[there],
+        edges[1] - edges[0],
+        align="edge",
+        color=style.BLUE,
+        lw=0,
+    )
     axes.set_xlim(edges[0], edges[-1])
     axes.set_ylim(0, max(1, counts.max()) * 1.3)
     axes.set_yticks([])

@@ -6,6 +6,7 @@ tangent of the unit sphere about it. The order of the joints does not matter her
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -27,7 +28,7 @@ if TYPE_CHECKING:
 WIDTH, HEIGHT = 8.4, 4.6
 # Half the length of a drawn axis; where its name stands: in radii. Room about axes.
 REACH, NAME, ROOM = 0.62, 0.7, 1.07
-PIECES = 60
+PIECES = 200
 SHADES = 30
 
 
@@ -92,20 +93,22 @@ def _draw(axes: Axes, arm: Manipulator, view: View, radius: float) -> None:
 
 def _sphere(axes: Axes, view: View, radius: float) -> None:
     """Draw a ball lit from the upper left, and its equator."""
-    turn = np.linspace(0, 2 * np.pi, 181)
-    circle = np.column_stack([np.cos(turn), np.sin(turn), 0 * turn])
+    from matplotlib.patches import Circle
+
     for k in range(SHADES):
-        part = 1 - k / SHADES
-        middle = 0.3 * (1 - part) * np.array([-1.0, 1.0])
-        shade = 0.90 + 0.09 * (k / SHADES) ** 0.7
-        x, y = radius * (middle[:, None] + part * circle[:, :2].T)
-        axes.fill(x, y, color=(shade - 0.01, shade, shade + 0.01), lw=0, zorder=0)
-    axes.plot(*(radius * circle[:, :2].T), color=style.PALE, lw=0.6, zorder=1)
+        part = k / SHADES
+        shade = 0.90 + 0.09 * part**0.7
+        middle = (-0.3 * part * radius, 0.3 * part * radius)
+        disc = Circle(middle, (1 - part) * radius, lw=0, zorder=0)
+        disc.set_facecolor((shade - 0.01, shade, shade + 0.01))
+        axes.add_patch(disc)
+    axes.add_patch(Circle((0, 0), radius, fill=False, ec=style.PALE, lw=0.6, zorder=1))
+    turn = np.linspace(0, 2 * np.pi, 121)
+    circle = np.column_stack([np.cos(turn), np.sin(turn), 0 * turn])
     equator = radius * view.project(circle)
-    front = np.where(equator[:, 2:] >= 0, equator, np.nan)
-    behind = np.where(equator[:, 2:] < 0, equator, np.nan)
-    axes.plot(front[:, 0], front[:, 1], color=style.GREY, lw=0.5, zorder=1)
-    axes.plot(behind[:, 0], behind[:, 1], color=style.PALE, lw=0.5, zorder=1)
+    for there, colour in ((equator[:, 2:] >= 0, style.GREY), (equator[:, 2:] < 0, style.PALE)):
+        x, y, _ = np.where(there, equator, np.nan).T
+        axes.plot(x, y, color=colour, lw=0.5, zorder=1)
 
 
 def _axis(axes: Axes, point: FloatArray, way: FloatArray, radius: float) -> None:
@@ -115,10 +118,13 @@ def _axis(axes: Axes, point: FloatArray, way: FloatArray, radius: float) -> None
     line = point + np.linspace(-REACH, REACH, PIECES + 1)[:, None] * way
     middle = (line[:-1] + line[1:]) / 2
     hidden = (np.hypot(middle[:, 0], middle[:, 1]) < radius) & (middle[:, 2] < 0)
-    shades = [(style.BLUE, 0.3 if one else 1.0) for one in hidden]
-    pieces = list(np.stack([line[:-1, :2], line[1:, :2]], axis=1))
+    cuts = [0, *(np.flatnonzero(hidden[1:] != hidden[:-1]) + 1).tolist(), PIECES]
+    pieces = [line[[start, end], :2] for start, end in pairwise(cuts)]
+    shades = [(style.BLUE, 0.3 if hidden[start] else 1.0) for start in cuts[:-1]]
     depth = 3 if point[2] >= 0 else 2
-    axes.add_collection(LineCollection(pieces, colors=shades, lw=1.5, zorder=depth))
+    axes.add_collection(
+        LineCollection(pieces, colors=shades, lw=1.5, capstyle="butt", zorder=depth)
+    )
     [dot] = axes.plot(point[0], point[1], "o", ms=6, mec="white", mew=0.8, zorder=depth + 0.5)
     dot.set_markerfacecolor(style.VERMILION if point[2] >= 0 else "#EDBFA0")
 

@@ -12,6 +12,8 @@ from nlp.errors import FileError
 from nlp.solution import SUCCESS
 from nlp.store import Store
 
+# Of a line beside a histogram.
+_LONGEST = 42
 _ALWAYS = ("formulation", "model", "joints")
 _NEEDED = ("start", "status", "valid", "worst_case_sigma", "isotropy_defect")
 
@@ -47,4 +49,5 @@ def stored(path: Path) -> pd.DataFrame:
 def _name(row: pd.Series, differing: list[str]) -> str:
     first = f"{row['formulation']}, {row['joints']} × {row['model']}"
     rest = [f"{name.replace('_', ' ')} {row[name]}" for name in differing if row[name]]
-    return "\n".join([first, ", ".join(rest)] if rest else [first])
+    lines = [one if len(one) <= _LONGEST else f"{one[: _LONGEST - 1]}…" for one in rest]
+    return "\n".join([first, *lines])

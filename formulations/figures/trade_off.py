@@ -27,9 +27,9 @@ COLOURS = {"unit-revolute": style.BLUE, "lever-revolute": style.VERMILION}
 POINTS = 12
 
 
-def make(request: Request) -> Picture:
+def make(request: Request, points: int = POINTS) -> Picture:
     """Sweep the limit on the isotropy defect, for each model."""
-    table = pd.concat([_curve(model, request) for model in MODELS], ignore_index=True)
+    table = pd.concat([_curve(model, request, points) for model in MODELS], ignore_index=True)
     seven = arm("unit-revolute", 7)
     bound = measures.sigma_bound(*seven.shape, seven.largest_trace)
     with style.applied():
@@ -70,10 +70,10 @@ def _proved(axes: Axes, low: float) -> None:
     )
 
 
-def _curve(model: str, request: Request) -> pd.DataFrame:
+def _curve(model: str, request: Request, points: int) -> pd.DataFrame:
     found = curve(
         arm(model, 7),
-        POINTS,
+        points,
         request.starts,
         request.seed,
         lambda what: request.say(f"{model}: {what}"),

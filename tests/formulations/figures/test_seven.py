@@ -17,9 +17,7 @@ from nlp.task import generator
 
 @pytest.fixture(scope="module")
 def swept():
-    before, trade_off.POINTS = trade_off.POINTS, 3
-    yield trade_off.make(Request(starts=1))
-    trade_off.POINTS = before
+    return trade_off.make(Request(starts=1), points=3)
 
 
 def words(figure):
