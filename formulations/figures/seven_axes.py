@@ -56,7 +56,7 @@ def make(request: Request) -> Picture:
             axes.set_title(side, fontsize=style.SMALL, color=style.GREY, loc="center", y=-0.02)
     table = pd.DataFrame(
         {
-            "joint": range(1, arm.joints + 1),
+            "joint": range(arm.joints),
             "direction": arm.directions.tolist(),
             "nearest_point": (arm.points - arm.end_effector).tolist(),
             "distance": distances,
@@ -142,4 +142,4 @@ def _names(axes: Axes, near: FloatArray, ways: FloatArray) -> None:
         room = np.linalg.norm(others[:, None] - ends, axis=-1).min(axis=0)
         place = ends[int(np.argmax(room))]
         taken.append(place[None])
-        axes.text(place[0], place[1], str(i + 1), color=style.INK, ha="center", va="center")
+        axes.text(place[0], place[1], str(i), color=style.INK, ha="center", va="center")

@@ -97,7 +97,7 @@ def _table(title: str, matrix: FloatArray) -> pd.DataFrame:
     rows = [
         {
             "jacobian": title or "given",
-            "locked_joint": None if place == 0 else place,
+            "locked_joint": None if place == 0 else place - 1,
             "singular_value": k + 1,
             "value": float(value),
             **dict(bounds(matrix)),
@@ -128,7 +128,7 @@ def _draw(upper: Axes, lower: Axes, title: str, matrix: FloatArray) -> None:
     _beside(lower, left, smallest[worst], f"worst case {smallest[worst]:.4f}", -4)
     upper.set_title(title)
     upper.tick_params(labelbottom=False)
-    lower.set_xticks(places, ["before", *(str(f + 1) for f in range(len(smallest)))])
+    lower.set_xticks(places, ["before", *(str(f) for f in range(len(smallest)))])
     lower.set_xlabel("joint that locks")
     for axes in (upper, lower):
         axes.margins(y=0.18)

@@ -38,7 +38,7 @@ def test_seven_axes_touch_the_sphere_and_are_drawn_in_full():
     assert min(left) == pytest.approx(0.571483, abs=1e-6)
     np.testing.assert_allclose(table["sigma_when_locked"], left, atol=1e-9)
     for panel in picture.figure.axes:
-        assert {text.get_text() for text in panel.texts} == set("1234567")
+        assert {text.get_text() for text in panel.texts} == set("0123456")
         assert len(panel.collections) == 7
         (left_edge, right_edge), (low, high) = panel.get_xlim(), panel.get_ylim()
         for line in panel.collections:
@@ -66,8 +66,8 @@ def test_singular_values_are_those_of_the_matrix_without_each_joint():
     table = picture.table
     before = table[table["locked_joint"].isna()]["value"]
     np.testing.assert_allclose(before**2, np.linalg.eigvalsh(matrix @ matrix.T)[::-1])
-    for joint in range(1, 6):
-        kept = np.delete(matrix, joint - 1, axis=1)
+    for joint in range(5):
+        kept = np.delete(matrix, joint, axis=1)
         values = table[table["locked_joint"] == joint]["value"]
         np.testing.assert_allclose(values**2, np.linalg.eigvalsh(kept @ kept.T)[::-1])
     bound = np.sqrt(np.sum(matrix**2) / 3 * 2 / 5)
