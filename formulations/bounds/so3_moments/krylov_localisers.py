@@ -171,9 +171,7 @@ class KrylovLocaliser:
         for number, columns, _ in block.parts:
             degree = sum(map(label_degree, self.rows[number].labels))
             degrees[columns.start : columns.stop] = degree
-        allowed = [
-            np.flatnonzero(degrees <= self.sector.degree - 2 * k) for k in range(POWERS)
-        ]
+        allowed = [np.flatnonzero(degrees <= self.sector.degree - 2 * k) for k in range(POWERS)]
         powers = [np.full(len(chosen), k) for k, chosen in enumerate(allowed)]
         return np.concatenate(allowed), np.concatenate(powers)
 

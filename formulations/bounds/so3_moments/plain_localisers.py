@@ -77,7 +77,9 @@ def averaged_krylov_sum(
                             block.size)
                     for power in range(POWERS)
                 ]  # fmt: skip
-                found[number] += _sum(jacobian, family.limit, some, block, weights, plain)
+                found[number] += _sum(
+                    jacobian, family.limit, some, block, weights, plain, family.sector.spin
+                )
     return found / (len(orders) * (2 * family.sector.spin + 1))
 
 
@@ -88,12 +90,18 @@ def _sum(
     block: AdaptedRows,
     weights: list[Floats],
     plain: list[Floats],
+    spin: int,
 ) -> float:
     """Return Σ wᵀ(J_f J_fᵀ − tI)w over orders, components and columns of the root."""
     joints = jacobian.shape[1]
     whole = jacobian @ jacobian.T / (joints / 3)
     polynomials = [first_tableau(block, root, plain) for root in weights]
-    shaped = [values.reshape(len(values), len(orders), -1) for values in polynomials]
+    # Rows without any joint are the same for all orders: one value for each component.
+    columns = len(orders) * (2 * (2 * spin + 1))
+    shaped = [
+        np.tile(values, columns // values.shape[1]).reshape(len(values), len(orders), -1)
+        for values in polynomials
+    ]
     total = 0.0
     for locked in range(joints):
         here = orders[:, 0] == locked
