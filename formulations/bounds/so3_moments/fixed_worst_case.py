@@ -40,7 +40,7 @@ from formulations.bounds.so3_moments.spectral_limits import largest_residual
 from formulations.bounds.so3_moments.wigner import random_rotations
 from nlp.errors import LockedJointError
 
-_GAP = 1e-7
+_GAP = 1e-8
 _FRESH = 40
 
 
