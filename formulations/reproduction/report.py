@@ -9,6 +9,7 @@ from pathlib import Path
 import pandas as pd
 
 from formulations.provenance import header
+from formulations.reproduction.finding import finding
 from formulations.reproduction.row import Row
 from nlp.files import write_text
 
@@ -28,6 +29,7 @@ def markdown(rows: Sequence[Row], seed: int, complete: bool) -> str:
     escaped = table(rows).map(lambda text: text.replace("|", "\\|"))
     return (
         f"# The paper, reproduced\n\n{header({'seed': seed, 'verdicts': said})}{note}\n"
+        f"{finding(rows)}\n\n"
         f"{escaped.to_markdown(index=False, disable_numparse=True)}\n"
     )
 
