@@ -12,6 +12,7 @@ from formulations.commands.bound import bound
 from formulations.commands.campaign import campaign
 from formulations.commands.compare import compare
 from formulations.commands.failures import failures
+from formulations.commands.figure import figure
 from formulations.commands.join import join
 from formulations.commands.measure import measure
 from formulations.commands.posture import posture
@@ -45,6 +46,7 @@ for command in (
     campaign,
     join,
     show,
+    figure,
     benchmark,
     failures,
 ):

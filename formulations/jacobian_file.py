@@ -46,6 +46,23 @@ def read_jacobians(path: Path) -> list[Named]:
     return [(name, as_jacobian(matrix, str(path))) for name, matrix in reader(path)]
 
 
+def only_jacobian(path: Path, pick: int | None = None) -> FloatArray:
+    """Read one Jacobian of a file: the only one, or number `pick`, counted from 0.
+
+    Raises
+    ------
+    InputError
+        If it holds several and none is picked, or none has that number.
+    """
+    found = read_jacobians(path)
+    allowed = f"0 to {len(found) - 1}: which of the {len(found)} Jacobians in {path}"
+    if pick is None and len(found) > 1:
+        raise InputError("--pick", "missing", allowed)
+    if pick is not None and pick >= len(found):
+        raise InputError("--pick", pick, allowed)
+    return found[pick or 0][1]
+
+
 def _read_csv(path: Path) -> list[tuple[str, npt.ArrayLike]]:
     try:
         lines = path.read_text(encoding="utf-8-sig").splitlines()

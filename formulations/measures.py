@@ -36,6 +36,14 @@ class WorstCase:
     joints: tuple[int, ...]
     direction: FloatArray
 
+    def to_dict(self) -> dict[str, float | list[int] | list[float]]:
+        """Return plain values for tables and JSON."""
+        return {
+            "sigma": self.sigma,
+            "joints": list(self.joints),
+            "direction": self.direction.tolist(),
+        }
+
 
 def as_jacobian(jacobian: npt.ArrayLike, name: str = "jacobian") -> FloatArray:
     """Return the array as a Jacobian of floats.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 from nlp.arrays import FloatArray
 from nlp.problem import Sense
@@ -85,3 +86,16 @@ class Solution:
     outputs: Mapping[str, FloatArray]
     multipliers: Mapping[str, FloatArray]
     compiled: bool = False
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain values for tables and JSON, the status among them by its own name."""
+        arrays = {
+            name: {key: value.tolist() for key, value in getattr(self, name).items()}
+            for name in ("outputs", "multipliers")
+        }
+        return {
+            **vars(self),
+            "status": self.status.to_dict(),
+            "variables": self.variables.tolist(),
+            **arrays,
+        }

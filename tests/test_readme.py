@@ -65,7 +65,11 @@ def test_the_example_runs_and_prints_what_it_says():
         text=True,
         check=True,
     )
-    assert done.stdout.startswith("0.57148296")
+    shown = re.findall(r"# (\d[^\n]*?)(?:\.\.\.)?\n", block("example", "python"))
+    assert len(shown) == 2
+    for text in shown:
+        assert text in done.stdout
+    assert "<robot" in done.stdout
 
 
 def test_the_two_commands_are_one_line_each():

@@ -12,6 +12,7 @@ import json
 from dataclasses import dataclass
 from functools import lru_cache
 from importlib.resources import files
+from math import isnan
 from typing import Any
 
 from formulations import isotropy, measures, residual
@@ -39,6 +40,10 @@ class CertifiedBound:
 
     value: float
     kind: str
+
+    def to_dict(self) -> dict[str, float | str | None]:
+        """Return plain values for tables and JSON; no value where nothing exists to bound."""
+        return {"value": None if isnan(self.value) else self.value, "kind": self.kind}
 
     def gap_percent(self, found: float) -> float:
         """Return how far a value found is from the bound, in percent of that value."""

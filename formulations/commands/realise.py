@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from formulations.realise.choice import Choice
     from formulations.realise.criteria import Sampling
     from formulations.realise.manipulator import Manipulator
-    from nlp.arrays import FloatArray
 
 
 def realise(
@@ -128,6 +127,7 @@ def realise(
     by a criterion or name them. Where columns do not fix an axis (positional tasks) its
     direction is the one nearest to z.
     """
+    from formulations.jacobian_file import only_jacobian
     from formulations.realise import axes, forms
     from formulations.realise.choice import choose
     from formulations.realise.criteria import Sampling
@@ -140,7 +140,7 @@ def realise(
         raise InputError("--json", "given", "none with --to figure")
     if out is not None and not count:
         prepare_folder(out.parent, "folder of --out")
-    matrix = _only_jacobian(file, pick)
+    matrix = only_jacobian(file, pick)
     found = axes.realise(matrix, task=task, kinds=kinds, length=length, tolerance=tolerance)
     sampling = Sampling(seed, samples, radius)
     if criterion is None:
@@ -199,15 +199,3 @@ def _flips(text: str | None, joints: int) -> list[bool] | None:
     if len(text) != joints or set(text) - set("+-"):
         raise InputError("--signs", text, f"{joints} signs + or -, one per joint")
     return [sign == "-" for sign in text]
-
-
-def _only_jacobian(file: Path, pick: int | None) -> FloatArray:
-    from formulations.jacobian_file import read_jacobians
-
-    found = read_jacobians(file)
-    allowed = f"0 to {len(found) - 1}: which of the {len(found)} Jacobians in {file}"
-    if pick is None and len(found) > 1:
-        raise InputError("--pick", "missing", allowed)
-    if pick is not None and pick >= len(found):
-        raise InputError("--pick", pick, allowed)
-    return found[pick or 0][1]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -67,6 +68,18 @@ def table(rows: Sequence[Row]) -> pd.DataFrame:
         for one in rows
     ]
     return frame
+
+
+def brief(rows: Sequence[Row]) -> pd.DataFrame:
+    """Return the columns that fit on a screen, as text."""
+    shown = summary(rows).rename(columns={"CPU ms per success": "CPU ms"})
+    shown["reached"] = [f"{one.reached_best}/{one.starts}" for one in rows]
+    shown["bound"] = [
+        one.certificate if math.isnan(one.certified_bound) else text
+        for one, text in zip(rows, shown["certified bound"], strict=True)
+    ]
+    names = ("formulation", "variant", "model", "reached", "objective", "bound", "gap %")
+    return shown[[*names, "CPU ms"]]
 
 
 def summary(rows: Sequence[Row]) -> pd.DataFrame:

@@ -70,6 +70,16 @@ class Report:
     multipliers: int
     monomials: int
 
+    def to_dict(self) -> dict[str, int | str]:
+        """Return plain values for tables and JSON, the constant as a fraction in text."""
+        return {
+            "joints": self.joints,
+            "constant": str(self.constant),
+            "squares": self.squares,
+            "multipliers": self.multipliers,
+            "monomials": self.monomials,
+        }
+
 
 def verify_file(path: Path | str) -> Report:
     """Verify the certificate in a file.

@@ -5,10 +5,10 @@ Needs matplotlib (`pip install lockedjoint[figures]`), which is imported on the 
 
 from __future__ import annotations
 
-import io
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from formulations.figure_file import FORMATS, content, figure_class
 from formulations.realise.manipulator import Manipulator
 from formulations.realise.projection import View, clear_views
 from formulations.realise.strokes import Strokes
@@ -17,8 +17,6 @@ from nlp.errors import InputError
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
-FORMATS = ("svg", "png", "pdf")
 
 
 def figure(manipulator: Manipulator, view: View | None = None) -> Figure:
@@ -29,7 +27,7 @@ def figure(manipulator: Manipulator, view: View | None = None) -> Figure:
     InputError
         If matplotlib is not installed.
     """
-    new_figure = _figure_class()
+    new_figure = figure_class()
     views = list(clear_views(manipulator)) if view is None else [view]
     if manipulator.task.in_plane:
         views = views[:1]
@@ -49,14 +47,7 @@ def render(manipulator: Manipulator, kind: str = "svg", view: View | None = None
     """
     if kind not in FORMATS:
         raise InputError("kind of figure", kind, ", ".join(FORMATS))
-    drawn = figure(manipulator, view)
-    from matplotlib import rc_context
-
-    content = io.BytesIO()
-    undated = {"svg": {"Date": None}, "pdf": {"CreationDate": None}, "png": {}}[kind]
-    with rc_context({"svg.hashsalt": "lockedjoint", "svg.fonttype": "none"}):
-        drawn.savefig(content, format=kind, dpi=200, metadata=undated)
-    return content.getvalue()
+    return content(figure(manipulator, view), kind)
 
 
 def draw(
@@ -65,6 +56,7 @@ def draw(
     view: View | None = None,
     labels: Sequence[str] | None = None,
     columns: bool = True,
+    weight: float = 1.0,
 ) -> None:
     """Draw a manipulator into axes of a matplotlib figure.
 
@@ -79,6 +71,8 @@ def draw(
     columns
         Whether the columns of a planar arm's Jacobian are drawn at the end effector,
         all shortened alike.
+    weight
+        How bold links and joints are; below 1 in small panels, where names stand farther off.
 
     Raises
     ------
@@ -89,7 +83,7 @@ def draw(
     names = [str(i) for i in range(manipulator.joints)] if labels is None else list(labels)
     if len(names) != manipulator.joints:
         raise InputError("labels", names, f"one for each of the {manipulator.joints} joints")
-    strokes = Strokes(manipulator, axes, view)
+    strokes = Strokes(manipulator, axes, view, weight)
     if manipulator.task.in_plane:
         strokes.pins()
         if columns:
@@ -105,12 +99,3 @@ def draw(
     axes.set_aspect("equal")
     axes.set_axis_off()
     axes.margins(0.06)
-
-
-def _figure_class() -> type[Figure]:
-    try:
-        from matplotlib.figure import Figure
-    except ImportError:
-        allowed = "installed, for figures: pip install lockedjoint[figures]"
-        raise InputError("matplotlib", "missing", allowed) from None
-    return Figure

@@ -10,14 +10,13 @@ import numpy as np
 
 from formulations.realise.manipulator import Manipulator
 from formulations.realise.projection import View
+from formulations.style import BLUE, INK, ORANGE, PALE, PAPER, VERMILION
 from nlp.arrays import FloatArray
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-# Okabe and Ito's colours, told apart by colour-blind readers, and greys.
-LINK, AXIS, TIP, INK = "#E69F00", "#0072B2", "#D55E00", "#333333"
-PALE, PAPER = "#C8CDD2", "#F5F7F9"
+LINK, AXIS, TIP = ORANGE, BLUE, VERMILION
 # Half the length of a drawn axis and of a joint's body, in parts of the drawing's radius.
 AXIS_REACH, BODY_REACH = 0.42, 0.06
 # Columns are drawn to this part of their length, inside most arms.
@@ -34,10 +33,14 @@ class Strokes:
     ----------
     manipulator, axes, view
         What is drawn, where, and from which side.
+    weight
+        How bold links and joints are, relative to a figure of their own.
     """
 
-    def __init__(self, manipulator: Manipulator, axes: Axes, view: View) -> None:
-        self._arm, self._axes, self._view = manipulator, axes, view
+    def __init__(
+        self, manipulator: Manipulator, axes: Axes, view: View, weight: float = 1.0
+    ) -> None:
+        self._arm, self._axes, self._view, self._weight = manipulator, axes, view, weight
         self._tip = view.project(manipulator.end_effector)
         self._joints = view.project(manipulator.points)
         away = np.linalg.norm(manipulator.points - manipulator.end_effector, axis=1)
@@ -105,8 +108,9 @@ class Strokes:
                 self._line(line, AXIS, 11.0, JOINTS, "butt")
                 self._line(line, "white", 8.0, JOINTS, "butt")
             else:
-                [pin] = self._axes.plot(point[0], point[1], "o", ms=8.5, zorder=JOINTS)
-                pin.set(mfc="white", mec=AXIS, mew=1.6)
+                [pin] = self._axes.plot(point[0], point[1], "o", zorder=JOINTS)
+                pin.set(mfc="white", mec=AXIS, mew=1.6 * self._weight)
+                pin.set_markersize(8.5 * self._weight)
 
     def ground(self) -> None:
         """Draw the ground that holds the first joint."""
@@ -140,7 +144,8 @@ class Strokes:
     def tip(self) -> None:
         """Draw the end effector."""
         x, y = self._tip[:2]
-        self._axes.plot(x, y, "o", ms=6.5, mfc=TIP, mec="white", mew=1.2, zorder=JOINTS + 1)
+        size = 6.5 * self._weight
+        self._axes.plot(x, y, "o", ms=size, mfc=TIP, mec="white", mew=1.2, zorder=JOINTS + 1)
 
     def names(self, names: Sequence[str]) -> None:
         """Write each joint's name where it is farthest from all that is there so far."""
@@ -150,7 +155,12 @@ class Strokes:
         taken.append(places[:1] - [0.0, 0.1 * self._radius])  # the ground
         if self._arm.task.in_plane:
             turn = np.radians(np.arange(0, 360, 30))
-            around = 0.13 * self._radius * np.column_stack([np.cos(turn), np.sin(turn)])
+            around = (
+                0.13
+                / self._weight
+                * self._radius
+                * np.column_stack([np.cos(turn), np.sin(turn)])
+            )
             choices = self._joints[:, None, :2] + around
         else:
             choices = self._view.project(self._axis_ends(1.14))[..., :2]
@@ -173,7 +183,7 @@ class Strokes:
             ends[:, 0],
             ends[:, 1],
             color=colour,
-            lw=width,
+            lw=width * self._weight,
             zorder=layer,
             solid_capstyle=cap,
         )

@@ -1,15 +1,19 @@
 """The entry points in one place: all there, the same objects, and imported only when used."""
 
 import ast
+import json
 import subprocess
 import sys
+from functools import partial
 from importlib import import_module
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from formulations import api
+from formulations import api, residual
+from formulations.existence.theorem import verified
+from formulations.solution_family import local_dimension
 from nlp.errors import InputError
 
 
@@ -62,3 +66,33 @@ def test_solve_in_two_lines():
     assert spared.best.merit > outcome.best.merit + 0.1
     with pytest.raises(InputError, match="one of residual, max-min, isotropy"):
         api.solve("nothing")
+
+
+def test_results_have_plain_values():
+    outcome = api.solve("max-min", "free", 3, 2, starts=2, workers=1)
+    best = outcome.best
+    seven = api.Arm.of(api.UnitRevolute(), 7)
+    plain = [
+        best.to_dict(),
+        best.status.to_dict(),
+        api.measures.worst_case(best.jacobian).to_dict(),
+        api.certified_bound("isotropy", seven).to_dict(),
+        verified().to_dict(),
+        local_dimension(seven, seven.sample(np.random.default_rng(0))).to_dict(),
+    ]
+    for one in plain:
+        assert json.loads(json.dumps(one)) == one
+    assert plain[0]["return_status"] == "Solve_Succeeded"
+    assert plain[0]["merit"] == api.measures.worst_case_sigma(best.jacobian)
+    assert plain[3] == {"value": None, "kind": "exact proof"}
+    assert plain[4]["joints"] == 7
+    assert plain[5]["family"] == plain[5]["angles"] - plain[5]["equations"] - 4
+
+
+def test_a_solution_has_plain_values():
+    arm = api.arm("unit-revolute", 7)
+    study = api.multistart(partial(residual.build, arm), arm.sample, starts=1, workers=1)
+    plain = study.results[0].solution.to_dict()
+    assert json.loads(json.dumps(plain)) == plain
+    assert np.shape(plain["outputs"]["jacobian"]) == (6, 7)
+    assert plain["status"]["return_status"] == "Solve_Succeeded"

@@ -1,0 +1,126 @@
+"""``lockedjoint figure``: figures of what is computed."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from formulations.commands.arguments import Json, Seed, Workers, whole
+from formulations.commands.text import as_text
+
+if TYPE_CHECKING:
+    from formulations.figures.catalogue import Kind
+    from nlp.arrays import FloatArray
+
+
+def figure(
+    name: Annotated[
+        str,
+        typer.Argument(
+            metavar="NAME",
+            help="figure-1, figure-3: of the paper, from computed robots. seven-axes: the 7R "
+            "optimum. singular-values: before and after each failure. trade-off: isotropy "
+            "against worst case. optima: where random starts end.",
+        ),
+    ],
+    out: Annotated[
+        Path, typer.Option(metavar="FILE", help="Its name ends in .svg, .png or .pdf.")
+    ],
+    data: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Write the numbers shown there, as CSV."),
+    ] = None,
+    jacobian: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="seven-axes, singular-values: show this one (CSV, NPY or JSON).",
+            show_default="solved for",
+        ),
+    ] = None,
+    pick: Annotated[
+        int | None,
+        typer.Option(
+            parser=whole(0), metavar="K", help="Which Jacobian of the file, counted from 0."
+        ),
+    ] = None,
+    store: Annotated[
+        Path | None,
+        typer.Option(metavar="DB", help="optima: show the starts of this campaign."),
+    ] = None,
+    starts: Annotated[
+        int | None,
+        typer.Option(
+            parser=whole(1),
+            metavar="K",
+            help="Random starts of each problem.",
+            show_default="5; figure-3 100; optima 50",
+        ),
+    ] = None,
+    seed: Seed = 0,
+    workers: Workers = None,
+    as_json: Json = False,
+) -> None:
+    """Draw a figure of what is computed anew, or was given.
+
+    Takes seconds; trade-off and optima about a minute.
+    """
+    from formulations.figure_file import content, figure_class, kind_of
+    from formulations.figures.catalogue import kind
+    from formulations.figures.picture import Request
+    from nlp.errors import InputError
+    from nlp.files import prepare_folder, write_bytes, write_text
+    from nlp.multistart import default_workers
+
+    wanted, form = kind(name), kind_of(out)
+    _check_taken(name, wanted, jacobian=jacobian, store=store)
+    if pick is not None and jacobian is None:
+        raise InputError("--pick", pick, "none without --jacobian")
+    figure_class()
+    for option, path in (("--out", out), ("--data", data)):
+        if path is not None:
+            prepare_folder(path.parent, f"folder of {option}")
+    request = Request(
+        starts=starts or wanted.starts,
+        seed=seed,
+        workers=workers or default_workers(),
+        jacobian=None if jacobian is None else _jacobian(jacobian, pick),
+        store=store,
+        say=_say,
+    )
+    picture = wanted.make(request)
+    _say("")
+    write_bytes(out, content(picture.figure, form))
+    if data is not None:
+        write_text(data, picture.table.to_csv(index=False, lineterminator="\n"))
+    said: dict[str, object] = {"figure": name, "file": str(out)}
+    if jacobian is None and store is None:
+        said |= {"seed": seed, "starts": request.starts}
+    if as_json:
+        typer.echo(json.dumps(said | {"rows": picture.rows()}, indent=1))
+    else:
+        typer.echo(as_text(said))
+
+
+def _check_taken(name: str, kind: Kind, **given: Path | None) -> None:
+    from nlp.errors import InputError
+
+    for option, value in given.items():
+        if value is not None and option not in kind.takes:
+            raise InputError(f"--{option}", str(value), f"none with {name}")
+
+
+def _jacobian(path: Path, pick: int | None) -> FloatArray:
+    from formulations.jacobian_file import only_jacobian
+
+    return only_jacobian(path, pick)
+
+
+def _say(sentence: str) -> None:
+    """Show what is being done, on a terminal's standard error."""
+    if sys.stderr.isatty():
+        typer.echo(f"\r\x1b[K{sentence[:78]}", nl=False, err=True)

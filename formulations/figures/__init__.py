@@ -1,0 +1,1 @@
+"""Figures of what is computed: one per file, listed in `catalogue`."""

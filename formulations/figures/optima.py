@@ -1,0 +1,165 @@
+"""Which optima random starts end at, and how many at each: one histogram per problem.
+
+Starts are counted by the worst case of the Jacobian that they end at, from J alone. Those the
+solver does not call solved, or whose Jacobian fails the check, are counted apart.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pandas as pd
+
+from formulations import isotropy, max_min, residual, style
+from formulations.comparison.contender import Contender
+from formulations.figure_file import figure_class
+from formulations.figures.picture import NothingFoundError, Picture, Request, solved
+from formulations.figures.stored import stored
+from nlp.arrays import FloatArray
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+WIDTH, ROW = 8.4, 0.8
+BINS = 240
+# Starts this close to one another are at one optimum, as far as numbers are printed.
+SAME = 1e-5
+# More optima than this, and than this share of the starts, are a continuum.
+FEW, SCATTERED = 3, 0.2
+UNIT, LEVER = "unit lever arms", "free lever arms"
+PROBLEMS = (
+    (f"residual, {UNIT}", Contender(residual.NAME, "unit-revolute")),
+    (f"max-min, {UNIT}", Contender(max_min.NAME, "unit-revolute")),
+    (
+        f"max-min, {UNIT},\none factor per failure",
+        Contender(max_min.NAME, "unit-revolute", encoding="factor-per-deletion"),
+    ),
+    (f"residual, {LEVER}", Contender(residual.NAME, "lever-revolute")),
+    (f"isotropy, {LEVER}", Contender(isotropy.NAME, "lever-revolute")),
+    (f"max-min, {LEVER}", Contender(max_min.NAME, "lever-revolute")),
+)
+
+
+def make(request: Request) -> Picture:
+    """Solve from all starts, or read a campaign's store, and draw where they ended."""
+    table = _solved(request) if request.store is None else stored(request.store)
+    if not table["counted"].any():
+        raise NothingFoundError("No start passes the check; ask for more starts.")
+    names = list(dict.fromkeys(table["problem"]))
+    edges = _edges(table.loc[table["counted"], "worst_case_sigma"])
+    with style.applied():
+        figure = figure_class()(figsize=(WIDTH, 0.9 + ROW * len(names)))
+        figure.suptitle("Where random starts end, by the worst case σ", fontsize=style.SAID)
+        rows = figure.subplots(len(names), 1, sharex=True, squeeze=False)[:, 0]
+        for axes, name in zip(rows, names, strict=True):
+            _draw(axes, table[table["problem"] == name], edges)
+        rows[-1].set_xlabel("σ in the worst case, measured from J alone")
+        style.without_frame(rows[-1], "bottom")
+    return Picture(figure, table)
+
+
+def levels(sigmas: pd.Series) -> list[tuple[float, int]]:
+    """Return the optima that starts ended at, best first, and how many at each."""
+    found: list[tuple[float, int]] = []
+    for sigma in sorted(sigmas, reverse=True):
+        if found and found[-1][0] - sigma <= SAME:
+            found[-1] = (found[-1][0], found[-1][1] + 1)
+        else:
+            found.append((float(sigma), 1))
+    return found
+
+
+def _solved(request: Request) -> pd.DataFrame:
+    rows = [
+        {
+            "problem": " ".join(name.split()),
+            "label": name,
+            "start": record.index,
+            "status": record.status.return_status,
+            "counted": record.status.success and record.valid,
+            "worst_case_sigma": record.worst_case_sigma,
+            "isotropy_defect": record.isotropy_defect,
+        }
+        for name, contender in PROBLEMS
+        for record in solved(contender, request).records
+    ]
+    return pd.DataFrame(rows)
+
+
+def _edges(sigmas: pd.Series) -> FloatArray:
+    low, high = float(sigmas.min()), float(sigmas.max())
+    room = max(0.03 * (high - low), 1e-3)
+    return np.linspace(max(0.0, low - room), high + room, BINS + 1)
+
+
+def _draw(axes: Axes, table: pd.DataFrame, edges: FloatArray) -> None:
+    sigmas = table.loc[table["counted"], "worst_case_sigma"]
+    counts, _ = np.histogram(sigmas, edges)
+    there = counts > 0
+    axes.bar(
+        edges[:-1][there],
+        counts[there],
+        edges[1] - edges[0],
+        align="edge",
+        color=style.BLUE,
+        lw=0,
+    )
+    axes.set_xlim(edges[0], edges[-1])
+    axes.set_ylim(0, max(1, counts.max()) * 1.3)
+    axes.set_yticks([])
+    style.without_frame(axes, "bottom")
+    axes.spines["bottom"].set_color(style.PALE)
+    axes.tick_params(axis="x", length=0)
+    name = str(table["label"].iloc[0])
+    axes.annotate(
+        name,
+        (0, 0),
+        xycoords="axes fraction",
+        xytext=(-6, 0),
+        textcoords="offset points",
+        ha="right",
+        va="bottom",
+    )
+    said = _said(sigmas, len(table))
+    if sigmas.empty:
+        axes.text(0.5, 0.3, said, transform=axes.transAxes, ha="center")
+        return
+    # The number of starts in the highest bar, on it.
+    peak = int(np.argmax(counts))
+    top = (edges[peak] + edges[peak + 1]) / 2
+    axes.text(
+        top,
+        counts[peak],
+        f"{counts[peak]}",
+        ha="center",
+        va="bottom",
+        color=style.BLUE,
+        fontsize=style.SMALL,
+    )
+    left, right = float(sigmas.min()), float(sigmas.max())
+    before = left - edges[0] > edges[-1] - right
+    axes.annotate(
+        said,
+        (left if before else right, 0.42 * counts[peak]),
+        xytext=(-9 if before else 9, 0),
+        textcoords="offset points",
+        ha="right" if before else "left",
+        va="center",
+    )
+
+
+def _said(sigmas: pd.Series, starts: int) -> str:
+    """Say how many starts ended at the best optimum, or that no two ended at one."""
+    found = levels(sigmas)
+    if not found:
+        return f"none of {starts}"
+    best, reached = found[0]
+    if len(found) > max(FEW, SCATTERED * len(sigmas)):
+        said = f"{len(sigmas)} of {starts}, scattered from {found[-1][0]:.3f} to {best:.3f}"
+    else:
+        said = f"{reached} of {starts} at {best:.5f}"
+        others = len(sigmas) - reached
+        said += f", {others} elsewhere" if others else ""
+    lost = starts - len(sigmas)
+    return said + (f", {lost} fail" if lost else "")

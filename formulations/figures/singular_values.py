@@ -1,0 +1,145 @@
+"""Singular values before and after the failure of each joint, beside the bounds.
+
+By default of two Jacobians, the residual minimum and the max-min optimum of unit revolute 7R.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pandas as pd
+
+from formulations import max_min, measures, residual, style
+from formulations.arm import Arm
+from formulations.bounds.certified import certified_bound
+from formulations.comparison.contender import Contender
+from formulations.figure_file import figure_class
+from formulations.figures.picture import Picture, Request, best, solved
+from formulations.joint import NotInModelError
+from formulations.joints import UnitRevolute
+from nlp.arrays import FloatArray
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+HEIGHT, MARGIN, STEP = 4.8, 1.0, 0.37
+TITLES = {residual.NAME: "Residual minimum", max_min.NAME: "Max-min optimum"}
+# Half the length of the stroke that is a singular value, joints being 1 apart.
+HALF = 0.3
+CERTIFIED = "certified bound"
+# Bounds closer than this are one line.
+SAME = 1e-4
+
+
+def make(request: Request) -> Picture:
+    """Solve, or take the Jacobian given, and draw its singular values."""
+    shown = _jacobians(request)
+    columns = sum(matrix.shape[1] + 3 for _, matrix in shown)
+    with style.applied():
+        figure = figure_class()(figsize=(MARGIN + STEP * columns, HEIGHT))
+        widths = [matrix.shape[1] + 3 for _, matrix in shown]
+        panels = figure.subplots(
+            2, len(shown), sharex="col", sharey="row", squeeze=False, width_ratios=widths
+        )
+        for column, (title, matrix) in zip(panels.T, shown, strict=True):
+            _draw(column[0], column[1], title, matrix)
+        panels[0, 0].set_ylabel("all other\nsingular values")
+        panels[1, 0].set_ylabel("the smallest\nafter the failure")
+        for axes in panels[:, 1:].ravel():
+            style.without_frame(axes)
+    return Picture(figure, pd.concat([_table(*one) for one in shown], ignore_index=True))
+
+
+def bounds(matrix: FloatArray) -> list[tuple[str, float]]:
+    """Return the bounds on the worst case of a Jacobian with names: (6), and a certified one.
+
+    The certified bound is on the worst case of all unit revolute arms with as many joints; it
+    is there where J is of that model and the bound is sharper than (6).
+    """
+    m, n = matrix.shape
+    plain = measures.sigma_bound(m, n, measures.trace(matrix))
+    found = [("bound (6)", plain)]
+    if m == 6 and _is_unit_revolute(matrix):
+        certified = certified_bound(max_min.NAME, Arm.of(UnitRevolute(), n)).value
+        if certified < plain - SAME:
+            found.append((CERTIFIED, certified))
+    return found
+
+
+def _jacobians(request: Request) -> Sequence[tuple[str, FloatArray]]:
+    if request.jacobian is not None:
+        return [("", request.jacobian)]
+    found = []
+    for name, title in TITLES.items():
+        outcome = solved(Contender(name, "unit-revolute"), request)
+        found.append((f"{title}, unit revolute 7R", best(outcome).jacobian))
+    return found
+
+
+def _is_unit_revolute(matrix: FloatArray) -> bool:
+    try:
+        Arm.of(UnitRevolute(), matrix.shape[1]).variables(matrix)
+    except NotInModelError:
+        return False
+    return True
+
+
+def _values(matrix: FloatArray) -> list[FloatArray]:
+    """Singular values before, then after each failure; as many as there are rows."""
+    left = [np.delete(matrix, f, axis=1) for f in range(matrix.shape[1])]
+    after = [np.asarray(np.linalg.svd(one, compute_uv=False)) for one in left]
+    return [measures.singular_values(matrix), *after]
+
+
+def _table(title: str, matrix: FloatArray) -> pd.DataFrame:
+    rows = [
+        {
+            "jacobian": title or "given",
+            "locked_joint": None if place == 0 else place - 1,
+            "singular_value": k + 1,
+            "value": float(value),
+            **dict(bounds(matrix)),
+        }
+        for place, values in enumerate(_values(matrix))
+        for k, value in enumerate(values)
+    ]
+    return pd.DataFrame(rows)
+
+
+def _draw(upper: Axes, lower: Axes, title: str, matrix: FloatArray) -> None:
+    """Draw the smallest value after each failure below, all others above: two scales."""
+    values = _values(matrix)
+    places = np.array([0.0, *(1.5 + f for f in range(len(values) - 1))])
+    for place, column in zip(places, values, strict=True):
+        others = column if place == 0 else column[:-1]
+        upper.hlines(others, place - HALF, place + HALF, color=style.BLUE, lw=1.4)
+    smallest, after = np.array([column[-1] for column in values[1:]]), places[1:]
+    lower.hlines(smallest, after - HALF, after + HALF, color=style.VERMILION, lw=2.0)
+    known = bounds(matrix)
+    left, right = after[0] - HALF, after[-1] + HALF
+    for name, bound in known:
+        dashes = "-" if name == CERTIFIED else (0, (4, 3))
+        lower.hlines(bound, left, right, color=style.INK, lw=0.6, ls=dashes)
+    said = ", ".join(f"{name} {bound:.4f}" for name, bound in known)
+    _beside(lower, left, max(bound for _, bound in known), said, 4, style.INK)
+    worst = int(np.argmin(smallest))
+    _beside(lower, left, smallest[worst], f"worst case {smallest[worst]:.4f}", -4)
+    upper.set_title(title)
+    upper.tick_params(labelbottom=False)
+    lower.set_xticks(places, ["before", *(str(f) for f in range(len(smallest)))])
+    lower.set_xlabel("joint that locks")
+    for axes in (upper, lower):
+        axes.margins(y=0.18)
+        style.without_frame(axes, "left")
+
+
+def _beside(
+    axes: Axes, x: float, y: float, text: str, off: int, colour: str = style.VERMILION
+) -> None:
+    """Write text from x on, so many points above or below y."""
+    up = "bottom" if off > 0 else "top"
+    axes.annotate(
+        text, (x, y), xytext=(0, off), textcoords="offset points", va=up, color=colour
+    )

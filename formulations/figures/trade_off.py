@@ -1,0 +1,124 @@
+"""The trade-off between isotropy and worst case, as curves of unit and free lever arms."""
+
+from __future__ import annotations
+
+import json
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pandas as pd
+
+from formulations import measures, residual, style
+from formulations.bounds.certified import certified_bound
+from formulations.catalogue import arm
+from formulations.figure_file import figure_class
+from formulations.figures.picture import NothingFoundError, Picture, Request
+from formulations.trade_off_curve import curve
+from nlp.arrays import FloatArray
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+WIDTH, HEIGHT = 7.4, 4.8
+MODELS = {"unit-revolute": "unit lever arms", "lever-revolute": "free lever arms"}
+# Which side of its curve a name stands on.
+SIDES = {"unit-revolute": (1, -1), "lever-revolute": (-1, 1)}
+COLOURS = {"unit-revolute": style.BLUE, "lever-revolute": style.VERMILION}
+POINTS = 12
+
+
+def make(request: Request, points: int = POINTS) -> Picture:
+    """Sweep the limit on the isotropy defect, for each model."""
+    table = pd.concat([_curve(model, request, points) for model in MODELS], ignore_index=True)
+    seven = arm("unit-revolute", 7)
+    bound = measures.sigma_bound(*seven.shape, seven.largest_trace)
+    with style.applied():
+        figure = figure_class()(figsize=(WIDTH, HEIGHT))
+        axes = figure.subplots()
+        axes.set_title("Seven revolute joints: what isotropy costs the worst case")
+        for model in MODELS:
+            _draw(axes, model, table[table["model"] == model])
+        right = float(distance(table["isotropy_defect"]).max())
+        low = float(table["worst_case_sigma"].min())
+        axes.hlines(bound, 0, 1.22 * right, color=style.INK, lw=0.6, ls=(0, (4, 3)))
+        axes.text(0, bound + 0.001, f"bound (6) {bound:.5f}", va="bottom")
+        axes.set_xlabel("distance from isotropy ‖JJᵀ − (T/m)I‖, T = ‖J‖²")
+        axes.set_ylabel("σ in the worst case")
+        axes.set_xlim(-0.01, 1.22 * right)
+        _proved(axes, low)
+        style.without_frame(axes, "left", "bottom")
+    return Picture(figure, table)
+
+
+def distance(defect: pd.Series) -> FloatArray:
+    """Return ‖JJᵀ − (T/m)I‖_F for isotropy defects, which are half its square."""
+    return np.asarray(np.sqrt(2 * defect.to_numpy(dtype=float)))
+
+
+def _proved(axes: Axes, low: float) -> None:
+    """Draw how isotropic unit lever arms can be at most."""
+    defect = certified_bound(residual.NAME, arm("unit-revolute", 7)).value
+    place = float(np.sqrt(2 * defect))
+    axes.vlines(place, low, 0.517, color=style.GREY, lw=0.6)
+    axes.annotate(
+        "proved: no unit lever arms left of here",
+        (place, low),
+        xytext=(5, 0),
+        textcoords="offset points",
+        color=style.GREY,
+        fontsize=style.SMALL,
+    )
+
+
+def _curve(model: str, request: Request, points: int) -> pd.DataFrame:
+    found = curve(
+        arm(model, 7),
+        points,
+        request.starts,
+        request.seed,
+        lambda what: request.say(f"{model}: {what}"),
+    )
+    if len(found) < 2:
+        raise NothingFoundError(f"No start on {model} passes the check; ask for more starts.")
+    rows = [
+        {"model": model, **point.to_dict(), "jacobian": json.dumps(point.jacobian.tolist())}
+        for point in found
+    ]
+    return pd.DataFrame(rows)
+
+
+def _draw(axes: Axes, model: str, table: pd.DataFrame) -> None:
+    x, y = distance(table["isotropy_defect"]), table["worst_case_sigma"].to_numpy()
+    colour = COLOURS[model]
+    axes.plot(x, y, color=colour, lw=1.4)
+    axes.plot(x[1:-1], y[1:-1], "o", ms=3, color=colour)
+    axes.plot(x[[0, -1]], y[[0, -1]], "o", ms=6, color=colour, mec="white", mew=1)
+    first = {"isotropy": "exactly isotropic", "residual": "residual minimum"}
+    start = first[str(table["statement"].iloc[0])]
+    axes.annotate(
+        f"{start} {y[0]:.5f}",
+        (x[0], y[0]),
+        xytext=(9, -4),
+        textcoords="offset points",
+        va="top",
+        color=colour,
+    )
+    axes.annotate(
+        f"max-min {y[-1]:.5f}",
+        (x[-1], y[-1]),
+        xytext=(8, 0),
+        textcoords="offset points",
+        va="center",
+        color=colour,
+    )
+    k, (across, up) = len(x) // 2, SIDES[model]
+    axes.annotate(
+        MODELS[model],
+        (x[k], y[k]),
+        xytext=(9 * across, 5 * up),
+        textcoords="offset points",
+        ha="left" if across > 0 else "right",
+        va="bottom" if up > 0 else "top",
+        color=colour,
+        fontsize=style.SAID,
+    )

@@ -1,0 +1,91 @@
+"""The command as a stranger meets it."""
+
+import csv
+import json
+import sys
+
+import pytest
+
+from formulations.__main__ import main
+
+
+@pytest.fixture
+def lockedjoint(planar, monkeypatch, capsys):
+    """Run the command line in this process, in a folder of its own."""
+    monkeypatch.chdir(planar)
+
+    def run(*arguments):
+        monkeypatch.setattr(sys, "argv", ["lockedjoint", *arguments])
+        with pytest.raises(SystemExit) as ended:
+            main()
+        said = capsys.readouterr()
+        return ended.value.code, said.out, said.err
+
+    return run
+
+
+@pytest.fixture
+def planar(tmp_path):
+    (tmp_path / "j.csv").write_text("1,0.4,-0.5,0.2\n0,1,0.7,-0.6\n", encoding="utf-8")
+    return tmp_path
+
+
+def test_a_figure_its_data_and_its_json(lockedjoint, planar):
+    status, out, err = lockedjoint(
+        *("figure", "singular-values", "--jacobian", "j.csv", "--out", "new/f.pdf"),
+        *("--data", "f.csv", "--json"),
+    )
+    assert (status, err) == (0, "")
+    assert (planar / "new" / "f.pdf").read_bytes().startswith(b"%PDF")
+    rows = json.loads(out)["rows"]
+    with (planar / "f.csv").open(encoding="utf-8") as file:
+        written = list(csv.DictReader(file))
+    assert [row["value"] for row in rows] == [float(row["value"]) for row in written]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        (("nonsense", "--out", "x.svg"), "one of figure-1, figure-3, seven-axes"),
+        (("figure-1", "--out", "x.gif"), "ends in .svg, .png, .pdf"),
+        (("figure-1",), "--out"),
+        (("figure-1", "--out", "x.svg", "--jacobian", "j.csv"), "none with figure-1"),
+        (("seven-axes", "--out", "x.svg", "--jacobian", "j.csv"), "6 rows"),
+        (("seven-axes", "--out", "x.svg", "--pick", "1"), "none without --jacobian"),
+        (("optima", "--out", "x.svg", "--store", "none.db"), "store"),
+    ],
+)
+def test_what_is_not_allowed_is_one_sentence_and_no_file(
+    lockedjoint, planar, arguments, sentence
+):
+    status, _, err = lockedjoint("figure", *arguments)
+    assert status == 2
+    assert sentence in err
+    assert err.count("\n") == 1
+    assert [path.name for path in planar.iterdir()] == ["j.csv"]
+
+
+def test_a_missing_matplotlib_is_said(lockedjoint, planar, monkeypatch):
+    monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
+    status, _, err = lockedjoint("figure", "trade-off", "--out", "x.svg")
+    assert status == 2
+    assert "pip install lockedjoint[figures]" in err
+    assert not (planar / "x.svg").exists()
+
+
+def test_a_campaign_is_shown(lockedjoint, planar):
+    (planar / "study.toml").write_text(
+        'starts = 3\nformulations = ["residual", "max-min"]\nmodels = ["free"]\njoints = [4]\n'
+        'task_dimensions = [3]\nencodings = ["shared-factor", "factor-per-deletion"]\n',
+        encoding="utf-8",
+    )
+    run = ("campaign", "study.toml", "--store", "s.db", "--workers", "1")
+    assert lockedjoint(*run)[0] == 0
+    status, out, err = lockedjoint(
+        *("figure", "optima", "--store", "s.db", "--out", "x.svg", "--json")
+    )
+    assert (status, err) == (0, "")
+    problems = {row["problem"] for row in json.loads(out)["rows"]}
+    assert len(problems) == 3
+    assert "max-min, 4 × free encoding shared-factor" in problems
+    assert "residual, 4 × free" in problems
