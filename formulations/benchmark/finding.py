@@ -21,7 +21,9 @@ def finding(rows: Sequence[Row]) -> str:
             first = seven[0]
             others = [row for row in seven if not row.peer.startswith(("lockedjoint", "floor"))]
             ours = [row for row in seven if row.peer.startswith("lockedjoint")]
-            said.append(f"{formulation} on 7R: {_cost(first)}; {_least(ours)}{_beside(others)}.")
+            said.append(
+                f"{formulation} on 7R: {_cost(first)}; {_least(ours)}{_beside(others)}."
+            )
     return " ".join(said)
 
 

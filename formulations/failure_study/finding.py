@@ -18,15 +18,16 @@ def finding(rows: Sequence[Row]) -> str:
     closed = [one for one in several if one.gap_percent < _CLOSED]
     if closed:
         names = ", ".join(dict.fromkeys(_arm(one) for one in closed))
-        said.append(f"With several joints locked at once the proved bound is attained by {names}.")
+        said.append(
+            f"With several joints locked at once the proved bound is attained by {names}."
+        )
     open_gaps = [one for one in several if one not in closed]
     if open_gaps:
         least = min(open_gaps, key=lambda one: one.gap_percent)
         most = max(open_gaps, key=lambda one: one.gap_percent)
         said.append(
             f"Elsewhere the best found stays {least.gap_percent:.1f} % ({_arm(least)}) to "
-            f"{most.gap_percent:.1f} % ({_arm(most)}) below it: the fewer columns to spare, "
-            "the more."
+            f"{most.gap_percent:.1f} % ({_arm(most)}) below it."
         )
     for one in spared:
         verb = "reaches its bound" if one.gap_percent < _CLOSED else "stays below its bound"

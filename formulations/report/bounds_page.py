@@ -92,9 +92,7 @@ def relaxations_table(rows: Sequence[ExistenceRow]) -> str:
     return shown(rows, _RELAXATIONS)
 
 
-def shown(
-    rows: Sequence[BoundRow] | Sequence[ExistenceRow], columns: Mapping[str, str]
-) -> str:
+def shown(rows: Sequence[BoundRow] | Sequence[ExistenceRow], columns: Mapping[str, str]) -> str:
     """Return some columns as a Markdown table, the numbers as one reads them."""
     lines = [[_cell(name, getattr(row, name)) for name in columns] for row in rows]
     frame = pd.DataFrame(lines, columns=list(columns.values()))

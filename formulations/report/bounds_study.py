@@ -41,6 +41,8 @@ def study() -> Study:
         finding=lambda folder: finding(
             read_rows(folder / TABLE, BoundRow), read_rows(folder / RELAXATIONS, ExistenceRow)
         ),
+        without="the preset `localised` of max-min; "
+        "`lockedjoint bound --quantity max-min --preset localised --json` computes it",
     )
 
 

@@ -34,9 +34,7 @@ def study() -> Study:
 def _run(folder: Path, effort: Effort) -> str:
     for one in ARMS:
         one.arm()  # a missing package is better known now than after minutes
-    search = Search(
-        starts=effort.starts_or(STARTS), seed=effort.seed, workers=effort.workers
-    )
+    search = Search(starts=effort.starts_or(STARTS), seed=effort.seed, workers=effort.workers)
     found = []
     for one in ARMS:
         effort.say(f"{one.name}, {one.task}")

@@ -59,6 +59,8 @@ class Study:
         sentence, or nothing.
     finding
         Returns what it shows, as a paragraph made from the table in a folder.
+    without
+        What of it takes over ten minutes and is left out unless asked for, and its command.
     """
 
     name: str
@@ -70,3 +72,4 @@ class Study:
     long: bool
     run: Callable[[Path, Effort], str]
     finding: Callable[[Path], str]
+    without: str = ""

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from formulations.reproduction.row import Row, Verdict
 
 _MEANING = {
-    Verdict.AGREES: "agree to all printed digits",
+    Verdict.AGREES: "agree",
     Verdict.MISPRINT: "are misprints, of which the corrected form is computed",
     Verdict.ROUNDED: "follow from rounded numbers",
     Verdict.IMPROVED: "are improved on",
