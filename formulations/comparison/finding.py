@@ -7,6 +7,9 @@ from collections.abc import Sequence
 from formulations import isotropy, max_min, residual
 from formulations.comparison.row import Row
 
+# Below this a residual is the solver's tolerance and no number.
+_NOTHING = 1e-6
+
 
 def finding(rows: Sequence[Row]) -> str:
     """Return the paragraph; empty if there is nothing to say."""
@@ -28,8 +31,9 @@ def _of_row(row: Row) -> list[str]:
         return [f"{name}: {row.verdict}."]
     share = f"{row.reached_best} of {row.starts} starts"
     if row.formulation == residual.NAME:
-        text = f"{name} ends at ½‖JJᵀ − (T/m)I‖² = {row.objective:.4g} from {share}"
-        return [f"{text}, which leaves σ = {row.worst_case_sigma:.5f} in the worst case."]
+        value = "0, to 1e-06," if row.objective < _NOTHING else f"{row.objective:.4g}"
+        text = f"{name} ends at ½‖JJᵀ − (T/m)I‖² = {value} from {share}"
+        return [f"{text}; the best of them leave σ = {row.worst_case_sigma:.5f}."]
     if row.formulation in (max_min.NAME, isotropy.NAME):
         text = f"{name} reaches σ = {row.worst_case_sigma:.6f} from {share}"
         return [f"{text}, {row.gap_percent:z.2f} % below the bound (6)."]

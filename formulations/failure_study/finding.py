@@ -33,8 +33,8 @@ def finding(rows: Sequence[Row]) -> str:
         verb = "reaches its bound" if one.gap_percent < _CLOSED else "stays below its bound"
         gap = "" if one.gap_percent < _CLOSED else f" by {one.gap_percent:.2f} %"
         said.append(
-            f"Revolute {one.task_dimension}×{one.joints} with {one.failing} failing {verb}{gap}:"
-            f" σ = {one.merit:.5f}."
+            f"Revolute {one.task_dimension}×{one.joints} with {one.failing} failing "
+            f"{verb}{gap}: σ = {one.merit:.5f}."
         )
     return " ".join(said)
 

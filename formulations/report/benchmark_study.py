@@ -40,9 +40,7 @@ def _run(folder: Path, effort: Effort) -> str:
         few = starts if size <= _SMALL else max(1, starts // 5)
         for formulation in dict.fromkeys(peer.formulation for peer in PEERS):
             peers = [peer for peer in PEERS if peer.formulation == formulation]
-            found: list[Row] = []
-            for found in measure(peers, size, few, effort.seed, TIME_LIMIT, effort.say):
-                pass  # each has all rows so far; the last is what counts
-            rows += found
+            rounds = measure(peers, size, few, effort.seed, TIME_LIMIT, effort.say)
+            rows += list(rounds)[-1]  # after the last round
     write(rows, folder, effort.seed, packages(), TIME_LIMIT)
     return ""

@@ -1,4 +1,4 @@
-"""The bounds on record as rows of tables, made from the JSON that `lockedjoint bound` prints."""
+"""The bounds as rows of tables, made from the JSON that `lockedjoint bound` prints."""
 
 from __future__ import annotations
 

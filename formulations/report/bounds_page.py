@@ -71,29 +71,32 @@ def markdown(
     said: str,
 ) -> str:
     """Return the page: where it came from, what it shows, the tables, their commands."""
-    commands = "\n".join(f"- `{row.file}`: `{row.command}`" for row in [*bounds, *relaxations])
+    rows: list[BoundRow | ExistenceRow] = [*bounds, *relaxations]
+    commands = "\n".join(f"- `{row.file}`: `{row.command}`" for row in rows)
     solvers = versions(["cvxpy", "clarabel"])
     return (
         f"# Bounds\n\n{header({'seed': seed, 'solvers': solvers})}\n{said}\n\n{_KINDS}\n"
-        f"{shown(bounds, _BOUNDS)}\n\n"
-        "Does an optimally failure-tolerant 7R Jacobian exist? The moment relaxation, exact in\n"
-        f"its equations, numerical in its eigenvalues:\n\n{shown(relaxations, _RELAXATIONS)}\n\n"
+        f"{bounds_table(bounds)}\n\n"
+        "Does an optimally failure-tolerant 7R Jacobian exist? The moment relaxation, exact\n"
+        "in its equations, numerical in its eigenvalues:\n\n"
+        f"{relaxations_table(relaxations)}\n\n"
         f"Each file by itself:\n\n{commands}\n"
     )
 
 
 def bounds_table(rows: Sequence[BoundRow]) -> str:
     """Return the bounds on values as a Markdown table."""
-    return shown(rows, _BOUNDS)
+    return _shown(rows, _BOUNDS)
 
 
 def relaxations_table(rows: Sequence[ExistenceRow]) -> str:
     """Return the relaxations as a Markdown table."""
-    return shown(rows, _RELAXATIONS)
+    return _shown(rows, _RELAXATIONS)
 
 
-def shown(rows: Sequence[BoundRow] | Sequence[ExistenceRow], columns: Mapping[str, str]) -> str:
-    """Return some columns as a Markdown table, the numbers as one reads them."""
+def _shown(
+    rows: Sequence[BoundRow] | Sequence[ExistenceRow], columns: Mapping[str, str]
+) -> str:
     lines = [[_cell(name, getattr(row, name)) for name in columns] for row in rows]
     frame = pd.DataFrame(lines, columns=list(columns.values()))
     return str(frame.to_markdown(index=False, disable_numparse=True))

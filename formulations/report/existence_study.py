@@ -23,13 +23,14 @@ _SAMPLES = 1
 _ABOUT = """\
     lockedjoint verify results/existence/certificate.json
 
-Derivation and verification use nothing but Python's integers and fractions, so the file is the
-same, byte for byte, whatever the versions, the machine and the hash seed; a test derives it again
-and compares. What it means, why it is a proof, and twenty-odd lines of Python that check it without
-this library are in [docs/nonexistence.md](../../docs/nonexistence.md), sections 4 to 6. Changing
-anything in the file that matters makes `lockedjoint verify` refuse it with one sentence and exit
-status 1; a file that is not JSON at all gives exit status 2. The same file travels inside the
-package: `formulations/existence/theorem.py` verifies it whenever a table says "proved".
+Derivation and verification use nothing but Python's integers and fractions, so the file is
+the same, byte for byte, whatever the versions, the machine and the hash seed; a test derives
+it again and compares. What it means, why it is a proof, and twenty-odd lines of Python that
+check it without this library are in [docs/nonexistence.md](../../docs/nonexistence.md),
+sections 4 to 6. Changing anything in the file that matters makes `lockedjoint verify` refuse
+it with one sentence and exit status 1; a file that is not JSON at all gives exit status 2.
+The same file travels inside the package: `formulations/existence/theorem.py` verifies it
+whenever a table says "proved".
 """
 
 

@@ -46,7 +46,7 @@ def study() -> Study:
     """Return the figures."""
     return Study(
         name="figures",
-        title="the paper's Figs. 1 and 3 from computed robots, the 7R optimum, trade-off, optima",
+        title="Figs. 1 and 3 from computed robots, the 7R optimum, trade-off, optima",
         page=PAGE,
         table=TABLE,
         command="lockedjoint report --only figures --out results",

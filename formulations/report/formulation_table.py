@@ -31,13 +31,13 @@ HEADS = (
 # Below this an isotropy defect, or a residual, is the solver's tolerance and no number.
 NOTHING = 1e-6
 NOTES = """\
-*Best value* is what the formulation optimises, measured again from the Jacobian alone:
-½‖JJᵀ − (T/m)I‖² for residual, to be small; the worst-case singular value after one joint locks for
-the other two, to be large. The *certified bound* holds for every such Jacobian: in closed form
-(eq. (6), or that no residual is below 0), by a proof in exact arithmetic, or by a relaxation with
-all rounding bounded; the *gap* is in percent of the best value. *Success* counts the starts whose
-checked answer is within 10⁻⁶ of the best; the cost of a success is processor time, that of failed
-starts included. Free lever arms have mean square at most 1.
+*Best value* is what the formulation optimises, measured again from the Jacobian alone: ½‖JJᵀ
+− (T/m)I‖² for residual, to be small; the worst-case singular value after one joint locks for
+the other two, to be large. The *certified bound* holds for every such Jacobian: in closed
+form (eq. (6), or that no residual is below 0), by a proof in exact arithmetic, or by a
+relaxation with all rounding bounded; the *gap* is in percent of the best value. *Success*
+counts the starts whose checked answer is within 10⁻⁶ of the best; the cost of a success is
+processor time, that of failed starts included. Free lever arms have mean square at most 1.
 """
 
 

@@ -64,8 +64,8 @@ def front_page(
     studies = "\n\n".join(_section(study, out) for study in STUDIES.values())
     return (
         f"# Results\n\n{header({'seed': seed})}\n"
-        "Seven and eight revolute joints in six dimensions, the three formulations from common\n"
-        f"random starts:\n\n{formulation_table(tables)}\n\n{NOTES}\n"
+        "Seven and eight revolute joints in six dimensions, the three formulations from\n"
+        f"common random starts:\n\n{formulation_table(tables)}\n\n{NOTES}\n"
         f"## What was learned that the paper did not know\n\n{items or 'Nothing yet.'}\n\n"
         "## Studies\n\n"
         "Each folder holds a table as CSV and as Markdown, under the command, seed, versions,\n"

@@ -26,8 +26,8 @@ def _existence(tables: Tables) -> Iterator[str]:
         relaxed = ", ".join(f"order {k} {verdict}" for k, verdict in verdicts.items())
         orders = f" The moment relaxations of the question: {relaxed}." if relaxed else ""
         yield (
-            f"**No optimally failure-tolerant {facts['joints']}R Jacobian exists**: proved in exact "
-            f"arithmetic, not merely not found.{orders}"
+            f"**No optimally failure-tolerant {facts['joints']}R Jacobian exists**: proved in "
+            f"exact arithmetic, not merely not found.{orders}"
         )
 
 
@@ -56,8 +56,8 @@ def _improvement(tables: Tables) -> Iterator[str]:
     if before is None or after is None or not after.gap_percent < before.gap_percent:
         return
     text = (
-        f"'It is possible to slightly improve': from {before.gap_percent:.2f} % below the bound (6) "
-        f"to {after.gap_percent:.2f} %, σ = {after.worst_case_sigma:.6f}"
+        f"'It is possible to slightly improve': from {before.gap_percent:.2f} % below the "
+        f"bound (6) to {after.gap_percent:.2f} %, σ = {after.worst_case_sigma:.6f}"
     )
     if wider is not None and wider.gap_percent < after.gap_percent:
         text += (
@@ -81,10 +81,11 @@ def _isotropy(tables: Tables) -> Iterator[str]:
         return
     if exact.worst_case_sigma < near.worst_case_sigma < best.worst_case_sigma:
         yield (
-            "Isotropy and failure tolerance part ways at 7R. Exactly isotropic Jacobians do exist "
-            f"with free lever arms, but the best of them, σ = {exact.worst_case_sigma:.6f}, tolerates "
-            f"failure worse than the nearly isotropic one, {near.worst_case_sigma:.6f}, and that worse "
-            f"than max-min's, whose isotropy defect is {best.isotropy_defect:.3f}."
+            "Isotropy and failure tolerance part ways at 7R. Exactly isotropic Jacobians do "
+            "exist with free lever arms, but the best of them, σ = "
+            f"{exact.worst_case_sigma:.6f}, tolerates failure worse than the nearly isotropic "
+            f"one, {near.worst_case_sigma:.6f}, and that worse than max-min's, whose isotropy "
+            f"defect is {best.isotropy_defect:.3f}."
         )
 
 
@@ -94,9 +95,9 @@ def _eight(tables: Tables) -> Iterator[str]:
     own = [text for name, text in ours.items() if name.startswith("dimensions of the families")]
     if around and own:
         yield (
-            f"The optimally failure-tolerant 8R come in families; dimensions found: {own[0]} starts. "
-            f"The paper's example (47) lies on one of dimension {around.split(' ')[0]}, where the "
-            "isotropy equations are rank deficient."
+            f"The optimally failure-tolerant 8R come in families; dimensions found: {own[0]} "
+            "starts. The paper's example (47) lies on one of dimension "
+            f"{around.split(' ')[0]}, where the isotropy equations are rank deficient."
         )
 
 
@@ -112,8 +113,8 @@ def _any_jacobian(tables: Tables) -> Iterator[str]:
         if row.equation == "(6)" and "any J" in row.quantity:
             if Verdict(row.verdict) is Verdict.AGREES:
                 yield (
-                    "The bound (6) holds for every Jacobian of the same ‖J‖, isotropic or not, and "
-                    "has a counterpart for any number of locked joints "
+                    "The bound (6) holds for every Jacobian of the same ‖J‖, isotropic or "
+                    "not, and has a counterpart for any number of locked joints "
                     "([docs/several_failures.md](../docs/several_failures.md))."
                 )
             return
@@ -144,9 +145,9 @@ def _robots(tables: Tables) -> Iterator[str]:
         best = max(seven, key=lambda row: row.percent_of_best_7r)
         least = min(seven, key=lambda row: row.percent_of_best_7r)
         yield (
-            f"Of {len(seven)} arms of seven revolute joints that exist, none comes nearer to the best "
-            f"7R than {best.arm}, {best.percent_of_best_7r:.0f} % of its worst case at the best posture "
-            f"found; {least.arm} keeps {least.percent_of_best_7r:.1f} %."
+            f"Of {len(seven)} arms of seven revolute joints that exist, none comes nearer to "
+            f"the best 7R than {best.arm}, {best.percent_of_best_7r:.0f} % of its worst case "
+            f"at the best posture found; {least.arm} keeps {least.percent_of_best_7r:.1f} %."
         )
 
 

@@ -24,7 +24,7 @@ def study() -> Study:
         page="robots.md",
         table=TABLE,
         command="lockedjoint robots --out results/robots",
-        takes="a quarter of an hour at times, and packages of robots",
+        takes="up to a quarter of an hour, and packages of robots",
         long=True,
         run=_run,
         finding=lambda folder: finding(read_rows(folder / TABLE, SurveyRow)),
