@@ -25,7 +25,7 @@ def study(joints: int, name: str) -> Study:
         page="comparison.md",
         table=TABLE,
         command=f"lockedjoint compare {option}--out results/{name}",
-        takes="a minute or two",
+        takes="under a minute",
         long=False,
         run=lambda folder, effort: _run(joints, folder, effort),
         finding=lambda folder: finding(read_rows(folder / TABLE, Row)),

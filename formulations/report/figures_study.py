@@ -76,14 +76,18 @@ def finding(rows: Sequence[TradeOffRow]) -> str:
 
 def markdown(rows: Sequence[FigureRow], seed: int, said: str) -> str:
     """Return the page: where it came from, what it shows, the figures, the table."""
-    frame = pd.DataFrame([asdict(row) for row in rows])
-    listed = frame.to_markdown(index=False, disable_numparse=True)
     figures = "\n\n".join(_section(row) for row in rows)
     return (
         f"# Figures\n\n{header({'seed': seed})}\n{said}\n\n"
         "Each is drawn from what its command computes anew; nothing is taken from the paper's\n"
-        f"formulas.\n\n{figures}\n\n## Numbers\n\n{listed}\n"
+        f"formulas.\n\n{figures}\n\n## Numbers\n\n{markdown_table(rows)}\n"
     )
+
+
+def markdown_table(rows: Sequence[FigureRow]) -> str:
+    """Return the rows as a Markdown table."""
+    frame = pd.DataFrame([asdict(row) for row in rows])
+    return str(frame.to_markdown(index=False, disable_numparse=True))
 
 
 def _run(folder: Path, effort: Effort) -> str:

@@ -22,7 +22,7 @@ def study() -> Study:
         page="reproduction.md",
         table=TABLE,
         command="lockedjoint reproduce --out results/reproduction",
-        takes="half a minute",
+        takes="ten seconds",
         long=False,
         run=_run,
         finding=lambda folder: finding(read_rows(folder / TABLE, Row)),

@@ -94,6 +94,8 @@ def _attempt(study: Study, out: Path, effort: Effort) -> tuple[State, str]:
 def _copy(folder: Path, part: Path) -> None:
     """Begin with what is there: a study may hold more than one run of it computes."""
     before = _before(folder)
+    if folder.exists() and not folder.is_dir():
+        raise FileError("output folder", str(folder), "a folder, which a file is in place of")
     try:
         shutil.rmtree(part, ignore_errors=True)  # left over from a run that was killed
         if before.exists() and not folder.exists():
