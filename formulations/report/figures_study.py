@@ -18,6 +18,8 @@ from formulations.row_file import read_rows
 from nlp.files import write_bytes, write_text
 
 TABLE, PAGE = "figures.csv", "README.md"
+# Below this a defect is the solver's tolerance and no number.
+_NOTHING = 1e-6
 _MODELS = {"unit-revolute": "unit lever arms", "lever-revolute": "free lever arms"}
 
 
@@ -67,11 +69,16 @@ def finding(rows: Sequence[TradeOffRow]) -> str:
             best = max(points, key=lambda row: row.worst_case_sigma)
             said.append(
                 f"Seven revolute joints with {words}: the most isotropic Jacobian, defect "
-                f"½‖JJᵀ − (T/m)I‖² = {near.isotropy_defect:.3g}, leaves σ = "
+                f"½‖JJᵀ − (T/m)I‖² {_defect(near)}, leaves σ = "
                 f"{near.worst_case_sigma:.5f} in the worst case; the largest worst case, "
-                f"{best.worst_case_sigma:.5f}, has defect {best.isotropy_defect:.3g}."
+                f"{best.worst_case_sigma:.5f}, has defect {_defect(best)}."
             )
     return " ".join(said)
+
+
+def _defect(row: TradeOffRow) -> str:
+    small = row.isotropy_defect < _NOTHING
+    return f"below {_NOTHING:g}" if small else f"{row.isotropy_defect:.4f}"
 
 
 def markdown(rows: Sequence[FigureRow], seed: int, said: str) -> str:

@@ -132,4 +132,4 @@ def _date(study: Study, out: Path) -> str:
     page = out / study.name / study.page
     if not page.is_file():
         return ""
-    return read_header(page.read_text(encoding="utf-8")).get("date", "of unknown date")
+    return read_header(page.read_text(encoding="utf-8")).get("date", "unknown date")
