@@ -17,12 +17,11 @@ def finding(rows: Sequence[Row]) -> str:
             if (row.formulation, row.joints) == (formulation, 7)
             and row.milliseconds_per_success == row.milliseconds_per_success
         ]
-        if seven:
-            first = seven[0]
-            others = [row for row in seven if not row.peer.startswith(("lockedjoint", "floor"))]
-            ours = [row for row in seven if row.peer.startswith("lockedjoint")]
+        ours = [row for row in seven if row.peer.startswith("lockedjoint")]
+        others = [row for row in seven if not row.peer.startswith(("lockedjoint", "floor"))]
+        if ours:
             said.append(
-                f"{formulation} on 7R: {_cost(first)}; {_least(ours)}{_beside(others)}."
+                f"{formulation} on 7R: {_cost(ours[0])}; {_least(ours)}{_beside(others)}."
             )
     return " ".join(said)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 from formulations import isotropy, max_min, residual
@@ -42,4 +43,5 @@ def _of_row(row: Row) -> list[str]:
 
 def _relative(row: Row, plain: Sequence[Row]) -> float:
     same = [o for o in plain if (o.formulation, o.model) == (row.formulation, row.model)]
-    return row.seconds_per_success / same[0].seconds_per_success if same and row.variant else 0
+    ratio = row.seconds_per_success / same[0].seconds_per_success if same and row.variant else 0
+    return 0 if math.isnan(ratio) else ratio

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 from formulations.failure_study.row import Row
@@ -12,8 +13,9 @@ _CLOSED = 1e-4
 
 def finding(rows: Sequence[Row]) -> str:
     """Return the paragraph; empty if there is nothing to say."""
-    several = [one for one in rows if one.locked > 1 and one.gap_percent == one.gap_percent]
-    spared = [one for one in rows if "never" in one.failing]
+    found = [one for one in rows if not math.isnan(one.gap_percent)]
+    several = [one for one in found if one.locked > 1]
+    spared = [one for one in found if "never" in one.failing]
     said = []
     closed = [one for one in several if one.gap_percent < _CLOSED]
     if closed:
