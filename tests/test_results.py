@@ -285,6 +285,5 @@ def test_the_front_page_names_every_study_and_what_was_left_out():
         assert f"({study.name}/{study.page})" in FRONT
         assert f"`{study.command}`" in FRONT
     left = FRONT.partition("## Left out of this run")[2]
-    assert "localised" in left
     for name in ("robots", "benchmark"):
         assert f"- {name}: " in left

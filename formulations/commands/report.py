@@ -59,7 +59,7 @@ def report(
 
     names = None if only is None else [part.strip() for part in only.split(",")]
     studies = chosen(names, everything)
-    effort = Effort(seed, starts, workers or default_workers(), everything, progress)
+    effort = Effort(seed, starts, workers or default_workers(), progress)
     outcomes: list[Outcome] = []
     made: set[str] = set()
     failed: dict[str, str] = {}
@@ -70,7 +70,7 @@ def report(
             made.add(outcome.study.name)
         else:
             failed[outcome.study.name] = outcome.reason
-        write_front_page(out, seed, made, failed, long=everything)
+        write_front_page(out, seed, made, failed)
     _show(outcomes, out, as_json)
     if any(one.state is State.INTERRUPTED for one in outcomes):
         typer.echo("Interrupted: finished studies are kept, the rest is missing.", err=True)

@@ -19,13 +19,10 @@ class BoundRun:
         Where it goes.
     compute
         Returns what ``lockedjoint bound --json`` prints.
-    long
-        Whether it takes over ten minutes.
     """
 
     file: str
     compute: Callable[[Effort], Mapping[str, Any]]
-    long: bool = False
 
 
 def _eq_6(_: Effort) -> Mapping[str, Any]:
@@ -84,5 +81,5 @@ RUNS = (
     BoundRun("residual_tight.json", _residual("tight")),
     BoundRun("residual_compact_rigorous.json", _residual("compact", rigorous=True)),
     BoundRun("max_min_compact_rigorous.json", _max_min("compact", rigorous=True)),
-    BoundRun("max_min_localised.json", _max_min("localised"), long=True),
+    BoundRun("max_min_localised.json", _max_min("localised")),
 )

@@ -20,12 +20,7 @@ PAGE = "README.md"
 
 
 def write_front_page(
-    out: Path,
-    seed: int,
-    made: Collection[str],
-    failed: Mapping[str, str],
-    *,
-    long: bool = False,
+    out: Path, seed: int, made: Collection[str], failed: Mapping[str, str]
 ) -> None:
     """Write the front page of the results in a folder.
 
@@ -39,25 +34,16 @@ def write_front_page(
         Names of the studies that this run computed.
     failed
         Names of those that it tried to, and why it could not.
-    long
-        Whether what takes over ten minutes was computed as well.
 
     Raises
     ------
     FileError
         If the page cannot be written.
     """
-    write_text(out / PAGE, front_page(out, seed, made, failed, long=long))
+    write_text(out / PAGE, front_page(out, seed, made, failed))
 
 
-def front_page(
-    out: Path,
-    seed: int,
-    made: Collection[str],
-    failed: Mapping[str, str],
-    *,
-    long: bool = False,
-) -> str:
+def front_page(out: Path, seed: int, made: Collection[str], failed: Mapping[str, str]) -> str:
     """Return the front page as Markdown; see `write_front_page`."""
     tables = read_tables(out)
     items = "\n".join(f"- {text}" for text in learned(tables))
@@ -70,7 +56,7 @@ def front_page(
         "## Studies\n\n"
         "Each folder holds a table as CSV and as Markdown, under the command, seed, versions,\n"
         f"machine and date that made it. `{_all()}` makes all of them.\n\n"
-        f"{_list(out, made)}\n\n{studies}\n\n{_left_out(out, made, failed, long)}"
+        f"{_list(out, made)}\n\n{studies}\n\n{_left_out(out, made, failed)}"
     )
 
 
@@ -105,14 +91,9 @@ def finding_in(study: Study, out: Path) -> str:
         return f"Its table is not of this version; `{study.command}` makes it anew."
 
 
-def _left_out(out: Path, made: Collection[str], failed: Mapping[str, str], long: bool) -> str:
+def _left_out(out: Path, made: Collection[str], failed: Mapping[str, str]) -> str:
     lines = [
         f"- {_why(study, out, failed)}" for study in STUDIES.values() if study.name not in made
-    ]
-    lines += [
-        f"- {study.name}, in part: {study.without}"
-        for study in STUDIES.values()
-        if study.name in made and study.without and not long
     ]
     if not lines:
         return ""

@@ -15,7 +15,7 @@ _CLOSED = 1e-4
 
 
 def learned(tables: Tables) -> list[str]:
-    """Return one sentence or more for each thing learned, each without its closing line."""
+    """Return a paragraph for each thing learned, in Markdown."""
     return [text for what in _ALL for text in what(tables)]
 
 
@@ -64,11 +64,14 @@ def _improvement(tables: Tables) -> Iterator[str]:
             "; with free lever arms of the same mean square to "
             f"{wider.gap_percent:.2f} %, σ = {wider.worst_case_sigma:.6f}"
         )
-    limit = sharpest(tables.bounds, max_min.NAME, "rigorous")
-    if limit is not None:
+    limits = [sharpest(tables.bounds, max_min.NAME, one) for one in ("rigorous", "numerical")]
+    known = [limit for limit in limits if limit is not None]
+    if known:
+        passed = ", nor ".join(f"{_up(limit.bound)}, {limit.kind}" for limit in known)
+        left = min(limit.gap_percent for limit in known)
         text += (
-            f". No unit revolute 7R can pass σ = {_up(limit.bound)}, rigorously, so at most "
-            f"{limit.gap_percent:.2f} % is left to be found"
+            f". No unit revolute 7R passes σ = {passed}: at most {left:.2f} % is left to be "
+            "found"
         )
     yield f"{text}."
 

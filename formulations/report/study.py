@@ -19,8 +19,6 @@ class Effort:
         Random starts of each row; None for as many as the study's own command makes.
     workers
         Processes.
-    long
-        Whether to compute what takes over ten minutes, in studies that also hold the rest.
     say
         Is told what is being done.
     """
@@ -28,7 +26,6 @@ class Effort:
     seed: int = 0
     starts: int | None = None
     workers: int = 1
-    long: bool = False
     say: Callable[[str], None] = lambda _: None
 
     def starts_or(self, usual: int) -> int:
@@ -59,8 +56,6 @@ class Study:
         sentence, or nothing.
     finding
         Returns what it shows, as a paragraph made from the table in a folder.
-    without
-        What of it takes over ten minutes and is left out unless asked for, and its command.
     """
 
     name: str
@@ -72,4 +67,3 @@ class Study:
     long: bool
     run: Callable[[Path, Effort], str]
     finding: Callable[[Path], str]
-    without: str = ""

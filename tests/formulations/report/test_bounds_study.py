@@ -43,11 +43,10 @@ def test_kept_files_keep_their_origin_and_others_say_that_it_is_unknown(tmp_path
     assert sharpest(list(rows.values()), "residual", "rigorous") is None
 
 
-def test_every_bound_that_is_not_long_is_on_record_and_its_command_names_it():
+def test_every_bound_is_on_record_and_its_command_names_it():
     for run in RUNS:
-        if not run.long:
-            plain = json.loads((RESULTS / run.file).read_text(encoding="utf-8"))
-            words = command(plain)
-            assert words.startswith("lockedjoint bound")
-            assert ("--rigorous" in words) is run.file.endswith("_rigorous.json")
-            assert str(plain.get("preset", plain.get("order", ""))) in words
+        plain = json.loads((RESULTS / run.file).read_text(encoding="utf-8"))
+        words = command(plain)
+        assert words.startswith("lockedjoint bound")
+        assert ("--rigorous" in words) is run.file.endswith("_rigorous.json")
+        assert str(plain.get("preset", plain.get("order", ""))) in words
