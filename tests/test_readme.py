@@ -1,6 +1,7 @@
 """The README's numbers are those of the committed results, and its example runs."""
 
 import csv
+import json
 import re
 import subprocess
 import sys
@@ -44,6 +45,31 @@ def test_the_table_is_the_committed_comparison(comparison, line, key):
     assert sigma == f"{float(row['worst_case_sigma']):.5f}"
     assert gap == f"{float(row['gap_percent']):.2f} %"
     assert reached == f"{row['reached_best']} of {row['starts']}"
+
+
+def test_the_bounds_are_those_on_record():
+    record = json.loads((ROOT / "formulations/bounds/record.json").read_text("utf-8"))
+    bounds = {one["kind"]: one["bound"] for one in record if one["quantity"] == "max-min"}
+    found = json.loads((ROOT / "results/comparison/jacobians.json").read_text("utf-8"))
+    best = max(
+        one["worst_case_sigma"]
+        for one in found
+        if (one["formulation"], one["model"]) == ("max-min", "unit-revolute")
+    )
+    rigorous, numerical, gap = re.search(
+        r"nothing passes σ = (\S+?),.*?nor\s+(\S+?), numerically.*?within (\S+) %",
+        README,
+        re.DOTALL,
+    ).groups()
+    # Rounded up: a bound holds as it is printed.
+    assert bounds["rigorous"] <= float(rigorous) < bounds["rigorous"] + 1e-5
+    assert bounds["numerical"] <= float(numerical) < bounds["numerical"] + 1e-5
+    assert float(gap) == pytest.approx(100 * (bounds["numerical"] / best - 1), abs=0.006)
+
+
+def test_every_link_and_picture_is_there():
+    for target in re.findall(r"\]\(([^)#:]+)\)", README):
+        assert (ROOT / target).exists(), target
 
 
 def test_the_infeasible_row_is_the_committed_one(comparison):

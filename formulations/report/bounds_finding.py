@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from formulations.report.bound_rows import BoundRow, ExistenceRow
+from formulations.report.digits import rounded_down, rounded_up
 
 
 def finding(bounds: Sequence[BoundRow], relaxations: Sequence[ExistenceRow]) -> str:
@@ -33,8 +34,11 @@ def _sharpest(bounds: Sequence[BoundRow], quantity: str, kind: str) -> str:
     row = sharpest(bounds, quantity, kind)
     if row is None:
         return ""
-    symbol, sign = ("½‖JJᵀ − (7/3)I‖²", "≥") if quantity == "residual" else ("σ", "≤")
+    if quantity == "residual":
+        said = f"½‖JJᵀ − (7/3)I‖² ≥ {rounded_down(row.bound, 9)}"
+    else:
+        said = f"σ ≤ {rounded_up(row.bound, 7)}"
     return (
-        f"For unit revolute 7R {symbol} {sign} {row.bound:.8g}, {kind} ({row.preset}); "
+        f"For unit revolute 7R {said}, {kind} ({row.preset}); "
         f"{row.best_known:.9g} is attained, {row.gap_percent:.2g} % away."
     )

@@ -75,7 +75,13 @@ def write_tables(folder: Path, seed: int, origins: dict[str, Origin]) -> None:
     write_text(folder / TABLE, table(bounds).to_csv(index=False))
     write_text(folder / RELAXATIONS, table(relaxations).to_csv(index=False))
     page = markdown(bounds, relaxations, seed, finding(bounds, relaxations))
-    write_text(folder / PAGE, page)
+    write_text(folder / PAGE, page + _further(folder))
+
+
+def _further(folder: Path) -> str:
+    """Links to pages in the folder that others wrote."""
+    pages = sorted(path.name for path in folder.glob("*.md") if path.name != PAGE)
+    return "".join(f"\nSee also [{name}]({name}).\n" for name in pages)
 
 
 def _place(path: Path) -> tuple[int, str]:

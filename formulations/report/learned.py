@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator
 
 from formulations import isotropy, max_min, residual
 from formulations.report.bounds_finding import sharpest
+from formulations.report.digits import rounded_down, rounded_up
 from formulations.report.tables import Tables
 from formulations.reproduction.row import Verdict
 
@@ -44,9 +45,13 @@ def _one_minimum(tables: Tables) -> Iterator[str]:
     if numerical is not None and numerical.gap_percent < _CLOSED:
         gap = row.objective - numerical.bound
         text += f" It is the global minimum to {gap:.0e}, numerically"
-        text += f"; rigorously nothing is below {_down(rigorous.bound)}." if rigorous else "."
+        text += (
+            f"; rigorously nothing is below {rounded_down(rigorous.bound)}."
+            if rigorous
+            else "."
+        )
     elif rigorous is not None:
-        text += f" Rigorously, nothing is below {_down(rigorous.bound)}."
+        text += f" Rigorously, nothing is below {rounded_down(rigorous.bound)}."
     yield text
 
 
@@ -67,7 +72,7 @@ def _improvement(tables: Tables) -> Iterator[str]:
     limits = [sharpest(tables.bounds, max_min.NAME, one) for one in ("rigorous", "numerical")]
     known = [limit for limit in limits if limit is not None]
     if known:
-        passed = ", nor ".join(f"{_up(limit.bound)}, {limit.kind}" for limit in known)
+        passed = ", nor ".join(f"{rounded_up(limit.bound)}, {limit.kind}" for limit in known)
         left = min(limit.gap_percent for limit in known)
         text += (
             f". No unit revolute 7R passes σ = {passed}: at most {left:.2f} % is left to be "
@@ -152,16 +157,6 @@ def _robots(tables: Tables) -> Iterator[str]:
             f"the best 7R than {best.arm}, {best.percent_of_best_7r:.0f} % of its worst case "
             f"at the best posture found; {least.arm} keeps {least.percent_of_best_7r:.1f} %."
         )
-
-
-def _down(number: float) -> str:
-    """Five digits that are still a lower bound."""
-    return f"{int(number * 1e5) / 1e5:.5f}"
-
-
-def _up(number: float) -> str:
-    """Five digits that are still an upper bound."""
-    return f"{-int(-number * 1e5 - 1) / 1e5:.5f}"
 
 
 _ALL: tuple[Callable[[Tables], Iterator[str]], ...] = (

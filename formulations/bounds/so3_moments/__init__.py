@@ -27,7 +27,8 @@ is a sum-of-squares identity among invariant polynomials there. Read the files i
     spectral_limits          what a worst case demands of the eigenvalues of JJᵀ
     max_min_bound            an upper bound on the worst case, in closed form
     matrix_localisers        conditions J_f J_fᵀ ⪰ tI
-    gram_localisers          conditions J_fᵀ J_f ⪰ tI
+    krylov_localisers        conditions J_f J_fᵀ ⪰ tI on j_f, M j_f, M² j_f
+    plain_localisers         the same by a longer road
     scaled_blocks            conditions ρ ≤ ρ_max(t)
     feasibility_margin       how far conditions are from being met
     fixed_worst_case         all conditions of a worst case together

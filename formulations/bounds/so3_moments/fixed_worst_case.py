@@ -1,7 +1,7 @@
 """Exclude a worst case σ² ≥ t: show that no configuration meets the conditions it implies.
 
 The conditions are the plain blocks B ⪰ 0; (ρ_max(t) − ρ)B ⪰ 0 for blocks of low degree; and
-matrix localisers of J_f J_fᵀ − tI. If positive semidefinite multipliers with Σ tr X = 1 make
+localisers of J_f J_fᵀ − tI. If positive semidefinite multipliers with Σ tr X = 1 make
 Σ ⟨X, B(x)⟩ equal to a negative number for all x, t is not reached.
 """
 
@@ -19,11 +19,13 @@ from formulations.bounds.so3_moments.clebsch_gordan import Floats
 from formulations.bounds.so3_moments.feasibility_margin import margin_program
 from formulations.bounds.so3_moments.global_bound import ProgramSize
 from formulations.bounds.so3_moments.identity_check import IdentityCheck, check_identity
+from formulations.bounds.so3_moments.krylov_localisers import KrylovLocaliser, KrylovSector
 from formulations.bounds.so3_moments.matrix_localisers import (
     LocaliserSector,
     MatrixLocaliser,
 )
 from formulations.bounds.so3_moments.multipliers import nearest_semidefinite
+from formulations.bounds.so3_moments.plain_localisers import plain_condition_sum
 from formulations.bounds.so3_moments.predictor_corrector import solve_with_predictor_corrector
 from formulations.bounds.so3_moments.residual_bound import (
     Progress,
@@ -38,7 +40,7 @@ from formulations.bounds.so3_moments.spectral_limits import largest_residual
 from formulations.bounds.so3_moments.wigner import random_rotations
 from nlp.errors import LockedJointError
 
-_GAP = 1e-7
+_GAP = 1e-8
 _FRESH = 40
 
 
@@ -57,12 +59,15 @@ class Conditions:
     scaled
         Sectors of the blocks that are multiplied by ρ_max(t) − ρ.
     localised
-        Sectors of the localisers of J_f J_fᵀ − tI.
+        Sectors of the localisers of J_f J_fᵀ − tI on any polynomial vectors.
+    krylov
+        Sectors of the localisers of J_f J_fᵀ − tI on Krylov vectors.
     """
 
     plain: tuple[RowSector, ...]
     scaled: tuple[RowSector, ...]
-    localised: tuple[LocaliserSector, ...]
+    localised: tuple[LocaliserSector, ...] = ()
+    krylov: tuple[KrylovSector, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -113,7 +118,13 @@ def condition_families(conditions: Conditions, joints: int, t: float) -> list[Bl
         ScaledBlocks(family, room) for family in sector_families(conditions.scaled, joints)
     ]
     localised = [MatrixLocaliser(sector, joints, ((1, t),)) for sector in conditions.localised]
-    return [*plain, *scaled, *(family for family in localised if family.blocks)]
+    krylov = [KrylovLocaliser(sector, joints, t) for sector in conditions.krylov]
+    return [
+        *plain,
+        *scaled,
+        *(family for family in localised if family.blocks),
+        *(family for family in krylov if family.blocks),
+    ]
 
 
 def exclude_worst_case(
@@ -155,7 +166,12 @@ def exclude_worst_case(
     cleaned = [nearest_semidefinite(x) for x in multipliers]
     total = sum(float(np.trace(x)) for x, _ in cleaned)
     fresh = random_rotations(rng, _FRESH, joints)
-    check = margin_check(families, [x / total for x, _ in cleaned], program.blocks, fresh)
+    # Localisers on any vectors have no second way of evaluation.
+    plain_fresh = None if conditions.localised else random_rotations(rng, 1, joints)
+    tell("checking the identity at fresh configurations")
+    check = margin_check(
+        families, [x / total for x, _ in cleaned], program.blocks, fresh, plain_fresh
+    )
     clock.append(time.perf_counter())
     return Exclusion(
         t=t,
@@ -175,11 +191,14 @@ def margin_check(
     multipliers: Sequence[Floats],
     blocks: Sequence[Floats],
     fresh: Floats,
+    plain_fresh: Floats | None = None,
 ) -> IdentityCheck:
-    """Check 0 − bound = Σ ⟨X, B(x)⟩ at fresh configurations."""
+    """Check 0 − bound = Σ ⟨X, B(x)⟩ at fresh configurations, two ways at the second ones."""
     bound = -sum(float(np.vdot(x, b[0])) for x, b in zip(multipliers, blocks, strict=True))
 
     def nothing(rotations: Floats) -> Floats:
         return np.zeros(len(rotations))
 
-    return check_identity(families, multipliers, bound, nothing, fresh)
+    return check_identity(
+        families, multipliers, bound, nothing, fresh, plain_fresh, plain_condition_sum
+    )

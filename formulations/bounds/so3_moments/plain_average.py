@@ -30,23 +30,23 @@ def averaged_sum_of_squares(
 ) -> Floats:
     """Return Σ ⟨X, B(x)⟩ over the blocks of a sector at configurations, (configurations,)."""
     orders = np.array(list(permutations(range(family.joints))))
-    roots = [_root(x) for x in multipliers]
+    roots = [multiplier_root(x) for x in multipliers]
     components = 2 * family.sector.spin + 1
     found = np.zeros(len(rotations))
     for number, configuration in enumerate(rotations):
         single = [
-            _wigner_by_angles(configuration, spin) for spin in range(family.largest_spin + 1)
+            wigner_by_angles(configuration, spin) for spin in range(family.largest_spin + 1)
         ]
         for start in range(0, len(orders), _ORDERS_AT_ONCE):
             wigner = [matrix[orders[start : start + _ORDERS_AT_ONCE]] for matrix in single]
             factors = joint_factors(wigner, range(family.joints))
             plain = [plain_rows(rows, factors) for rows in family.rows]
             for block, root in zip(family.blocks, roots, strict=True):
-                found[number] += np.sum(_first_tableau(block, root, plain) ** 2)
+                found[number] += np.sum(first_tableau(block, root, plain) ** 2)
     return found / (len(orders) * components)
 
 
-def _first_tableau(block: AdaptedRows, root: Floats, plain: list[Floats]) -> Floats:
+def first_tableau(block: AdaptedRows, root: Floats, plain: list[Floats]) -> Floats:
     """Return rootᵀ times the values of the block's rows for one tableau."""
     size = max(values[0].size for values in plain)
     total = np.zeros((root.shape[1], size))
@@ -57,12 +57,13 @@ def _first_tableau(block: AdaptedRows, root: Floats, plain: list[Floats]) -> Flo
     return total
 
 
-def _root(multiplier: Floats) -> Floats:
+def multiplier_root(multiplier: Floats) -> Floats:
+    """Return R with RRᵀ = X, positive semidefinite."""
     values, vectors = np.linalg.eigh(multiplier)
     return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
 
 
-def _wigner_by_angles(rotations: Floats, spin: int) -> NDArray[np.complex128]:
+def wigner_by_angles(rotations: Floats, spin: int) -> NDArray[np.complex128]:
     """Return D^spin, (n, 2·spin+1, 2·spin+1), of R = R_z(α) R_y(β) R_z(γ)."""
     m = np.arange(-spin, spin + 1)
     raising = np.diag(np.sqrt(spin * (spin + 1) - m[:-1] * (m[:-1] + 1)), -1)

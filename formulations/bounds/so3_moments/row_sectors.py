@@ -2,8 +2,7 @@
 
 A label (l, m) stands for the functions D^l_{Mm} of one joint. As a polynomial in the entries of
 J its degree is l if l ≡ m (mod 2), else l + 1, because v × ω has degree two. Turning the sign
-of a column multiplies it by (−1)^m. A label may carry a mark, (l, m, 1), which singles a joint
-out and changes nothing else; then even (0, 0, 1) is worth noting.
+of a column multiplies it by (−1)^m.
 """
 
 from __future__ import annotations
@@ -14,7 +13,7 @@ from typing import TypeAlias
 
 from nlp.errors import InputError
 
-Label: TypeAlias = tuple[int, ...]
+Label: TypeAlias = tuple[int, int]
 
 
 @dataclass(frozen=True, order=True)
@@ -62,7 +61,7 @@ class RowSector:
 
 def label_degree(label: Label) -> int:
     """Return the degree of D^l_{Mm} as a polynomial in the entries of J."""
-    spin, m = label[:2]
+    spin, m = label
     return spin + (spin - m) % 2
 
 

@@ -90,7 +90,7 @@ def joint_factors(wigner: Sequence[Complex], order: Sequence[int]) -> Factors:
     """Return the functions of the joints in an order, from D^l of all configurations."""
 
     def factors(label: Label, place: int) -> Complex:
-        spin, m = label[:2]
+        spin, m = label
         return wigner[spin][:, order[place], :, spin + m]
 
     return factors

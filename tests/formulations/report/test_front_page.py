@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from formulations.comparison.row import Row
-from formulations.report import learned as sentences
+from formulations.report.digits import rounded_down, rounded_up
 from formulations.report.existence_study import Fact
 from formulations.report.formulation_table import cells, formulation_table
 from formulations.report.front_page import front_page
@@ -70,10 +70,11 @@ def test_isotropy_and_failure_tolerance_part_ways_only_where_they_do(tables):
     assert not item(replace(tables, comparisons=better), "part ways")
 
 
-@given(st.floats(1e-3, 10))
-def test_rounded_bounds_are_still_bounds(number):
-    assert number - 1.001e-5 <= float(sentences._down(number)) <= number + 1e-12
-    assert number - 1e-12 <= float(sentences._up(number)) <= number + 2.001e-5
+@given(st.floats(1e-3, 10), st.integers(2, 9))
+def test_rounded_bounds_are_still_bounds(number, digits):
+    unit = 1.000001 * 10.0**-digits
+    assert number - unit < float(rounded_down(number, digits)) <= number
+    assert number <= float(rounded_up(number, digits)) < number + unit
 
 
 def test_a_row_that_is_not_there_is_dashes(tables):

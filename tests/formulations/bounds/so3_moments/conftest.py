@@ -9,8 +9,16 @@ import pytest
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
+from threadpoolctl import threadpool_limits
 
 Floats = NDArray[np.float64]
+
+
+@pytest.fixture(autouse=True, scope="package")
+def one_blas_thread():
+    """Many small matrices: with busy cores a second thread costs ten times what it saves."""
+    with threadpool_limits(limits=1, user_api="blas"):
+        yield
 
 
 def haar_rotations(seed: int, count: int, joints: int) -> Floats:

@@ -15,11 +15,6 @@ from formulations.bounds.so3_moments.fixed_worst_case import (
     margin_check,
 )
 from formulations.bounds.so3_moments.global_bound import GlobalBound
-from formulations.bounds.so3_moments.gram_localisers import (
-    GramLocaliser,
-    GramSector,
-    gram_sectors,
-)
 from formulations.bounds.so3_moments.matrix_localisers import (
     LocaliserSector,
     MatrixLocaliser,
@@ -41,7 +36,6 @@ LOCALISERS = [
     (2, 0, 1, 3, 1),
     (2, 1, 1, 2, None),
 ]
-GRAM = [(1, 0, 0, 0, 0), (0, 1, 1, 1, 0), (2, 1, 1, 3, 0), (2, 0, 1, 2, 1)]
 SMALL = Conditions(
     plain=tuple(RowSector(k, c, 0, 4) for k in (0, 2, 4) for c in (0, 2)),
     scaled=(RowSector(0, 0, 0, 4), RowSector(2, 0, 0, 4)),
@@ -74,26 +68,10 @@ def test_localisers_do_not_change_under_any_symmetry(
         np.testing.assert_allclose(a, b, atol=1e-11)
 
 
-@pytest.mark.parametrize("sector", GRAM)
-def test_gram_localisers_do_not_change_under_any_symmetry(
-    sector: tuple[int, int, int, int, int], so3: SimpleNamespace
-) -> None:
-    localiser = GramLocaliser(GramSector(*sector), 7, 0.3)
-    here = so3.haar_rotations(3, 1, 7)
-    there = so3.moved(here[0], 4)[None]
-    for a, b in zip(localiser.evaluate(here), localiser.evaluate(there), strict=True):
-        np.testing.assert_allclose(a, b, atol=1e-11)
-
-
 def test_rows_of_localisers_are_orthonormal(so3: SimpleNamespace) -> None:
     where = so3.haar_rotations(5, 1500, 7)
-    families = (
-        MatrixLocaliser(LocaliserSector(1, 1, 1, 2, 1), 7, ()),
-        GramLocaliser(GramSector(0, 1, 1, 1, 0), 7),
-    )
-    for family in families:
-        for block in family.parts(where)[1]:
-            np.testing.assert_allclose(block.mean(axis=0), np.eye(block.shape[1]), atol=0.1)
+    for block in MatrixLocaliser(LocaliserSector(1, 1, 1, 2, 1), 7, ()).parts(where)[1]:
+        np.testing.assert_allclose(block.mean(axis=0), np.eye(block.shape[1]), atol=0.1)
 
 
 def test_the_constant_localiser_is_the_mean_smallest_margin(so3: SimpleNamespace) -> None:
@@ -102,8 +80,6 @@ def test_the_constant_localiser_is_the_mean_smallest_margin(so3: SimpleNamespace
     localiser = MatrixLocaliser(LocaliserSector(0, 1, 1, 0, 0), 7, ((1, 0.25),))
     (block,) = localiser.evaluate(where)
     np.testing.assert_allclose(block, 12 / 6 - 0.25)
-    (gram,) = GramLocaliser(GramSector(1, 0, 0, 0, 0), 7, 0.25).evaluate(where)
-    np.testing.assert_allclose(gram, 2 - 0.25)
 
 
 def test_a_true_jacobian_meets_all_conditions_and_others_do_not(
@@ -122,11 +98,6 @@ def test_a_true_jacobian_meets_all_conditions_and_others_do_not(
     half = len(lowest) // 2
     assert min(lowest[:half]) > -1e-10
     assert min(lowest[half:]) < -1e-2
-    for sector in gram_sectors(2, range(2), range(3)):
-        gram = GramLocaliser(sector, 7, t)
-        if gram.rows:
-            for block in gram.evaluate(good_7r[None]):
-                assert np.linalg.eigvalsh(block[0])[0] > -1e-10
 
 
 def test_all_conditions_hold_at_a_true_jacobian(good_7r: Floats, so3: SimpleNamespace) -> None:
@@ -215,8 +186,6 @@ def test_impossible_worst_cases_are_refused(t: float) -> None:
 def test_impossible_sectors_are_refused() -> None:
     with pytest.raises(InputError):
         LocaliserSector(1, 0, 0, 2, 0)
-    with pytest.raises(InputError):
-        GramSector(0, 0, 0, 1, 0)
     with pytest.raises(InputError):
         max_min_bound("unknown", 8)
 
