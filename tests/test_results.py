@@ -36,7 +36,6 @@ from formulations.report.bound_rows import (
 )
 from formulations.report.bound_runs import RUNS
 from formulations.report.formulation_table import formulation_table
-from formulations.report.front_page import finding_in
 from formulations.report.learned import learned
 from formulations.report.studies import STUDIES
 from formulations.report.study import Effort
@@ -47,7 +46,6 @@ from formulations.reproduction.row import Verdict
 from formulations.robots import survey_report
 from formulations.robots.survey import SurveyRow
 from formulations.row_file import read_rows
-from nlp.errors import FileError
 
 RESULTS = Path(__file__).parents[1] / "results"
 FRONT = (RESULTS / "README.md").read_text(encoding="utf-8")
@@ -60,13 +58,7 @@ def page(name):
 
 
 def rows(name, kind, table=None):
-    """The rows of a study; a table measured before a column was added is not compared."""
-    try:
-        return read_rows(RESULTS / name / (table or STUDIES[name].table), kind)
-    except FileError:
-        if name != "benchmark":
-            raise
-        pytest.skip("measured before its table had all columns; run the benchmark")
+    return read_rows(RESULTS / name / (table or STUDIES[name].table), kind)
 
 
 # Computed anew ----------------------------------------------------------------------------
@@ -253,16 +245,12 @@ def test_the_page_of_bounds_shows_the_relaxations():
     assert bounds_page.relaxations_table(relaxations) in page("bounds")
 
 
-@pytest.mark.parametrize("name", [name for name in STUDIES if name != "benchmark"])
+@pytest.mark.parametrize("name", STUDIES)
 def test_page_and_front_page_say_what_the_table_shows(name):
     said = STUDIES[name].finding(RESULTS / name)
     assert len(said) > 60
     assert said in page(name)
     assert said in FRONT
-
-
-def test_the_front_page_says_of_the_benchmark_what_can_be_said():
-    assert finding_in(STUDIES["benchmark"], RESULTS) in FRONT
 
 
 def test_the_front_page_has_the_one_table_in_full():

@@ -52,7 +52,7 @@ def study() -> Study:
         page=PAGE,
         table=TABLE,
         command="lockedjoint report --only figures --out results",
-        takes="three minutes, and matplotlib",
+        takes="under a minute, and matplotlib",
         long=False,
         run=_run,
         finding=lambda folder: finding(read_rows(folder / "trade-off.csv", TradeOffRow)),
