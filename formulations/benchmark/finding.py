@@ -21,7 +21,8 @@ def finding(rows: Sequence[Row]) -> str:
         others = [row for row in seven if not row.peer.startswith(("lockedjoint", "floor"))]
         if ours:
             said.append(
-                f"{formulation.capitalize()} on 7R: {_cost(ours[0])}; {_least(ours)}{_beside(others)}."
+                f"{formulation.capitalize()} on 7R: {_cost(ours[0])}; "
+                f"{_least(ours)}{_beside(others)}."
             )
     return " ".join(said)
 
