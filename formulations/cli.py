@@ -18,6 +18,7 @@ from formulations.commands.measure import measure
 from formulations.commands.posture import posture
 from formulations.commands.prove import prove
 from formulations.commands.realise import realise
+from formulations.commands.report import report
 from formulations.commands.reproduce import reproduce
 from formulations.commands.robots import robots
 from formulations.commands.show import show
@@ -49,6 +50,7 @@ for command in (
     figure,
     benchmark,
     failures,
+    report,
 ):
     app.command()(command)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import platform
 import shlex
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -18,8 +18,7 @@ def provenance() -> Mapping[str, str]:
     arguments = [Path(sys.argv[0]).name, *sys.argv[1:]]
     return {
         "command": shlex.join(arguments),
-        "versions": ", ".join(f"{name} {_version(name)}" for name in PACKAGES)
-        + f", Python {platform.python_version()}",
+        "versions": f"{versions(PACKAGES)}, Python {platform.python_version()}",
         "machine": f"{_processor()}, {platform.system()} {platform.machine()}",
         "date": datetime.now(UTC).strftime("%Y-%m-%d"),
     }
@@ -29,6 +28,23 @@ def header(extra: Mapping[str, object]) -> str:
     """Return the provenance and `extra` as lines of a Markdown list."""
     lines = [f"- {name}: {value}" for name, value in {**provenance(), **extra}.items()]
     return "\n".join(lines) + "\n"
+
+
+def versions(packages: Sequence[str]) -> str:
+    """Return the names of packages with the versions that are installed."""
+    return ", ".join(f"{name} {_version(name)}" for name in packages)
+
+
+def read_header(page: str) -> dict[str, str]:
+    """Return the entries of the first list of a page that `header` headed; empty if none."""
+    entries: dict[str, str] = {}
+    for line in page.splitlines():
+        name, colon, value = line.removeprefix("- ").partition(": ")
+        if line.startswith("- ") and colon:
+            entries[name] = value
+        elif entries:
+            break
+    return entries
 
 
 def _version(name: str) -> str:

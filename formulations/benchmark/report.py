@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pandas as pd
 
+from formulations.benchmark.finding import finding
 from formulations.benchmark.measurement import NEAR, REACH, Row
 from formulations.provenance import header
 from nlp.files import write_text
@@ -92,6 +93,7 @@ def markdown(rows: Sequence[Row], seed: int, packages: Sequence[str], time_limit
         "Processor time is without set-up, which stands beside it. Who has used up "
         f"{time_limit:g} s of it on one statement and size begins no other start there, which "
         "the note says.\n",
+        f"{finding(rows)}\n",
         targets(rows),
     ]
     for formulation, joints in dict.fromkeys((row.formulation, row.joints) for row in rows):

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pandas as pd
 
+from formulations.comparison.finding import finding
 from formulations.comparison.row import Row, Summary
 from formulations.provenance import header
 from nlp.files import write_text
@@ -102,6 +103,7 @@ def markdown(rows: Sequence[Row], seed: int, complete: bool = True) -> str:
     note = "" if complete else "\nInterrupted: not all starts or rows are here.\n"
     return (
         f"# Comparison of the formulations\n\n{header({'seed': seed})}{note}\n"
+        f"{finding(rows)}\n\n"
         f"{summary(rows).to_markdown(index=False, disable_numparse=True)}\n\n"
         f"Ipopt's return statuses:\n\n{statuses}\n"
     )

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pandas as pd
 
+from formulations.failure_study.finding import finding
 from formulations.failure_study.row import Row, Summary
 from formulations.provenance import header
 from nlp.files import write_text
@@ -66,7 +67,8 @@ def markdown(rows: Sequence[Row], seed: int, complete: bool) -> str:
     note = "" if complete else "\nInterrupted or still running: not all rows are here.\n"
     shown = summary(rows).to_markdown(index=False, disable_numparse=True)
     return (
-        f"# Several and unequal failures\n\n{header({'seed': seed})}{note}\n{shown}\n\n"
+        f"# Several and unequal failures\n\n{header({'seed': seed})}{note}\n{finding(rows)}\n\n"
+        f"{shown}\n\n"
         "The objective 'worst' is the least σ_F/w_F, w_F the failure's probability over the\n"
         "likeliest one's; 'expected' the mean of σ_F. Bounds hold for every Jacobian of the "
         "same\n‖J‖_F, where failures are unequal of the same column norms; that on the "

@@ -72,7 +72,9 @@ class Summary:
     complete: bool
 
 
-def solve(case: Case, *, starts: int, seed: int, workers: int) -> Summary | None:
+def solve(
+    case: Case, *, starts: int, seed: int, workers: int, progress: bool = True
+) -> Summary | None:
     """Solve a case from all starts; None if the user interrupted before the first ended."""
     outcome = run(
         case.contender,
@@ -81,7 +83,7 @@ def solve(case: Case, *, starts: int, seed: int, workers: int) -> Summary | None
         starts=starts,
         seed=seed,
         workers=workers,
-        progress=True,
+        progress=progress,
     )
     return _summary(case, outcome) if outcome.records else None
 

@@ -9,6 +9,7 @@ from pathlib import Path
 import pandas as pd
 
 from formulations.provenance import header
+from formulations.reproduction.finding import finding
 from formulations.reproduction.row import Row
 from nlp.files import write_text
 
@@ -25,11 +26,16 @@ def markdown(rows: Sequence[Row], seed: int, complete: bool) -> str:
     counts = Counter(str(row.verdict) for row in rows)
     said = ", ".join(f"{count} {verdict}" for verdict, count in sorted(counts.items()))
     note = "" if complete else "\nInterrupted or still running: not all rows are here.\n"
-    escaped = table(rows).map(lambda text: text.replace("|", "\\|"))
     return (
         f"# The paper, reproduced\n\n{header({'seed': seed, 'verdicts': said})}{note}\n"
-        f"{escaped.to_markdown(index=False, disable_numparse=True)}\n"
+        f"{finding(rows)}\n\n"
+        f"{escaped(rows).to_markdown(index=False, disable_numparse=True)}\n"
     )
+
+
+def escaped(rows: Sequence[Row]) -> pd.DataFrame:
+    """All columns, with the bars that would end a cell of a Markdown table escaped."""
+    return table(rows).map(lambda text: text.replace("|", "\\|"))
 
 
 def write(rows: Sequence[Row], folder: Path, seed: int, complete: bool) -> None:

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 import pandas as pd
 
-from formulations.provenance import header
+from formulations.provenance import header, versions
 from formulations.robots.reachable import BEST_7R
 from formulations.robots.survey import Surveyed, SurveyRow
+from formulations.robots.survey_finding import finding
 from nlp.files import write_text
 
 _SHOWN = {
@@ -74,13 +74,13 @@ def summary(rows: Sequence[SurveyRow]) -> pd.DataFrame:
 
 def markdown(rows: Sequence[SurveyRow], seed: int, complete: bool = True) -> str:
     """Return the survey as a Markdown page: where it came from, notes, table, statuses."""
-    packages = {one.package: _version(one.package) for one in rows}
-    robots = ", ".join(f"{name} {number}" for name, number in packages.items())
+    robots = versions(list(dict.fromkeys(one.package for one in rows)))
     statuses = "\n".join(f"- {one.arm}, {one.task}: {one.status_counts}" for one in rows)
     postures = "\n".join(_posture(one) for one in rows if not one.fatal_failures)
     note = "" if complete else "\nInterrupted: not all starts or arms are here.\n"
     return (
-        f"# Arms that exist\n\n{header({'seed': seed, 'robots': robots})}{note}\n{_NOTES}\n"
+        f"# Arms that exist\n\n{header({'seed': seed, 'robots': robots})}{note}\n"
+        f"{finding(rows)}\n\n{_NOTES}\n"
         f"{summary(rows).to_markdown(index=False, disable_numparse=True)}\n\n"
         f"Postures, in radians and metres (every digit in robots.csv):\n\n{postures}\n\n"
         f"Ipopt's return statuses:\n\n{statuses}\n"
@@ -110,10 +110,3 @@ def _posture(one: SurveyRow) -> str:
     positions = json.loads(one.configuration)
     shown = ", ".join(f"{joint} {value:z.4f}" for joint, value in positions.items())
     return f"- {one.arm}, {one.task}: {shown}"
-
-
-def _version(package: str) -> str:
-    try:
-        return version(package)
-    except PackageNotFoundError:
-        return "(not installed)"

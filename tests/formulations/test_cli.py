@@ -38,7 +38,7 @@ def test_help_names_every_command_and_option(tmp_path):
     for command in (
         *("compare", "reproduce", "solve", "measure", "realise", "bound", "prove", "verify"),
         *("campaign", "show", "join", "benchmark", "failures", "assess", "posture", "robots"),
-        "figure",
+        *("figure", "report"),
     ):
         assert command in page.stdout
         one = lockedjoint(command, "--help", cwd=tmp_path)

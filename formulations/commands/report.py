@@ -1,0 +1,118 @@
+"""``lockedjoint report``: the results, regenerated."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from formulations.commands.arguments import Json, Out, Seed, Workers, progress, whole
+
+if TYPE_CHECKING:
+    from formulations.report.running import Outcome
+    from formulations.report.study import Study
+
+INTERRUPTED, INCOMPLETE = 130, 1
+
+
+def report(
+    out: Out = Path("results"),
+    only: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME,...",
+            help="Only these studies, whatever time they take.",
+            show_default="all under ten minutes",
+        ),
+    ] = None,
+    everything: Annotated[
+        bool, typer.Option("--all", help="Also what takes over ten minutes.")
+    ] = False,
+    starts: Annotated[
+        int | None,
+        typer.Option(
+            parser=whole(1),
+            metavar="K",
+            help="Random starts of each row.",
+            show_default="as many as each study's own command makes",
+        ),
+    ] = None,
+    seed: Seed = 0,
+    workers: Workers = None,
+    as_json: Json = False,
+) -> None:
+    """Regenerate the results: one folder per study, and the page in front of them.
+
+    Studies: reproduction, comparison, comparison_8r, existence, bounds, failures, figures;
+    with --all, or by name, also robots and benchmark. A study's folder is replaced when the
+    study is complete; folders of studies left out are kept, and the front page says which
+    those are. After Ctrl-C finished studies are kept. Exit status 1 if a study failed; the
+    others still run.
+    """
+    from formulations.report.front_page import write_front_page
+    from formulations.report.running import State, run_all
+    from formulations.report.studies import chosen
+    from formulations.report.study import Effort
+    from nlp.multistart import default_workers
+
+    names = None if only is None else [part.strip() for part in only.split(",")]
+    studies = chosen(names, everything)
+    effort = Effort(seed, starts, workers or default_workers(), progress)
+    outcomes: list[Outcome] = []
+    made: set[str] = set()
+    failed: dict[str, str] = {}
+    for outcome in run_all(studies, out, effort, _begin):
+        outcomes.append(outcome)
+        _told(outcome)
+        if outcome.state in (State.MADE, State.QUESTIONED):
+            made.add(outcome.study.name)
+        else:
+            failed[outcome.study.name] = outcome.reason
+        write_front_page(out, seed, made, failed)
+    _show(outcomes, out, as_json)
+    if any(one.state is State.INTERRUPTED for one in outcomes):
+        typer.echo("Interrupted: finished studies are kept, the rest is missing.", err=True)
+        raise typer.Exit(INTERRUPTED)
+    if any(one.state is not State.MADE for one in outcomes):
+        raise typer.Exit(INCOMPLETE)
+
+
+def _begin(study: Study) -> None:
+    typer.echo(f"{study.name}: takes {study.takes}", err=True)
+
+
+def _told(outcome: Outcome) -> None:
+    progress("")
+    reason = f": {outcome.reason}" if outcome.reason else ""
+    said = f"{outcome.study.name}: {outcome.state} in {outcome.seconds:.0f} s{reason}"
+    typer.echo(said, err=True)
+
+
+def _show(outcomes: list[Outcome], out: Path, as_json: bool) -> None:
+    from formulations.report.studies import STUDIES
+
+    ran = {one.study.name for one in outcomes}
+    left = [study for study in STUDIES.values() if study.name not in ran]
+    if as_json:
+        found = {
+            "studies": [
+                {
+                    "study": one.study.name,
+                    "state": one.state,
+                    "reason": one.reason,
+                    "seconds": one.seconds,
+                }
+                for one in outcomes
+            ],
+            "left_out": [
+                {"study": study.name, "takes": study.takes, "command": study.command}
+                for study in left
+            ],
+        }
+        typer.echo(json.dumps(found, indent=1))
+        return
+    typer.echo(f"Written to {out}: README.md and the folders of the studies made.")
+    for study in left:
+        typer.echo(f"Left out: {study.name}, takes {study.takes}: {study.command}")

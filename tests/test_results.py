@@ -1,0 +1,277 @@
+"""The committed results are what the code computes, and their pages say what their tables say.
+
+A small version of what is quick is computed again: optima and bounds agree within 1e-6, which
+is what counts as the same optimum, and verdicts agree. Counts of starts and times are the
+machine's and are not compared. What takes long is measured again from what is on record.
+"""
+
+import csv
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from formulations import measures
+from formulations.benchmark.measurement import Row as BenchmarkRow
+from formulations.benchmark.report import growth
+from formulations.bounds.existence_moments.relaxation import existence_relaxation
+from formulations.bounds.so3_moments.spectral_limits import worst_case_limit
+from formulations.comparison import report as comparison_report
+from formulations.comparison.row import Row as ComparisonRow
+from formulations.existence.reading import read
+from formulations.existence.verify import verify
+from formulations.failure_study import report as failure_report
+from formulations.failure_study.row import Row as FailureRow
+from formulations.provenance import read_header
+from formulations.report import bounds_page, existence_study, figures_study
+from formulations.report.bound_rows import (
+    BoundRow,
+    ExistenceRow,
+    Origin,
+    bound_row,
+    existence_row,
+)
+from formulations.report.bound_runs import RUNS
+from formulations.report.formulation_table import formulation_table
+from formulations.report.learned import learned
+from formulations.report.studies import STUDIES
+from formulations.report.study import Effort
+from formulations.report.tables import read_tables
+from formulations.reproduction import report as reproduction_report
+from formulations.reproduction.row import Row as ReproductionRow
+from formulations.reproduction.row import Verdict
+from formulations.robots import survey_report
+from formulations.robots.survey import SurveyRow
+from formulations.row_file import read_rows
+
+RESULTS = Path(__file__).parents[1] / "results"
+FRONT = (RESULTS / "README.md").read_text(encoding="utf-8")
+# What counts as the same optimum, and as the same bound.
+SAME = 1e-6
+
+
+def page(name):
+    return (RESULTS / name / STUDIES[name].page).read_text(encoding="utf-8")
+
+
+def rows(name, kind, table=None):
+    return read_rows(RESULTS / name / (table or STUDIES[name].table), kind)
+
+
+# Computed anew ----------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def anew(tmp_path_factory):
+    """The comparisons and the reproduction from a few starts each."""
+    out = tmp_path_factory.mktemp("results")
+    for name, starts in (("comparison", 6), ("comparison_8r", 2), ("reproduction", 4)):
+        (out / name).mkdir()
+        assert STUDIES[name].run(out / name, Effort(seed=0, starts=starts)) == ""
+    return out
+
+
+@pytest.mark.parametrize("name", ["comparison", "comparison_8r"])
+def test_comparison(anew, name):
+    fresh = read_rows(anew / name / "comparison.csv", ComparisonRow)
+    committed = rows(name, ComparisonRow)
+    assert len(fresh) == len(committed) == 9
+    for new, old in zip(fresh, committed, strict=True):
+        for same in ("formulation", "variant", "model", "joints", "verdict", "certificate"):
+            assert getattr(new, same) == getattr(old, same)
+        for number in ("sigma_bound", "certified_bound", "numerical_bound"):
+            before = pytest.approx(getattr(old, number), abs=SAME, nan_ok=True)
+            assert getattr(new, number) == before
+        assert new.objective == pytest.approx(old.objective, abs=SAME, nan_ok=True)
+        if old.verdict == "solved" and old.formulation == "max-min":
+            assert new.worst_case_sigma == pytest.approx(old.worst_case_sigma, abs=SAME)
+
+
+def test_reproduction(anew):
+    fresh = read_rows(anew / "reproduction" / "reproduction.csv", ReproductionRow)
+    committed = rows("reproduction", ReproductionRow)
+    assert [row.equation for row in fresh] == [row.equation for row in committed]
+    assert [row.verdict for row in fresh] == [row.verdict for row in committed]
+    first_search = [row.equation for row in committed].index("before (44)")
+    for new, old in zip(fresh[:first_search], committed[:first_search], strict=True):
+        assert new.quantity == old.quantity
+        assert numbers(new.ours) == pytest.approx(numbers(old.ours), abs=SAME)
+
+
+def numbers(text):
+    return [float(one) for one in re.findall(r"-?\d+\.\d+(?:e-?\d+)?", text)]
+
+
+def test_the_reproduction_has_nothing_unexplained():
+    assert Verdict.MISMATCH not in {
+        row.verdict for row in rows("reproduction", ReproductionRow)
+    }
+
+
+@pytest.mark.parametrize("file", ["worst_case_7_6.json", "worst_case_7r_lever_arm_1.json"])
+def test_bound_6_as_a_program(file):
+    [run] = [run for run in RUNS if run.file == file]
+    [row] = [row for row in rows("bounds", BoundRow) if row.file == file]
+    assert run.compute(Effort())["singular_value_bound"] == pytest.approx(row.bound, abs=SAME)
+    assert row.bound == pytest.approx(row.closed_form, abs=SAME)
+
+
+def test_the_relaxation_of_order_2():
+    found = existence_relaxation(2, 7, task_dimension=6).to_dict()
+    [row] = [row for row in rows("bounds", ExistenceRow, "relaxations.csv") if row.order == 2]
+    for count in ("classes", "equations", "rank", "largest_block", "verdict"):
+        assert found[count] == getattr(row, count)
+    assert found["margin"] == pytest.approx(row.margin, abs=SAME)
+
+
+def test_the_rigorous_bound_on_max_min_follows_from_that_on_the_residual():
+    by_file = {row.file: row for row in rows("bounds", BoundRow)}
+    residual = by_file["residual_compact_rigorous.json"].bound
+    limit = worst_case_limit(7, residual)
+    assert limit == pytest.approx(by_file["max_min_compact_rigorous.json"].bound, abs=SAME)
+
+
+def test_the_certificate_on_record_has_the_figures_of_the_table():
+    certificate = read(RESULTS / "existence" / "certificate.json")
+    facts = rows("existence", existence_study.Fact)
+    assert existence_study.facts(certificate, verify(certificate), "proved") == facts
+
+
+# Measured again from what is on record ----------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["comparison", "comparison_8r"])
+def test_jacobians_of_the_comparison(name):
+    stored = json.loads((RESULTS / name / "jacobians.json").read_text(encoding="utf-8"))
+    for one, row in zip(stored, rows(name, ComparisonRow), strict=True):
+        assert (one["formulation"], one["model"]) == (row.formulation, row.model)
+        sigma = measures.worst_case_sigma(one["jacobian"])
+        defect = measures.isotropy_defect(one["jacobian"])
+        assert defect == pytest.approx(row.isotropy_defect, abs=1e-12)
+        if row.verdict == "solved":
+            assert sigma == pytest.approx(row.worst_case_sigma, abs=1e-12)
+            assert row.gap_percent == pytest.approx(100 * (1 - sigma / row.sigma_bound))
+
+
+def test_jacobians_of_the_failures():
+    stored = json.loads((RESULTS / "failures/jacobians.json").read_text(encoding="utf-8"))
+    for one, row in zip(stored, rows("failures", FailureRow), strict=True):
+        if row.failing == "all alike" and row.goal == "worst":
+            jacobian = np.array(one["jacobian"])
+            sigma = measures.worst_case_sigma(jacobian, row.locked)
+            assert sigma == pytest.approx(row.merit, abs=1e-12)
+            size = measures.trace(jacobian)
+            bound = measures.sigma_bound(*jacobian.shape, size, row.locked)
+            assert bound == pytest.approx(row.bound, abs=SAME)
+
+
+def test_postures_of_the_robots_are_those_of_the_table():
+    stored = json.loads((RESULTS / "robots/postures.json").read_text(encoding="utf-8"))
+    found = {(one["arm"], one["variant"]): one for one in stored}
+    for row in rows("robots", SurveyRow):
+        one = found[row.arm, row.task]
+        assert one["worst_case_sigma"] == pytest.approx(row.worst_case_sigma, abs=1e-12)
+        assert one["configuration"] == json.loads(row.configuration)
+
+
+def test_points_of_the_trade_off():
+    with (RESULTS / "figures/trade-off.csv").open(encoding="utf-8") as file:
+        points = list(csv.DictReader(file))
+    assert len(points) > 10
+    for point in points:
+        jacobian = json.loads(point["jacobian"])
+        sigma = measures.worst_case_sigma(jacobian)
+        assert sigma == pytest.approx(float(point["worst_case_sigma"]), abs=1e-12)
+        defect = measures.isotropy_defect(jacobian)
+        assert defect == pytest.approx(float(point["isotropy_defect"]), abs=1e-12)
+
+
+def test_bounds_are_those_of_their_files():
+    listed = [*rows("bounds", BoundRow), *rows("bounds", ExistenceRow, "relaxations.csv")]
+    files = {path.name for path in (RESULTS / "bounds").glob("*.json")}
+    assert {row.file for row in listed} == files
+    for row in listed:
+        plain = json.loads((RESULTS / "bounds" / row.file).read_text(encoding="utf-8"))
+        origin = Origin(row.command, row.versions, row.machine, row.date)
+        make = bound_row if isinstance(row, BoundRow) else existence_row
+        pd.testing.assert_frame_equal(
+            pd.DataFrame([make(row.file, plain, origin)]), pd.DataFrame([row])
+        )
+
+
+# Pages and tables ---------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", STUDIES)
+def test_every_page_says_where_it_came_from(name):
+    header = read_header(page(name))
+    for entry in ("command", "seed", "versions", "machine", "date"):
+        assert header.get(entry), f"{name} has no {entry}"
+    assert "lockedjoint" in header["command"]
+    assert re.fullmatch(r"\d{4}-\d{2}-\d{2}", header["date"])
+
+
+def test_every_folder_is_a_study():
+    folders = {path.name for path in RESULTS.iterdir() if path.is_dir() and path.name[0] != "."}
+    assert folders == set(STUDIES)
+
+
+@pytest.mark.parametrize(
+    ("name", "kind", "text"),
+    [
+        ("comparison", ComparisonRow, comparison_report.summary),
+        ("comparison_8r", ComparisonRow, comparison_report.summary),
+        ("failures", FailureRow, failure_report.summary),
+        ("robots", SurveyRow, survey_report.summary),
+        ("benchmark", BenchmarkRow, growth),
+        ("bounds", BoundRow, bounds_page.bounds_table),
+        ("existence", existence_study.Fact, existence_study.markdown_table),
+        ("figures", figures_study.FigureRow, figures_study.markdown_table),
+        ("reproduction", ReproductionRow, reproduction_report.escaped),
+    ],
+)
+def test_the_page_shows_its_table(name, kind, text):
+    shown = text(rows(name, kind))
+    if isinstance(shown, pd.DataFrame):
+        shown = shown.to_markdown(index=False, disable_numparse=True)
+    assert shown in page(name)
+
+
+def test_the_page_of_bounds_shows_the_relaxations():
+    relaxations = rows("bounds", ExistenceRow, "relaxations.csv")
+    assert bounds_page.relaxations_table(relaxations) in page("bounds")
+
+
+@pytest.mark.parametrize("name", STUDIES)
+def test_page_and_front_page_say_what_the_table_shows(name):
+    said = STUDIES[name].finding(RESULTS / name)
+    assert len(said) > 60
+    assert said in page(name)
+    assert said in FRONT
+
+
+def test_the_front_page_has_the_one_table_in_full():
+    shown = formulation_table(read_tables(RESULTS))
+    assert shown in FRONT
+    assert len(shown.splitlines()) == 2 + 12
+    assert "7R, unit lever arms | isotropy      | proved infeasible | exact proof" in shown
+    assert all(re.search(r"\d+ of \d+", line) for line in shown.splitlines()[2:])
+
+
+def test_the_front_page_says_what_was_learned():
+    items = learned(read_tables(RESULTS))
+    assert len(items) >= 9
+    for item in items:
+        assert f"- {item}\n" in FRONT
+
+
+def test_the_front_page_names_every_study_and_what_was_left_out():
+    for study in STUDIES.values():
+        assert f"({study.name}/{study.page})" in FRONT
+        assert f"`{study.command}`" in FRONT
+    left = FRONT.partition("## Left out of this run")[2]
+    for name in ("robots", "benchmark"):
+        assert f"- {name}: " in left
