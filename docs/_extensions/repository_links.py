@@ -27,14 +27,23 @@ def page_of(file: Path) -> str | None:
     if parts == ("results", "README.md"):
         return "/results/index.md"
     if parts[:1] == ("results",) and len(parts) == 3:
-        return f"/results/{parts[1]}.md"
+        return f"/results/{results_page(file)}"
     return None
+
+
+def results_page(file: Path) -> str:
+    """Return the page of a file in a folder of ``results/``: the folder's name if it is alone.
+
+    Beside a README, any other file adds its own name.
+    """
+    beside = file.name != "README.md" and file.with_name("README.md").exists()
+    return f"{file.parent.name}_{file.name}" if beside else f"{file.parent.name}.md"
 
 
 def add_results(app: Sphinx) -> None:
     """Write a page for each Markdown file in a folder of ``results/``: it includes the file."""
     for file in sorted((REPOSITORY / "results").glob("*/*.md")):
-        page = Path(app.srcdir) / "results" / f"{file.parent.name}.md"
+        page = Path(app.srcdir) / "results" / results_page(file)
         content = f"```{{include}} ../../{file.relative_to(REPOSITORY).as_posix()}\n```\n"
         if not page.exists() or page.read_text(encoding="utf-8") != content:
             page.write_text(content, encoding="utf-8")

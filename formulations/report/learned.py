@@ -148,7 +148,8 @@ def _failures(tables: Tables) -> Iterator[str]:
 
 
 def _robots(tables: Tables) -> Iterator[str]:
-    seven = [row for row in tables.robots if row.percent_of_best_7r == row.percent_of_best_7r]
+    six = [row for row in tables.robots if row.task_dimension == 6]
+    seven = [row for row in six if (row.joints, row.prismatic) == (7, 0)]
     if seven:
         best = max(seven, key=lambda row: row.percent_of_best_7r)
         least = min(seven, key=lambda row: row.percent_of_best_7r)
@@ -156,6 +157,14 @@ def _robots(tables: Tables) -> Iterator[str]:
             f"Of {len(seven)} arms of seven revolute joints that exist, none comes nearer to "
             f"the best 7R than {best.arm}, {best.percent_of_best_7r:.0f} % of its worst case "
             f"at the best posture found; {least.arm} keeps {least.percent_of_best_7r:.1f} %."
+        )
+    more = [row for row in six if row.joints > 7]
+    passing = [row.arm for row in more if row.percent_of_best_7r > 100]
+    if more:
+        yield (
+            f"Of {len(more)} arms with 8 to {max(row.joints for row in more)} joints "
+            f"{len(passing)} pass what the best 7R could do"
+            + (f": {'; '.join(passing)}." if passing else ".")
         )
 
 

@@ -5,8 +5,6 @@ from __future__ import annotations
 import json
 from dataclasses import asdict, dataclass
 
-import numpy as np
-
 from formulations.robots.posture import (
     FatalFailureError,
     Posture,
@@ -14,7 +12,7 @@ from formulations.robots.posture import (
     best_posture,
     fatal_failures,
 )
-from formulations.robots.reachable import best_7r
+from formulations.robots.reachable import BEST_7R
 from formulations.robots.robot_arm import RobotArm
 from formulations.robots.survey_arms import SurveyArm
 
@@ -37,8 +35,8 @@ class SurveyRow:
     sigma_bound, percent_of_bound
         The bound (6) at the same ‖J‖_F.
     percent_of_best_7r
-        Of the best that seven revolute joints are known to reach in six dimensions; NaN for
-        other arms.
+        Of the best that seven revolute joints are known to reach in six dimensions, `BEST_7R`,
+        both in units of ℓ; arms with more joints may pass it. NaN in other dimensions.
     mid_range_sigma
         Worst case midway between the limits.
     fatal_failures
@@ -102,7 +100,6 @@ def _row(one: SurveyArm, arm: RobotArm, found: Posture | None) -> SurveyRow:
     nan = float("nan")
     at = None if found is None else found.assessment
     fatal = fatal_failures(arm) if found is None else ()
-    best = best_7r(arm, np.array(at.jacobian)) if at else None
     return SurveyRow(
         arm=one.name,
         package=one.package,
@@ -118,7 +115,7 @@ def _row(one: SurveyArm, arm: RobotArm, found: Posture | None) -> SurveyRow:
         equally_bad=at.equally_bad if at else len(fatal),
         sigma_bound=at.sigma_bound if at else nan,
         percent_of_bound=at.percent_of_bound if at else 0.0,
-        percent_of_best_7r=100 * at.worst_case_sigma / best if at and best else nan,
+        percent_of_best_7r=_percent_of_best_7r(m, at.worst_case_sigma if at else 0.0),
         mid_range_sigma=found.mid_range_sigma if found else 0.0,
         fatal_failures=", ".join(fatal),
         at_limits=", ".join(at.at_limits) if at else "",
@@ -127,3 +124,7 @@ def _row(one: SurveyArm, arm: RobotArm, found: Posture | None) -> SurveyRow:
         status_counts=json.dumps(dict(found.status_counts) if found else {}),
         configuration=json.dumps(at.configuration if at else {}),
     )
+
+
+def _percent_of_best_7r(task_dimension: int, sigma: float) -> float:
+    return 100 * sigma / BEST_7R if task_dimension == 6 else float("nan")

@@ -10,7 +10,8 @@ from formulations.robots.survey import SurveyRow
 def finding(rows: Sequence[SurveyRow]) -> str:
     """Return the paragraph; empty if there is nothing to say."""
     said = []
-    seven = [one for one in rows if one.percent_of_best_7r == one.percent_of_best_7r]
+    six = [one for one in rows if one.task_dimension == 6]
+    seven = [one for one in six if (one.joints, one.prismatic) == (7, 0)]
     if seven:
         best = max(seven, key=lambda one: one.percent_of_best_7r)
         worst = min(seven, key=lambda one: one.percent_of_best_7r)
@@ -19,12 +20,13 @@ def finding(rows: Sequence[SurveyRow]) -> str:
             f"comes nearest to the best 7R, with {best.percent_of_best_7r:.1f} % of its worst "
             f"case, and {worst.arm} keeps the least, {worst.percent_of_best_7r:.1f} %."
         )
-    full = [one for one in rows if one.task_dimension == 6 and one.joints > 7]
+    full = [one for one in six if one.joints > 7]
     if full:
         best = max(full, key=lambda one: one.percent_of_bound)
         said.append(
             f"Of those with more joints {best.arm} is the best, with "
-            f"{best.percent_of_bound:.1f} % of the bound."
+            f"{best.percent_of_bound:.1f} % of the bound and {best.percent_of_best_7r:.1f} % "
+            "of what the best 7R can do."
         )
     idle = [one for one in rows if one.mid_range_sigma < 1e-9]
     if rows:
