@@ -44,7 +44,8 @@ def add_results(app: Sphinx) -> None:
     """Write a page for each Markdown file in a folder of ``results/``: it includes the file."""
     for file in sorted((REPOSITORY / "results").glob("*/*.md")):
         page = Path(app.srcdir) / "results" / results_page(file)
-        content = f"```{{include}} ../../{file.relative_to(REPOSITORY).as_posix()}\n```\n"
+        shown = file.relative_to(REPOSITORY).as_posix()
+        content = f"```{{include}} ../../{shown}\n:relative-images:\n```\n"
         if not page.exists() or page.read_text(encoding="utf-8") != content:
             page.write_text(content, encoding="utf-8")
 

@@ -78,7 +78,7 @@ def test_a_bound_is_attained_only_where_no_gap_is_left():
 
 def test_the_best_and_the_poorest_arm_are_named():
     rows = read_rows(RESULTS / "robots" / "robots.csv", SurveyRow)
-    seven = [row for row in rows if row.percent_of_best_7r > 0]
+    seven = [row for row in rows if (row.joints, row.task_dimension) == (7, 6)]
     ranked = sorted(seven, key=lambda row: row.percent_of_best_7r)
     said = survey_finding.finding(rows)
     assert f"{ranked[-1].arm} comes nearest" in said
