@@ -102,7 +102,7 @@ def markdown(rows: Sequence[Row], seed: int, complete: bool = True) -> str:
     )
     note = "" if complete else "\nInterrupted: not all starts or rows are here.\n"
     return (
-        f"# Comparison of the formulations\n\n{header({'seed': seed})}{note}\n"
+        f"# Comparison of the formulations{_size(rows)}\n\n{header({'seed': seed})}{note}\n"
         f"{finding(rows)}\n\n"
         f"{summary(rows).to_markdown(index=False, disable_numparse=True)}\n\n"
         f"Ipopt's return statuses:\n\n{statuses}\n"
@@ -139,3 +139,8 @@ def write(summaries: Sequence[Summary], folder: Path, seed: int, complete: bool)
     write_text(folder / "comparison.csv", table(rows).to_csv(index=False))
     write_text(folder / "comparison.md", markdown(rows, seed, complete))
     write_text(folder / "jacobians.json", json.dumps(jacobians(summaries), indent=1) + "\n")
+
+
+def _size(rows: Sequence[Row]) -> str:
+    sizes = dict.fromkeys((one.joints, one.task_dimension) for one in rows)
+    return "".join(f", {n} joints in {m} dimensions" for n, m in sizes)
