@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from pathlib import Path
+from types import MappingProxyType
 
 import pandas as pd
 
@@ -17,6 +18,15 @@ from nlp.errors import FileError
 from nlp.files import write_text
 
 PAGE = "README.md"
+# Figures that show what a study found, by the study's name.
+_PICTURES: Mapping[str, tuple[str, ...]] = MappingProxyType(
+    {
+        "reproduction": ("figure-1", "figure-3"),
+        "comparison": ("trade-off", "optima"),
+        "bounds": ("singular-values",),
+        "figures": ("seven-axes",),
+    }
+)
 
 
 def write_front_page(
@@ -78,7 +88,12 @@ def _list(out: Path, made: Collection[str]) -> str:
 
 def _section(study: Study, out: Path) -> str:
     heading = f"### {study.name}: {study.title}"
-    return f"{heading}\n\n{finding_in(study, out)}"
+    return "\n\n".join([heading, finding_in(study, out), *_pictures(study, out)])
+
+
+def _pictures(study: Study, out: Path) -> list[str]:
+    files = [f"figures/{name}.svg" for name in _PICTURES.get(study.name, ())]
+    return [f"![{Path(file).stem}]({file})" for file in files if (out / file).exists()]
 
 
 def finding_in(study: Study, out: Path) -> str:

@@ -1,5 +1,6 @@
 """The front page: it says what the tables say, and nothing where they are silent."""
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -134,3 +135,14 @@ def test_a_cell_that_is_no_number_is_not_read(tmp_path):
     bad.write_text(text.replace(",100,", ",many,"), encoding="utf-8")
     with pytest.raises(FileError, match="table"):
         read_rows(bad, Row)
+
+
+def test_pictures_stand_where_they_are_and_only_there(tmp_path):
+    page = front_page(RESULTS, 0, set(), {})
+    shown = re.findall(r"!\[[^\]]+\]\(([^)]+)\)", page)
+    assert len(shown) == len(set(shown)) >= 6
+    assert all((RESULTS / file).exists() for file in shown)
+    (tmp_path / "figures").mkdir()
+    (tmp_path / "figures" / "optima.svg").write_text("<svg/>")
+    alone = front_page(tmp_path, 0, set(), {})
+    assert alone.count("](figures/") == alone.count("](figures/optima.svg)") == 1
