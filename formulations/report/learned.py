@@ -73,11 +73,8 @@ def _improvement(tables: Tables) -> Iterator[str]:
     known = [limit for limit in limits if limit is not None]
     if known:
         passed = ", nor ".join(f"{rounded_up(limit.bound)}, {limit.kind}" for limit in known)
-        left = min(limit.gap_percent for limit in known)
-        text += (
-            f". No unit revolute 7R passes σ = {passed}: at most {left:.2f} % is left to be "
-            "found"
-        )
+        left = ", ".join(f"{limit.gap_percent:.2f} % ({limit.kind})" for limit in known)
+        text += f". No unit revolute 7R passes σ = {passed}: left to be found is at most {left}"
     yield f"{text}."
 
 
