@@ -63,7 +63,7 @@ apidoc_modules = [
         "destination": "reference/formulations",
         "module_first": True,
         "max_depth": 1,
-        "exclude_patterns": ["../formulations/commands", "../formulations/cli.py"],
+        "exclude_patterns": ["../formulations/commands", "../formulations/commands/app.py"],
     },
 ]
 autodoc_default_options = {"members": True, "ignore-module-all": True}

@@ -6,7 +6,7 @@ import sys
 
 import typer
 
-from formulations.cli import app
+from formulations.commands.app import app
 from nlp.errors import LockedJointError
 
 USAGE_ERROR = 2

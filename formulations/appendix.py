@@ -12,9 +12,9 @@ from __future__ import annotations
 
 import casadi as ca
 
-from formulations.arm import Arm
-from formulations.column_model import ColumnModel
-from formulations.joints import UnitRevolute
+from formulations.joints.arm import Arm
+from formulations.joints.column_model import ColumnModel
+from formulations.joints.kinds import UnitRevolute
 from nlp.errors import InputError
 
 #: Sign of f_k as printed relative to eqs. (23)–(43), k = 1 … 21.

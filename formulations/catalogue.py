@@ -7,9 +7,9 @@ from types import MappingProxyType
 from typing import Protocol, TypeVar
 
 from formulations import isotropy, max_min, residual
-from formulations.arm import Arm
-from formulations.column_model import ColumnModel
-from formulations.joints import FreeColumn, Joint, LeverRevolute, Prismatic, UnitRevolute
+from formulations.joints.arm import Arm
+from formulations.joints.column_model import ColumnModel
+from formulations.joints.kinds import FreeColumn, Joint, LeverRevolute, Prismatic, UnitRevolute
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
 from nlp.ipopt_options import OptionValue

@@ -22,13 +22,13 @@ import casadi as ca
 import numpy as np
 
 from formulations import measures
-from formulations.column_model import ColumnModel
-from formulations.isotropy_residuals import (
+from formulations.isotropy_equations import (
     constant_where_isotropic,
     independent_rows,
     mean_eigenvalue,
     residuals,
 )
+from formulations.joints.column_model import ColumnModel
 from nlp.arrays import FloatArray
 from nlp.ipopt_options import OptionValue
 from nlp.problem import Constraint, Problem, Sense

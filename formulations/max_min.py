@@ -20,7 +20,7 @@ import casadi as ca
 import numpy as np
 
 from formulations import measures, residual
-from formulations.column_model import ColumnModel
+from formulations.joints.column_model import ColumnModel
 from nlp.arrays import FloatArray, whole_number
 from nlp.errors import InputError
 from nlp.ipopt import IpoptSolver

@@ -22,8 +22,8 @@ from types import MappingProxyType
 import casadi as ca
 
 from formulations import appendix, measures
-from formulations.column_model import ColumnModel
-from formulations.isotropy_residuals import residuals
+from formulations.isotropy_equations import residuals
+from formulations.joints.column_model import ColumnModel
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
 from nlp.ipopt_options import OptionValue

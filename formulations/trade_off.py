@@ -21,7 +21,7 @@ import casadi as ca
 import numpy as np
 
 from formulations import max_min, residual
-from formulations.arm import Arm
+from formulations.joints.arm import Arm
 from nlp.errors import InputError
 from nlp.ipopt_options import OptionValue
 from nlp.problem import Constraint, Problem

@@ -25,9 +25,10 @@ from typing import Literal, cast, get_args
 import casadi as ca
 import numpy as np
 
-from formulations import failure_measures, max_min, measures
-from formulations.arm import Arm
-from formulations.failures import FailureModel
+from formulations import max_min, measures
+from formulations.joints.arm import Arm
+from formulations.measures import unequal_failures
+from formulations.measures.failure_model import FailureModel
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
 from nlp.matrix_inequality import ENCODINGS, Encoding
@@ -116,8 +117,8 @@ def default_encoding(failures: FailureModel, goal: Goal = "worst") -> str:
 def merit(jacobian: FloatArray, failures: FailureModel, goal: Goal = "worst") -> float:
     """What the statement maximises, from J alone."""
     if goal == "expected":
-        return failure_measures.expected_sigma(jacobian, failures)
-    return failure_measures.weighted_worst_case(jacobian, failures)[0]
+        return unequal_failures.expected_sigma(jacobian, failures)
+    return unequal_failures.weighted_worst_case(jacobian, failures)[0]
 
 
 def attained_merit(
@@ -181,7 +182,7 @@ def _expected(
     )
 
     def start(numeric: FloatArray) -> tuple[FloatArray, FloatArray]:
-        found = failure_measures.possible_sigmas(numeric, failures)
+        found = unequal_failures.possible_sigmas(numeric, failures)
         reach = np.sqrt(_LEVEL_SHARE) * measures.singular_values(numeric)[-1]
         left = np.clip(list(found.values()), min(0.1 * attained, reach), reach)
         return left, left**2

@@ -15,37 +15,39 @@ import pandas as pd
 import pytest
 
 from formulations import measures
-from formulations.benchmark.measurement import Row as BenchmarkRow
-from formulations.benchmark.report import growth
-from formulations.bounds.existence_moments.relaxation import existence_relaxation
 from formulations.bounds.so3_moments.spectral_limits import worst_case_limit
-from formulations.comparison import report as comparison_report
-from formulations.comparison.row import Row as ComparisonRow
 from formulations.existence.reading import read
+from formulations.existence.relaxation.relaxation import existence_relaxation
 from formulations.existence.verify import verify
-from formulations.failure_study import report as failure_report
-from formulations.failure_study.row import Row as FailureRow
-from formulations.provenance import read_header
-from formulations.report import bounds_page, existence_study, figures_study
-from formulations.report.bound_rows import (
+from formulations.files.provenance import read_header
+from formulations.files.rows import read_rows
+from formulations.reproduction.row import Row as ReproductionRow
+from formulations.reproduction.row import Verdict
+from formulations.studies import existence as existence_study
+from formulations.studies import figures as figures_study
+from formulations.studies import reproduction_report as reproduction_report
+from formulations.studies.benchmark.measurement import Row as BenchmarkRow
+from formulations.studies.benchmark.report import growth
+from formulations.studies.bounds import page as bounds_page
+from formulations.studies.bounds.rows import (
     BoundRow,
     ExistenceRow,
     Origin,
     bound_row,
     existence_row,
 )
-from formulations.report.bound_runs import RUNS
-from formulations.report.formulation_table import formulation_table
-from formulations.report.learned import learned
-from formulations.report.studies import STUDIES
-from formulations.report.study import Effort
-from formulations.report.tables import read_tables
-from formulations.reproduction import report as reproduction_report
-from formulations.reproduction.row import Row as ReproductionRow
-from formulations.reproduction.row import Verdict
-from formulations.robots import survey_report
-from formulations.robots.survey import SurveyRow
-from formulations.row_file import read_rows
+from formulations.studies.bounds.runs import RUNS
+from formulations.studies.comparison import report as comparison_report
+from formulations.studies.comparison.row import Row as ComparisonRow
+from formulations.studies.failures import report as failure_report
+from formulations.studies.failures.row import Row as FailureRow
+from formulations.studies.formulation_table import formulation_table
+from formulations.studies.learned import learned
+from formulations.studies.robots import report as survey_report
+from formulations.studies.robots.survey import SurveyRow
+from formulations.studies.studies import STUDIES
+from formulations.studies.study import Effort
+from formulations.studies.tables import read_tables
 
 RESULTS = Path(__file__).parents[1] / "results"
 FRONT = (RESULTS / "README.md").read_text(encoding="utf-8")

@@ -16,9 +16,9 @@ from math import isnan
 from typing import Any
 
 from formulations import isotropy, measures, residual
-from formulations.arm import Arm
 from formulations.existence.theorem import excludes
-from formulations.joints import LeverRevolute, UnitRevolute
+from formulations.joints.arm import Arm
+from formulations.joints.kinds import LeverRevolute, UnitRevolute
 
 # A value this close to its bound has no gap worth a percentage.
 CLOSED = 1e-6

@@ -30,7 +30,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from formulations import measures
-from formulations.failures import FailureModel
+from formulations.measures.failure_model import FailureModel
 from nlp.arrays import FloatArray, finite_vector, whole_number
 from nlp.errors import InputError
 

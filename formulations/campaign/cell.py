@@ -10,7 +10,7 @@ from functools import partial
 from formulations import max_min
 from formulations.campaign.columns import Kept, keep
 from formulations.catalogue import arm
-from formulations.comparison.contender import Contender, solver_options
+from formulations.solving.setup import Setup, solver_options
 from nlp.solvers import check_solver
 from nlp.store_schema import Value
 from nlp.task import Task
@@ -22,7 +22,7 @@ class Cell:
 
     Attributes
     ----------
-    contender
+    setup
         The formulation on its column model.
     joints, task_dimension
         n and m.
@@ -34,7 +34,7 @@ class Cell:
         See `nlp.solvers`.
     """
 
-    contender: Contender
+    setup: Setup
     joints: int
     task_dimension: int
     seed: int = 0
@@ -50,7 +50,7 @@ class Cell:
         InputError
             If the arm, a setting or an option is not allowed.
         """
-        one = self.contender
+        one = self.setup
         built = arm(one.model, self.joints, self.task_dimension)
         return Task(
             one.build(self.joints, self.task_dimension),
@@ -63,7 +63,7 @@ class Cell:
 
     def settings(self) -> dict[str, Value]:
         """Return what tells this cell apart in a store."""
-        one = self.contender
+        one = self.setup
         return {
             "formulation": one.formulation,
             "model": one.model,
@@ -79,4 +79,4 @@ class Cell:
         }
 
     def _all_options(self) -> Mapping[str, object]:
-        return solver_options(self.contender.formulation, self.solver, self.options)
+        return solver_options(self.setup.formulation, self.solver, self.options)

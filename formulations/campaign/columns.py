@@ -12,9 +12,9 @@ from functools import lru_cache
 
 import numpy as np
 
-from formulations.arm import Arm
-from formulations.provenance import provenance
-from formulations.record import judge
+from formulations.files.provenance import provenance
+from formulations.joints.arm import Arm
+from formulations.solving.record import judge
 from nlp.arrays import FloatArray
 from nlp.multistart import Run
 from nlp.store_schema import Schema, Value
@@ -75,7 +75,7 @@ class Kept:
 def keep(run: Run, arm: Arm, formulation: str, locked: int = 1) -> Kept:
     """Judge a run where it was run, and return what the store keeps of it.
 
-    See `formulations.record.judge` for the parameters.
+    See `formulations.solving.record.judge` for the parameters.
     """
     record = judge(run, arm, formulation, locked)
     status = record.status

@@ -29,7 +29,7 @@ from typing import Any
 
 from formulations import max_min
 from formulations.campaign.cell import Cell
-from formulations.comparison.contender import Contender
+from formulations.solving.setup import Setup
 from nlp.arrays import whole_number
 from nlp.errors import FileError, InputError, LockedJointError
 
@@ -112,10 +112,10 @@ def _cells(full: Mapping[str, Any], seed: int) -> list[Cell]:
     shared = (seed, full["options"], full["solver"], full["compiled"])
     cells = []
     for name, model in product(full["formulations"], full["models"]):
-        variants = [Contender(name, model)]
+        variants = [Setup(name, model)]
         if name == max_min.NAME:
             settings = product(full["encodings"], full["from_residual_minima"], full["locked"])
-            variants = [Contender(name, model, "", *one) for one in settings]
+            variants = [Setup(name, model, "", *one) for one in settings]
         sizes = product(full["joints"], full["task_dimensions"])
         cells += [Cell(one, n, m, *shared) for n, m in sizes for one in variants]
     unique = {tuple(cell.settings().items()): cell for cell in cells}
@@ -127,7 +127,7 @@ def _check(cell: Cell) -> None:
     try:
         cell.task().solver()
     except LockedJointError as error:
-        one = cell.contender
+        one = cell.setup
         where = f"{one.formulation} on {cell.joints} joints {one.model} in the campaign file"
         raise InputError(where, str(error), "combinations that can all be stated") from None
 

@@ -13,13 +13,13 @@ from typing import Any
 import pandas as pd
 
 from formulations import measures
-from formulations.arm import Arm
-from formulations.campaign.classes import Classes
 from formulations.campaign.columns import jacobian_of
 from formulations.campaign.groups import PROBLEM, REACH
-from formulations.canonical import Symmetry, canonical_form
 from formulations.catalogue import arm, formulation
-from formulations.joints import LeverRevolute, Prismatic, UnitRevolute
+from formulations.joints.arm import Arm
+from formulations.joints.kinds import LeverRevolute, Prismatic, UnitRevolute
+from formulations.measures.canonical import Symmetry, canonical_form
+from formulations.measures.invariants import Classes
 from nlp.solution import SUCCESS
 from nlp.store import Row, Store
 from nlp.store_schema import Condition
@@ -44,7 +44,7 @@ def optima(store: Store, conditions: Sequence[Condition] = ()) -> pd.DataFrame:
         What names the problem, then: ``level``, 1 for the best value of the merit, 2 for the
         next, up to `LEVELS`; ``merit``, ``worst_case_sigma``; ``classes``, how many optima
         the level has, of which the `LISTED` most reached are listed, and of which no more
-        than `formulations.campaign.classes.MOST` are told apart; ``reached``, starts that
+        than `formulations.measures.invariants.MOST` are told apart; ``reached``, starts that
         ended at this one; ``of_starts``, starts that ended at any optimum;
         ``canonical_form``, the Jacobian that stands for it, as JSON.
     """

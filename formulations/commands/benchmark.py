@@ -10,7 +10,7 @@ import typer
 from formulations.commands.arguments import Out, Seed, Starts, positive, progress, whole
 
 if TYPE_CHECKING:
-    from formulations.benchmark.measurement import Row
+    from formulations.studies.benchmark.measurement import Row
 
 INTERRUPTED = 130
 
@@ -43,9 +43,9 @@ def benchmark(
     """
     import json
 
-    from formulations.benchmark.measurement import measure
-    from formulations.benchmark.peers import PEERS, packages
-    from formulations.benchmark.report import growth, targets, write
+    from formulations.studies.benchmark.measurement import measure
+    from formulations.studies.benchmark.peers import PEERS, packages
+    from formulations.studies.benchmark.report import growth, targets, write
     from nlp.files import prepare_folder
 
     sizes = _sizes(joints)

@@ -21,7 +21,7 @@ from formulations.commands.text import as_text
 from nlp.errors import InputError
 
 if TYPE_CHECKING:
-    from formulations.bounds.existence_moments.outcome import ExistenceRelaxation
+    from formulations.existence.relaxation.outcome import ExistenceRelaxation
 
 UNDECIDED = 1
 
@@ -119,8 +119,8 @@ def _worst_case(
     solver: str,
     as_json: bool,
 ) -> None:
-    from formulations.bounds.worst_case import free_columns, revolute_arm
-    from formulations.bounds.worst_case_sdp import solve_worst_case
+    from formulations.bounds.worst_case.problem import free_columns, revolute_arm
+    from formulations.bounds.worst_case.program import solve_worst_case
 
     if lever_arm is None:
         problem = free_columns(joints, task_dimension, trace=trace)
@@ -167,7 +167,7 @@ def _unit_revolute(
 def _existence(
     order: int, joints: int, task_dimension: int, solver: str, as_json: bool
 ) -> None:
-    from formulations.bounds.existence_moments.relaxation import existence_relaxation
+    from formulations.existence.relaxation.relaxation import existence_relaxation
 
     found = existence_relaxation(order, joints, task_dimension=task_dimension, solver=solver)
     plain = found.to_dict()

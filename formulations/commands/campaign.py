@@ -86,7 +86,7 @@ def campaign(
         )
     if report.lost:
         for cell, start in report.lost:
-            name = f"{cell.contender.formulation} {cell.contender.model} n={cell.joints}"
+            name = f"{cell.setup.formulation} {cell.setup.model} n={cell.joints}"
             typer.echo(f"Lost: start {start} of {name} ends its worker process.", err=True)
         raise typer.Exit(INCOMPLETE)
     if report.missing:

@@ -22,7 +22,7 @@ from formulations.commands.arguments import (
 )
 
 if TYPE_CHECKING:
-    from formulations.comparison.row import Summary
+    from formulations.studies.comparison.row import Summary
 
 INTERRUPTED = 130
 
@@ -47,9 +47,9 @@ def compare(
     output folder after every row; Ctrl-C keeps what is done.
     """
     from formulations.catalogue import arm, models_of
-    from formulations.comparison.contender import contenders, run
-    from formulations.comparison.report import write
-    from formulations.comparison.row import summarise
+    from formulations.solving.setup import run, setups
+    from formulations.studies.comparison.report import write
+    from formulations.studies.comparison.row import summarise
     from nlp.files import prepare_folder
     from nlp.interrupts import deferred_interrupt
     from nlp.ipopt_options import check_options
@@ -63,9 +63,9 @@ def compare(
     summaries: list[Summary] = []
     complete = True
     try:
-        for contender in contenders(task_dimension):
+        for setup in setups(task_dimension):
             outcome = run(
-                contender,
+                setup,
                 joints=joints,
                 task_dimension=task_dimension,
                 starts=starts,
@@ -88,7 +88,7 @@ def compare(
 
 
 def _show(summaries: list[Summary], out: Path, complete: bool, as_json: bool) -> None:
-    from formulations.comparison.report import brief, table
+    from formulations.studies.comparison.report import brief, table
 
     rows = [one.row for one in summaries]
     if as_json:

@@ -11,7 +11,7 @@ import typer
 from formulations.commands.arguments import Json, Out, Seed, Starts, Workers
 
 if TYPE_CHECKING:
-    from formulations.failure_study.row import Summary
+    from formulations.studies.failures.row import Summary
 
 INTERRUPTED = 130
 
@@ -30,9 +30,9 @@ def failures(
     probability-weighted worst dexterity. Each beside a proved bound. Writes failures.csv,
     failures.md and jacobians.json after every row; Ctrl-C keeps what is done.
     """
-    from formulations.failure_study.cases import several, unequal
-    from formulations.failure_study.report import summary, table, write
-    from formulations.failure_study.row import solve
+    from formulations.studies.failures.cases import several, unequal
+    from formulations.studies.failures.report import summary, table, write
+    from formulations.studies.failures.row import solve
     from nlp.files import prepare_folder
     from nlp.interrupts import deferred_interrupt
     from nlp.multistart import default_workers

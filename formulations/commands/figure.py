@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import json
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from formulations.commands.arguments import Json, Seed, Workers, whole
+from formulations.commands.arguments import Json, Seed, Workers, progress, whole
 from formulations.commands.text import as_text
 
 if TYPE_CHECKING:
@@ -69,9 +68,9 @@ def figure(
 
     Takes seconds; trade-off and optima about a minute.
     """
-    from formulations.figure_file import content, figure_class, kind_of
     from formulations.figures.catalogue import kind
     from formulations.figures.picture import Request
+    from formulations.files.figure import content, figure_class, kind_of
     from nlp.errors import InputError
     from nlp.files import prepare_folder, write_bytes, write_text
     from nlp.multistart import default_workers
@@ -90,10 +89,10 @@ def figure(
         workers=workers or default_workers(),
         jacobian=None if jacobian is None else _jacobian(jacobian, pick),
         store=store,
-        say=_say,
+        progress=progress,
     )
     picture = wanted.make(request)
-    _say("")
+    progress("")
     write_bytes(out, content(picture.figure, form))
     if data is not None:
         write_text(data, picture.table.to_csv(index=False, lineterminator="\n"))
@@ -115,12 +114,6 @@ def _check_taken(name: str, kind: Kind, **given: Path | None) -> None:
 
 
 def _jacobian(path: Path, pick: int | None) -> FloatArray:
-    from formulations.jacobian_file import only_jacobian
+    from formulations.files.jacobians import only_jacobian
 
     return only_jacobian(path, pick)
-
-
-def _say(sentence: str) -> None:
-    """Show what is being done, on a terminal's standard error."""
-    if sys.stderr.isatty():
-        typer.echo(f"\r\x1b[K{sentence[:78]}", nl=False, err=True)

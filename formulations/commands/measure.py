@@ -31,11 +31,11 @@ def measure(
     failure probabilities or joints that never fail also the expected dexterity and the
     probability-weighted worst case.
     """
-    from formulations.assessment import assess
+    from formulations.bounds.failure_assessment import assess_failures
     from formulations.commands.failure_options import failure_model
     from formulations.commands.text import as_text
-    from formulations.failure_assessment import assess_failures
-    from formulations.jacobian_file import read_jacobians
+    from formulations.files.jacobians import read_jacobians
+    from formulations.measures.assessment import assess
 
     found = []
     for name, matrix in read_jacobians(file):

@@ -127,8 +127,8 @@ def realise(
     by a criterion or name them. Where columns do not fix an axis (positional tasks) its
     direction is the one nearest to z.
     """
-    from formulations.jacobian_file import only_jacobian
-    from formulations.realise import axes, forms
+    from formulations.files.jacobians import only_jacobian
+    from formulations.realise import forms, from_jacobian
     from formulations.realise.choice import choose
     from formulations.realise.criteria import Sampling
     from formulations.realise.report import summary, summary_lines
@@ -141,7 +141,9 @@ def realise(
     if out is not None and not count:
         prepare_folder(out.parent, "folder of --out")
     matrix = only_jacobian(file, pick)
-    found = axes.realise(matrix, task=task, kinds=kinds, length=length, tolerance=tolerance)
+    found = from_jacobian.realise(
+        matrix, task=task, kinds=kinds, length=length, tolerance=tolerance
+    )
     sampling = Sampling(seed, samples, radius)
     if criterion is None:
         choice = _given(found, order, signs, sampling)
@@ -150,7 +152,7 @@ def realise(
     else:
         choice = choose(found, criterion, sampling, shortlist)
     choice = _slid(choice, sampling) if slide else choice
-    said = summary(choice, axes.deviation(choice.manipulator, matrix, length))
+    said = summary(choice, from_jacobian.deviation(choice.manipulator, matrix, length))
     if count:
         typer.echo(json.dumps(said, indent=1) if as_json else as_text(summary_lines(said)))
         return

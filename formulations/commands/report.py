@@ -11,8 +11,8 @@ import typer
 from formulations.commands.arguments import Json, Out, Seed, Workers, progress, whole
 
 if TYPE_CHECKING:
-    from formulations.report.running import Outcome
-    from formulations.report.study import Study
+    from formulations.studies.running import Outcome
+    from formulations.studies.study import Study
 
 INTERRUPTED, INCOMPLETE = 130, 1
 
@@ -51,10 +51,10 @@ def report(
     those are. After Ctrl-C finished studies are kept. Exit status 1 if a study failed; the
     others still run.
     """
-    from formulations.report.front_page import write_front_page
-    from formulations.report.running import State, run_all
-    from formulations.report.studies import chosen
-    from formulations.report.study import Effort
+    from formulations.studies.front_page import write_front_page
+    from formulations.studies.running import State, run_all
+    from formulations.studies.studies import chosen
+    from formulations.studies.study import Effort
     from nlp.multistart import default_workers
 
     names = None if only is None else [part.strip() for part in only.split(",")]
@@ -91,7 +91,7 @@ def _told(outcome: Outcome) -> None:
 
 
 def _show(outcomes: list[Outcome], out: Path, as_json: bool) -> None:
-    from formulations.report.studies import STUDIES
+    from formulations.studies.studies import STUDIES
 
     ran = {one.study.name for one in outcomes}
     left = [study for study in STUDIES.values() if study.name not in ran]

@@ -30,7 +30,7 @@ def reproduce(
     reproduction.md after every row. Exit status 1 if any row is an unexplained mismatch.
     """
     from formulations.reproduction import has_mismatch, iterate
-    from formulations.reproduction.report import write
+    from formulations.studies.reproduction_report import write
     from nlp.files import prepare_folder
 
     prepare_folder(out)

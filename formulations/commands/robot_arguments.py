@@ -81,9 +81,9 @@ def robot_arm(
     """Read the robot and return the arm; InputError if anything is wrong with it."""
     from formulations.robots.chain_between import chain_between
     from formulations.robots.configuration import number, pairs
+    from formulations.robots.directions import Task
+    from formulations.robots.read_urdf import read_urdf
     from formulations.robots.robot_arm import RobotArm
-    from formulations.robots.task import Task
-    from formulations.robots.urdf import read_urdf
 
     directions = Task.parse(task, frame)
     offset = [number("--point", part) for part in (point or "0,0,0").split(",")]

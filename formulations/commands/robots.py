@@ -11,8 +11,8 @@ import typer
 from formulations.commands.arguments import Json, Out, Seed, Starts, Workers
 
 if TYPE_CHECKING:
-    from formulations.robots.survey import Surveyed
-    from formulations.robots.survey_arms import SurveyArm
+    from formulations.studies.robots.survey import Surveyed
+    from formulations.studies.robots.survey_arms import SurveyArm
 
 INTERRUPTED = 130
 
@@ -37,8 +37,8 @@ def robots(
     done.
     """
     from formulations.robots.posture import Search
-    from formulations.robots.survey import survey
-    from formulations.robots.survey_report import write
+    from formulations.studies.robots.report import write
+    from formulations.studies.robots.survey import survey
     from nlp.files import prepare_folder
     from nlp.interrupts import deferred_interrupt
     from nlp.multistart import default_workers
@@ -64,7 +64,7 @@ def robots(
 
 
 def _chosen(only: str | None) -> list[SurveyArm]:
-    from formulations.robots.survey_arms import ARMS
+    from formulations.studies.robots.survey_arms import ARMS
     from nlp.errors import InputError
 
     arms = [one for one in ARMS if only is None or only.lower() in one.name.lower()]
@@ -77,7 +77,7 @@ def _chosen(only: str | None) -> list[SurveyArm]:
 
 
 def _show(found: list[Surveyed], out: Path, complete: bool, as_json: bool) -> None:
-    from formulations.robots.survey_report import summary, table
+    from formulations.studies.robots.report import summary, table
 
     rows = [one.row for one in found]
     if as_json:

@@ -77,11 +77,11 @@ def solve(
     as_json: Json = False,
 ) -> None:
     """Solve one formulation from random starts and measure the best answer."""
-    from formulations.assessment import assess
+    from formulations.bounds.failure_assessment import assess_failures
     from formulations.commands.failure_options import failure_model
     from formulations.commands.text import as_text
-    from formulations.failure_assessment import assess_failures
-    from formulations.solve import solve as solve_from_many_starts
+    from formulations.measures.assessment import assess
+    from formulations.solving.solve import solve as solve_from_many_starts
     from formulations.unequal_max_min import checked_goal
     from nlp.files import prepare_folder, write_text
 

@@ -9,13 +9,14 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
-from formulations import measures, style
-from formulations.figure_file import figure_class
+from formulations import measures
 from formulations.figures.picture import Picture, Request
 from formulations.figures.planar import angles, optima, round_tip, turned
-from formulations.realise.axes import realise
+from formulations.files import figure_style
+from formulations.files.figure import figure_class
 from formulations.realise.drawing import draw
 from formulations.realise.family import every
+from formulations.realise.from_jacobian import realise
 from formulations.realise.links import link_lengths
 from formulations.realise.manipulator import Manipulator
 from formulations.realise.symmetry import distinct, symmetries
@@ -30,17 +31,19 @@ def make(request: Request) -> Picture:
     matrix = printed_form(optima(3, request)[0])
     arms = arrangements(realise(matrix))
     table = pd.DataFrame([_row(arm) for arm in arms])
-    with style.applied():
+    with figure_style.applied():
         figure = figure_class()(figsize=(WIDTH, HEIGHT))
         sigma = measures.worst_case_sigma(matrix)
         what = f"σ = √⅓ = {sigma:.4f} whichever joint locks"
-        figure.suptitle(f"Planar 3R with the optimal Jacobian: {what}\n", fontsize=style.SAID)
+        figure.suptitle(
+            f"Planar 3R with the optimal Jacobian: {what}\n", fontsize=figure_style.SAID
+        )
         panels = figure.subplots(-(-len(arms) // 2), 2, squeeze=False).ravel()
         for axes, arm, lengths in zip(panels, arms, table["link_lengths"], strict=False):
             draw(arm, axes, labels=[str(i + 1) for i in range(arm.joints)])
             round_tip(axes, arm)
             links = ", ".join(f"{length:.3f}" for length in lengths)
-            axes.set_title(f"links {links}", fontsize=style.PART, loc="center")
+            axes.set_title(f"links {links}", fontsize=figure_style.PART, loc="center")
         for axes in panels[len(arms) :]:
             axes.set_axis_off()
     return Picture(figure, table)

@@ -9,12 +9,13 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
-from formulations import measures, style
-from formulations.figure_file import figure_class
+from formulations import measures
 from formulations.figures.picture import Picture, Request
 from formulations.figures.planar import angles, optima, round_tip, turned
-from formulations.realise.axes import realise
+from formulations.files import figure_style
+from formulations.files.figure import figure_class
 from formulations.realise.drawing import draw
+from formulations.realise.from_jacobian import realise
 from nlp.arrays import FloatArray
 
 WIDTH, HEIGHT = 8.4, 5.6
@@ -31,12 +32,12 @@ def make(request: Request) -> Picture:
         for matrix in nearest(optima(4, request, locked), wanted)
     ]
     table = pd.DataFrame(rows)
-    with style.applied():
+    with figure_style.applied():
         figure = figure_class()(figsize=(WIDTH, HEIGHT))
         sigma = table["sigma_one_locked"].min()
         figure.suptitle(
             f"The family of optimal planar 4R: σ = √½ = {sigma:.4f} whichever joint locks\n",
-            fontsize=style.SAID,
+            fontsize=figure_style.SAID,
         )
         for axes, row in zip(figure.subplots(2, 4).ravel(), rows, strict=True):
             arm = realise(np.array(row["jacobian"]))
@@ -45,8 +46,8 @@ def make(request: Request) -> Picture:
             two = row["sigma_two_locked"]
             title = f"α = {row['alpha_degrees']:.1f}°\nσ after two failures {two:.3f}"
             best = row["optimal_for_locked"] == 2
-            colour = style.VERMILION if best else style.INK
-            axes.set_title(title, fontsize=style.SMALL + 0.5, loc="center", color=colour)
+            colour = figure_style.VERMILION if best else figure_style.INK
+            axes.set_title(title, fontsize=figure_style.SMALL + 0.5, loc="center", color=colour)
     return Picture(figure, table)
 
 

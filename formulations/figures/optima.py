@@ -11,11 +11,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from formulations import isotropy, max_min, residual, style
-from formulations.comparison.contender import Contender
-from formulations.figure_file import figure_class
+from formulations import isotropy, max_min, residual
 from formulations.figures.picture import NothingFoundError, Picture, Request, solved
 from formulations.figures.stored import stored
+from formulations.files import figure_style
+from formulations.files.figure import figure_class
+from formulations.solving.setup import Setup
 from nlp.arrays import FloatArray
 
 if TYPE_CHECKING:
@@ -29,15 +30,15 @@ SAME = 1e-5
 FEW, SCATTERED = 3, 0.2
 UNIT, LEVER = "unit lever arms", "free lever arms"
 PROBLEMS = (
-    (f"residual, {UNIT}", Contender(residual.NAME, "unit-revolute")),
-    (f"max-min, {UNIT}", Contender(max_min.NAME, "unit-revolute")),
+    (f"residual, {UNIT}", Setup(residual.NAME, "unit-revolute")),
+    (f"max-min, {UNIT}", Setup(max_min.NAME, "unit-revolute")),
     (
         f"max-min, {UNIT},\none factor per failure",
-        Contender(max_min.NAME, "unit-revolute", encoding="factor-per-deletion"),
+        Setup(max_min.NAME, "unit-revolute", encoding="factor-per-deletion"),
     ),
-    (f"residual, {LEVER}", Contender(residual.NAME, "lever-revolute")),
-    (f"isotropy, {LEVER}", Contender(isotropy.NAME, "lever-revolute")),
-    (f"max-min, {LEVER}", Contender(max_min.NAME, "lever-revolute")),
+    (f"residual, {LEVER}", Setup(residual.NAME, "lever-revolute")),
+    (f"isotropy, {LEVER}", Setup(isotropy.NAME, "lever-revolute")),
+    (f"max-min, {LEVER}", Setup(max_min.NAME, "lever-revolute")),
 )
 
 
@@ -48,14 +49,16 @@ def make(request: Request) -> Picture:
         raise NothingFoundError("No start passes the check; ask for more starts.")
     names = list(dict.fromkeys(table["problem"]))
     edges = _edges(table.loc[table["counted"], "worst_case_sigma"])
-    with style.applied():
+    with figure_style.applied():
         figure = figure_class()(figsize=(WIDTH, 0.9 + ROW * len(names)))
-        figure.suptitle("Where random starts end, by the worst case σ", fontsize=style.SAID)
+        figure.suptitle(
+            "Where random starts end, by the worst case σ", fontsize=figure_style.SAID
+        )
         rows = figure.subplots(len(names), 1, sharex=True, squeeze=False)[:, 0]
         for axes, name in zip(rows, names, strict=True):
             _draw(axes, table[table["problem"] == name], edges)
         rows[-1].set_xlabel("σ in the worst case, measured from J alone")
-        style.without_frame(rows[-1], "bottom")
+        figure_style.without_frame(rows[-1], "bottom")
     return Picture(figure, table)
 
 
@@ -81,8 +84,8 @@ def _solved(request: Request) -> pd.DataFrame:
             "worst_case_sigma": record.worst_case_sigma,
             "isotropy_defect": record.isotropy_defect,
         }
-        for name, contender in PROBLEMS
-        for record in solved(contender, request).records
+        for name, setup in PROBLEMS
+        for record in solved(setup, request).records
     ]
     return pd.DataFrame(rows)
 
@@ -102,14 +105,14 @@ def _draw(axes: Axes, table: pd.DataFrame, edges: FloatArray) -> None:
         counts[there],
         edges[1] - edges[0],
         align="edge",
-        color=style.BLUE,
+        color=figure_style.BLUE,
         lw=0,
     )
     axes.set_xlim(edges[0], edges[-1])
     axes.set_ylim(0, max(1, counts.max()) * 1.3)
     axes.set_yticks([])
-    style.without_frame(axes, "bottom")
-    axes.spines["bottom"].set_color(style.PALE)
+    figure_style.without_frame(axes, "bottom")
+    axes.spines["bottom"].set_color(figure_style.PALE)
     axes.tick_params(axis="x", length=0)
     name = str(table["label"].iloc[0])
     axes.annotate(
@@ -134,8 +137,8 @@ def _draw(axes: Axes, table: pd.DataFrame, edges: FloatArray) -> None:
         f"{counts[peak]}",
         ha="center",
         va="bottom",
-        color=style.BLUE,
-        fontsize=style.SMALL,
+        color=figure_style.BLUE,
+        fontsize=figure_style.SMALL,
     )
     left, right = float(sigmas.min()), float(sigmas.max())
     before = left - edges[0] > edges[-1] - right

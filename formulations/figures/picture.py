@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 
 import pandas as pd
 
-from formulations.comparison.contender import Contender, run
-from formulations.comparison.outcome import Outcome
-from formulations.record import Record
+from formulations.solving.outcome import Outcome
+from formulations.solving.record import Record
+from formulations.solving.setup import Setup, run
 from nlp.arrays import FloatArray
 from nlp.errors import LockedJointError
 
@@ -35,7 +35,7 @@ class Request:
         Shape (m, n), to be shown instead of one that is solved for.
     store
         Of a campaign, to be shown instead of starts made here.
-    say
+    progress
         Is told what is being done.
     """
 
@@ -44,7 +44,7 @@ class Request:
     workers: int = 1
     jacobian: FloatArray | None = None
     store: Path | None = None
-    say: Callable[[str], None] = lambda _: None
+    progress: Callable[[str], None] = lambda _: None
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,9 +70,7 @@ class NothingFoundError(LockedJointError):
     exit_status = 1
 
 
-def solved(
-    contender: Contender, request: Request, joints: int = 7, task_dimension: int = 6
-) -> Outcome:
+def solved(setup: Setup, request: Request, joints: int = 7, task_dimension: int = 6) -> Outcome:
     """Solve from all starts asked for; an interrupted study ends here, as no figure is of it.
 
     Raises
@@ -80,9 +78,9 @@ def solved(
     KeyboardInterrupt
         If the user interrupted.
     """
-    request.say(f"{contender.formulation}, {contender.model}")
+    request.progress(f"{setup.formulation}, {setup.model}")
     outcome = run(
-        contender,
+        setup,
         joints=joints,
         task_dimension=task_dimension,
         starts=request.starts,
@@ -104,7 +102,7 @@ def best(outcome: Outcome) -> Record:
     """
     valid = [record for record in outcome.records if record.valid]
     if not valid:
-        who = f"{outcome.contender.formulation} on {outcome.contender.model}"
+        who = f"{outcome.setup.formulation} on {outcome.setup.model}"
         raise NothingFoundError(f"No start of {who} passes the check; ask for more starts.")
-    largest = outcome.contender.formulation != "residual"
+    largest = outcome.setup.formulation != "residual"
     return (max if largest else min)(valid, key=lambda record: record.merit)

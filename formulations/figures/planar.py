@@ -7,11 +7,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from formulations import max_min, style
-from formulations.arm import Arm
+from formulations import max_min
 from formulations.figures.picture import NothingFoundError, Request
-from formulations.joints import FreeColumn
-from formulations.measures import worst_case_sigma
+from formulations.files import figure_style
+from formulations.joints.arm import Arm
+from formulations.joints.kinds import FreeColumn
+from formulations.measures.jacobian import worst_case_sigma
 from formulations.realise.manipulator import Manipulator
 from nlp.arrays import FloatArray
 from nlp.multistart import multistart
@@ -35,7 +36,7 @@ def optima(joints: int, request: Request, locked: int = 1) -> list[FloatArray]:
     KeyboardInterrupt
         If the user interrupted.
     """
-    request.say(f"max-min, planar {joints}R, {locked} locked")
+    request.progress(f"max-min, planar {joints}R, {locked} locked")
     arm = Arm.of(FreeColumn(2, norm=float(np.sqrt(2 / joints)), budget="mean"), joints)
     study = multistart(
         partial(max_min.build, arm, locked),
@@ -79,6 +80,6 @@ def round_tip(axes: Axes, arm: Manipulator) -> None:
     turn = np.linspace(0, 2 * np.pi, 181)
     x, y = arm.end_effector[:2]
     circle = x + radius * np.cos(turn), y + radius * np.sin(turn)
-    axes.plot(*circle, color=style.PALE, lw=0.6, zorder=0)
+    axes.plot(*circle, color=figure_style.PALE, lw=0.6, zorder=0)
     axes.set_xlim(x - ROOM * radius, x + ROOM * radius)
     axes.set_ylim(y - ROOM * radius, y + ROOM * radius)

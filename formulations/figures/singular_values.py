@@ -11,14 +11,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from formulations import max_min, measures, residual, style
-from formulations.arm import Arm
+from formulations import max_min, measures, residual
 from formulations.bounds.certified import certified_bound
-from formulations.comparison.contender import Contender
-from formulations.figure_file import figure_class
 from formulations.figures.picture import Picture, Request, best, solved
-from formulations.joint import NotInModelError
-from formulations.joints import UnitRevolute
+from formulations.files import figure_style
+from formulations.files.figure import figure_class
+from formulations.joints.arm import Arm
+from formulations.joints.joint import NotInModelError
+from formulations.joints.kinds import UnitRevolute
+from formulations.solving.setup import Setup
 from nlp.arrays import FloatArray
 
 if TYPE_CHECKING:
@@ -37,7 +38,7 @@ def make(request: Request) -> Picture:
     """Solve, or take the Jacobian given, and draw its singular values."""
     shown = _jacobians(request)
     columns = sum(matrix.shape[1] + 3 for _, matrix in shown)
-    with style.applied():
+    with figure_style.applied():
         figure = figure_class()(figsize=(MARGIN + STEP * columns, HEIGHT))
         widths = [matrix.shape[1] + 3 for _, matrix in shown]
         panels = figure.subplots(
@@ -48,7 +49,7 @@ def make(request: Request) -> Picture:
         panels[0, 0].set_ylabel("all other\nsingular values")
         panels[1, 0].set_ylabel("the smallest\nafter the failure")
         for axes in panels[:, 1:].ravel():
-            style.without_frame(axes)
+            figure_style.without_frame(axes)
     return Picture(figure, pd.concat([_table(*one) for one in shown], ignore_index=True))
 
 
@@ -73,7 +74,7 @@ def _jacobians(request: Request) -> Sequence[tuple[str, FloatArray]]:
         return [("", request.jacobian)]
     found = []
     for name, title in TITLES.items():
-        outcome = solved(Contender(name, "unit-revolute"), request)
+        outcome = solved(Setup(name, "unit-revolute"), request)
         found.append((f"{title}, unit revolute 7R", best(outcome).jacobian))
     return found
 
@@ -114,16 +115,16 @@ def _draw(upper: Axes, lower: Axes, title: str, matrix: FloatArray) -> None:
     places = np.array([0.0, *(1.5 + f for f in range(len(values) - 1))])
     for place, column in zip(places, values, strict=True):
         others = column if place == 0 else column[:-1]
-        upper.hlines(others, place - HALF, place + HALF, color=style.BLUE, lw=1.4)
+        upper.hlines(others, place - HALF, place + HALF, color=figure_style.BLUE, lw=1.4)
     smallest, after = np.array([column[-1] for column in values[1:]]), places[1:]
-    lower.hlines(smallest, after - HALF, after + HALF, color=style.VERMILION, lw=2.0)
+    lower.hlines(smallest, after - HALF, after + HALF, color=figure_style.VERMILION, lw=2.0)
     known = bounds(matrix)
     left, right = after[0] - HALF, after[-1] + HALF
     for name, bound in known:
         dashes = "-" if name == CERTIFIED else (0, (4, 3))
-        lower.hlines(bound, left, right, color=style.INK, lw=0.6, ls=dashes)
+        lower.hlines(bound, left, right, color=figure_style.INK, lw=0.6, ls=dashes)
     said = ", ".join(f"{name} {bound:.4f}" for name, bound in known)
-    _beside(lower, left, max(bound for _, bound in known), said, 4, style.INK)
+    _beside(lower, left, max(bound for _, bound in known), said, 4, figure_style.INK)
     worst = int(np.argmin(smallest))
     _beside(lower, left, smallest[worst], f"worst case {smallest[worst]:.4f}", -4)
     upper.set_title(title)
@@ -132,11 +133,11 @@ def _draw(upper: Axes, lower: Axes, title: str, matrix: FloatArray) -> None:
     lower.set_xlabel("joint that locks")
     for axes in (upper, lower):
         axes.margins(y=0.18)
-        style.without_frame(axes, "left")
+        figure_style.without_frame(axes, "left")
 
 
 def _beside(
-    axes: Axes, x: float, y: float, text: str, off: int, colour: str = style.VERMILION
+    axes: Axes, x: float, y: float, text: str, off: int, colour: str = figure_style.VERMILION
 ) -> None:
     """Write text from x on, so many points above or below y."""
     up = "bottom" if off > 0 else "top"

@@ -8,12 +8,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from formulations import measures, residual, style
+from formulations import measures, residual
 from formulations.bounds.certified import certified_bound
 from formulations.catalogue import arm
-from formulations.figure_file import figure_class
 from formulations.figures.picture import NothingFoundError, Picture, Request
-from formulations.trade_off_curve import curve
+from formulations.files import figure_style
+from formulations.files.figure import figure_class
+from formulations.solving.trade_off_curve import curve
 from nlp.arrays import FloatArray
 
 if TYPE_CHECKING:
@@ -23,7 +24,7 @@ WIDTH, HEIGHT = 7.4, 4.8
 MODELS = {"unit-revolute": "unit lever arms", "lever-revolute": "free lever arms"}
 # Which side of its curve a name stands on.
 SIDES = {"unit-revolute": (1, -1), "lever-revolute": (-1, 1)}
-COLOURS = {"unit-revolute": style.BLUE, "lever-revolute": style.VERMILION}
+COLOURS = {"unit-revolute": figure_style.BLUE, "lever-revolute": figure_style.VERMILION}
 POINTS = 12
 
 
@@ -32,7 +33,7 @@ def make(request: Request, points: int = POINTS) -> Picture:
     table = pd.concat([_curve(model, request, points) for model in MODELS], ignore_index=True)
     seven = arm("unit-revolute", 7)
     bound = measures.sigma_bound(*seven.shape, seven.largest_trace)
-    with style.applied():
+    with figure_style.applied():
         figure = figure_class()(figsize=(WIDTH, HEIGHT))
         axes = figure.subplots()
         axes.set_title("Seven revolute joints: what isotropy costs the worst case")
@@ -40,13 +41,13 @@ def make(request: Request, points: int = POINTS) -> Picture:
             _draw(axes, model, table[table["model"] == model])
         right = float(distance(table["isotropy_defect"]).max())
         low = float(table["worst_case_sigma"].min())
-        axes.hlines(bound, 0, 1.22 * right, color=style.INK, lw=0.6, ls=(0, (4, 3)))
+        axes.hlines(bound, 0, 1.22 * right, color=figure_style.INK, lw=0.6, ls=(0, (4, 3)))
         axes.text(0, bound + 0.001, f"bound (6) {bound:.5f}", va="bottom")
         axes.set_xlabel("distance from isotropy ‖JJᵀ − (T/m)I‖, T = ‖J‖²")
         axes.set_ylabel("σ in the worst case")
         axes.set_xlim(-0.01, 1.22 * right)
         _proved(axes, low)
-        style.without_frame(axes, "left", "bottom")
+        figure_style.without_frame(axes, "left", "bottom")
     return Picture(figure, table)
 
 
@@ -59,14 +60,14 @@ def _proved(axes: Axes, low: float) -> None:
     """Draw how isotropic unit lever arms can be at most."""
     defect = certified_bound(residual.NAME, arm("unit-revolute", 7)).value
     place = float(np.sqrt(2 * defect))
-    axes.vlines(place, low, 0.517, color=style.GREY, lw=0.6)
+    axes.vlines(place, low, 0.517, color=figure_style.GREY, lw=0.6)
     axes.annotate(
         "proved: no unit lever arms left of here",
         (place, low),
         xytext=(5, 0),
         textcoords="offset points",
-        color=style.GREY,
-        fontsize=style.SMALL,
+        color=figure_style.GREY,
+        fontsize=figure_style.SMALL,
     )
 
 
@@ -76,7 +77,7 @@ def _curve(model: str, request: Request, points: int) -> pd.DataFrame:
         points,
         request.starts,
         request.seed,
-        lambda what: request.say(f"{model}: {what}"),
+        lambda what: request.progress(f"{model}: {what}"),
     )
     if len(found) < 2:
         raise NothingFoundError(f"No start on {model} passes the check; ask for more starts.")
@@ -120,5 +121,5 @@ def _draw(axes: Axes, model: str, table: pd.DataFrame) -> None:
         ha="left" if across > 0 else "right",
         va="bottom" if up > 0 else "top",
         color=colour,
-        fontsize=style.SAID,
+        fontsize=figure_style.SAID,
     )

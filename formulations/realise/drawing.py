@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from formulations.figure_file import FORMATS, content, figure_class
+from formulations.files.figure import FORMATS, content, figure_class
 from formulations.realise.manipulator import Manipulator
 from formulations.realise.projection import View, clear_views
 from formulations.realise.strokes import Strokes

@@ -10,7 +10,7 @@ from formulations.realise.dh import Convention, denavit_hartenberg
 from formulations.realise.drawing import render
 from formulations.realise.manipulator import Manipulator
 from formulations.realise.report import axes_text, dh_text
-from formulations.realise.urdf import urdf
+from formulations.realise.write_urdf import urdf
 from nlp.errors import InputError
 
 FORMS = ("axes", "dh", "urdf", "figure")

@@ -1,6 +1,6 @@
 """Smallest singular values of many Jacobians at once, whole and after any one joint locks.
 
-The same quantities as `formulations.measures` has for one matrix, for stacks of them.
+The same quantities as `formulations.measures.jacobian` has for one matrix, for stacks of them.
 """
 
 from __future__ import annotations

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from formulations.files.figure_style import BLUE, INK, ORANGE, PALE, PAPER, VERMILION
 from formulations.realise.manipulator import Manipulator
 from formulations.realise.projection import View
-from formulations.style import BLUE, INK, ORANGE, PALE, PAPER, VERMILION
 from nlp.arrays import FloatArray
 
 if TYPE_CHECKING:

@@ -8,9 +8,9 @@ import casadi as ca
 import numpy as np
 
 from formulations import appendix
-from formulations.arm import Arm
-from formulations.isotropy_residuals import pairs
-from formulations.joints import UnitRevolute
+from formulations.isotropy_equations import pairs
+from formulations.joints.arm import Arm
+from formulations.joints.kinds import UnitRevolute
 from formulations.reproduction.row import Row, Verdict, shown_error
 from formulations.reproduction.verdicts import misprint
 from nlp.arrays import FloatArray

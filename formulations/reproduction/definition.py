@@ -6,7 +6,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from formulations import measures, reference
+from formulations import measures
+from formulations.reproduction import reference
 from formulations.reproduction.row import Row, shown, shown_error
 from formulations.reproduction.verdicts import equal, holds
 from nlp.arrays import FloatArray

@@ -6,15 +6,16 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from formulations import measures, reference, residual
-from formulations.arm import Arm
-from formulations.joints import UnitRevolute
+from formulations import measures, residual
+from formulations.joints.arm import Arm
+from formulations.joints.kinds import UnitRevolute
+from formulations.reproduction import reference
 from formulations.reproduction.nearest import aligned, nearest_unit_revolute
 from formulations.reproduction.rounding import product_slack, singular_value_slack
 from formulations.reproduction.row import Row, Verdict, shown
 from formulations.reproduction.searches import jacobians, search
+from formulations.reproduction.solution_family import least_slope, solve_near
 from formulations.reproduction.verdicts import equal, holds
-from formulations.solution_family import least_slope, solve_near
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
 from nlp.solution import Solution

@@ -7,18 +7,19 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from formulations import measures, reference
-from formulations.canonical import distinct
+from formulations import measures
+from formulations.measures.canonical import distinct
+from formulations.reproduction import reference
 from formulations.reproduction.eight_joints import ARM, polished, solutions
 from formulations.reproduction.nearest import nearest_unit_revolute
 from formulations.reproduction.row import Row, Verdict, shown
-from formulations.reproduction.verdicts import holds
-from formulations.solution_family import (
+from formulations.reproduction.solution_family import (
     fills_tangent_space,
     local_dimension,
     solve_near,
     trace_family,
 )
+from formulations.reproduction.verdicts import holds
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 
-from formulations.joints import UnitRevolute
+from formulations.joints.kinds import UnitRevolute
 from formulations.reproduction.searches import search
 from nlp.arrays import FloatArray
 from nlp.problem import Problem

@@ -6,10 +6,11 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from formulations import max_min, measures, reference
-from formulations.arm import Arm
-from formulations.canonical import distinct
-from formulations.joints import FreeColumn
+from formulations import max_min, measures
+from formulations.joints.arm import Arm
+from formulations.joints.kinds import FreeColumn
+from formulations.measures.canonical import distinct
+from formulations.reproduction import reference
 from formulations.reproduction.row import Row, shown, shown_error
 from formulations.reproduction.searches import jacobians, search
 from formulations.reproduction.verdicts import equal, holds

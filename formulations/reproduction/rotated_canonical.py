@@ -18,7 +18,7 @@ from collections.abc import Iterator
 import casadi as ca
 import numpy as np
 
-from formulations import reference
+from formulations.reproduction import reference
 from formulations.reproduction.row import Row, Verdict, shown
 from formulations.reproduction.searches import search
 from nlp.arrays import FloatArray

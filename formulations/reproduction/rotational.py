@@ -6,13 +6,14 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from formulations import measures, reference
-from formulations.arm import Arm
-from formulations.isotropy_residuals import independent_rows, residuals, sampled
-from formulations.joints import UnitRevolute
+from formulations import measures
+from formulations.isotropy_equations import independent_rows, residuals, sampled
+from formulations.joints.arm import Arm
+from formulations.joints.kinds import UnitRevolute
+from formulations.reproduction import reference
 from formulations.reproduction.row import Row, shown, shown_error
+from formulations.reproduction.solution_family import symmetry_directions
 from formulations.reproduction.verdicts import equal, holds, misprint
-from formulations.solution_family import symmetry_directions
 from nlp.arrays import FloatArray
 
 _ROUNDING = 1e-12

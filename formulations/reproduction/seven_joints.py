@@ -7,10 +7,11 @@ from decimal import Decimal
 
 import numpy as np
 
-from formulations import measures, reference, residual
-from formulations.arm import Arm
-from formulations.canonical import distinct
-from formulations.joints import UnitRevolute
+from formulations import measures, residual
+from formulations.joints.arm import Arm
+from formulations.joints.kinds import UnitRevolute
+from formulations.measures.canonical import distinct
+from formulations.reproduction import reference
 from formulations.reproduction.frame import least_sum_of_squares
 from formulations.reproduction.nearest import aligned, column_error, nearest_unit_revolute
 from formulations.reproduction.rounding import defect_slack, entry_slack, singular_value_slack

@@ -7,8 +7,9 @@ from decimal import Decimal
 
 import numpy as np
 
-from formulations import isotropy, max_min, measures, reference
+from formulations import isotropy, max_min, measures
 from formulations.existence.theorem import excludes
+from formulations.reproduction import reference
 from formulations.reproduction.row import Row, Verdict, shown
 from formulations.reproduction.searches import jacobians, search
 from formulations.reproduction.seven_joints import ARM, refined

@@ -11,7 +11,7 @@ from types import MappingProxyType
 import numpy as np
 
 from formulations import catalogue, isotropy, max_min, measures, residual
-from formulations.isotropy_residuals import independent_rows
+from formulations.isotropy_equations import independent_rows
 from formulations.robots.candidate import Candidate, PromisingStart, judge
 from formulations.robots.robot_arm import RobotArm
 from formulations.robots.robot_assessment import RobotAssessment, assess

@@ -22,10 +22,10 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from formulations.joint import check_length
+from formulations.joints.joint import check_length
 from formulations.robots import kinematics
 from formulations.robots.chain import Chain
-from formulations.robots.task import ALL_DIRECTIONS, Task
+from formulations.robots.directions import ALL_DIRECTIONS, Task
 from nlp.arrays import FloatArray, finite_vector
 from nlp.errors import InputError
 from nlp.problem import Constraint

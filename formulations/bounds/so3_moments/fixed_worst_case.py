@@ -14,19 +14,30 @@ from typing import Any
 
 import numpy as np
 
-from formulations.bounds.so3_moments.block_family import BlockFamily
-from formulations.bounds.so3_moments.clebsch_gordan import Floats
-from formulations.bounds.so3_moments.feasibility_margin import margin_program
-from formulations.bounds.so3_moments.global_bound import ProgramSize
-from formulations.bounds.so3_moments.identity_check import IdentityCheck, check_identity
-from formulations.bounds.so3_moments.krylov_localisers import KrylovLocaliser, KrylovSector
-from formulations.bounds.so3_moments.matrix_localisers import (
+from formulations.bounds.so3_moments.blocks.block_family import BlockFamily
+from formulations.bounds.so3_moments.blocks.krylov_localisers import (
+    KrylovLocaliser,
+    KrylovSector,
+)
+from formulations.bounds.so3_moments.blocks.matrix_localisers import (
     LocaliserSector,
     MatrixLocaliser,
 )
-from formulations.bounds.so3_moments.multipliers import nearest_semidefinite
-from formulations.bounds.so3_moments.plain_localisers import plain_condition_sum
-from formulations.bounds.so3_moments.predictor_corrector import solve_with_predictor_corrector
+from formulations.bounds.so3_moments.blocks.plain_localisers import plain_condition_sum
+from formulations.bounds.so3_moments.blocks.scaled_blocks import ScaledBlocks
+from formulations.bounds.so3_moments.global_bound import ProgramSize
+from formulations.bounds.so3_moments.programs.feasibility_margin import margin_program
+from formulations.bounds.so3_moments.programs.identity_check import (
+    IdentityCheck,
+    check_identity,
+)
+from formulations.bounds.so3_moments.programs.multipliers import nearest_semidefinite
+from formulations.bounds.so3_moments.programs.predictor_corrector import (
+    solve_with_predictor_corrector,
+)
+from formulations.bounds.so3_moments.representations.clebsch_gordan import Floats
+from formulations.bounds.so3_moments.representations.row_sectors import RowSector
+from formulations.bounds.so3_moments.representations.wigner import random_rotations
 from formulations.bounds.so3_moments.residual_bound import (
     Progress,
     program_size,
@@ -34,10 +45,7 @@ from formulations.bounds.so3_moments.residual_bound import (
     sampled_program,
     sector_families,
 )
-from formulations.bounds.so3_moments.row_sectors import RowSector
-from formulations.bounds.so3_moments.scaled_blocks import ScaledBlocks
 from formulations.bounds.so3_moments.spectral_limits import largest_residual
-from formulations.bounds.so3_moments.wigner import random_rotations
 from nlp.errors import LockedJointError
 
 _GAP = 1e-8

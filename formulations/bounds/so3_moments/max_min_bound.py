@@ -6,13 +6,16 @@ import time
 from math import sqrt
 
 from formulations.bounds.so3_moments.best_known import best_known_max_min
+from formulations.bounds.so3_moments.blocks.krylov_localisers import KrylovSector
 from formulations.bounds.so3_moments.fixed_worst_case import Conditions, exclude_worst_case
 from formulations.bounds.so3_moments.global_bound import GlobalBound, Kind
-from formulations.bounds.so3_moments.krylov_localisers import KrylovSector
 from formulations.bounds.so3_moments.presets import RESIDUAL_PRESETS
+from formulations.bounds.so3_moments.representations.row_sectors import (
+    RowSector,
+    without_repetition,
+)
 from formulations.bounds.so3_moments.residual_bound import Progress, residual_bound
 from formulations.bounds.so3_moments.rigorous_residual import rigorous_residual_bound
-from formulations.bounds.so3_moments.row_sectors import RowSector, without_repetition
 from formulations.bounds.so3_moments.spectral_limits import worst_case_limit
 from nlp.errors import InputError
 from nlp.threads import one_blas_thread

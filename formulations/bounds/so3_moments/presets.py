@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from formulations.bounds.so3_moments.row_sectors import (
+from formulations.bounds.so3_moments.representations.row_sectors import (
     RowSector,
     degree_sectors,
     without_repetition,

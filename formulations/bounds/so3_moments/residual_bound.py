@@ -14,22 +14,30 @@ from typing import Any
 import numpy as np
 
 from formulations.bounds.so3_moments.best_known import best_known_residual
-from formulations.bounds.so3_moments.block_family import BlockFamily
-from formulations.bounds.so3_moments.clebsch_gordan import Floats
+from formulations.bounds.so3_moments.blocks.block_family import BlockFamily
+from formulations.bounds.so3_moments.blocks.plain_average import averaged_sum_of_squares
+from formulations.bounds.so3_moments.blocks.sampled_blocks import SectorBlocks
 from formulations.bounds.so3_moments.global_bound import GlobalBound, ProgramSize
-from formulations.bounds.so3_moments.identity_check import check_identity
-from formulations.bounds.so3_moments.moment_program import (
+from formulations.bounds.so3_moments.presets import residual_preset
+from formulations.bounds.so3_moments.programs.identity_check import check_identity
+from formulations.bounds.so3_moments.programs.moment_program import (
     MomentProgram,
     TooFewSamplesError,
     moment_program,
 )
-from formulations.bounds.so3_moments.multipliers import ConicOutcome, nearest_semidefinite
-from formulations.bounds.so3_moments.plain_average import averaged_sum_of_squares
-from formulations.bounds.so3_moments.predictor_corrector import solve_with_predictor_corrector
-from formulations.bounds.so3_moments.presets import residual_preset
-from formulations.bounds.so3_moments.row_sectors import RowSector
-from formulations.bounds.so3_moments.sampled_blocks import SectorBlocks
-from formulations.bounds.so3_moments.wigner import jacobians_of, random_rotations
+from formulations.bounds.so3_moments.programs.multipliers import (
+    ConicOutcome,
+    nearest_semidefinite,
+)
+from formulations.bounds.so3_moments.programs.predictor_corrector import (
+    solve_with_predictor_corrector,
+)
+from formulations.bounds.so3_moments.representations.clebsch_gordan import Floats
+from formulations.bounds.so3_moments.representations.row_sectors import RowSector
+from formulations.bounds.so3_moments.representations.wigner import (
+    jacobians_of,
+    random_rotations,
+)
 from nlp.errors import InputError
 from nlp.threads import one_blas_thread
 
@@ -191,7 +199,7 @@ def solve(
     )
     if solver == "predictor-corrector":
         return solve_with_predictor_corrector(program, progress=tell)
-    from formulations.bounds.so3_moments.cvxpy_solver import solve_with_cvxpy
+    from formulations.bounds.so3_moments.programs.cvxpy_solver import solve_with_cvxpy
 
     return solve_with_cvxpy(program, solver, options)
 

@@ -16,18 +16,26 @@ from typing import Any
 import numpy as np
 
 from formulations.bounds.so3_moments.best_known import best_known_residual
-from formulations.bounds.so3_moments.clebsch_gordan import Floats
-from formulations.bounds.so3_moments.dual_refinement import refined_multipliers
-from formulations.bounds.so3_moments.enclosed_squares import (
+from formulations.bounds.so3_moments.blocks.enclosed_squares import (
     SAFETY,
     enclosed_block,
     enclosed_sums,
 )
+from formulations.bounds.so3_moments.blocks.invariant_basis import invariant_basis
+from formulations.bounds.so3_moments.blocks.invariant_dimension import invariant_dimension
+from formulations.bounds.so3_moments.blocks.sampled_blocks import SectorBlocks
 from formulations.bounds.so3_moments.global_bound import GlobalBound
-from formulations.bounds.so3_moments.invariant_basis import invariant_basis
-from formulations.bounds.so3_moments.invariant_dimension import invariant_dimension
-from formulations.bounds.so3_moments.predictor_corrector import solve_with_predictor_corrector
 from formulations.bounds.so3_moments.presets import residual_preset
+from formulations.bounds.so3_moments.programs.dual_refinement import refined_multipliers
+from formulations.bounds.so3_moments.programs.predictor_corrector import (
+    solve_with_predictor_corrector,
+)
+from formulations.bounds.so3_moments.representations.clebsch_gordan import Floats
+from formulations.bounds.so3_moments.representations.rounding import ROTATION_ENTRY, gamma
+from formulations.bounds.so3_moments.representations.wigner import (
+    jacobians_of,
+    random_rotations,
+)
 from formulations.bounds.so3_moments.residual_bound import (
     Progress,
     check_joints,
@@ -36,9 +44,6 @@ from formulations.bounds.so3_moments.residual_bound import (
     sampled_program,
     sector_families,
 )
-from formulations.bounds.so3_moments.rounding import ROTATION_ENTRY, gamma
-from formulations.bounds.so3_moments.sampled_blocks import SectorBlocks
-from formulations.bounds.so3_moments.wigner import jacobians_of, random_rotations
 from nlp.errors import InputError
 from nlp.threads import one_blas_thread
 

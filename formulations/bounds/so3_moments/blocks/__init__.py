@@ -1,0 +1,1 @@
+"""Moment matrices and localisers, evaluated at configurations."""

@@ -1,0 +1,1 @@
+"""The semidefinite programs in the pseudo-moments, and checks of their multipliers."""

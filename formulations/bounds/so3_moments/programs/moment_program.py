@@ -1,0 +1,129 @@
+"""The semidefinite program in the pseudo-moments, from values at sampled configurations.
+
+Invariant functions are known by their values at the samples. In an orthonormal basis e_0 = 1,
+e_1, … of their span, a linear functional with L(1) = 1 is a vector y of its values at e_1, …:
+
+    minimise  ρ_0 + Σ_j ρ_j y_j   subject to   B_0 + Σ_j y_j B_j ⪰ 0 for every block,
+
+where B_j holds the coefficients of e_j of the entries. Multipliers X ⪰ 0 of the blocks with
+Σ ⟨X, B_j⟩ = ρ_j for j ≥ 1 prove the bound ρ_0 − Σ ⟨X, B_0⟩.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from formulations.bounds.so3_moments.representations.clebsch_gordan import Floats
+from nlp.errors import LockedJointError
+
+_RELATIVE_RANK = 1e-8
+_SEED = 7
+
+
+class TooFewSamplesError(LockedJointError):
+    """The samples do not tell all functions apart: more are needed."""
+
+
+class OutsideSpanError(LockedJointError):
+    """The objective is no combination of the entries of the blocks."""
+
+
+@dataclass(frozen=True, eq=False)
+class MomentProgram:
+    """Blocks and objective as functions of the pseudo-moments.
+
+    Parameters
+    ----------
+    objective
+        ρ_0, ρ_1, …, shape (moments,).
+    blocks
+        For each block B_0, B_1, …, shape (moments, size, size).
+    """
+
+    objective: Floats
+    blocks: tuple[Floats, ...]
+
+    @property
+    def moments(self) -> int:
+        """Dimension of the span, that of the constants included."""
+        return len(self.objective)
+
+    @property
+    def sizes(self) -> tuple[int, ...]:
+        """Numbers of rows of the blocks."""
+        return tuple(block.shape[1] for block in self.blocks)
+
+    @property
+    def svec(self) -> int:
+        """Number of distinct entries of all blocks."""
+        return sum(size * (size + 1) // 2 for size in self.sizes)
+
+    def dual_value(self, multipliers: Sequence[Floats]) -> float:
+        """Return ρ_0 − Σ ⟨X, B_0⟩."""
+        paid = sum(
+            np.vdot(x, block[0]) for x, block in zip(multipliers, self.blocks, strict=True)
+        )
+        return float(self.objective[0] - paid)
+
+    def dual_residual(self, multipliers: Sequence[Floats]) -> Floats:
+        """Return ρ_j − Σ ⟨X, B_j⟩ for j ≥ 1."""
+        residual = self.objective[1:].copy()
+        for x, block in zip(multipliers, self.blocks, strict=True):
+            residual -= block[1:].reshape(len(residual), -1) @ x.ravel()
+        return residual
+
+
+def moment_program(values: Floats, blocks: Sequence[Floats]) -> MomentProgram:
+    """Return the program whose functions have the given values at sampled configurations.
+
+    Parameters
+    ----------
+    values
+        The objective, shape (samples,).
+    blocks
+        Each block, shape (samples, size, size).
+
+    Raises
+    ------
+    TooFewSamplesError
+        If there might be as many independent functions as samples.
+    OutsideSpanError
+        If the objective is not in the span of the entries.
+    """
+    samples = len(values)
+    basis = _orthonormal_functions(blocks, samples)
+    coordinates = basis.T / samples
+    objective = coordinates @ values
+    if np.abs(basis @ objective - values).max() > 1e-8 * np.abs(values).max():
+        raise OutsideSpanError("the objective is outside of the span of the blocks' entries")
+    expanded = []
+    for block in blocks:
+        size = block.shape[1]
+        found = (coordinates @ block.reshape(samples, -1)).reshape(-1, size, size)
+        expanded.append(0.5 * (found + found.transpose(0, 2, 1)))
+    return MomentProgram(objective, tuple(expanded))
+
+
+def _orthonormal_functions(blocks: Sequence[Floats], samples: int) -> Floats:
+    """Return an orthonormal basis of the functions at the samples, the first constant.
+
+    Random combinations of the entries have the same span and are fewer.
+    """
+    rng = np.random.default_rng(_SEED)
+    mixed = np.zeros((samples, samples))
+    entries = 0
+    for block in blocks:
+        flat = block.reshape(samples, -1)
+        entries += flat.shape[1]
+        mixed += flat @ rng.standard_normal((flat.shape[1], samples))
+    mixed /= np.sqrt(entries)
+    centred = mixed - mixed.mean(axis=0)
+    vectors, strengths, _ = np.linalg.svd(centred)
+    rank = int(np.sum(strengths > _RELATIVE_RANK * strengths[0]))
+    if rank >= samples - 2:
+        raise TooFewSamplesError(f"{samples} samples for at least {rank} functions")
+    constant = np.ones((samples, 1))
+    return np.hstack([constant, np.sqrt(samples) * vectors[:, :rank]])

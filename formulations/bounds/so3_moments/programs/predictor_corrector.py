@@ -1,0 +1,217 @@
+"""A dense primal–dual predictor–corrector for few unknowns and many small blocks.
+
+    minimise  bᵀy  subject to  S = C + Σ y_j A_j ⪰ 0     (blocks together)
+    maximise  −⟨C, X⟩  subject to  ⟨A_j, X⟩ = b_j,  X ⪰ 0
+
+y = 0 must satisfy C ≻ 0. Newton's method on XS = μI in the HKM direction: with the Schur
+complement M_ij = ⟨A_i, X A_j S⁻¹⟩,
+
+    M dy = ⟨A_i, μS⁻¹ − K⟩ − b_i,   dX = μS⁻¹ − X − K − sym(X dS S⁻¹),
+
+where K = sym(dX dS S⁻¹) of the predictor (μ = 0, K = 0) corrects for the product dX dS
+(Helmberg, Rendl, Vanderbei and Wolkowicz, 1996; Kojima, Shindoh and Hara, 1997; Monteiro,
+1997; Mehrotra, 1992).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import blas, cho_factor, cho_solve, solve_triangular
+
+from formulations.bounds.so3_moments.programs.moment_program import MomentProgram
+from formulations.bounds.so3_moments.programs.multipliers import ConicOutcome
+from formulations.bounds.so3_moments.representations.clebsch_gordan import Floats
+
+_STEP = 0.95  # fraction of the way to the boundary
+_START = 1.0  # multiple of the unit matrix to start X from
+_MOST_ITERATIONS = 100
+_STALLED = 1e-4
+_SHIFTS = (0.0, 1e-15, 1e-14, 1e-13, 1e-12, 1e-11, 1e-10, 1e-9)
+
+
+@dataclass(frozen=True, eq=False)
+class _Point:
+    """Cholesky factors of X and of S, and the inverse of S, of each block."""
+
+    x: list[Floats]
+    x_root: list[Floats]
+    s_root: list[Floats]
+    s_inverse: list[Floats]
+
+
+def solve_with_predictor_corrector(
+    program: MomentProgram,
+    *,
+    gap: float = 1e-9,
+    accuracy: float = 1e-8,
+    progress: Callable[[str], None] | None = None,
+) -> ConicOutcome:
+    """Return pseudo-moments and positive definite multipliers.
+
+    Parameters
+    ----------
+    program
+        The program; y = 0 must make every block positive definite.
+    gap, accuracy
+        Stop where ⟨X, S⟩ is below `gap` and no dual equation is off by more than `accuracy`,
+        both relative to the largest coefficient of the objective, at least 1.
+    progress
+        Told of every iteration.
+
+    Returns
+    -------
+    ConicOutcome
+        Status ``"optimal"``, ``"stalled: …"``, ``"iteration_limit"`` or
+        ``"no_interior_start"``.
+    """
+    y = np.zeros(program.moments - 1)
+    x = [_START * np.eye(size) for size in program.sizes]
+    order = sum(program.sizes)
+    scale = max(1.0, float(np.abs(program.objective).max()))
+    status = "iteration_limit"
+    iterations = 0
+    for iterations in range(_MOST_ITERATIONS + 1):
+        slacks = _slacks(program, y)
+        point = _factor(x, slacks)
+        if point is None:
+            status = "no_interior_start" if iterations == 0 else "stalled: factorisation failed"
+            break
+        mu = _inner(x, slacks) / order
+        residual = float(np.abs(program.dual_residual(x)).max(initial=0.0))
+        if progress is not None and iterations % 5 == 0:
+            progress(
+                f"iteration {iterations}: bound {program.dual_value(x):.7f}, "
+                f"gap {order * mu:.1e}, residual {residual:.1e}"
+            )
+        if order * mu < gap * scale and residual < accuracy * scale:
+            status = "optimal"
+            break
+        if iterations == _MOST_ITERATIONS:
+            break
+        moved = _step(program, point, slacks, mu, order)
+        if moved is None:
+            status = "stalled: Schur complement not positive definite"
+            break
+        dy, dx, primal, dual = moved
+        if max(primal, dual) < _STALLED:
+            status = "stalled: steps too short"
+            break
+        y = y + primal * dy
+        x = [a + dual * b for a, b in zip(x, dx, strict=True)]
+    return ConicOutcome(y, tuple(x), status, iterations)
+
+
+def _step(
+    program: MomentProgram, point: _Point, slacks: list[Floats], mu: float, order: int
+) -> tuple[Floats, list[Floats], float, float] | None:
+    """Return dy, dX and the lengths of the steps in y and X."""
+    schur = _factored(_schur_complement(program, point))
+    if schur is None:
+        return None
+    nothing = [np.zeros_like(block) for block in point.x]
+    dy, dx, ds = _direction(program, point, schur, 0.0, nothing)
+    primal, dual = _lengths(point, ds, dx)
+    after = _inner(
+        [a + dual * b for a, b in zip(point.x, dx, strict=True)],
+        [a + primal * b for a, b in zip(slacks, ds, strict=True)],
+    )
+    centring = min(1.0, max(after / (order * mu), 0.0)) ** 3
+    correction = [
+        _symmetric(a @ b @ inverse)
+        for a, b, inverse in zip(dx, ds, point.s_inverse, strict=True)
+    ]
+    dy, dx, ds = _direction(program, point, schur, max(centring, 1e-3) * mu, correction)
+    primal, dual = _lengths(point, ds, dx)
+    return dy, dx, primal, dual
+
+
+def _direction(
+    program: MomentProgram,
+    point: _Point,
+    schur: tuple[Floats, bool],
+    mu: float,
+    correction: list[Floats],
+) -> tuple[Floats, list[Floats], list[Floats]]:
+    goals = [
+        mu * inverse - extra for inverse, extra in zip(point.s_inverse, correction, strict=True)
+    ]
+    dy = cho_solve(schur, -program.dual_residual(goals), check_finite=False)
+    ds = [np.tensordot(dy, block[1:], axes=1) for block in program.blocks]
+    dx = [
+        goal - x - _symmetric(x @ slope @ inverse)
+        for goal, x, slope, inverse in zip(goals, point.x, ds, point.s_inverse, strict=True)
+    ]
+    return dy, dx, ds
+
+
+def _schur_complement(program: MomentProgram, point: _Point) -> Floats:
+    """Return M_ij = ⟨G_i, G_j⟩ with G_j = (root of X)ᵀ A_j (root of S)⁻ᵀ."""
+    unknowns = program.moments - 1
+    found = np.zeros((unknowns, unknowns), order="F")
+    for block, x_root, s_root in zip(program.blocks, point.x_root, point.s_root, strict=True):
+        size = len(x_root)
+        right = solve_triangular(s_root, np.eye(size), lower=True, check_finite=False).T
+        scaled = x_root.T @ (block[1:].reshape(-1, size) @ right).reshape(-1, size, size)
+        found = blas.dsyrk(
+            1.0, scaled.reshape(unknowns, -1).T, beta=1.0, c=found, trans=1, lower=1,
+            overwrite_c=1,
+        )  # fmt: skip
+    return np.asarray(found)
+
+
+def _factored(schur: Floats) -> tuple[Floats, bool] | None:
+    """Return a Cholesky factor, of a slightly larger matrix if rounding makes that necessary.
+
+    The larger matrix only shortens steps along directions that are hardly determined.
+    """
+    diagonal = np.diag(schur).copy()
+    for shift in _SHIFTS:
+        np.fill_diagonal(schur, (1 + shift) * diagonal)
+        try:
+            root, lower = cho_factor(schur, lower=True, check_finite=False)
+        except np.linalg.LinAlgError:
+            continue
+        return np.asarray(root), bool(lower)
+    return None
+
+
+def _slacks(program: MomentProgram, y: Floats) -> list[Floats]:
+    return [block[0] + np.tensordot(y, block[1:], axes=1) for block in program.blocks]
+
+
+def _factor(x: Sequence[Floats], slacks: Sequence[Floats]) -> _Point | None:
+    try:
+        x_root = [np.asarray(np.linalg.cholesky(block), dtype=float) for block in x]
+        s_root = [np.asarray(np.linalg.cholesky(block), dtype=float) for block in slacks]
+    except np.linalg.LinAlgError:
+        return None
+    inverse = [
+        np.asarray(cho_solve((root, True), np.eye(len(root)), check_finite=False))
+        for root in s_root
+    ]
+    return _Point(list(x), x_root, s_root, inverse)
+
+
+def _lengths(point: _Point, ds: list[Floats], dx: list[Floats]) -> tuple[float, float]:
+    return _longest(point.s_root, ds), _longest(point.x_root, dx)
+
+
+def _longest(roots: Sequence[Floats], changes: Sequence[Floats]) -> float:
+    """Return the step, at most 1, that stays inside of the cone."""
+    lowest = 0.0
+    for root, change in zip(roots, changes, strict=True):
+        half = solve_triangular(root, change, lower=True, check_finite=False)
+        scaled = solve_triangular(root, half.T, lower=True, check_finite=False)
+        lowest = min(lowest, float(np.linalg.eigvalsh(_symmetric(scaled))[0]))
+    return 1.0 if lowest > -_STEP else -_STEP / lowest
+
+
+def _inner(first: Sequence[Floats], second: Sequence[Floats]) -> float:
+    return float(sum(np.vdot(a, b) for a, b in zip(first, second, strict=True)))
+
+
+def _symmetric(matrix: Floats) -> Floats:
+    return np.asarray(0.5 * (matrix + matrix.T))

@@ -1,0 +1,186 @@
+"""Bases of rows in which permutations act as in Young's orthogonal form.
+
+For a shape λ with standard tableaux T the columns of U_T are joint eigenvectors of the
+Jucys–Murphy elements X_{i+1} = s_i X_i s_i + s_i, where s_i exchanges i and i + 1, and
+
+    s_i U_T = U_T/r + √(1 − 1/r²) U_{T'},   r = content of i + 1 minus content of i,
+
+T' being T with i and i + 1 exchanged. So averages over all permutations follow from U alone:
+the average of |(U_T a)ᵀφ|² over permutations of the joints is that over all T.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from functools import cache
+from itertools import product
+from math import sqrt
+from typing import TypeAlias
+
+import numpy as np
+
+from formulations.bounds.so3_moments.representations.clebsch_gordan import Floats
+from formulations.existence.relaxation.tableaux import (
+    Shape,
+    all_contents,
+    partitions,
+    row_reading_contents,
+)
+
+# One shape for each of the groups of joints that are permuted among themselves.
+Shapes: TypeAlias = tuple[Shape, ...]
+Contents: TypeAlias = tuple[int, ...]
+
+_WEIGHTS = tuple(sqrt(prime) for prime in (2, 3, 5, 7, 11, 13, 17, 19, 23, 29))
+_WINDOW = 0.25
+
+
+def young_bases(
+    exchanges: Mapping[int, Floats], groups: Sequence[range]
+) -> dict[Shapes, Floats]:
+    """Return for each shape the bases U_T of all its tableaux.
+
+    Parameters
+    ----------
+    exchanges
+        Orthogonal matrix (rows, rows) that exchanges joints i and i + 1, for each i such that
+        both are in the same group.
+    groups
+        Consecutive ranges of joints; permutations act within each.
+
+    Returns
+    -------
+    dict
+        Shapes that occur to an array (tableaux, rows, multiplicity); the tableaux are in the
+        order of `tableau_contents`. All bases together are orthonormal.
+    """
+    elements = _jucys_murphy(exchanges, groups)
+    rows = len(next(iter(exchanges.values()))) if exchanges else 1
+    operator = sum(
+        (_WEIGHTS[joint] * x for joint, x in elements.items()), np.zeros((rows, rows))
+    )
+    values, vectors = np.linalg.eigh(0.5 * (operator + operator.T))
+    found: dict[Shapes, Floats] = {}
+    for shapes in product(*(tuple(partitions(len(group))) for group in groups)):
+        names = tableau_contents(shapes)
+        start = names.index(tuple(row_reading_contents(shape) for shape in shapes))
+        contents = {
+            joint: content
+            for group, row in zip(groups, names[start], strict=True)
+            for joint, content in zip(group, row, strict=False)
+        }
+        wanted = sum(_WEIGHTS[joint] * content for joint, content in contents.items())
+        near = vectors[:, np.abs(values - wanted) < _WINDOW]
+        first = _joint_eigenvectors(near, elements, contents)
+        if first.shape[1]:
+            bases = _all_tableaux(first, start, exchanges, groups, shapes)
+            found[shapes] = _averaged(bases, exchanges, groups, shapes)
+    return found
+
+
+def _jucys_murphy(
+    exchanges: Mapping[int, Floats], groups: Sequence[range]
+) -> dict[int, Floats]:
+    """Return X_{i+1} of each group, by joint i."""
+    found = {}
+    for group in groups:
+        element: Floats | None = None
+        for joint in group[:-1]:
+            swap = exchanges[joint]
+            element = swap if element is None else swap @ element @ swap + swap
+            found[joint] = element
+    return found
+
+
+def _joint_eigenvectors(
+    near: Floats, elements: Mapping[int, Floats], contents: Mapping[int, int]
+) -> Floats:
+    """Return the vectors in the span of `near` with X_{i+1} u = (content) u for all i.
+
+    The weighted sum of the X may have other eigenvalues close by; but the other eigenvalues of
+    Σ (X − content)² are at least 1.
+    """
+    if not near.shape[1]:
+        return near
+    square = np.zeros((near.shape[1], near.shape[1]))
+    for joint, content in contents.items():
+        image = elements[joint] @ near - content * near
+        square += image.T @ image
+    values, vectors = np.linalg.eigh(square)
+    return np.asarray(near @ vectors[:, values < 0.5])
+
+
+def _all_tableaux(
+    first: Floats,
+    start: int,
+    exchanges: Mapping[int, Floats],
+    groups: Sequence[range],
+    shapes: Shapes,
+) -> Floats:
+    """Return the bases of all tableaux from that of one, by Young's orthogonal form."""
+    names = tableau_contents(shapes)
+    numbers = {name: number for number, name in enumerate(names)}
+    bases: dict[int, Floats] = {start: first}
+    waiting = [start]
+    while waiting:
+        number = waiting.pop()
+        for joint, (goal, distance) in neighbours(names[number], groups).items():
+            if abs(distance) > 1 and numbers[goal] not in bases:
+                moved = exchanges[joint] @ bases[number] - bases[number] / distance
+                bases[numbers[goal]] = moved / sqrt(1 - 1 / distance**2)
+                waiting.append(numbers[goal])
+    return np.stack([bases[number] for number in range(len(names))])
+
+
+def _averaged(
+    bases: Floats, exchanges: Mapping[int, Floats], groups: Sequence[range], shapes: Shapes
+) -> Floats:
+    """Return the mean over all permutations g of P_g U Y_gᵀ: rounding errors are averaged out.
+
+    All permutations of the first j + 1 joints of a group are those of the first j, followed by
+    taking the last to any place.
+    """
+    names = tableau_contents(shapes)
+    numbers = {name: number for number, name in enumerate(names)}
+    for group in groups:
+        for end in range(1, len(group)):
+            moved, total = bases, bases.copy()
+            for place in reversed(range(end)):
+                joint = group[place]
+                image = exchanges[joint] @ moved
+                moved = np.empty_like(image)
+                for number, name in enumerate(names):
+                    goal, distance = neighbours(name, groups)[joint]
+                    moved[number] = image[number] / distance
+                    if abs(distance) > 1:
+                        moved[number] += sqrt(1 - 1 / distance**2) * image[numbers[goal]]
+                total += moved
+            bases = total / (end + 1)
+    return bases
+
+
+@cache
+def tableau_contents(shapes: Shapes) -> tuple[tuple[Contents, ...], ...]:
+    """Return the standard tableaux of a shape in each group, as contents of 2, 3, …; sorted."""
+    of_group = []
+    for shape in shapes:
+        size = sum(shape)
+        corner = sorted(row_reading_contents(shape)) if size else []
+        candidates = all_contents(size) if size else {()}
+        of_group.append(sorted(name for name in candidates if sorted(name) == corner))
+    return tuple(product(*of_group))
+
+
+def neighbours(
+    name: tuple[Contents, ...], groups: Sequence[range]
+) -> dict[int, tuple[tuple[Contents, ...], int]]:
+    """Return for each i the contents with i and i + 1 exchanged, and the distance r."""
+    found = {}
+    for number, (contents, group) in enumerate(zip(name, groups, strict=True)):
+        boxes = [0, *contents] if len(group) else []
+        for place in range(len(boxes) - 1):
+            swapped = boxes.copy()
+            swapped[place : place + 2] = boxes[place + 1], boxes[place]
+            goal = (*name[:number], tuple(swapped[1:]), *name[number + 1 :])
+            found[group[place]] = (goal, boxes[place + 1] - boxes[place])
+    return found

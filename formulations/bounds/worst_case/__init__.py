@@ -1,0 +1,1 @@
+"""Eq. (6) as a semidefinite program: problem, program, certificate, bound."""

@@ -1,0 +1,147 @@
+"""Check, in plain NumPy, that multipliers prove a bound on the worst case.
+
+Lengths are scaled so that the trace limit is m; b_k below is the scaled right-hand side. The
+bound is the semidefinite program (primal, with s the scaled 1/t and M' = M/t)
+
+    minimise s   subject to   tr Y ≤ n − m,  B = [[Y, I], [I, M' − I]] ⪰ 0,
+                              ⟨A_k, M'⟩ = s b_k  or  ⟨A_k, M'⟩ ≤ s b_k,
+
+the first fact being tr M' ≤ s m. For μ ≥ 0, Z = [[Z₁₁, Z₁₂], [Z₂₁, Z₂₂]] ⪰ 0 and ν_k (≥ 0 for
+inequalities) with Z₁₁ = μI, Z₂₂ = Σ ν_k A_k and Σ ν_k b_k = 1, every feasible s is at least
+
+    d = −μ(n − m) − 2 tr Z₁₂ + tr Z₂₂.
+
+A solver's multipliers obey all this only nearly. Here the equations are enforced, and what Z
+then lacks in semidefiniteness, λ = λ_min(Z) < 0, is paid for: ⟨Z, B⟩ ≥ λ tr B, and
+tr B ≤ n − 2m + s m, so s ≥ (d + λ(n − 2m))/(1 − λ m).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from formulations.bounds.worst_case.problem import LinearFact, WorstCase
+
+Matrix: TypeAlias = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class WorstCaseMultipliers:
+    """Dual variables of the bound, as a solver left them.
+
+    Parameters
+    ----------
+    matrix
+        Z, 2m×2m, of the matrix inequality B ⪰ 0.
+    redundancy
+        μ, of tr Y ≤ n − m.
+    facts
+        ν_k, of the trace limit first and of the facts in their order.
+    """
+
+    matrix: Matrix
+    redundancy: float
+    facts: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class WorstCaseCertificate:
+    """What the multipliers prove once their leftovers are paid for.
+
+    Parameters
+    ----------
+    dual_value
+        d of the multipliers as the solver left them.
+    residual
+        Largest violation of the dual equations by those multipliers.
+    smallest_eigenvalue
+        λ_min(Z) after the equations were enforced.
+    proved_value
+        The lower limit of s that remains; minus infinity if nothing is proved.
+    """
+
+    dual_value: float
+    residual: float
+    smallest_eigenvalue: float
+    proved_value: float
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain values; None stands for an infinite one."""
+        return {k: v if math.isfinite(v) else None for k, v in vars(self).items()}
+
+
+def scaled_facts(problem: WorstCase) -> tuple[LinearFact, ...]:
+    """Return the trace limit and the facts of a problem, scaled so that the limit is m."""
+    m = problem.task_dimension
+    unit = problem.trace / m
+    limit = LinearFact("trace", np.eye(m), float(m), "at most")
+    scaled = [
+        LinearFact(fact.name, fact.matrix, fact.value / unit, fact.relation)
+        for fact in problem.facts
+    ]
+    return (limit, *scaled)
+
+
+def check_multipliers(
+    problem: WorstCase, multipliers: WorstCaseMultipliers
+) -> WorstCaseCertificate:
+    """Return what the multipliers prove, by weak duality, whoever made them.
+
+    Parameters
+    ----------
+    problem
+        The class of Jacobians.
+    multipliers
+        Any numbers of the right shapes; they need not be optimal or even feasible.
+    """
+    m = problem.task_dimension
+    facts = scaled_facts(problem)
+    z = 0.5 * (multipliers.matrix + multipliers.matrix.T)
+    nu = np.array(multipliers.facts)
+    residual = _residual(z, multipliers.redundancy, nu, facts)
+    dual_value = _dual_value(problem, z, multipliers.redundancy)
+
+    nu = np.where([fact.relation == "at most" for fact in facts], np.maximum(nu, 0.0), nu)
+    total = float(sum(v * fact.value for v, fact in zip(nu, facts, strict=True)))
+    if not (math.isfinite(total) and total > 0 and np.isfinite(z).all()):
+        return WorstCaseCertificate(dual_value, residual, -math.inf, -math.inf)
+    nu, z = nu / total, z / total
+    mu = max(float(np.trace(z[:m, :m])) / m, 0.0)
+    z[:m, :m] = mu * np.eye(m)
+    z[m:, m:] = _combination(nu, facts)
+    smallest = float(np.linalg.eigvalsh(z)[0])
+    # Rounding in eigvalsh is of the order of the machine precision times the norm.
+    shortfall = min(smallest - 2 * m * np.finfo(float).eps * float(np.linalg.norm(z)), 0.0)
+    value = _dual_value(problem, z, mu) + shortfall * (problem.joints - 2 * m)
+    proved = float(value / (1 - shortfall * m))
+    return WorstCaseCertificate(dual_value, residual, smallest, proved)
+
+
+def _combination(nu: NDArray[np.float64], facts: tuple[LinearFact, ...]) -> Matrix:
+    matrices = np.stack([fact.matrix for fact in facts])
+    return np.tensordot(nu, matrices, axes=1)
+
+
+def _residual(
+    z: Matrix, mu: float, nu: NDArray[np.float64], facts: tuple[LinearFact, ...]
+) -> float:
+    m = facts[0].matrix.shape[0]
+    signs = [v for v, fact in zip(nu, facts, strict=True) if fact.relation == "at most"]
+    gaps = [
+        np.abs(z[:m, :m] - mu * np.eye(m)).max(),
+        np.abs(z[m:, m:] - _combination(nu, facts)).max(),
+        abs(sum(v * fact.value for v, fact in zip(nu, facts, strict=True)) - 1.0),
+        max(0.0, -mu, *(-v for v in signs)),
+    ]
+    return float(max(gaps))
+
+
+def _dual_value(problem: WorstCase, z: Matrix, mu: float) -> float:
+    m = problem.task_dimension
+    linear = np.trace(z[m:, m:]) - 2.0 * np.trace(z[:m, m:])
+    return float(linear - mu * (problem.joints - m))

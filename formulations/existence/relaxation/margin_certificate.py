@@ -1,0 +1,135 @@
+"""Check, in plain NumPy, how far moment blocks are from being positive semidefinite together.
+
+The margin is the largest s ≤ 1 for which free moments y make B_b(y) − sI ⪰ 0 for all blocks b.
+For multipliers X_b ⪰ 0 with Σ tr X_b ≤ 1,
+
+    s ≤ 1 − Σ tr X_b + Σ_b ⟨X_b, B_b(y)⟩,
+
+whose dependence on y should cancel. What is left of it is bounded through |y_k| ≤ Y_k, which
+holds for the moments of every solution. A negative right-hand side excludes solutions, up to
+the rounding in the blocks themselves, for which an allowance is added.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from formulations.existence.relaxation.linear_moments import LinearMoments
+from formulations.existence.relaxation.moment_blocks import MomentBlock
+
+Matrix: TypeAlias = NDArray[np.float64]
+
+# Relative rounding of the blocks, which are products of bases that are good to about 1e-12.
+_ROUNDING = 1e-10
+
+
+@dataclass(frozen=True)
+class MarginCertificate:
+    """What free moments attain, and what multipliers prove impossible.
+
+    Parameters
+    ----------
+    attained
+        Smallest eigenvalue over all blocks at the free moments that were found; minus infinity
+        if none were.
+    proved
+        Upper limit of the margin for moments of solutions; 1 if nothing was proved.
+    residual
+        Largest coefficient of a free moment that did not cancel.
+    smallest_eigenvalue
+        Smallest eigenvalue of the multipliers as they were given.
+    """
+
+    attained: float
+    proved: float
+    residual: float
+    smallest_eigenvalue: float
+
+    @property
+    def feasible(self) -> bool:
+        """Whether the moments that were found make every block positive semidefinite."""
+        return self.attained >= 0
+
+    @property
+    def infeasible(self) -> bool:
+        """Whether the multipliers exclude every solution."""
+        return self.proved < 0
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain values; None stands for an infinite one."""
+        return {k: v if math.isfinite(v) else None for k, v in vars(self).items()}
+
+
+def moment_limits(moments: LinearMoments) -> NDArray[np.float64]:
+    """Return limits Y_k of the free moments of every solution.
+
+    The tight-frame equation (i, i) says Σ_j |W_ij|² = 2 P_ii, so |W_ij|² ≤ 2 P_ii.
+
+    Parameters
+    ----------
+    moments
+        Solution of the moment equations.
+    """
+    square = 2 * float(moments.frame.projector(0, 0))
+    return np.array([square ** len(graph.w) for graph in moments.free])
+
+
+def check_margin(
+    blocks: Sequence[MomentBlock],
+    limits: NDArray[np.float64],
+    free: NDArray[np.float64] | None,
+    multipliers: Sequence[Matrix] | None,
+) -> MarginCertificate:
+    """Return what free moments attain and multipliers prove, whoever made them.
+
+    Parameters
+    ----------
+    blocks
+        The blocks of the moment matrix.
+    limits
+        Limits of the absolute values of the free moments.
+    free
+        Free moments, or None.
+    multipliers
+        One symmetric matrix per block, or None.
+    """
+    attained = -math.inf
+    if free is not None:
+        attained = min(float(np.linalg.eigvalsh(block.at(free))[0]) for block in blocks)
+    if multipliers is None or not all(np.isfinite(x).all() for x in multipliers):
+        return MarginCertificate(attained, 1.0, math.inf, -math.inf)
+    symmetric = [0.5 * (x + x.T) for x in multipliers]
+    smallest = min(float(np.linalg.eigvalsh(x)[0]) for x in symmetric)
+    positive = [_positive_part(x) for x in symmetric]
+    total = sum(float(np.trace(x)) for x in positive)
+    if total > 1:
+        positive, total = [x / total for x in positive], 1.0
+    sums = np.sum(
+        [
+            np.tensordot(block.matrices, x, axes=2)
+            for block, x in zip(blocks, positive, strict=True)
+        ],
+        axis=0,
+    )
+    leftover = np.abs(sums[1:])
+    proved = 1 - total + float(sums[0] + leftover @ limits) + _allowance(blocks, limits)
+    return MarginCertificate(attained, proved, float(leftover.max(initial=0.0)), smallest)
+
+
+def _positive_part(matrix: Matrix) -> Matrix:
+    values, vectors = np.linalg.eigh(matrix)
+    positive: Matrix = (vectors * np.maximum(values, 0.0)) @ vectors.T
+    return positive
+
+
+def _allowance(blocks: Sequence[MomentBlock], limits: NDArray[np.float64]) -> float:
+    """Return what rounding in the blocks can add to Σ⟨X_b, B_b(y)⟩ with Σ tr X_b ≤ 1."""
+    scale = np.concatenate([[1.0], limits])
+    norms = [np.linalg.norm(block.matrices, axis=(1, 2)) @ scale for block in blocks]
+    return _ROUNDING * float(max(norms))

@@ -1,0 +1,111 @@
+"""Jacobians from files: CSV, NPY or JSON."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from types import MappingProxyType
+
+import numpy as np
+import numpy.typing as npt
+
+from formulations.measures.jacobian import as_jacobian
+from nlp.arrays import FloatArray
+from nlp.errors import FileError, InputError
+
+Named = tuple[str, FloatArray]
+
+
+def read_jacobians(path: Path) -> list[Named]:
+    """Read every Jacobian of a file, each with a name.
+
+    Parameters
+    ----------
+    path
+        ``.csv`` (numbers separated by commas, one row of J per line), ``.npy``, or
+        ``.json`` (rows; an object with the key ``jacobian``; or a list of such objects).
+
+    Raises
+    ------
+    FileError
+        If the file cannot be read or is not of one of these kinds.
+    InputError
+        If what it holds is not a Jacobian.
+    """
+    reader = _READERS.get(path.suffix.lower())
+    if reader is None:
+        raise FileError("file", str(path), "a name that ends in " + ", ".join(_READERS))
+    try:
+        content = path.read_bytes()
+    except OSError as reason:
+        why = (reason.strerror or str(reason)).lower()
+        raise FileError("file", str(path), f"a file that can be read ({why})") from None
+    if not content.strip():
+        raise FileError("file", str(path), "a file that is not empty")
+    return [(name, as_jacobian(matrix, str(path))) for name, matrix in reader(path)]
+
+
+def only_jacobian(path: Path, pick: int | None = None) -> FloatArray:
+    """Read one Jacobian of a file: the only one, or number `pick`, counted from 0.
+
+    Raises
+    ------
+    InputError
+        If it holds several and none is picked, or none has that number.
+    """
+    found = read_jacobians(path)
+    allowed = f"0 to {len(found) - 1}: which of the {len(found)} Jacobians in {path}"
+    if pick is None and len(found) > 1:
+        raise InputError("--pick", "missing", allowed)
+    if pick is not None and pick >= len(found):
+        raise InputError("--pick", pick, allowed)
+    return found[pick or 0][1]
+
+
+def _read_csv(path: Path) -> list[tuple[str, npt.ArrayLike]]:
+    try:
+        lines = path.read_text(encoding="utf-8-sig").splitlines()
+        rows = [[float(cell) for cell in line.split(",")] for line in lines if line.strip()]
+    except ValueError as reason:
+        allowed = f"rows of numbers separated by commas ({reason})"
+        raise FileError("file", str(path), allowed) from None
+    if len({len(row) for row in rows}) != 1:
+        raise FileError("file", str(path), "rows of one length")
+    return [(path.name, rows)]
+
+
+def _read_npy(path: Path) -> list[tuple[str, npt.ArrayLike]]:
+    try:
+        matrix = np.load(path, allow_pickle=False)
+    except (ValueError, EOFError, OSError):
+        raise FileError("file", str(path), "an array as numpy.save writes it") from None
+    if not isinstance(matrix, np.ndarray) or np.iscomplexobj(matrix):
+        raise FileError("file", str(path), "an array of real numbers")
+    return [(path.name, matrix)]
+
+
+def _read_json(path: Path) -> list[tuple[str, npt.ArrayLike]]:
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except (ValueError, RecursionError) as reason:
+        raise FileError("file", str(path), f"valid JSON ({reason})") from None
+    if isinstance(content, dict):
+        content = [content]
+    if not isinstance(content, list) or not content:
+        raise FileError("file", str(path), "rows of numbers, or objects with 'jacobian'")
+    if not isinstance(content[0], dict):
+        return [(path.name, content)]
+    if not all(isinstance(one, dict) and "jacobian" in one for one in content):
+        raise InputError(f"an object in {path}", "without it", "the key 'jacobian'")
+    return [(_name(one), one["jacobian"]) for one in content]
+
+
+def _name(described: Mapping[str, object]) -> str:
+    parts = (described.get(key) for key in ("formulation", "variant", "model"))
+    return " ".join(str(part) for part in parts if part) or "jacobian"
+
+
+_READERS: Mapping[str, Callable[[Path], list[tuple[str, npt.ArrayLike]]]] = MappingProxyType(
+    {".csv": _read_csv, ".npy": _read_npy, ".json": _read_json}
+)

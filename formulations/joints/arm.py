@@ -1,0 +1,195 @@
+"""An arm: joints side by side, their symbolic Jacobian and everything known of it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from itertools import pairwise
+
+import casadi as ca
+import numpy as np
+import numpy.typing as npt
+
+from formulations.joints.joint import TOLERANCE, Joint, NotInModelError
+from nlp.arrays import FloatArray, as_floats, finite_vector, whole_number
+from nlp.errors import InputError
+from nlp.problem import Constraint
+
+
+@dataclass(frozen=True)
+class Arm:
+    """A manipulator as a row of joint kinds, one per column of its Jacobian.
+
+    Parameters
+    ----------
+    joints
+        The kind of each joint, in order; kinds may be mixed but share one task dimension.
+
+    Raises
+    ------
+    InputError
+        If there are not more joints than task dimensions, or dimensions differ.
+    """
+
+    joints: tuple[Joint, ...]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "joints", tuple(self.joints))
+        dimensions = sorted({joint.dimension for joint in self.joints})
+        if len(dimensions) != 1:
+            raise InputError("task dimensions of the joints", dimensions, "one and the same")
+        if len(self.joints) <= dimensions[0]:
+            allowed = f"more joints than task dimensions, here at least {dimensions[0] + 1}"
+            raise InputError("joints", len(self.joints), allowed)
+
+    @classmethod
+    def of(cls, joint: Joint, count: int) -> Arm:
+        """Return an arm of `count` joints of one kind."""
+        return cls((joint,) * whole_number("joints", count, 1))
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """(m, n): task dimension and number of joints."""
+        return self.joints[0].dimension, len(self.joints)
+
+    @property
+    def largest_trace(self) -> float:
+        """Largest ‖J‖_F² = tr JJᵀ that the joints allow."""
+        return float(sum(joint.largest_norm_squared for joint in self.joints))
+
+    @property
+    def fixed_trace(self) -> float | None:
+        """‖J‖_F² where every Jacobian of the arm has the same; None otherwise."""
+        fixed = all(joint.exact or joint.extent_bound == np.inf for joint in self.joints)
+        return self.largest_trace if fixed else None
+
+    @property
+    def bounds(self) -> tuple[FloatArray, FloatArray]:
+        """Bounds of the variables: none."""
+        return np.full(self.size, -np.inf), np.full(self.size, np.inf)
+
+    @property
+    def description(self) -> str:
+        """Return the number and the kinds of the joints."""
+        names = ", ".join(dict.fromkeys(type(joint).__name__ for joint in self.joints))
+        return f"{len(self.joints)} joints ({names})"
+
+    def symbols(self) -> ca.SX:
+        """Symbols of all joints' parameters, joint after joint, shape (size, 1)."""
+        return ca.vertcat(
+            *(
+                ca.SX.sym(f"{name}{i + 1}")
+                for i, joint in enumerate(self.joints)
+                for name in joint.parameters
+            )
+        )
+
+    def matrix(self, variables: ca.SX) -> ca.SX:
+        """Symbolic Jacobian, shape (m, n)."""
+        parts = self._split(variables)
+        return ca.horzcat(*(j.column(p) for j, p in zip(self.joints, parts, strict=True)))
+
+    def constraints(self, variables: ca.SX) -> tuple[Constraint, ...]:
+        """Return the joints' own equations, and bounds on their extents.
+
+        Bounds are one row per joint, or one row on the mean square.
+        """
+        parts = self._split(variables)
+        held = [j.equations(p) for j, p in zip(self.joints, parts, strict=True)]
+        equations = ca.vertcat(*held)
+        constraints = []
+        if equations.numel():
+            constraints.append(Constraint("joint equations", equations, 0.0, 0.0))
+        for kind in dict.fromkeys(self.joints):
+            squares = [
+                square
+                for joint, part in zip(self.joints, parts, strict=True)
+                if joint == kind and (square := joint.extent_squared(part)) is not None
+            ]
+            if squares:
+                constraints.append(_extent_constraint(kind, squares))
+        return tuple(constraints)
+
+    def jacobian(self, variables: npt.ArrayLike) -> FloatArray:
+        """Return the Jacobian at numeric variables, shape (m, n)."""
+        point = finite_vector("variables", variables, self.size)
+        return np.array(_jacobian_function(self)(point), dtype=float)
+
+    @property
+    def size(self) -> int:
+        """Number of variables."""
+        return sum(len(joint.parameters) for joint in self.joints)
+
+    def sample(self, rng: np.random.Generator) -> FloatArray:
+        """Draw random variables; uniform where the joints' manifold has a uniform measure."""
+        drawn: list[FloatArray] = [np.zeros(0)] * len(self.joints)
+        for kind in dict.fromkeys(self.joints):
+            places = [i for i, joint in enumerate(self.joints) if joint == kind]
+            for place, row in zip(places, kind.sample(rng, len(places)), strict=True):
+                drawn[place] = row
+        return np.concatenate(drawn)
+
+    def variables(self, jacobian: npt.ArrayLike) -> FloatArray:
+        """Return variables that give this Jacobian: the inverse of `jacobian`.
+
+        Raises
+        ------
+        NotInModelError
+            If a column is not one that its joint can contribute, or a shared bound is broken.
+        InputError
+            If the array has another shape or is not finite.
+        """
+        matrix = as_floats("jacobian", jacobian)
+        if matrix.shape != self.shape:
+            raise InputError("jacobian", f"of shape {matrix.shape}", f"shape {self.shape}")
+        finite_vector("jacobian", matrix.ravel(), matrix.size)
+        rows = [joint.invert(matrix[:, i]) for i, joint in enumerate(self.joints)]
+        point = np.concatenate(rows)
+        self._check_extents(point)
+        return point
+
+    def _check_extents(self, point: FloatArray) -> None:
+        for name, function, low, high in _extent_functions(self):
+            value = np.array(function(point))
+            slack = TOLERANCE * (1 + np.abs(high))
+            if np.any(value.ravel() < low - slack) or np.any(value.ravel() > high + slack):
+                allowed = f"within [{low.min():g}, {high.max():g}]"
+                raise NotInModelError(name, value.ravel().tolist(), allowed)
+
+    def _split(self, variables: ca.SX) -> Sequence[ca.SX]:
+        ends = np.cumsum([0, *(len(joint.parameters) for joint in self.joints)])
+        return [variables[int(a) : int(b)] for a, b in pairwise(ends)]
+
+
+def _extent_constraint(kind: Joint, squares: Sequence[ca.SX]) -> Constraint:
+    name = f"extent of {type(kind).__name__}"
+    high = kind.extent_bound**2
+    low = high if kind.exact else -np.inf
+    stacked = ca.vertcat(*squares)
+    if kind.budget == "mean":
+        return Constraint(f"mean squared {name}", ca.sum1(stacked) / len(squares), low, high)
+    return Constraint(f"squared {name}", stacked, low, high)
+
+
+@lru_cache(maxsize=64)
+def _jacobian_function(arm: Arm) -> ca.Function:
+    variables = arm.symbols()
+    return ca.Function("jacobian", [variables], [arm.matrix(variables)])
+
+
+@lru_cache(maxsize=64)
+def _extent_functions(
+    arm: Arm,
+) -> tuple[tuple[str, ca.Function, FloatArray, FloatArray], ...]:
+    """Return name, numeric function and bounds of each of the joints' own constraints."""
+    symbols = arm.symbols()
+    return tuple(
+        (
+            constraint.name,
+            ca.Function("value", [symbols], [constraint.expression]),
+            np.asarray(constraint.lower),
+            np.asarray(constraint.upper),
+        )
+        for constraint in arm.constraints(symbols)
+    )

@@ -1,0 +1,238 @@
+"""Column models: what one joint can contribute to a Jacobian (Section 4, eq. 21).
+
+A joint kind maps a few parameters to a column of J. Angles are in radians, parameters of
+length in the unit of the linear velocity rows. Columns of spatial joints are (v; ω), linear
+velocity above rotational velocity, as in eq. (21).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import atan2, cos, hypot, sin
+from typing import ClassVar
+
+import casadi as ca
+import numpy as np
+
+from formulations.joints.directions import (
+    direction_angles,
+    in_ball,
+    numeric_frame,
+    symbolic_frame,
+    uniform_direction,
+)
+from formulations.joints.joint import (
+    TOLERANCE,
+    Budget,
+    Joint,
+    NotInModelError,
+    check_budget,
+    check_length,
+    check_revolute,
+    outside,
+)
+from nlp.arrays import FloatArray, whole_number
+
+__all__ = [
+    "FreeColumn",
+    "Joint",
+    "LeverRevolute",
+    "NotInModelError",
+    "Prismatic",
+    "UnitRevolute",
+]
+
+
+@dataclass(frozen=True)
+class UnitRevolute(Joint):
+    """Revolute joint with |v| = |ω| = 1, v·ω = 0: eq. (21), a point of SO(3)."""
+
+    parameters: ClassVar[tuple[str, ...]] = ("alpha", "beta", "gamma")
+    dimension: ClassVar[int] = 6
+    largest_norm_squared: ClassVar[float] = 2.0
+    rotation_squared: ClassVar[float] = 1.0
+
+    def column(self, parameters: ca.SX) -> ca.SX:
+        """Eq. (21)."""
+        alpha, beta, gamma = ca.vertsplit(parameters)
+        first, second, axis = symbolic_frame(alpha, beta)
+        return ca.vertcat(ca.cos(gamma) * first + ca.sin(gamma) * second, axis)
+
+    def sample(self, rng: np.random.Generator, count: int) -> FloatArray:
+        """Uniform on SO(3)."""
+        alpha, beta = uniform_direction(rng, count)
+        return np.column_stack([alpha, beta, rng.uniform(-np.pi, np.pi, count)])
+
+    def invert(self, column: FloatArray) -> FloatArray:
+        """Angles of the column, in (−π, π] × [−π/2, π/2] × (−π, π]."""
+        check_revolute(column)
+        x, y, z, *axis = column.tolist()
+        if abs(hypot(x, y, z) - 1) > TOLERANCE:
+            raise outside(column, "linear velocity of norm 1 (unit revolute joint)")
+        alpha, beta = direction_angles(axis)
+        sin_a, cos_a, sin_b, cos_b = sin(alpha), cos(alpha), sin(beta), cos(beta)
+        along_first = sin_b * (cos_a * x + sin_a * y) - cos_b * z
+        along_second = sin_a * x - cos_a * y
+        return np.array([alpha, beta, atan2(along_second, along_first)])
+
+
+@dataclass(frozen=True)
+class LeverRevolute(Joint):
+    """Revolute joint with a free lever arm: |ω| = 1, v·ω = 0 and |v| bounded.
+
+    The parameters are v and ω themselves, held by those two equations: twice as many random
+    starts reach the best isotropic 7R as with the angles of eq. (21) and two components of v.
+
+    Parameters
+    ----------
+    length
+        The characteristic length ℓ, in the unit of v, above 0.
+    budget
+        ``"mean"``: the mean of |v|² over such joints is at most ℓ². ``"each"``: |v| ≤ ℓ.
+    """
+
+    length: float = 1.0
+    budget: Budget = "mean"
+    parameters: ClassVar[tuple[str, ...]] = ("vx", "vy", "vz", "wx", "wy", "wz")
+    dimension: ClassVar[int] = 6
+    rotation_squared: ClassVar[float] = 1.0
+
+    def __post_init__(self) -> None:
+        check_length("length", self.length)
+        check_budget(self.budget)
+
+    @property
+    def largest_norm_squared(self) -> float:
+        """1 + ℓ²."""
+        return 1.0 + self.length**2
+
+    @property
+    def extent_bound(self) -> float:
+        """The characteristic length ℓ."""
+        return self.length
+
+    def column(self, parameters: ca.SX) -> ca.SX:
+        """Return the parameters themselves."""
+        return parameters
+
+    def equations(self, parameters: ca.SX) -> ca.SX:
+        """|ω|² − 1 and v·ω."""
+        velocity, axis = parameters[:3], parameters[3:]
+        return ca.vertcat(ca.sumsqr(axis) - 1, ca.dot(velocity, axis))
+
+    def extent_squared(self, parameters: ca.SX) -> ca.SX:
+        """|v|²."""
+        return ca.sumsqr(parameters[:3])
+
+    def sample(self, rng: np.random.Generator, count: int) -> FloatArray:
+        """Directions uniform; lever arms uniform in the ball that the bound describes."""
+        alpha, beta = uniform_direction(rng, count)
+        levers = self.length * in_ball(rng, count, 2, self.budget)
+        first, second, axis = numeric_frame(alpha, beta)
+        return np.column_stack([levers[:, :1] * first + levers[:, 1:] * second, axis])
+
+    def invert(self, column: FloatArray) -> FloatArray:
+        """Return v and ω themselves."""
+        check_revolute(column)
+        if self.budget == "each" and np.linalg.norm(column[:3]) > self.length + TOLERANCE:
+            raise outside(column, f"a lever arm of at most {self.length:g}")
+        return column.copy()
+
+
+@dataclass(frozen=True)
+class Prismatic(Joint):
+    """Prismatic joint: the column (v; 0) with |v| = `speed`."""
+
+    speed: float = 1.0
+    parameters: ClassVar[tuple[str, ...]] = ("alpha", "beta")
+    dimension: ClassVar[int] = 6
+    rotation_squared: ClassVar[float] = 0.0
+
+    def __post_init__(self) -> None:
+        check_length("speed", self.speed)
+
+    @property
+    def largest_norm_squared(self) -> float:
+        """|v|²."""
+        return self.speed**2
+
+    def column(self, parameters: ca.SX) -> ca.SX:
+        """Column (v; 0), the direction of v as that of ω in eq. (21)."""
+        alpha, beta = ca.vertsplit(parameters)
+        return ca.vertcat(self.speed * symbolic_frame(alpha, beta)[2], ca.SX.zeros(3))
+
+    def sample(self, rng: np.random.Generator, count: int) -> FloatArray:
+        """Uniform on the sphere of directions."""
+        return np.column_stack(uniform_direction(rng, count))
+
+    def invert(self, column: FloatArray) -> FloatArray:
+        """Angles of the direction."""
+        if np.linalg.norm(column[3:]) > TOLERANCE:
+            raise outside(column, "no rotational velocity (prismatic joint)")
+        if abs(np.linalg.norm(column[:3]) - self.speed) > TOLERANCE:
+            raise outside(column, f"linear velocity of norm {self.speed:g} (prismatic joint)")
+        return np.array(direction_angles(column[:3]))
+
+
+@dataclass(frozen=True)
+class FreeColumn(Joint):
+    """Any column of m entries: planar and positional arms, general screws.
+
+    Parameters
+    ----------
+    dimension
+        Number of task dimensions m, at least 1.
+    norm
+        What ‖j‖ is (budget ``"each"``), or the root mean square of ‖j‖ over such joints
+        (budget ``"mean"``); above 0.
+    budget
+        ``"each"`` or ``"mean"``.
+    """
+
+    dimension: int = 6
+    norm: float = 1.0
+    budget: Budget = "each"
+    exact: ClassVar[bool] = True
+
+    def __post_init__(self) -> None:
+        whole_number("dimension", self.dimension, 1)
+        check_length("norm", self.norm)
+        check_budget(self.budget)
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """Names of the entries."""
+        return tuple(f"j{k + 1}" for k in range(self.dimension))
+
+    @property
+    def largest_norm_squared(self) -> float:
+        """The square of the norm."""
+        return self.norm**2
+
+    @property
+    def extent_bound(self) -> float:
+        """The norm."""
+        return self.norm
+
+    def column(self, parameters: ca.SX) -> ca.SX:
+        """Return the parameters themselves."""
+        return parameters
+
+    def extent_squared(self, parameters: ca.SX) -> ca.SX:
+        """‖j‖²."""
+        return ca.sumsqr(parameters)
+
+    def sample(self, rng: np.random.Generator, count: int) -> FloatArray:
+        """Uniform on the sphere(s) of the given norm."""
+        entries = rng.standard_normal((count, self.dimension))
+        if self.budget == "each":
+            norms = np.linalg.norm(entries, axis=1, keepdims=True)
+        else:
+            norms = np.linalg.norm(entries) / np.sqrt(count)
+        return np.asarray(self.norm * entries / norms)
+
+    def invert(self, column: FloatArray) -> FloatArray:
+        """Return the entries themselves."""
+        if self.budget == "each" and abs(np.linalg.norm(column) - self.norm) > TOLERANCE:
+            raise outside(column, f"a norm of {self.norm:g}")
+        return column.copy()

@@ -1,0 +1,75 @@
+"""Everything that `formulations.measures.jacobian` says of one Jacobian, as one plain record."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+
+import numpy.typing as npt
+
+from formulations import measures
+
+
+@dataclass(frozen=True)
+class Assessment:
+    """Everything measured of one Jacobian, as plain numbers; see the functions of that name."""
+
+    task_dimension: int
+    joints: int
+    locked: int
+    singular_values: list[float]
+    condition_number: float
+    manipulability: float
+    worst_case_sigma: float
+    worst_case_joints: list[int]
+    worst_case_direction: list[float]
+    sigma_bound: float
+    gap_percent: float
+    isotropy_defect: float
+    residual_sum_of_squares: float
+    range_contributions: list[float]
+    null_space_contributions: list[float]
+    relative_manipulability: list[float]
+    optimally_failure_tolerant: bool
+    tolerance: float
+
+    def to_dict(self) -> dict[str, object]:
+        """Return the fields as a dictionary of plain values."""
+        return asdict(self)
+
+
+def assess(jacobian: npt.ArrayLike, locked: int = 1, tolerance: float = 1e-6) -> Assessment:
+    """Measure everything at once.
+
+    Parameters
+    ----------
+    jacobian
+        Shape (m, n), n > m.
+    locked
+        How many joints lock at once.
+    tolerance
+        Relative tolerance of the verdict 'optimally failure tolerant'.
+    """
+    matrix = measures.as_jacobian(jacobian)
+    m, n = matrix.shape
+    worst = measures.worst_case(matrix, locked)
+    bound = measures.sigma_bound(m, n, measures.trace(matrix), locked)
+    return Assessment(
+        task_dimension=m,
+        joints=n,
+        locked=locked,
+        singular_values=measures.singular_values(matrix).tolist(),
+        condition_number=measures.condition_number(matrix),
+        manipulability=measures.manipulability(matrix),
+        worst_case_sigma=worst.sigma,
+        worst_case_joints=list(worst.joints),
+        worst_case_direction=worst.direction.tolist(),
+        sigma_bound=bound,
+        gap_percent=measures.gap_percent(worst.sigma, bound),
+        isotropy_defect=measures.isotropy_defect(matrix),
+        residual_sum_of_squares=measures.residual_sum_of_squares(matrix),
+        range_contributions=measures.range_contributions(matrix).tolist(),
+        null_space_contributions=measures.null_space_contributions(matrix).tolist(),
+        relative_manipulability=measures.relative_manipulability(matrix, locked).tolist(),
+        optimally_failure_tolerant=measures.is_optimally_failure_tolerant(matrix, tolerance),
+        tolerance=tolerance,
+    )

@@ -1,0 +1,209 @@
+"""From the columns of a Jacobian to joint axes about the end effector.
+
+A revolute joint with direction ω through a point a moves the end effector p with
+v = ω × (p − a). Hence ω × v is the part of a − p orthogonal to ω: the axis passes through
+a = p + ω × v = p − v × ω, its point nearest to p, at the distance |v|. Axes of unit revolute
+joints are tangent to the unit sphere about p.
+
+What a task does not say is chosen so. Planar tasks: ω = z. Positional tasks: v alone leaves
+the direction of the axis open in the plane orthogonal to v; by default it is the direction of
+that plane nearest to z (x where v is along z), so that planar arms are a special case.
+Rotational tasks: axes pass through p. These, and prismatic joints, of which only the direction
+matters, sit one unit of length from p, at p − ω or p − v.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from formulations.joints.joint import NotInModelError
+from formulations.measures.jacobian import as_jacobian
+from formulations.realise.manipulator import Manipulator
+from formulations.realise.task import Task
+from nlp.arrays import FloatArray, as_floats, finite_vector
+from nlp.errors import InputError
+
+TOLERANCE = 1e-6
+SMALLEST, LARGEST = 1e-100, 1e100
+_Z = np.array([0.0, 0.0, 1.0])
+
+
+def realise(
+    jacobian: npt.ArrayLike,
+    *,
+    task: str | None = None,
+    kinds: str | None = None,
+    directions: npt.ArrayLike | None = None,
+    length: float = 1.0,
+    end_effector: npt.ArrayLike = (0.0, 0.0, 0.0),
+    tolerance: float = TOLERANCE,
+) -> Manipulator:
+    """Return the manipulator whose joint i contributes column i.
+
+    Parameters
+    ----------
+    jacobian
+        Shape (m, n): (vx, vy), (vx, vy, vz) or (vx, vy, vz, ωx, ωy, ωz); other tasks by name.
+    task
+        Name of a `Task` with m rows; where left out, the planar, positional or spatial one.
+    kinds
+        ``R`` (revolute) or ``P`` (prismatic) for each joint. Where left out, columns without
+        rotational velocity are prismatic in spatial and planar-pose tasks; otherwise all
+        joints are revolute.
+    directions
+        Directions of the revolute axes of a positional task, shape (n, 3), each orthogonal
+        to its column; rows of prismatic joints are not read.
+    length
+        Length of the robot per unit of the Jacobian's linear velocity: metres, say.
+    end_effector
+        Position of p in the frame of the base, shape (3,), in the robot's unit of length.
+    tolerance
+        How far a column may be from one that a joint can contribute: | |ω| − 1 |, |v·ω| and
+        | |v| − 1 | of prismatic joints. The manipulator is then the nearest.
+
+    Raises
+    ------
+    NotInModelError
+        If no joint of its kind can contribute a column.
+    InputError
+        If another argument is not allowed.
+    """
+    matrix = as_jacobian(jacobian)
+    chosen = Task.of(matrix.shape[0], task)
+    scale = _positive("length", length)
+    close = _positive("tolerance", tolerance)
+    columns = chosen.embed(matrix)
+    columns[:3] *= scale
+    _check_size(columns[:3])
+    tip = finite_vector("end effector", end_effector, 3)
+    prismatic = _prismatic(columns, chosen, kinds, close)
+    given = _given(directions, chosen, matrix.shape[1])
+    axes = np.empty((matrix.shape[1], 3))
+    offsets = np.empty((matrix.shape[1], 3))
+    for i in range(matrix.shape[1]):
+        velocity, spin = columns[:3, i], columns[3:, i]
+        if prismatic[i]:
+            axes[i] = _slide(i, velocity, spin, close)
+            offsets[i] = -axes[i]
+        else:
+            wanted = None if given is None else given[i]
+            axes[i] = _direction(i, velocity, spin, chosen, wanted, close)
+            lever = np.cross(axes[i], velocity)
+            offsets[i] = -axes[i] if chosen is Task.ROTATIONAL else lever
+    return Manipulator(axes, tip + offsets, prismatic, tip, chosen)
+
+
+def deviation(manipulator: Manipulator, jacobian: npt.ArrayLike, length: float = 1.0) -> float:
+    """Largest difference between a manipulator's Jacobian at q = 0 and the one it realises.
+
+    Columns are compared in the manipulator's order and up to their signs, linear velocities
+    in the robot's unit of length; see `realise`.
+    """
+    wanted = manipulator.task.embed(as_jacobian(jacobian))[:, list(manipulator.columns)]
+    wanted[:3] *= length
+    rows = list(manipulator.task.rows)
+    wanted, found = wanted[rows], manipulator.jacobian()
+    signs = np.where(np.sum(wanted * found, axis=0) < 0, -1.0, 1.0)
+    return float(np.max(np.abs(found - signs * wanted)))
+
+
+def _prismatic(
+    columns: FloatArray, task: Task, kinds: str | None, tolerance: float
+) -> npt.NDArray[np.bool_]:
+    n = columns.shape[1]
+    if kinds is not None:
+        if len(kinds) != n or set(kinds.upper()) - set("RP"):
+            raise InputError("kinds", kinds, f"{n} letters R or P, one per joint")
+        if task is Task.ROTATIONAL and "P" in kinds.upper():
+            raise InputError("kinds", kinds, "revolute joints only, for a rotational task")
+        return np.array([kind == "P" for kind in kinds.upper()])
+    if task in (Task.SPATIAL, Task.PLANAR_POSE):
+        return np.asarray(np.linalg.norm(columns[3:], axis=0) <= tolerance)
+    return np.zeros(n, dtype=bool)
+
+
+def _given(directions: npt.ArrayLike | None, task: Task, n: int) -> FloatArray | None:
+    if directions is None:
+        return None
+    if task is not Task.POSITIONAL:
+        raise InputError("directions", "given", f"none for a {task.value} task")
+    given = as_floats("directions", directions)
+    if given.shape != (n, 3) or not np.all(np.isfinite(given)):
+        raise InputError("directions", f"of shape {given.shape}", f"{n} rows of 3 numbers")
+    return given
+
+
+def _slide(i: int, velocity: FloatArray, spin: FloatArray, tolerance: float) -> FloatArray:
+    if np.linalg.norm(spin) > tolerance:
+        raise _outside(i, spin, "rotational velocity 0 (prismatic joint)")
+    norm = np.linalg.norm(velocity)
+    if abs(norm - 1) > tolerance:
+        allowed = "linear velocity of norm 1 (prismatic joint; 'length' scales all of them)"
+        raise _outside(i, velocity, allowed)
+    return np.asarray(velocity / norm)
+
+
+def _direction(
+    i: int,
+    velocity: FloatArray,
+    spin: FloatArray,
+    task: Task,
+    wanted: FloatArray | None,
+    tolerance: float,
+) -> FloatArray:
+    if task is Task.PLANAR:
+        return _Z
+    if task is Task.POSITIONAL:
+        return _across(i, velocity, wanted, tolerance)
+    norm = np.linalg.norm(spin)
+    if abs(norm - 1) > tolerance:
+        allowed = "of norm 1 (revolute joint) or 0 (prismatic joint)"
+        raise _outside(i, spin, f"rotational velocity {allowed}")
+    if abs(velocity @ spin) > tolerance * max(1.0, float(np.linalg.norm(velocity))):
+        allowed = "v·ω = 0: a joint with pitch is neither revolute nor prismatic"
+        raise _outside(i, np.concatenate([velocity, spin]), allowed)
+    return np.asarray(spin / norm)
+
+
+def _across(
+    i: int, velocity: FloatArray, wanted: FloatArray | None, tolerance: float
+) -> FloatArray:
+    """Return a direction orthogonal to v: the one wanted, or the nearest to z."""
+    speed = float(np.linalg.norm(velocity))
+    along = velocity / speed if speed > 0 else np.zeros(3)
+    if wanted is not None:
+        norm = float(np.linalg.norm(wanted))
+        if norm == 0 or abs(along @ wanted) > tolerance * norm:
+            shown = f"{_shown(wanted)} for joint {i}"
+            allowed = f"orthogonal to its column {_shown(velocity)}, and not 0"
+            raise InputError("direction", shown, allowed)
+    for choice in [wanted] if wanted is not None else [_Z, np.array([1.0, 0.0, 0.0])]:
+        across = choice - (along @ choice) * along
+        norm = float(np.linalg.norm(across))
+        if norm > TOLERANCE:
+            return np.asarray(across / norm)
+    raise AssertionError("z and x cannot both be along v")
+
+
+def _check_size(velocities: FloatArray) -> None:
+    """Raise InputError for lengths whose squares are no floating-point numbers any more."""
+    sizes = np.abs(velocities[velocities != 0])
+    if sizes.size and not (np.min(sizes) >= SMALLEST and np.max(sizes) <= LARGEST):
+        shown = f"entries from {np.min(sizes):.3g} to {np.max(sizes):.3g} in size"
+        raise InputError("linear velocity", shown, f"0, or {SMALLEST:g} to {LARGEST:g}")
+
+
+def _positive(name: str, value: float) -> float:
+    number = float(as_floats(name, value))
+    if not 0 < number < np.inf:
+        raise InputError(name, value, "a finite number above 0")
+    return number
+
+
+def _outside(i: int, part: FloatArray, allowed: str) -> NotInModelError:
+    return NotInModelError(f"column {i}", f"{_shown(part)} in part", allowed)
+
+
+def _shown(vector: FloatArray) -> str:
+    return "(" + ", ".join(f"{entry:.6g}" for entry in vector) + ")"

@@ -1,0 +1,1 @@
+"""From a statement to judged answers: setup → starts → records → outcome."""

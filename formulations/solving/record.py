@@ -1,0 +1,119 @@
+"""One start, solved and judged: the solver's own account beside what J itself says."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from formulations import catalogue, measures
+from formulations.joints.arm import Arm
+from formulations.joints.kinds import NotInModelError
+from nlp.arrays import FloatArray
+from nlp.multistart import Run
+from nlp.solution import Status
+
+
+@dataclass(frozen=True, eq=False)
+class Record:
+    """What became of one start.
+
+    Attributes
+    ----------
+    seed, index
+        Seed of the study and number of the start in it.
+    status
+        The solver's account.
+    violation
+        Largest violation of the problem's constraints at the point.
+    merit
+        What the formulation optimises, recomputed from J; NaN if J does not satisfy the
+        formulation or is not of the arm's model, whatever the solver said.
+    worst_case_sigma, condition_number, isotropy_defect
+        Measured from J alone.
+    jacobian
+        Shape (m, n).
+    cpu_seconds
+        Processor time of the start, drawing included.
+    """
+
+    seed: int
+    index: int
+    status: Status
+    violation: float
+    merit: float
+    worst_case_sigma: float
+    condition_number: float
+    isotropy_defect: float
+    jacobian: FloatArray
+    cpu_seconds: float
+
+    @property
+    def valid(self) -> bool:
+        """Whether J satisfies the formulation and the model, by our own check."""
+        return bool(np.isfinite(self.merit))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain values for tables and JSON, the solver's account among them."""
+        own = {name: value for name, value in vars(self).items() if name != "status"}
+        return {
+            **own,
+            **self.status.to_dict(),
+            "cpu_seconds": self.cpu_seconds,
+            "valid": self.valid,
+            "jacobian": self.jacobian.tolist(),
+        }
+
+
+def judge(
+    run: Run,
+    arm: Arm,
+    formulation: str,
+    locked: int = 1,
+    merit: Callable[[FloatArray], float] | None = None,
+) -> Record:
+    """Measure a run's Jacobian and check it against the arm and the formulation.
+
+    Parameters
+    ----------
+    run
+        The run, with the output ``jacobian``.
+    arm
+        The joints.
+    formulation
+        Name of the formulation.
+    locked
+        How many joints lock at once.
+    merit
+        What is optimised, from J alone, where it is not the formulation's own.
+    """
+    solution = run.solution
+    jacobian = solution.outputs["jacobian"]
+    finite = bool(np.all(np.isfinite(jacobian)))
+    stated = merit or partial(catalogue.formulation(formulation).merit, locked=locked)
+    usable = finite and _in_model(arm, jacobian)
+    value = stated(jacobian) if usable else np.nan
+    nan = float("nan")
+    return Record(
+        seed=run.seed,
+        index=run.index,
+        status=solution.status,
+        violation=solution.violation,
+        merit=value if np.isfinite(value) else nan,
+        worst_case_sigma=measures.worst_case_sigma(jacobian, locked) if finite else nan,
+        condition_number=measures.condition_number(jacobian) if finite else nan,
+        isotropy_defect=measures.isotropy_defect(jacobian) if finite else nan,
+        jacobian=jacobian,
+        cpu_seconds=run.cpu_seconds,
+    )
+
+
+def _in_model(arm: Arm, jacobian: FloatArray) -> bool:
+    try:
+        arm.variables(jacobian)
+    except NotInModelError:
+        return False
+    return True

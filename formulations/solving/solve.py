@@ -1,0 +1,91 @@
+"""One formulation on one arm from many starts: the main entry point of the library."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from formulations.measures.failure_model import FailureModel
+from formulations.solving.outcome import Outcome
+from formulations.solving.setup import Setup, run
+from formulations.unequal_max_min import Goal, default_encoding
+from nlp.multistart import default_workers
+
+
+def solve(
+    formulation: str = "max-min",
+    model: str = "unit-revolute",
+    joints: int = 7,
+    task_dimension: int = 6,
+    *,
+    starts: int = 100,
+    seed: int = 0,
+    workers: int | None = None,
+    locked: int = 1,
+    failures: FailureModel | None = None,
+    goal: Goal = "worst",
+    encoding: str | None = None,
+    from_residual_minima: bool = False,
+    solver: str = "ipopt",
+    options: Mapping[str, object] | None = None,
+    compiled: bool = False,
+    progress: bool = False,
+) -> Outcome:
+    """Solve a formulation from random starts and judge every answer from its J alone.
+
+    Parameters
+    ----------
+    formulation
+        ``"residual"``, ``"max-min"`` or ``"isotropy"``.
+    model
+        Column model of the joints, by its name in `formulations.catalogue.MODELS`, or a mix
+        such as ``"lever-revolute:6,prismatic:2"``.
+    joints, task_dimension
+        Numbers n of joints and m of task dimensions, n > m.
+    starts, seed
+        Start k of a seed is the same on every machine and for any number of workers.
+    workers
+        Processes; by default one per processor core.
+    locked, failures, goal, encoding, from_residual_minima
+        Of max-min; see `Setup`. By default the encoding that suits the failures.
+    solver, options, compiled
+        Of the solver; see `nlp.multistart.multistart`. Options go over the formulation's own.
+    progress
+        Whether to show a bar.
+
+    Returns
+    -------
+    Outcome
+        Every record; `best`, `reached`, `verdict`, `to_frame()`.
+
+    Raises
+    ------
+    InputError
+        If an argument is not allowed.
+    SolverOptionError
+        If the solver does not know an option.
+    WorkerError
+        If worker processes die or hang.
+    """
+    if encoding is None:
+        encoding = "shared-factor" if failures is None else default_encoding(failures, goal)
+    setup = Setup(
+        formulation,
+        model,
+        encoding=encoding,
+        from_residual_minima=from_residual_minima,
+        locked=locked,
+        failures=failures,
+        goal=goal,
+    )
+    return run(
+        setup,
+        joints=joints,
+        task_dimension=task_dimension,
+        starts=starts,
+        seed=seed,
+        workers=workers or default_workers(),
+        options=options,
+        solver=solver,
+        compiled=compiled,
+        progress=progress,
+    )

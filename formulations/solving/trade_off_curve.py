@@ -1,0 +1,174 @@
+"""The trade-off between isotropy and worst case as a curve, from `isotropy` to `max_min`.
+
+Each point is the best of several starts and of the optima of its neighbours on the curve.
+Whatever a solver says, a Jacobian counts by what it is: of the arm's model, its isotropy
+defect within the limit, its worst case measured by singular values.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from formulations import isotropy, max_min, measures, residual, trade_off
+from formulations.joints.arm import Arm
+from formulations.joints.joint import NotInModelError
+from nlp.arrays import FloatArray, whole_number
+from nlp.ipopt import IpoptSolver
+from nlp.ipopt_options import OptionValue
+from nlp.problem import Problem
+from nlp.task import generator
+
+# By how much of the limit a defect may pass it.
+_SLACK = 1e-6
+Progress = Callable[[str], None]
+
+
+@dataclass(frozen=True, eq=False)
+class Point:
+    """One point of the curve.
+
+    Attributes
+    ----------
+    statement
+        Name of the statement whose optimum it is.
+    limit
+        The largest isotropy defect that was allowed; infinity at the end without a limit.
+    isotropy_defect, worst_case_sigma
+        Measured from J alone.
+    jacobian
+        Shape (m, n).
+    """
+
+    statement: str
+    limit: float
+    isotropy_defect: float
+    worst_case_sigma: float
+    jacobian: FloatArray
+
+    def to_dict(self) -> dict[str, object]:
+        """Return plain values; None for no limit."""
+        return {
+            "statement": self.statement,
+            "limit": self.limit if np.isfinite(self.limit) else None,
+            "isotropy_defect": self.isotropy_defect,
+            "worst_case_sigma": self.worst_case_sigma,
+            "jacobian": self.jacobian.tolist(),
+        }
+
+
+def curve(
+    arm: Arm,
+    points: int = 10,
+    starts: int = 5,
+    seed: int = 0,
+    progress: Progress = lambda _: None,
+) -> tuple[Point, ...]:
+    """Return the curve, from the most isotropic Jacobian of the arm to the best worst case.
+
+    The first point is the best isotropic Jacobian or, where the arm has none, the residual
+    minimum; the last one is the max-min optimum. Limits between them are ε₀ + (ε₁ − ε₀)s²,
+    s equally spaced: the curve leaves its first point as a root does.
+
+    Parameters
+    ----------
+    arm
+        The joints.
+    points
+        How many points, ends included, at least 2.
+    starts
+        How many random starts for each, at least 1.
+    seed
+        Of the starts.
+    progress
+        Is told what is being solved.
+    """
+    count = whole_number("points", points, 2)
+    drawn = [arm.sample(generator(seed, k)) for k in range(whole_number("starts", starts, 1))]
+    progress("isotropy")
+    first = _best(arm, isotropy.NAME, isotropy.build(arm), isotropy.OPTIONS, drawn)
+    if first is None:
+        first = _most_isotropic(arm, drawn)
+    progress("max-min")
+    last = _best(arm, max_min.NAME, max_min.build(arm), max_min.OPTIONS, drawn)
+    ends = [one for one in (first, last) if one is not None]
+    if len(ends) < 2 or not ends[0].isotropy_defect < ends[1].isotropy_defect:
+        return tuple(ends)
+    low, high = (one.isotropy_defect for one in ends)
+    limits = low + (high - low) * np.linspace(0, 1, count)[1:-1] ** 2
+    return (ends[0], *_between(arm, limits, drawn, ends[0], ends[1], progress), ends[1])
+
+
+def _between(
+    arm: Arm,
+    limits: FloatArray,
+    drawn: list[FloatArray],
+    first: Point,
+    last: Point,
+    progress: Progress,
+) -> list[Point]:
+    """Solve from left to right, then once more from the right neighbours' optima."""
+    solvers, found = [], []
+    left, right = first, last
+    for k, limit in enumerate(map(float, limits)):
+        progress(f"trade-off {k + 1} of {len(limits)}")
+        solvers.append(IpoptSolver(trade_off.build(arm, limit), trade_off.OPTIONS))
+        starts = [arm.variables(left.jacobian), *drawn]
+        new = _solved(arm, trade_off.NAME, limit, solvers[k], starts)
+        left = _better(*new, replace(left, limit=limit))
+        found.append(left)
+    for k in reversed(range(len(found))):
+        start = [arm.variables(right.jacobian)]
+        new = _solved(arm, trade_off.NAME, found[k].limit, solvers[k], start)
+        right = found[k] = _better(found[k], *new)
+    # What a smaller limit allows is allowed by a larger one.
+    for k in range(1, len(found)):
+        found[k] = _better(found[k], replace(found[k - 1], limit=found[k].limit))
+    return found
+
+
+def _best(
+    arm: Arm,
+    statement: str,
+    problem: Problem,
+    options: Mapping[str, OptionValue],
+    drawn: list[FloatArray],
+) -> Point | None:
+    scale = arm.largest_trace / arm.shape[0]
+    limit = isotropy.TOLERANCE * scale**2 if statement == isotropy.NAME else np.inf
+    solver = IpoptSolver(problem, options)
+    found = list(_solved(arm, statement, limit, solver, drawn))
+    return _better(*found) if found else None
+
+
+def _most_isotropic(arm: Arm, drawn: list[FloatArray]) -> Point | None:
+    solver = IpoptSolver(residual.build(arm), residual.OPTIONS)
+    found = list(_solved(arm, residual.NAME, np.inf, solver, drawn))
+    return min(found, key=lambda one: one.isotropy_defect) if found else None
+
+
+def _solved(
+    arm: Arm, statement: str, limit: float, solver: IpoptSolver, starts: list[FloatArray]
+) -> Iterator[Point]:
+    """Yield what starts lead to, as far as it passes our own check."""
+    for start in starts:
+        matrix = solver.solve(start).outputs["jacobian"]
+        if not np.all(np.isfinite(matrix)):
+            continue
+        try:
+            arm.variables(matrix)
+        except NotInModelError:
+            continue
+        defect, sigma = _measured(matrix)
+        if defect <= limit * (1 + _SLACK):
+            yield Point(statement, limit, defect, sigma, matrix)
+
+
+def _better(*points: Point) -> Point:
+    return max(points, key=lambda one: one.worst_case_sigma)
+
+
+def _measured(matrix: FloatArray) -> tuple[float, float]:
+    return measures.isotropy_defect(matrix), measures.worst_case_sigma(matrix)

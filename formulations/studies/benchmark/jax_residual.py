@@ -1,0 +1,85 @@
+"""JAX on the residual: Levenberg–Marquardt and damped Newton, all starts of a batch at once."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from formulations import residual
+from formulations.joints.arm import Arm
+from formulations.studies.benchmark.peer import Peer, Run
+from nlp.arrays import FloatArray
+
+_STEPS, _GRADIENT = 300, 1e-7
+
+
+def _prepare(arm: Arm, batch: int, exact: bool) -> Run:
+    import jax
+
+    jax.config.update("jax_enable_x64", True)
+    from jax import numpy as jnp
+
+    rows, columns = np.triu_indices(6)
+    weights = np.where(rows == columns, np.sqrt(0.5), 1.0)
+
+    def matrix(angles: Any) -> Any:
+        alpha, beta, gamma = angles.reshape(-1, 3).T
+        sin_a, cos_a, sin_b, cos_b = (
+            jnp.sin(alpha),
+            jnp.cos(alpha),
+            jnp.sin(beta),
+            jnp.cos(beta),
+        )
+        first = jnp.stack([cos_a * sin_b, sin_a * sin_b, -cos_b])
+        second = jnp.stack([sin_a, -cos_a, jnp.zeros_like(sin_a)])
+        axis = jnp.stack([cos_a * cos_b, sin_a * cos_b, sin_b])
+        return jnp.concatenate([jnp.cos(gamma) * first + jnp.sin(gamma) * second, axis])
+
+    def equations(angles: Any) -> Any:
+        found = matrix(angles)
+        gap = found @ found.T - found.shape[1] / 3 * jnp.eye(6)
+        return weights * gap[rows, columns]
+
+    def half(angles: Any) -> Any:
+        return jnp.sum(equations(angles) ** 2) / 2
+
+    def step(state: Any) -> Any:
+        x, damping, count, _ = state
+        r, d = equations(x), jax.jacfwd(equations)(x)
+        slope = d.T @ r
+        curvature = jax.hessian(half)(x) if exact else d.T @ d
+        lhs = curvature + damping * jnp.eye(x.size)
+        # Where it is not positive definite the step is NaN, no better, and damped more.
+        trial = x - jax.scipy.linalg.cho_solve(jax.scipy.linalg.cho_factor(lhs), slope)
+        better = half(trial) < jnp.sum(r**2) / 2
+        damping = jnp.where(better, jnp.maximum(damping / 5, 1e-10), damping * 4)
+        return jnp.where(better, trial, x), damping, count + 1, jnp.max(jnp.abs(slope))
+
+    def goes_on(state: Any) -> Any:
+        return (state[2] < _STEPS) & (state[3] > _GRADIENT)
+
+    def solve(start: Any) -> Any:
+        return matrix(jax.lax.while_loop(goes_on, step, (start, 1e-2, 0, jnp.inf))[0])
+
+    solve_all = jax.jit(jax.vmap(solve))
+    rng = np.random.default_rng(0)
+    solve_all(np.array([arm.sample(rng) for _ in range(batch)])).block_until_ready()
+
+    def run(starts: FloatArray) -> FloatArray:
+        return np.asarray(solve_all(starts), dtype=np.float64)
+
+    return run
+
+
+PEERS = tuple(
+    Peer(
+        f"JAX, batched {name}",
+        residual.NAME,
+        partial(_prepare, exact=exact),
+        f"float64, at most {_STEPS} steps, gradient below {_GRADIENT:g}",
+        batched=True,
+    )
+    for name, exact in (("Levenberg–Marquardt", False), ("Newton, damped", True))
+)

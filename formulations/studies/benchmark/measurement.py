@@ -1,0 +1,236 @@
+"""Peers measured side by side: the same starts in turn, answers checked from J alone."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+import time
+import warnings
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, field
+from typing import TypeAlias
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from formulations.catalogue import arm, formulation
+from formulations.joints.arm import Arm
+from formulations.joints.kinds import NotInModelError
+from formulations.studies.benchmark.peer import NotRunError, Peer, Run
+from nlp.arrays import FloatArray
+from nlp.task import generator
+
+# Answers within this of the best of all peers are successes; within the second, near.
+REACH, NEAR = 1e-6, 1e-3
+Progress: TypeAlias = Callable[[str], None]
+# Peers take turns, so that whatever else the machine does meets all alike.
+_ROUNDS = 4
+
+
+@dataclass(frozen=True)
+class Row:
+    """One peer on one statement and size; NaN where it was not run.
+
+    Attributes
+    ----------
+    formulation, joints, peer, settings
+        What was run.
+    asked, starts
+        Starts that it was given, and that it got to before its time was up.
+    success, near
+        Starts within `REACH` and `NEAR` of the best merit of all peers.
+    milliseconds_per_start, milliseconds_per_success
+        Processor time, without setting up.
+    relative
+        Time per success as a multiple of the first peer's that has the same statement and
+        size, which is this library's default.
+    setup_seconds
+        Wall time of setting up: derivatives, compilation.
+    note
+        Why it was not run, or stopped early, if so.
+    """
+
+    formulation: str
+    joints: int
+    peer: str
+    settings: str
+    asked: int
+    starts: int
+    success: int
+    near: int
+    milliseconds_per_start: float
+    milliseconds_per_success: float
+    relative: float
+    setup_seconds: float
+    note: str
+
+    def to_dict(self) -> dict[str, object]:
+        """Return the columns as plain values."""
+        return asdict(self)
+
+
+@dataclass(eq=False)
+class _Trial:
+    peer: Peer
+    run: Run | None = None
+    note: str = ""
+    setup: float = float("nan")
+    seconds: float = 0.0
+    merits: list[float] = field(default_factory=list)
+
+
+def measure(
+    peers: Sequence[Peer],
+    joints: int,
+    starts: int,
+    seed: int,
+    time_limit: float = np.inf,
+    progress: Progress | None = None,
+) -> Iterator[list[Row]]:
+    """Yield a row for each peer as it stands, after each round of turns.
+
+    Parameters
+    ----------
+    peers
+        All of one formulation.
+    joints
+        Number of unit revolute joints.
+    starts, seed
+        Starts for each, the same for all.
+    time_limit
+        Seconds of processor time for each peer: what has used them up begins no other start.
+    progress
+        Told what is being done.
+    """
+    tell = progress or _in_silence
+    built = arm("unit-revolute", joints)
+    points = np.array([built.sample(generator(seed, index)) for index in range(starts)])
+    batch = -(-starts // _ROUNDS)
+    with _fresh_cache():
+        trials = []
+        for peer in peers:
+            tell(f"{peer.formulation} {joints}R, setting up: {peer.name}")
+            trials.append(_set_up(peer, built, batch, points[:1]))
+    # Only now: libraries of linear algebra that peers brought with them count, too.
+    with threadpool_limits(1):
+        for first in range(0, starts, batch):
+            for trial in trials:
+                tell(f"{trial.peer.formulation} {joints}R, start {first}: {trial.peer.name}")
+                _take_turn(trial, built, points[first : first + batch], batch, time_limit)
+            yield _rows(trials, joints, starts, time_limit)
+
+
+def _in_silence(_: str) -> None:
+    pass
+
+
+def _set_up(peer: Peer, built: Arm, batch: int, point: FloatArray) -> _Trial:
+    began = time.perf_counter()
+    try:
+        run = peer.prepare(built, batch)
+    except ImportError as reason:
+        return _Trial(peer, note=f"not installed: {reason.name}")
+    except NotRunError as reason:
+        return _Trial(peer, note=str(reason))
+    setup = time.perf_counter() - began
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        run(np.repeat(point, batch, axis=0)[:batch] if peer.batched else point)
+    return _Trial(peer, run, setup=setup)
+
+
+def _take_turn(
+    trial: _Trial, built: Arm, points: FloatArray, batch: int, time_limit: float
+) -> None:
+    if trial.run is None:
+        return
+    done = 0
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # peers' own; what counts is what comes out
+        while done < len(points) and trial.seconds < time_limit:
+            wanted = _as_many(trial, len(points) - done, time_limit)
+            given = points[done : done + wanted]
+            if trial.peer.batched:  # compiled for one size of batch
+                given = np.resize(given, (batch, points.shape[1]))
+            began = time.process_time()
+            jacobians = trial.run(given)
+            trial.seconds += time.process_time() - began
+            merits = (_merit(trial.peer, built, matrix) for matrix in jacobians[:wanted])
+            trial.merits += merits
+            done += wanted
+
+
+def _as_many(trial: _Trial, left: int, time_limit: float) -> int:
+    """Return how many starts to run at once, so that the limit is found soon when it is met."""
+    if trial.peer.batched or np.isinf(time_limit):
+        return left
+    if not trial.merits:
+        return 1
+    each = trial.seconds / len(trial.merits)
+    return max(1, min(left, int((time_limit - trial.seconds) / max(each, 1e-9))))
+
+
+def _merit(peer: Peer, built: Arm, jacobian: FloatArray) -> float:
+    """Return the merit, from J alone; NaN if J is not one of the arm's."""
+    if not np.all(np.isfinite(jacobian)):
+        return float("nan")
+    try:
+        built.variables(jacobian)
+    except NotInModelError:
+        return float("nan")
+    return formulation(peer.formulation).merit(jacobian)
+
+
+def _rows(trials: Sequence[_Trial], joints: int, asked: int, time_limit: float) -> list[Row]:
+    everything = [merit for trial in trials for merit in trial.merits if np.isfinite(merit)]
+    best = unit = float("nan")
+    if everything:
+        sense = formulation(trials[0].peer.formulation).SENSE
+        best = min(everything) if sense == "minimise" else max(everything)
+        unit = _row(trials[0], joints, asked, best, unit, "").milliseconds_per_success
+    rows = []
+    for trial in trials:
+        note = trial.note
+        if trial.run is not None and trial.seconds >= time_limit and len(trial.merits) < asked:
+            note = f"stopped after {time_limit:g} s"
+        rows.append(_row(trial, joints, asked, best, unit, note))
+    return rows
+
+
+def _row(trial: _Trial, joints: int, asked: int, best: float, unit: float, note: str) -> Row:
+    starts, nan = len(trial.merits), float("nan")
+    away = np.abs(np.array(trial.merits) - best)
+    success = int(np.sum(away <= REACH))
+    per_success = 1e3 * trial.seconds / success if success else nan
+    return Row(
+        formulation=trial.peer.formulation,
+        joints=joints,
+        peer=trial.peer.name,
+        settings=trial.peer.settings,
+        asked=asked,
+        starts=starts,
+        success=success,
+        near=int(np.sum(away <= NEAR)),
+        milliseconds_per_start=1e3 * trial.seconds / starts if starts else nan,
+        milliseconds_per_success=per_success,
+        relative=per_success / unit,
+        setup_seconds=trial.setup,
+        note=note,
+    )
+
+
+@contextmanager
+def _fresh_cache() -> Iterator[None]:
+    """Compile everything anew, so that the time it takes shows."""
+    before: Mapping[str, str | None] = {"XDG_CACHE_HOME": os.environ.get("XDG_CACHE_HOME")}
+    with tempfile.TemporaryDirectory() as folder:
+        os.environ["XDG_CACHE_HOME"] = folder
+        try:
+            yield
+        finally:
+            for name, value in before.items():
+                if value is None:
+                    os.environ.pop(name)
+                else:
+                    os.environ[name] = value

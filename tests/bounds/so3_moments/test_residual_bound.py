@@ -1,0 +1,236 @@
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from formulations.bounds.so3_moments.blocks import sampled_blocks
+from formulations.bounds.so3_moments.blocks.sampled_blocks import SectorBlocks
+from formulations.bounds.so3_moments.presets import RESIDUAL_PRESETS, residual_preset
+from formulations.bounds.so3_moments.programs.cvxpy_solver import solve_with_cvxpy
+from formulations.bounds.so3_moments.programs.identity_check import check_identity
+from formulations.bounds.so3_moments.programs.moment_program import (
+    MomentProgram,
+    OutsideSpanError,
+    TooFewSamplesError,
+    moment_program,
+)
+from formulations.bounds.so3_moments.programs.multipliers import (
+    ConicOutcome,
+    nearest_semidefinite,
+)
+from formulations.bounds.so3_moments.programs.predictor_corrector import (
+    solve_with_predictor_corrector,
+)
+from formulations.bounds.so3_moments.representations.clebsch_gordan import Floats
+from formulations.bounds.so3_moments.representations.row_sectors import RowSector
+from formulations.bounds.so3_moments.residual_bound import (
+    residual_bound,
+    residual_values,
+    sector_families,
+)
+from nlp.errors import InputError
+
+LOW = [RowSector(k, c, spin, 4) for k in (0, 2, 4) for c in (0, 2) for spin in (0, 1)]
+
+
+def evaluated(families: Sequence[SectorBlocks], rotations: Floats) -> list[Floats]:
+    return [block for family in families for block in family.evaluate(rotations)]
+
+
+def moments_of(program: MomentProgram, blocks: Sequence[Floats]) -> tuple[Floats, float]:
+    """Return the pseudo-moments of one configuration from its blocks, and what is left over."""
+    slopes = np.hstack([block[1:].reshape(program.moments - 1, -1) for block in program.blocks])
+    here = np.hstack([block.ravel() for block in blocks])
+    constant = np.hstack([block[0].ravel() for block in program.blocks])
+    y = np.linalg.lstsq(slopes.T, here - constant, rcond=None)[0]
+    return y, np.abs(slopes.T @ y + constant - here).max()
+
+
+def negative_residual(rotations: Floats) -> Floats:
+    """−ρ, whose smallest value −5n²/3 is reached where all columns are alike."""
+    return -residual_values(rotations)
+
+
+@pytest.fixture(scope="module")
+def families() -> list[SectorBlocks]:
+    return sector_families(LOW, 7)
+
+
+@pytest.fixture(scope="module")
+def samples(so3: SimpleNamespace) -> Floats:
+    return so3.haar_rotations(11, 160, 7)
+
+
+@pytest.fixture(scope="module")
+def program(families: Sequence[SectorBlocks], samples: Floats) -> MomentProgram:
+    return moment_program(negative_residual(samples), evaluated(families, samples))
+
+
+@pytest.fixture(scope="module")
+def answer(program: MomentProgram) -> ConicOutcome:
+    return solve_with_predictor_corrector(program)
+
+
+def test_both_solvers_find_the_largest_residual(
+    program: MomentProgram, answer: ConicOutcome
+) -> None:
+    general = solve_with_cvxpy(program, "CLARABEL")
+    assert answer.status == "optimal"
+    assert general.status.startswith("optimal")
+    for outcome in (answer, general):
+        assert program.dual_value(outcome.multipliers) == pytest.approx(-5 * 49 / 3, abs=1e-4)
+        assert np.abs(program.dual_residual(outcome.multipliers)).max() < 1e-5
+
+
+def test_both_solvers_agree_on_random_programs() -> None:
+    rng = np.random.default_rng(3)
+    for _ in range(3):
+        blocks = []
+        for size in (2, 4, 5):
+            slopes = rng.standard_normal((7, size, size))
+            slopes = 0.5 * (slopes + slopes.transpose(0, 2, 1))
+            slopes[0] = 5 * np.eye(size)
+            blocks.append(slopes)
+        weights = [rng.standard_normal((len(b[0]), len(b[0]))) for b in blocks]
+        # A strictly feasible dual point makes the program bounded.
+        objective = sum(
+            np.tensordot(b, w @ w.T, axes=2) for b, w in zip(blocks, weights, strict=True)
+        )
+        program = MomentProgram(objective, tuple(blocks))
+        own = solve_with_predictor_corrector(program)
+        general = solve_with_cvxpy(program, "CLARABEL")
+        assert own.status == general.status == "optimal"
+        np.testing.assert_allclose(own.moments, general.moments, atol=1e-4)
+        assert program.dual_value(own.multipliers) == pytest.approx(
+            program.dual_value(general.multipliers), abs=1e-6
+        )
+
+
+def test_without_an_interior_start_nothing_is_claimed(program: MomentProgram) -> None:
+    shifted = tuple(
+        np.concatenate([b[:1] - 2 * np.eye(b.shape[1]), b[1:]]) for b in program.blocks
+    )
+    outcome = solve_with_predictor_corrector(MomentProgram(program.objective, shifted))
+    assert outcome.status == "no_interior_start"
+
+
+def test_true_configurations_are_feasible_with_their_true_value(
+    program: MomentProgram, families: Sequence[SectorBlocks], so3: SimpleNamespace
+) -> None:
+    alike = np.repeat(so3.haar_rotations(1, 1, 1)[0], 7, axis=0)
+    for rotations in (*so3.haar_rotations(2, 3, 7), alike):
+        blocks = [block[0] for block in evaluated(families, rotations[None])]
+        y, left = moments_of(program, blocks)
+        assert left < 1e-7
+        assert program.objective[0] + program.objective[1:] @ y == pytest.approx(
+            -so3.residual(rotations), abs=1e-6
+        )
+        assert min(np.linalg.eigvalsh(block)[0] for block in blocks) > -1e-10
+
+
+def test_a_block_that_does_not_fit_is_caught(
+    program: MomentProgram, families: Sequence[SectorBlocks], so3: SimpleNamespace
+) -> None:
+    rotations = so3.haar_rotations(4, 1, 7)
+    blocks = [block[0] for block in evaluated(families, rotations)]
+    number = next(n for n, block in enumerate(blocks) if len(block) > 2)
+    blocks[number] = blocks[number] * 1.01
+    assert moments_of(program, blocks)[1] > 1e-4
+
+
+@pytest.mark.parametrize("row", [(1, 1, 1), (1, 1, 2)])
+def test_a_wrong_sign_in_a_coupling_is_caught(
+    row: tuple[int, int, int],
+    families: Sequence[SectorBlocks],
+    samples: Floats,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    right = sampled_blocks.coupling
+
+    def wrong(first: int, second: int, total: int) -> Floats:
+        table = right(first, second, total).copy()
+        if (first, second, total) == row:
+            table[0] *= -1
+        return table
+
+    monkeypatch.setattr(sampled_blocks, "coupling", wrong)
+    with pytest.raises((TooFewSamplesError, OutsideSpanError)):
+        moment_program(residual_values(samples), evaluated(families, samples))
+
+
+def test_a_sector_of_mixed_charge_is_caught(
+    families: Sequence[SectorBlocks], samples: Floats
+) -> None:
+    blocks = evaluated(families, samples)
+    rows = families[0].evaluate(samples @ np.diag([-1.0, -1.0, 1.0]))
+    np.testing.assert_allclose(rows[0], blocks[0])  # a common phase changes nothing …
+    halved = samples.copy()
+    halved[:, :3] = halved[:, :3] @ np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
+    with pytest.raises((TooFewSamplesError, OutsideSpanError)):  # … one of three joints does
+        moment_program(residual_values(samples), evaluated(families, halved))
+
+
+def test_a_true_bound_passes_and_a_claimed_one_is_put_right(
+    program: MomentProgram,
+    answer: ConicOutcome,
+    families: Sequence[SectorBlocks],
+    so3: SimpleNamespace,
+) -> None:
+    multipliers = [nearest_semidefinite(x)[0] for x in answer.multipliers]
+    bound = program.dual_value(multipliers)
+    fresh = so3.haar_rotations(6, 20, 7)
+    good = check_identity(families, multipliers, bound, negative_residual, fresh)
+    assert good.leftover < 1e-5
+    claimed = check_identity(families, multipliers, bound + 0.1, negative_residual, fresh)
+    assert claimed.checked_bound < bound + 1e-5
+
+
+def test_too_few_samples_are_noticed(families: Sequence[SectorBlocks], samples: Floats) -> None:
+    few = samples[:20]
+    with pytest.raises(TooFewSamplesError):
+        moment_program(negative_residual(few), evaluated(families, few))
+
+
+def test_an_objective_outside_of_the_span_is_noticed(
+    families: Sequence[SectorBlocks], samples: Floats
+) -> None:
+    with pytest.raises(OutsideSpanError):
+        moment_program(residual_values(samples) ** 5, evaluated(families, samples))
+
+
+@pytest.mark.parametrize("joints", [6, 7, 8])
+def test_rows_of_low_degree_prove_nothing(joints: int) -> None:
+    told = []
+    result = residual_bound("low", joints, progress=told.append)
+    assert 0 <= result.bound < 1e-6
+    assert result.kind == "numerical"
+    assert result.check["unchecked_bound"] == pytest.approx(0, abs=1e-5)
+    assert result.smallest_eigenvalue > -1e-6
+    assert any("solving" in line for line in told)
+    assert json.loads(json.dumps(result.to_dict()))["size"]["moments"] == 35
+
+
+def test_isotropic_8r_stays_feasible(isotropic_8r: Floats, so3: SimpleNamespace) -> None:
+    families = sector_families(LOW, 8)
+    samples = so3.haar_rotations(7, 160, 8)
+    program = moment_program(residual_values(samples), evaluated(families, samples))
+    blocks = [block[0] for block in evaluated(families, isotropic_8r[None])]
+    y, left = moments_of(program, blocks)
+    assert left < 1e-7
+    assert program.objective[0] + program.objective[1:] @ y == pytest.approx(0, abs=1e-7)
+
+
+def test_presets_and_arguments_are_checked() -> None:
+    fast = RESIDUAL_PRESETS["fast"].sectors
+    assert RowSector(4, 2, 0, 6) in fast
+    assert RowSector(4, 2, 0, 4) not in fast
+    with pytest.raises(InputError, match="fast"):
+        residual_preset("quick")
+    with pytest.raises(InputError):
+        residual_bound("low", 10)
+    with pytest.raises(InputError):
+        residual_bound("low", 7, solver="NONE")

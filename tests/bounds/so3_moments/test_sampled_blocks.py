@@ -1,0 +1,95 @@
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from formulations.bounds.so3_moments.blocks.plain_average import averaged_sum_of_squares
+from formulations.bounds.so3_moments.blocks.sampled_blocks import SectorBlocks
+from formulations.bounds.so3_moments.representations.row_sectors import RowSector, label_degree
+from formulations.bounds.so3_moments.representations.young_basis import (
+    neighbours,
+    tableau_contents,
+    young_bases,
+)
+from nlp.errors import InputError
+
+SECTORS = [(0, 0, 0, 4), (2, 2, 1, 4), (2, 0, 2, 4), (4, 4, 1, 4), (3, 1, 1, 3), (6, 2, 0, 6)]
+
+
+@pytest.mark.parametrize("sector", SECTORS)
+def test_blocks_do_not_change_under_any_symmetry(
+    sector: tuple[int, int, int, int], so3: SimpleNamespace
+) -> None:
+    family = SectorBlocks(RowSector(*sector), 7)
+    here = so3.haar_rotations(1, 1, 7)
+    there = so3.moved(here[0], 2)[None]
+    assert np.abs(here - there).max() > 0.1
+    for a, b in zip(family.evaluate(here), family.evaluate(there), strict=True):
+        np.testing.assert_allclose(a, b, atol=1e-11)
+
+
+@pytest.mark.parametrize("sector", SECTORS)
+def test_rows_are_orthonormal_over_all_configurations(
+    sector: tuple[int, int, int, int], so3: SimpleNamespace
+) -> None:
+    family = SectorBlocks(RowSector(*sector), 7)
+    for block in family.evaluate(so3.haar_rotations(3, 3000, 7)):
+        np.testing.assert_allclose(block.mean(axis=0), np.eye(block.shape[1]), atol=0.15)
+
+
+@pytest.mark.parametrize("sector", [(2, 0, 1, 4), (3, 1, 1, 3)])
+def test_the_longer_road_leads_to_the_same_sum_of_squares(
+    sector: tuple[int, int, int, int], so3: SimpleNamespace
+) -> None:
+    family = SectorBlocks(RowSector(*sector), 6)
+    rng = np.random.default_rng(4)
+    roots = [rng.standard_normal((size, size)) for size in family.sizes]
+    multipliers = [root @ root.T for root in roots]
+    where = so3.haar_rotations(5, 2, 6)
+    short = sum(
+        np.tensordot(block, x, axes=2)
+        for x, block in zip(multipliers, family.evaluate(where), strict=True)
+    )
+    np.testing.assert_allclose(
+        averaged_sum_of_squares(family, where, multipliers), short, rtol=1e-11
+    )
+
+
+def test_all_rows_are_used_once() -> None:
+    family = SectorBlocks(RowSector(2, 0, 1, 4), 7)
+    plain = sum(rows.length for rows in family.rows)
+    assert plain == sum(block.size * block.tableaux for block in family.blocks)
+
+
+def test_bases_follow_youngs_orthogonal_form() -> None:
+    rows = SectorBlocks(RowSector(4, 2, 1, 6), 6).rows
+    entry = max(rows, key=lambda rows: rows.length)
+    groups = (range(4), range(4, 6))
+    exchanges = {joint: entry.exchange(joint) for joint in (0, 1, 2, 4)}
+    for shapes, bases in young_bases(exchanges, groups).items():
+        names = tableau_contents(shapes)
+        for name, basis in zip(names, bases, strict=True):
+            for joint, (goal, distance) in neighbours(name, groups).items():
+                expected = basis / distance
+                if abs(distance) > 1:
+                    other = bases[names.index(goal)]
+                    expected = expected + np.sqrt(1 - 1 / distance**2) * other
+                np.testing.assert_allclose(exchanges[joint] @ basis, expected, atol=1e-9)
+
+
+def test_degrees_of_labels() -> None:
+    assert [label_degree(label) for label in [(0, 0), (1, 1), (1, 0), (2, 1), (3, -1)]] == [
+        0,
+        1,
+        2,
+        3,
+        3,
+    ]
+
+
+@pytest.mark.parametrize("sector", [(1, 0, 0, 4), (2, 2, 0, 3), (-2, 0, 0, 4)])
+def test_sectors_that_do_not_exist_are_refused(sector: tuple[int, int, int, int]) -> None:
+    with pytest.raises(InputError):
+        RowSector(*sector)

@@ -1,0 +1,85 @@
+"""Bounds beside what was found: they hold, and say what kind of proof they have."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from formulations import measures
+from formulations.bounds.certified import CertifiedBound, certified_bound, numerical_bound
+from formulations.bounds.so3_moments.best_known import (
+    best_known_max_min,
+    best_known_residual,
+)
+from formulations.catalogue import arm
+from formulations.joints.arm import Arm
+from formulations.joints.kinds import LeverRevolute, Prismatic, UnitRevolute
+
+ROOT = Path(__file__).parents[2]
+SEVEN = Arm.of(UnitRevolute(), 7)
+
+
+def test_the_record_is_what_the_commands_wrote():
+    record = json.loads((ROOT / "formulations/bounds/record.json").read_text("utf-8"))
+    written = [
+        json.loads(path.read_text("utf-8"))
+        for pattern in ("residual_*.json", "max_min_*.json")
+        for path in (ROOT / "results/bounds").glob(pattern)
+    ]
+    assert len(record) >= 4
+    for one in record:
+        same = ("quantity", "joints", "preset", "kind")
+        [found] = [file for file in written if all(file[name] == one[name] for name in same)]
+        assert found["bound"] == pytest.approx(one["bound"], abs=1e-6)
+        assert found["size"] == one["size"]
+
+
+def test_seven_unit_revolute_joints():
+    residual = certified_bound("residual", SEVEN)
+    assert residual.kind == "rigorous (compact)"
+    assert 0.0559 < residual.value < best_known_residual(7)
+    tight = numerical_bound("residual", SEVEN)
+    assert tight.kind == "numerical (tight)"
+    assert residual.value < tight.value < best_known_residual(7)
+    assert tight.gap_percent(best_known_residual(7)) == 0
+    worst = certified_bound("max-min", SEVEN)
+    assert worst.kind == "rigorous (compact)"
+    assert best_known_max_min(7) < worst.value < measures.sigma_bound(6, 7, 14)
+    none = certified_bound("isotropy", SEVEN)
+    assert none.kind == "exact proof"
+    assert np.isnan(none.value)
+    assert numerical_bound("isotropy", SEVEN) is None
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_bounds_hold_for_random_jacobians(seed):
+    rng = np.random.default_rng(seed)
+    for built in (SEVEN, Arm.of(UnitRevolute(), 9), arm("free", 4, 3), arm("free-mean", 5, 3)):
+        matrix = built.jacobian(built.sample(rng))
+        assert measures.isotropy_defect(matrix) > certified_bound("residual", built).value
+        for locked in (1, 2):
+            if locked <= built.shape[1] - built.shape[0]:
+                worst = measures.worst_case_sigma(matrix, locked)
+                assert worst < certified_bound("max-min", built, locked).value
+
+
+def test_the_record_is_for_unit_revolute_joints_only():
+    eight = certified_bound("max-min", Arm.of(UnitRevolute(), 8))
+    assert eight == CertifiedBound(pytest.approx(np.sqrt(2 / 3)), "closed form")
+    assert certified_bound("residual", Arm.of(UnitRevolute(), 8)).value == 0
+    for other in (
+        Arm.of(LeverRevolute(), 7),
+        Arm((*[UnitRevolute()] * 6, Prismatic())),
+    ):
+        assert certified_bound("residual", other) == CertifiedBound(0.0, "closed form")
+        assert certified_bound("isotropy", other).kind == "closed form"
+        assert numerical_bound("max-min", other) is None
+
+
+def test_gap_in_percent_of_what_was_found():
+    bound = CertifiedBound(0.5, "closed form")
+    assert bound.gap_percent(0.4) == pytest.approx(25)
+    assert bound.gap_percent(0.5 - 1e-9) == 0
+    assert CertifiedBound(0.0, "closed form").gap_percent(1e-20) == 0
+    assert np.isnan(bound.gap_percent(float("nan")))

@@ -1,0 +1,146 @@
+"""The bound for k locked joints: other formulas, other proofs' ingredients, no violation."""
+
+from itertools import combinations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.polynomial import Polynomial
+
+from formulations import measures
+from formulations.bounds import closed_form
+from formulations.bounds.several_failures import largest_eigenvalue_bound, spectrum_bound
+from formulations.reproduction.reference import planar_4r
+from nlp.errors import InputError
+
+shapes = st.tuples(st.integers(1, 4), st.integers(1, 4)).flatmap(
+    lambda size: st.tuples(
+        st.just(size[0]), st.just(size[0] + size[1]), st.integers(1, size[1])
+    )
+)
+
+
+def random_jacobian(m, n, seed):
+    """Columns of very different lengths, rows too: far from isotropic."""
+    rng = np.random.default_rng(seed)
+    stretch = rng.choice([0.1, 1.0, 3.0], size=(m, 1)) * rng.choice([0.1, 1.0, 3.0], size=n)
+    return stretch * rng.normal(size=(m, n))
+
+
+def mean_polynomial(jacobian, locked):
+    """The mean of the characteristic polynomials, one set of columns after the other."""
+    n = jacobian.shape[1]
+    sets = combinations(range(n), locked)
+    kept = [np.delete(jacobian, columns, axis=1) for columns in sets]
+    return np.mean([np.poly(np.linalg.eigvalsh(one @ one.T)) for one in kept], axis=0)
+
+
+def icosahedron():
+    """Its six diagonals, an equiangular tight frame of three rows."""
+    golden = (1 + np.sqrt(5)) / 2
+    rows = [[0, 1, golden], [0, 1, -golden], [1, golden, 0], [1, -golden, 0]]
+    rows += [[golden, 0, 1], [-golden, 0, 1]]
+    return np.array(rows).T
+
+
+@given(shapes, st.integers(0, 10_000))
+def test_no_jacobian_beats_it(shape, seed):
+    m, n, locked = shape
+    jacobian = random_jacobian(m, n, seed)
+    size = measures.trace(jacobian)
+    level = measures.worst_case_sigma(jacobian, locked) ** 2
+    spectral = spectrum_bound(jacobian, locked)
+    bound = largest_eigenvalue_bound(n, m, locked, trace=size)
+    assert level <= spectral + 1e-9 * size
+    assert spectral <= bound + 1e-9 * size
+
+
+@given(shapes, st.integers(0, 10_000))
+def test_the_averaged_spectrum_is_that_of_the_mean_polynomial(shape, seed):
+    m, n, locked = shape
+    jacobian = np.random.default_rng(seed).normal(size=(m, n))
+    eigenvalues = np.linalg.eigvalsh(jacobian @ jacobian.T)
+    roots = measures.averaged_spectrum(eigenvalues, n, locked)
+    expected = mean_polynomial(jacobian, locked)
+    scale = np.abs(np.poly(-eigenvalues))
+    assert np.all(np.abs(np.poly(roots) - expected) <= 1e-8 * scale)
+
+
+@given(shapes, st.integers(0, 10_000))
+def test_and_of_the_derivative_of_the_gram_matrix_s_polynomial(shape, seed):
+    m, n, locked = shape
+    jacobian = np.random.default_rng(seed).normal(size=(m, n))
+    gram = Polynomial(np.poly(np.linalg.eigvalsh(jacobian.T @ jacobian))[::-1])
+    derivative = gram.deriv(locked).coef[::-1]
+    derivative = derivative / derivative[0]
+    expected = np.concatenate([mean_polynomial(jacobian, locked), np.zeros(n - locked - m)])
+    scale = np.abs(np.poly(-np.linalg.eigvalsh(jacobian.T @ jacobian)))[: expected.size]
+    assert np.all(np.abs(derivative - expected) <= 1e-8 * (1 + scale))
+
+
+@given(st.integers(1, 6), st.integers(1, 8), st.floats(0.1, 100))
+def test_one_failure_is_eq_6(m, more, trace):
+    bound = largest_eigenvalue_bound(m + more, m, 1, trace=trace)
+    assert bound == pytest.approx(
+        closed_form.largest_eigenvalue_bound(m + more, m, trace=trace)
+    )
+    assert bound == pytest.approx(measures.sigma_bound(m, m + more, trace) ** 2)
+
+
+@given(shapes, st.floats(0.1, 100))
+def test_the_judge_has_the_same_bound(shape, trace):
+    m, n, locked = shape
+    bound = largest_eigenvalue_bound(n, m, locked, trace=trace)
+    assert measures.sigma_bound(m, n, trace, locked) ** 2 == pytest.approx(bound, rel=1e-9)
+
+
+@given(st.integers(1, 8), st.integers(2, 10))
+def test_two_failures_in_closed_form(m, more):
+    n = m + more
+    expected = 1 - m / n - np.sqrt(m * (n - m) / (n - 1)) / n
+    assert largest_eigenvalue_bound(n, m, 2) == pytest.approx(expected, rel=1e-9, abs=1e-12)
+
+
+@given(st.integers(1, 5), st.integers(2, 6))
+def test_more_failures_leave_less(m, more):
+    found = [largest_eigenvalue_bound(m + more, m, k) for k in range(1, more + 1)]
+    assert np.all(np.diff(found) < 0)
+
+
+@given(st.lists(st.floats(0, 5), min_size=2, max_size=5), st.integers(1, 3), st.data())
+def test_the_least_root_is_concave_and_hence_largest_at_isotropy(values, locked, data):
+    m = len(values)
+    other = data.draw(st.lists(st.floats(0, 5), min_size=m, max_size=m))
+    n = m + locked + data.draw(st.integers(0, 3))
+
+    def least(spectrum):
+        return measures.averaged_spectrum(spectrum, n, locked)[0]
+
+    middle = least((np.array(values) + np.array(other)) / 2)
+    assert middle >= (least(values) + least(other)) / 2 - 1e-9
+    assert least(values) <= least(np.full(m, np.mean(values))) + 1e-9
+
+
+def test_the_icosahedron_attains_it_for_two_failures():
+    jacobian = icosahedron()
+    sigma = measures.worst_case_sigma(jacobian, 2)
+    assert sigma == pytest.approx(measures.sigma_bound(3, 6, measures.trace(jacobian), 2))
+
+
+def test_the_square_does_not():
+    """Planar 4R: 0.38268 of 0.45970."""
+    jacobian = planar_4r(np.pi / 4)[:2]
+    bound = measures.sigma_bound(2, 4, measures.trace(jacobian), 2)
+    assert bound == pytest.approx(np.sqrt((1 - np.sqrt(1 / 3)) / 2))
+    assert measures.worst_case_sigma(jacobian, 2) == pytest.approx(np.sin(np.pi / 8))
+
+
+def test_nothing_is_left_when_too_few_joints_are():
+    assert measures.sigma_bound(3, 5, 1.0, locked=3) == 0
+    with pytest.raises(InputError, match="at most the degree of redundancy, 2"):
+        largest_eigenvalue_bound(5, 3, 3)
+    with pytest.raises(InputError, match="at least 1"):
+        measures.sigma_bound(3, 5, 1.0, locked=0)
+    with pytest.raises(InputError, match="at most 2"):
+        measures.averaged_spectrum(np.ones(3), 5, 3)

@@ -1,0 +1,290 @@
+"""Campaigns are interrupted in every way there is, and end as if they never had been."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import psutil
+import pytest
+
+from formulations import measures
+from formulations.campaign.cell import Cell
+from formulations.campaign.columns import SCHEMA, TIMES, jacobian_of
+from formulations.campaign.declaration import Declaration, declaration
+from formulations.campaign.execution import run
+from formulations.solving.setup import Setup
+from nlp.errors import FileError, InputError
+from nlp.processes import Processes
+from nlp.store import Store
+
+ROOT = Path(__file__).parents[2]
+PLANAR = {
+    "starts": 150,
+    "formulations": ["residual", "max-min", "isotropy"],
+    "models": ["free", "free-mean"],
+    "joints": [3],
+    "task_dimensions": [2],
+}
+TOML = "\n".join(f"{key} = {json.dumps(value)}" for key, value in PLANAR.items())
+RECORDS = 6 * 150
+
+
+def command(folder, *more, store="study.db"):
+    return [
+        *(sys.executable, "-m", "formulations", "campaign", "campaign.toml"),
+        *("--store", store, "--workers", "2", *map(str, more)),
+    ]
+
+
+def launch(folder, *more, **keywords):
+    return subprocess.Popen(
+        command(folder, *more, **keywords),
+        cwd=folder,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
+    )
+
+
+def finish(folder, *more, **keywords):
+    process = launch(folder, *more, **keywords)
+    out, err = process.communicate(timeout=120)
+    return process.returncode, out, err
+
+
+def records(path):
+    """All records of a store, apart from times, by what they are records of."""
+    with Store(path, SCHEMA) as study:
+        rows = [
+            tuple((k, repr(v)) for k, v in row.items() if k not in TIMES)
+            for row in study.rows()
+        ]
+    assert len(set(rows)) == len(rows)
+    return sorted(rows)
+
+
+def count(path):
+    if not path.exists():
+        return 0
+    try:
+        with Store(path, SCHEMA) as study:
+            return sum(1 for _ in study.rows(columns=["start"]))
+    except FileError:  # just being made
+        return 0
+
+
+def until(path, number, process):
+    while count(path) < number:
+        assert process.poll() is None, process.communicate()
+        time.sleep(0.02)
+
+
+def workers_of(process):
+    children = psutil.Process(process.pid).children()
+    return [child for child in children if "popen_loky" in " ".join(child.cmdline())]
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    """The records of a campaign that nothing interrupted."""
+    folder = tmp_path_factory.mktemp("whole")
+    (folder / "campaign.toml").write_text(TOML)
+    status, out, err = finish(folder)
+    assert status == 0, err
+    assert f"{RECORDS} of {RECORDS} records of 6 cells" in out
+    found = records(folder / "study.db")
+    assert len(found) == RECORDS
+    return found
+
+
+@pytest.fixture
+def folder(tmp_path):
+    (tmp_path / "campaign.toml").write_text(TOML)
+    return tmp_path
+
+
+@pytest.mark.parametrize("how", ["SIGKILL", "SIGINT", "SIGTERM"])
+def test_interrupted_and_run_again_it_equals_the_uninterrupted(folder, whole, how):
+    store = folder / "study.db"
+    for number in (100, 500):
+        process = launch(folder)
+        until(store, number, process)
+        workers = workers_of(process)
+        os.kill(process.pid, getattr(signal, how))
+        _, err = process.communicate(timeout=30)
+        if how == "SIGINT":
+            assert process.returncode == 130
+            assert err == "Interrupted: run the same command again to go on.\n"
+        _, alive = psutil.wait_procs(workers, timeout=15)
+        assert not alive, "no worker outlives its campaign"
+        assert number <= count(store) < RECORDS
+    status, _, err = finish(folder)
+    assert status == 0, err
+    assert records(store) == whole
+    assert finish(folder)[1].endswith("0 of them new.\n")
+
+
+def test_a_worker_killed_mid_run_costs_nothing(folder, whole):
+    process = launch(folder)
+    until(folder / "study.db", 100, process)
+    victim = workers_of(process)[0]
+    victim.kill()
+    _, err = process.communicate(timeout=120)
+    assert process.returncode == 0, err
+    assert "Traceback" not in err
+    assert records(folder / "study.db") == whole
+
+
+def test_a_full_disk_stops_in_one_sentence_and_loses_nothing(folder, whole):
+    code = (
+        "import resource, runpy, sys\n"
+        "resource.setrlimit(resource.RLIMIT_FSIZE, (250_000, resource.RLIM_INFINITY))\n"
+        "sys.argv = ['lockedjoint', *sys.argv[1:]]\n"
+        "runpy.run_module('formulations', run_name='__main__')"
+    )
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    full = subprocess.run(
+        [sys.executable, "-c", code, *command(folder)[3:]],
+        cwd=folder,
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert full.returncode == 2
+    assert full.stderr.startswith(
+        "Error: store is study.db; allowed: a file on a disk with room"
+    )
+    assert len(full.stderr.splitlines()) == 1
+    assert 0 < count(folder / "study.db") < RECORDS
+    assert finish(folder)[0] == 0
+    assert records(folder / "study.db") == whole
+
+
+@pytest.mark.filterwarnings("ignore:Port .* is already in use:UserWarning")
+@pytest.mark.filterwarnings("ignore::ResourceWarning")
+def test_dask_gives_the_same_records(folder, whole):
+    distributed = pytest.importorskip("distributed")
+    with distributed.LocalCluster(
+        n_workers=2, threads_per_worker=1, dashboard_address=None, silence_logs=50
+    ) as cluster:
+        process = launch(folder, "--scheduler", cluster.scheduler_address)
+        until(folder / "study.db", 100, process)
+        next(iter(cluster.workers.values())).process.process.kill()
+        _, err = process.communicate(timeout=120)
+    assert process.returncode == 0, err
+    assert records(folder / "study.db") == whole
+
+
+def test_more_starts_and_cells_extend_a_study(tmp_path):
+    small = declaration({**PLANAR, "starts": 12, "formulations": ["residual"]})
+    more = declaration({**PLANAR, "starts": 25, "formulations": ["residual", "isotropy"]})
+    with Store(tmp_path / "s.db", SCHEMA, writable=True) as store:
+        pool = Processes(2)
+        assert run(small, store, pool).added == 2 * 12
+        report = run(more, store, pool)
+    assert (report.asked, report.added, report.missing) == (4 * 25, 2 * 25 + 2 * 13, 0)
+
+
+def test_records_hold_what_the_jacobian_says(tmp_path):
+    with Store(tmp_path / "s.db", SCHEMA, writable=True) as store:
+        run(declaration({**PLANAR, "starts": 10}), store, Processes(2))
+        for row in store.rows():
+            jacobian = jacobian_of(row["jacobian"], 2, 3)
+            assert row["worst_case_sigma"] == measures.worst_case_sigma(jacobian)
+            assert row["isotropy_defect"] == measures.isotropy_defect(jacobian)
+            assert "casadi" in row["environment"]
+            assert row["cpu_seconds"] > 0
+
+
+def test_memory_does_not_grow_with_starts(tmp_path):
+    """Ten times the starts must not need more memory: results are not kept in this process."""
+    cell = Cell(Setup("residual", "free"), 3, 2)
+    process, used = psutil.Process(), []
+    with Store(tmp_path / "s.db", SCHEMA, writable=True) as store:
+        for starts in (400, 800, 4000):
+            run(Declaration((cell,), starts), store, Processes(2))
+            used.append(process.memory_info().rss)
+    assert used[2] - used[1] < 4e6, "3200 records would be 6 MB and more as Python objects"
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"startz": 3}, "key of the campaign file is startz; allowed: one of starts"),
+        ({"starts": 0}, "starts is 0"),
+        ({"starts": "many"}, "starts is many"),
+        ({"seed": -1}, "seed is -1"),
+        ({"joints": []}, "joints is"),
+        ({"joints": 7}, "a list of whole numbers"),
+        ({"joints": [True]}, "a list of whole numbers"),
+        ({"formulations": ["other"]}, "formulation is other"),
+        ({"models": ["unit-revolute"]}, "6 for the model unit-revolute"),
+        ({"encodings": ["other"]}, "encoding is other"),
+        ({"locked": [2]}, "at most the degree of redundancy"),
+        ({"solver": "other"}, "one of ipopt, fatrop"),
+        ({"solver": "fatrop"}, "without constraints or bounds"),
+        ({"compiled": 1}, "true or false"),
+        ({"options": {"tolerance": 1}}, "Ipopt option is tolerance"),
+        ({"options": 3}, "a table of solver options"),
+    ],
+)
+def test_refuses_a_campaign_before_any_work(tmp_path, change, said):
+    with pytest.raises(InputError, match=said):
+        declaration({**PLANAR, **change})
+
+
+def test_a_missing_key_is_named():
+    with pytest.raises(InputError, match="without models"):
+        declaration({key: value for key, value in PLANAR.items() if key != "models"})
+
+
+@pytest.mark.parametrize(
+    ("text", "store"),
+    [
+        (None, "study.db"),
+        ("starts = ", "study.db"),
+        ("starts = 3", "study.db"),
+        (TOML, "campaign.toml"),
+        (TOML, "no/folder.db"),
+    ],
+)
+def test_bad_files_are_one_sentence_and_leave_nothing(tmp_path, text, store):
+    if text is not None:
+        (tmp_path / "campaign.toml").write_text(text)
+    before = {path: path.read_bytes() for path in tmp_path.iterdir()}
+    status, out, err = finish(tmp_path, store=store)
+    assert (status, out) == (2, "")
+    assert err.startswith("Error: ")
+    assert len(err.splitlines()) == 1
+    assert {path: path.read_bytes() for path in tmp_path.iterdir()} == before
+
+
+def test_variants_of_max_min_do_not_multiply_the_others():
+    grid = {"encodings": ["shared-factor", "factor-per-deletion"]}
+    cells = declaration({**PLANAR, **grid, "from_residual_minima": [False, True]}).cells
+    names = [cell.setup.formulation for cell in cells]
+    assert {name: names.count(name) for name in names} == {
+        "residual": 2,
+        "max-min": 8,
+        "isotropy": 2,
+    }
+
+
+def test_compiled_cells_are_cells_of_their_own(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    one = Setup("residual", "unit-revolute")
+    plain, fast = (Cell(one, 7, 6, solver="fatrop", compiled=c) for c in (False, True))
+    with Store(tmp_path / "s.db", SCHEMA, writable=True) as store:
+        run(Declaration((plain, fast), 10), store, Processes(2))
+        rows = list(store.rows())
+    assert [row["compiled"] for row in rows] == [0] * 10 + [1] * 10
+    np.testing.assert_allclose([row["merit"] for row in rows], 0.0568265, atol=1e-6)

@@ -1,0 +1,105 @@
+"""Controls: true solutions satisfy every equation and are excluded by nothing."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from formulations.existence.equations import Frame
+from formulations.existence.relaxation.edge_multisets import edge_multisets
+from formulations.existence.relaxation.linear_moments import (
+    LinearMoments,
+    averaged_equations,
+    solve_moment_equations,
+)
+from formulations.existence.relaxation.margin_certificate import moment_limits
+from formulations.existence.relaxation.moment_table import moment_table
+from formulations.existence.relaxation.outcome import ExistenceRelaxation
+from formulations.existence.relaxation.relaxation import existence_relaxation
+
+Complex = NDArray[np.complex128]
+Solution = Callable[[int], Complex]
+
+
+def averages(moments: LinearMoments, w: Complex) -> NDArray[np.float64]:
+    frame = moments.frame
+    multisets = edge_multisets(frame.joints, moments.order, loops=frame.diagonal)
+    return moment_table(moments.classes, multisets).averages(w)
+
+
+def assert_solved_by(moments: LinearMoments, w: Complex) -> NDArray[np.float64]:
+    """Check every equation at the moments of a solution; return its free moments."""
+    values = averages(moments, w)
+    by_class = dict(zip(moments.classes, values, strict=True))
+    for equation in averaged_equations(moments.frame, moments.order):
+        terms = [float(value) * by_class[graph] for graph, value in equation.items()]
+        assert abs(sum(terms)) < 1e-11 * (1 + max(map(abs, terms)))
+    free = np.array([by_class[graph] for graph in moments.free])
+    predicted = moments.coefficients() @ np.concatenate([[1.0], free])
+    np.testing.assert_allclose(predicted, values, atol=1e-9)
+    assert (np.abs(free) <= moment_limits(moments)).all()
+    return free
+
+
+def test_the_printed_6r_is_isotropic(printed_6r: Complex) -> None:
+    np.testing.assert_allclose(np.diag(printed_6r), 0, atol=1e-15)
+    np.testing.assert_allclose(printed_6r @ printed_6r, 0, atol=1e-15)
+    tight = printed_6r @ printed_6r.conj()
+    np.testing.assert_allclose(tight + tight.conj(), 4 * np.eye(6), atol=1e-15)
+
+
+def test_isotropic_6r_satisfies_order_3_and_has_semidefinite_blocks(
+    order_3_of_6r: ExistenceRelaxation, solution_6r: Solution, printed_6r: Complex
+) -> None:
+    moments = order_3_of_6r.moments
+    assert moments.consistent
+    assert len(moments.free) == 30
+    for w in (printed_6r, *(solution_6r(seed) for seed in range(2))):
+        free = assert_solved_by(moments, w)
+        lowest = min(np.linalg.eigvalsh(block.at(free))[0] for block in order_3_of_6r.blocks)
+        assert lowest > -1e-10
+
+
+def test_isotropic_6r_is_feasible_at_order_3(order_3_of_6r: ExistenceRelaxation) -> None:
+    assert order_3_of_6r.verdict == "feasible"
+    assert order_3_of_6r.infeasible_alone == ()
+    margin = order_3_of_6r.margin
+    assert margin is not None
+    assert margin.certificate.attained > 1e-3
+    assert margin.certificate.proved == pytest.approx(margin.certificate.attained, abs=1e-4)
+
+
+def test_a_solution_of_another_frame_fails(solution_6r: Solution) -> None:
+    moments = solve_moment_equations(Frame(6, 6), 2)
+    with pytest.raises(AssertionError):
+        assert_solved_by(moments, 1.001 * solution_6r(0))
+
+
+def test_rotated_simplices_satisfy_the_equations_with_the_diagonal_kept(
+    solution_simplex: Solution,
+) -> None:
+    relaxation = existence_relaxation(2, diagonal=True)
+    assert relaxation.moments.consistent
+    assert relaxation.verdict in ("feasible", "undecided")
+    assert relaxation.infeasible_alone == ()
+    for seed in range(3):
+        w = solution_simplex(seed)
+        assert np.abs(np.diag(w)).max() > 0.1
+        free = assert_solved_by(relaxation.moments, w)
+        lowest = min(np.linalg.eigvalsh(block.at(free))[0] for block in relaxation.blocks)
+        assert lowest > -1e-10
+
+
+@pytest.mark.parametrize(("joints", "order"), [(3, 1), (5, 2)])
+def test_small_impossible_cases(joints: int, order: int) -> None:
+    relaxation = existence_relaxation(order, joints)
+    assert not relaxation.moments.consistent
+    assert relaxation.verdict == "inconsistent"
+    assert relaxation.to_dict()["kind"] == "exact"
+    assert relaxation.blocks == ()
+    assert existence_relaxation(order, joints, diagonal=True).moments.consistent
+    if order > 1:
+        assert existence_relaxation(order - 1, joints).moments.consistent

@@ -1,0 +1,89 @@
+"""Jacobians from files, and one sentence for every file that has none."""
+
+import json
+
+import numpy as np
+import pytest
+
+from formulations.files.jacobians import read_jacobians
+from nlp.errors import InputError
+
+MATRIX = np.random.default_rng(0).normal(size=(2, 4))
+
+
+def text(matrix):
+    return "\n".join(",".join(map(repr, row)) for row in matrix.tolist())
+
+
+@pytest.mark.parametrize(
+    ("name", "content"),
+    [
+        ("a.csv", text(MATRIX)),
+        ("a.csv", "\ufeff" + text(MATRIX) + "\r\n\n"),
+        ("a.CSV", text(MATRIX).replace(",", " , ")),
+        ("a.json", json.dumps(MATRIX.tolist())),
+        ("a.json", json.dumps({"jacobian": MATRIX.tolist(), "more": 1})),
+    ],
+)
+def test_reads_every_digit(tmp_path, name, content):
+    (tmp_path / name).write_text(content, encoding="utf-8")
+    [(_, matrix)] = read_jacobians(tmp_path / name)
+    np.testing.assert_array_equal(matrix, MATRIX)
+
+
+def test_reads_npy_and_lists_of_jacobians(tmp_path):
+    np.save(tmp_path / "a.npy", MATRIX)
+    np.testing.assert_array_equal(read_jacobians(tmp_path / "a.npy")[0][1], MATRIX)
+    listed = [
+        {"formulation": "max-min", "model": "free", "jacobian": MATRIX.tolist()},
+        {"jacobian": (2 * MATRIX).tolist()},
+    ]
+    (tmp_path / "b.json").write_text(json.dumps(listed))
+    (first, one), (_, two) = read_jacobians(tmp_path / "b.json")
+    assert first == "max-min free"
+    np.testing.assert_array_equal(2 * one, two)
+
+
+@pytest.mark.parametrize(
+    ("name", "content"),
+    [
+        ("a.txt", b"1,2"),
+        ("a.csv", b""),
+        ("a.csv", b"\n\n"),
+        ("a.csv", b"1,2,3\n1,2"),
+        ("a.csv", b"1,2,x\n1,2,3"),
+        ("a.csv", b"1,2,nan\n1,2,3"),
+        ("a.csv", b"1,2,inf\n1,2,3"),
+        ("a.csv", b"1,2\n3,4"),
+        ("a.csv", b"\xff\xfe\x00"),
+        ("a.json", b"{"),
+        ("a.json", b"[]"),
+        ("a.json", b"3"),
+        ("a.json", b'"text"'),
+        ("a.json", b"null"),
+        ("a.json", b'{"a": 1}'),
+        ("a.json", b'[{"jacobian": [[1, 2]]}, 3]'),
+        ("a.json", b"[[1, 2, null], [1, 2, 3]]"),
+        ("a.json", b"[[1, 2, NaN], [1, 2, 3]]"),
+        ("a.json", b'{"jacobian": {"a": 1}}'),
+        ("a.json", b"[" * 100_000),
+        ("a.json", b"\xff"),
+        ("a.npy", b"rubbish"),
+        ("a.npy", b"\x93NUMPY\x01\x00"),
+    ],
+)
+def test_refuses_with_one_sentence_that_names_the_file(tmp_path, name, content):
+    path = tmp_path / name
+    path.write_bytes(content)
+    with pytest.raises(InputError) as caught:
+        read_jacobians(path)
+    assert name in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_refuses_pickles_and_complex_arrays(tmp_path):
+    np.save(tmp_path / "a.npy", np.array([{"a": 1}], dtype=object), allow_pickle=True)
+    np.save(tmp_path / "b.npy", np.ones((2, 3), dtype=complex))
+    for name in ("a.npy", "b.npy", "missing.npy"):
+        with pytest.raises(InputError, match=name):
+            read_jacobians(tmp_path / name)

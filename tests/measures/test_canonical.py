@@ -1,0 +1,117 @@
+"""One representative per class: every symmetry leaves it, everything else changes it."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from formulations.joints.arm import Arm
+from formulations.joints.kinds import FreeColumn, LeverRevolute, UnitRevolute
+from formulations.measures.canonical import Symmetry, canonical_form, distinct, symmetry_of
+from nlp.errors import InputError
+
+ARMS = {
+    Symmetry.UNIT_REVOLUTE: Arm.of(UnitRevolute(), 7),
+    Symmetry.REVOLUTE: Arm.of(LeverRevolute(), 7),
+    Symmetry.FRAME: Arm.of(FreeColumn(3), 5),
+}
+seeds = st.integers(0, 100_000)
+symmetries = st.sampled_from(list(ARMS))
+
+
+def draw(symmetry, seed):
+    arm = ARMS[symmetry]
+    return arm.jacobian(arm.sample(np.random.default_rng(seed)))
+
+
+def orthogonal(rng, size):
+    return np.linalg.qr(rng.normal(size=(size, size)))[0]
+
+
+def phase(jacobian, theta):
+    c, s = np.cos(theta), np.sin(theta)
+    velocity, axis = jacobian[:3], jacobian[3:]
+    return np.vstack([c * velocity - s * axis, s * velocity + c * axis])
+
+
+def disguised(jacobian, symmetry, rng):
+    """The same manipulator Jacobian in other clothes."""
+    m, n = jacobian.shape
+    if symmetry is Symmetry.FRAME:
+        jacobian = orthogonal(rng, m) @ jacobian
+    else:
+        if symmetry is Symmetry.UNIT_REVOLUTE:
+            jacobian = phase(jacobian, rng.uniform(0, 7))
+        if rng.uniform() < 0.5:
+            jacobian = np.vstack([jacobian[:3], -jacobian[3:]])
+        jacobian = np.kron(np.eye(2), orthogonal(rng, 3)) @ jacobian
+    return (jacobian * rng.choice([-1, 1], n))[:, rng.permutation(n)]
+
+
+@given(symmetries, seeds)
+def test_the_symmetry_is_seen_from_the_columns(symmetry, seed):
+    assert symmetry_of(draw(symmetry, seed)) is symmetry
+
+
+@given(symmetries, seeds)
+def test_every_symmetry_leaves_the_canonical_form(symmetry, seed):
+    jacobian = draw(symmetry, seed)
+    other = disguised(jacobian, symmetry, np.random.default_rng(seed + 1))
+    np.testing.assert_allclose(canonical_form(other), canonical_form(jacobian), atol=1e-9)
+
+
+@given(symmetries, seeds)
+def test_the_canonical_form_is_its_own_and_of_the_same_class(symmetry, seed):
+    jacobian = draw(symmetry, seed)
+    form = canonical_form(jacobian)
+    np.testing.assert_allclose(canonical_form(form), form, atol=1e-9)
+    np.testing.assert_allclose(np.linalg.svd(form)[1], np.linalg.svd(jacobian)[1], atol=1e-9)
+    assert distinct([form, jacobian]) == [[0, 1]]
+
+
+@given(symmetries, seeds)
+def test_other_jacobians_have_other_forms(symmetry, seed):
+    pair = [draw(symmetry, seed), draw(symmetry, seed + 1)]
+    assert np.max(np.abs(canonical_form(pair[0]) - canonical_form(pair[1]))) > 1e-2
+    assert distinct(pair) == [[0], [1]]
+
+
+def test_groups_keep_their_members_apart_and_together():
+    rng = np.random.default_rng(0)
+    first, second = draw(Symmetry.UNIT_REVOLUTE, 1), draw(Symmetry.UNIT_REVOLUTE, 2)
+    unit = Symmetry.UNIT_REVOLUTE
+    mixed = [
+        first,
+        second,
+        disguised(first, unit, rng),
+        disguised(second, unit, rng),
+        disguised(first, unit, rng) + 1e-7 * rng.normal(size=(6, 7)),
+    ]
+    assert distinct(mixed, symmetry=unit) == [[0, 2, 4], [1, 3]]
+
+
+def test_the_phase_is_no_symmetry_of_free_lever_arms():
+    jacobian = draw(Symmetry.UNIT_REVOLUTE, 5)
+    turned = phase(jacobian, 0.4)
+    assert distinct([jacobian, turned]) == [[0, 1]]
+    assert distinct([jacobian, turned], symmetry=Symmetry.REVOLUTE) == [[0], [1]]
+
+
+def test_highly_symmetric_jacobians_are_handled():
+    """All orders of a regular simplex are equivalent: 13! ties must not be walked through."""
+    centred = np.eye(13) - 1 / 13
+    simplex = np.linalg.svd(centred)[2][:12]
+    rng = np.random.default_rng(0)
+    other = disguised(simplex, Symmetry.FRAME, rng)
+    assert distinct([simplex, other]) == [[0, 1]]
+
+
+def test_rank_deficient_jacobians_have_a_form():
+    flat = np.array([[1.0, 2.0, 0.5], [0, 0, 0]])
+    np.testing.assert_allclose(canonical_form(flat)[1], 0, atol=1e-12)
+    np.testing.assert_array_equal(canonical_form(np.zeros((2, 3))), np.zeros((2, 3)))
+
+
+def test_a_spatial_symmetry_needs_six_rows():
+    with pytest.raises(InputError, match="six rows"):
+        canonical_form(np.ones((3, 4)), Symmetry.REVOLUTE)

@@ -1,0 +1,150 @@
+"""The axes of a Jacobian are where a point of the joint gives the column back."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from formulations.realise.from_jacobian import deviation, realise
+from formulations.realise.links import link_lengths
+from formulations.reproduction import reference
+from nlp.errors import InputError
+
+
+def lengths(arm):
+    return link_lengths(arm.points, arm.end_effector)
+
+
+def revolute(seed, joints=7, lever=1.0):
+    rng = np.random.default_rng(seed)
+    spin = rng.standard_normal((3, joints))
+    spin /= np.linalg.norm(spin, axis=0)
+    velocity = np.cross(spin, rng.standard_normal((3, joints)), axis=0)
+    return np.vstack([lever * velocity / np.linalg.norm(velocity, axis=0), spin])
+
+
+@given(st.integers(0, 2**32), st.floats(0.01, 100))
+def test_spatial_columns_come_back(seed, lever):
+    matrix = revolute(seed, lever=lever)
+    tip = np.array([1.0, 2.0, -3.0])
+    arm = realise(matrix, end_effector=tip, length=0.5)
+    levers = tip - arm.points  # v = ω × (p − a), written out
+    np.testing.assert_allclose(
+        np.cross(arm.directions, levers).T, 0.5 * matrix[:3], atol=1e-12 * lever
+    )
+    np.testing.assert_allclose(arm.directions.T, matrix[3:], atol=1e-14)
+    through = tip - 0.5 * np.cross(matrix[:3], matrix[3:], axis=0).T
+    np.testing.assert_allclose(arm.points, through, atol=1e-12 * lever)
+
+
+def test_axes_of_unit_revolute_joints_touch_the_unit_sphere(optimum):
+    arm = realise(optimum)
+    along = np.linspace(-3, 3, 6001)[:, None, None]
+    away = np.linalg.norm(arm.points + along * arm.directions, axis=-1)
+    np.testing.assert_allclose(away.min(axis=0), 1.0, atol=1e-12)
+
+
+def test_every_arm_realises_its_task(arm):
+    assert arm.jacobian().shape == (len(arm.task.rows), arm.joints)
+    np.testing.assert_allclose(np.linalg.norm(arm.directions, axis=1), 1, atol=1e-12)
+    assert deviation(arm, arm.jacobian()) == 0
+
+
+def test_planar_3r_of_figure_1():
+    """Eq. (12): columns 120° apart, so joints at the corners of an equilateral triangle."""
+    arm = realise(reference.PLANAR_3R)
+    np.testing.assert_allclose(arm.jacobian(), reference.PLANAR_3R, atol=1e-15)
+    np.testing.assert_allclose(lengths(arm), np.sqrt([2, 2, 2 / 3]), rtol=1e-14)
+    ways = np.diff(np.vstack([arm.points, arm.end_effector]), axis=0)[:, :2]
+    headings = np.degrees(np.arctan2(ways[:, 1], ways[:, 0]))
+    turns = np.abs((np.diff(headings) + 180) % 360 - 180)
+    np.testing.assert_allclose(turns, [120, 150], atol=1e-9)
+
+
+@pytest.mark.parametrize("alpha", [0.0, 0.3, np.pi / 4, 2.0])
+def test_planar_4r_family_of_figure_3(alpha):
+    """Eq. (16): joints on a circle; links from the chords between them, in closed form."""
+    arm = realise(reference.planar_4r(alpha)[:2])
+    chord = np.sqrt(2) * abs(np.sin(np.pi / 4 - alpha / 2))
+    np.testing.assert_allclose(lengths(arm), [1, chord, 1, np.sqrt(1 / 2)], atol=1e-15)
+
+
+def test_positional_4r():
+    """Eq. (18): any directions of the axes realise it, all levers are √(3/4)."""
+    matrix = reference.POSITIONAL_4R[:3]
+    rng = np.random.default_rng(0)
+    directions = np.cross(rng.standard_normal((4, 3)), matrix.T)
+    for arm in (realise(matrix), realise(matrix, directions=directions)):
+        np.testing.assert_allclose(arm.jacobian(), matrix, atol=1e-15)
+        np.testing.assert_allclose(np.linalg.norm(arm.points, axis=1), np.sqrt(3 / 4))
+    unit = directions / np.linalg.norm(directions, axis=1, keepdims=True)
+    np.testing.assert_allclose(arm.directions, unit, atol=1e-15)
+
+
+def test_positional_axes_are_nearest_to_z_by_default():
+    matrix = np.random.default_rng(5).standard_normal((3, 6))
+    arm = realise(matrix)
+    for i, velocity in enumerate(matrix.T):
+        across = np.linalg.svd(velocity[None])[2][1:]  # the plane orthogonal to v
+        best = across.T @ across @ [0, 0, 1]
+        np.testing.assert_allclose(arm.directions[i], best / np.linalg.norm(best), atol=1e-12)
+    flat = realise(np.vstack([reference.PLANAR_3R, np.zeros(3)])[:, [0, 1, 2, 0]])
+    np.testing.assert_allclose(flat.points[:3], realise(reference.PLANAR_3R).points)
+    upright = realise([[0, 1, 1, 0], [0, 0, 1, 1], [2, 0, 0, 1]])
+    np.testing.assert_allclose(upright.directions[0], [1, 0, 0])
+
+
+def test_printed_entries_need_a_tolerance_and_get_the_nearest_arm():
+    with pytest.raises(InputError, match="column"):
+        realise(reference.NEARLY_OPTIMAL_7R)
+    arm = realise(reference.NEARLY_OPTIMAL_7R, tolerance=1e-3)
+    assert 1e-6 < deviation(arm, reference.NEARLY_OPTIMAL_7R) < 1e-4
+
+
+def test_prismatic_joints_slide_and_do_not_turn():
+    arm = realise([[0.6, 1, 0, 2], [0.8, 1, 1, 0]], kinds="prRr")
+    np.testing.assert_array_equal(arm.prismatic, [True, False, False, False])
+    np.testing.assert_allclose(arm.pose([0.5, 0, 0, 0])[:2, 3], [0.3, 0.4])
+    np.testing.assert_array_equal(arm.full_jacobian()[3:, 0], 0)
+
+
+GOOD = revolute(0)
+
+
+def changed(entry, value):
+    matrix = GOOD.copy()
+    matrix[entry] = value
+    return matrix
+
+
+PITCH = np.array(GOOD)
+PITCH[:3, 2] += 0.1 * PITCH[3:, 2]
+FAST = np.array(GOOD)
+FAST[:3, 2], FAST[3:, 2] = [2.0, 0.0, 0.0], 0.0
+
+
+@pytest.mark.parametrize(
+    ("matrix", "options", "sentence"),
+    [
+        (PITCH, {}, "column 2 is .*pitch is neither revolute nor prismatic"),
+        (changed((slice(3, 6), 4), 0.5), {}, "column 4 is .*norm 1 .revolute joint. or 0"),
+        (FAST, {}, "column 2 is .*norm 1 .prismatic joint"),
+        (GOOD, {"kinds": "PRRRRRR"}, "column 0 is .*rotational velocity 0"),
+        (GOOD, {"kinds": "RRR"}, "kinds is RRR; allowed: 7 letters"),
+        (GOOD, {"kinds": "RRRRRRX"}, "7 letters R or P"),
+        (GOOD, {"task": "planar"}, "task is planar; allowed: spatial"),
+        (GOOD, {"directions": np.ones((7, 3))}, "none for a spatial task"),
+        (GOOD, {"length": 0.0}, "length is 0.0"),
+        (GOOD, {"tolerance": np.nan}, "tolerance is nan"),
+        (GOOD, {"end_effector": (0, 0)}, "end effector"),
+        (GOOD[:4], {}, "2, 3 or 6 rows"),
+        (GOOD[:3], {"directions": np.ones((2, 3))}, "7 rows of 3"),
+        (GOOD[:3], {"directions": GOOD[:3].T}, "direction is .* for joint 0; .*orthogonal"),
+        (GOOD[3:], {"task": "rotational", "kinds": "P" * 7}, "revolute joints only"),
+        (changed((0, 0), np.inf), {}, "finite"),
+        (1e200 * GOOD[:3], {}, "linear velocity is entries from .* allowed: 0, or 1e-100"),
+    ],
+)
+def test_what_no_joint_can_do_is_one_sentence(matrix, options, sentence):
+    with pytest.raises(InputError, match=sentence):
+        realise(matrix, **options)

@@ -1,0 +1,185 @@
+"""The best arrangement is the best of all, by every criterion, for known reasons."""
+
+from itertools import permutations, product
+
+import numpy as np
+import pytest
+
+from formulations import measures
+from formulations.realise.choice import choose, evaluate, given
+from formulations.realise.criteria import CRITERIA, Sampling
+from formulations.realise.dh import denavit_hartenberg
+from formulations.realise.family import every, family
+from formulations.realise.from_jacobian import realise
+from formulations.realise.links import link_lengths
+from formulations.realise.search import search
+from formulations.realise.sigmas import smallest, worst_cases
+from formulations.realise.symmetry import distinct, symmetries
+from formulations.reproduction import reference
+from nlp.errors import InputError
+
+FEW = Sampling(seed=3, samples=8, radius=0.3)
+
+
+def test_stacks_of_singular_values_are_the_measures():
+    stack = np.random.default_rng(0).standard_normal((2, 3, 4, 6))
+    for matrix, before, after in zip(
+        stack.reshape(-1, 4, 6),
+        smallest(stack).ravel(),
+        worst_cases(stack).ravel(),
+        strict=True,
+    ):
+        assert before == pytest.approx(measures.singular_values(matrix)[-1], rel=1e-12)
+        assert after == pytest.approx(measures.worst_case_sigma(matrix), rel=1e-12)
+
+
+@pytest.fixture(scope="module")
+def four():
+    """A planar 4R, and its values in every order with all signs, one by one.
+
+    Half of the signs: half a turn about the end effector flips all joints at once.
+    """
+    arm = realise(reference.planar_4r(0.3)[:2])
+    arrangements = [
+        (order, (False, *flips))
+        for order in permutations(range(4))
+        for flips in product([False, True], repeat=3)
+    ]
+    values = {one: evaluate(arm.arranged(*one), FEW) for one in arrangements}
+    return arm, values
+
+
+@pytest.mark.parametrize("name", CRITERIA)
+def test_the_choice_is_the_best_of_all(four, name):
+    """Identical arms are sampled in one arrangement only, the one that comes first."""
+    arm, values = four
+    kept = distinct(every(arm), symmetries(arm))
+    first = {
+        (tuple(order), tuple(flips))
+        for order, flips in zip(kept.orders.tolist(), kept.flips.tolist(), strict=True)
+    }
+    tried = [one for key, one in values.items() if key in first or not CRITERIA[name].sampled]
+    numbers = [one[name] for one in tried]
+    best = max(numbers) if CRITERIA[name].larger_is_better else min(numbers)
+    chosen = choose(arm, name, FEW)
+    assert chosen.values[name] == pytest.approx(best, rel=1e-6)
+    assert evaluate(chosen.manipulator, FEW) == pytest.approx(chosen.values)
+    assert (chosen.arrangements, chosen.distinct) == (384, 48)
+
+
+def test_seven_joints_in_every_order(optimum):
+    arm = realise(optimum)
+    chosen = choose(arm, "total-length")
+    totals = [
+        link_lengths(arm.points[list(order)], arm.end_effector).sum()
+        for order in permutations(range(7))
+    ]
+    assert chosen.values["total-length"] == pytest.approx(min(totals), rel=1e-9)
+    assert chosen.distinct == 5040
+    np.testing.assert_allclose(chosen.manipulator.jacobian(), optimum[:, chosen.order])
+
+
+def test_ties_go_to_the_larger_clearance(optimum):
+    """Many orders of the optimum have the least largest link."""
+    arm = realise(optimum)
+    chosen = choose(arm, "largest-link")
+    rng = np.random.default_rng(0)
+    tied = 0
+    for _ in range(50):
+        other = evaluate(arm.arranged(rng.permutation(7)), FEW)
+        if other["largest-link"] < chosen.values["largest-link"] * (1 + 1e-10):
+            tied += 1
+            assert other["clearance"] <= chosen.values["clearance"] * (1 + 1e-6)
+    assert tied > 3
+
+
+def test_values_mean_what_they_say(arm):
+    values = evaluate(arm, FEW)
+    lengths = link_lengths(arm.points, arm.end_effector)
+    assert values["total-length"] == pytest.approx(sum(lengths))
+    assert values["largest-link"] == pytest.approx(max(lengths))
+    table = denavit_hartenberg(arm)
+    assert values["dh-length"] == pytest.approx(np.abs(table.a).sum() + np.abs(table.d).sum())
+    near = [arm.jacobian(q) for q in FEW.near(arm.joints)]
+    assert values["neighbourhood"] == pytest.approx(min(map(measures.worst_case_sigma, near)))
+    before = min(measures.singular_values(matrix)[-1] for matrix in near)
+    assert values["neighbourhood-before"] == pytest.approx(before)
+    assert np.all(np.linalg.norm(FEW.near(arm.joints), axis=1) <= 0.3)
+    scale = np.where(arm.prismatic, arm.size, np.pi)
+    there = FEW.anywhere(arm.joints) * scale
+    found = [arm.jacobian(q) for q in there]
+    after = np.mean([measures.worst_case_sigma(matrix) for matrix in found])
+    assert values["workspace"] == pytest.approx(after)
+    whole = np.mean([measures.singular_values(matrix)[-1] for matrix in found])
+    assert values["workspace-before"] == pytest.approx(whole)
+    reach = max(np.linalg.norm(arm.pose(q)[:3, 3] - arm.points[0]) for q in there)
+    assert values["reach"] == pytest.approx(reach)
+    if not arm.prismatic.any():
+        assert values["reach"] <= values["total-length"] + 1e-9
+
+
+def test_a_neighbourhood_shrinks_to_the_configuration(optimum):
+    values = evaluate(realise(optimum), Sampling(radius=1e-9))
+    assert values["neighbourhood"] == pytest.approx(measures.worst_case_sigma(optimum))
+
+
+@pytest.mark.parametrize("name", ["clearance", "total-length", "dh-length"])
+def test_the_search_finds_what_trying_all_finds(optimum, name):
+    arm, wanted = realise(optimum), CRITERIA[name]
+    sign = -1 if wanted.larger_is_better else 1
+
+    def cost(these):
+        return sign * wanted.evaluate(family(arm, these), FEW)
+
+    found = search(arm, cost, seed=0, keep=5, starts=12)
+    values = cost(found)
+    assert np.all(np.diff(values) >= 0)
+    assert sign * values[0] == pytest.approx(choose(arm, name, FEW).values[name], rel=1e-9)
+
+
+def test_many_joints_are_searched_and_a_seed_says_all():
+    arm = realise(reference.harmonic_jacobian(2, 9))
+    one, two = (choose(arm, "neighbourhood", FEW) for _ in range(2))
+    assert one.to_dict() == two.to_dict()
+    assert "seeded local search" in one.method
+    assert (
+        one.distinct == 9 * 8 * 7 * 6 * 5 * 4 * 3 * 2 * 2**9 // 36
+    )  # 18 turns, 18 reflections
+    assert one.values["total-length"] < sum(link_lengths(arm.points, arm.end_effector))
+
+
+def test_a_shortlist_is_named(optimum):
+    assert choose(realise(optimum), "reach", FEW, shortlist=9).method == (
+        "the 9 shortest of all 5040 distinct arrangements"
+    )
+
+
+def test_an_arm_whose_links_all_meet_has_no_clearance_to_tell():
+    chosen = choose(realise(np.zeros((2, 3))), "clearance", FEW)
+    assert chosen.to_dict()["criteria"]["clearance"] is None
+    assert chosen.values["total-length"] == 0
+
+
+def test_what_is_given_is_kept(optimum):
+    chosen = given(realise(optimum), [6, 5, 4, 3, 2, 1, 0], [True] * 7, FEW)
+    assert chosen.criterion is None
+    np.testing.assert_allclose(chosen.manipulator.jacobian(), -optimum[:, ::-1], atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("call", "sentence"),
+    [
+        (
+            lambda arm: choose(arm, "beauty"),
+            "criterion is beauty; allowed: one of total-length",
+        ),
+        (lambda arm: given(arm, [0, 1]), "order is 0,1"),
+        (lambda arm: choose(arm, "reach", FEW, 0), "shortlist is 0"),
+        (lambda _: Sampling(samples=0), "samples is 0"),
+        (lambda _: Sampling(seed=-1), "seed is -1"),
+        (lambda _: Sampling(radius=np.inf), "radius is inf"),
+    ],
+)
+def test_what_is_not_allowed(call, sentence):
+    with pytest.raises(InputError, match=sentence):
+        call(realise(reference.PLANAR_3R))

@@ -1,0 +1,119 @@
+"""``lockedjoint realise`` as a stranger meets it."""
+
+import io
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yourdfpy
+
+from formulations.__main__ import main
+
+ROOT = Path(__file__).parents[2]
+PLANAR = [[-np.sqrt(2 / 3), np.sqrt(1 / 6), np.sqrt(1 / 6)], [0, -np.sqrt(0.5), np.sqrt(0.5)]]
+
+
+def realise(*arguments, cwd):
+    environment = {**os.environ, "PYTHONPATH": str(ROOT), "NO_COLOR": "1"}
+    return subprocess.run(
+        [sys.executable, "-m", "formulations", "realise", *map(str, arguments)],
+        cwd=cwd,
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+
+@pytest.fixture
+def folder(tmp_path, optimum):
+    (tmp_path / "planar.json").write_text(json.dumps(PLANAR), encoding="utf-8")
+    np.save(tmp_path / "seven.npy", optimum)
+    both = [{"jacobian": PLANAR}, {"jacobian": optimum.tolist()}]
+    (tmp_path / "both.json").write_text(json.dumps(both), encoding="utf-8")
+    return tmp_path
+
+
+def test_urdf_on_standard_output(folder, optimum):
+    done = realise("both.json", "--pick", 1, "--to", "urdf", cwd=folder)
+    assert done.returncode == 0, done.stderr
+    robot = yourdfpy.URDF.load(io.StringIO(done.stdout))
+    axes = [joint.axis for joint in robot.actuated_joints]
+    np.testing.assert_allclose(np.array(axes).T, optimum[3:], atol=1e-15)
+
+
+def test_json_holds_everything(folder):
+    done = realise("seven.npy", "--criterion", "clearance", "--json", cwd=folder)
+    found = json.loads(done.stdout)
+    assert found["distinct"] == 5040
+    assert found["worst_case_sigma"] == pytest.approx(0.57148, abs=1e-5)
+    assert [joint["column"] for joint in found["joints"]] == found["order"]
+    assert found["dh"]["convention"] == "standard"
+    assert found["urdf"].startswith("<?xml")
+    assert found["deviation"] < 1e-12
+
+
+def test_tables_and_counts(folder):
+    axes = realise("planar.json", cwd=folder)
+    assert "end effector  0  0  0" in axes.stdout
+    table = realise("planar.json", "--to", "dh", "--convention", "modified", cwd=folder)
+    assert "1.41421356" in table.stdout
+    assert "alpha before" in table.stdout
+    counted = realise(
+        "planar.json", "--count", "--order", "2,0,1", "--signs", "+-+", cwd=folder
+    )
+    lines = dict(line.split("  ", 1) for line in counted.stdout.splitlines())
+    assert lines["distinct manipulators"].strip() == "4"
+    assert lines["orders and signs"].strip() == "48"
+    assert lines["signs"].strip() == "+-+"
+
+
+def test_figures_and_files(folder):
+    done = realise("planar.json", "--to", "figure", "--out", "arm.png", cwd=folder)
+    assert done.returncode == 0, done.stderr
+    assert "distinct manipulators" in done.stdout
+    assert (folder / "arm.png").read_bytes().startswith(b"\x89PNG")
+    slid = realise("seven.npy", "--slide", "--to", "figure", cwd=folder)
+    assert slid.stdout.startswith("<?xml")
+    assert "<svg" in slid.stdout
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        (["both.json"], "--pick is missing; allowed: 0 to 1"),
+        (["both.json", "--pick", 2], "--pick is 2; allowed: 0 to 1"),
+        (["planar.json", "--to", "stl"], "--to is stl; allowed: one of axes, dh, urdf, figure"),
+        (["planar.json", "--convention", "x"], "--convention is x; allowed: one of standard"),
+        (["planar.json", "--order", "1,2,3"], "order is 1,2,3; allowed: each of 0 to 2 once"),
+        (["planar.json", "--order", "a"], "--order is a"),
+        (["planar.json", "--signs", "++"], "--signs is ++; allowed: 3 signs"),
+        (["planar.json", "--criterion", "x"], "criterion is x; allowed: one of total-length"),
+        (["planar.json", "--criterion", "reach", "--order", "0,1,2"], "none with --order"),
+        (["planar.json", "--to", "figure", "--json"], "none with --to figure"),
+        (["planar.json", "--to", "figure", "--out", "a.gif"], "kind of figure is gif"),
+        (["planar.json", "--to", "urdf", "--out", "planar.json/x"], "folder of --out"),
+        (["planar.json", "--task", "spatial"], "task is spatial; allowed: planar"),
+        (["planar.json", "--length", "-1"], "allowed: a finite number above 0"),
+        (["seven.npy", "--kinds", "PRRRRRR"], "column 0 is"),
+        (["nothing.json"], "file is nothing.json"),
+    ],
+)
+def test_bad_input_is_one_sentence_and_leaves_nothing(
+    folder, arguments, sentence, monkeypatch, capsys
+):
+    before = sorted(path.name for path in folder.iterdir())
+    monkeypatch.chdir(folder)
+    monkeypatch.setattr(sys, "argv", ["lockedjoint", "realise", *map(str, arguments)])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    said = capsys.readouterr()
+    assert ended.value.code == 2
+    assert sentence in said.err
+    assert said.err.count("\n") == 1
+    assert said.out == ""
+    assert sorted(path.name for path in folder.iterdir()) == before

@@ -1,0 +1,105 @@
+"""Denavit–Hartenberg tables, read by the Robotics Toolbox and by the way back."""
+
+import numpy as np
+import pytest
+import roboticstoolbox
+
+from formulations import measures
+from formulations.realise.dh import Convention, denavit_hartenberg, manipulator_of
+from formulations.realise.from_jacobian import realise
+from formulations.reproduction import reference
+
+both = pytest.mark.parametrize("convention", list(Convention))
+
+
+def toolbox_robot(table):
+    rtb = roboticstoolbox
+    standard = table.convention is Convention.STANDARD
+    revolute, prismatic = (
+        (rtb.RevoluteDH, rtb.PrismaticDH) if standard else (rtb.RevoluteMDH, rtb.PrismaticMDH)
+    )
+    links = [
+        prismatic(theta=theta, offset=d, a=a, alpha=alpha)
+        if slides
+        else revolute(offset=theta, d=d, a=a, alpha=alpha)
+        for theta, d, a, alpha, slides in zip(
+            table.theta, table.d, table.a, table.alpha, table.prismatic, strict=True
+        )
+    ]
+    return rtb.DHRobot(links)
+
+
+@both
+def test_the_toolbox_finds_the_same_jacobian(arm, convention):
+    """Poses and Jacobians at zero displacement and elsewhere, frame changes apart."""
+    table = denavit_hartenberg(arm, convention)
+    robot = toolbox_robot(table)
+    rng = np.random.default_rng(0)
+    for q in (np.zeros(arm.joints), *rng.uniform(-3, 3, (3, arm.joints))):
+        flange = np.array(robot.fkine(q).A)
+        pose = table.base @ flange @ table.tool
+        np.testing.assert_allclose(pose, arm.pose(q), atol=1e-9)
+        found = np.array(robot.jacob0(q))
+        # From the last frame's origin to the end effector, and to the frame of the Jacobian.
+        way = flange[:3, :3] @ table.tool[:3, 3]
+        found[:3] += np.cross(found[3:], way, axis=0)
+        turn = table.base[:3, :3]
+        found = np.vstack([turn @ found[:3], turn @ found[3:]])
+        np.testing.assert_allclose(found, arm.full_jacobian(q), atol=1e-9)
+
+
+@both
+def test_the_way_back(arm, convention):
+    again = manipulator_of(denavit_hartenberg(arm, convention), arm.task)
+    q = np.random.default_rng(1).uniform(-3, 3, (4, arm.joints))
+    np.testing.assert_allclose(again.full_jacobian(q), arm.full_jacobian(q), atol=1e-9)
+    np.testing.assert_allclose(again.jacobian(), arm.jacobian(), atol=1e-10)
+
+
+@both
+def test_the_shape_of_a_table(arm, convention):
+    table = denavit_hartenberg(arm, convention)
+    assert np.all(table.a >= -1e-9)
+    assert table.theta[0] == table.d[0] == 0
+    if convention is Convention.MODIFIED:
+        assert table.a[0] == table.alpha[0] == 0
+    else:  # the last frame is at the end effector
+        np.testing.assert_array_equal(table.tool[:3, 3], 0)
+    for pose in (table.base, table.tool):
+        np.testing.assert_allclose(pose[:3, :3] @ pose[:3, :3].T, np.eye(3), atol=1e-12)
+
+
+@pytest.mark.parametrize("matrix", [reference.PLANAR_3R, reference.planar_4r(0.3)[:2]])
+def test_a_planar_arm_needs_lengths_and_angles_only(matrix):
+    arm = realise(matrix)
+    table = denavit_hartenberg(arm)
+    np.testing.assert_allclose(table.d, 0, atol=1e-15)
+    np.testing.assert_allclose(np.sin(table.alpha), 0, atol=1e-15)
+    places = np.vstack([arm.points, arm.end_effector])
+    np.testing.assert_allclose(table.a, np.linalg.norm(np.diff(places, axis=0), axis=1))
+
+
+@both
+@pytest.mark.parametrize("angle", [1e-4, 1e-6, 1e-8, 1e-10, 0.0])
+def test_axes_that_are_almost_parallel(optimum, convention, angle):
+    matrix = np.array(optimum)
+    tilted = matrix[3:, 0] + angle * matrix[3:, 1]
+    matrix[3:, 1] = tilted / np.linalg.norm(tilted)
+    matrix[:3, 1] = np.cross(matrix[3:, 1], [1.0, 0.3, 0.2])
+    arm = realise(matrix)
+    again = manipulator_of(denavit_hartenberg(arm, convention))
+    np.testing.assert_allclose(again.full_jacobian(), arm.full_jacobian(), atol=1e-8)
+
+
+@pytest.mark.parametrize("size", [1e-12, 1e12])
+def test_tables_scale_with_the_arm(size):
+    matrix = reference.planar_4r(0.3)[:2]
+    one, other = (denavit_hartenberg(realise(s * matrix)) for s in (1.0, size))
+    np.testing.assert_allclose(other.a, size * one.a)
+    np.testing.assert_allclose(other.theta, one.theta, atol=1e-12)
+
+
+def test_the_worst_case_survives_the_table(optimum):
+    robot = toolbox_robot(denavit_hartenberg(realise(optimum)))
+    found = measures.worst_case_sigma(np.array(robot.jacob0(np.zeros(7))))
+    assert found == pytest.approx(measures.worst_case_sigma(optimum), abs=1e-9)

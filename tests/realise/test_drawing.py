@@ -1,0 +1,90 @@
+"""Drawings show what they say, and are the same each time."""
+
+import sys
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from formulations.realise.drawing import draw, figure, render
+from formulations.realise.from_jacobian import realise
+from formulations.realise.projection import PLAN, View, clear_views
+from formulations.reproduction import reference
+from nlp.errors import InputError
+
+
+@pytest.fixture(scope="module")
+def planar():
+    return realise(reference.PLANAR_3R)
+
+
+@pytest.mark.parametrize(
+    ("kind", "start"), [("svg", b"<?xml"), ("png", b"\x89PNG"), ("pdf", b"%PDF")]
+)
+def test_formats_and_the_same_bytes_again(planar, kind, start):
+    content = render(planar, kind)
+    assert content.startswith(start)
+    assert content == render(planar, kind)
+
+
+def test_every_kind_of_arm_is_drawn_with_its_joints_named(arm):
+    panels = figure(arm).axes
+    assert len(panels) == (1 if arm.task.in_plane else 2)
+    for panel in panels:
+        texts = {text.get_text() for text in panel.texts}
+        assert {str(i) for i in range(arm.joints)} <= texts
+        spots = [text.get_position() for text in panel.texts if text.get_text()]
+        assert len(set(spots)) == len(spots)
+        (left, right), (low, high) = panel.get_xlim(), panel.get_ylim()
+        assert all(left <= x <= right and low <= y <= high for x, y in spots)
+
+
+def test_links_of_a_planar_arm_are_drawn_where_they_are(planar):
+    panel = figure(planar).axes[0]
+    draw(planar, panel, columns=False, labels=["a", "b", "c"])
+    ends = [np.array(line.get_xydata()) for line in panel.lines]
+    places = np.vstack([planar.points, planar.end_effector])[:, :2]
+    for start, end in pairwise(places):
+        assert any(
+            line.shape == (2, 2) and np.allclose(line, [start, end], atol=1e-12)
+            for line in ends
+        )
+    assert {"a", "b", "c"} <= {text.get_text() for text in panel.texts}
+    with pytest.raises(InputError, match="labels"):
+        draw(planar, panel, labels=["a"])
+
+
+def test_views_are_rotations_and_keep_distances():
+    for view in (PLAN, View(30.0, -20.0), View(200.0, 70.0)):
+        np.testing.assert_allclose(view.frame @ view.frame.T, np.eye(3), atol=1e-15)
+        assert np.linalg.det(view.frame) == pytest.approx(1)
+    np.testing.assert_allclose(PLAN.frame, np.eye(3), atol=1e-15)
+
+
+def test_the_chosen_views_are_clearer_than_most(optimum):
+    arm = realise(optimum)
+
+    places = np.vstack([arm.points, arm.end_effector])
+
+    def distances(points):
+        apart = np.linalg.norm(points[:, None] - points[None], axis=-1)
+        return apart[np.triu_indices(len(points), 1)]
+
+    # Axes that touch the sphere at one point look so from everywhere.
+    different = distances(places) > 1e-6
+
+    def shortest(view):
+        return distances(view.project(places)[:, :2])[different].min()
+
+    one, two = clear_views(arm)
+    assert two.azimuth - one.azimuth == 90
+    others = [shortest(View(a, 20.0)) for a in np.arange(0.0, 360.0, 7.0)]
+    assert min(shortest(one), shortest(two)) > np.median(others)
+
+
+def test_bad_kinds_and_a_missing_matplotlib(planar, monkeypatch):
+    with pytest.raises(InputError, match="kind of figure is gif; allowed: svg, png, pdf"):
+        render(planar, "gif")
+    monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
+    with pytest.raises(InputError, match=r"pip install lockedjoint\[figures\]"):
+        render(planar)

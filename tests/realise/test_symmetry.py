@@ -1,0 +1,104 @@
+"""Identical manipulators, counted by the group and by comparing all of them."""
+
+import numpy as np
+import pytest
+
+from formulations.realise.family import count, every, family
+from formulations.realise.from_jacobian import realise
+from formulations.realise.symmetry import distinct, symmetries
+from formulations.reproduction import reference
+
+
+def planar_classes(arm):
+    """Sort all arrangements by the distances between their joints and the end effector."""
+    points = family(arm, every(arm)).points
+    places = np.concatenate([points, np.zeros((len(points), 1, 3))], axis=1)
+    apart = np.linalg.norm(places[:, :, None] - places[:, None], axis=-1).round(6)
+    return len(np.unique(apart.reshape(len(points), -1), axis=0))
+
+
+@pytest.mark.parametrize(
+    ("matrix", "expected"),
+    [
+        (reference.PLANAR_3R, 4),
+        (reference.planar_4r(0.0)[:2], 12),
+        (reference.planar_4r(np.pi / 4)[:2], 24),
+        (reference.planar_4r(0.3)[:2], 48),
+        (np.random.default_rng(0).standard_normal((2, 4)), 192),
+    ],
+)
+def test_planar_arms_by_brute_force(matrix, expected):
+    arm = realise(matrix)
+    group = symmetries(arm)
+    assert len(distinct(every(arm), group)) == count(arm) // len(group) == expected
+    assert planar_classes(arm) == expected
+
+
+def turned(column, turn):
+    return np.concatenate([turn @ column[:3], turn @ column[3:]])
+
+
+def about_z(angle):
+    c, s = np.cos(angle), np.sin(angle)
+    return np.array([[c, -s, 0], [s, c, 0], [0, 0, 1.0]])
+
+
+COLUMN = np.array([0.6, 0.48, 0.64, -0.8, 0.36, 0.48])
+
+
+def circle(k, signs):
+    """Columns turned about z by equal angles, with signs."""
+    return np.column_stack(
+        [sign * turned(COLUMN, about_z(2 * np.pi * i / k)) for i, sign in enumerate(signs)]
+    )
+
+
+def test_axes_turned_about_a_line_are_a_cyclic_group():
+    arm = realise(circle(7, [1, -1, 1, 1, -1, 1, 1]))
+    group = symmetries(arm)
+    assert len(group) == 7
+    assert len(distinct(every(arm), group)) == 720
+
+
+def test_members_are_rigid_motions(arm):
+    group = symmetries(arm)
+    tip = arm.end_effector
+    for images, flips in zip(group.images, group.flips, strict=True):
+        other = arm.arranged(images, flips)
+        np.testing.assert_array_equal(other.prismatic, arm.prismatic)
+        turns = ~arm.prismatic
+        places = [np.vstack([one.points[turns], tip]) for one in (arm, other)]
+        apart = [np.linalg.norm(one[:, None] - one, axis=-1) for one in places]
+        np.testing.assert_allclose(*apart, atol=1e-5)
+        angles = [np.abs(one.directions @ one.directions.T) for one in (arm, other)]
+        np.testing.assert_allclose(*angles, atol=1e-5)
+
+
+def test_mirror_images_are_two_manipulators():
+    """Reflection in the plane z = 0 permutes these axes; no rotation does."""
+    rng = np.random.default_rng(2)
+    velocity, lever = rng.standard_normal((2, 3, 3))
+    spin = np.cross(velocity, lever, axis=0)
+    spin /= np.linalg.norm(spin, axis=0)
+    mirror = np.diag([1.0, 1.0, -1.0])
+    both = np.hstack(
+        [np.vstack([velocity, spin]), np.vstack([mirror @ velocity, -mirror @ spin])]
+    )
+    extra = np.array([[0, 0, 1.3, 0, 1, 0]]).T
+    own = np.hstack([both, extra])
+    reflected = np.vstack([mirror @ own[:3], -mirror @ own[3:]])[:, [3, 4, 5, 0, 1, 2, 6]]
+    lines = [np.cross(one[3:], one[:3], axis=0) for one in (own, reflected)]
+    np.testing.assert_allclose(*lines, atol=1e-12)  # the mirror image has the same axes
+    assert len(symmetries(realise(own))) == 1
+
+
+def test_signs_of_spatial_columns_change_nothing(optimum):
+    for matrix in (optimum, optimum * [1, -1, 1, 1, -1, -1, 1]):
+        assert count(realise(matrix)) == 5040
+        assert len(symmetries(realise(matrix))) == 1
+
+
+def test_a_group_too_large_to_list_is_not_listed():
+    same = realise(np.ones((2, 5)))
+    assert len(symmetries(same)) == 2 * 120  # all orders, and the reflection of all joints
+    assert symmetries(same, limit=100) is None

@@ -1,0 +1,78 @@
+"""Families of isotropic Jacobians: dimension, symmetries, and a curve through them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from formulations import measures
+from formulations.joints.arm import Arm
+from formulations.joints.kinds import UnitRevolute
+from formulations.measures.canonical import distinct
+from formulations.reproduction import reference
+from formulations.reproduction.nearest import nearest_unit_revolute
+from formulations.reproduction.solution_family import (
+    fills_tangent_space,
+    least_slope,
+    local_dimension,
+    solve_near,
+    symmetry_directions,
+    trace_family,
+)
+from nlp.arrays import FloatArray
+from nlp.errors import InputError
+
+ARM = Arm.of(UnitRevolute(), 8)
+
+
+@pytest.fixture(scope="module")
+def angles() -> FloatArray:
+    return solve_near(ARM, ARM.variables(nearest_unit_revolute(reference.OPTIMAL_8R)))
+
+
+def test_solution_is_optimally_failure_tolerant(angles: FloatArray) -> None:
+    assert measures.is_optimally_failure_tolerant(ARM.jacobian(angles), 1e-12)
+
+
+def test_printed_8r_belongs_to_a_family_of_three_dimensions(angles: FloatArray) -> None:
+    size = local_dimension(ARM, angles)
+    assert (size.angles, size.equations, size.symmetries, size.family) == (24, 17, 4, 3)
+    assert fills_tangent_space(ARM, angles)
+    assert least_slope(ARM, angles) == pytest.approx(0.0692, abs=1e-3)
+
+
+def test_rank_is_that_of_independent_equations_away_from_solutions() -> None:
+    point = ARM.sample(np.random.default_rng(0))
+    assert local_dimension(ARM, point).equations == 18
+
+
+def test_no_solutions_in_every_direction_where_there_is_none() -> None:
+    assert not fills_tangent_space(ARM, ARM.sample(np.random.default_rng(0)))
+
+
+def test_symmetries_leave_the_inner_products() -> None:
+    point = ARM.sample(np.random.default_rng(1))
+    step = 1e-6
+    before = measures.singular_values(ARM.jacobian(point))
+    for direction in symmetry_directions(ARM, point):
+        after = measures.singular_values(ARM.jacobian(point + step * direction))
+        np.testing.assert_allclose(after, before, atol=1e-9)
+
+
+def test_curve_of_different_optima(angles: FloatArray) -> None:
+    points = trace_family(ARM, angles, steps=6, length=0.1)
+    matrices = [ARM.jacobian(point) for point in points]
+    assert len(matrices) == 7
+    assert all(measures.is_optimally_failure_tolerant(matrix, 1e-11) for matrix in matrices)
+    assert len(distinct(matrices, tolerance=1e-3)) == 7
+
+
+def test_seven_joints_have_no_solution_to_be_near() -> None:
+    arm = Arm.of(UnitRevolute(), 7)
+    with pytest.raises(InputError, match="far from any solution"):
+        solve_near(arm, arm.variables(nearest_unit_revolute(reference.NEARLY_OPTIMAL_7R)))
+
+
+def test_steps_must_be_positive(angles: FloatArray) -> None:
+    with pytest.raises(InputError, match="steps"):
+        trace_family(ARM, angles, steps=0)

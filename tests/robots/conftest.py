@@ -1,0 +1,69 @@
+"""Robots made for the tests, as URDF text."""
+
+from types import SimpleNamespace
+
+import pytest
+
+from formulations.robots.read_urdf import parse_urdf
+
+
+def joint(
+    name, parent, child, kind="revolute", xyz="0 0 0.3", rpy="0 0 0", axis="0 0 1", **more
+):
+    limit = more.get("limit", 'lower="-2" upper="2" effort="1" velocity="1"')
+    limited = f"<limit {limit}/>" if kind in ("revolute", "prismatic") and limit else ""
+    return (
+        f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>'
+        f'<origin xyz="{xyz}" rpy="{rpy}"/><axis xyz="{axis}"/>{limited}{more.get("mimic", "")}'
+        "</joint>"
+    )
+
+
+def urdf(joints, links=None, name="made"):
+    if links is None:
+        links = dict.fromkeys(end for one in joints for end in _ends(one))
+    listed = "".join(f'<link name="{link}"/>' for link in links)
+    return f'<robot name="{name}">{listed}{"".join(joints)}</robot>'
+
+
+def _ends(text):
+    return [part.split('"')[1] for part in text.split("link=")[1:3]]
+
+
+AXES = ("0 0 1", "0 1 0", "0 0 1", "0 1 0", "0 0 1", "0 1 0", "0 0 1")
+
+
+def serial(offsets, axes=AXES, **kinds):
+    """A serial arm: joint k named jk turns about axes[k] at offsets[k] from the one before."""
+    return [
+        joint(f"j{k}", f"l{k}", f"l{k + 1}", xyz=xyz, axis=axis, **kinds.get(f"j{k}", {}))
+        for k, (xyz, axis) in enumerate(zip(offsets, axes, strict=True))
+    ]
+
+
+def spherical_shoulder_and_wrist():
+    """Seven joints, the axes of 0–2 meet in the shoulder, those of 4–6 in the wrist."""
+    return urdf(serial(["0 0 0"] * 3 + ["0 0 0.4", "0 0 0.4", "0 0 0", "0 0 0"]))
+
+
+def offset_arm(joints=7):
+    """No two axes meet: every failure leaves something."""
+    offsets = ["0.1 0.05 0.3", "0.2 0 0.1", "0 0.15 0.2", "0.1 0 0.25"] * 2
+    rpy = "0.4 0.7 0.2"
+    return urdf(
+        [
+            joint(f"j{k}", f"l{k}", f"l{k + 1}", xyz=offsets[k], rpy=rpy, axis=AXES[k % 7])
+            for k in range(joints)
+        ]
+    )
+
+
+def tree(text):
+    return parse_urdf(text.encode())
+
+
+@pytest.fixture(scope="session")
+def made():
+    """What makes robots."""
+    makers = (joint, urdf, serial, spherical_shoulder_and_wrist, offset_arm, tree)
+    return SimpleNamespace(**{maker.__name__: maker for maker in makers})

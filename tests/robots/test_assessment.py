@@ -1,0 +1,158 @@
+"""Assessing a robot: what is said must follow from its Jacobian."""
+
+import json
+
+import numpy as np
+import pytest
+
+from formulations import max_min, measures
+from formulations.catalogue import arm as designed
+from formulations.robots.chain_between import chain_between
+from formulations.robots.characteristic_length import at_length
+from formulations.robots.configuration import pairs, read_configuration
+from formulations.robots.directions import Task
+from formulations.robots.reachable import BEST_7R
+from formulations.robots.robot_arm import RobotArm
+from formulations.robots.robot_assessment import assess
+from nlp.errors import InputError
+from nlp.multistart import multistart
+
+
+@pytest.fixture(scope="module")
+def seven(made):
+    return RobotArm(chain_between(made.tree(made.offset_arm()), "l7"))
+
+
+POINT = np.array([0.3, -0.9, 0.4, 1.1, -0.2, 0.8, 0.5])
+
+
+@pytest.mark.parametrize("locked", [1, 2])
+def test_failures_follow_from_the_jacobian(made, locked):
+    """The direction named is the one that moves least for any joint rates of norm 1."""
+    arm = RobotArm(chain_between(made.tree(made.offset_arm(8)), "l8"))
+    found = assess(arm, np.append(POINT, 0.1), locked)
+    matrix = arm.jacobian(np.append(POINT, 0.1))
+    assert np.array(found.jacobian) == pytest.approx(matrix)
+    assert found.worst_case_sigma == measures.worst_case_sigma(matrix, locked)
+    sigmas = [one.sigma for one in found.failures]
+    assert sigmas == sorted(sigmas)
+    assert len(sigmas) == {1: 8, 2: 28}[locked]
+    for one in found.failures:
+        kept = [k for k, name in enumerate(arm.chain.names) if name not in one.joints]
+        direction = np.array(list(one.direction.values()))
+        assert np.linalg.norm(direction) == pytest.approx(1.0)
+        assert np.linalg.norm(direction @ matrix[:, kept]) == pytest.approx(
+            one.sigma, abs=1e-12
+        )
+    assert found.worst_case_joints == found.failures[0].joints
+
+
+def test_percentages(seven):
+    found = assess(seven, POINT)
+    assert found.sigma_bound == pytest.approx(np.sqrt(14 / 42))
+    assert found.percent_of_bound == pytest.approx(100 * found.worst_case_sigma * np.sqrt(3))
+    assert found.percent_of_reachable == pytest.approx(100 * found.worst_case_sigma / BEST_7R)
+
+
+def test_the_best_7r_is_what_max_min_reaches():
+    """Free lever arms of mean square 1, which a robot's are at its default length."""
+    one = designed("lever-revolute", 7)
+    build, options = (lambda: max_min.build(one)), max_min.OPTIONS
+    study = multistart(build, one.sample, starts=8, options=options)
+    found = max(
+        measures.worst_case_sigma(r.solution.outputs["jacobian"]) for r in study.results
+    )
+    assert found == pytest.approx(BEST_7R, abs=1e-7)
+
+
+def test_the_dependence_on_length(seven):
+    found = assess(seven, POINT)
+    middle = found.by_length[len(found.by_length) // 2]
+    assert middle.length == pytest.approx(found.characteristic_length)
+    assert middle.worst_case_sigma == pytest.approx(found.worst_case_sigma)
+    ends = found.by_length[-1].length / found.by_length[0].length
+    assert ends == pytest.approx(100.0)
+    for one in found.by_length:
+        matrix = RobotArm(seven.chain, length=one.length).jacobian(POINT)
+        assert measures.worst_case_sigma(matrix) == pytest.approx(one.worst_case_sigma)
+
+
+def test_no_length_is_better_than_the_best(seven):
+    found = assess(seven, POINT)
+    lengths = found.characteristic_length * np.logspace(-2, 2, 1001)
+    percents = [at_length(seven, POINT, length, 1).percent_of_bound for length in lengths]
+    assert found.best_length.percent_of_bound >= max(percents) - 1e-9
+    assert found.best_length.percent_of_bound > found.percent_of_bound
+
+
+def test_length_is_a_mere_unit_for_positions(seven):
+    arm = RobotArm(seven.chain, Task.parse("position"))
+    found = assess(arm, POINT)
+    assert (found.by_length, found.best_length) == ((), None)
+    other = assess(RobotArm(seven.chain, arm.task, 3.7), POINT)
+    assert other.percent_of_bound == pytest.approx(found.percent_of_bound)
+
+
+def test_equally_bad_failures_are_counted(made):
+    """In the plane, four joints in a square about the tip: each failure leaves the optimum."""
+    square = ["1 1 0", "-2 0 0", "0 -2 0", "2 0 0"]
+    joints = made.serial(square, ["0 0 1"] * 4)
+    tool = made.joint("tool", "l4", "tip", "fixed", xyz="-1 1 0")
+    chain = chain_between(made.tree(made.urdf([*joints, tool])), "tip")
+    found = assess(RobotArm(chain, Task(("vx", "vy"))), np.zeros(4))
+    assert found.equally_bad == 4
+    assert found.worst_case_sigma == pytest.approx(1.0)
+    assert found.percent_of_bound == pytest.approx(100.0)
+    assert found.characteristic_length == pytest.approx(np.sqrt(2))
+
+
+def test_configurations_as_they_are_written(seven, tmp_path):
+    chain = seven.chain
+    in_order = ",".join(map(str, POINT))
+    assert read_configuration(in_order, chain) == pytest.approx(POINT)
+    assert read_configuration(None, chain) == pytest.approx(np.zeros(7))
+    assert read_configuration("j2=1, j0=-0.5", chain) == pytest.approx([-0.5, 0, 1, 0, 0, 0, 0])
+    named = dict(zip(chain.names, POINT.tolist(), strict=True))
+    for content in (POINT.tolist(), named, {"configuration": named}):
+        path = tmp_path / "q.json"
+        path.write_text(json.dumps(content))
+        assert read_configuration(str(path), chain) == pytest.approx(POINT)
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        ("1,2", "2 numbers; allowed: 7 of them"),
+        ("1,2,3,4,5,6,x", "is x; allowed: a finite number"),
+        ("j0=nan", "--configuration of j0 is nan"),
+        ("j0=1,j0=2", "j0 twice"),
+        ("j0=1,2", "is 2; allowed: JOINT=VALUE"),
+        ("elbow=1", "joint is elbow; allowed: one of j0"),
+        ("j0=9", r"joint j0 is 9; allowed: within \[-2, 2\]"),
+        ("nowhere.json", "no such file"),
+        ("", "is ''; allowed: a finite number"),
+    ],
+)
+def test_configurations_that_are_none(seven, text, sentence):
+    with pytest.raises(InputError, match=sentence):
+        read_configuration(text, seven.chain)
+
+
+@pytest.mark.parametrize("content", ["{", '"text"', "[1, true]", '{"j0": null}', "[[1]]"])
+def test_json_that_is_no_configuration(seven, tmp_path, content):
+    path = tmp_path / "q.json"
+    path.write_text(content)
+    with pytest.raises(InputError):
+        read_configuration(str(path), seven.chain)
+
+
+def test_pairs_name_their_option():
+    with pytest.raises(InputError, match="--held is elbow; allowed: JOINT=VALUE"):
+        pairs(["elbow"], "--held")
+
+
+def test_a_configuration_outside_the_limits_is_not_assessed(seven):
+    with pytest.raises(InputError, match="joint j0 is 3"):
+        assess(seven, [3, 0, 0, 0, 0, 0, 0])
+    with pytest.raises(InputError, match="locked joints is 7"):
+        assess(seven, POINT, 7)

@@ -1,0 +1,200 @@
+"""Chains between links: fixed, mimic, prismatic and held joints, limits, base and tip."""
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from formulations.robots.chain_between import chain_between
+from formulations.robots.directions import Task
+from formulations.robots.robot_arm import RobotArm
+from nlp.errors import InputError
+
+PLANE = Task(("vx", "wz"))
+
+
+@pytest.fixture(scope="module")
+def mixed(made):
+    """A tree with every kind of joint, a branch, and mimicry from another branch."""
+    mimic = '<mimic joint="a" multiplier="-0.5" offset="0.2"/>'
+    return made.urdf(
+        [
+            made.joint("a", "base", "one", xyz="0.1 0 0.2", rpy="0.3 0 0", axis="0 1 1"),
+            made.joint("weld", "one", "two", "fixed", xyz="0 0.3 0", rpy="0 0.5 0"),
+            made.joint("b", "two", "three", "prismatic", axis="1 0 1"),
+            made.joint("c", "three", "four", xyz="0.2 0 0", axis="1 0 0", mimic=mimic),
+            made.joint("d", "four", "five", "continuous", xyz="0 0.1 0.1", axis="0 0 1"),
+            made.joint("e", "five", "tip", xyz="0 0.2 0.1", rpy="1 0 0.2", axis="0 1 0"),
+            made.joint("other", "two", "branch", "floating"),
+        ]
+    )
+
+
+def from_pinocchio(text, chain, point):
+    """Columns of the free joints in pinocchio's Jacobian of the tip, axes of the root."""
+    model = pin.buildModelFromXML(text, mimic=True)
+    data = model.createData()
+    q = pin.neutral(model)
+    places = []
+    for name, value in [*zip(chain.names, point, strict=True), *chain.held]:
+        joint = model.joints[model.getJointId(name)]
+        q[joint.idx_q : joint.idx_q + joint.nq] = (
+            value if joint.nq == 1 else [np.cos(value), np.sin(value)]
+        )
+        places.append(joint.idx_v)
+    frame = model.getFrameId(chain.tip)
+    full = pin.computeFrameJacobian(model, data, q, frame, pin.LOCAL_WORLD_ALIGNED)
+    return full[:, places[: len(chain.names)]]
+
+
+@pytest.mark.parametrize("held", [{}, {"a": 0.4}, {"d": -2.5}, {"b": 0.7, "e": -1.0}])
+def test_every_kind_of_joint_agrees_with_pinocchio(mixed, made, held):
+    """Of which the mimic joint's column is the driver's: pinocchio knows mimicry as well."""
+    text = mixed.replace('type="floating"', 'type="fixed"')
+    chain = chain_between(made.tree(text), "tip", held=held)
+    assert chain.names == tuple(name for name in "abde" if name not in held)
+    arm = RobotArm(chain, Task(("vx",)), 0.7)
+    rng = np.random.default_rng(0)
+    for _ in range(5):
+        point = arm.sample(rng)
+        ours, theirs = arm.metric_jacobian(point), from_pinocchio(text, chain, point)
+        assert ours == pytest.approx(theirs, abs=1e-12)
+
+
+def test_a_driver_on_another_branch_moves_the_tip(made):
+    """A finger that mimics: the driver is not on the way to the tip, its column is."""
+    mimic = '<mimic joint="left" multiplier="2" offset="0.1"/>'
+    robot = made.tree(
+        made.urdf(
+            [
+                made.joint("left", "palm", "l", "prismatic", limit='lower="0" upper="0.4"'),
+                made.joint("right", "palm", "r", "prismatic", mimic=mimic),
+                made.joint("nod", "r", "tip", axis="0 1 0"),
+            ]
+        )
+    )
+    chain = chain_between(robot, "tip")
+    assert chain.names == ("left", "nod")
+    assert chain.prismatic == (True, False)
+    arm = RobotArm(chain, Task(("vz",)), 1.0)
+    assert arm.metric_jacobian([0.2, 0.3])[:3, 0] == pytest.approx([0, 0, 2], abs=1e-12)
+
+
+def test_limits_of_a_mimic_joint_narrow_its_drivers(mixed, made):
+    """c = 0.2 − a/2 within ±2 leaves a ≥ −3.6, its own ±2 is narrower; but not at ±0.5."""
+    lower, upper = chain_between(made.tree(mixed), "tip").limits
+    assert (lower[0], upper[0]) == (-2.0, 2.0)
+    head, tail = mixed.split('<joint name="c"')
+    tail = tail.replace('lower="-2" upper="2"', 'lower="-0.5" upper="0.5"', 1)
+    lower, upper = chain_between(made.tree(f'{head}<joint name="c"{tail}'), "tip").limits
+    assert (lower[0], upper[0]) == pytest.approx((-0.6, 1.4))
+
+
+def test_a_held_joint_is_a_fixed_one(mixed, made):
+    """Column by column the arm with a joint held is the arm without that column."""
+    robot = made.tree(mixed)
+    whole = RobotArm(chain_between(robot, "tip"), PLANE, 0.5)
+    rest = RobotArm(chain_between(robot, "tip", held={"d": 0.9}), PLANE, 0.5)
+    full = whole.metric_jacobian([0.1, 0.2, 0.9, -0.3])
+    assert rest.metric_jacobian([0.1, 0.2, -0.3]) == pytest.approx(
+        np.delete(full, 2, axis=1), abs=1e-12
+    )
+
+
+def test_a_base_up_the_tree_leaves_out_what_is_before_it(mixed, made):
+    """Seen from another base: the same columns, turned."""
+    robot = made.tree(mixed.replace('joint="a"', 'joint="b"'))
+    whole = RobotArm(chain_between(robot, "tip"), Task(("vx", "vz")), 1.0)
+    part = RobotArm(chain_between(robot, "tip", base="two"), Task(("vx",)), 1.0)
+    assert part.chain.names == ("b", "d", "e")
+    point = np.array([0.2, -0.4, 0.6])
+    long, short = whole.metric_jacobian([0.5, *point])[:, 1:], part.metric_jacobian(point)
+    assert long.T @ long == pytest.approx(short.T @ short, abs=1e-12)
+    assert np.max(np.abs(long - short)) > 0.1
+
+
+def test_the_point_is_in_the_tips_frame(mixed, made):
+    """Moving the point by r changes v by ω × r and leaves ω."""
+    robot = made.tree(mixed)
+    shift = np.array([0.1, -0.2, 0.3])
+    point = np.array([0.3, 0.1, 0.9, -0.7])
+    here, there = (
+        RobotArm(
+            chain_between(robot, "tip", point=r), Task(("vx",), "tip"), 1.0
+        ).metric_jacobian(point)
+        for r in ((0, 0, 0), shift)
+    )
+    moved = here[:3] + np.cross(here[3:], shift, axisa=0, axisc=0)
+    assert there[:3] == pytest.approx(moved, abs=1e-12)
+    assert there[3:] == pytest.approx(here[3:], abs=1e-12)
+
+
+def test_mid_range_is_zero_without_limits(mixed, made):
+    chain = chain_between(made.tree(mixed.replace('upper="2"', 'upper="3"')), "tip")
+    assert chain.mid_range == pytest.approx([0.5, 0.5, 0.0, 0.5])
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        ({"tip": "nowhere"}, "tip is nowhere; allowed: one of the links base, one"),
+        ({"tip": "tip", "base": "nowhere"}, "base is nowhere"),
+        ({"tip": "four", "base": "five"}, "base is five; allowed: a link before four"),
+        ({"tip": "base"}, "nothing moves"),
+        ({"tip": "two", "base": "one"}, "nothing moves"),
+        ({"tip": "two", "held": {"a": 0.0}}, "nothing moves"),
+        ({"tip": "branch"}, "joint other is floating; allowed: only revolute"),
+        ({"tip": "tip", "held": {"x": 0.0}}, "held joint is x; allowed: one of a, b, d, e"),
+        ({"tip": "tip", "held": {"c": 0.0}}, "held joint is c"),
+        ({"tip": "tip", "held": {"a": 2.5}}, r"joint a is 2.5; allowed: within \[-2, 2\]"),
+        ({"tip": "tip", "held": {"a": np.nan}}, "joint a is nan"),
+        ({"tip": "tip", "point": (0, 0)}, "point is"),
+    ],
+)
+def test_what_cannot_be_a_chain(mixed, made, arguments, sentence):
+    with pytest.raises(InputError, match=sentence):
+        chain_between(made.tree(mixed), **arguments)
+
+
+@pytest.mark.parametrize(
+    ("mimic", "sentence"),
+    [
+        ('<mimic joint="none"/>', "<mimic> of joint b is none"),
+        ('<mimic joint="b"/>', "circular"),
+        ('<mimic joint="weld"/>', "joint weld, mimicked by b, is fixed"),
+        ('<mimic joint="a" offset="9"/>', "limits of joint a is contradictory"),
+    ],
+)
+def test_mimicry_that_leads_nowhere(made, mimic, sentence):
+    robot = made.tree(
+        made.urdf(
+            [
+                made.joint("a", "0", "1"),
+                made.joint("weld", "1", "2", "fixed"),
+                made.joint("b", "2", "3", mimic=mimic),
+            ]
+        )
+    )
+    with pytest.raises(InputError, match=sentence):
+        chain_between(robot, "3")
+
+
+def test_mimicry_of_mimicry_and_of_multiplier_zero(made):
+    robot = made.tree(
+        made.urdf(
+            [
+                made.joint("a", "0", "1"),
+                made.joint(
+                    "b", "1", "2", mimic='<mimic joint="a" multiplier="2" offset="0.1"/>'
+                ),
+                made.joint(
+                    "c", "2", "3", mimic='<mimic joint="b" multiplier="-3" offset="0.4"/>'
+                ),
+                made.joint(
+                    "d", "3", "4", mimic='<mimic joint="a" multiplier="0" offset="0.3"/>'
+                ),
+            ]
+        )
+    )
+    chain = chain_between(robot, "4")
+    driven = [(motion.multiplier, motion.offset) for motion in chain.motions]
+    assert driven == [(1.0, 0.0), (2.0, 0.1), (-6.0, pytest.approx(0.1))]

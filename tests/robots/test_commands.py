@@ -1,0 +1,129 @@
+"""assess, posture and robots as a stranger meets them: real processes."""
+
+import csv
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from formulations import measures
+from formulations.__main__ import main
+
+ROOT = Path(__file__).parents[2]
+
+
+def lockedjoint(*arguments, cwd):
+    environment = {**os.environ, "PYTHONPATH": str(ROOT), "NO_COLOR": "1"}
+    return subprocess.run(
+        [sys.executable, "-m", "formulations", *map(str, arguments)],
+        cwd=cwd,
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+
+@pytest.fixture
+def robot(made, tmp_path):
+    path = tmp_path / "robot.urdf"
+    path.write_text(made.offset_arm())
+    return path
+
+
+def test_posture_then_assess_then_measure(robot, tmp_path):
+    found = lockedjoint(
+        "posture", robot, "--starts", 3, "--out", "here/best.json", cwd=tmp_path
+    )
+    assert found.returncode == 0, found.stderr
+    for line in ("worst-case sigma", "starts", "hurts most", "characteristic length", "midway"):
+        assert line in found.stdout
+    best = json.loads((tmp_path / "here/best.json").read_text())
+    again = lockedjoint(
+        "assess", robot, "--configuration", "here/best.json", "--json", cwd=tmp_path
+    )
+    assessed = json.loads(again.stdout)
+    assert assessed["worst_case_sigma"] == pytest.approx(best["worst_case_sigma"], abs=1e-12)
+    measured = lockedjoint("measure", "here/best.json", "--json", cwd=tmp_path)
+    judged = json.loads(measured.stdout)
+    assert judged["worst_case_sigma"] == pytest.approx(best["worst_case_sigma"], abs=1e-12)
+    matrix = np.array(best["jacobian"])
+    assert measures.worst_case_sigma(matrix) == pytest.approx(best["worst_case_sigma"])
+
+
+def test_assess_says_everything_that_was_asked(robot, tmp_path):
+    done = lockedjoint(
+        *("assess", robot, "--length", 0.4, "--task", "vx,vy,wz", "--frame", "tip"),
+        *("--held", "j1=0.5", "--locked", 2, "--point", "0,0,0.1", "--out", "a.json"),
+        *("--configuration", "j0=0.1,j4=-1", "--base", "l0", "--tip", "l7"),
+        cwd=tmp_path,
+    )
+    assert done.returncode == 0, done.stderr
+    assert "0.4 m" in done.stdout
+    found = json.loads((tmp_path / "a.json").read_text())
+    assert (found["held"], found["task"]) == ({"j1": 0.5}, ["vx", "vy", "wz"])
+    assert np.array(found["jacobian"]).shape == (3, 6)
+    assert len(found["failures"]) == 15
+    assert f"and {15 - 12} failures" in done.stdout
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        (("assess", "none.urdf"), "none.urdf; allowed: a file that can be read"),
+        (("assess", "broken.urdf"), "well-formed XML"),
+        (("posture", "broken.urdf"), "well-formed XML"),
+        (("assess", "robot.urdf", "--tip", "hand"), "tip is hand; allowed: one of the links"),
+        (("assess", "robot.urdf", "--tip", "l6"), "more than the 6 task directions"),
+        (("assess", "robot.urdf", "--task", "sideways"), "task is sideways"),
+        (("assess", "robot.urdf", "--length", "0"), "a finite number above 0"),
+        (("assess", "robot.urdf", "--configuration", "1"), "7 of them (j0, j1"),
+        (("assess", "robot.urdf", "--held", "j0"), "--held is j0; allowed: JOINT=VALUE"),
+        (("assess", "robot.urdf", "--point", "1,2"), "three numbers X,Y,Z"),
+        (("assess", "robot.urdf", "--locked", "7"), "locked joints is 7"),
+        (("assess", "branched.urdf"), "--tip is missing; allowed: a link of made"),
+        (("posture", "robot.urdf", "--formulation", "best"), "one of residual, max-min"),
+        (("posture", "robot.urdf", "--ipopt", "mu=1"), "mu"),
+        (("robots", "--only", "Hal"), "--only is Hal; allowed: part of one of Franka"),
+    ],
+)
+def test_wrong_input_is_one_sentence(
+    robot, made, tmp_path, arguments, sentence, monkeypatch, capfd
+):
+    """By the entry point itself, in this process: fifteen of them take long to start."""
+    (tmp_path / "broken.urdf").write_text(robot.read_text()[:100])
+    branch = [made.joint("a", "0", "1"), made.joint("b", "0", "2")]
+    (tmp_path / "branched.urdf").write_text(made.urdf(branch))
+    before = sorted(tmp_path.iterdir())
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "argv", ["lockedjoint", *arguments])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    shown = capfd.readouterr()
+    assert ended.value.code == 2
+    assert sentence in shown.err
+    assert shown.err.startswith("Error: ")
+    assert shown.err.count("\n") == 1
+    assert shown.out == ""
+    assert sorted(tmp_path.iterdir()) == before
+
+
+def test_robots_writes_a_table_that_measure_reads(tmp_path):
+    done = lockedjoint(
+        "robots", "--only", "UR5", "--starts", 2, "--workers", 1, "--out", "here", cwd=tmp_path
+    )
+    assert done.returncode == 0, done.stderr
+    with (tmp_path / "here/robots.csv").open() as file:
+        (row,) = csv.DictReader(file)
+    page = (tmp_path / "here/robots.md").read_text()
+    assert f"{float(row['worst_case_sigma']):.5f}" in page
+    assert "- seed: 0" in page
+    measured = lockedjoint("measure", "here/postures.json", "--json", cwd=tmp_path)
+    judged = json.loads(measured.stdout)
+    assert judged["worst_case_sigma"] == pytest.approx(
+        float(row["worst_case_sigma"]), abs=1e-12
+    )

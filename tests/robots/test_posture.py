@@ -1,0 +1,232 @@
+"""Searching for postures: the three formulations on robots, judged from outside."""
+
+import json
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from formulations import max_min, measures
+from formulations.robots.chain_between import chain_between
+from formulations.robots.directions import Task
+from formulations.robots.posture import (
+    FatalFailureError,
+    Search,
+    best_posture,
+    fatal_failures,
+)
+from formulations.robots.robot_arm import RobotArm
+from formulations.robots.robot_assessment import assess
+from formulations.studies.robots.survey import survey
+from formulations.studies.robots.survey_arms import ARMS, SurveyArm
+from nlp.errors import InputError
+
+RESULTS = Path(__file__).parents[3] / "results" / "robots"
+
+
+@lru_cache
+def real(name, task="all"):
+    return next(one for one in ARMS if one.name.startswith(name) and one.task == task)
+
+
+@lru_cache
+def tiago():
+    return best_posture(real("TIAGo,").arm(), Search(starts=8))
+
+
+def by_pinocchio(declared, configuration):
+    """From a posture by name to ℓ and σ without any of our kinematics, scaling or measures."""
+    model = pin.buildModelFromUrdf(str(declared.path))
+    q, places, slides = pin.neutral(model), [], []
+    for name, value in configuration.items():
+        joint = model.joints[model.getJointId(name)]
+        q[joint.idx_q : joint.idx_q + joint.nq] = (
+            value if joint.nq == 1 else [np.cos(value), np.sin(value)]
+        )
+        places.append(joint.idx_v)
+        slides.append(joint.shortname().startswith("JointModelP"))
+    frame, data = model.getFrameId(declared.tip), model.createData()
+    matrix = pin.computeFrameJacobian(model, data, q, frame, pin.LOCAL_WORLD_ALIGNED)[:, places]
+    turning = matrix[:, ~np.array(slides)]
+    length = np.sqrt(np.sum(turning[:3] ** 2) / np.sum(turning[3:] ** 2))
+    matrix[:3] /= length
+    matrix[:, slides] *= length
+    rows = matrix[:3] if declared.task == "position" else matrix
+    left = [
+        np.linalg.svd(np.delete(rows, f, axis=1), compute_uv=False)[-1]
+        for f in range(len(places))
+    ]
+    return length, min(left)
+
+
+def test_the_worst_case_by_pinocchio_alone():
+    found = tiago().assessment
+    length, sigma = by_pinocchio(real("TIAGo,"), found.configuration)
+    assert length == pytest.approx(found.characteristic_length)
+    assert sigma == pytest.approx(found.worst_case_sigma, abs=1e-9)
+
+
+@pytest.mark.parametrize("declared", ARMS, ids=lambda one: f"{one.name}, {one.task}")
+def test_the_postures_on_record_by_pinocchio_alone(declared):
+    """Every row of results/robots is as good as it says, within the limits."""
+    recorded = json.loads((RESULTS / "postures.json").read_text())
+    (found,) = (
+        one
+        for one in recorded
+        if (one["arm"], one["variant"]) == (declared.name, declared.task)
+    )
+    length, sigma = by_pinocchio(declared, found["configuration"])
+    assert length == pytest.approx(found["characteristic_length"])
+    assert sigma == pytest.approx(found["worst_case_sigma"], abs=1e-9)
+    declared.arm().chain.within_limits(list(found["configuration"].values()))
+
+
+def test_max_min_is_better_than_what_it_started_from_and_than_mid_range():
+    found, arm = tiago(), real("TIAGo,").arm()
+    rng = np.random.default_rng(3)
+    drawn = [measures.worst_case_sigma(arm.jacobian(arm.sample(rng))) for _ in range(1000)]
+    assert found.assessment.worst_case_sigma > max(drawn)
+    assert found.assessment.worst_case_sigma > found.mid_range_sigma
+    middle = assess(arm, arm.chain.mid_range)
+    assert found.mid_range_sigma == pytest.approx(middle.worst_case_sigma)
+
+
+def test_no_small_move_improves_on_it():
+    """A local maximum, seen without derivatives."""
+    found, arm = tiago(), real("TIAGo,").arm()
+    point = np.array(list(found.assessment.configuration.values()))
+    lower, upper = arm.bounds
+    rng = np.random.default_rng(4)
+    for size in (1e-1, 1e-2, 1e-3, 1e-4):
+        for _ in range(50):
+            near = np.clip(point + size * rng.standard_normal(arm.size), lower, upper)
+            sigma = measures.worst_case_sigma(arm.jacobian(near))
+            assert sigma <= found.assessment.worst_case_sigma + 1e-6
+
+
+def test_a_planar_arm_against_every_posture_on_a_grid(made):
+    """Four links of length 1 in the plane: brute force, with a Jacobian of its own."""
+    joints = made.serial(["0 0 0"] + ["1 0 0"] * 3, ["0 0 1"] * 4)
+    tool = made.joint("tool", "l4", "tip", "fixed", xyz="1 0 0")
+    chain = chain_between(made.tree(made.urdf([*joints, tool])), "tip")
+    found = best_posture(RobotArm(chain, Task(("vx", "vy"))), Search(starts=6)).assessment
+
+    turns = np.linspace(-2, 2, 65)
+    q = np.stack(np.meshgrid(turns, turns, turns, indexing="ij"), axis=-1).reshape(-1, 3)
+    heading = np.cumsum(np.column_stack([np.zeros(len(q)), q]), axis=1)
+    arms = np.cumsum(np.exp(1j * heading)[:, ::-1], axis=1)[:, ::-1]  # from joint to tip
+    columns = arms / np.sqrt(np.mean(np.abs(arms) ** 2, axis=1, keepdims=True))
+    left = []
+    for f in range(4):
+        kept = np.delete(columns, f, axis=1)
+        # λ_min of a 2×2 Gram matrix of plane vectors z: (Σ|z|² − |Σz²|)/2
+        left.append((np.sum(np.abs(kept) ** 2, axis=1) - np.abs(np.sum(kept**2, axis=1))) / 2)
+    on_grid = np.sqrt(np.max(np.min(left, axis=0)))
+    assert on_grid <= found.worst_case_sigma + 1e-9
+    assert on_grid == pytest.approx(found.worst_case_sigma, abs=0.03)
+
+
+@pytest.mark.parametrize("name", ["residual", "isotropy"])
+def test_the_other_formulations(name):
+    """As to orientation the Panda can be isotropic, which is optimal there: √(T(n−m)/(mn))."""
+    arm = RobotArm(real("Franka").arm().chain, Task.parse("orientation"))
+    found = best_posture(arm, Search(name, starts=6))
+    matrix = np.array(found.assessment.jacobian)
+    assert measures.isotropy_defect(matrix) < 1e-9 * measures.trace(matrix) ** 2
+    lower, upper = arm.bounds
+    point = np.array(list(found.assessment.configuration.values()))
+    assert np.all((point >= lower) & (point <= upper))
+    assert found.assessment.worst_case_sigma == pytest.approx(np.sqrt(7 * 4 / 21), abs=1e-7)
+
+
+def test_limits_bind_and_hold(made):
+    """With limits narrowed about the best posture found, the answer stays within them."""
+    text = made.offset_arm()
+    wide = RobotArm(chain_between(made.tree(text), "l7"))
+    tight = RobotArm(chain_between(made.tree(text.replace('"-2"', '"0.4"')), "l7"))
+    free, bound = (best_posture(arm, Search(starts=3)).assessment for arm in (wide, tight))
+    assert min(bound.configuration.values()) >= 0.4
+    assert bound.worst_case_sigma < free.worst_case_sigma
+    assert bound.at_limits
+
+
+def test_after_a_failure(made):
+    """A sub-chain: eight joints, one held; its best posture holds it."""
+    tree = made.tree(made.offset_arm(8))
+    arm = RobotArm(chain_between(tree, "l8", held={"j3": 0.7}))
+    found = best_posture(arm, Search(starts=4)).assessment
+    assert found.held == {"j3": 0.7}
+    assert "j3" not in found.configuration
+    whole = RobotArm(chain_between(tree, "l8"), length=found.characteristic_length)
+    point = [({"j3": 0.7} | found.configuration)[name] for name in whole.chain.names]
+    kept = np.delete(whole.jacobian(point), 3, axis=1)
+    assert measures.worst_case_sigma(kept) == pytest.approx(found.worst_case_sigma, abs=1e-9)
+
+
+def test_two_failures_at_once(made):
+    arm = RobotArm(chain_between(made.tree(made.offset_arm(8)), "l8"), Task.parse("position"))
+    found = best_posture(arm, Search(locked=2, starts=4)).assessment
+    matrix = np.array(found.jacobian)
+    assert found.worst_case_sigma == measures.worst_case_sigma(matrix, 2) > 0.1
+
+
+def test_the_elbow_between_two_spherical_joints_is_fatal(made):
+    """Its loss fixes the distance from shoulder to wrist, whatever the posture."""
+    chain = chain_between(
+        made.tree(made.spherical_shoulder_and_wrist()), "l7", point=(0, 0, 0.1)
+    )
+    arm = RobotArm(chain)
+    assert fatal_failures(arm) == ("j3",)
+    with pytest.raises(FatalFailureError, match="failure of j3 is fatal at every posture"):
+        best_posture(arm)
+    assert best_posture(arm, Search("residual", starts=2)).assessment.worst_case_sigma < 1e-9
+
+
+def test_the_same_whatever_the_number_of_workers(made):
+    arm = RobotArm(chain_between(made.tree(made.offset_arm()), "l7"), Task.parse("position"))
+    alone, shared = (best_posture(arm, Search(starts=3, workers=w)).to_dict() for w in (1, 2))
+    assert alone == shared
+
+
+def test_the_isotropy_that_seven_joints_cannot_have_is_not_claimed(made):
+    """Twenty-one equations in seven unknowns."""
+    arm = RobotArm(chain_between(made.tree(made.offset_arm()), "l7"))
+    with pytest.raises(InputError, match="a matter of 18 independent equations"):
+        best_posture(arm, Search("isotropy", starts=2))
+    panda = real("Franka", "position").arm()
+    with pytest.raises(InputError, match=r"not found from 2 starts.*Infeasible_Problem"):
+        best_posture(panda, Search("isotropy", starts=2))
+
+
+def test_searches_that_make_no_sense(made):
+    arm = RobotArm(
+        chain_between(made.tree(made.offset_arm()), "l7"), Task.parse("position"), 0.4
+    )
+    with pytest.raises(InputError, match=r"length is 0.4; allowed: none for the residual"):
+        best_posture(arm, Search("residual"))
+    with pytest.raises(InputError, match="locked joints is 2; allowed: 1"):
+        Search("residual", locked=2)
+    with pytest.raises(InputError, match="formulation is best"):
+        Search("best")
+    with pytest.raises(InputError, match="degree of redundancy"):
+        best_posture(arm, Search(max_min.NAME, locked=5))
+
+
+def test_a_survey_row_says_what_its_posture_says():
+    found = survey(real("Franka", "position"), Search(starts=2))
+    at = found.posture.assessment
+    assert found.row.worst_case_sigma == at.worst_case_sigma
+    assert (found.row.joints, found.row.task_dimension, found.row.prismatic) == (7, 3, 0)
+    assert np.isnan(found.row.percent_of_best_7r)
+
+
+def test_a_survey_row_of_an_arm_with_a_fatal_failure(made, tmp_path):
+    path = tmp_path / "srs.urdf"
+    path.write_text(made.spherical_shoulder_and_wrist().replace("l7", "tip"))
+    tool = made.joint("tool", "tip", "tool", "fixed", xyz="0 0 0.1")
+    path.write_text(path.read_text().replace("</robot>", f'<link name="tool"/>{tool}</robot>'))
+    found = survey(SurveyArm("made", str(path), "tool"), Search(starts=2))
+    assert found.posture is None
+    assert (found.row.fatal_failures, found.row.worst_case_sigma) == ("j3", 0.0)

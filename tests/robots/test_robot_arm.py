@@ -1,0 +1,217 @@
+"""The column model robot: real arms against pinocchio, scaling, invariances."""
+
+from dataclasses import replace
+from functools import lru_cache
+
+import casadi as ca
+import numpy as np
+import pinocchio as pin
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from formulations import measures
+from formulations.robots.chain_between import chain_between
+from formulations.robots.directions import Task
+from formulations.robots.robot_arm import RobotArm
+from formulations.studies.robots.survey_arms import ARMS
+from nlp.errors import InputError
+
+SEEDS = st.integers(0, 2**32 - 1)
+
+
+@lru_cache
+def real(name):
+    return next(one.arm() for one in ARMS if one.name.startswith(name))
+
+
+def pinocchio_jacobian(model, chain, point):
+    data, q, places = model.createData(), pin.neutral(model), []
+    for name, value in zip(chain.names, point, strict=True):
+        joint = model.joints[model.getJointId(name)]
+        q[joint.idx_q : joint.idx_q + joint.nq] = (
+            value if joint.nq == 1 else [np.cos(value), np.sin(value)]
+        )
+        places.append(joint.idx_v)
+    frame = model.getFrameId(chain.tip)
+    full = pin.computeFrameJacobian(model, data, q, frame, pin.LOCAL_WORLD_ALIGNED)
+    return full[:, places]
+
+
+@pytest.mark.parametrize("declared", ARMS, ids=lambda one: f"{one.name}, {one.task}")
+def test_real_arms_agree_with_pinocchio(declared):
+    """Panda, iiwa, UR and all the rest, at random configurations, to 1e-9."""
+    arm = declared.arm()
+    model = pin.buildModelFromUrdf(str(declared.path))
+    rng = np.random.default_rng(7)
+    for _ in range(20):
+        point = arm.sample(rng)
+        ours, theirs = arm.metric_jacobian(point), pinocchio_jacobian(model, arm.chain, point)
+        assert np.max(np.abs(ours - theirs)) < 1e-9
+
+
+@pytest.mark.parametrize("name", ["Franka", "KUKA", "TIAGo,", "PR2"])
+def test_limits_are_those_that_pinocchio_reads(name):
+    declared = next(one for one in ARMS if one.name.startswith(name))
+    chain = declared.arm().chain
+    model = pin.buildModelFromUrdf(str(declared.path))
+    for joint in chain.joints:
+        place = model.joints[model.getJointId(joint.name)]
+        if place.nq == 1:
+            assert joint.lower == pytest.approx(model.lowerPositionLimit[place.idx_q])
+            assert joint.upper == pytest.approx(model.upperPositionLimit[place.idx_q])
+        else:
+            assert (joint.lower, joint.upper) == (-np.inf, np.inf)
+
+
+@pytest.mark.parametrize("task", ["all", "position", "wx,vz,vy", "orientation"])
+@pytest.mark.parametrize("length", [None, 0.3])
+@pytest.mark.parametrize("frame", ["base", "tip"])
+def test_symbolic_and_numeric_jacobians_are_the_same(task, length, frame):
+    """Two codes: the formulations see one of them, the measures the other."""
+    arm = RobotArm(real("TIAGo,").chain, Task.parse(task, frame), length)
+    q = arm.symbols()
+    function = ca.Function("J", [q], [arm.matrix(q)])
+    rng = np.random.default_rng(1)
+    for _ in range(3):
+        point = arm.sample(rng)
+        assert np.array(function(point)) == pytest.approx(arm.jacobian(point), abs=1e-12)
+
+
+@given(SEEDS)
+@settings(max_examples=20, deadline=None)
+def test_columns_are_derivatives_of_the_pose(seed):
+    """Without any formula of a Jacobian: finite differences of pinocchio's poses."""
+    declared = next(one for one in ARMS if one.name.startswith("TIAGo,"))
+    arm, (model, data) = real("TIAGo,"), tiago_in_pinocchio()
+    point, h = arm.sample(np.random.default_rng(seed)), 1e-6
+
+    def pose(at):
+        q = pin.neutral(model)
+        for name, value in zip(arm.chain.names, at, strict=True):
+            q[model.joints[model.getJointId(name)].idx_q] = value
+        pin.framesForwardKinematics(model, data, q)
+        return data.oMf[model.getFrameId(declared.tip)].copy()
+
+    matrix = arm.metric_jacobian(point)
+    for k in range(arm.size):
+        step = h * np.eye(arm.size)[k]
+        ahead, behind = pose(point + step), pose(point - step)
+        linear = (ahead.translation - behind.translation) / (2 * h)
+        turn = pin.log3(ahead.rotation @ behind.rotation.T) / (2 * h)
+        assert matrix[:, k] == pytest.approx(np.concatenate([linear, turn]), abs=1e-7)
+
+
+@lru_cache
+def tiago_in_pinocchio():
+    declared = next(one for one in ARMS if one.name.startswith("TIAGo,"))
+    model = pin.buildModelFromUrdf(str(declared.path))
+    return model, model.createData()
+
+
+@given(SEEDS, st.floats(0.01, 100))
+@settings(max_examples=20, deadline=None)
+def test_a_robot_of_another_size_is_the_same_robot(seed, factor):
+    """All lengths times a factor, prismatic travel among them: J in units of ℓ stays."""
+    arm = real("TIAGo,")
+    chain = arm.chain
+
+    def grown(pose):
+        return tuple(
+            (*row[:3], row[3] * factor if i < 3 else 1.0) for i, row in enumerate(pose)
+        )
+
+    motions = tuple(replace(one, placement=grown(one.placement)) for one in chain.motions)
+    point = arm.sample(np.random.default_rng(seed))
+    large = np.where(chain.prismatic, factor, 1.0) * point
+    for length in (None, 0.2):
+        small = RobotArm(chain, length=length)
+        other = RobotArm(
+            replace(chain, motions=motions, end=grown(chain.end)),
+            length=None if length is None else factor * length,
+        )
+        assert other.jacobian(large) == pytest.approx(small.jacobian(point), abs=1e-9)
+
+
+@given(SEEDS)
+@settings(max_examples=20, deadline=None)
+def test_the_default_length_balances_revolute_joints(seed):
+    arm = real("Franka")
+    matrix = arm.jacobian(arm.sample(np.random.default_rng(seed)))
+    assert np.sum(matrix[:3] ** 2) == pytest.approx(7.0, rel=1e-12)
+    assert measures.trace(matrix) == pytest.approx(14.0, rel=1e-12)
+
+
+def test_prismatic_columns_have_norm_one():
+    arm = real("PR2")
+    matrix = arm.jacobian(arm.chain.mid_range)
+    norms = np.linalg.norm(matrix, axis=0)[list(arm.chain.prismatic)]
+    assert norms == pytest.approx([1.0], abs=1e-12)
+
+
+@given(SEEDS)
+@settings(max_examples=20, deadline=None)
+def test_whose_axes_makes_no_difference_to_whole_tasks(seed):
+    """Base or tip: the singular values after every failure are the same."""
+    point = real("Franka").sample(np.random.default_rng(seed))
+    for task in ("all", "position", "orientation"):
+        base, tip = (
+            measures.locked_singular_values(
+                RobotArm(real("Franka").chain, Task.parse(task, frame)).jacobian(point)
+            )
+            for frame in ("base", "tip")
+        )
+        assert base == pytest.approx(tip, abs=1e-10)
+
+
+def test_samples_stay_within_limits_and_one_turn():
+    arm = real("UFactory")
+    rng = np.random.default_rng(0)
+    drawn = np.array([arm.sample(rng) for _ in range(300)])
+    lower, upper = arm.bounds
+    assert np.all((drawn >= lower) & (drawn <= upper))
+    span = np.ptp(drawn, axis=0)
+    assert np.all(span > 0.9 * np.minimum(upper - lower, 2 * np.pi))
+    assert np.all(span <= 2 * np.pi)
+
+
+def test_joints_without_limits_are_drawn_from_one_turn(made):
+    joints = [
+        made.joint(f"j{k}", f"l{k}", f"l{k + 1}", kind, axis="0 1 0")
+        for k, kind in enumerate(["continuous", "prismatic", "continuous"])
+    ]
+    text = made.urdf(joints).replace('lower="-2" upper="2"', 'lower="-inf" upper="inf"')
+    arm = RobotArm(chain_between(made.tree(text), "l3"), Task(("vx", "vz")))
+    rng = np.random.default_rng(0)
+    drawn = np.array([arm.sample(rng) for _ in range(200)])
+    assert np.all(np.abs(drawn) <= [np.pi, 1.0, np.pi])
+    assert np.all(np.max(np.abs(drawn), axis=0) > [3.0, 0.9, 3.0])
+
+
+def test_what_cannot_be_an_arm():
+    chain = real("UR5").chain
+    with pytest.raises(InputError, match=r"is 6 \(shoulder_pan_joint.*more than the 6 task"):
+        RobotArm(chain)
+    for length in (0.0, -1.0, np.nan, np.inf):
+        with pytest.raises(InputError, match="length"):
+            RobotArm(chain, Task(("vx",)), length)
+
+
+def test_axes_that_all_meet_in_the_tip_have_no_lever_arm(made):
+    joints = made.serial(["0 0 0.2"] + ["0 0 0"] * 3, ("0 0 1", "0 1 0", "0 0 1", "0 1 0"))
+    arm = RobotArm(chain_between(made.tree(made.urdf(joints)), "l4"), Task.parse("position"))
+    with pytest.raises(InputError, match="axes of all revolute joints meet"):
+        arm.jacobian(np.zeros(4))
+    turning = RobotArm(arm.chain, Task.parse("orientation"))
+    assert np.linalg.norm(turning.jacobian(np.ones(4)), axis=0) == pytest.approx(np.ones(4))
+
+
+@pytest.mark.parametrize("text", ["", "vx,vx", "up", "position,vx", "vx,,vy"])
+def test_unknown_or_repeated_directions(text):
+    with pytest.raises(InputError, match="task is"):
+        Task.parse(text)
+
+
+def test_unknown_frame():
+    with pytest.raises(InputError, match="frame is tool"):
+        Task.parse("all", "tool")

@@ -1,0 +1,247 @@
+"""The benchmark counts what is checked, and every peer solves what it claims to."""
+
+import csv
+import importlib.util
+import json
+import os
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+import typer.testing
+
+from formulations import measures
+from formulations.catalogue import arm
+from formulations.commands.app import app
+from formulations.studies.benchmark import unit_revolute as hand
+from formulations.studies.benchmark.measurement import Row, measure
+from formulations.studies.benchmark.peer import NotRunError, Peer, each
+from formulations.studies.benchmark.peers import PEERS
+from formulations.studies.benchmark.report import growth, markdown, targets
+
+SEVEN = arm("unit-revolute", 7)
+STARTS = np.array([SEVEN.sample(np.random.default_rng(k)) for k in range(2)])
+
+
+def test_hand_written_residuals_are_those_of_the_models():
+    start = STARTS[0]
+    np.testing.assert_allclose(hand.jacobian(start), SEVEN.jacobian(start), atol=1e-14)
+    rows = hand.residuals(start)
+    assert rows @ rows == pytest.approx(measures.isotropy_defect(SEVEN.jacobian(start)))
+
+
+def test_hand_written_derivatives_are_derivatives():
+    start, h = STARTS[0], 1e-6
+    for k in range(21):
+        step = h * np.eye(21)[k]
+        change = (hand.residuals(start + step) - hand.residuals(start - step)) / (2 * h)
+        np.testing.assert_allclose(hand.derivatives(start)[:, k], change, atol=1e-8)
+
+
+def test_hand_written_eigenvalues_and_their_derivatives():
+    start, h = STARTS[0], 1e-6
+    values, slopes = hand.locked_eigenvalues(start)
+    matrix = SEVEN.jacobian(start)
+    sigmas = [np.linalg.svd(np.delete(matrix, f, axis=1))[1] for f in range(7)]
+    np.testing.assert_allclose(np.sort(values), np.sort(np.ravel(sigmas) ** 2), atol=1e-12)
+    for k in range(21):
+        step = h * np.eye(21)[k]
+        ends = (hand.locked_eigenvalues(start + sign * step)[0] for sign in (1, -1))
+        np.testing.assert_allclose(slopes[:, k], np.subtract(*ends) / (2 * h), atol=1e-6)
+
+
+# JAX's threads make every later fork of the process that imports it a risk.
+HERE = [peer for peer in PEERS if "JAX" not in peer.name]
+
+
+@pytest.mark.skipif(importlib.util.find_spec("jax") is None, reason="peers not installed")
+def test_jax_reaches_the_known_optimum_in_a_process_of_its_own():
+    code = (
+        "import numpy as np\n"
+        "from formulations import measures\n"
+        "from formulations.studies.benchmark.jax_residual import PEERS\n"
+        "from formulations.catalogue import arm\n"
+        "seven = arm('unit-revolute', 7)\n"
+        "starts = np.array([seven.sample(np.random.default_rng(k)) for k in range(2)])\n"
+        "for peer in PEERS:\n"
+        "    for jacobian in peer.prepare(seven, 2)(starts):\n"
+        "        seven.variables(jacobian)\n"
+        "        print(measures.isotropy_defect(jacobian))"
+    )
+    root = str(Path(__file__).parents[2])
+    environment = {**os.environ, "PYTHONPATH": root}
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    np.testing.assert_allclose([float(x) for x in done.stdout.split()], 0.0568265, atol=1e-6)
+
+
+@pytest.mark.parametrize("peer", HERE, ids=lambda peer: peer.name)
+def test_every_peer_reaches_the_known_optimum(peer, tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    try:
+        run = peer.prepare(SEVEN, 2)
+    except (ImportError, NotRunError) as reason:
+        pytest.skip(str(reason))
+    jacobians = run(STARTS)
+    assert jacobians.shape == (2, 6, 7)
+    for jacobian in jacobians:
+        SEVEN.variables(jacobian)
+    if peer.formulation == "residual":
+        best = min(measures.isotropy_defect(jacobian) for jacobian in jacobians)
+        assert best == pytest.approx(0.0568265, abs=1e-6)
+    else:
+        best = max(measures.worst_case_sigma(jacobian) for jacobian in jacobians)
+        assert best == pytest.approx(0.571483, abs=2e-5)
+
+
+def test_compiled_peers_leave_arithmetic_alone():
+    """Libraries built with -ffast-math round subnormal numbers to 0 in the whole process."""
+    assert np.float64(5e-324) * np.float64(1.0) > 0
+    assert 2.0**-1060 / 2.0 > 0
+
+
+def fixed(jacobian_of, **keywords):
+    def prepare(arm, batch):
+        return each(jacobian_of, arm.shape)
+
+    return Peer("fixed", "residual", prepare, **keywords)
+
+
+def missing(arm, batch):
+    raise ModuleNotFoundError("No module named 'nothing'", name="nothing")
+
+
+def cannot(arm, batch):
+    raise NotRunError("too few residuals")
+
+
+def test_success_is_what_the_jacobian_says_not_the_peer():
+    good, *_ = (peer for peer in PEERS if "Fatrop" in peer.name)
+    *_, rows = measure(
+        [
+            good,
+            fixed(SEVEN.jacobian),
+            fixed(lambda _: np.zeros((6, 7))),
+            fixed(lambda _: np.full((6, 7), np.nan)),
+            Peer("missing", "residual", missing),
+            Peer("cannot", "residual", cannot),
+        ],
+        joints=7,
+        starts=5,
+        seed=0,
+    )
+    assert [row.success for row in rows] == [5, 0, 0, 0, 0, 0]
+    assert [row.starts for row in rows] == [5, 5, 5, 5, 0, 0]
+    assert rows[0].relative == 1
+    assert rows[0].milliseconds_per_success == rows[0].milliseconds_per_start > 0
+    assert np.isnan(rows[1].milliseconds_per_success)
+    notes = [row.note for row in rows[4:]]
+    assert notes == ["not installed: nothing", "too few residuals"]
+
+
+def row(peer, milliseconds, formulation="residual"):
+    return Row(formulation, 7, peer, "", 1, 1, 1, 1, 1.0, milliseconds, 1.0, 0.0, "")
+
+
+def test_targets_are_said_to_be_met_or_missed():
+    rows = [
+        row("scipy least_squares trf", 10.0),
+        row("lockedjoint, Ipopt (default)", 4.0),
+        row("lockedjoint, Ipopt, compiled", 4.0),
+    ]
+    said = targets(rows)
+    assert "default at least 2 times trf: 2.50, met" in said
+    assert "compiled at least 3 times trf: 2.50, missed" in said
+    assert "fast path at least 15 times trf: nan, not measured" in said
+    assert "| residual" in markdown(rows, 0, ["scipy 1"], 20.0)
+
+
+@pytest.mark.skipif(importlib.util.find_spec("scipy") is None, reason="peers not installed")
+def test_the_command_writes_its_tables(tmp_path, monkeypatch):
+    from formulations.studies.benchmark import peers
+
+    quick = [p for p in PEERS if "Fatrop" in p.name or "trf" in p.name or "floor" in p.name]
+    quick = [p for p in quick if p.formulation == "residual"]
+    monkeypatch.setattr(peers, "PEERS", quick)
+    arguments = ["benchmark", "--starts", "3", "--joints", "8,7", "--out", str(tmp_path)]
+    done = typer.testing.CliRunner().invoke(app, [*arguments, "--json"])
+    assert done.exit_code == 0, done.output
+    rows = json.loads(done.output)
+    assert [row["joints"] for row in rows] == [7] * 5 + [8] * 5
+    page = (tmp_path / "benchmark.md").read_text(encoding="utf-8")
+    for text in ("seed: 0", "scipy", "residual, 7R", "Growth", "8R", "success"):
+        assert text in page
+    assert len((tmp_path / "benchmark.csv").read_text().splitlines()) == 11
+
+
+@pytest.mark.parametrize("joints", ["6", "x", "7,21", ""])
+def test_refuses_sizes_out_of_range(joints, tmp_path):
+    arguments = ["benchmark", "--joints", joints, "--out", str(tmp_path / "b")]
+    assert typer.testing.CliRunner().invoke(app, arguments).exit_code == 2
+    assert not (tmp_path / "b").exists()
+
+
+def test_libraries_that_peers_bring_are_held_to_one_thread():
+    from threadpoolctl import threadpool_info
+
+    seen = []
+
+    def prepare(arm, batch):
+        import scipy.linalg  # noqa: F401, brings a library of linear algebra of its own
+
+        def one(start):
+            seen.append({one["num_threads"] for one in threadpool_info()})
+            return np.zeros((6, 7))
+
+        return each(one, arm.shape)
+
+    list(measure([Peer("threads", "residual", prepare)], joints=7, starts=1, seed=0))
+    assert seen[-1] == {1}
+
+
+def test_who_uses_up_its_time_is_stopped_and_shown():
+    def slow(start):
+        began = time.process_time()
+        while time.process_time() < began + 0.02:
+            pass
+        return SEVEN.jacobian(start)
+
+    rounds = list(
+        measure([fixed(SEVEN.jacobian), fixed(slow)], 7, starts=12, seed=0, time_limit=0.05)
+    )
+    assert [rows[0].starts for rows in rounds] == [3, 6, 9, 12], "known after every round"
+    quick, stopped = rounds[-1]
+    assert (quick.starts, quick.note) == (12, "")
+    assert (stopped.asked, stopped.starts) == (12, 3)
+    assert stopped.note == "stopped after 0.05 s"
+    assert 20 <= stopped.milliseconds_per_start < 200
+    line = growth([stopped]).splitlines()[-1]
+    assert line.rstrip(" |").endswith("*")
+
+
+def test_ctrl_c_keeps_the_rounds_that_were_done(tmp_path, monkeypatch):
+    from formulations.studies.benchmark import peers
+
+    calls = []
+
+    def interrupted(start):
+        calls.append(start)
+        if len(calls) > 6:
+            raise KeyboardInterrupt
+        return SEVEN.jacobian(start)
+
+    monkeypatch.setattr(peers, "PEERS", [fixed(interrupted)])
+    arguments = ["benchmark", "--starts", "12", "--joints", "7", "--out", str(tmp_path)]
+    done = typer.testing.CliRunner().invoke(app, arguments)
+    assert done.exit_code == 130
+    (line,) = csv.DictReader((tmp_path / "benchmark.csv").read_text().splitlines())
+    assert (line["asked"], line["starts"]) == ("12", "3")

@@ -1,0 +1,227 @@
+"""The main job: rows that say what was found, and say so when nothing was."""
+
+import csv
+import io
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from formulations import measures
+from formulations.catalogue import arm
+from formulations.solving.setup import Setup, run, setups
+from formulations.studies.comparison.report import summary, table, write
+from formulations.studies.comparison.row import summarise
+from nlp.errors import InputError
+
+
+def outcome(setup, *, joints=7, task_dimension=6, starts=6, seed=0, workers=1, options=None):
+    return run(
+        setup,
+        joints=joints,
+        task_dimension=task_dimension,
+        starts=starts,
+        seed=seed,
+        workers=workers,
+        options=options,
+    )
+
+
+@pytest.fixture(scope="module")
+def seven():
+    """Every row of the 7R comparison, from a few starts."""
+    return [outcome(setup) for setup in setups(6)]
+
+
+@pytest.fixture(scope="module")
+def rows(seven):
+    return {
+        (s.row.formulation, s.row.variant, s.row.model): s.row for s in map(summarise, seven)
+    }
+
+
+def test_each_formulation_is_there_on_both_models(rows):
+    plain = {(formulation, model) for formulation, variant, model in rows if not variant}
+    assert plain == {
+        (formulation, model)
+        for formulation in ("residual", "max-min", "isotropy")
+        for model in ("unit-revolute", "lever-revolute")
+    }
+    assert ("max-min", "one factor per failure", "unit-revolute") in rows
+    assert ("max-min", "from residual minima", "unit-revolute") in rows
+
+
+def test_unit_revolute_7r(rows):
+    residual = rows["residual", "", "unit-revolute"]
+    assert (residual.solved, residual.reached_best, residual.distinct_optima) == (6, 6, 1)
+    assert residual.objective == pytest.approx(0.0568265457, abs=1e-9)
+    assert residual.worst_case_sigma == pytest.approx(0.51986, abs=1e-5)
+    max_min = rows["max-min", "", "unit-revolute"]
+    assert max_min.worst_case_sigma == pytest.approx(0.571482968, abs=1e-8)
+    assert max_min.sigma_bound == pytest.approx(np.sqrt(1 / 3))
+    assert max_min.gap_percent == pytest.approx(1.01625, abs=1e-4)
+    assert max_min.verdict == "solved"
+
+
+def test_isotropic_unit_revolute_7r_is_infeasible_with_its_least_violation(rows):
+    row = rows["isotropy", "", "unit-revolute"]
+    assert row.verdict == "proved infeasible"
+    assert (row.solved, row.reached_best, row.distinct_optima) == (0, 0, 0)
+    assert json.loads(row.status_counts) == {"Infeasible_Problem_Detected": 6}
+    assert np.isnan(row.objective)
+    assert np.isnan(row.worst_case_sigma)
+    assert 0.05 < row.violation < 1
+    assert 0.0568265 < row.isotropy_defect < 1
+
+
+def test_infeasible_is_called_proved_only_where_it_is():
+    """6 revolute joints and one prismatic of norm 1 have other traces above and below."""
+    each = Setup("isotropy", "lever-revolute-each")
+    assert summarise(outcome(each, starts=4)).row.verdict == "proved infeasible"
+    impossible = Setup("isotropy", "unit-revolute:6,prismatic:1")
+    assert summarise(outcome(impossible, starts=4)).row.verdict == "infeasible"
+
+
+def test_free_lever_arms_reach_other_optima(rows):
+    assert rows["isotropy", "", "lever-revolute"].worst_case_sigma == pytest.approx(
+        0.480383, abs=1e-6
+    )
+    lever = rows["max-min", "", "lever-revolute"]
+    assert lever.worst_case_sigma == pytest.approx(0.574648936, abs=1e-7)
+    assert lever.worst_case_sigma < lever.sigma_bound
+
+
+def test_every_row_has_a_certified_bound_that_it_respects(rows):
+    for (formulation, _, model), row in rows.items():
+        if row.verdict == "proved infeasible":
+            assert row.certificate == "exact proof"
+        elif formulation == "residual":
+            assert 0 <= row.certified_bound <= row.objective
+        else:
+            assert row.objective <= row.certified_bound <= row.sigma_bound
+        assert np.isnan(row.numerical_bound) or model == "unit-revolute"
+    residual = rows["residual", "", "unit-revolute"]
+    assert residual.certified_gap_percent < 2
+    assert residual.numerical_gap_percent < 1e-3
+    assert rows["max-min", "", "unit-revolute"].certified_gap_percent < 0.9
+
+
+def test_common_starts(seven):
+    """Start k is one configuration for all formulations on one model."""
+    arms = {o.arm for o in seven}
+    assert arms == {arm("unit-revolute", 7), arm("lever-revolute", 7)}
+    for o in seven:
+        assert [(record.seed, record.index) for record in o.records] == [
+            (0, k) for k in range(6)
+        ]
+        assert o.setup.sample(o.arm) == o.arm.sample or o.setup.from_residual_minima
+
+
+def test_a_solver_that_claims_success_is_not_believed(seven):
+    """Reaching the best is judged from J: shift one J and the row must count one less."""
+    found = seven[1]
+    assert len(found.reached) == 6
+    first, *others = found.records
+    broken = replace(first, merit=first.merit - 1e-3)
+    row = summarise(replace(found, records=(broken, *others))).row
+    assert (row.solved, row.reached_best) == (6, 5)
+
+
+def test_an_outcome_tells_itself(seven):
+    found = seven[1]
+    plain = found.to_dict()
+    assert (plain["verdict"], plain["reached_best"]) == ("solved", 6)
+    json.dumps(plain)
+    frame = found.to_frame()
+    assert len(frame) == 6
+    assert frame["merit"].max() == found.best.merit
+    assert "solved, 6 of 6 starts at the best 0.571482968" in repr(found)
+    assert "<table" in found._repr_html_()
+
+
+def test_starts_that_ran_out_of_iterations_are_not_called_infeasible():
+    row = summarise(outcome(Setup("isotropy", "unit-revolute"), options={"max_iter": 2})).row
+    assert row.verdict == "not solved"
+    assert json.loads(row.status_counts) == {"Maximum_Iterations_Exceeded": 6}
+
+
+def plain(outcomes):
+    """The table without its times."""
+    frame = table([summarise(o).row for o in outcomes])
+    times = [column for column in frame if column.startswith(("seconds", "relative_cost"))]
+    return frame.drop(columns=times).to_csv()
+
+
+def test_same_seed_any_workers_identical_tables(seven):
+    again = [outcome(setup, workers=2) for setup in setups(6)]
+    assert plain(again) == plain(seven)
+    for one, other in zip(seven, again, strict=True):
+        for a, b in zip(one.records, other.records, strict=True):
+            assert a.jacobian.tobytes() == b.jacobian.tobytes()
+
+
+def test_cost_is_relative_to_the_default_encoding(seven):
+    frame = table([summarise(o).row for o in seven]).set_index(
+        ["formulation", "variant", "model"]
+    )
+    cost = frame["relative_cost"]
+    assert cost["max-min", "", "unit-revolute"] == 1
+    one = frame.loc["max-min", "one factor per failure", "unit-revolute"]
+    default = frame.loc["max-min", "", "unit-revolute"]
+    assert one["relative_cost"] == one["seconds_per_success"] / default["seconds_per_success"]
+    assert np.isnan(cost["isotropy", "", "unit-revolute"])
+
+
+def test_files_say_what_the_rows_say(seven, tmp_path):
+    summaries = [summarise(o) for o in seven]
+    write(summaries, tmp_path, seed=0, complete=True)
+    with (tmp_path / "comparison.csv").open(encoding="utf-8") as file:
+        lines = list(csv.DictReader(file))
+    required = {
+        *("formulation", "model", "joints", "task_dimension", "starts", "solved"),
+        *("reached_best", "objective", "worst_case_sigma", "sigma_bound", "gap_percent"),
+        *("condition_number", "isotropy_defect", "distinct_optima", "iterations_median"),
+        *("seconds_per_start", "status_counts", "certified_bound", "certificate"),
+    }
+    assert required <= set(lines[0])
+    assert len(lines) == len(summaries)
+    entries = json.loads((tmp_path / "jacobians.json").read_text())
+    for line, entry, one in zip(lines, entries, summaries, strict=True):
+        jacobian = np.array(entry["jacobian"])
+        np.testing.assert_array_equal(jacobian, one.record.jacobian)
+        if line["verdict"] == "solved":
+            sigma = measures.worst_case_sigma(jacobian)
+            assert float(line["worst_case_sigma"]) == pytest.approx(sigma, abs=1e-12)
+    page = (tmp_path / "comparison.md").read_text(encoding="utf-8")
+    for text in ("seed: 0", "casadi", "infeasible", "one factor per failure", "0.5714830"):
+        assert text in page
+
+
+def test_the_summary_shows_no_negative_zero():
+    one = summarise(outcome(Setup("max-min", "free"), joints=3, task_dimension=2, starts=2)).row
+    shown = summary([one]).to_csv(io.StringIO())
+    assert "-0.00" not in str(shown)
+
+
+@pytest.mark.parametrize(
+    ("make", "allowed"),
+    [
+        (lambda: Setup("other", "free"), "one of residual, max-min, isotropy"),
+        (lambda: Setup("residual", "free", locked=2), "1 for the formulation residual"),
+        (lambda: Setup("isotropy", "free", encoding="x"), "shared-factor"),
+        (lambda: outcome(Setup("residual", "nothing")), "one of unit-revolute"),
+        (lambda: arm("lever-revolute:5,prismatic:2", 8), "7 for lever-revolute:5,prismatic:2"),
+        (lambda: arm("lever-revolute:x", 8), "NAME:COUNT"),
+        (lambda: arm("unit-revolute", 7, 3), "6 for the model unit-revolute"),
+    ],
+)
+def test_refuses_unknown_names_and_settings(make, allowed):
+    with pytest.raises(InputError, match=allowed):
+        make()
+
+
+def test_mixed_arms_by_name():
+    mixed = arm("lever-revolute:6,prismatic:2", 8)
+    assert [type(joint).__name__ for joint in mixed.joints].count("Prismatic") == 2
+    assert mixed.shape == (6, 8)

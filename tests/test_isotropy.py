@@ -1,0 +1,74 @@
+"""Third statement: the best worst case among exactly isotropic Jacobians."""
+
+from functools import partial
+
+import numpy as np
+import pytest
+
+from formulations import isotropy, measures
+from formulations.catalogue import arm
+from formulations.joints.kinds import NotInModelError
+from nlp.multistart import multistart
+
+
+def run(one, starts, seed=0):
+    build = partial(isotropy.build, one)
+    return multistart(
+        build, one.sample, starts=starts, seed=seed, options=isotropy.OPTIONS
+    ).results
+
+
+@pytest.mark.parametrize(
+    ("model", "n", "m"),
+    [("free", 3, 2), ("free", 6, 3), ("free-mean", 5, 3), ("unit-revolute", 8, 6)],
+)
+def test_meets_the_equations_and_the_bound_where_it_can(model, n, m):
+    one = arm(model, n, m)
+    for run_ in run(one, 3):
+        jacobian = run_.solution.outputs["jacobian"]
+        assert run_.solution.status.success
+        assert measures.is_optimally_failure_tolerant(jacobian)
+        assert isotropy.merit(jacobian) == pytest.approx(
+            measures.sigma_bound(m, n, one.largest_trace), abs=1e-7
+        )
+
+
+def test_unit_revolute_7r_is_seen_to_be_infeasible():
+    for run_ in run(arm("unit-revolute", 7), 5):
+        assert run_.solution.status.return_status == "Infeasible_Problem_Detected"
+        assert run_.solution.violation > 0.05
+        assert isotropy.merit(run_.solution.outputs["jacobian"]) == -np.inf
+
+
+def test_free_lever_arms_of_bounded_length_are_infeasible_too():
+    """Isotropy forces mean |v|² = 1, so |v_i| ≤ 1 leaves unit revolute joints only.
+
+    Ipopt's point may meet the equations by breaking a bound: the model has the last word.
+    """
+    one = arm("lever-revolute-each", 7)
+    for run_ in run(one, 4):
+        jacobian = run_.solution.outputs["jacobian"]
+        assert not run_.solution.status.success
+        isotropic = np.isfinite(isotropy.merit(jacobian))
+        if isotropic:
+            with pytest.raises(NotInModelError):
+                one.variables(jacobian)
+
+
+def test_free_lever_arms_give_isotropic_7r():
+    one = arm("lever-revolute", 7)
+    found = run(one, 20)
+    merits = np.array([isotropy.merit(r.solution.outputs["jacobian"]) for r in found])
+    assert np.sum(np.abs(merits - 0.480383041) < 1e-6) >= 18
+    jacobian = found[int(np.argmax(merits))].solution.outputs["jacobian"]
+    one.variables(jacobian)
+    np.testing.assert_allclose(jacobian @ jacobian.T, 7 / 3 * np.eye(6), atol=1e-8)
+    longest = np.max(np.sum(jacobian[:3] ** 2, axis=0))
+    assert measures.worst_case_sigma(jacobian) == pytest.approx(np.sqrt(4 / 3 - longest))
+
+
+def test_merit_refuses_what_is_not_isotropic():
+    jacobian = np.random.default_rng(0).normal(size=(3, 5))
+    assert isotropy.merit(jacobian) == -np.inf
+    frame = np.linalg.qr(jacobian.T)[0].T
+    assert isotropy.merit(frame) == measures.worst_case_sigma(frame)

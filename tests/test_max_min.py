@@ -1,0 +1,142 @@
+"""Second statement: the worst case after a failure, maximised directly."""
+
+from functools import partial
+
+import numpy as np
+import pytest
+
+from formulations import max_min, measures, residual
+from formulations.catalogue import arm
+from formulations.joints.arm import Arm
+from formulations.joints.kinds import LeverRevolute, Prismatic
+from formulations.measures.canonical import distinct
+from formulations.reproduction.reference import planar_4r
+from nlp.errors import InputError
+from nlp.ipopt import solve
+from nlp.matrix_inequality import ENCODINGS
+from nlp.multistart import multistart
+
+UNIT_7R = arm("unit-revolute", 7)
+BEST_7R = 0.5714829681
+
+
+def worst_cases(study, locked=1):
+    jacobians = [run.solution.outputs["jacobian"] for run in study.results]
+    return np.array([measures.worst_case_sigma(jacobian, locked) for jacobian in jacobians])
+
+
+def run(one, starts, *, locked=1, encoding="shared-factor", seed=0, sample=None):
+    build = partial(max_min.build, one, locked, encoding)
+    options = max_min.OPTIONS
+    return multistart(build, sample or one.sample, starts=starts, seed=seed, options=options)
+
+
+@pytest.mark.parametrize(("m", "n"), [(2, 3), (2, 5), (3, 4), (3, 6), (6, 7)])
+@pytest.mark.parametrize("model", ["free", "free-mean"])
+def test_attains_the_bound_where_the_paper_says_so(m, n, model):
+    one = arm(model, n, m)
+    bound = measures.sigma_bound(m, n, one.largest_trace)
+    assert worst_cases(run(one, 3)).max() == pytest.approx(bound, abs=1e-7)
+
+
+def test_eight_revolute_joints_attain_it_too():
+    """Eq. (49): √(2/3)."""
+    found = worst_cases(run(arm("unit-revolute", 8), 5))
+    assert found == pytest.approx([np.sqrt(2 / 3)] * 5, abs=1e-6)
+
+
+def test_seven_revolute_joints_improve_on_the_paper():
+    """'Slightly improve' (after eq. 46): 0.51986 → 0.57148, below the bound 0.57735."""
+    found = worst_cases(run(UNIT_7R, 10))
+    assert found.max() == pytest.approx(BEST_7R, abs=2e-9)
+    assert np.sum(found > BEST_7R - 1e-6) >= 9
+    assert np.all(found < np.sqrt(1 / 3))
+
+
+def test_from_residual_minima_all_starts_reach_the_best():
+    found = worst_cases(run(UNIT_7R, 10, sample=max_min.ResidualMinimum(UNIT_7R), seed=4))
+    assert found == pytest.approx([BEST_7R] * 10, abs=1e-6)
+
+
+def test_residual_minima_are_what_they_are_called():
+    point = max_min.ResidualMinimum(UNIT_7R)(np.random.default_rng(0))
+    assert residual.merit(UNIT_7R.jacobian(point)) == pytest.approx(0.0568265457, abs=1e-8)
+
+
+@pytest.mark.parametrize("encoding", ENCODINGS)
+def test_all_encodings_have_the_same_optimum(encoding):
+    found = worst_cases(run(UNIT_7R, 3, encoding=encoding, seed=1))
+    assert found.max() == pytest.approx(BEST_7R, abs=1e-6)
+
+
+@pytest.mark.parametrize("model", ["free", "free-mean"])
+@pytest.mark.parametrize("encoding", ["shared-factor", "principal-minors"])
+def test_two_locked_joints_find_the_square(model, encoding):
+    """Planar 4R: two failures are tolerated best at α = π/4 (after eq. 17), with
+    √((1 − √½)/2) = 0.38268 for JJᵀ = I, hence √2 times that for columns of norm 1."""
+    study = run(arm(model, 4, 2), 5, locked=2, encoding=encoding)
+    assert worst_cases(study, 2) == pytest.approx(
+        [np.sqrt(2) * np.sin(np.pi / 8)] * 5, abs=1e-6
+    )
+    found = [run.solution.outputs["jacobian"] for run in study.results]
+    assert len(distinct([*found, np.sqrt(2) * planar_4r(np.pi / 4)[:2]])) == 1
+    assert len(distinct([found[0], np.sqrt(2) * planar_4r(0.1)[:2]])) == 2
+
+
+def test_two_locked_joints_of_six_find_the_icosahedron():
+    """Positional 6R attains the bound for two failures."""
+    one = arm("free-mean", 6, 3)
+    found = worst_cases(run(one, 3, locked=2), locked=2)
+    bound = measures.sigma_bound(3, 6, one.largest_trace, 2)
+    assert found == pytest.approx([bound] * 3, abs=1e-7)
+
+
+def test_a_mix_of_joints():
+    """A configuration better than any of many random ones, and within the model."""
+    mixed = Arm((LeverRevolute(),) * 6 + (Prismatic(),) * 2)
+    study = run(mixed, 3)
+    solution = max(study.results, key=lambda one: one.solution.objective).solution
+    jacobian = solution.outputs["jacobian"]
+    mixed.variables(jacobian)
+    rng = np.random.default_rng(0)
+    random = [measures.worst_case_sigma(mixed.jacobian(mixed.sample(rng))) for _ in range(300)]
+    assert measures.worst_case_sigma(jacobian) > max(random)
+
+
+def test_no_small_step_improves_the_optimum():
+    """First-order check from J alone: random directions on the joints' manifold."""
+    study = run(UNIT_7R, 1)
+    point = study.results[0].solution.variables[: UNIT_7R.size]
+    best = measures.worst_case_sigma(UNIT_7R.jacobian(point))
+    rng = np.random.default_rng(0)
+    for _ in range(300):
+        step = rng.normal(size=point.size) * 1e-3
+        assert measures.worst_case_sigma(UNIT_7R.jacobian(point + step)) <= best + 1e-8
+
+
+def test_the_level_is_the_worst_case_squared():
+    solution = solve(
+        max_min.build(UNIT_7R), UNIT_7R.sample(np.random.default_rng(0)), max_min.OPTIONS
+    )
+    sigma = measures.worst_case_sigma(solution.outputs["jacobian"])
+    assert np.exp(solution.objective) == pytest.approx(sigma**2, abs=1e-7)
+
+
+def test_the_floor_is_attained():
+    """What bounds the level below must lie below something that exists."""
+    floor = max_min.attained_level(UNIT_7R)
+    assert 0 < floor < BEST_7R**2
+
+
+@pytest.mark.parametrize(
+    ("one", "locked", "encoding", "allowed"),
+    [
+        (UNIT_7R, 2, "shared-factor", "at most the degree of redundancy, 1"),
+        (UNIT_7R, 0, "shared-factor", "at least 1"),
+        (UNIT_7R, 1, "other", "shared-factor"),
+        (arm("prismatic", 7), 1, "shared-factor", "keep full rank"),
+    ],
+)
+def test_refuses_what_cannot_be(one, locked, encoding, allowed):
+    with pytest.raises(InputError, match=allowed):
+        max_min.build(one, locked, encoding)

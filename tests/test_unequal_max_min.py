@@ -1,0 +1,135 @@
+"""Max-min where failures are unequal: reductions to max-min, bounds, and another optimiser."""
+
+from functools import partial
+
+import numpy as np
+import pytest
+from scipy.optimize import differential_evolution
+
+from formulations import max_min, unequal_max_min
+from formulations.bounds import unequal_failures
+from formulations.catalogue import arm
+from formulations.measures.failure_model import FailureModel
+from nlp.errors import InputError
+from nlp.matrix_inequality import ENCODINGS
+from nlp.multistart import multistart
+
+UNIT_7R = arm("unit-revolute", 7)
+PLANAR_4R = arm("free", 4, 2)
+TWICE = FailureModel((0.1, 0.2, 0.1, 0.1))
+
+
+def best(one, failures, goal="worst", *, starts=4, encoding=None, seed=0):
+    build = partial(unequal_max_min.build, one, failures, goal, encoding)
+    options = max_min.OPTIONS
+    study = multistart(build, one.sample, starts=starts, seed=seed, options=options)
+    found = [run.solution.outputs["jacobian"] for run in study.results]
+    jacobian = max(found, key=lambda matrix: unequal_max_min.merit(matrix, failures, goal))
+    one.variables(jacobian)  # within the model, or this raises
+    return unequal_max_min.merit(jacobian, failures, goal), jacobian
+
+
+def by_brute_force(failures, goal):
+    """The optimum over planar arms with unit columns, by angles and another optimiser."""
+
+    def negative(angles):
+        jacobian = np.vstack([np.cos([0, *angles]), np.sin([0, *angles])])
+        return -unequal_max_min.merit(jacobian, failures, goal)
+
+    turns = [(0, np.pi)] * 3  # a column's sign does not matter
+    found = differential_evolution(negative, turns, rng=0, tol=1e-9, popsize=8, maxiter=70)
+    return -found.fun
+
+
+@pytest.mark.parametrize("goal", ["worst", "expected"])
+@pytest.mark.parametrize(
+    "failures",
+    [TWICE, FailureModel((0.1, 0.2, 0.1, 0.0)), FailureModel((0.3, 0.2, 0.1, 0.25), 2)],
+    ids=["twice", "never", "two locked"],
+)
+def test_planar_4r_against_brute_force(failures, goal):
+    found, _ = best(PLANAR_4R, failures, goal, starts=8)
+    assert found == pytest.approx(by_brute_force(failures, goal), abs=2e-5)
+
+
+@pytest.mark.parametrize("locked", [1, 2])
+def test_alike_joints_are_max_min(locked):
+    failures = FailureModel.equally_likely(4, locked)
+    build = partial(max_min.build, PLANAR_4R, locked)
+    study = multistart(build, PLANAR_4R.sample, starts=4, options=max_min.OPTIONS)
+    plain = max(
+        max_min.merit(run.solution.outputs["jacobian"], locked) for run in study.results
+    )
+    assert best(PLANAR_4R, failures)[0] == pytest.approx(plain, abs=1e-6)
+
+
+def test_alike_joints_are_stated_as_max_min_states_them():
+    failures = FailureModel.equally_likely(7)
+    ours, plain = unequal_max_min.build(UNIT_7R, failures), max_min.build(UNIT_7R)
+    assert str(ours.objective) == str(plain.objective)
+    assert [str(c.expression) for c in ours.constraints] == [
+        str(c.expression) for c in plain.constraints
+    ]
+    np.testing.assert_array_equal(ours.lower, plain.lower)
+    start = UNIT_7R.sample(np.random.default_rng(0))
+    np.testing.assert_array_equal(ours.lift(start), plain.lift(start))
+
+
+def test_each_joint_that_never_fails_helps_until_the_bound_is_attained():
+    """Unit revolute 7R: 0.571483, 0.629991, … and √(2/3) with three, which the bound allows."""
+    found = [best(UNIT_7R, FailureModel.equally_likely(7, never=range(k))) for k in range(4)]
+    values = [value for value, _ in found]
+    assert values[0] == pytest.approx(0.5714829681, abs=1e-6)
+    assert np.all(np.diff(values) > 0.05)
+    assert values[3] == pytest.approx(np.sqrt(2 / 3), abs=1e-6)
+    failures = FailureModel.equally_likely(7, never=range(3))
+    bound = unequal_failures.possible_worst_bound(6, [2.0] * 7, failures)
+    assert bound == pytest.approx(np.sqrt(2 / 3))
+
+
+def test_each_goal_is_best_at_its_own():
+    failures = FailureModel((0.1, 0.13, 0.1, 0.1))
+    answers = {
+        goal: best(PLANAR_4R, failures, goal, starts=8)[1] for goal in ("worst", "expected")
+    }
+    for goal, other in (("worst", "expected"), ("expected", "worst")):
+        ours = unequal_max_min.merit(answers[goal], failures, goal)
+        assert ours > unequal_max_min.merit(answers[other], failures, goal) + 1e-4
+
+
+def test_the_expectation_over_alike_joints_exceeds_the_best_worst_case():
+    """7R: the mean of σ_f may be better than eq. (5)'s optimum by giving up equality."""
+    found, jacobian = best(UNIT_7R, FailureModel.equally_likely(7), "expected", starts=3)
+    assert found == pytest.approx(0.57497877, abs=1e-6)
+    assert max_min.merit(jacobian) < 0.55
+
+
+@pytest.mark.parametrize("encoding", ENCODINGS)
+def test_all_encodings_have_the_same_optimum(encoding):
+    failures = FailureModel((0.1, 0.2, 0.1, 0.1), 2)
+    for goal, expected in (("worst", np.sqrt(0.5)), ("expected", 0.694130731)):
+        found, _ = best(PLANAR_4R, failures, goal, encoding=encoding, starts=6)
+        assert found == pytest.approx(expected, abs=1e-5)
+
+
+def test_moving_the_joints_moves_the_optimum():
+    moved = FailureModel((0.2, 0.1, 0.1, 0.1))
+    for goal in ("worst", "expected"):
+        assert best(PLANAR_4R, moved, goal)[0] == pytest.approx(
+            best(PLANAR_4R, TWICE, goal)[0], abs=1e-6
+        )
+
+
+@pytest.mark.parametrize(
+    ("arguments", "allowed"),
+    [
+        ((UNIT_7R, FailureModel.equally_likely(6)), "7 of them"),
+        ((UNIT_7R, FailureModel.equally_likely(7, 2)), "degree of redundancy, 1"),
+        ((UNIT_7R, FailureModel.equally_likely(7), "best"), "worst, expected"),
+        ((UNIT_7R, FailureModel.equally_likely(7), "worst", "other"), "shared-factor"),
+        ((arm("prismatic", 7), FailureModel.equally_likely(7)), "keep full rank"),
+    ],
+)
+def test_refuses_what_cannot_be(arguments, allowed):
+    with pytest.raises(InputError, match=allowed):
+        unequal_max_min.build(*arguments)
