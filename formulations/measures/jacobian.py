@@ -178,9 +178,14 @@ def trace(jacobian: npt.ArrayLike) -> float:
     return float(np.sum(as_jacobian(jacobian) ** 2))
 
 
-def gap_percent(sigma: float, bound: float) -> float:
-    """By how many percent a worst case stays below its bound."""
-    return 100.0 * (1.0 - sigma / bound) if bound > 0 else 0.0
+def gap_percent(found: float, bound: float) -> float:
+    """100·|bound − found|/bound: how far a value is from its bound, in percent of the bound.
+
+    NaN where the bound is 0 and the value is not, as a percentage says nothing there.
+    """
+    if bound == 0:
+        return 0.0 if found == 0 else float("nan")
+    return 100.0 * abs(bound - found) / abs(bound)
 
 
 def isotropy_defect(jacobian: npt.ArrayLike) -> float:

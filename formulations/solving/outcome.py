@@ -21,8 +21,8 @@ if TYPE_CHECKING:
 
     from formulations.solving.setup import Setup
 
-# An answer within this of the best one, by the independent check, has reached the best.
-REACH = 1e-6
+# An answer within this of the best one has reached the best: defined here, for all tables.
+REACHED_BEST = 1e-6
 Verdict = Literal["solved", "infeasible", "proved infeasible", "not solved"]
 
 
@@ -49,13 +49,13 @@ class Outcome:
 
     @cached_property
     def reached(self) -> tuple[Record, ...]:
-        """Records that pass the check and are within `REACH` of the best of them."""
+        """Records that pass the check and are within `REACHED_BEST` of the best of them."""
         valid = [record for record in self.records if record.valid]
         if not valid:
             return ()
         pick = min if formulation(self.setup.formulation).SENSE == "minimise" else max
         best = pick(record.merit for record in valid)
-        return tuple(record for record in valid if abs(record.merit - best) <= REACH)
+        return tuple(record for record in valid if abs(record.merit - best) <= REACHED_BEST)
 
     @property
     def best(self) -> Record:

@@ -17,6 +17,10 @@ from nlp.multistart import Run
 from nlp.solution import Status
 
 
+# Largest violation of a constraint, in the units of the constraint, at a feasible point.
+FEASIBLE = 1e-6
+
+
 @dataclass(frozen=True, eq=False)
 class Record:
     """What became of one start.
@@ -55,6 +59,15 @@ class Record:
     def valid(self) -> bool:
         """Whether J satisfies the formulation and the model, by our own check."""
         return bool(np.isfinite(self.merit))
+
+    @property
+    def trusted(self) -> bool:
+        """The gate: what may be shown, ranked, drawn or called best.
+
+        The solver converged, at least to its acceptable tolerances; the point violates no
+        constraint by more than `FEASIBLE`; and J is `valid`.
+        """
+        return self.status.acceptable and self.violation <= FEASIBLE and self.valid
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain values for tables and JSON, the solver's account among them."""

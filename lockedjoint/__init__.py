@@ -1,0 +1,3 @@
+"""lockedjoint: design and certify optimally failure-tolerant manipulator Jacobians."""
+
+__version__ = "0.1.0"
