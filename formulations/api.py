@@ -16,14 +16,14 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from formulations import measures as measures
-    from formulations.bounds.certified import certified_bound as certified_bound
-    from formulations.bounds.certified import numerical_bound as numerical_bound
     from formulations.bounds.so3_moments.max_min_bound import max_min_bound as max_min_bound
     from formulations.bounds.so3_moments.residual_bound import residual_bound as residual_bound
     from formulations.bounds.so3_moments.rigorous_residual import (
         rigorous_residual_bound as rigorous_residual_bound,
     )
     from formulations.catalogue import arm as arm
+    from formulations.catalogue import certified_bound as certified_bound
+    from formulations.catalogue import numerical_bound as numerical_bound
     from formulations.existence.derive import derive as derive_certificate  # noqa: F401
     from formulations.existence.verify import verify as verify_certificate  # noqa: F401
     from formulations.files.jacobians import read_jacobians as read_jacobians
@@ -59,7 +59,7 @@ _HOMES = {
     "assess": ("formulations.measures.assessment", "assess"),
     "assess_robot": ("formulations.robots.robot_assessment", "assess"),
     "best_posture": ("formulations.robots.posture", "best_posture"),
-    "certified_bound": ("formulations.bounds.certified", "certified_bound"),
+    "certified_bound": ("formulations.catalogue", "certified_bound"),
     "chain_between": ("formulations.robots.chain_between", "chain_between"),
     "choose": ("formulations.realise.choice", "choose"),
     "derive_certificate": ("formulations.existence.derive", "derive"),
@@ -67,7 +67,7 @@ _HOMES = {
     "max_min_bound": ("formulations.bounds.so3_moments.max_min_bound", "max_min_bound"),
     "measures": ("formulations.measures.jacobian", ""),
     "multistart": ("nlp.multistart", "multistart"),
-    "numerical_bound": ("formulations.bounds.certified", "numerical_bound"),
+    "numerical_bound": ("formulations.catalogue", "numerical_bound"),
     "read_jacobians": ("formulations.files.jacobians", "read_jacobians"),
     "read_urdf": ("formulations.robots.read_urdf", "read_urdf"),
     "realise": ("formulations.realise.from_jacobian", "realise"),

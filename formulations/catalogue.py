@@ -7,6 +7,7 @@ from types import MappingProxyType
 from typing import Protocol, TypeVar
 
 from formulations import isotropy, max_min, residual
+from formulations.bounds.certified import Bound
 from formulations.joints.arm import Arm
 from formulations.joints.column_model import ColumnModel
 from formulations.joints.kinds import FreeColumn, Joint, LeverRevolute, Prismatic, UnitRevolute
@@ -19,22 +20,42 @@ _T = TypeVar("_T")
 
 
 class Formulation(Protocol):
-    """What every formulation's module offers."""
+    """What every formulation's module offers; nothing else asks for a formulation's name.
+
+    Attributes
+    ----------
+    NAME
+        Its name on the command line, in tables and in stores.
+    SENSE
+        Whether it minimises or maximises its merit.
+    OPTIONS
+        Ipopt's options that suit it.
+    SETTINGS
+        Names of the settings of a `formulations.solving.setup.Setup` that it takes.
+    """
 
     NAME: str
     SENSE: Sense
     OPTIONS: Mapping[str, OptionValue]
+    SETTINGS: frozenset[str]
 
     def build(self, arm: ColumnModel) -> Problem:
         """State the problem for an arm."""
 
     def merit(self, jacobian: FloatArray, locked: int = 1) -> float:
-        """What the statement optimises, from J alone."""
+        """What the statement optimises, from J alone; not finite if J does not satisfy it."""
+
+    def bound(self, arm: Arm, locked: int = 1, certified: bool = True) -> Bound | None:
+        """Return the best bound on the merit of any Jacobian of the arm; None if none is known.
+
+        `locked` joints lock at once. If `certified`, what is proved; otherwise what is checked
+        in floating point only.
+        """
 
 
-FORMULATIONS: Mapping[str, Formulation] = MappingProxyType(
-    {module.NAME: module for module in (residual, max_min, isotropy)}
-)
+FORMULATIONS: dict[str, Formulation] = {
+    module.NAME: module for module in (residual, max_min, isotropy)
+}
 
 MODELS: Mapping[str, Callable[[int], Joint]] = MappingProxyType(
     {
@@ -48,9 +69,68 @@ MODELS: Mapping[str, Callable[[int], Joint]] = MappingProxyType(
 )
 
 
+def register(statement: Formulation) -> None:
+    """List a formulation under its name, for this process.
+
+    Parameters
+    ----------
+    statement
+        A module, or any object, with what the protocol `Formulation` names.
+
+    Raises
+    ------
+    InputError
+        If something that the protocol names is missing, or another formulation has the name.
+    """
+    parts = ("NAME", "SENSE", "OPTIONS", "SETTINGS", "build", "merit", "bound")
+    missing = [part for part in parts if not hasattr(statement, part)]
+    if missing:
+        allowed = f"all of {', '.join(parts)}"
+        raise InputError("formulation", f"without {', '.join(missing)}", allowed)
+    if FORMULATIONS.get(statement.NAME, statement) is not statement:
+        raise InputError("formulation", statement.NAME, "a name that no other formulation has")
+    FORMULATIONS[statement.NAME] = statement
+
+
 def formulation(name: str) -> Formulation:
     """Return a formulation by name; InputError if there is none."""
     return _named("formulation", name, FORMULATIONS)
+
+
+def certified_bound(name: str, arm: Arm, locked: int = 1) -> Bound:
+    """Return the best bound on a formulation's merit that is proved.
+
+    Parameters
+    ----------
+    name
+        Name of the formulation.
+    arm
+        The joints.
+    locked
+        How many joints lock at once.
+
+    Raises
+    ------
+    InputError
+        If there is no such formulation, or no bound of its own is proved.
+    """
+    found = formulation(name).bound(arm, locked)
+    if found is None:
+        known = [one.NAME for one in FORMULATIONS.values() if one.bound(arm, locked)]
+        allowed = f"one with a proved bound of its own: {', '.join(known)}"
+        raise InputError("formulation", name, allowed)
+    return found
+
+
+def numerical_bound(name: str, arm: Arm, locked: int = 1) -> Bound | None:
+    """Return the best bound on record that is checked in floating point only, or None.
+
+    Raises
+    ------
+    InputError
+        If there is no such formulation.
+    """
+    return formulation(name).bound(arm, locked, certified=False)
 
 
 def arm(model: str, joints: int, task_dimension: int = 6) -> Arm:

@@ -22,12 +22,19 @@ import casadi as ca
 import numpy as np
 
 from formulations import measures
+from formulations.bounds.certified import (
+    NONE_EXISTS,
+    Bound,
+    has_no_isotropic,
+    largest_worst_case,
+)
 from formulations.isotropy_equations import (
     constant_where_isotropic,
     independent_rows,
     mean_eigenvalue,
     residuals,
 )
+from formulations.joints.arm import Arm
 from formulations.joints.column_model import ColumnModel
 from nlp.arrays import FloatArray
 from nlp.ipopt_options import OptionValue
@@ -35,6 +42,7 @@ from nlp.problem import Constraint, Problem, Sense
 
 NAME = "isotropy"
 SENSE: Sense = "maximise"
+SETTINGS: frozenset[str] = frozenset()
 # Solving each barrier problem well follows the central path, which smooths the maximum over
 # joints: 99 instead of 93 of 100 starts reach the best isotropic 7R with free lever arms. The
 # tolerance makes equal optima equal enough to be counted as one.
@@ -96,6 +104,16 @@ def merit(jacobian: FloatArray, locked: int = 1) -> float:
     if measures.isotropy_defect(jacobian) > TOLERANCE * scale**2:
         return -np.inf
     return measures.worst_case_sigma(jacobian, locked)
+
+
+def bound(arm: Arm, locked: int = 1, certified: bool = True) -> Bound | None:
+    """What is known to be the most that any isotropic Jacobian of the arm can have.
+
+    `NONE_EXISTS` where it is proved that there is none; see the catalogue.
+    """
+    if has_no_isotropic(arm):
+        return NONE_EXISTS if certified else None
+    return largest_worst_case(arm, locked, certified)
 
 
 def _not_implied(arm: ColumnModel, variables: ca.SX) -> tuple[Constraint, ...]:

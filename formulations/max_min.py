@@ -20,6 +20,8 @@ import casadi as ca
 import numpy as np
 
 from formulations import measures, residual
+from formulations.bounds.certified import Bound, largest_worst_case
+from formulations.joints.arm import Arm
 from formulations.joints.column_model import ColumnModel
 from nlp.arrays import FloatArray, whole_number
 from nlp.errors import InputError
@@ -30,6 +32,7 @@ from nlp.problem import Problem, Sense
 
 NAME = "max-min"
 SENSE: Sense = "maximise"
+SETTINGS = frozenset({"encoding", "from_residual_minima", "locked", "failures", "goal"})
 # Following the central path closely loses fewer starts to lesser optima; a start that has
 # not converged in 500 iterations (the median is 30) does not. Steps need no second look.
 OPTIONS: Mapping[str, OptionValue] = MappingProxyType(
@@ -115,6 +118,11 @@ def attained_level(arm: ColumnModel, locked: int = 1, samples: int = 100) -> flo
 def merit(jacobian: FloatArray, locked: int = 1) -> float:
     """What the statement maximises, from J alone: the worst-case singular value √t."""
     return measures.worst_case_sigma(jacobian, locked)
+
+
+def bound(arm: Arm, locked: int = 1, certified: bool = True) -> Bound | None:
+    """What is known to be the most that any Jacobian of the arm can have; see the catalogue."""
+    return largest_worst_case(arm, locked, certified)
 
 
 class ResidualMinimum:

@@ -22,7 +22,9 @@ from types import MappingProxyType
 import casadi as ca
 
 from formulations import appendix, measures
+from formulations.bounds.certified import Bound, least_residual
 from formulations.isotropy_equations import residuals
+from formulations.joints.arm import Arm
 from formulations.joints.column_model import ColumnModel
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
@@ -31,6 +33,7 @@ from nlp.problem import Problem, Sense
 
 NAME = "residual"
 SENSE: Sense = "minimise"
+SETTINGS: frozenset[str] = frozenset()
 # What is added to the Hessian where it is not convex. Joints have size 1 and so has curvature:
 # looking near 1, in small strides, saves a seventh of the iterations that solvers take which
 # look from 1e-4 on and a hundredfold at a time, and therefore overshoot.
@@ -101,3 +104,8 @@ def build(arm: ColumnModel, weighting: str = "invariant", rows: str = "derived")
 def merit(jacobian: FloatArray, locked: int = 1) -> float:  # noqa: ARG001
     """What the statement minimises, from J alone."""
     return measures.isotropy_defect(jacobian)
+
+
+def bound(arm: Arm, locked: int = 1, certified: bool = True) -> Bound | None:  # noqa: ARG001
+    """What is known to be the least that any Jacobian of the arm can have; see the catalogue."""
+    return least_residual(arm, certified)

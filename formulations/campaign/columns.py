@@ -8,10 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 
 import numpy as np
 
+from formulations import catalogue
 from formulations.files.provenance import provenance
 from formulations.joints.arm import Arm
 from formulations.solving.record import judge
@@ -77,7 +78,9 @@ def keep(run: Run, arm: Arm, formulation: str, locked: int = 1) -> Kept:
 
     See `formulations.solving.record.judge` for the parameters.
     """
-    record = judge(run, arm, formulation, locked)
+    record = judge(
+        run, arm, partial(catalogue.formulation(formulation).merit, locked=locked), locked
+    )
     status = record.status
     return Kept(
         {

@@ -47,7 +47,8 @@ def compare(
     output folder after every row; Ctrl-C keeps what is done.
     """
     from formulations.catalogue import arm, models_of
-    from formulations.solving.setup import run, setups
+    from formulations.solving.setup import setups
+    from formulations.solving.solve import run
     from formulations.studies.comparison.report import write
     from formulations.studies.comparison.row import summarise
     from nlp.files import prepare_folder

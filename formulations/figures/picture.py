@@ -11,7 +11,8 @@ import pandas as pd
 
 from formulations.solving.outcome import Outcome
 from formulations.solving.record import Record
-from formulations.solving.setup import Setup, run
+from formulations.solving.setup import Setup
+from formulations.solving.solve import run
 from nlp.arrays import FloatArray
 from nlp.errors import LockedJointError
 

@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 
 from formulations import max_min, measures, residual
-from formulations.bounds.certified import certified_bound
+from formulations.catalogue import certified_bound
 from formulations.figures.picture import Picture, Request, best, solved
 from formulations.files import figure_style
 from formulations.files.figure import figure_class

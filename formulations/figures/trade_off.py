@@ -9,8 +9,7 @@ import numpy as np
 import pandas as pd
 
 from formulations import measures, residual
-from formulations.bounds.certified import certified_bound
-from formulations.catalogue import arm
+from formulations.catalogue import arm, certified_bound
 from formulations.figures.picture import NothingFoundError, Picture, Request
 from formulations.files import figure_style
 from formulations.files.figure import figure_class

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from formulations import isotropy
-from formulations.bounds.certified import is_excluded
+from formulations.bounds.certified import NONE_EXISTS
 from formulations.catalogue import formulation
 from formulations.joints.arm import Arm
 from formulations.solving.record import Record
@@ -49,42 +49,46 @@ class Outcome:
 
     @cached_property
     def reached(self) -> tuple[Record, ...]:
-        """Records that pass the check and are within `REACHED_BEST` of the best of them."""
-        valid = [record for record in self.records if record.valid]
-        if not valid:
+        """Records that pass the gate and are within `REACHED_BEST` of the best of them."""
+        trusted = [record for record in self.records if record.trusted]
+        if not trusted:
             return ()
-        pick = min if formulation(self.setup.formulation).SENSE == "minimise" else max
-        best = pick(record.merit for record in valid)
-        return tuple(record for record in valid if abs(record.merit - best) <= REACHED_BEST)
+        best = self._pick(trusted).merit
+        return tuple(one for one in trusted if abs(one.merit - best) <= REACHED_BEST)
 
     @property
     def best(self) -> Record:
         """The record to show.
 
         Of those that reached the best, the one with the largest worst case, or with the best
-        merit where failures are unequal; if nothing passed the check, the one with the least
-        violation.
+        merit where failures are unequal. If nothing passed the gate, the best point that is
+        feasible; if there is none, the one with the least violation.
         """
-        if self.reached and self.setup.failures is not None:
-            return max(self.reached, key=lambda record: record.merit)
-        if self.reached:
+        if self.reached and self.setup.failures is None:
             return max(self.reached, key=lambda record: record.worst_case_sigma)
+        feasible = [one for one in self.records if one.feasible]
+        if self.reached or feasible:
+            return self._pick(self.reached or feasible)
         return min(self.records, key=lambda record: np.nan_to_num(record.violation, nan=np.inf))
+
+    def _pick(self, records: Sequence[Record]) -> Record:
+        minimise = formulation(self.setup.formulation).SENSE == "minimise"
+        return (min if minimise else max)(records, key=lambda record: record.merit)
 
     @property
     def verdict(self) -> Verdict:
         """Whether the setup's problem is solved.
 
-        ``solved`` if any answer passed the check; if none did, ``infeasible`` if Ipopt said so
-        and nowhere claimed success, ``proved infeasible`` if there is a verified proof
+        ``solved`` if any answer passed the gate (`Record.trusted`); if none did,
+        ``infeasible`` if Ipopt said so and nowhere claimed success, ``proved infeasible`` if there is a verified proof
         besides; ``not solved`` otherwise.
         """
         if self.reached:
             return "solved"
         if INFEASIBLE not in self.status_counts or self.succeeded:
             return "not solved"
-        proved = self.setup.formulation == isotropy.NAME and is_excluded(self.arm)
-        return "proved infeasible" if proved else "infeasible"
+        bound = formulation(self.setup.formulation).bound(self.arm, self.setup.locked)
+        return "proved infeasible" if bound is NONE_EXISTS else "infeasible"
 
     @property
     def succeeded(self) -> int:
@@ -122,9 +126,19 @@ class Outcome:
     def __repr__(self) -> str:
         """Say in one line what was run and what came of it."""
         name = f"{self.setup.formulation}, {self.setup.model}, n = {self.arm.shape[1]}"
-        said = f"{self.verdict}, {len(self.reached)} of {len(self.records)} starts at the best"
-        value = f" {self.best.merit:.9g}" if self.reached else ""
-        return f"<Outcome: {name}: {said}{value}>"
+        return f"<Outcome: {name}: {self.summary}>"
+
+    @property
+    def summary(self) -> str:
+        """The verdict, and the best value as what it is."""
+        if self.reached:
+            share = f"{len(self.reached)} of {len(self.records)} starts at the best"
+            return f"{self.verdict}, {share} {self.best.merit:.9g}"
+        if not self.records or self.verdict != "not solved":
+            return self.verdict
+        if self.best.feasible:
+            return f"{self.verdict}; best feasible point {self.best.merit:.9g}"
+        return f"{self.verdict}; least violation {self.best.violation:.3g}"
 
     def _repr_html_(self) -> str:
         """Return the line and the first records, for notebooks."""

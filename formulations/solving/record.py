@@ -4,18 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
 from typing import Any
 
 import numpy as np
 
-from formulations import catalogue, measures
+from formulations import measures
 from formulations.joints.arm import Arm
 from formulations.joints.kinds import NotInModelError
 from nlp.arrays import FloatArray
 from nlp.multistart import Run
 from nlp.solution import Status
-
 
 # Largest violation of a constraint, in the units of the constraint, at a feasible point.
 FEASIBLE = 1e-6
@@ -61,13 +59,18 @@ class Record:
         return bool(np.isfinite(self.merit))
 
     @property
+    def feasible(self) -> bool:
+        """Whether J is `valid` and violates no constraint by more than `FEASIBLE`."""
+        return self.valid and self.violation <= FEASIBLE
+
+    @property
     def trusted(self) -> bool:
         """The gate: what may be shown, ranked, drawn or called best.
 
-        The solver converged, at least to its acceptable tolerances; the point violates no
-        constraint by more than `FEASIBLE`; and J is `valid`.
+        The solver converged, at least to its acceptable tolerances, to a point that is
+        `feasible`.
         """
-        return self.status.acceptable and self.violation <= FEASIBLE and self.valid
+        return self.status.acceptable and self.feasible
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain values for tables and JSON, the solver's account among them."""
@@ -81,13 +84,7 @@ class Record:
         }
 
 
-def judge(
-    run: Run,
-    arm: Arm,
-    formulation: str,
-    locked: int = 1,
-    merit: Callable[[FloatArray], float] | None = None,
-) -> Record:
+def judge(run: Run, arm: Arm, merit: Callable[[FloatArray], float], locked: int = 1) -> Record:
     """Measure a run's Jacobian and check it against the arm and the formulation.
 
     Parameters
@@ -96,19 +93,16 @@ def judge(
         The run, with the output ``jacobian``.
     arm
         The joints.
-    formulation
-        Name of the formulation.
+    merit
+        What is optimised, from J alone; not finite if J does not satisfy the formulation.
     locked
         How many joints lock at once.
-    merit
-        What is optimised, from J alone, where it is not the formulation's own.
     """
     solution = run.solution
     jacobian = solution.outputs["jacobian"]
     finite = bool(np.all(np.isfinite(jacobian)))
-    stated = merit or partial(catalogue.formulation(formulation).merit, locked=locked)
     usable = finite and _in_model(arm, jacobian)
-    value = stated(jacobian) if usable else np.nan
+    value = merit(jacobian) if usable else np.nan
     nan = float("nan")
     return Record(
         seed=run.seed,

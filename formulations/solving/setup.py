@@ -1,4 +1,4 @@
-"""Who takes part in a comparison: a formulation on a column model, and how it is run."""
+"""What is run: a formulation on a column model, with its settings and the failures."""
 
 from __future__ import annotations
 
@@ -12,17 +12,14 @@ from formulations import isotropy, max_min, residual, unequal_max_min
 from formulations.catalogue import arm, formulation, models_of
 from formulations.joints.arm import Arm
 from formulations.measures.failure_model import FailureModel
-from formulations.solving.outcome import Outcome
-from formulations.solving.record import judge
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
-from nlp.multistart import multistart
 from nlp.problem import Problem
 
 
 @dataclass(frozen=True)
 class Setup:
-    """One row of the comparison.
+    """A formulation on a column model, and how it is stated.
 
     Attributes
     ----------
@@ -57,18 +54,19 @@ class Setup:
     goal: unequal_max_min.Goal = "worst"
 
     def __post_init__(self) -> None:
-        formulation(self.formulation)
-        if self.formulation == max_min.NAME:
-            self._check_failures()
-            return
-        if self.failures is not None:
-            allowed = f"left out for the formulation {self.formulation}"
-            raise InputError("failure model", "given", allowed)
-        for name in ("encoding", "from_residual_minima", "locked", "goal"):
+        taken = formulation(self.formulation).SETTINGS
+        for name in ("encoding", "from_residual_minima", "locked", "failures", "goal"):
             default, value = type(self).__dataclass_fields__[name].default, getattr(self, name)
-            if value != default:
+            if value != default and name not in taken:
                 allowed = f"{default} for the formulation {self.formulation}"
-                raise InputError(name, value, allowed)
+                raise InputError(name.replace("_", " "), value, allowed)
+        unequal_max_min.checked_goal(self.goal)
+        if self.failures is None:
+            if self.goal != "worst":
+                raise InputError("goal", self.goal, "'worst' where all joints are alike")
+        elif self.failures.locked != self.locked:
+            allowed = f"{self.failures.locked}, as in the failure model"
+            raise InputError("locked joints", self.locked, allowed)
 
     def build(self, joints: int, task_dimension: int) -> Callable[[], Problem]:
         """Return what builds the problem, in a form that worker processes can be sent."""
@@ -76,24 +74,15 @@ class Setup:
         if self.failures is not None:
             build = unequal_max_min.build
             return partial(build, built, self.failures, self.goal, self.encoding)
-        if self.formulation == max_min.NAME:
-            return partial(max_min.build, built, self.locked, self.encoding)
-        return partial(formulation(self.formulation).build, built)
+        stated = formulation(self.formulation)
+        taken = {n: getattr(self, n) for n in ("locked", "encoding") if n in stated.SETTINGS}
+        return partial(stated.build, built, **taken)
 
-    def merit(self) -> Callable[[FloatArray], float] | None:
-        """Return what is maximised, from J alone, where it is not the formulation's own."""
-        if self.failures is None:
-            return None
-        return partial(unequal_max_min.merit, failures=self.failures, goal=self.goal)
-
-    def _check_failures(self) -> None:
-        unequal_max_min.checked_goal(self.goal)
-        if self.failures is None:
-            if self.goal != "worst":
-                raise InputError("objective", self.goal, "'worst' where all joints are alike")
-        elif self.failures.locked != self.locked:
-            allowed = f"{self.failures.locked}, as in the failure model"
-            raise InputError("locked joints", self.locked, allowed)
+    def merit(self) -> Callable[[FloatArray], float]:
+        """Return what is optimised, from J alone."""
+        if self.failures is not None:
+            return partial(unequal_max_min.merit, failures=self.failures, goal=self.goal)
+        return partial(formulation(self.formulation).merit, locked=self.locked)
 
     def sample(self, arm: Arm) -> Callable[[np.random.Generator], FloatArray]:
         """Return what draws a start."""
@@ -125,51 +114,5 @@ def solver_options(
     name: str, solver: str, options: Mapping[str, object]
 ) -> Mapping[str, object]:
     """Return the options over the formulation's own for this solver."""
-    own: Mapping[str, object] = {}
-    if solver == "ipopt":
-        own = formulation(name).OPTIONS
-    elif solver == "fatrop" and name == residual.NAME:
-        own = residual.FATROP_OPTIONS
-    return {**own, **options}
-
-
-def run(
-    setup: Setup,
-    *,
-    joints: int,
-    task_dimension: int,
-    starts: int,
-    seed: int,
-    workers: int,
-    options: Mapping[str, object] | None = None,
-    solver: str = "ipopt",
-    compiled: bool = False,
-    progress: bool = False,
-) -> Outcome:
-    """Solve from all starts and judge what comes out.
-
-    Start k is the same for all setups on one model. Parameters are those of
-    `nlp.multistart.multistart`; `options` go over the formulation's own.
-    """
-    built = arm(setup.model, joints, task_dimension)
-    label = " ".join(filter(None, (setup.formulation, setup.model, setup.variant)))
-    study = multistart(
-        setup.build(joints, task_dimension),
-        setup.sample(built),
-        starts=starts,
-        seed=seed,
-        workers=workers,
-        options=solver_options(setup.formulation, solver, options or {}),
-        solver=solver,
-        compiled=compiled,
-        label=label if progress else None,
-        judge=partial(
-            judge,
-            arm=built,
-            formulation=setup.formulation,
-            locked=setup.locked,
-            merit=setup.merit(),
-        ),
-        figure=lambda record: record.merit,
-    )
-    return Outcome(setup, built, study.results, study.complete)
+    own = "OPTIONS" if solver == "ipopt" else f"{solver.upper()}_OPTIONS"
+    return {**getattr(formulation(name), own, {}), **options}

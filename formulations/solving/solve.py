@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import partial
 
+from formulations.catalogue import arm
 from formulations.measures.failure_model import FailureModel
 from formulations.solving.outcome import Outcome
-from formulations.solving.setup import Setup, run
+from formulations.solving.record import judge
+from formulations.solving.setup import Setup, solver_options
 from formulations.unequal_max_min import Goal, default_encoding
-from nlp.multistart import default_workers
+from nlp.multistart import default_workers, multistart
 
 
 def solve(
@@ -89,3 +92,39 @@ def solve(
         compiled=compiled,
         progress=progress,
     )
+
+
+def run(
+    setup: Setup,
+    *,
+    joints: int,
+    task_dimension: int,
+    starts: int,
+    seed: int,
+    workers: int,
+    options: Mapping[str, object] | None = None,
+    solver: str = "ipopt",
+    compiled: bool = False,
+    progress: bool = False,
+) -> Outcome:
+    """Solve from all starts and judge what comes out.
+
+    Start k is the same for all setups on one model. Parameters are those of
+    `nlp.multistart.multistart`; `options` go over the formulation's own.
+    """
+    built = arm(setup.model, joints, task_dimension)
+    label = " ".join(filter(None, (setup.formulation, setup.model, setup.variant)))
+    study = multistart(
+        setup.build(joints, task_dimension),
+        setup.sample(built),
+        starts=starts,
+        seed=seed,
+        workers=workers,
+        options=solver_options(setup.formulation, solver, options or {}),
+        solver=solver,
+        compiled=compiled,
+        label=label if progress else None,
+        judge=partial(judge, arm=built, merit=setup.merit(), locked=setup.locked),
+        figure=lambda record: record.merit,
+    )
+    return Outcome(setup, built, study.results, study.complete)

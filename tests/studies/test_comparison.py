@@ -10,7 +10,8 @@ import pytest
 
 from formulations import measures
 from formulations.catalogue import arm
-from formulations.solving.setup import Setup, run, setups
+from formulations.solving.setup import Setup, setups
+from formulations.solving.solve import run
 from formulations.studies.comparison.report import summary, table, write
 from formulations.studies.comparison.row import summarise
 from nlp.errors import InputError

@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass
 import numpy as np
 
 from formulations import measures
-from formulations.bounds.certified import certified_bound, numerical_bound
+from formulations.catalogue import certified_bound, numerical_bound
 from formulations.measures.canonical import distinct
 from formulations.solving.outcome import Outcome
 from formulations.solving.record import Record

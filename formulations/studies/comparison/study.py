@@ -5,7 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from formulations.files.rows import read_rows
-from formulations.solving.setup import run, setups
+from formulations.solving.setup import setups
+from formulations.solving.solve import run
 from formulations.studies.comparison.finding import finding
 from formulations.studies.comparison.report import write
 from formulations.studies.comparison.row import Row, summarise

@@ -12,7 +12,7 @@ from formulations.measures.canonical import distinct
 from formulations.measures.failure_model import FailureModel
 from formulations.measures.unequal_failures import expected_sigma, possible_worst_case_sigma
 from formulations.solving.outcome import Outcome
-from formulations.solving.setup import run
+from formulations.solving.solve import run
 from formulations.studies.failures.cases import Case
 from formulations.unequal_max_min import merit
 from nlp.arrays import FloatArray
