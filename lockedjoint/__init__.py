@@ -1,3 +1,51 @@
-"""lockedjoint: design and certify optimally failure-tolerant manipulator Jacobians."""
+"""Design and certify optimally failure-tolerant manipulator Jacobians.
+
+::
+
+    import lockedjoint as lj
+
+    outcome = lj.solve("max-min", "unit-revolute", joints=7)
+    lj.assess(outcome.best.jacobian)
+
+The names are listed in ``__init__.pyi``, which type checkers and editors read, in groups:
+statements, joints, measures, bounds, proof, robots. That file is the only list: each name is
+imported from the module that it states there when it is first used, so that ``import
+lockedjoint`` loads neither CasADi nor cvxpy. What is listed keeps its name and meaning as
+docs/versions.md promises.
+"""
+
+from __future__ import annotations
+
+import ast
+from importlib import import_module
+from pathlib import Path
+from typing import Any
 
 __version__ = "0.1.0"
+
+# Name → the module it lives in, and what it is called there.
+_HOMES = {
+    alias.asname: (statement.module, alias.name)
+    for statement in ast.parse(Path(__file__).with_suffix(".pyi").read_text("utf-8")).body
+    if isinstance(statement, ast.ImportFrom) and statement.module
+    for alias in statement.names
+    if alias.asname
+}
+__all__ = sorted(_HOMES)
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOMES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    home, inside = _HOMES[name]
+    module = import_module(home)
+    try:
+        found = getattr(module, inside)
+    except AttributeError:
+        found = import_module(f"{home}.{inside}")
+    globals()[name] = found
+    return found
+
+
+def __dir__() -> list[str]:
+    return sorted([*__all__, "__version__"])

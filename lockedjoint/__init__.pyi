@@ -1,0 +1,52 @@
+# ruff: noqa: D100
+# Statements: what is solved, and what comes out.
+# Measures: what a matrix is worth, from the matrix alone.
+from formulations import measures as measures
+
+# Bounds: how good any answer could be.
+from formulations.bounds.certified import Bound as Bound
+from formulations.bounds.so3_moments.max_min_bound import max_min_bound as max_min_bound
+from formulations.bounds.so3_moments.residual_bound import residual_bound as residual_bound
+from formulations.bounds.so3_moments.rigorous_residual import (
+    rigorous_residual_bound as rigorous_residual_bound,
+)
+
+# Joints, the arms that they make, and which of them may fail.
+from formulations.catalogue import arm as arm
+from formulations.catalogue import certified_bound as certified_bound
+from formulations.catalogue import formulation as formulation
+from formulations.catalogue import numerical_bound as numerical_bound
+from formulations.catalogue import register as register
+
+# Proof: that no optimally failure-tolerant 7R exists.
+from formulations.files.jacobians import read_jacobians as read_jacobians
+from formulations.joints.arm import Arm as Arm
+from formulations.joints.kinds import FreeColumn as FreeColumn
+from formulations.joints.kinds import LeverRevolute as LeverRevolute
+from formulations.joints.kinds import Prismatic as Prismatic
+from formulations.joints.kinds import UnitRevolute as UnitRevolute
+from formulations.measures.assessment import Assessment as Assessment
+from formulations.measures.assessment import assess as assess
+from formulations.measures.canonical import canonical_form as canonical_form
+from formulations.measures.canonical import distinct as distinct
+from formulations.measures.failure_model import FailureModel as FailureModel
+
+# Robots: from a Jacobian to a robot, and from a robot to its Jacobian.
+from formulations.realise.choice import choose as choose
+from formulations.realise.from_jacobian import realise as realise
+from formulations.realise.write_urdf import urdf as urdf
+from formulations.robots.chain_between import chain_between as chain_between
+from formulations.robots.posture import best_posture as best_posture
+from formulations.robots.read_urdf import read_urdf as read_urdf
+from formulations.robots.robot_arm import RobotArm as RobotArm
+from formulations.solving.outcome import Outcome as Outcome
+from formulations.solving.record import Record as Record
+from formulations.solving.setup import Setup as Setup
+from formulations.solving.solve import solve as solve
+
+# Errors: everything that the library raises on purpose.
+from nlp.errors import InputError as InputError
+from nlp.errors import LockedJointError as LockedJointError
+from nlp.multistart import multistart as multistart
+
+__version__: str

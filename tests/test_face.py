@@ -1,0 +1,105 @@
+"""The entry points in one place: all there, the same objects, and imported only when used."""
+
+import json
+import subprocess
+import sys
+from functools import partial
+from importlib import import_module
+from importlib.metadata import version
+
+import numpy as np
+import pytest
+
+import lockedjoint as lj
+from formulations import residual
+from formulations.existence.theorem import verified
+from formulations.reproduction.solution_family import local_dimension
+from nlp.errors import InputError
+
+
+@pytest.mark.parametrize("name", lj.__all__)
+def test_every_name_is_the_object_that_lives_elsewhere(name):
+    found = getattr(lj, name)
+    home, inside = lj._HOMES[name]
+    module = import_module(home)
+    assert found is (getattr(module, inside) if hasattr(module, inside) else None)
+    assert found.__doc__
+    assert name in dir(lj)
+
+
+def test_type_checkers_see_the_names(tmp_path):
+    user = "import lockedjoint as lj\nreveal_type(lj.solve)\nversion: str = lj.__version__\nlj.nothing\n"
+    checked = subprocess.run(
+        [sys.executable, "-m", "mypy", "--strict", "-c", user],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert "-> formulations.solving.outcome.Outcome" in checked.stdout
+    assert 'Module has no attribute "nothing"' in checked.stdout
+    assert "Found 1 error" in checked.stdout
+
+
+def test_nothing_heavy_is_imported_before_it_is_used():
+    code = (
+        "import sys, lockedjoint as lj\n"
+        "heavy = ('casadi', 'cvxpy', 'numpy', 'scipy', 'pandas', 'matplotlib', 'yourdfpy')\n"
+        "assert not [name for name in heavy if name in sys.modules]\n"
+        "lj.measures\n"
+        "assert 'numpy' in sys.modules and 'casadi' not in sys.modules\n"
+        "lj.solve, lj.RobotArm, lj.realise\n"
+        "late = ('cvxpy', 'scipy', 'pandas', 'matplotlib', 'yourdfpy')\n"
+        "assert not [name for name in late if name in sys.modules], late\n"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)
+
+
+def test_the_version_is_that_of_the_package():
+    assert lj.__version__ == version("lockedjoint")
+
+
+def test_unknown_names_are_refused():
+    with pytest.raises(AttributeError, match="no attribute 'nothing'"):
+        _ = lj.nothing
+
+
+def test_solve_in_two_lines():
+    outcome = lj.solve("max-min", "free", 3, 2, starts=4, workers=1)
+    assert outcome.verdict == "solved"
+    assert outcome.best.merit == pytest.approx(np.sqrt(1 / 2), abs=1e-7)
+    sparing = lj.FailureModel.equally_likely(3, never=[0])
+    spared = lj.solve("max-min", "free", 3, 2, starts=4, workers=1, failures=sparing)
+    assert spared.best.merit > outcome.best.merit + 0.1
+    with pytest.raises(InputError, match="one of residual, max-min, isotropy"):
+        lj.solve("nothing")
+
+
+def test_results_have_plain_values():
+    outcome = lj.solve("max-min", "free", 3, 2, starts=2, workers=1)
+    best = outcome.best
+    seven = lj.Arm.of(lj.UnitRevolute(), 7)
+    plain = [
+        best.to_dict(),
+        best.status.to_dict(),
+        lj.measures.worst_case(best.jacobian).to_dict(),
+        lj.certified_bound("isotropy", seven).to_dict(),
+        verified().to_dict(),
+        local_dimension(seven, seven.sample(np.random.default_rng(0))).to_dict(),
+    ]
+    for one in plain:
+        assert json.loads(json.dumps(one)) == one
+    assert plain[0]["return_status"] == "Solve_Succeeded"
+    assert plain[0]["merit"] == lj.measures.worst_case_sigma(best.jacobian)
+    assert plain[3] == {"value": None, "kind": "exact proof"}
+    assert plain[4]["joints"] == 7
+    assert plain[5]["family"] == plain[5]["angles"] - plain[5]["equations"] - 4
+
+
+def test_a_solution_has_plain_values():
+    arm = lj.arm("unit-revolute", 7)
+    study = lj.multistart(partial(residual.build, arm), arm.sample, starts=1, workers=1)
+    plain = study.results[0].solution.to_dict()
+    assert json.loads(json.dumps(plain)) == plain
+    assert np.shape(plain["outputs"]["jacobian"]) == (6, 7)
+    assert plain["status"]["return_status"] == "Solve_Succeeded"
