@@ -1,0 +1,82 @@
+"""Formulations by name: a new one works everywhere by its protocol alone, with its own bound."""
+
+import re
+from math import comb
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+import lockedjoint as lj
+from formulations.catalogue import FORMULATIONS
+
+PAGE = Path(__file__).parents[1] / "docs" / "howto" / "add_a_formulation.md"
+
+
+@pytest.fixture
+def volume(monkeypatch):
+    """The formulation of the how-to page, as the page states it, listed for one test."""
+    monkeypatch.setattr("formulations.catalogue.FORMULATIONS", dict(FORMULATIONS))
+    cells = re.findall(r"```{code-cell} ipython3\n(.*?)```", PAGE.read_text("utf-8"), re.DOTALL)
+    namespace = {}
+    exec(next(cell for cell in cells if "class Volume" in cell), namespace)
+    lj.register(namespace["Volume"])
+    return namespace["Volume"]
+
+
+def test_a_new_formulation_is_solved_and_judged_by_its_own_merit(volume):
+    outcome = lj.solve("volume", "unit-revolute", joints=7, starts=4, workers=1)
+    assert outcome.verdict == "solved"
+    assert outcome.best.merit == volume.merit(outcome.best.jacobian)
+    bound = lj.certified_bound("volume", outcome.arm)
+    assert (bound.value, bound.kind, bound.certified) == (1 / 7, "closed form", True)
+    assert bound.gap_percent(outcome.best.merit) < 1e-4
+    assert lj.numerical_bound("volume", outcome.arm) is None
+
+
+@pytest.mark.parametrize(("joints", "locked"), [(8, 1), (8, 2), (10, 3)])
+def test_its_bound_holds_for_random_arms(volume, joints, locked):
+    arm = lj.arm("unit-revolute", joints)
+    bound = volume.bound(arm, locked).value
+    assert bound == comb(joints - locked, 6) / comb(joints, 6)
+    rng = np.random.default_rng(0)
+    merits = [volume.merit(arm.jacobian(arm.sample(rng)), locked) for _ in range(20)]
+    assert 0 < max(merits) < bound
+
+
+def test_it_takes_no_setting_of_another(volume):
+    with pytest.raises(
+        lj.InputError, match="locked is 2; allowed: 1 for the formulation volume"
+    ):
+        lj.solve("volume", joints=8, locked=2)
+
+
+def test_what_has_no_bound_of_its_own_is_refused(volume, monkeypatch):
+    monkeypatch.setattr(
+        volume, "bound", staticmethod(lambda arm, locked=1, certified=True: None)
+    )
+    with pytest.raises(lj.InputError, match="residual, max-min, isotropy"):
+        lj.certified_bound("volume", lj.arm("unit-revolute", 7))
+
+
+@pytest.mark.parametrize("ask", [lj.certified_bound, lj.numerical_bound])
+@pytest.mark.parametrize("name", ["maxmin", "volume", ""])
+def test_unknown_formulations_have_no_bound(ask, name):
+    with pytest.raises(lj.InputError, match="one of residual, max-min, isotropy"):
+        ask(name, lj.arm("unit-revolute", 7))
+
+
+def test_what_is_incomplete_or_has_a_name_already_is_refused():
+    with pytest.raises(lj.InputError, match="without OPTIONS, SETTINGS, build, merit, bound"):
+        lj.register(SimpleNamespace(NAME="half", SENSE="minimise"))
+    own = FORMULATIONS["residual"]
+    lj.register(own)
+    with pytest.raises(lj.InputError, match="a name that no other formulation has"):
+        lj.register(SimpleNamespace(**vars(own)))
+
+
+def test_numerical_bounds_are_not_certified():
+    seven = lj.arm("unit-revolute", 7)
+    assert lj.certified_bound("max-min", seven).certified
+    assert not lj.numerical_bound("max-min", seven).certified
