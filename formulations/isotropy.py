@@ -107,9 +107,9 @@ def merit(jacobian: FloatArray, locked: int = 1) -> float:
 
 
 def bound(arm: Arm, locked: int = 1, certified: bool = True) -> Bound | None:
-    """What is known to be the most that any isotropic Jacobian of the arm can have.
+    """Return what no worst case of an isotropic Jacobian is above; see `catalogue.Formulation`.
 
-    `NONE_EXISTS` where it is proved that there is none; see the catalogue.
+    `NONE_EXISTS` where it is proved that there is no isotropic one.
     """
     if has_no_isotropic(arm):
         return NONE_EXISTS if certified else None

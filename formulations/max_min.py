@@ -121,7 +121,7 @@ def merit(jacobian: FloatArray, locked: int = 1) -> float:
 
 
 def bound(arm: Arm, locked: int = 1, certified: bool = True) -> Bound | None:
-    """What is known to be the most that any Jacobian of the arm can have; see the catalogue."""
+    """Return what no worst case of the arm is above; see `catalogue.Formulation`."""
     return largest_worst_case(arm, locked, certified)
 
 

@@ -107,5 +107,5 @@ def merit(jacobian: FloatArray, locked: int = 1) -> float:  # noqa: ARG001
 
 
 def bound(arm: Arm, locked: int = 1, certified: bool = True) -> Bound | None:  # noqa: ARG001
-    """What is known to be the least that any Jacobian of the arm can have; see the catalogue."""
+    """Return what no residual of the arm is below; see `catalogue.Formulation`."""
     return least_residual(arm, certified)

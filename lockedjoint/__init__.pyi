@@ -1,4 +1,3 @@
-# ruff: noqa: D100
 # Statements: what is solved, and what comes out.
 # Measures: what a matrix is worth, from the matrix alone.
 from formulations import measures as measures

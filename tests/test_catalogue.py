@@ -1,4 +1,4 @@
-"""Formulations by name: a new one works everywhere by its protocol alone, with its own bound."""
+"""Formulations by name: a new one works everywhere by its protocol, with its own bound."""
 
 import re
 from math import comb
@@ -53,9 +53,7 @@ def test_it_takes_no_setting_of_another(volume):
 
 
 def test_what_has_no_bound_of_its_own_is_refused(volume, monkeypatch):
-    monkeypatch.setattr(
-        volume, "bound", staticmethod(lambda arm, locked=1, certified=True: None)
-    )
+    monkeypatch.setattr(volume, "bound", staticmethod(lambda *_, **__: None))
     with pytest.raises(lj.InputError, match="residual, max-min, isotropy"):
         lj.certified_bound("volume", lj.arm("unit-revolute", 7))
 

@@ -28,7 +28,8 @@ def test_every_name_is_the_object_that_lives_elsewhere(name):
 
 
 def test_type_checkers_see_the_names(tmp_path):
-    user = "import lockedjoint as lj\nreveal_type(lj.solve)\nversion: str = lj.__version__\nlj.nothing\n"
+    lines = ("reveal_type(lj.solve)", "version: str = lj.__version__", "lj.nothing")
+    user = "\n".join(("import lockedjoint as lj", *lines))
     checked = subprocess.run(
         [sys.executable, "-m", "mypy", "--strict", "-c", user],
         cwd=tmp_path,

@@ -1,9 +1,9 @@
 """What is known about the optimum of a statement on an arm: bounds and how they are known.
 
-A bound holds for every Jacobian of the arm: in closed form, by a proof in exact arithmetic, with
-all rounding bounded, or numerically: checked, but in floating point. Bounds that take minutes
-come from the record that the package carries; the commands that compute them again are in
-results/bounds. Each formulation's ``bound`` picks what applies to what it optimises.
+A bound holds for every Jacobian of the arm. It is known in closed form, by a proof in exact
+arithmetic, with all rounding bounded, or numerically: checked, but in floating point. Bounds
+that take minutes come from the record that the package carries; the commands that compute them
+again are in results/bounds. Each formulation's ``bound`` picks what applies to its merit.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """What a formulation needs to know of an arm: the columns of J as functions of variables.
 
-`formulations.joints.arm.Arm` is one such model: joints to be designed, each with parameters of its
-own. `formulations.robots.RobotArm` is another: a robot that exists, with joint angles as
-variables. The formulations are stated for any of them.
+`formulations.joints.arm.Arm` is one such model: joints to be designed, each with parameters of
+its own. `formulations.robots.robot_arm.RobotArm` is another: a robot that exists, with joint
+angles as variables. The formulations are stated for any of them.
 """
 
 from __future__ import annotations

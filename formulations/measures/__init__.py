@@ -16,6 +16,9 @@ from formulations.measures.jacobian import (
     condition_number as condition_number,
 )
 from formulations.measures.jacobian import (
+    eigenvalue_bound as eigenvalue_bound,
+)
+from formulations.measures.jacobian import (
     gap_percent as gap_percent,
 )
 from formulations.measures.jacobian import (

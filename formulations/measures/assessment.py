@@ -1,4 +1,4 @@
-"""Everything that `formulations.measures.jacobian` says of one Jacobian, as one plain record."""
+"""All measures of one Jacobian, as one plain record."""
 
 from __future__ import annotations
 

@@ -130,10 +130,33 @@ def sigma_bound(task_dimension: int, joints: int, trace: float, locked: int = 1)
     """Upper bound on the worst case after any `locked` joints lock (eq. 6, for every J).
 
     For one joint it is √(T(n − m)/(mn)), T = ‖J‖_F²; with T = mσ² this is σ√((n − m)/n). It
-    needs no isotropy: summing the rank-one downdate condition j_fᵀ(JJᵀ − tI)⁻¹j_f ≤ 1 over f
-    gives tr((JJᵀ − tI)⁻¹) ≤ (n − m)/t, and convexity the rest. For k joints it is √(T/m · y)
-    with y the least entry of `averaged_spectrum` of the identity, derived in
-    `formulations.bounds.several_failures`; zero where fewer than m joints are left.
+    is the root of `eigenvalue_bound`.
+    """
+    return float(np.sqrt(eigenvalue_bound(task_dimension, joints, trace, locked)))
+
+
+def eigenvalue_bound(task_dimension: int, joints: int, trace: float, locked: int = 1) -> float:
+    """Upper bound on t, the least eigenvalue of J_F̄J_F̄ᵀ over all sets F of `locked` joints.
+
+    For one joint t ≤ T(n − m)/(mn), the square of eq. (6). It needs no isotropy: summing the
+    rank-one downdate condition j_fᵀ(JJᵀ − tI)⁻¹j_f ≤ 1 over f gives
+    tr((JJᵀ − tI)⁻¹) ≤ (n − m)/t, and convexity the rest. For k joints t ≤ (T/m)y with y the
+    least entry of `averaged_spectrum` of the identity, derived in
+    `formulations.bounds.closed_form`; zero where fewer than m joints are left.
+
+    Parameters
+    ----------
+    task_dimension, joints
+        m and n, n > m.
+    trace
+        T = ‖J‖_F², in the squared units of J.
+    locked
+        How many joints lock at once, k.
+
+    Raises
+    ------
+    InputError
+        If a number is out of range.
     """
     m = whole_number("task dimension", task_dimension, 1)
     n = whole_number("joints", joints, m + 1)
@@ -143,8 +166,8 @@ def sigma_bound(task_dimension: int, joints: int, trace: float, locked: int = 1)
     if k > n - m:
         return 0.0
     if k == 1:
-        return float(np.sqrt(trace * (n - m) / (m * n)))
-    return float(np.sqrt(trace / m * averaged_spectrum(np.ones(m), n, k)[0]))
+        return trace * (n - m) / (m * n)
+    return float(trace / m * averaged_spectrum(np.ones(m), n, k)[0])
 
 
 def averaged_spectrum(eigenvalues: npt.ArrayLike, joints: int, locked: int = 1) -> FloatArray:

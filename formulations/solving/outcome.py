@@ -80,8 +80,8 @@ class Outcome:
         """Whether the setup's problem is solved.
 
         ``solved`` if any answer passed the gate (`Record.trusted`); if none did,
-        ``infeasible`` if Ipopt said so and nowhere claimed success, ``proved infeasible`` if there is a verified proof
-        besides; ``not solved`` otherwise.
+        ``infeasible`` if Ipopt said so and nowhere claimed success, ``proved infeasible`` if
+        there is a verified proof besides; ``not solved`` otherwise.
         """
         if self.reached:
             return "solved"
