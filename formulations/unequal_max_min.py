@@ -149,7 +149,7 @@ def checked_goal(goal: str) -> Goal:
     for known in get_args(Goal):
         if goal == known:
             return cast(Goal, known)
-    raise InputError("objective", goal, "one of " + ", ".join(get_args(Goal)))
+    raise InputError("goal", goal, "one of " + ", ".join(get_args(Goal)))
 
 
 def _worst(jacobian: ca.SX, failures: FailureModel, attained: float, encoding: str) -> _Levels:

@@ -29,11 +29,18 @@ def finite_vector(argument: str, value: npt.ArrayLike, size: int) -> FloatArray:
 
 
 def as_floats(argument: str, value: npt.ArrayLike) -> FloatArray:
-    """Return `value` as an array of floats; InputError where it is none."""
+    """Return `value` as an array of floats; InputError where it is none.
+
+    Complex numbers, booleans, dates and text that looks like numbers are refused, not cast.
+    """
     try:
-        return np.asarray(value, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise InputError(argument, value, "an array of real numbers") from None
+        given = np.asarray(value)
+        if given.dtype.kind in "fiu" or given.dtype == object or given.size == 0:
+            return np.asarray(given, dtype=np.float64)
+        found = f"an array of {given.dtype.name}"
+    except (TypeError, ValueError, OverflowError):
+        found = "an array with entries that are no floating-point numbers"
+    raise InputError(argument, found, "an array of real numbers")
 
 
 def whole_number(argument: str, value: object, lowest: int) -> int:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
@@ -21,9 +21,6 @@ from formulations.commands.arguments import (
     ipopt_options,
 )
 from formulations.commands.failure_options import NeverFails, Probabilities
-
-if TYPE_CHECKING:
-    pass
 
 
 def solve(
@@ -42,7 +39,7 @@ def solve(
     locked: Locked = 1,
     failure_probabilities: Probabilities = None,
     never_fails: NeverFails = None,
-    objective: Annotated[
+    goal: Annotated[
         str,
         typer.Option(
             help="What max-min maximises where failures are unequal: worst, the least "
@@ -61,9 +58,9 @@ def solve(
         bool,
         typer.Option("--from-residual-minima", help="Start max-min from residual minima."),
     ] = False,
-    starts: Starts = 10,
+    starts: Starts = 100,
     seed: Seed = 0,
-    workers: Workers = 1,
+    workers: Workers = None,
     ipopt: Ipopt = None,
     solver: Annotated[
         str,
@@ -86,7 +83,6 @@ def solve(
     from nlp.files import prepare_folder, write_text
 
     failures = failure_model(failure_probabilities, never_fails, joints, locked)
-    goal = checked_goal(objective)
     if out is not None:
         prepare_folder(out.parent, "folder of --out")
     outcome = solve_from_many_starts(
@@ -99,7 +95,7 @@ def solve(
         workers=workers,
         locked=locked,
         failures=failures,
-        goal=goal,
+        goal=checked_goal(goal),
         encoding=encoding,
         from_residual_minima=from_residual_minima,
         solver=solver,
@@ -125,7 +121,7 @@ def solve(
     if failures is not None:
         known = failure_probabilities is not None
         unequal = assess_failures(shown.jacobian, failures, probabilities_known=known)
-        found |= {"objective": goal, **unequal.to_dict()}
+        found |= {"goal": goal, **unequal.to_dict()}
     found["jacobian"] = shown.jacobian.tolist()
     if out is not None:
         write_text(out, json.dumps(found, indent=1) + "\n")
@@ -134,6 +130,7 @@ def solve(
     else:
         rows = "\n".join("  ".join(f"{x: .9f}" for x in line) for line in shown.jacobian)
         flat = {name: value for name, value in found.items() if name != "jacobian"}
+        flat["verdict"] = outcome.summary
         typer.echo(f"{as_text(flat)}\n\njacobian\n{rows}")
     if not outcome.complete:
         raise typer.Exit(130)

@@ -15,6 +15,7 @@ import numpy as np
 from formulations import isotropy, max_min, measures, residual, trade_off
 from formulations.joints.arm import Arm
 from formulations.joints.joint import NotInModelError
+from formulations.solving.record import FEASIBLE
 from nlp.arrays import FloatArray, whole_number
 from nlp.ipopt import IpoptSolver
 from nlp.ipopt_options import OptionValue
@@ -152,10 +153,11 @@ def _most_isotropic(arm: Arm, drawn: list[FloatArray]) -> Point | None:
 def _solved(
     arm: Arm, statement: str, limit: float, solver: IpoptSolver, starts: list[FloatArray]
 ) -> Iterator[Point]:
-    """Yield what starts lead to, as far as it passes our own check."""
+    """Yield what starts lead to, as far as it passes the gate of `Record.trusted`."""
     for start in starts:
-        matrix = solver.solve(start).outputs["jacobian"]
-        if not np.all(np.isfinite(matrix)):
+        solution = solver.solve(start)
+        matrix = solution.outputs["jacobian"]
+        if not (solution.status.acceptable and solution.violation <= FEASIBLE):
             continue
         try:
             arm.variables(matrix)

@@ -124,7 +124,7 @@ def test_measure_and_solve_with_unequal_failures(tmp_path):
     solved = {}
     for objective in ("worst", "expected"):
         done = lockedjoint(
-            *("solve", "max-min", *arm, *likely, "--objective", objective, "--json"),
+            *("solve", "max-min", *arm, *likely, "--goal", objective, "--json"),
             *("--out", f"{objective}.json"),
             cwd=tmp_path,
         )
@@ -260,8 +260,8 @@ def test_reproduce_writes_every_row(tmp_path):
         ("solve", "max-min", "--out", "{file}/a.json"),
         ("solve", "residual", "--task-dimension", "3"),
         ("solve", "residual", "--never-fails", "1"),
-        ("solve", "max-min", "--objective", "expected"),
-        ("solve", "max-min", "--never-fails", "0", "--objective", "other"),
+        ("solve", "max-min", "--goal", "expected"),
+        ("solve", "max-min", "--never-fails", "0", "--goal", "other"),
         ("solve", "max-min", "--never-fails", "7"),
         ("solve", "max-min", "--never-fails", "one"),
         ("solve", "max-min", "--failure-probabilities", "0.1,0.2"),

@@ -1,0 +1,52 @@
+"""The gate: nothing that did not converge to a feasible point is called solved or best."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import lockedjoint as lj
+
+
+@pytest.fixture(scope="module")
+def unfinished():
+    """Two starts of max-min stopped after three iterations: none converged."""
+    return lj.solve("max-min", joints=7, starts=2, workers=1, options={"max_iter": 3})
+
+
+def test_a_verdict_of_solved_needs_a_converged_start(unfinished):
+    assert set(unfinished.status_counts) == {"Maximum_Iterations_Exceeded"}
+    assert unfinished.verdict == "not solved"
+    assert unfinished.reached == ()
+    assert "solved," not in repr(unfinished)
+    assert "not solved; least violation 0." in repr(unfinished)
+    assert not any(record.trusted for record in unfinished.records)
+
+
+def test_what_is_feasible_is_called_no_more_than_that(unfinished):
+    near = [replace(record, violation=1e-9) for record in unfinished.records]
+    outcome = replace(unfinished, records=tuple(near))
+    best = max(record.worst_case_sigma for record in near)
+    assert outcome.best.merit == best
+    assert f"not solved; best feasible point {best:.9g}" in repr(outcome)
+
+
+def test_a_start_that_did_not_converge_is_not_the_best():
+    outcome = lj.solve("max-min", "free", 3, 2, starts=4, workers=1)
+    status = replace(outcome.best.status, return_status="Maximum_Iterations_Exceeded")
+    better = replace(outcome.best, status=status, merit=2.0, worst_case_sigma=2.0)
+    infeasible = replace(outcome.best, violation=1e-3, merit=3.0, worst_case_sigma=3.0)
+    with_both = replace(outcome, records=(*outcome.records, better, infeasible))
+    assert with_both.best.merit == pytest.approx(np.sqrt(1 / 2), abs=1e-7)
+    assert with_both.reached == outcome.reached
+
+
+def test_the_command_says_so(lockedjoint, tmp_path):
+    options = ("--starts", "2", "--workers", "1", "--ipopt", "max_iter=3")
+    text = lockedjoint("solve", "max-min", *options, cwd=tmp_path).stdout
+    assert "verdict" in text
+    assert "not solved; least violation" in text
+    found = json.loads(lockedjoint("solve", "max-min", *options, "--json", cwd=tmp_path).stdout)
+    assert found["verdict"] == "not solved"
+    assert found["reached_best"] == 0
