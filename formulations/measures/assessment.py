@@ -11,7 +11,16 @@ from formulations import measures
 
 @dataclass(frozen=True)
 class Assessment:
-    """Everything measured of one Jacobian, as plain numbers; see the functions of that name."""
+    """Everything measured of one Jacobian, as plain numbers; see the functions of that name.
+
+    Attributes
+    ----------
+    locked_sigmas
+        What each set of locked joints leaves, sets in lexicographic order.
+    worst_case_joints, worst_case_sets
+        Every joint, counted from 0, that is in a worst set, and the worst sets: several where
+        they tie.
+    """
 
     task_dimension: int
     joints: int
@@ -19,8 +28,10 @@ class Assessment:
     singular_values: list[float]
     condition_number: float
     manipulability: float
+    locked_sigmas: list[float]
     worst_case_sigma: float
     worst_case_joints: list[int]
+    worst_case_sets: list[list[int]]
     worst_case_direction: list[float]
     sigma_bound: float
     gap_percent: float
@@ -60,8 +71,10 @@ def assess(jacobian: npt.ArrayLike, locked: int = 1, tolerance: float = 1e-6) ->
         singular_values=measures.singular_values(matrix).tolist(),
         condition_number=measures.condition_number(matrix),
         manipulability=measures.manipulability(matrix),
+        locked_sigmas=measures.locked_singular_values(matrix, locked).tolist(),
         worst_case_sigma=worst.sigma,
-        worst_case_joints=list(worst.joints),
+        worst_case_joints=sorted({joint for joints in worst.sets for joint in joints}),
+        worst_case_sets=[list(joints) for joints in worst.sets],
         worst_case_direction=worst.direction.tolist(),
         sigma_bound=bound,
         gap_percent=measures.gap_percent(worst.sigma, bound),

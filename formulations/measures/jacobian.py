@@ -16,6 +16,9 @@ import numpy.typing as npt
 from nlp.arrays import FloatArray, as_floats, whole_number
 from nlp.errors import InputError
 
+# Failures tie when they leave the same to this share of it, or of the largest entry of J.
+TIE = 1e-6
+
 
 @dataclass(frozen=True, eq=False)
 class WorstCase:
@@ -27,20 +30,24 @@ class WorstCase:
         Smallest singular value that is left (eq. 5).
     joints
         The locked joints that leave it, counted from 0; the first such set on a tie.
+    sets
+        Every set of locked joints that leaves no more than that, to a relative `TIE`.
     direction
-        End-effector direction that suffers most, a unit vector of shape (m,) (eq. 15),
-        its largest entry positive.
+        End-effector direction that suffers most when `joints` lock, a unit vector of shape
+        (m,) (eq. 15), its largest entry positive.
     """
 
     sigma: float
     joints: tuple[int, ...]
+    sets: tuple[tuple[int, ...], ...]
     direction: FloatArray
 
-    def to_dict(self) -> dict[str, float | list[int] | list[float]]:
+    def to_dict(self) -> dict[str, object]:
         """Return plain values for tables and JSON."""
         return {
             "sigma": self.sigma,
             "joints": list(self.joints),
+            "sets": [list(joints) for joints in self.sets],
             "direction": self.direction.tolist(),
         }
 
@@ -110,7 +117,10 @@ def worst_case(jacobian: npt.ArrayLike, locked: int = 1) -> WorstCase:
     joints, kept = next(islice(_locked(matrix, locked), worst, None))
     direction = np.linalg.svd(kept)[0][:, -1]
     direction = direction * np.sign(direction[np.argmax(np.abs(direction))])
-    return WorstCase(float(sigmas[worst]), joints, direction)
+    limit = sigmas[worst] + TIE * max(float(sigmas[worst]), float(np.max(np.abs(matrix))))
+    all_sets = combinations(range(matrix.shape[1]), len(joints))
+    tied = tuple(one for one, sigma in zip(all_sets, sigmas, strict=True) if sigma <= limit)
+    return WorstCase(float(sigmas[worst]), joints, tied, direction)
 
 
 def range_contributions(jacobian: npt.ArrayLike) -> FloatArray:

@@ -13,6 +13,7 @@ from hypothesis.extra.numpy import arrays
 
 from formulations import measures
 from formulations.measures.assessment import assess
+from formulations.reproduction import reference
 from nlp.errors import InputError
 
 PLANAR_3R = np.array(
@@ -236,3 +237,18 @@ def test_the_judge_needs_no_solver():
         "sys.exit(len({'casadi', 'cvxpy', 'pandas'} & set(sys.modules)))"
     )
     assert subprocess.run([sys.executable, "-c", script], check=False).returncode == 0
+
+
+def test_every_failure_that_ties_is_named():
+    """At a simplex all failures leave the same; of the planar 4R some pairs do."""
+    simplex = reference.simplex_jacobian(6)
+    found = assess(simplex)
+    assert found.worst_case_joints == list(range(7))
+    assert found.worst_case_sets == [[joint] for joint in range(7)]
+    assert found.locked_sigmas == pytest.approx([np.sqrt(1 / 7)] * 7)
+    one_short = simplex * np.array([1, 1, 0.9, 1, 1, 1, 1])
+    assert assess(one_short).worst_case_joints != list(range(7))
+    double = reference.planar_4r(np.pi / 4)[:2]
+    sets = assess(double, locked=2).worst_case_sets
+    sigmas = measures.locked_singular_values(double, 2)
+    assert len(sets) == np.sum(np.isclose(sigmas, sigmas.min(), rtol=1e-6))
