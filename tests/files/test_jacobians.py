@@ -68,6 +68,10 @@ def test_reads_npy_and_lists_of_jacobians(tmp_path):
         ("a.json", b'{"jacobian": {"a": 1}}'),
         ("a.json", b"[" * 100_000),
         ("a.json", b"\xff"),
+        ("a.json", b"[[" + b"9" * 5000 + b", 1, 2], [1, 2, 3]]"),
+        ("a.json", b"[[" + b"9" * 400 + b", 1, 2], [1, 2, 3]]"),
+        ("a.json", b'[["1", "2", "3"], ["1", "2", "4"]]'),
+        ("a.json", b"[[true, false, true]]"),
         ("a.npy", b"rubbish"),
         ("a.npy", b"\x93NUMPY\x01\x00"),
     ],
@@ -87,3 +91,20 @@ def test_refuses_pickles_and_complex_arrays(tmp_path):
     for name in ("a.npy", "b.npy", "missing.npy"):
         with pytest.raises(InputError, match=name):
             read_jacobians(tmp_path / name)
+
+
+@pytest.mark.parametrize("shape", ["(1000000000, 1000000000)", "(2, -3)", "(10**30, 2)"])
+def test_refuses_a_header_that_promises_more_than_there_is(tmp_path, shape):
+    header = f"{{'descr': '<f8', 'fortran_order': False, 'shape': {shape}, }}\n".encode()
+    size = len(header).to_bytes(2, "little")
+    path = tmp_path / "a.npy"
+    path.write_bytes(b"\x93NUMPY\x01\x00" + size + header + bytes(48))
+    with pytest.raises(InputError, match=r"a\.npy"):
+        read_jacobians(path)
+
+
+@pytest.mark.parametrize("kind", ["datetime64[s]", "U1", "S1", "bool", "timedelta64[s]"])
+def test_refuses_arrays_that_are_no_numbers(tmp_path, kind):
+    np.save(tmp_path / "a.npy", np.zeros((2, 3)).astype(kind))
+    with pytest.raises(InputError, match="real numbers"):
+        read_jacobians(tmp_path / "a.npy")
