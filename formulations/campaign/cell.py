@@ -11,7 +11,6 @@ from formulations import max_min
 from formulations.campaign.columns import Kept, keep
 from formulations.catalogue import arm
 from formulations.solving.setup import Setup, solver_options
-from nlp.solvers import check_solver
 from nlp.store_schema import Value
 from nlp.task import Task
 
@@ -31,7 +30,7 @@ class Cell:
     options
         Solver options, over the formulation's own.
     solver, compiled
-        See `nlp.solvers`.
+        See `nlp.solver.Solver`.
     """
 
     setup: Setup
@@ -55,7 +54,7 @@ class Cell:
         return Task(
             one.build(self.joints, self.task_dimension),
             one.sample(built),
-            check_solver(self.solver, self._all_options(), self.compiled),
+            self._all_options(),
             partial(keep, arm=built, formulation=one.formulation, locked=one.locked),
             self.solver,
             self.compiled,

@@ -15,8 +15,8 @@ from nlp.spread import Arrival, Pool, spread
 from nlp.store import Store
 from nlp.task import Chunk, packed
 
-# Starts of a chunk: enough that sending it costs little, few enough to lose one with a
-# light heart.
+# Starts of a chunk: enough that sending it costs little, few enough to run again at little
+# cost.
 CHUNK = 20
 
 
@@ -29,13 +29,14 @@ class Report:
     asked, added, missing
         Records that were asked for, that this run added, and that are still missing.
     lost
-        Cell and start of those that ended or outlasted every worker they were given.
+        Cell, start and reason of those that raised an exception, ended their process or
+        exceeded the time limit.
     """
 
     asked: int
     added: int
     missing: int
-    lost: tuple[tuple[Cell, int], ...]
+    lost: tuple[tuple[Cell, int, str], ...]
 
 
 def run(
@@ -71,7 +72,7 @@ def run(
     cells = {store.cell(cell.settings()): cell for cell in declared.cells}
     asked = len(cells) * declared.starts
     before = _missing(store, cells, declared.starts)
-    added, lost = 0, list[tuple[Cell, int]]()
+    added, lost = 0, list[tuple[Cell, int, str]]()
     chunks = _chunks(store, cells, declared.starts, chunk)
     hidden = not (progress and os.isatty(2))
     with (
@@ -80,13 +81,12 @@ def run(
     ):
         try:
             for arrival in arrivals:
-                if arrival.results is None:
-                    cell = cells[arrival.chunk.label]
-                    lost += [(cell, index) for index in arrival.chunk.indices]
-                else:
+                cell = cells[arrival.chunk.label]
+                lost += [(cell, one.index, one.why) for one in arrival.lost]
+                if arrival.results:
                     _keep(store, arrival)
-                    added += len(arrival.results)
-                bar.update(len(arrival.chunk.indices))
+                added += len(arrival.results)
+                bar.update(len(arrival.results) + len(arrival.lost))
         except KeyboardInterrupt:
             pass  # what is kept is kept, and the report says that it is not all
     return Report(asked, added, _missing(store, cells, declared.starts), tuple(lost))
@@ -102,7 +102,7 @@ def _chunks(store: Store, cells: Mapping[int, Cell], starts: int, size: int) -> 
 
 
 def _keep(store: Store, arrival: Arrival) -> None:
-    results = arrival.results or []
+    results = arrival.results
     environment = results[0].result.environment  # one chunk, one process
     records = [(one.index, one.result.values) for one in results]
     store.add(arrival.chunk.label, records, environment)

@@ -52,9 +52,9 @@ def compare(
     from formulations.studies.comparison.report import write
     from formulations.studies.comparison.row import summarise
     from nlp.files import prepare_folder
-    from nlp.interrupts import deferred_interrupt
-    from nlp.ipopt_options import check_options
     from nlp.multistart import default_workers
+    from nlp.native import deferred_interrupt
+    from nlp.options import check_options
 
     options = check_options(ipopt_options(ipopt))
     for model in models_of(task_dimension):

@@ -34,8 +34,8 @@ def failures(
     from formulations.studies.failures.report import summary, table, write
     from formulations.studies.failures.row import solve
     from nlp.files import prepare_folder
-    from nlp.interrupts import deferred_interrupt
     from nlp.multistart import default_workers
+    from nlp.native import deferred_interrupt
 
     prepare_folder(out)
     used = workers or default_workers()

@@ -40,8 +40,8 @@ def robots(
     from formulations.studies.robots.report import write
     from formulations.studies.robots.survey import survey
     from nlp.files import prepare_folder
-    from nlp.interrupts import deferred_interrupt
     from nlp.multistart import default_workers
+    from nlp.native import deferred_interrupt
 
     arms = _chosen(only)
     prepare_folder(out)

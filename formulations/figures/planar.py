@@ -42,7 +42,7 @@ def optima(joints: int, request: Request, locked: int = 1) -> list[FloatArray]:
         partial(max_min.build, arm, locked),
         arm.sample,
         starts=request.starts,
-        seed=request.seed,
+        rng=request.seed,
         options=max_min.OPTIONS,
     )
     if not study.complete:

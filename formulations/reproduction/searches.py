@@ -27,7 +27,7 @@ def search(
     KeyboardInterrupt
         If the user interrupted: shares of an unfinished search would be wrong.
     """
-    study = multistart(build, sample, starts=starts, seed=seed, options=options)
+    study = multistart(build, sample, starts=starts, rng=seed, options=options)
     if not study.complete:
         raise KeyboardInterrupt
     return [run.solution for run in study.results]

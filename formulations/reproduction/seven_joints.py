@@ -19,7 +19,7 @@ from formulations.reproduction.row import Row, Verdict, shown, shown_error
 from formulations.reproduction.searches import jacobians, search
 from formulations.reproduction.verdicts import equal, holds, printed_digits
 from nlp.arrays import FloatArray
-from nlp.ipopt import solve
+from nlp.solver import solve
 
 ARM = Arm.of(UnitRevolute(), 7)
 OPTIONS = {"tol": 1e-12}

@@ -199,7 +199,7 @@ def _candidates(arm: RobotArm, search: Search) -> Study[Candidate]:
         build,
         PromisingStart(arm, search.locked),
         starts=search.starts,
-        seed=search.seed,
+        rng=search.seed,
         workers=search.workers,
         options={**own, **search.options},
         label=f"{search.formulation} {arm.chain.robot}" if search.progress else None,

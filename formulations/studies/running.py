@@ -12,7 +12,7 @@ from pathlib import Path
 from formulations.studies.study import Effort, Study
 from nlp.errors import FileError, LockedJointError
 from nlp.files import prepare_folder
-from nlp.interrupts import deferred_interrupt
+from nlp.native import deferred_interrupt
 
 
 class State(StrEnum):

@@ -89,7 +89,7 @@ def until(path, number, process):
 
 def workers_of(process):
     children = psutil.Process(process.pid).children()
-    return [child for child in children if "popen_loky" in " ".join(child.cmdline())]
+    return [child for child in children if "spawn_main" in " ".join(child.cmdline())]
 
 
 @pytest.fixture(scope="module")

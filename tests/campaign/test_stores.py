@@ -15,7 +15,7 @@ from formulations.campaign.execution import run
 from formulations.commands.app import app
 from formulations.solving.setup import Setup
 from nlp.errors import FileError, InputError
-from nlp.processes import Processes
+from nlp.processes import Processes, end_idle_processes
 from nlp.store import Store
 
 # Made by version 0.1.0 as of November 2026: two cells of planar 3R, four starts each.
@@ -110,9 +110,9 @@ def test_records_say_whether_they_were_compiled(tmp_path, monkeypatch):
     made = []
     for name, compiler in (("with", "cc"), ("without", "no-such-cc")):
         monkeypatch.setenv("CC", compiler)
-        Processes(1).kill([])  # workers take their environment over when they start
+        end_idle_processes()  # workers take their environment over when they start
         with Store(tmp_path / f"{name}.db", SCHEMA, writable=True) as store:
             run(Declaration((cell,), 3), store, Processes(1))
             made.append([(row["compiled"], row["ran_compiled"]) for row in store.rows()])
-    Processes(1).kill([])
+    end_idle_processes()
     assert made == [[(1, 1)] * 3, [(1, 0)] * 3]

@@ -3,7 +3,7 @@
 import pytest
 
 from nlp.errors import InputError, SolverOptionError
-from nlp.ipopt_options import check_options, ipopt_options
+from nlp.options import check_options, ipopt_options
 
 
 def test_knows_kinds_ranges_and_settings():

@@ -6,11 +6,11 @@ import sys
 import casadi as ca
 import numpy as np
 import pytest
+from nlp.solvers import build_solver, check_solver
 
 from nlp import compiled
 from nlp.errors import InputError, SolverOptionError
 from nlp.problem import Constraint, Problem
-from nlp.solvers import build_solver, check_solver
 
 
 def rosenbrock(constraints=()):

@@ -6,9 +6,9 @@ import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
 
 from nlp.multistart import multistart
+from nlp.native import one_blas_thread
 from nlp.problem import Problem
 from nlp.task import Task, packed, run_chunk
-from nlp.threads import one_blas_thread
 
 
 def parabola():

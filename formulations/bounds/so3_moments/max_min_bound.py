@@ -18,7 +18,7 @@ from formulations.bounds.so3_moments.residual_bound import Progress, residual_bo
 from formulations.bounds.so3_moments.rigorous_residual import rigorous_residual_bound
 from formulations.bounds.so3_moments.spectral_limits import worst_case_limit
 from nlp.errors import InputError
-from nlp.threads import one_blas_thread
+from nlp.native import one_blas_thread
 
 _HOW_CHECKED = "closed form from a lower bound on the residual, which was checked so: "
 _HOW_EXCLUDED = (

@@ -39,7 +39,7 @@ from formulations.bounds.so3_moments.representations.wigner import (
     random_rotations,
 )
 from nlp.errors import InputError
-from nlp.threads import one_blas_thread
+from nlp.native import one_blas_thread
 
 Progress = Callable[[str], None]
 LARGEST_JOINTS = 9

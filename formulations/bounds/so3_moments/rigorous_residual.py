@@ -45,7 +45,7 @@ from formulations.bounds.so3_moments.residual_bound import (
     sector_families,
 )
 from nlp.errors import InputError
-from nlp.threads import one_blas_thread
+from nlp.native import one_blas_thread
 
 _DEGREE = 12
 _POINTS = 560

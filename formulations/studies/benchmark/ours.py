@@ -7,7 +7,7 @@ from formulations.joints.arm import Arm
 from formulations.solving.setup import solver_options
 from formulations.studies.benchmark.peer import Peer, Run, each
 from nlp.arrays import FloatArray
-from nlp.solvers import build_solver
+from nlp.solver import Solver
 
 
 def residual_peer(name: str, solver: str, compiled: bool) -> Peer:
@@ -15,7 +15,7 @@ def residual_peer(name: str, solver: str, compiled: bool) -> Peer:
 
     def prepare(arm: Arm, batch: int) -> Run:  # noqa: ARG001
         options = solver_options(residual.NAME, solver, {})
-        built = build_solver(residual.build(arm), solver, options, compiled)
+        built = Solver(residual.build(arm), options, solver, compiled)
         return each(lambda start: built.solve(start).outputs["jacobian"], arm.shape)
 
     return Peer(name, residual.NAME, prepare, "exact Hessian, default tolerances")
@@ -32,11 +32,11 @@ def max_min_peer(
 
     def prepare(arm: Arm, batch: int) -> Run:  # noqa: ARG001
         problem = max_min.build(arm, encoding=encoding)
-        built = build_solver(problem, "ipopt", max_min.OPTIONS, compiled)
+        built = Solver(problem, max_min.OPTIONS, compiled=compiled)
         if not first:
             return each(lambda start: built.solve(start).outputs["jacobian"], arm.shape)
         options = solver_options(residual.NAME, first, {})
-        before = build_solver(residual.build(arm), first, options, compiled)
+        before = Solver(residual.build(arm), options, first, compiled)
 
         def one(start: FloatArray) -> FloatArray:
             return built.solve(before.solve(start).variables).outputs["jacobian"]

@@ -1,12 +1,34 @@
-"""Ctrl-C while compiled code runs: answered right after, never lost."""
+"""What compiled code needs around it: one thread of linear algebra, and Ctrl-C afterwards."""
 
 from __future__ import annotations
 
 import signal
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import wraps
 from types import FrameType
+from typing import ParamSpec, TypeVar
+
+from threadpoolctl import threadpool_limits
+
+P = ParamSpec("P")
+T = TypeVar("T")
+
+
+def one_blas_thread(function: Callable[P, T]) -> Callable[P, T]:
+    """Return the function so that linear algebra within it runs on one thread.
+
+    Matrices here are small: more threads would only wait for one another. The limit ends with
+    the function; libraries that are loaded within it are not limited.
+    """
+
+    @wraps(function)
+    def limited(*arguments: P.args, **keywords: P.kwargs) -> T:
+        with threadpool_limits(limits=1, user_api="blas"):
+            return function(*arguments, **keywords)
+
+    return limited
 
 
 @contextmanager
