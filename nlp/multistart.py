@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable, Generator, Mapping, Sequence
+from collections.abc import Callable, Generator, Mapping
 from contextlib import closing
 from dataclasses import dataclass
 from typing import Any, Generic
@@ -120,13 +120,25 @@ def multistart(
         batches = _in_turn(task, seed, starts)
     else:
         batches = _spread(task, seed, starts, workers)
-    done: list[Done[Any]] = []
-    with closing(batches), _progress(label, starts) as bar:
-        best = _Best(bar, figure)
+    done: list[Done[T]] = []
+    bar = tqdm(
+        total=starts,
+        desc=label,
+        disable=label is None or not os.isatty(2),
+        leave=False,
+        dynamic_ncols=True,
+    )
+    with closing(batches), bar:
+        best = math.nan
         try:
             for batch in batches:
                 done += batch
-                best.add(batch)
+                for one in batch:
+                    pick = np.fmin if one.sense == "minimise" else np.fmax  # over NaN, too
+                    best = float(pick(best, _number(one, figure)))
+                if not math.isnan(best):
+                    bar.set_postfix_str(f"best {best:.8g}", refresh=False)
+                bar.update(len(batch))
         except KeyboardInterrupt:
             pass  # what is done is kept, and `complete` says that it is not all
     done.sort(key=lambda one: one.index)
@@ -156,28 +168,7 @@ def _spread(
             yield arrival.results
 
 
-def _progress(label: str | None, starts: int) -> tqdm[Any]:
-    hidden = label is None or not os.isatty(2)
-    return tqdm(total=starts, desc=label, disable=hidden, leave=False, dynamic_ncols=True)
-
-
-class _Best:
-    """Shows the best figure so far on the bar."""
-
-    def __init__(self, bar: tqdm[Any], figure: Callable[[Any], float] | None) -> None:
-        self._bar = bar
-        self._figure = figure
-        self._value = math.nan
-
-    def add(self, batch: Sequence[Done[Any]]) -> None:
-        for one in batch:
-            pick = np.fmin if one.sense == "minimise" else np.fmax  # both pass over NaN
-            self._value = float(pick(self._value, self._of(one)))
-        if not math.isnan(self._value):
-            self._bar.set_postfix_str(f"best {self._value:.8g}", refresh=False)
-        self._bar.update(len(batch))
-
-    def _of(self, one: Done[Any]) -> float:
-        if self._figure is not None:
-            return self._figure(one.result)
-        return one.objective if one.success else math.nan
+def _number(one: Done[T], figure: Callable[[T], float] | None) -> float:
+    if figure is not None:
+        return figure(one.result)
+    return one.objective if one.success else math.nan

@@ -84,8 +84,7 @@ def check_options(
     if solver not in FILE_OPTIONS:
         raise InputError("solver", solver, "one of " + ", ".join(FILE_OPTIONS))
     for name in options:
-        # Ipopt does not distinguish upper and lower case.
-        if str(name).lower() in FILE_OPTIONS[solver] and not allow_files:
+        if name in FILE_OPTIONS[solver] and not allow_files:
             allowed = "options without files and libraries; Python callers set allow_files"
             raise SolverOptionError("Ipopt option", name, allowed)
     check = _fatrop_option if solver == "fatrop" else _ipopt_option

@@ -8,7 +8,6 @@ import pickle
 import signal
 import sys
 import threading
-import time
 from collections.abc import Iterator, Sequence
 from concurrent.futures import BrokenExecutor, Future, InvalidStateError
 from contextlib import contextmanager, suppress
@@ -31,6 +30,7 @@ _ONE_THREAD = {
     for library in ("OMP", "OPENBLAS", "MKL", "BLIS", "VECLIB_MAXIMUM", "NUMEXPR")
 }
 
+_KEPT = 10.0  # seconds that a process without work waits for more
 _SET_UP = 60.0  # seconds that building a solver may take, where there is a time limit
 
 _STARTING = threading.Lock()
@@ -60,57 +60,40 @@ class _Context(SpawnContext):
     Process = _Process
 
 
-class _Idle:
-    """Workers without work: kept for the next chunk, ended when none comes for a while."""
+# Workers without work, each with the timer that ends it when none comes for a while.
+_IDLE: dict[ProcessPool, threading.Timer] = {}
 
-    KEPT = 10.0  # seconds
 
-    def __init__(self) -> None:
-        self._lock = threading.Lock()
-        self._pools: list[tuple[float, ProcessPool]] = []
-        self._timer: threading.Timer | None = None
+def _keep(pool: ProcessPool) -> None:
+    timer = threading.Timer(_KEPT, _end_idle, (pool,))
+    timer.daemon = True
+    _IDLE[pool] = timer
+    timer.start()
 
-    def take(self) -> ProcessPool | None:
-        """Return a worker that is ready, if there is one."""
-        with self._lock:
-            while self._pools:
-                _, pool = self._pools.pop()
-                if pool.active:
-                    return pool
-                _end(pool)
-        return None
 
-    def put(self, pool: ProcessPool) -> None:
-        """Keep a worker that has finished its chunk."""
-        with self._lock:
-            self._pools.append((time.monotonic(), pool))
-            if self._timer is None:
-                self._set_timer()
-
-    def end(self, longer: float = 0.0) -> None:
-        """End the workers that have been idle for longer than this, in seconds."""
-        with self._lock:
-            latest = time.monotonic() - longer
-            ending = [pool for since, pool in self._pools if since <= latest]
-            self._pools = [one for one in self._pools if one[0] > latest]
-            self._timer = None
-            if self._pools:
-                self._set_timer()
-        for pool in ending:
+def _take() -> ProcessPool | None:
+    """Return an idle worker that is ready, if there is one."""
+    while _IDLE:
+        with suppress(KeyError):  # ended at this moment
+            pool, timer = _IDLE.popitem()
+            timer.cancel()
+            if pool.active:
+                return pool
             _end(pool)
-
-    def _set_timer(self) -> None:
-        self._timer = threading.Timer(self.KEPT, self.end, (self.KEPT,))
-        self._timer.daemon = True
-        self._timer.start()
+    return None
 
 
-_IDLE = _Idle()
+def _end_idle(pool: ProcessPool) -> None:
+    timer = _IDLE.pop(pool, None)
+    if timer is not None:
+        timer.cancel()
+        _end(pool)
 
 
 def end_idle_processes() -> None:
     """End the workers that have no work, for instance after a change of the environment."""
-    _IDLE.end()
+    for pool in list(_IDLE):
+        _end_idle(pool)
 
 
 class Processes:
@@ -132,7 +115,7 @@ class Processes:
 
     def submit(self, chunk: Chunk, time_limit: float | None = None) -> Future[Outcomes]:
         """Run a chunk in some process; the limit does not count its start and set-up."""
-        pool = _IDLE.take()
+        pool = _take()
         if pool is not None:
             with suppress(WorkerError):  # it broke this moment
                 return self._schedule(pool, chunk, time_limit)
@@ -175,7 +158,7 @@ class Processes:
             return
         error = inner.exception()
         if error is None:
-            _IDLE.put(pool)
+            _keep(pool)
             outcome = pickle.loads(inner.result())
             error = outcome if isinstance(outcome, Exception) else None
         else:

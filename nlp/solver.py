@@ -73,8 +73,9 @@ class Solver:
         if library is not None:
             self._solver = ca.nlpsol("solver", name, str(library), settings)
         self.compiled = library is not None
-        lower = _stacked([np.asarray(c.lower) for c in problem.constraints])
-        upper = _stacked([np.asarray(c.upper) for c in problem.constraints])
+        none = np.zeros(0)
+        lower = np.concatenate([none, *(np.asarray(c.lower) for c in problem.constraints)])
+        upper = np.concatenate([none, *(np.asarray(c.upper) for c in problem.constraints)])
         bounds = (np.asarray(problem.lower), np.asarray(problem.upper), lower, upper)
         self._limits = (_limits(*bounds[:2]), _limits(*bounds[2:]))
         self._shape = x.sparsity()
@@ -169,10 +170,6 @@ def _check_for_fatrop(problem: Problem) -> None:
 def _last(stats: Mapping[str, Mapping[str, list[float]]], name: str) -> float:
     history = stats.get("iterations", {}).get(name, [])
     return float(history[-1]) if history else float("nan")
-
-
-def _stacked(parts: list[FloatArray]) -> FloatArray:
-    return np.concatenate(parts) if parts else np.zeros(0)
 
 
 def _limits(lower: FloatArray, upper: FloatArray) -> tuple[FloatArray, FloatArray] | None:
