@@ -11,6 +11,7 @@ from functools import partial
 from typing import Any
 
 from nlp.errors import InputError, WorkerError
+from nlp.spread import SET_UP
 from nlp.task import Chunk, Outcomes, run_chunk
 
 _PATIENCE = 15.0  # seconds to wait for the scheduler and a first worker
@@ -70,9 +71,9 @@ class DaskCluster:
         future: Future[Outcomes] = Future()
         call = (self._topic, chunk.payload, chunk.seed, chunk.indices)
         task = self._client.submit(_run, *call, pure=False)
-        # It waits behind one other at most. If no start shows by then, its worker is stuck.
-        latest = None if time_limit is None else time.monotonic() + 2 * time_limit
-        self._sent[future] = _Sent(task, time_limit, latest)
+        # It waits behind one other at most. If it has not begun by then, its worker is stuck.
+        late = None if time_limit is None else time.monotonic() + 2 * (time_limit + SET_UP)
+        self._sent[future] = _Sent(task, time_limit, late)
         future.add_done_callback(self._forget)
         task.add_done_callback(partial(self._settle, future))
         return future
@@ -133,9 +134,10 @@ class _Sent:
 
 
 def _run(topic: str, payload: bytes, seed: int, indices: Sequence[int]) -> Outcomes:
-    """Log that the chunk begins, and run it."""
+    """Build the solver, log that the chunk begins, and run it."""
     from distributed import get_worker
 
+    run_chunk(payload, seed, ())
     worker = get_worker()
     worker.log_event(topic, worker.get_current_task())
     return run_chunk(payload, seed, indices)

@@ -112,7 +112,7 @@ def _ipopt_option(name: str, value: object) -> OptionValue:
     given = _typed(value, kind)
     # No option takes an empty text in place of one of its settings: Ipopt then lists them.
     asked = "" if given is None and kind is str else given
-    refused = "" if asked is None else _refusal(name, asked)
+    refused = "" if asked is None else _refusal(name, asked, kind)
     if given is None or refused:
         raise SolverOptionError(f"Ipopt option {name}", value, refused or _IN_WORDS[kind])
     return given
@@ -145,7 +145,7 @@ def _kind(name: str) -> type[OptionValue] | None:
 
 
 @lru_cache(maxsize=256)
-def _refusal(name: str, value: OptionValue) -> str:
+def _refusal(name: str, value: OptionValue, kind: type[OptionValue]) -> str:
     """What Ipopt allows in place of this value; empty if it takes the value."""
     error, said = _trial(name, value)
     if not error:
@@ -154,13 +154,11 @@ def _refusal(name: str, value: OptionValue) -> str:
     settings = [line.split()[0] for line in lines if line.startswith("\t")]
     if settings:
         return "one of " + ", ".join(settings)
-    kind = _kind(name)
-    words = "a value that Ipopt takes" if kind is None else _IN_WORDS[kind]
     if not lines or "<" not in lines[-1]:
-        return words
+        return _IN_WORDS[kind]
     low, _, rest = lines[-1].partition("(")  # such as 0 < (1e-08) <= +inf
     limits = f"{low}{name}{rest.partition(')')[2]}".replace("<=", "≤")
-    return f"{words}, {limits}"
+    return f"{_IN_WORDS[kind]}, {limits}"
 
 
 def _trial(name: str, value: object) -> tuple[str, str]:

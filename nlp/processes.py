@@ -31,7 +31,7 @@ _ONE_THREAD = {
 }
 
 _KEPT = 10.0  # seconds that a process without work waits for more
-_SET_UP = 60.0  # seconds that building a solver may take, where there is a time limit
+_PER_CORE = 8  # processes; more would only exhaust the machine's memory
 
 _STARTING = threading.Lock()
 
@@ -62,6 +62,8 @@ class _Context(SpawnContext):
 
 # Workers without work, each with the timer that ends it when none comes for a while.
 _IDLE: dict[ProcessPool, threading.Timer] = {}
+if hasattr(os, "register_at_fork"):  # they serve the process that started them
+    os.register_at_fork(after_in_child=_IDLE.clear)
 
 
 def _keep(pool: ProcessPool) -> None:
@@ -104,13 +106,14 @@ class Processes:
     Parameters
     ----------
     workers
-        How many at most; never more are started than there are chunks.
+        How many at most; never more are started than there are chunks, or than eight for
+        each processor core.
     """
 
     isolated = True
 
     def __init__(self, workers: int) -> None:
-        self.size = workers
+        self.size = min(workers, _PER_CORE * (os.cpu_count() or 1))
         self._busy: dict[Future[Outcomes], ProcessPool] = {}
 
     def submit(self, chunk: Chunk, time_limit: float | None = None) -> Future[Outcomes]:
@@ -137,8 +140,10 @@ class Processes:
     def _schedule(
         self, pool: ProcessPool, chunk: Chunk, limit: float | None
     ) -> Future[Outcomes]:
+        from nlp.spread import SET_UP
+
         call = (chunk.payload, chunk.seed, chunk.indices)
-        set_up = None if limit is None else max(limit, _SET_UP)
+        set_up = None if limit is None else max(limit, SET_UP)
         try:
             pool.schedule(_run, (chunk.payload, chunk.seed, ()), timeout=set_up)
             inner = pool.schedule(_run, call, timeout=limit)

@@ -15,6 +15,9 @@ from nlp.task import Chunk, Done, Lost, Outcomes
 # before it is lost.
 ATTEMPTS = 2
 
+# Seconds that building a solver may take, where there is a time limit for its starts.
+SET_UP = 60.0
+
 _PULSE = 0.5  # seconds between two looks at the workers
 
 
@@ -38,7 +41,7 @@ class Pool(Protocol):
 
         The future raises BrokenExecutor if the chunk's worker ended, TimeoutError if the chunk
         ran for longer than the limit in seconds, and what building the task's solver raised.
-        To cancel it stops the chunk.
+        Cancelling it stops the chunk.
 
         Raises
         ------

@@ -3,8 +3,11 @@
 import itertools
 import os
 import signal
+import subprocess
+import sys
 import time
 from functools import partial
+from pathlib import Path
 
 import casadi as ca
 import numpy as np
@@ -137,9 +140,39 @@ def test_no_more_processes_than_work():
     assert len(workers_of()) == 2
 
 
-def workers_of():
-    children = psutil.Process().children()
+def workers_of(process=None):
+    children = (process or psutil.Process()).children()
     return [child for child in children if "spawn_main" in " ".join(child.cmdline())]
+
+
+ORPHANS = """
+import sys, time
+sys.path.insert(0, {root!r})
+import casadi as ca
+from nlp.multistart import multistart
+from nlp.problem import Problem
+
+def build():
+    x = ca.SX.sym("x", 2)
+    return Problem("parabola", x, ca.sumsqr(x - 1))
+
+print("started", flush=True)
+multistart(build, lambda rng: time.sleep(600), starts=2, workers=2)
+"""
+
+
+def test_workers_that_hang_end_with_a_killed_parent():
+    script = ORPHANS.format(root=str(Path(__file__).parents[2]))
+    process = subprocess.Popen([sys.executable, "-c", script], stdout=subprocess.PIPE)
+    process.stdout.readline()
+    parent, workers = psutil.Process(process.pid), []
+    while len(workers) < 2:
+        workers = workers_of(parent)
+        time.sleep(0.1)
+    time.sleep(4)  # they import, build and hang
+    process.kill()
+    process.communicate()
+    assert not psutil.wait_procs(workers, timeout=15)[1]
 
 
 def test_all_workers_killed_from_outside():
