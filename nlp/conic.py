@@ -1,4 +1,4 @@
-"""Run a conic solver through cvxpy and keep what it says of itself."""
+"""Run a conic solver through cvxpy and return its status in full."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """One problem from many random starts, on one or several processes, reproducibly.
 
 Start k of seed s is the same on every machine and with any number of workers: it is drawn
-from a generator of its own, and no solve knows of any other.
+from a generator of its own, and no solve depends on another.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ T = TypeVar("T", default=Run)
 
 @dataclass(frozen=True, eq=False)
 class Study(Generic[T]):
-    """What became of each start, in the order of the starts.
+    """The result of each start, in the order of the starts.
 
     Attributes
     ----------

@@ -109,12 +109,12 @@ def _ipopt_option(name: str, value: object) -> OptionValue:
     if kind is None:
         allowed = "the name of an option in Ipopt's option reference"
         raise SolverOptionError("Ipopt option", name, allowed)
-    given = _typed(value, kind)
+    given, words = _typed(value, kind), _IN_WORDS[kind]
     # No option takes an empty text in place of one of its settings: Ipopt then lists them.
     asked = "" if given is None and kind is str else given
-    refused = "" if asked is None else _refusal(name, asked, kind)
+    refused = "" if asked is None else _refusal(name, asked, words)
     if given is None or refused:
-        raise SolverOptionError(f"Ipopt option {name}", value, refused or _IN_WORDS[kind])
+        raise SolverOptionError(f"Ipopt option {name}", value, refused or words)
     return given
 
 
@@ -145,8 +145,8 @@ def _kind(name: str) -> type[OptionValue] | None:
 
 
 @lru_cache(maxsize=256)
-def _refusal(name: str, value: OptionValue, kind: type[OptionValue]) -> str:
-    """What Ipopt allows in place of this value; empty if it takes the value."""
+def _refusal(name: str, value: OptionValue, words: str) -> str:
+    """What Ipopt allows in place of this value, at least `words`; empty if it takes it."""
     error, said = _trial(name, value)
     if not error:
         return ""
@@ -155,10 +155,10 @@ def _refusal(name: str, value: OptionValue, kind: type[OptionValue]) -> str:
     if settings:
         return "one of " + ", ".join(settings)
     if not lines or "<" not in lines[-1]:
-        return _IN_WORDS[kind]
+        return words
     low, _, rest = lines[-1].partition("(")  # such as 0 < (1e-08) <= +inf
     limits = f"{low}{name}{rest.partition(')')[2]}".replace("<=", "≤")
-    return f"{_IN_WORDS[kind]}, {limits}"
+    return f"{words}, {limits}"
 
 
 def _trial(name: str, value: object) -> tuple[str, str]:

@@ -23,7 +23,7 @@ class Constraint:
     Attributes
     ----------
     name
-        What the block says, in a word or two.
+        What the block states, in a word or two.
     expression
         Column of SX expressions, shape (rows, 1).
     lower, upper

@@ -8,9 +8,9 @@ import pickle
 import signal
 import sys
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from concurrent.futures import BrokenExecutor, Future, InvalidStateError
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, suppress
 from functools import partial
 from multiprocessing.context import SpawnContext, SpawnProcess
 from types import ModuleType
@@ -40,14 +40,15 @@ class _Process(SpawnProcess):
     """A new interpreter, which neither runs the caller's script nor answers Ctrl-C."""
 
     def start(self) -> None:
-        with _STARTING, _interrupts_blocked():
+        with _STARTING, ExitStack() as afterwards:
+            # A blocked signal stays blocked in a child; a Ctrl-C of this moment comes after.
+            if hasattr(signal, "pthread_sigmask"):
+                before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+                afterwards.callback(signal.pthread_sigmask, signal.SIG_SETMASK, before)
             # Functions of the script travel by value, so the script is not run again.
-            script = sys.modules["__main__"]
+            afterwards.callback(sys.modules.__setitem__, "__main__", sys.modules["__main__"])
             sys.modules["__main__"] = ModuleType("__main__")
-            try:
-                super().start()
-            finally:
-                sys.modules["__main__"] = script
+            super().start()
 
     @property
     def exitcode(self) -> int | None:
@@ -216,19 +217,3 @@ def _run(payload: bytes, seed: int, indices: Sequence[int]) -> bytes:
         outcome = portable(error)
     content: bytes = cloudpickle.dumps(outcome)
     return content
-
-
-@contextmanager
-def _interrupts_blocked() -> Iterator[None]:
-    """Let processes that start meanwhile ignore Ctrl-C, which is the parent's to answer.
-
-    A blocked signal stays blocked in a child; a Ctrl-C of this moment comes right after.
-    """
-    if not hasattr(signal, "pthread_sigmask"):
-        yield
-        return
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
