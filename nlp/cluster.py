@@ -66,7 +66,7 @@ class DaskCluster:
     def submit(self, chunk: Chunk, time_limit: float | None = None) -> Future[Outcomes]:
         """Run a chunk on some worker; the limit counts from when the worker begins."""
         if self._client.status != "running":
-            said = f"The scheduler {self._address} no longer answers; the results that arrived are kept."
+            said = f"The scheduler {self._address} no longer answers; results so far are kept."
             raise WorkerError(said)
         future: Future[Outcomes] = Future()
         call = (self._topic, chunk.payload, chunk.seed, chunk.indices)
