@@ -20,21 +20,26 @@
 
 from __future__ import annotations
 
+import json
 import tomllib
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from functools import partial
 from itertools import product
 from pathlib import Path
 from typing import Any
 
-from formulations import max_min
-from formulations.campaign.cell import Cell
-from formulations.solving.setup import Setup
+from formulations.campaign.records import Kept, keep
+from formulations.catalogue import arm, formulation
+from formulations.solving.setup import Setup, solver_options
 from nlp.arrays import whole_number
 from nlp.errors import FileError, InputError, LockedJointError
+from nlp.solvers import check_solver
+from nlp.store_schema import Value
+from nlp.task import Task
 
 REQUIRED = ("starts", "formulations", "models", "joints")
-DEFAULTS: Mapping[str, object] = {
+DEFAULTS: Mapping[str, Any] = {
     "seed": 0,
     "task_dimensions": [6],
     "encodings": ["shared-factor"],
@@ -44,16 +49,94 @@ DEFAULTS: Mapping[str, object] = {
     "compiled": False,
     "options": {},
 }
-_LISTS: Mapping[str, type] = {
-    "formulations": str,
-    "models": str,
-    "joints": int,
-    "task_dimensions": int,
-    "encodings": str,
-    "from_residual_minima": bool,
-    "locked": int,
+_LISTS: Mapping[type, tuple[str, ...]] = {
+    str: ("formulations", "models", "encodings"),
+    int: ("joints", "task_dimensions", "locked"),
+    bool: ("from_residual_minima",),
+}
+# Settings of a formulation that takes them, and their keys.
+_VARIANTS = {
+    "encoding": "encodings",
+    "from_residual_minima": "from_residual_minima",
+    "locked": "locked",
 }
 _KINDS = {str: "strings", int: "whole numbers", bool: "true or false"}
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One problem and how it is solved: all that decides its records.
+
+    Attributes
+    ----------
+    setup
+        The formulation on its column model.
+    joints, task_dimension
+        n and m.
+    seed
+        Seed of the starts.
+    options
+        Solver options, over the formulation's own.
+    solver, compiled
+        See `nlp.solvers`.
+
+    Raises
+    ------
+    InputError
+        If the setup has a failure model, which the settings of a cell do not contain.
+    """
+
+    setup: Setup
+    joints: int
+    task_dimension: int
+    seed: int = 0
+    options: Mapping[str, object] = field(default_factory=dict)
+    solver: str = "ipopt"
+    compiled: bool = False
+
+    def __post_init__(self) -> None:
+        if self.setup.failures is not None:
+            # Cells with different failure models would have the same settings.
+            raise InputError("failure model", "given", "left out in a campaign")
+
+    def task(self) -> Task[Kept]:
+        """Return what workers do at each start.
+
+        Raises
+        ------
+        InputError
+            If the arm, a setting or an option is not allowed.
+        """
+        one = self.setup
+        built = arm(one.model, self.joints, self.task_dimension)
+        return Task(
+            one.build(self.joints, self.task_dimension),
+            one.sample(built),
+            check_solver(self.solver, self._all_options(), self.compiled),
+            partial(keep, arm=built, merit=one.merit(), locked=one.locked),
+            self.solver,
+            self.compiled,
+        )
+
+    def settings(self) -> dict[str, Value]:
+        """Return what identifies this cell in a store."""
+        one, stated = self.setup, formulation(self.setup.formulation)
+        return {
+            "formulation": one.formulation,
+            "model": one.model,
+            "joints": self.joints,
+            "task_dimension": self.task_dimension,
+            "locked": one.locked,
+            "encoding": one.encoding if "encoding" in stated.SETTINGS else "",
+            "from_residual_minima": int(one.from_residual_minima),
+            "solver": self.solver,
+            "compiled": int(self.compiled),
+            "options": json.dumps(self._all_options(), sort_keys=True),
+            "seed": self.seed,
+        }
+
+    def _all_options(self) -> Mapping[str, object]:
+        return solver_options(self.setup.formulation, self.solver, self.options)
 
 
 @dataclass(frozen=True)
@@ -76,8 +159,7 @@ def read(path: Path) -> Declaration:
         option is not allowed.
     """
     try:
-        text = path.read_text(encoding="utf-8")
-        content = tomllib.loads(text)
+        content = tomllib.loads(path.read_text(encoding="utf-8"))
     except OSError as reason:
         why = (reason.strerror or str(reason)).lower()
         raise FileError("campaign file", str(path), f"a file to read ({why})") from None
@@ -96,43 +178,36 @@ def declaration(content: Mapping[str, Any]) -> Declaration:
         if key not in content:
             raise InputError("campaign file", f"without {key}", "all of " + ", ".join(REQUIRED))
     full = {**DEFAULTS, **content}
-    for key, kind in _LISTS.items():
-        _check_list(key, full[key], kind)
+    for kind, keys in _LISTS.items():
+        for key in keys:
+            entries = full[key]
+            if not isinstance(entries, list) or {type(one) for one in entries} != {kind}:
+                raise InputError(key, entries, f"a list of {_KINDS[kind]}, not empty")
     if not isinstance(full["options"], dict):
         raise InputError("options", full["options"], "a table of solver options")
     starts = whole_number("starts", full["starts"], 1)
-    seed = whole_number("seed", full["seed"], 0)
-    cells = tuple(_cells(full, seed))
-    for cell in cells:
+    full["seed"] = whole_number("seed", full["seed"], 0)
+    unique = {tuple(cell.settings().items()): cell for cell in _cells(full)}
+    for cell in unique.values():
         _check(cell)
-    return Declaration(cells, starts)
+    return Declaration(tuple(unique.values()), starts)
 
 
-def _cells(full: Mapping[str, Any], seed: int) -> list[Cell]:
-    shared = (seed, full["options"], full["solver"], full["compiled"])
-    cells = []
+def _cells(full: Mapping[str, Any]) -> Iterator[Cell]:
+    shared = [full[key] for key in ("seed", "options", "solver", "compiled")]
     for name, model in product(full["formulations"], full["models"]):
-        variants = [Setup(name, model)]
-        if name == max_min.NAME:
-            settings = product(full["encodings"], full["from_residual_minima"], full["locked"])
-            variants = [Setup(name, model, "", *one) for one in settings]
-        sizes = product(full["joints"], full["task_dimensions"])
-        cells += [Cell(one, n, m, *shared) for n, m in sizes for one in variants]
-    unique = {tuple(cell.settings().items()): cell for cell in cells}
-    return list(unique.values())
+        taken = formulation(name).SETTINGS
+        variants = [(full if one in taken else DEFAULTS)[key] for one, key in _VARIANTS.items()]
+        setups = [Setup(name, model, "", *settings) for settings in product(*variants)]
+        for n, m in product(full["joints"], full["task_dimensions"]):
+            yield from (Cell(one, n, m, *shared) for one in setups)
 
 
 def _check(cell: Cell) -> None:
-    """State the cell's problem, so that nothing comes to light after hours of work."""
+    """Build the cell's problem, so that every error is found before hours of work."""
     try:
         cell.task().solver()
     except LockedJointError as error:
         one = cell.setup
         where = f"{one.formulation} on {cell.joints} joints {one.model} in the campaign file"
         raise InputError(where, str(error), "combinations that can all be stated") from None
-
-
-def _check_list(key: str, value: object, kind: type) -> None:
-    fine = isinstance(value, list) and value and all(type(one) is kind for one in value)
-    if not fine:
-        raise InputError(key, value, f"a list of {_KINDS[kind]}, not empty")

@@ -26,7 +26,7 @@ def join(
     records must be equal, apart from the time they took; if one is not, nothing of that store
     is joined.
     """
-    from formulations.campaign.columns import SCHEMA, TIMES
+    from formulations.campaign.records import SCHEMA, TIMES
     from nlp.store import Store
 
     for other in others:  # before a store is made

@@ -8,10 +8,9 @@ from pathlib import Path
 import pytest
 import typer.testing
 
-from formulations.campaign.cell import Cell
-from formulations.campaign.columns import SCHEMA, TIMES
-from formulations.campaign.declaration import Declaration, declaration
+from formulations.campaign.declaration import Cell, Declaration, declaration
 from formulations.campaign.execution import run
+from formulations.campaign.records import SCHEMA, TIMES
 from formulations.commands.app import app
 from formulations.solving.setup import Setup
 from nlp.errors import FileError, InputError
