@@ -39,26 +39,21 @@ from nlp.store_schema import Value
 from nlp.task import Task
 
 REQUIRED = ("starts", "formulations", "models", "joints")
-DEFAULTS: Mapping[str, Any] = {
-    "seed": 0,
-    "task_dimensions": [6],
-    "encodings": ["shared-factor"],
-    "from_residual_minima": [False],
-    "locked": [1],
-    "solver": "ipopt",
-    "compiled": False,
-    "options": {},
-}
-_LISTS: Mapping[type, tuple[str, ...]] = {
-    str: ("formulations", "models", "encodings"),
-    int: ("joints", "task_dimensions", "locked"),
-    bool: ("from_residual_minima",),
-}
-# Settings of a formulation that takes them, and their keys.
-_VARIANTS = {
-    "encoding": "encodings",
+# Keys that a cell has too, and keys of lists: of settings that a setup has too, and others.
+_OF_CELLS = ("seed", "solver", "compiled", "options")
+_OF_SETUPS = {
+    "encodings": "encoding",
     "from_residual_minima": "from_residual_minima",
     "locked": "locked",
+}
+_LISTS = {
+    "formulations": str,
+    "models": str,
+    "joints": int,
+    "task_dimensions": int,
+    "encodings": str,
+    "from_residual_minima": bool,
+    "locked": int,
 }
 _KINDS = {str: "strings", int: "whole numbers", bool: "true or false"}
 
@@ -170,37 +165,36 @@ def read(path: Path) -> Declaration:
 
 def declaration(content: Mapping[str, Any]) -> Declaration:
     """Return the campaign that a file's content declares; see `read`."""
-    known = (*REQUIRED, *DEFAULTS)
+    known = ("starts", *_LISTS, *_OF_CELLS)
     for key in content:
         if key not in known:
             raise InputError("key of the campaign file", key, "one of " + ", ".join(known))
     for key in REQUIRED:
         if key not in content:
             raise InputError("campaign file", f"without {key}", "all of " + ", ".join(REQUIRED))
-    full = {**DEFAULTS, **content}
-    for kind, keys in _LISTS.items():
-        for key in keys:
-            entries = full[key]
-            if not isinstance(entries, list) or {type(one) for one in entries} != {kind}:
-                raise InputError(key, entries, f"a list of {_KINDS[kind]}, not empty")
-    if not isinstance(full["options"], dict):
-        raise InputError("options", full["options"], "a table of solver options")
-    starts = whole_number("starts", full["starts"], 1)
-    full["seed"] = whole_number("seed", full["seed"], 0)
-    unique = {tuple(cell.settings().items()): cell for cell in _cells(full)}
+    for key in _LISTS.keys() & content.keys():
+        entries, kind = content[key], _LISTS[key]
+        if not isinstance(entries, list) or {type(one) for one in entries} != {kind}:
+            raise InputError(key, entries, f"a list of {_KINDS[kind]}, not empty")
+    if not isinstance(content.get("options", {}), dict):
+        raise InputError("options", content["options"], "a table of solver options")
+    starts = whole_number("starts", content["starts"], 1)
+    whole_number("seed", content.get("seed", 0), 0)
+    unique = {tuple(cell.settings().items()): cell for cell in _cells(content)}
     for cell in unique.values():
         _check(cell)
     return Declaration(tuple(unique.values()), starts)
 
 
-def _cells(full: Mapping[str, Any]) -> Iterator[Cell]:
-    shared = [full[key] for key in ("seed", "options", "solver", "compiled")]
-    for name, model in product(full["formulations"], full["models"]):
-        taken = formulation(name).SETTINGS
-        variants = [(full if one in taken else DEFAULTS)[key] for one, key in _VARIANTS.items()]
-        setups = [Setup(name, model, "", *settings) for settings in product(*variants)]
-        for n, m in product(full["joints"], full["task_dimensions"]):
-            yield from (Cell(one, n, m, *shared) for one in setups)
+def _cells(content: Mapping[str, Any]) -> Iterator[Cell]:
+    shared = {key: content[key] for key in _OF_CELLS if key in content}
+    variants = {name: content[key] for key, name in _OF_SETUPS.items() if key in content}
+    sizes = list(product(content["joints"], content.get("task_dimensions", [6])))
+    for name, model in product(content["formulations"], content["models"]):
+        taken = [one for one in variants if one in formulation(name).SETTINGS]
+        for (n, m), values in product(sizes, product(*(variants[one] for one in taken))):
+            setup = Setup(name, model, **dict(zip(taken, values, strict=True)))
+            yield Cell(setup, n, m, **shared)
 
 
 def _check(cell: Cell) -> None:

@@ -40,7 +40,7 @@ _FOUND = ("level", "merit", "worst_case_sigma", "classes", "reached", "of_starts
 
 _PROBLEM = ", ".join(PROBLEM)
 _REACHED = "count(*) FILTER (WHERE reached)"
-_BEST = "CASE WHEN min(problem) = max(problem) THEN max({}) FILTER (WHERE place = 1) END"
+_BEST = "CASE WHEN min(problem) = max(problem) THEN max({}) FILTER (WHERE best) END"
 _MIDDLE = "position IN ((size + 1) / 2, (size + 2) / 2)"
 # What a group came to: columns, and how they are computed from its records.
 _MEASURED = {
@@ -55,20 +55,25 @@ _MEASURED = {
     "cpu_seconds_per_start": "sum(cpu_seconds) / count(*)",
     "cpu_seconds_per_success": f"sum(cpu_seconds) / nullif({_REACHED}, 0)",
 }
+# Problems and groups are numbered, so that what is sorted is narrow.
 _GROUPS = f"""
-SELECT {{by}}, {", ".join(f"{value} AS {name}" for name, value in _MEASURED.items())}
+SELECT min(cell) AS cell, {", ".join(f"{how} AS {name}" for name, how in _MEASURED.items())}
 FROM (
-    SELECT *, cost - min(cost) OVER (PARTITION BY {_PROBLEM}) <= ? AS reached,
-        dense_rank() OVER (ORDER BY {_PROBLEM}) AS problem,
-        row_number() OVER (PARTITION BY {{by}} ORDER BY cost NULLS LAST, cell, start) AS place,
-        row_number() OVER (PARTITION BY {{by}} ORDER BY iterations) AS position,
-        count(*) OVER (PARTITION BY {{by}}) AS size
+    SELECT *, cost - min(cost) OVER (PARTITION BY problem) <= ? AS reached,
+        cost NOTNULL AND 1 = row_number()
+            OVER (PARTITION BY same ORDER BY cost NULLS LAST, cell, start) AS best,
+        row_number() OVER (PARTITION BY same ORDER BY iterations) AS position,
+        count(*) OVER (PARTITION BY same) AS size
     FROM (
-        SELECT cell, start, {", ".join(SETTINGS)}, status, iterations, valid, cpu_seconds,
+        SELECT chosen.cell, start, problem, same, status, iterations, valid, cpu_seconds,
             merit, worst_case_sigma, isotropy_defect,
             CASE WHEN formulation IN ({{minimised}}) THEN merit ELSE -merit END AS cost
-        FROM chosen))
-GROUP BY {{by}} ORDER BY min(cell)"""
+        FROM chosen JOIN (
+            SELECT cell, dense_rank() OVER (ORDER BY {_PROBLEM}) AS problem,
+                dense_rank() OVER (ORDER BY {{by}}) AS same
+            FROM (SELECT DISTINCT cell, {", ".join(SETTINGS)} FROM chosen)
+        ) AS numbered ON numbered.cell = chosen.cell))
+GROUP BY same ORDER BY min(cell)"""
 # A record whose merit is not near the one before it begins a level.
 _LEVELS = """
 SELECT jacobian, merit, level, of_starts FROM (
@@ -132,13 +137,14 @@ def grouped(
     for name in by or ():
         if name not in SETTINGS:
             raise InputError("group", name, "one of " + ", ".join(SETTINGS))
-    select = f"SELECT DISTINCT {', '.join(SETTINGS)} FROM chosen"
-    cells = pd.DataFrame(store.query(select, conditions), columns=list(SETTINGS))
+    select = f"SELECT DISTINCT cell, {', '.join(SETTINGS)} FROM chosen"
+    cells = pd.DataFrame(store.query(select, conditions), columns=["cell", *SETTINGS])
     by = by or [*_ALWAYS, *differing(cells, _ALWAYS, PROBLEM)]
     names = [name for name in cells["formulation"].unique() if _is_minimised(name)]
     select = _GROUPS.format(by=", ".join(by), minimised=", ".join("?" * len(names)))
     rows = store.query(select, conditions, [REACHED_BEST, *names])
-    return pd.DataFrame(rows, columns=[*by, *_MEASURED])
+    table = pd.DataFrame(rows, columns=["cell", *_MEASURED])
+    return table.merge(cells, on="cell")[[*by, *_MEASURED]]
 
 
 def differing(cells: pd.DataFrame, always: Sequence[str], problem: Sequence[str]) -> list[str]:
