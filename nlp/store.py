@@ -139,18 +139,33 @@ class Store:
             self._database.execute("ATTACH DATABASE ? AS other", (uri,))
         try:
             with self._transaction():
-                conflict = self._database.execute(self.schema.conflict(apart_from)).fetchone()
-                if conflict is not None:
-                    names = (*self.schema.settings, "start")
-                    pairs = zip(names, conflict, strict=True)
-                    record = ", ".join(f"{name}={value}" for name, value in pairs)
-                    allowed = "the values that are there already, where starts are the same"
-                    raise InputError(f"record of {record}", f"another one in {other}", allowed)
-                added = [self._database.execute(s).rowcount for s in self.schema.join()][-1]
-                theirs = int(self._value("SELECT count(*) FROM other.record"))
+                for statement in self.schema.additions():
+                    self._database.execute(statement)
+                self._refuse_conflicts(other, apart_from)
+                added = self._database.execute(
+                    "INSERT INTO main.record "
+                    f"(cell, start, environment, {', '.join(self.schema.values)}) "
+                    f"SELECT * FROM ({self.schema.theirs()}) "
+                    "WHERE true ORDER BY cell, start ON CONFLICT (cell, start) DO NOTHING"
+                ).rowcount
+                theirs = self._value("SELECT count(*) FROM other.record")
         finally:
             self._database.execute("DETACH DATABASE other")
         return added, theirs - added
+
+    def _refuse_conflicts(self, other: Path, apart_from: Collection[str]) -> None:
+        compared = [name for name in self.schema.values if name not in apart_from]
+        differ = " OR ".join(f"ours.{name} IS NOT theirs.{name}" for name in compared) or "0"
+        conflict = self._database.execute(
+            f"SELECT {', '.join(self.schema.settings)}, start FROM main.record AS ours "
+            f"JOIN ({self.schema.theirs()}) AS theirs USING (cell, start) "
+            f"JOIN main.cell AS cell ON cell.id = ours.cell WHERE {differ} LIMIT 1"
+        ).fetchone()
+        if conflict is not None:
+            pairs = zip((*self.schema.settings, "start"), conflict, strict=True)
+            record = ", ".join(f"{name}={value}" for name, value in pairs)
+            allowed = "records equal to those that are there already, where starts are the same"
+            raise InputError(f"record of {record}", f"another one in {other}", allowed)
 
     def missing(self, cell: int, starts: int) -> list[range]:
         """Return the starts below `starts` without a record, as ranges in order."""

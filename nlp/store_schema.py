@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Literal, TypeAlias
 
@@ -80,43 +80,23 @@ class Schema:
             "JOIN environment ON environment.id = record.environment"
         )
 
-    def conflict(self, apart_from: Collection[str]) -> str:
-        """Return the SELECT of a start that the attached store ``other`` has otherwise.
-
-        Values in `apart_from` may differ. The row is the cell's settings and the start.
-        """
-        identity = ", ".join(f"cell.{name}" for name in self.settings)
-        compared = [name for name in self.values if name not in apart_from]
-        differ = " OR ".join(f"ours.{name} IS NOT theirs.{name}" for name in compared) or "0"
-        return (
-            f"SELECT {identity}, ours.start FROM {self._theirs()} "
-            "JOIN main.record AS ours ON ours.cell = cell.id AND ours.start = theirs.start "
-            f"WHERE {differ} LIMIT 1"
-        )
-
-    def join(self) -> list[str]:
-        """Return what adds the attached store's cells, environments and, last, records."""
-        settings, values = ", ".join(self.settings), ", ".join(self.values)
+    def additions(self) -> list[str]:
+        """Return what adds cells and environments of the attached store ``other``."""
+        settings = ", ".join(self.settings)
         return [
-            f"INSERT INTO main.cell ({settings}) SELECT {settings} FROM other.cell "
-            "WHERE true ORDER BY id ON CONFLICT DO NOTHING",
-            "INSERT INTO main.environment (environment) "
-            "SELECT environment FROM other.environment "
-            "WHERE true ORDER BY id ON CONFLICT DO NOTHING",
-            f"INSERT INTO main.record (cell, start, environment, {values}) "
-            f"SELECT cell.id, start, made.id, {values} FROM {self._theirs()} "
-            "JOIN other.environment AS source ON source.id = theirs.environment "
-            "JOIN main.environment AS made ON made.environment = source.environment "
-            "WHERE true ORDER BY cell.id, start ON CONFLICT (cell, start) DO NOTHING",
+            f"INSERT INTO main.{table} ({columns}) SELECT {columns} FROM other.{table} "
+            "WHERE true ORDER BY id ON CONFLICT DO NOTHING"
+            for table, columns in (("cell", settings), ("environment", "environment"))
         ]
 
-    def _theirs(self) -> str:
-        """Their records, each joined with our cell of the same settings."""
-        same = " AND ".join(f"cell.{name} = source_cell.{name}" for name in self.settings)
+    def theirs(self) -> str:
+        """Return the SELECT of the other store's records, with our cells and environments."""
         return (
-            "other.record AS theirs "
-            "JOIN other.cell AS source_cell ON source_cell.id = theirs.cell "
-            f"JOIN main.cell AS cell ON {same}"
+            f"SELECT ours.id AS cell, start, made.id AS environment, {', '.join(self.values)} "
+            "FROM other.record AS record JOIN other.cell AS cell ON cell.id = record.cell "
+            f"JOIN main.cell AS ours USING ({', '.join(self.settings)}) "
+            "JOIN other.environment AS source ON source.id = record.environment "
+            "JOIN main.environment AS made ON made.environment = source.environment"
         )
 
 

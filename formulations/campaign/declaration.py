@@ -172,15 +172,16 @@ def declaration(content: Mapping[str, Any]) -> Declaration:
     for key in REQUIRED:
         if key not in content:
             raise InputError("campaign file", f"without {key}", "all of " + ", ".join(REQUIRED))
-    for key in _LISTS.keys() & content.keys():
-        entries, kind = content[key], _LISTS[key]
+    for key, kind in _LISTS.items():
+        entries = content.get(key, [kind()])
         if not isinstance(entries, list) or {type(one) for one in entries} != {kind}:
             raise InputError(key, entries, f"a list of {_KINDS[kind]}, not empty")
     if not isinstance(content.get("options", {}), dict):
         raise InputError("options", content["options"], "a table of solver options")
     starts = whole_number("starts", content["starts"], 1)
-    whole_number("seed", content.get("seed", 0), 0)
-    unique = {tuple(cell.settings().items()): cell for cell in _cells(content)}
+    seed = whole_number("seed", content.get("seed", 0), 0)
+    cells = _cells({**content, "seed": seed})
+    unique = {tuple(cell.settings().items()): cell for cell in cells}
     for cell in unique.values():
         _check(cell)
     return Declaration(tuple(unique.values()), starts)

@@ -199,7 +199,7 @@ def _optima(store: Store, conditions: Sequence[Condition], problem: Row) -> Iter
     sign = 1 if _is_minimised(problem["formulation"]) else -1
     rows = store.query(_LEVELS, conditions, [REACHED_BEST, sign, LEVELS])
     m, n = problem["task_dimension"], problem["joints"]
-    symmetry = symmetry_of_arm(arm(problem["model"], n, m))
+    symmetry = _symmetry(arm(problem["model"], n, m))
     for (level, starts), members in groupby(rows, key=itemgetter("level", "of_starts")):
         classes = Classes(symmetry)
         for row in members:
@@ -221,7 +221,7 @@ def _is_minimised(name: str) -> bool:
     return formulation(name).SENSE == "minimise"
 
 
-def symmetry_of_arm(built: Arm) -> Symmetry:
+def _symmetry(built: Arm) -> Symmetry:
     """Return what leaves every Jacobian of an arm the same."""
     kinds = {type(joint) for joint in built.joints}
     if kinds == {UnitRevolute}:

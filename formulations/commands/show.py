@@ -88,23 +88,6 @@ def show(
         write_bytes(out, content.encode() if isinstance(content, str) else content)
 
 
-def as_csv(table: pd.DataFrame) -> str:
-    """Return the table with every digit."""
-    return table.to_csv(index=False)
-
-
-def as_markdown(table: pd.DataFrame) -> str:
-    """Return the table as Markdown with few digits, without the matrices."""
-    return f"{_to_read(table).to_markdown(index=False, disable_numparse=True)}\n"
-
-
-def as_latex(table: pd.DataFrame) -> str:
-    """Return the table as a LaTeX tabular in the style of booktabs, without the matrices."""
-    shown = _to_read(table).rename(columns=lambda name: name.replace("_", " "))
-    text = shown.to_markdown(index=False, tablefmt="latex_booktabs", disable_numparse=True)
-    return f"{text}\n"
-
-
 def as_parquet(table: pd.DataFrame) -> bytes:
     """Return the table as a Parquet file's content.
 
@@ -122,20 +105,28 @@ def as_parquet(table: pd.DataFrame) -> bytes:
         raise InputError("--to", "parquet", allowed) from None
 
 
-FORMATS: Mapping[str, Callable[[pd.DataFrame], str | bytes]] = MappingProxyType(
-    {"csv": as_csv, "parquet": as_parquet, "markdown": as_markdown, "latex": as_latex}
-)
-
-
-def _to_read(table: pd.DataFrame) -> pd.DataFrame:
+def _to_read(table: pd.DataFrame, style: str, underscore: str = "_") -> str:
+    """Return the table as text with few digits, without the matrices."""
     shown = table.drop(columns=["jacobian", "canonical_form"], errors="ignore").astype(object)
     for name in shown:
         digits = 8 if name in ("merit", "worst_case_sigma") else 4
         shown[name] = [_cell(value, digits) for value in shown[name]]
-    return shown
+    shown.columns = [name.replace("_", underscore) for name in shown]
+    return f"{shown.to_markdown(index=False, tablefmt=style, disable_numparse=True)}\n"
 
 
 def _cell(value: object, digits: int) -> str:
     if isinstance(value, float):
         return "–" if math.isnan(value) else f"{value:.{digits}g}"
     return str(value)
+
+
+# CSV and Parquet have every digit.
+FORMATS: Mapping[str, Callable[[pd.DataFrame], str | bytes]] = MappingProxyType(
+    {
+        "csv": lambda table: table.to_csv(index=False),
+        "parquet": as_parquet,
+        "markdown": lambda table: _to_read(table, "pipe"),
+        "latex": lambda table: _to_read(table, "latex_booktabs", underscore=" "),
+    }
+)
