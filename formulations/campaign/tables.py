@@ -15,7 +15,7 @@ import pandas as pd
 
 from formulations import measures
 from formulations.campaign.records import SCHEMA, jacobian_of
-from formulations.catalogue import arm, formulation
+from formulations.catalogue import FORMULATIONS, arm, formulation
 from formulations.joints.arm import Arm
 from formulations.joints.kinds import LeverRevolute, Prismatic, UnitRevolute
 from formulations.measures.canonical import Symmetry, canonical_form
@@ -140,9 +140,12 @@ def grouped(
     select = f"SELECT DISTINCT cell, {', '.join(SETTINGS)} FROM chosen"
     cells = pd.DataFrame(store.query(select, conditions), columns=["cell", *SETTINGS])
     by = by or [*_ALWAYS, *differing(cells, _ALWAYS, PROBLEM)]
-    names = [name for name in cells["formulation"].unique() if _is_minimised(name)]
-    select = _GROUPS.format(by=", ".join(by), minimised=", ".join("?" * len(names)))
-    rows = store.query(select, conditions, [REACHED_BEST, *names])
+    for name in cells["formulation"].unique():
+        formulation(name)  # refuses a store of formulations that are not known here
+    # All that are known: cells may have been added since the last statement.
+    minimised = [name for name in FORMULATIONS if _is_minimised(name)]
+    select = _GROUPS.format(by=", ".join(by), minimised=", ".join("?" * len(minimised)))
+    rows = store.query(select, conditions, [REACHED_BEST, *minimised])
     table = pd.DataFrame(rows, columns=["cell", *_MEASURED])
     return table.merge(cells, on="cell")[[*by, *_MEASURED]]
 
@@ -157,7 +160,8 @@ def differing(cells: pd.DataFrame, always: Sequence[str], problem: Sequence[str]
     always
         Settings that are left out.
     problem
-        Settings that name a problem; when one of them is looked at, the others do.
+        Settings that name a problem; whether one of them differs is seen where the others
+        are equal.
     """
     return [
         name

@@ -111,7 +111,7 @@ def _to_read(table: pd.DataFrame, style: str, underscore: str = "_") -> str:
     for name in shown:
         digits = 8 if name in ("merit", "worst_case_sigma") else 4
         shown[name] = [_cell(value, digits) for value in shown[name]]
-    shown.columns = [name.replace("_", underscore) for name in shown]
+    shown.columns = shown.columns.str.replace("_", underscore)
     return f"{shown.to_markdown(index=False, tablefmt=style, disable_numparse=True)}\n"
 
 

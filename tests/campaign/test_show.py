@@ -81,6 +81,31 @@ def test_groups_count_what_the_records_say(path):
             assert np.isnan(line["cpu_seconds_per_success"])
 
 
+def test_groups_of_answers_that_fail_the_check(path, tmp_path):
+    """They have no merit, so no best; with better ones of the problem they never reach it."""
+    kept = by_hand(path, formulation="residual")[0]
+    values = {k: v for k, v in kept.items() if k in SCHEMA.values}
+    failed = {**values, "merit": np.nan, "valid": 0, "status": "Restoration_Failed"}
+    with Store(tmp_path / "s.db", SCHEMA, writable=True) as store:
+        one, two = (
+            store.cell({**{k: kept[k] for k in SCHEMA.settings}, "seed": seed})
+            for seed in (0, 1)
+        )
+        made = [{**failed, "iterations": k, "cpu_seconds": 0.5} for k in (9, 4, 7)]
+        store.add(one, list(enumerate(made)), "v")
+        assert grouped(store)["merit"].isna().all()
+        store.add(
+            two, [(0, {**values, "merit": 2.0}), (1, {**values, "merit": 2.0 + 1e-7})], "v"
+        )
+        first, second = grouped(store).to_dict("records")
+    assert (first["seed"], first["starts"], first["solved"], first["valid"]) == (0, 3, 0, 0)
+    assert (first["iterations_median"], first["cpu_seconds_per_start"]) == (7, 0.5)
+    assert first["reached_best"] == 0
+    names = ("merit", "worst_case_sigma", "isotropy_defect", "cpu_seconds_per_success")
+    assert np.isnan([first[name] for name in names]).all()
+    assert (second["reached_best"], second["merit"]) == (2, 2.0)
+
+
 def test_groups_of_several_problems_have_no_best(path):
     with Store(path, SCHEMA) as store:
         table = grouped(store, by=["formulation"])
