@@ -1,4 +1,4 @@
-"""A declared campaign run to its end, from wherever it stands."""
+"""Runs a declared campaign: every start that has no record in the store yet."""
 
 from __future__ import annotations
 

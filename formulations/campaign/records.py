@@ -1,7 +1,7 @@
 """The columns of a study on disk, and a run as one of its records.
 
-The Jacobian is kept as little-endian eight-byte floats, row after row: exact, and a third of
-the room that decimal digits enough to be exact would take. Its shape is in the settings.
+The Jacobian is kept as little-endian eight-byte floats, row after row: exact, in a third of the
+space that exact decimal digits would take. Its shape is in the settings.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""``lockedjoint join``: stores of one study, made on several machines, as one."""
+"""``lockedjoint join``: stores of one study from several machines become one store."""
 
 from __future__ import annotations
 

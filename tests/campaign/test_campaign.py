@@ -1,4 +1,4 @@
-"""Campaigns are interrupted in every way there is, and end as if they never had been."""
+"""A campaign that is interrupted and run again has the records of an uninterrupted one."""
 
 import json
 import os
