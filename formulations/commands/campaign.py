@@ -58,9 +58,9 @@ def campaign(
     may be declared meanwhile. Exit status 1 if starts were lost because they raised an
     exception, ended their process or exceeded the time limit.
     """
-    from formulations.campaign.columns import SCHEMA
     from formulations.campaign.declaration import read
     from formulations.campaign.execution import run
+    from formulations.campaign.records import SCHEMA
     from nlp.store import Store
 
     declared = read(file)

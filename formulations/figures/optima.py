@@ -6,18 +6,23 @@ solver does not call solved, or whose Jacobian fails the check, are counted apar
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
 
 from formulations import isotropy, max_min, residual
+from formulations.campaign.records import SCHEMA
+from formulations.campaign.tables import SETTINGS, differing, frame
 from formulations.figures.picture import NothingFoundError, Picture, Request, solved
-from formulations.figures.stored import stored
 from formulations.files import figure_style
 from formulations.files.figure import figure_class
 from formulations.solving.setup import Setup
 from nlp.arrays import FloatArray
+from nlp.errors import FileError
+from nlp.solution import SUCCESS
+from nlp.store import Store
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -29,6 +34,9 @@ SAME = 1e-5
 # More optima than this, and than this share of the starts, are a continuum.
 FEW, SCATTERED = 3, 0.2
 UNIT, LEVER = "unit lever arms", "free lever arms"
+# Of a store: settings that every label names, and the length of a line beside a histogram.
+ALWAYS_NAMED = ("formulation", "model", "joints")
+LONGEST = 42
 PROBLEMS = (
     (f"residual, {UNIT}", Setup(residual.NAME, "unit-revolute")),
     (f"max-min, {UNIT}", Setup(max_min.NAME, "unit-revolute")),
@@ -88,6 +96,41 @@ def _solved(request: Request) -> pd.DataFrame:
         for record in solved(setup, request).records
     ]
     return pd.DataFrame(rows)
+
+
+def stored(path: Path) -> pd.DataFrame:
+    """Return one row per start of a campaign's store, labelled by the settings that differ.
+
+    Raises
+    ------
+    FileError
+        If it is no store of a campaign, or holds no records yet.
+    """
+    measured = ("start", "status", "valid", "worst_case_sigma", "isotropy_defect")
+    with Store(path, SCHEMA) as store:
+        records = frame(store, columns=[*SETTINGS, *measured])
+    if records.empty:
+        raise FileError("--store", str(path), "a store with records")
+    named = differing(records, ALWAYS_NAMED, ALWAYS_NAMED)
+    labels = records[list(SETTINGS)].apply(_label, axis=1, named=named)
+    return pd.DataFrame(
+        {
+            "problem": labels.str.split().str.join(" "),
+            "label": labels,
+            "start": records["start"],
+            "status": records["status"],
+            "counted": (records["status"] == SUCCESS) & (records["valid"] == 1),
+            "worst_case_sigma": records["worst_case_sigma"],
+            "isotropy_defect": records["isotropy_defect"],
+        }
+    )
+
+
+def _label(settings: pd.Series, named: list[str]) -> str:
+    first = f"{settings['formulation']}, {settings['joints']} × {settings['model']}"
+    rest = [f"{name.replace('_', ' ')} {settings[name]}" for name in named if settings[name]]
+    lines = [one if len(one) <= LONGEST else f"{one[: LONGEST - 1]}…" for one in rest]
+    return "\n".join([first, *lines])
 
 
 def _edges(sigmas: pd.Series) -> FloatArray:

@@ -1,4 +1,4 @@
-"""Campaigns are interrupted in every way there is, and end as if they never had been."""
+"""A campaign that is interrupted and run again has the records of an uninterrupted one."""
 
 import json
 import os
@@ -13,10 +13,10 @@ import psutil
 import pytest
 
 from formulations import measures
-from formulations.campaign.cell import Cell
-from formulations.campaign.columns import SCHEMA, TIMES, jacobian_of
-from formulations.campaign.declaration import Declaration, declaration
+from formulations.campaign.declaration import Cell, Declaration, declaration
 from formulations.campaign.execution import run
+from formulations.campaign.records import SCHEMA, TIMES, jacobian_of
+from formulations.measures.failure_model import FailureModel
 from formulations.solving.setup import Setup
 from nlp.errors import FileError, InputError
 from nlp.processes import Processes
@@ -277,6 +277,13 @@ def test_variants_of_max_min_do_not_multiply_the_others():
         "max-min": 8,
         "isotropy": 2,
     }
+
+
+def test_refuses_a_failure_model_that_no_setting_would_identify():
+    """Two failure models would share one cell, and the second get the records of the first."""
+    failures = FailureModel((0.5, 0.25, 0.25))
+    with pytest.raises(InputError, match="failure model is given; allowed: left out in a camp"):
+        Cell(Setup("max-min", "free", failures=failures), 3, 2)
 
 
 def test_compiled_cells_are_cells_of_their_own(tmp_path, monkeypatch):

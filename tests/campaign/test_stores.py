@@ -8,10 +8,9 @@ from pathlib import Path
 import pytest
 import typer.testing
 
-from formulations.campaign.cell import Cell
-from formulations.campaign.columns import SCHEMA, TIMES
-from formulations.campaign.declaration import Declaration, declaration
+from formulations.campaign.declaration import Cell, Declaration, declaration
 from formulations.campaign.execution import run
+from formulations.campaign.records import SCHEMA, TIMES
 from formulations.commands.app import app
 from formulations.solving.setup import Setup
 from nlp.errors import FileError, InputError
@@ -59,7 +58,7 @@ def test_an_old_store_keeps_every_record_and_goes_on(old):
     with Store(old, SCHEMA, writable=True) as store:
         kept = [(r["start"], r["merit"], r["jacobian"]) for r in store.rows()]
         assert kept == before
-        assert {row["ran_compiled"] for row in store.rows()} == {None}, "nobody knows"
+        assert {row["ran_compiled"] for row in store.rows()} == {None}, "it is not known"
         assert run(declared, store, Processes(1)).added == 2
         assert [row["ran_compiled"] for row in store.rows()][-2:] == [0, 0]
     assert command("show", old).exit_code == 0
