@@ -35,6 +35,7 @@ settings.register_profile("lockedjoint", deadline=None, derandomize=True, max_ex
 settings.load_profile("lockedjoint")
 
 
+@pytest.hookimpl(tryfirst=True)  # before pytest-xdist reads the groups
 def pytest_collection_modifyitems(items: Iterable[pytest.Item]) -> None:
     """Put every test without a group of its own into the group of its file."""
     for item in items:

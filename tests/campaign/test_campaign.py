@@ -22,6 +22,7 @@ from nlp.errors import FileError, InputError
 from nlp.processes import Processes
 from nlp.store import Store
 
+pytestmark = pytest.mark.xdist_group("processes")
 ROOT = Path(__file__).parents[2]
 PLANAR = {
     "starts": 150,
@@ -111,6 +112,7 @@ def folder(tmp_path):
     return tmp_path
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("how", ["SIGKILL", "SIGINT", "SIGTERM"])
 def test_interrupted_and_run_again_it_equals_the_uninterrupted(folder, whole, how):
     store = folder / "study.db"

@@ -18,6 +18,8 @@ from nlp.processes import Processes
 from nlp.spread import spread
 from nlp.task import Chunk, Task, packed
 
+pytestmark = pytest.mark.xdist_group("processes")
+
 
 def parabola():
     x = ca.SX.sym("x", 2)
@@ -67,7 +69,7 @@ def _no_processes_left_running():
     Processes(2).kill([])
 
 
-@pytest.mark.parametrize("kind", ["die", "hang"])
+@pytest.mark.parametrize("kind", ["die", pytest.param("hang", marks=pytest.mark.slow)])
 def test_a_worker_that_fails_once_costs_nothing(tmp_path, kind):
     payload = task_of(partial(mischief, folder=tmp_path, kind=kind, bad=13, once=True))
     limit = 10.0 if kind == "hang" else None
@@ -85,6 +87,7 @@ def slowly(run, folder):
     return run.index
 
 
+@pytest.mark.slow
 def test_chunks_beside_one_that_hangs_are_run_again(tmp_path):
     payload = task_of(partial(slowly, folder=tmp_path))
     done, lost = collect(spread(chunks(payload, 60), Processes(2), 5.0))
