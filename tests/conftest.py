@@ -1,9 +1,8 @@
 """What all tests share: their workers, their seeds, expensive results and the command line.
 
-The tests run on all cores, by pytest-xdist with ``--dist loadgroup``. Tests of one file stay on
-one worker, so that the fixtures of a file are made once. Tests that kill or time processes form
-the group ``processes`` instead: one worker runs all of them, so that no two of them run at the
-same time.
+The tests run on all cores, by pytest-xdist with ``--dist loadfile``: tests of one file stay on
+one worker, so that the fixtures of a file are made once. Tests that kill or time processes are
+marked ``processes``: no two of them run at the same time.
 """
 
 from __future__ import annotations
@@ -15,7 +14,8 @@ import signal
 import subprocess
 import sys
 import zlib
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterator
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -35,15 +35,6 @@ settings.register_profile("lockedjoint", deadline=None, derandomize=True, max_ex
 settings.load_profile("lockedjoint")
 
 
-@pytest.hookimpl(tryfirst=True)  # before pytest-xdist reads the groups
-def pytest_collection_modifyitems(items: Iterable[pytest.Item]) -> None:
-    """Put every test without a group of its own into the group of its file."""
-    for item in items:
-        if item.get_closest_marker("xdist_group") is None:
-            group = item.path.relative_to(ROOT / "tests").with_suffix("").as_posix()
-            item.add_marker(pytest.mark.xdist_group(group))
-
-
 @pytest.hookimpl(tryfirst=True)
 def pytest_runtest_setup(item: pytest.Item) -> None:
     """Seed the global generators by the name of the test, whatever ran before it."""
@@ -55,14 +46,26 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
 
 
 @pytest.fixture(scope="session")
-def once(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str, Callable[[], Any]], Any]:
-    """Return ``once(name, make)``: the result of `make`, computed by one worker for all."""
+def common(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the temporary folder that all workers share."""
     folder = tmp_path_factory.getbasetemp()
-    if "PYTEST_XDIST_WORKER" in os.environ:  # each worker's folder lies in the common one
-        folder = folder.parent
+    return folder.parent if "PYTEST_XDIST_WORKER" in os.environ else folder
+
+
+@pytest.fixture(autouse=True)
+def _no_two_at_once(request: pytest.FixtureRequest, common: Path) -> Iterator[None]:
+    """Let a test that is marked ``processes`` wait for those of other workers."""
+    marked = request.node.get_closest_marker("processes") is not None
+    with FileLock(common / "processes.lock") if marked else nullcontext():
+        yield
+
+
+@pytest.fixture(scope="session")
+def once(common: Path) -> Callable[[str, Callable[[], Any]], Any]:
+    """Return ``once(name, make)``: the result of `make`, computed by one worker for all."""
 
     def result(name: str, make: Callable[[], Any]) -> Any:
-        file = folder / f"{name}.pickle"
+        file = common / f"{name}.pickle"
         with FileLock(file.with_suffix(".lock")):
             if not file.exists():
                 file.write_bytes(pickle.dumps(make()))

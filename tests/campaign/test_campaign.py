@@ -21,7 +21,7 @@ from nlp.errors import FileError, InputError
 from nlp.processes import Processes
 from nlp.store import Store
 
-pytestmark = pytest.mark.xdist_group("processes")
+pytestmark = pytest.mark.processes
 PLANAR = {
     "starts": 150,
     "formulations": ["residual", "max-min", "isotropy"],

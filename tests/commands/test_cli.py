@@ -288,7 +288,7 @@ def test_bad_input_is_one_sentence_and_status_2(lockedjoint, tmp_path, arguments
     assert sorted(p.name for p in tmp_path.iterdir()) == before, "nothing half-written"
 
 
-@pytest.mark.xdist_group("processes")
+@pytest.mark.processes
 def test_ctrl_c_keeps_the_rows_that_are_done(lockedjoint, tmp_path):
     arguments = ("compare", "--starts", 60, "--workers", 2)
     process = lockedjoint.start(*arguments, cwd=tmp_path)

@@ -15,7 +15,7 @@ distributed = pytest.importorskip("distributed")
 
 # Dask's own: ports taken, connections closed while workers are killed.
 pytestmark = [
-    pytest.mark.xdist_group("processes"),
+    pytest.mark.processes,
     pytest.mark.filterwarnings("ignore::ResourceWarning"),
     pytest.mark.filterwarnings("ignore:Port .* is already in use:UserWarning"),
 ]

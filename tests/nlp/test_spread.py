@@ -18,7 +18,7 @@ from nlp.processes import Processes
 from nlp.spread import spread
 from nlp.task import Chunk, Task, packed
 
-pytestmark = pytest.mark.xdist_group("processes")
+pytestmark = pytest.mark.processes
 
 
 def parabola():

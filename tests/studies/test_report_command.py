@@ -56,7 +56,7 @@ def test_bad_input_is_one_sentence(report, tmp_path, arguments, said):
     assert [path.name for path in tmp_path.iterdir()] == ["file"]
 
 
-@pytest.mark.xdist_group("processes")
+@pytest.mark.processes
 def test_ctrl_c_keeps_finished_studies(lockedjoint, tmp_path):
     arguments = ("--only", "comparison,failures", "--starts", 2, "--workers", 1)
     process = lockedjoint.start("report", *arguments, cwd=tmp_path)
