@@ -3,7 +3,6 @@
 import csv
 import io
 import json
-import subprocess
 import sys
 import tracemalloc
 
@@ -195,13 +194,8 @@ def test_refuses_what_is_not_there(path, arguments, said):
         show(path, *arguments)
 
 
-def test_a_store_that_is_missing_is_not_made(tmp_path):
-    done = subprocess.run(
-        [sys.executable, "-m", "formulations", "show", str(tmp_path / "none.db")],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+def test_a_store_that_is_missing_is_not_made(lockedjoint, tmp_path):
+    done = lockedjoint("show", tmp_path / "none.db", cwd=tmp_path)
     assert done.returncode == 2
     assert done.stderr.startswith("Error: store is")
     assert list(tmp_path.iterdir()) == []

@@ -1,8 +1,5 @@
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
 from fractions import Fraction
 from itertools import permutations
 from pathlib import Path
@@ -30,16 +27,6 @@ def test_derivation_is_byte_identical_to_the_committed_copy(
     derived: Certificate, committed: Path
 ) -> None:
     assert derived.to_json().encode() == committed.read_bytes()
-
-
-def test_derivation_does_not_depend_on_the_hash_seed(committed: Path, tmp_path: Path) -> None:
-    out = tmp_path / "certificate.json"
-    code = f"from formulations.existence.derive import derive; derive().write({str(out)!r})"
-    environment = {**os.environ, "PYTHONHASHSEED": "12345"}
-    root = committed.parents[2]
-    subprocess.run([sys.executable, "-c", code], check=True, env=environment, cwd=root)
-    assert out.read_bytes() == committed.read_bytes()
-    assert [path.name for path in tmp_path.iterdir()] == ["certificate.json"]
 
 
 def test_weights_and_constant(derived: Certificate) -> None:

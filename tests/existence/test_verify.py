@@ -184,6 +184,7 @@ def test_scaling_all_weights_proves_the_same(certificate: Certificate) -> None:
     assert verify(scaled).constant == Fraction(33248, 7203)
 
 
+@pytest.mark.slow
 def test_the_largest_certificates_are_judged_in_bounded_time(certificate: Certificate) -> None:
     """Terms of three disjoint pairs leave the most joints alike, hence the most renamings."""
     entries = list(combinations(range(7), 2))

@@ -152,6 +152,8 @@ if __name__ == "__main__":
 """
 
 
+@pytest.mark.processes
+@pytest.mark.slow
 @pytest.mark.parametrize("workers", [1, 2])
 def test_ctrl_c_keeps_what_is_done(workers):
     root = str(Path(__file__).parents[2])

@@ -190,8 +190,10 @@ def test_refuses_sizes_out_of_range(joints, tmp_path):
     assert not (tmp_path / "b").exists()
 
 
-def test_libraries_that_peers_bring_are_held_to_one_thread():
-    from threadpoolctl import threadpool_info
+def test_libraries_that_peers_bring_are_held_to_one_thread(monkeypatch):
+    from threadpoolctl import threadpool_info, threadpool_limits
+
+    monkeypatch.setenv("OPENBLAS_NUM_THREADS", "2")
 
     seen = []
 
@@ -204,7 +206,8 @@ def test_libraries_that_peers_bring_are_held_to_one_thread():
 
         return each(one, arm.shape)
 
-    list(measure([Peer("threads", "residual", prepare)], joints=7, starts=1, seed=0))
+    with threadpool_limits(limits=2, user_api="blas"):
+        list(measure([Peer("threads", "residual", prepare)], joints=7, starts=1, seed=0))
     assert seen[-1] == {1}
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
@@ -77,10 +78,10 @@ def order_2() -> ExistenceRelaxation:
 
 
 @pytest.fixture(scope="session")
-def order_3() -> ExistenceRelaxation:
-    return existence_relaxation(3)
+def order_3(once: Callable[..., Any]) -> ExistenceRelaxation:
+    return once("relaxation_3", lambda: existence_relaxation(3))
 
 
 @pytest.fixture(scope="session")
-def order_3_of_6r() -> ExistenceRelaxation:
-    return existence_relaxation(3, 6)
+def order_3_of_6r(once: Callable[..., Any]) -> ExistenceRelaxation:
+    return once("relaxation_3_6r", lambda: existence_relaxation(3, 6))
