@@ -23,9 +23,9 @@ from formulations.existence.polynomials import (
     class_sums,
     combined,
     hermitian_product,
+    symmetrised,
 )
 from formulations.existence.rewriting import rewriting
-from formulations.existence.young import symmetrised
 
 SEVEN_REVOLUTE = Frame(joints=7, task_dimension=6)
 ORDER = 3

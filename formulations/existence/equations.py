@@ -12,17 +12,18 @@ and W_ii = 0, which every unit revolute joint obeys, is built in unless `diagona
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from fractions import Fraction
 from itertools import combinations_with_replacement
-from typing import Literal, TypeAlias
 
+from formulations.existence.certificate import Kind
 from formulations.existence.graphs import ONE, Monomial, coloured_graphs
 from formulations.existence.polynomials import Polynomial, class_sums, collected, times
 
-Kind: TypeAlias = Literal["row-sum", "square", "tight-frame"]
+# Number of factors W minus number of factors conj(W) in each equation.
 CHARGE: dict[Kind, int] = {"row-sum": 1, "square": 2, "tight-frame": 0}
+_INDICES: dict[Kind, int] = {"row-sum": 1, "square": 2, "tight-frame": 2}
 
 
 @dataclass(frozen=True, order=True, slots=True)
@@ -81,6 +82,11 @@ class Frame:
         terms = [(term, Fraction(1)) for m in products for term in (m, m.conjugate())]
         return collected([*terms, (ONE, -4 * self.projector(i, j))])
 
+    def equations(self) -> Iterator[Equation]:
+        """Give all equations, every entry (i, j) with i ≤ j."""
+        for kind in self._kinds:
+            yield from self._at(kind, self.joints)
+
     def averaged(self, multiple: Multiple) -> Polynomial:
         """Return a multiple of an equation as a combination of classes."""
         return class_sums(times(multiple.monomial, self.polynomial(multiple.equation)))
@@ -88,25 +94,27 @@ class Frame:
     def multiples(self, order: int) -> Iterator[Multiple]:
         """Give all multiples with at most `order` edges of each colour.
 
-        Every multiple is met up to the order of the joints and conjugation; some repeatedly.
+        Up to the order of the joints and conjugation every multiple occurs, some repeatedly.
         """
-        for kind, charge in CHARGE.items():
-            if kind == "row-sum" and not self.redundant:
-                continue
+        for kind in self._kinds:
+            charge = CHARGE[kind]
             own_wbar = int(kind == "tight-frame")
             for w in range(order - charge - own_wbar + 1):
-                for monomial in self._graphs(w, w + charge):
-                    for place in self._places(kind, monomial):
-                        yield Multiple(Equation(kind, place), monomial)
+                for monomial in coloured_graphs(self.joints, w, w + charge, self.diagonal):
+                    # Places among the joints used and as many unused ones as can matter.
+                    used = len(monomial.vertices)
+                    for equation in self._at(kind, used + _INDICES[kind]):
+                        yield Multiple(equation, monomial)
 
     def _columns(self, *rows: int) -> list[int]:
         return [k for k in range(self.joints) if self.diagonal or k not in rows]
 
-    def _graphs(self, w: int, wbar: int) -> tuple[Monomial, ...]:
-        return coloured_graphs(self.joints, w, wbar, loops=self.diagonal)
+    @property
+    def _kinds(self) -> list[Kind]:
+        return [kind for kind in CHARGE if kind != "row-sum" or self.redundant]
 
-    def _places(self, kind: Kind, monomial: Monomial) -> Iterable[tuple[int, ...]]:
-        """Give places among the joints used and as many unused ones as can matter."""
-        size = 1 if kind == "row-sum" else 2
-        candidates = range(min(self.joints, len(monomial.vertices) + size))
-        return combinations_with_replacement(candidates, size)
+    def _at(self, kind: Kind, joints: int) -> Iterator[Equation]:
+        """Give the equations of a kind at places among the first joints."""
+        first = range(min(self.joints, joints))
+        for place in combinations_with_replacement(first, _INDICES[kind]):
+            yield Equation(kind, place)

@@ -19,20 +19,19 @@ no such Jacobian. For this the following must hold, and does for every `Certific
 exists: seven joints; rational coefficients; weights and constant positive; no W_ii; only
 equations of the three kinds, inside the matrix.
 
-Nothing more is needed. In particular *which* renaming is applied cannot make a false identity
-pass, only a true one fail: a renamed monomial is always one with the same mean.
+No other condition is needed. In particular the choice of the renaming cannot make a false
+identity pass, only a true one fail: a renamed monomial always has the same mean.
 
-This module shares no mathematics with the derivation. The records and the reader of the file
-(`certificate`, `reading`) are all it imports.
+This module shares no mathematics with the derivation: it imports only the records of the
+certificate.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from fractions import Fraction
 from itertools import chain, permutations, product
-from pathlib import Path
 from typing import Any, TypeAlias
 
 from formulations.existence.certificate import (
@@ -42,7 +41,6 @@ from formulations.existence.certificate import (
     Pairs,
     Square,
 )
-from formulations.existence.reading import read
 
 Factors: TypeAlias = tuple[Pairs, Pairs]  # the entries of W and of conj(W), each sorted
 Look: TypeAlias = tuple[Any, ...]
@@ -72,26 +70,7 @@ class Report:
 
     def to_dict(self) -> dict[str, int | str]:
         """Return plain values for tables and JSON, the constant as a fraction in text."""
-        return {
-            "joints": self.joints,
-            "constant": str(self.constant),
-            "squares": self.squares,
-            "multipliers": self.multipliers,
-            "monomials": self.monomials,
-        }
-
-
-def verify_file(path: Path | str) -> Report:
-    """Verify the certificate in a file.
-
-    Raises
-    ------
-    FileError
-        If the file cannot be read as JSON.
-    CertificateError
-        If it is not a certificate, or proves nothing.
-    """
-    return verify(read(path))
+        return {**asdict(self), "constant": str(self.constant)}
 
 
 def verify(certificate: Certificate) -> Report:
@@ -154,7 +133,7 @@ def _equation(multiplier: Multiplier) -> Iterator[tuple[Pairs, Pairs, Fraction]]
     one = Fraction(1)
     if multiplier.kind == "row-sum":
         (i,) = multiplier.place
-        yield from (((((i, k),), (), one)) for k in range(7) if k != i)
+        yield from ((((i, k),), (), one) for k in range(7) if k != i)
         return
     i, j = multiplier.place
     inner = [k for k in range(7) if k not in (i, j)]

@@ -11,9 +11,8 @@ from hypothesis import strategies as st
 
 from formulations.existence.equations import Frame
 from formulations.existence.relaxation.linear_moments import solve_moment_equations
-from formulations.existence.relaxation.margin_certificate import check_margin, moment_limits
-from formulations.existence.relaxation.margin_sdp import solve_margin
-from formulations.existence.relaxation.moment_blocks import MomentBlock
+from formulations.existence.relaxation.margin import check_margin, moment_limits, solve_margin
+from formulations.existence.relaxation.moment_matrix import MomentBlock
 
 NONE = np.zeros(0)
 
