@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable, Mapping
 from enum import StrEnum
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -18,9 +19,6 @@ from formulations.commands.arguments import (
 )
 from formulations.commands.text import as_text
 from nlp.errors import InputError
-
-if TYPE_CHECKING:
-    from formulations.existence.relaxation.relaxation import ExistenceRelaxation
 
 UNDECIDED = 1
 
@@ -115,12 +113,22 @@ def bound(
     failure-tolerant 7R Jacobian exists is `lockedjoint prove`.
     """
     _refuse_unused(context, quantity)
+    text: Callable[[Mapping[str, Any]], str] = as_text
     if quantity is Quantity.EXISTENCE:
-        _existence(order, joints, task_dimension, solver or "CLARABEL", as_json)
+        from formulations.existence.relaxation.relaxation import existence_relaxation
+
+        plain = existence_relaxation(
+            order, joints, task_dimension=task_dimension, solver=solver or "CLARABEL"
+        ).to_dict()
+        text = _existence_text
     elif quantity is Quantity.WORST_CASE:
-        _worst_case(joints, task_dimension, trace, lever_arm, solver or "CLARABEL", as_json)
+        plain = _worst_case(joints, task_dimension, trace, lever_arm, solver or "CLARABEL")
+        text = _without_multipliers
     else:
-        _unit_revolute(quantity, joints, preset, rigorous, seed, solver, as_json)
+        plain = _unit_revolute(quantity, joints, preset, rigorous, seed, solver)
+    typer.echo(json.dumps(plain, indent=1) if as_json else text(plain))
+    if plain.get("verdict") == "undecided" or plain.get("singular_value_bound", 0) is None:
+        raise typer.Exit(UNDECIDED)
 
 
 def _refuse_unused(context: typer.Context, quantity: Quantity) -> None:
@@ -134,13 +142,8 @@ def _refuse_unused(context: typer.Context, quantity: Quantity) -> None:
 
 
 def _worst_case(
-    joints: int,
-    task_dimension: int,
-    trace: float | None,
-    lever_arm: float | None,
-    solver: str,
-    as_json: bool,
-) -> None:
+    joints: int, task_dimension: int, trace: float | None, lever_arm: float | None, solver: str
+) -> dict[str, Any]:
     from formulations.bounds.worst_case.problem import free_columns, revolute_arm
     from formulations.bounds.worst_case.program import solve_worst_case
 
@@ -151,25 +154,12 @@ def _worst_case(
         raise InputError("--lever-arm", lever_arm, allowed)
     else:
         problem = revolute_arm(joints, lever_arm=lever_arm)
-    found = solve_worst_case(problem, solver=solver)
-    plain = found.to_dict()
-    if as_json:
-        typer.echo(json.dumps(plain, indent=1))
-    else:
-        typer.echo(as_text({k: v for k, v in plain.items() if k != "multipliers"}))
-    if plain["singular_value_bound"] is None:
-        raise typer.Exit(UNDECIDED)
+    return solve_worst_case(problem, solver=solver).to_dict()
 
 
 def _unit_revolute(
-    quantity: Quantity,
-    joints: int,
-    preset: str,
-    rigorous: bool,
-    seed: int,
-    solver: str | None,
-    as_json: bool,
-) -> None:
+    quantity: Quantity, joints: int, preset: str, rigorous: bool, seed: int, solver: str | None
+) -> dict[str, Any]:
     from formulations.bounds.so3_moments.max_min_bound import max_min_bound
     from formulations.bounds.so3_moments.residual_bound import residual_bound
     from formulations.bounds.so3_moments.rigorous_residual import rigorous_residual_bound
@@ -185,24 +175,14 @@ def _unit_revolute(
         found = rigorous_residual_bound(preset, joints, seed=seed, progress=progress)
     else:
         found = residual_bound(preset, joints, solver=solver, seed=seed, progress=progress)
-    plain = found.to_dict()
-    typer.echo(json.dumps(plain, indent=1) if as_json else as_text(plain))
+    return found.to_dict()
 
 
-def _existence(
-    order: int, joints: int, task_dimension: int, solver: str, as_json: bool
-) -> None:
-    from formulations.existence.relaxation.relaxation import existence_relaxation
-
-    found = existence_relaxation(order, joints, task_dimension=task_dimension, solver=solver)
-    text = json.dumps(found.to_dict(), indent=1) if as_json else _existence_text(found)
-    typer.echo(text)
-    if found.verdict == "undecided":
-        raise typer.Exit(UNDECIDED)
+def _without_multipliers(plain: Mapping[str, Any]) -> str:
+    return as_text({name: v for name, v in plain.items() if name != "multipliers"})
 
 
-def _existence_text(found: ExistenceRelaxation) -> str:
-    plain = found.to_dict()
+def _existence_text(plain: Mapping[str, Any]) -> str:
     skipped = ("blocks", "free_moments", "certificate")
     summary = {k: v for k, v in plain.items() if k not in skipped}
     summary["free_moments"] = len(plain["free_moments"])
@@ -220,4 +200,4 @@ def _existence_text(found: ExistenceRelaxation) -> str:
         verdict = "  infeasible alone" if block["infeasible_alone"] else ""
         size = f"{block['dimension']:>9}  {block['copies']:>6}  {block['size']:>4}"
         lines.append(f"{block['charge']:>6}  {shape:<15}  {size}  {margin:>12}{verdict}")
-    return "\n".join(lines if found.blocks else lines[:1])
+    return "\n".join(lines if plain["blocks"] else lines[:1])

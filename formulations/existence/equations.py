@@ -1,4 +1,4 @@
-"""The equations that W satisfies at an isotropic Jacobian, as sparse polynomials.
+"""Sparse polynomials, and the equations that W satisfies at an isotropic Jacobian.
 
 J (m×n, orthonormal rows, m even) is written as a complex matrix Z = V + iΩ with m/2 rows, and
 W = ZᵀZ. With P = JᵀJ the equations are (docs/nonexistence.md, section 2)
@@ -12,18 +12,51 @@ and W_ii = 0, which every unit revolute joint obeys, is built in unless `diagona
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
 from itertools import combinations_with_replacement
+from typing import TypeAlias
 
 from formulations.existence.certificate import Kind
-from formulations.existence.graphs import ONE, Monomial, coloured_graphs
-from formulations.existence.polynomials import Polynomial, class_sums, collected, times
+from formulations.existence.graphs import ONE, Monomial, canonical, coloured_graphs
+
+Polynomial: TypeAlias = Mapping[Monomial, Fraction]
 
 # Number of factors W minus number of factors conj(W) in each equation.
 CHARGE: dict[Kind, int] = {"row-sum": 1, "square": 2, "tight-frame": 0}
 _INDICES: dict[Kind, int] = {"row-sum": 1, "square": 2, "tight-frame": 2}
+
+
+def collected(terms: Iterable[tuple[Monomial, Fraction]]) -> Polynomial:
+    """Add up terms and drop those that cancel."""
+    total: dict[Monomial, Fraction] = {}
+    for monomial, coefficient in terms:
+        total[monomial] = total.get(monomial, Fraction(0)) + coefficient
+    return {monomial: value for monomial, value in total.items() if value}
+
+
+def combined(parts: Iterable[tuple[Fraction, Polynomial]]) -> Polynomial:
+    """Return the linear combination Σ factor · polynomial."""
+    return collected((m, factor * value) for factor, part in parts for m, value in part.items())
+
+
+def times(monomial: Monomial, polynomial: Polynomial) -> Polynomial:
+    """Return the product of a monomial and a polynomial."""
+    return {monomial * other: value for other, value in polynomial.items()}
+
+
+def hermitian_product(p: Polynomial, q: Polynomial) -> Polynomial:
+    """Return p · conj(q)."""
+    return collected((a * b.conjugate(), x * y) for a, x in p.items() for b, y in q.items())
+
+
+def class_sums(polynomial: Polynomial) -> Polynomial:
+    """Return the average over joint orders and conjugation, as a combination of classes.
+
+    A class stands for the average of its members, hence for the average of each of them.
+    """
+    return collected((canonical(monomial), value) for monomial, value in polynomial.items())
 
 
 @dataclass(frozen=True, order=True, slots=True)

@@ -14,9 +14,8 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import TypeAlias
 
-from formulations.existence.equations import Frame, Multiple
+from formulations.existence.equations import Frame, Multiple, Polynomial, combined
 from formulations.existence.graphs import ONE, Monomial
-from formulations.existence.polynomials import Polynomial, combined
 
 Combination: TypeAlias = Mapping[Multiple, Fraction]
 

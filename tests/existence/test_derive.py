@@ -10,17 +10,21 @@ from pathlib import Path
 import pytest
 
 from formulations.existence.certificate import Certificate
-from formulations.existence.derive import TABLEAU, cancelling_weights, squared_polynomials
-from formulations.existence.graphs import ONE, Monomial
-from formulations.existence.polynomials import (
+from formulations.existence.derive import (
+    TABLEAU,
+    cancelling_weights,
+    sign,
+    squared_polynomials,
+    symmetrised,
+)
+from formulations.existence.equations import (
     Polynomial,
     class_sums,
     collected,
     combined,
     hermitian_product,
-    sign,
-    symmetrised,
 )
+from formulations.existence.graphs import ONE, Monomial
 from formulations.existence.rewriting import Rewriting
 
 TRIANGLE = Monomial(((0, 1), (0, 2), (1, 2)), ((0, 1), (0, 2), (1, 2)))

@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from formulations.existence.equations import Equation, Frame
+from formulations.existence.equations import Equation, Frame, Polynomial
 from formulations.existence.graphs import ONE, Monomial
-from formulations.existence.polynomials import Polynomial
 
 Matrix = NDArray[np.complex128]
 

@@ -15,9 +15,8 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from formulations.existence.equations import Frame
+from formulations.existence.equations import Frame, Polynomial
 from formulations.existence.graphs import Monomial, classes
-from formulations.existence.polynomials import Polynomial
 
 Row: TypeAlias = dict[int, Fraction]
 
@@ -76,7 +75,7 @@ def solve_moment_equations(frame: Frame, order: int) -> LinearMoments:
     """
     graphs = classes(frame.joints, order, loops=frame.diagonal)
     number = {graph: place for place, graph in enumerate(graphs)}
-    equations = averaged_equations(frame, order)
+    equations = _averaged_equations(frame, order)
     rows = [{number[graph]: value for graph, value in terms.items()} for terms in equations]
     # Short equations first keep the rows of the elimination short.
     solved = eliminate(sorted(rows, key=len))
@@ -98,16 +97,8 @@ def solve_moment_equations(frame: Frame, order: int) -> LinearMoments:
     )
 
 
-def averaged_equations(frame: Frame, order: int) -> list[Polynomial]:
-    """Return the distinct linear equations between class moments: each sum is zero.
-
-    Parameters
-    ----------
-    frame
-        The Jacobians in question.
-    order
-        Largest number of edges of each colour.
-    """
+def _averaged_equations(frame: Frame, order: int) -> list[Polynomial]:
+    """Return the distinct linear equations between class moments: each sum is zero."""
     averaged = (frame.averaged(multiple) for multiple in frame.multiples(order))
     distinct = dict.fromkeys(tuple(sorted(terms.items())) for terms in averaged if terms)
     return [dict(terms) for terms in distinct]

@@ -96,33 +96,23 @@ class Margin:
     certificate: MarginCertificate
 
 
-@dataclass(frozen=True, eq=False)
-class MarginProgram:
-    """The program in cvxpy, with the free moments and the constraint of each block."""
-
-    program: cp.Problem
-    free: tuple[cp.Variable, ...]
-    semidefinite: tuple[cp.Constraint, ...]
-
-
-def build_margin_program(blocks: Sequence[MomentBlock]) -> MarginProgram:
+def _stated(
+    blocks: Sequence[MomentBlock],
+) -> tuple[cp.Problem, list[cp.Variable], list[cp.Constraint]]:
     """State, without solving: maximise s ≤ 1 subject to B_b(y) − sI ⪰ 0 for all blocks.
 
-    Parameters
-    ----------
-    blocks
-        The blocks, at least one.
+    Returns the program, the free moments y and the constraints of the blocks.
     """
     margin = cp.Variable(name="margin")
-    free = tuple(cp.Variable() for _ in range(len(blocks[0].matrices) - 1))
-    semidefinite = tuple(
+    free = [cp.Variable() for _ in blocks[0].matrices[1:]]
+    semidefinite = [
         sum((y * b for y, b in zip(free, block.matrices[1:], strict=True)), block.matrices[0])
         - margin * np.eye(block.size)
         >> 0
         for block in blocks
-    )
+    ]
     program = cp.Problem(cp.Maximize(margin), [*semidefinite, margin <= 1])
-    return MarginProgram(program, free, semidefinite)
+    return program, free, semidefinite
 
 
 def solve_margin(
@@ -143,12 +133,12 @@ def solve_margin(
     solver, options
         Conic solver known to cvxpy, and its own options.
     """
-    stated = build_margin_program(blocks)
-    status = run(stated.program, solver, options)
-    value = finite_or_none(stated.program.value)
-    values = [y.value for y in stated.free]
+    program, unknowns, semidefinite = _stated(blocks)
+    status = run(program, solver, options)
+    value = finite_or_none(program.value)
+    values = [y.value for y in unknowns]
     free = None if value is None else np.array(values, dtype=float).ravel()
-    duals = [constraint.dual_value for constraint in stated.semidefinite]
+    duals = [constraint.dual_value for constraint in semidefinite]
     multipliers = None
     if all(dual is not None for dual in duals):
         multipliers = tuple(

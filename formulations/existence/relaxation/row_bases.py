@@ -17,9 +17,8 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from formulations.existence.equations import CHARGE, Frame
+from formulations.existence.equations import CHARGE, Frame, Polynomial, times
 from formulations.existence.graphs import Monomial
-from formulations.existence.polynomials import Polynomial, times
 from formulations.existence.relaxation.numbered_monomials import Integers, RowSector
 from formulations.existence.relaxation.tableaux import (
     Shape,

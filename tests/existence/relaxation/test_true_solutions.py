@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from formulations.existence.equations import Frame
 from formulations.existence.relaxation.linear_moments import (
     LinearMoments,
-    averaged_equations,
     solve_moment_equations,
 )
 from formulations.existence.relaxation.margin import moment_limits
@@ -35,9 +34,10 @@ def assert_solved_by(
     multisets = EdgeMultisets(frame.joints, moments.order, frame.diagonal)
     values = averages(multisets, class_tables(moments.classes, multisets), w)
     by_class = dict(zip(moments.classes, values, strict=True))
-    for equation in averaged_equations(moments.frame, moments.order):
+    for multiple in frame.multiples(moments.order):
+        equation = frame.averaged(multiple)
         terms = [float(value) * by_class[graph] for graph, value in equation.items()]
-        assert abs(sum(terms)) < 1e-11 * (1 + max(map(abs, terms)))
+        assert abs(sum(terms)) < 1e-11 * (1 + max(map(abs, terms), default=0.0))
     free = np.array([by_class[graph] for graph in moments.free])
     predicted = moments.coefficients() @ np.concatenate([[1.0], free])
     np.testing.assert_allclose(predicted, values, atol=1e-9)
