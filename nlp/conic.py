@@ -45,7 +45,7 @@ def run(program: cp.Problem, solver: str, options: Mapping[str, Any] | None = No
     """
     check_solver(solver)
     with warnings.catch_warnings():
-        # cvxpy warns of inaccurate answers; the status, which is kept, says the same.
+        # cvxpy warns of inaccurate answers; the status has the same information.
         warnings.simplefilter("ignore", UserWarning)
         try:
             program.solve(solver=solver, **(options or {}))

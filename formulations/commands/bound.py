@@ -108,9 +108,9 @@ def bound(
 ) -> None:
     """Bound how good any answer could be, by semidefinite programming.
 
-    Bounds are numerical unless said otherwise: computed in floating point, and what they prove
-    is checked again from the solver's multipliers alone. The exact proof that no optimally
-    failure-tolerant 7R Jacobian exists is `lockedjoint prove`.
+    Bounds are numerical unless stated otherwise: computed in floating point, and what they
+    prove is checked again from the solver's multipliers alone. The exact proof that no
+    optimally failure-tolerant 7R Jacobian exists is `lockedjoint prove`.
     """
     _refuse_unused(context, quantity)
     text: Callable[[Mapping[str, Any]], str] = as_text

@@ -84,7 +84,7 @@ class Multiplier:
 
 @dataclass(frozen=True, slots=True)
 class Certificate:
-    """A sum of squares plus a positive constant, claimed to vanish modulo the equations."""
+    """A sum of squares plus a positive constant that should vanish modulo the equations."""
 
     joints: int
     constant: Fraction
@@ -103,7 +103,7 @@ class Certificate:
         self._require_common_denominator()
 
     def _require_common_denominator(self) -> None:
-        """Refuse numbers whose sums would grow without reasonable bound."""
+        """Refuse numbers whose sums could have very large denominators."""
         numbers = [self.constant, *(square.weight for square in self.squares)]
         numbers += [term.coefficient for square in self.squares for term in square.terms]
         numbers += [multiplier.coefficient for multiplier in self.multipliers]

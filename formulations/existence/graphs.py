@@ -134,9 +134,9 @@ def _new_edges(graph: Monomial, joints: int, loops: bool) -> Iterator[tuple[int,
 def _canonical(monomial: Monomial) -> Monomial:
     """Return the least relabelling over a search tree.
 
-    The tree distinguishes vertices by their neighbourhoods; where some remain alike, it
-    individualises each of them in turn. It is made without reference to the labels, so
-    isomorphic graphs have the same least leaf.
+    The tree distinguishes vertices by their neighbourhoods; where some remain equal, it
+    individualises each of them in turn. It does not depend on the labels, so isomorphic graphs
+    have the same least leaf.
     """
     vertices = monomial.vertices
     neighbours = _neighbours(monomial)
@@ -159,12 +159,12 @@ def _neighbours(monomial: Monomial) -> Neighbours:
 def _labellings(neighbours: Neighbours, cells: list[int]) -> Iterator[list[int]]:
     """Give the orderings at the leaves of the search tree below an ordered partition."""
     cells = _refined(neighbours, cells)
-    alike = [vertex for vertex, cell in enumerate(cells) if cells.count(cell) > 1]
-    if not alike:
+    equal = [vertex for vertex, cell in enumerate(cells) if cells.count(cell) > 1]
+    if not equal:
         yield cells
         return
-    cell = min(cells[vertex] for vertex in alike)
-    for vertex in alike:
+    cell = min(cells[vertex] for vertex in equal)
+    for vertex in equal:
         if cells[vertex] == cell:
             # Doubling makes room for the chosen vertex just before the rest of its cell.
             split = [2 * c + 1 for c in cells]

@@ -1,7 +1,8 @@
 """Read a certificate file strictly: what is not exactly in the format is refused.
 
-Every refusal is one sentence that says where and what. Sizes are bounded before anything is
-built, so that no file keeps the reader busy for long.
+Every error message is one sentence with the place and the fault. Sizes are limited before
+anything is built, so that no file takes long to read. The reader checks the structure of the
+JSON text; the records check the rest.
 """
 
 from __future__ import annotations
@@ -117,7 +118,7 @@ def _list_of(read_one: Reader[Record]) -> Reader[tuple[Record, ...]]:
 
 
 def _at(place: str, read_one: Reader[Record], value: Any) -> Record:
-    """Read a part; if it is refused, say where."""
+    """Read a part; if it is refused, put its place into the message."""
     try:
         return read_one(value)
     except CertificateError as error:
@@ -138,7 +139,7 @@ def _short_integer(digits: str) -> int:
 
 
 def _same(value: Any) -> Any:
-    """Leave a value to the checks of the record that it becomes a part of."""
+    """Return a value as it is: the record that it becomes a part of checks it."""
     return value
 
 

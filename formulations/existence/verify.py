@@ -43,7 +43,7 @@ from formulations.existence.certificate import (
 )
 
 Factors: TypeAlias = tuple[Pairs, Pairs]  # the entries of W and of conj(W), each sorted
-Look: TypeAlias = tuple[Any, ...]
+Signature: TypeAlias = tuple[Any, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -159,12 +159,11 @@ def _renamed(w: Pairs, wbar: Pairs) -> Factors:
 
 
 def _renamings(w: Pairs, wbar: Pairs) -> Iterator[Factors]:
-    """Give the renamings that put joints in order of their surroundings, ties in all orders."""
-    looks = _looks(w, wbar)
-    ties: dict[Look, list[int]] = {}
-    for joint, look in looks.items():
-        ties.setdefault(look, []).append(joint)
-    for orders in product(*(permutations(ties[look]) for look in sorted(ties))):
+    """Give the renamings that sort joints by their signatures, ties in all orders."""
+    ties: dict[Signature, list[int]] = {}
+    for joint, signature in _signatures(w, wbar).items():
+        ties.setdefault(signature, []).append(joint)
+    for orders in product(*(permutations(ties[signature]) for signature in sorted(ties))):
         names = {joint: name for name, joint in enumerate(chain(*orders))}
         yield (
             _ascending(tuple((names[i], names[j]) for i, j in w)),
@@ -172,20 +171,20 @@ def _renamings(w: Pairs, wbar: Pairs) -> Iterator[Factors]:
         )
 
 
-def _looks(w: Pairs, wbar: Pairs) -> dict[int, Look]:
+def _signatures(w: Pairs, wbar: Pairs) -> dict[int, Signature]:
     """Describe each joint by its factors, and by those of its partners."""
     around: dict[int, list[tuple[int, int]]] = {}
     for colour, pairs in enumerate((w, wbar)):
         for i, j in pairs:
             around.setdefault(i, []).append((colour, j))
             around.setdefault(j, []).append((colour, i))
-    looks: dict[int, Look] = dict.fromkeys(around, ())
+    signatures: dict[int, Signature] = dict.fromkeys(around, ())
     for _ in range(2):
-        looks = {
-            joint: tuple(sorted((colour, looks[partner]) for colour, partner in factors))
+        signatures = {
+            joint: tuple(sorted((colour, signatures[partner]) for colour, partner in factors))
             for joint, factors in around.items()
         }
-    return looks
+    return signatures
 
 
 def _written(w: Pairs, wbar: Pairs) -> str:

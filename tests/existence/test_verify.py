@@ -131,7 +131,7 @@ def test_the_smallest_change_of_each_multiplier_shows(certificate: Certificate) 
 
 
 def test_other_orders_of_joints_and_records_prove_the_same(certificate: Certificate) -> None:
-    """What the average cannot see is no fault: verification must not be stricter than truth."""
+    """What does not change the average is no error: no true identity may be refused."""
     order = (3, 6, 0, 2, 5, 1, 4)
     multipliers = tuple(
         replace(
@@ -184,8 +184,10 @@ def test_scaling_all_weights_proves_the_same(certificate: Certificate) -> None:
     assert verify(scaled).constant == Fraction(33248, 7203)
 
 
-def test_the_largest_certificates_are_judged_in_bounded_time(certificate: Certificate) -> None:
-    """Terms of three disjoint pairs leave the most joints alike, hence the most renamings."""
+def test_the_largest_certificates_are_verified_in_bounded_time(
+    certificate: Certificate,
+) -> None:
+    """Terms of three disjoint pairs have the most equal signatures, so the most renamings."""
     entries = list(combinations(range(7), 2))
     disjoint = [w for w in combinations(entries, 3) if len(set(chain(*w))) == 6]
     generator = random.Random(0)

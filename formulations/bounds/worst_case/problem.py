@@ -68,9 +68,9 @@ class WorstCase:
     trace
         Upper limit of tr JJᵀ, in the squared units of J.
     facts
-        What else holds of JJᵀ, each with an m×m matrix.
+        Other facts about JJᵀ, each with an m×m matrix.
     closed_form
-        The bound on t that a formula gives, where there is one.
+        The bound on t in closed form, where there is one.
 
     Raises
     ------

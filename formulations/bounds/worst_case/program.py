@@ -1,8 +1,8 @@
 """The best worst case after one locked joint, bounded by a semidefinite program (cvxpy).
 
-The program, its dual and what a certificate proves are stated in `certificate`. Where
-nothing is known of JJᵀ but its trace, the optimum is eq. (6); with more linear facts the same
-program gives bounds that have no closed form.
+The program, its dual and what a certificate proves are stated in `certificate`. Where only the
+trace of JJᵀ is known, the optimum is eq. (6); with more linear facts the same program gives
+bounds that have no closed form.
 """
 
 from __future__ import annotations
@@ -105,7 +105,7 @@ class SdpBound:
 
 
 @dataclass(frozen=True, eq=False)
-class WorstCaseProgram:
+class _Program:
     """The program in cvxpy, with the constraints whose multipliers are read afterwards."""
 
     program: cp.Problem
@@ -114,14 +114,8 @@ class WorstCaseProgram:
     facts: tuple[cp.Constraint, ...]
 
 
-def build_program(problem: WorstCase) -> WorstCaseProgram:
-    """State the bound in cvxpy, without solving it.
-
-    Parameters
-    ----------
-    problem
-        The class of Jacobians.
-    """
+def _program(problem: WorstCase) -> _Program:
+    """State the bound in cvxpy, without solving it."""
     n, m = problem.joints, problem.task_dimension
     inverse_t = cp.Variable(name="scaled 1/t")
     matrix = cp.Variable((m, m), symmetric=True, name="M/t")
@@ -131,7 +125,7 @@ def build_program(problem: WorstCase) -> WorstCaseProgram:
     redundancy = cp.trace(y) <= n - m
     facts = tuple(_stated(fact, matrix, inverse_t) for fact in scaled_facts(problem))
     program = cp.Problem(cp.Minimize(inverse_t), [semidefinite, redundancy, *facts])
-    return WorstCaseProgram(program, semidefinite, redundancy, facts)
+    return _Program(program, semidefinite, redundancy, facts)
 
 
 def solve_worst_case(
@@ -152,7 +146,7 @@ def solve_worst_case(
         Also when the solver fails: see its `status`.
     """
     began = time.perf_counter()
-    stated = build_program(problem)
+    stated = _program(problem)
     status = run(stated.program, solver, options)
     multipliers = _multipliers(stated)
     certificate = None if multipliers is None else check_multipliers(problem, multipliers)
@@ -175,7 +169,7 @@ def _stated(fact: LinearFact, matrix: cp.Variable, inverse_t: cp.Variable) -> cp
     return left == right if fact.relation == "equal" else left <= right
 
 
-def _multipliers(stated: WorstCaseProgram) -> WorstCaseMultipliers | None:
+def _multipliers(stated: _Program) -> WorstCaseMultipliers | None:
     values = [c.dual_value for c in (stated.semidefinite, stated.redundancy, *stated.facts)]
     if any(value is None for value in values):
         return None

@@ -6,9 +6,9 @@ For multipliers X_b ⪰ 0 with Σ tr X_b ≤ 1,
     s ≤ 1 − Σ tr X_b + Σ_b ⟨X_b, B_b(y)⟩,
 
 whose dependence on y should cancel. What is left of it is bounded through |y_k| ≤ Y_k, which
-holds for the moments of every solution. A negative right-hand side excludes solutions, up to
-the rounding in the blocks themselves, for which an allowance is added. cvxpy finds y and X_b;
-what they prove is checked in plain NumPy.
+holds for the moments of every solution. A negative right-hand side excludes solutions; an
+allowance for the rounding errors of the blocks themselves is added first. cvxpy finds y and
+X_b; what they prove is checked in plain NumPy.
 """
 
 from __future__ import annotations
@@ -152,7 +152,7 @@ def solve_margin(
 def moment_limits(moments: LinearMoments) -> Vector:
     """Return limits Y_k of the free moments of every solution.
 
-    The tight-frame equation (i, i) says Σ_j |W_ij|² = 2 P_ii, so |W_ij|² ≤ 2 P_ii.
+    The tight-frame equation (i, i) is Σ_j |W_ij|² = 2 P_ii, so |W_ij|² ≤ 2 P_ii.
 
     Parameters
     ----------

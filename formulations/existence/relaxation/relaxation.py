@@ -66,7 +66,7 @@ class ExistenceRelaxation:
 
     @property
     def verdict(self) -> Verdict:
-        """What follows for these moments.
+        """The conclusion for these moments.
 
         ``"inconsistent"``: the linear equations contradict each other (exact arithmetic).
         ``"infeasible"``: no solution's moments make all blocks positive semidefinite, and

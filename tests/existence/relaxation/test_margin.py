@@ -1,4 +1,4 @@
-"""Small blocks whose margins are known, with multipliers that claim too much."""
+"""Small blocks whose margins are known, with multipliers that are not feasible."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def test_negative_multipliers_are_cut_off() -> None:
     assert certificate.proved == pytest.approx(1, abs=1e-8)
 
 
-def test_dependence_on_free_moments_is_paid_for() -> None:
+def test_dependence_on_free_moments_is_accounted_for() -> None:
     # y − 1/2 is nonnegative at y = 1/2, but the multiplier 1 gives −1/2 at y = 0.
     blocks, limits = [block([[-0.5]], [[1]])], np.ones(1)
     certificate = check_margin(blocks, limits, np.array([0.5]), [np.ones((1, 1))])

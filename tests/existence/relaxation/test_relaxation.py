@@ -1,4 +1,4 @@
-"""The sizes, ranks and margins of orders 2 and 3, and what a spoiled certificate is worth."""
+"""The sizes, ranks and margins of orders 2 and 3, and what perturbed multipliers prove."""
 
 from __future__ import annotations
 
@@ -74,20 +74,24 @@ def test_three_blocks_are_infeasible_alone(order_3: ExistenceRelaxation) -> None
     assert all(margin.certificate.attained > 0 for margin in feasible)
 
 
-def test_without_the_offending_blocks_order_3_is_feasible(order_3: ExistenceRelaxation) -> None:
+def test_without_the_infeasible_blocks_order_3_is_feasible(
+    order_3: ExistenceRelaxation,
+) -> None:
     others = [block for block in order_3.blocks if block.charge != 1]
     margin = solve_margin(others, moment_limits(order_3.moments))
     assert margin.certificate.feasible
 
 
-def test_spoiled_multipliers_prove_no_more_than_the_truth(order_3: ExistenceRelaxation) -> None:
+def test_perturbed_multipliers_prove_no_more_than_the_truth(
+    order_3: ExistenceRelaxation,
+) -> None:
     margin, limits = order_3.margin, moment_limits(order_3.moments)
     assert margin is not None
     assert margin.multipliers is not None
     rng = np.random.default_rng(0)
     for noise in (1e-6, 1e-4, 1e-2, 1.0):
-        spoiled = [x + noise * rng.standard_normal(x.shape) for x in margin.multipliers]
-        certificate = check_margin(order_3.blocks, limits, margin.free, spoiled)
+        perturbed = [x + noise * rng.standard_normal(x.shape) for x in margin.multipliers]
+        certificate = check_margin(order_3.blocks, limits, margin.free, perturbed)
         assert certificate.proved >= margin.certificate.attained
         if noise >= 1e-2:
             assert not certificate.infeasible
@@ -138,5 +142,5 @@ def test_bad_input_is_named(
 def test_the_verdict_rests_on_the_certificate_alone(order_2: ExistenceRelaxation) -> None:
     assert order_2.margin is not None
     unproved = check_margin(order_2.blocks, np.zeros(0), None, None)
-    boastful = replace(order_2.margin, value=-1.0, status="optimal", certificate=unproved)
-    assert replace(order_2, margin=boastful).verdict == "undecided"
+    unfounded = replace(order_2.margin, value=-1.0, status="optimal", certificate=unproved)
+    assert replace(order_2, margin=unfounded).verdict == "undecided"
