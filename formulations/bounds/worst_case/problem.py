@@ -116,7 +116,7 @@ def free_columns(joints: int, task_dimension: int, *, trace: float | None = None
         Unless 1 ≤ m < n and the trace is positive and finite.
     """
     total = float(task_dimension if trace is None else trace)
-    closed_form = measures.sigma_bound(task_dimension, joints, total) ** 2
+    closed_form = measures.eigenvalue_bound(task_dimension, joints, total)
     return WorstCase(joints, task_dimension, total, closed_form=closed_form)
 
 
