@@ -11,9 +11,8 @@ from pathlib import Path
 import pytest
 
 from formulations.existence.derive import squared_polynomials
-from formulations.existence.equations import Frame
+from formulations.existence.equations import Frame, class_sums, hermitian_product
 from formulations.existence.graphs import ONE, Monomial, canonical
-from formulations.existence.polynomials import class_sums, hermitian_product
 from formulations.existence.rewriting import Rewriting, rewriting
 
 ROOT = Path(__file__).parents[2]

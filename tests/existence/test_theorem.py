@@ -1,4 +1,4 @@
-"""The answer that other tables show rests on a verification, and says no more."""
+"""The answer that other tables show rests on a verification."""
 
 import json
 from importlib.resources import files

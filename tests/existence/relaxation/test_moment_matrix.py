@@ -11,21 +11,18 @@ from numpy.typing import NDArray
 
 from formulations.existence.equations import Frame
 from formulations.existence.graphs import classes
-from formulations.existence.relaxation.edge_multisets import edge_multisets
-from formulations.existence.relaxation.equation_rows import equation_rows
 from formulations.existence.relaxation.linear_moments import solve_moment_equations
-from formulations.existence.relaxation.moment_blocks import moment_blocks, row_bases
-from formulations.existence.relaxation.moment_table import MomentTable, moment_table
-from formulations.existence.relaxation.outcome import ExistenceRelaxation
-from formulations.existence.relaxation.row_sectors import RowSector
+from formulations.existence.relaxation.moment_matrix import class_tables, moment_blocks
+from formulations.existence.relaxation.numbered_monomials import (
+    EdgeMultisets,
+    Integers,
+    RowSector,
+)
+from formulations.existence.relaxation.relaxation import ExistenceRelaxation
+from formulations.existence.relaxation.row_bases import equation_rows, row_bases
 from formulations.existence.relaxation.tableaux import dimension
 
 Complex = NDArray[np.complex128]
-
-
-def table_of(joints: int, order: int, *, loops: bool = False) -> MomentTable:
-    multisets = edge_multisets(joints, order, loops=loops)
-    return moment_table(classes(joints, order, loops=loops), multisets)
 
 
 def row_values(sector: RowSector, w: Complex) -> Complex:
@@ -44,14 +41,15 @@ def test_blocks_have_the_eigenvalues_of_the_whole_matrix(
     moments = dict(
         zip(order_2.moments.classes, order_2.moments.coefficients()[:, 0], strict=True)
     )
-    table = table_of(7, 2)
+    multisets = EdgeMultisets(7, 2)
+    tables = class_tables(classes(7, 2), multisets)
     values = np.array([moments[graph] for graph in classes(7, 2)])
-    sector = RowSector(table.multisets, charge, 2)
+    sector = RowSector(multisets, charge)
     whole = np.zeros((sector.length, sector.length))
     for p, q in sector.types:
         for r, s in sector.types:
             w, wbar = sector.multisets.unions(q, r), sector.multisets.unions(p, s)
-            found = values[table.tables[q + r][w[None, :, :, None], wbar[:, None, None, :]]]
+            found = values[tables[q + r][w[None, :, :, None], wbar[:, None, None, :]]]
             rows = slice(sector.offset(p, q), sector.offset(p, q) + sector.size(p, q))
             columns = slice(sector.offset(r, s), sector.offset(r, s) + sector.size(r, s))
             whole[rows, columns] = found.reshape(sector.size(p, q), sector.size(r, s))
@@ -68,13 +66,16 @@ def test_blocks_have_the_eigenvalues_of_the_whole_matrix(
 
 @pytest.mark.parametrize("charge", [0, 1, 2])
 def test_blocks_of_a_true_solution_are_its_averages(
-    solution_6r: Callable[[int], Complex], charge: int
+    solution_6r: Callable[[int], Complex],
+    averages: Callable[[EdgeMultisets, tuple[Integers, ...], Complex], NDArray[np.float64]],
+    charge: int,
 ) -> None:
-    frame, table = Frame(6, 6), table_of(6, 2)
+    frame, multisets = Frame(6, 6), EdgeMultisets(6, 2)
+    tables = class_tables(classes(6, 2), multisets)
     w = solution_6r(charge)
-    sector = RowSector(table.multisets, charge, 2)
+    sector = RowSector(multisets, charge)
     bases = row_bases(sector, frame)
-    blocks = moment_blocks(bases, sector, table, table.averages(w)[:, None])
+    blocks = moment_blocks(bases, sector, tables, averages(multisets, tables, w)[:, None])
     orders = [np.array(order) for order in permutations(range(6))]
     values = np.array([row_values(sector, w[np.ix_(order, order)]) for order in orders])
     kept = [basis for basis in bases if basis.rows.shape[1]]
@@ -96,8 +97,8 @@ def test_rows_made_of_equations_vanish_at_solutions(
         (Frame(6, 6), 3, solution_6r(1)),
         (Frame(7, 6, diagonal=True), 2, solution_simplex(1)),
     ):
-        multisets = edge_multisets(frame.joints, order, loops=frame.diagonal)
-        sector = RowSector(multisets, charge, order)
+        multisets = EdgeMultisets(frame.joints, order, frame.diagonal)
+        sector = RowSector(multisets, charge)
         rows = list(equation_rows(sector, frame)) if charge <= order else []
         values = row_values(sector, w) if rows else np.zeros(0)
         for numbers, coefficients in rows:
@@ -110,9 +111,10 @@ def test_rows_made_of_equations_vanish_at_solutions(
 
 
 def test_free_moments_are_seen_in_the_blocks() -> None:
-    frame, table = Frame(6, 6), table_of(6, 2)
+    frame, multisets = Frame(6, 6), EdgeMultisets(6, 2)
+    tables = class_tables(classes(6, 2), multisets)
     moments = solve_moment_equations(frame, 2)
-    sector = RowSector(table.multisets, 2, 2)
-    blocks = moment_blocks(row_bases(sector, frame), sector, table, moments.coefficients())
+    sector = RowSector(multisets, 2)
+    blocks = moment_blocks(row_bases(sector, frame), sector, tables, moments.coefficients())
     assert {block.matrices.shape[0] for block in blocks} == {1 + len(moments.free)}
     assert max(np.abs(block.matrices[1:]).max() for block in blocks) > 0.1

@@ -1,4 +1,4 @@
-"""Small blocks whose margins are known, with multipliers that claim too much."""
+"""Small blocks whose margins are known, with multipliers that are not feasible."""
 
 from __future__ import annotations
 
@@ -11,9 +11,8 @@ from hypothesis import strategies as st
 
 from formulations.existence.equations import Frame
 from formulations.existence.relaxation.linear_moments import solve_moment_equations
-from formulations.existence.relaxation.margin_certificate import check_margin, moment_limits
-from formulations.existence.relaxation.margin_sdp import solve_margin
-from formulations.existence.relaxation.moment_blocks import MomentBlock
+from formulations.existence.relaxation.margin import check_margin, moment_limits, solve_margin
+from formulations.existence.relaxation.moment_matrix import MomentBlock
 
 NONE = np.zeros(0)
 
@@ -36,7 +35,7 @@ def test_negative_multipliers_are_cut_off() -> None:
     assert certificate.proved == pytest.approx(1, abs=1e-8)
 
 
-def test_dependence_on_free_moments_is_paid_for() -> None:
+def test_dependence_on_free_moments_is_accounted_for() -> None:
     # y − 1/2 is nonnegative at y = 1/2, but the multiplier 1 gives −1/2 at y = 0.
     blocks, limits = [block([[-0.5]], [[1]])], np.ones(1)
     certificate = check_margin(blocks, limits, np.array([0.5]), [np.ones((1, 1))])

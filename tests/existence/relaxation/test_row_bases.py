@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from formulations.existence.graphs import Monomial
-from formulations.existence.relaxation.edge_multisets import edge_multisets
-from formulations.existence.relaxation.row_sectors import RowSector
-from formulations.existence.relaxation.symmetry_adapted_rows import adapted_rows
+from formulations.existence.relaxation.numbered_monomials import EdgeMultisets, RowSector
+from formulations.existence.relaxation.row_bases import adapted_rows
 from formulations.existence.relaxation.tableaux import dimension, row_reading_contents
 
 
@@ -17,7 +16,7 @@ from formulations.existence.relaxation.tableaux import dimension, row_reading_co
 def test_rows_are_all_there_and_are_joint_eigenvectors(
     joints: int, order: int, charge: int, loops: bool
 ) -> None:
-    sector = RowSector(edge_multisets(joints, order, loops=loops), charge, order)
+    sector = RowSector(EdgeMultisets(joints, order, loops), charge)
     bases = adapted_rows(sector)
     copies = {shape: basis.shape[1] for shape, basis in bases.items()}
     assert sum(dimension(shape) * number for shape, number in copies.items()) == sector.length
@@ -44,8 +43,8 @@ def test_rows_are_all_there_and_are_joint_eigenvectors(
 
 
 def test_rows_are_numbered_one_by_one() -> None:
-    multisets = edge_multisets(4, 3, loops=False)
-    sector = RowSector(multisets, 1, 3)
+    multisets = EdgeMultisets(4, 3)
+    sector = RowSector(multisets, 1)
     edges = multisets.edges
     linear = [Monomial((a,)) for a in edges]
     cubic = [
