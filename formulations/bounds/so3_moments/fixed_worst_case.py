@@ -7,58 +7,42 @@ localisers of J_f J_fᵀ − tI. If positive semidefinite multipliers with Σ tr
 
 from __future__ import annotations
 
-import time
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Any
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
-from formulations.bounds.so3_moments.blocks.block_family import BlockFamily
-from formulations.bounds.so3_moments.blocks.krylov_localisers import (
-    KrylovLocaliser,
-    KrylovSector,
-)
-from formulations.bounds.so3_moments.blocks.matrix_localisers import (
-    LocaliserSector,
-    MatrixLocaliser,
-)
-from formulations.bounds.so3_moments.blocks.plain_localisers import plain_condition_sum
-from formulations.bounds.so3_moments.blocks.scaled_blocks import ScaledBlocks
-from formulations.bounds.so3_moments.global_bound import ProgramSize
-from formulations.bounds.so3_moments.programs.feasibility_margin import margin_program
-from formulations.bounds.so3_moments.programs.identity_check import (
+from formulations.bounds.so3_moments.blocks.localisers import KrylovLocaliser, ScaledBlocks
+from formulations.bounds.so3_moments.blocks.sampled_blocks import BlockFamily, sector_families
+from formulations.bounds.so3_moments.global_bound import Evidence
+from formulations.bounds.so3_moments.programs.moment_program import margin_program
+from formulations.bounds.so3_moments.programs.multipliers import (
     IdentityCheck,
     check_identity,
+    nearest_semidefinite,
 )
-from formulations.bounds.so3_moments.programs.multipliers import nearest_semidefinite
-from formulations.bounds.so3_moments.programs.predictor_corrector import (
-    solve_with_predictor_corrector,
+from formulations.bounds.so3_moments.relaxation import (
+    FRESH,
+    Progress,
+    residual_values,
+    silent,
+    solve_relaxation,
 )
-from formulations.bounds.so3_moments.representations.clebsch_gordan import Floats
 from formulations.bounds.so3_moments.representations.row_sectors import RowSector
 from formulations.bounds.so3_moments.representations.wigner import random_rotations
-from formulations.bounds.so3_moments.residual_bound import (
-    Progress,
-    program_size,
-    residual_values,
-    sampled_program,
-    sector_families,
-)
 from formulations.bounds.so3_moments.spectral_limits import largest_residual
-from nlp.errors import LockedJointError
+from nlp.arrays import FloatArray
 
 _GAP = 1e-8
-_FRESH = 40
-
-
-class SolverFailureError(LockedJointError):
-    """The solver gave no multipliers at all."""
+_HOW_CHECKED = (
+    "a sum of squares and localisers equal to a negative constant at fresh random "
+    "configurations; multipliers made positive semidefinite, largest difference subtracted"
+)
 
 
 @dataclass(frozen=True)
 class Conditions:
-    """Which conditions of a worst case are put to use.
+    """The conditions of a worst case that are used.
 
     Parameters
     ----------
@@ -66,16 +50,13 @@ class Conditions:
         Sectors of the plain blocks.
     scaled
         Sectors of the blocks that are multiplied by ρ_max(t) − ρ.
-    localised
-        Sectors of the localisers of J_f J_fᵀ − tI on any polynomial vectors.
     krylov
         Sectors of the localisers of J_f J_fᵀ − tI on Krylov vectors.
     """
 
     plain: tuple[RowSector, ...]
     scaled: tuple[RowSector, ...]
-    localised: tuple[LocaliserSector, ...] = ()
-    krylov: tuple[KrylovSector, ...] = ()
+    krylov: tuple[RowSector, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -89,23 +70,13 @@ class Exclusion:
     margin
         Upper bound on the largest s with every block ⪰ sI, after the check; negative if t is
         excluded.
-    size, status, iterations, seconds
-        Of the program.
-    dual_residual, smallest_eigenvalue
-        Of the solver's multipliers.
-    check
-        Details of the check at fresh configurations.
+    evidence
+        The program, its solution and the check at fresh configurations.
     """
 
     t: float
     margin: float
-    size: ProgramSize
-    status: str
-    iterations: int | None
-    dual_residual: float
-    smallest_eigenvalue: float
-    check: Mapping[str, Any] = field(default_factory=dict)
-    seconds: Mapping[str, float] = field(default_factory=dict)
+    evidence: Evidence
 
     @property
     def excluded(self) -> bool:
@@ -116,21 +87,15 @@ class Exclusion:
 def condition_families(conditions: Conditions, joints: int, t: float) -> list[BlockFamily]:
     """Return the blocks that are positive semidefinite wherever the worst case is σ² ≥ t."""
     limit = largest_residual(joints, t)
-    size = 5 * joints / 3  # the mean of ρ, so that all blocks are of one size
+    size = 5 * joints / 3  # the mean of ρ, so that all blocks have a similar size
 
-    def room(rotations: Floats) -> Floats:
+    def distance(rotations: FloatArray) -> FloatArray:
         return (limit - residual_values(rotations)) / size
 
-    plain = sector_families(conditions.plain, joints)
-    scaled = [
-        ScaledBlocks(family, room) for family in sector_families(conditions.scaled, joints)
-    ]
-    localised = [MatrixLocaliser(sector, joints, ((1, t),)) for sector in conditions.localised]
     krylov = [KrylovLocaliser(sector, joints, t) for sector in conditions.krylov]
     return [
-        *plain,
-        *scaled,
-        *(family for family in localised if family.blocks),
+        *sector_families(conditions.plain, joints),
+        *(ScaledBlocks(one, distance) for one in sector_families(conditions.scaled, joints)),
         *(family for family in krylov if family.blocks),
     ]
 
@@ -141,7 +106,7 @@ def exclude_worst_case(
     joints: int,
     *,
     seed: int = 0,
-    progress: Progress | None = None,
+    progress: Progress = silent,
 ) -> Exclusion:
     """Try to show that no unit revolute Jacobian has a worst case σ² ≥ t.
 
@@ -150,63 +115,44 @@ def exclude_worst_case(
     t
         The squared worst case; at most (n − 6)/3.
     conditions
-        What is put to use.
+        The conditions to use.
     joints
         Number n of joints, at least 7.
     seed
-        Of the configurations.
+        Seed of the configurations.
     progress
-        Told in words what is being done.
+        Receives a short message at each step.
     """
-    tell = progress or (lambda _: None)
     rng = np.random.default_rng(seed)
-    clock = [time.perf_counter()]
     families = condition_families(conditions, joints, t)
-    program = sampled_program(families, residual_values, joints, rng, tell)
-    margins = margin_program(program)
-    clock.append(time.perf_counter())
-    tell(f"solving: {program.moments} moments, {len(program.blocks)} blocks")
-    outcome = solve_with_predictor_corrector(margins, gap=_GAP, progress=tell)
-    clock.append(time.perf_counter())
-    if outcome.multipliers is None:
-        raise SolverFailureError(outcome.status)
-    multipliers = outcome.multipliers
-    cleaned = [nearest_semidefinite(x) for x in multipliers]
+    solved = solve_relaxation(
+        families, joints, rng, adapt=margin_program, gap=_GAP, progress=progress
+    )
+    cleaned = [nearest_semidefinite(x) for x in solved.multipliers]
     total = sum(float(np.trace(x)) for x, _ in cleaned)
-    fresh = random_rotations(rng, _FRESH, joints)
-    # Localisers on any vectors have no second way of evaluation.
-    plain_fresh = None if conditions.localised else random_rotations(rng, 1, joints)
-    tell("checking the identity at fresh configurations")
-    check = margin_check(
-        families, [x / total for x, _ in cleaned], program.blocks, fresh, plain_fresh
-    )
-    clock.append(time.perf_counter())
-    return Exclusion(
-        t=t,
-        margin=-check.checked_bound,
-        size=program_size(program),
-        status=outcome.status,
-        iterations=outcome.iterations,
-        dual_residual=float(np.abs(margins.dual_residual(multipliers)).max()),
+    progress("checking the identity at fresh configurations")
+    fresh = random_rotations(rng, FRESH, joints)
+    scaled = [x / total for x, _ in cleaned]
+    check = margin_check(families, scaled, solved.sampled.blocks, fresh)
+    evidence = solved.evidence(
+        _HOW_CHECKED,
+        vars(check),
+        multipliers=solved.multipliers,
         smallest_eigenvalue=min(lowest for _, lowest in cleaned),
-        check=check.to_dict(),
-        seconds=dict(zip(("blocks", "solver", "check"), np.diff(clock).tolist(), strict=True)),
     )
+    return Exclusion(t, -check.checked_bound, evidence)
 
 
 def margin_check(
     families: Sequence[BlockFamily],
-    multipliers: Sequence[Floats],
-    blocks: Sequence[Floats],
-    fresh: Floats,
-    plain_fresh: Floats | None = None,
+    multipliers: Sequence[FloatArray],
+    blocks: Sequence[FloatArray],
+    fresh: FloatArray,
 ) -> IdentityCheck:
-    """Check 0 − bound = Σ ⟨X, B(x)⟩ at fresh configurations, two ways at the second ones."""
+    """Check 0 − bound = Σ ⟨X, B(x)⟩ at fresh configurations; `blocks` holds B_0 first."""
     bound = -sum(float(np.vdot(x, b[0])) for x, b in zip(multipliers, blocks, strict=True))
 
-    def nothing(rotations: Floats) -> Floats:
+    def zero(rotations: FloatArray) -> FloatArray:
         return np.zeros(len(rotations))
 
-    return check_identity(
-        families, multipliers, bound, nothing, fresh, plain_fresh, plain_condition_sum
-    )
+    return check_identity(families, multipliers, bound, zero, fresh)

@@ -37,28 +37,6 @@ def largest_residual(joints: int, t: float) -> float:
     return max(3 * p * (6 - p) * _largest_spread(p, mean, limit) ** 2 for p in range(1, 6))
 
 
-def eigenvalue_limits(joints: int, t: float) -> tuple[float, float]:
-    """Return the smallest and the largest eigenvalue of JJᵀ that t allows.
-
-    Parameters
-    ----------
-    joints
-        Number n of unit revolute joints, at least 7.
-    t
-        A positive lower bound on the squared worst case that is not above (n − 6)/3.
-
-    Raises
-    ------
-    InputError
-        If no spectrum allows t.
-    """
-    mean, limit = joints / 3 - t, (joints - 6) / t if t > 0 else inf
-    if not (t > 0 and mean > 0 and 6 / mean <= limit):
-        raise InputError("t", t, f"a positive number up to {(joints - 6) / 3}")
-    low = joints / 3 - 5 * _largest_spread(5, mean, limit)
-    return low, joints / 3 + 5 * _largest_spread(1, mean, limit)
-
-
 def worst_case_limit(joints: int, residual: float) -> float:
     """Return an upper bound on the worst case σ from a lower bound on the residual ρ.
 

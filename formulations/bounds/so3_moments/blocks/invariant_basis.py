@@ -25,8 +25,8 @@ from formulations.bounds.so3_moments.blocks.enclosed_squares import (
     product_error,
 )
 from formulations.bounds.so3_moments.blocks.sampled_blocks import SectorBlocks
-from formulations.bounds.so3_moments.representations.clebsch_gordan import Floats
 from formulations.bounds.so3_moments.representations.rounding import gamma
+from nlp.arrays import FloatArray
 from nlp.errors import LockedJointError
 
 
@@ -48,21 +48,23 @@ class InvariantBasis:
         Σ τ max_b ‖T_b‖/d_b, so that |f| ≤ amplification · |c|.
     """
 
-    left_inverse: Floats
+    left_inverse: FloatArray
     defect: float
     amplification: float
 
-    def largest_value(self, values: Floats, errors: Floats) -> float:
+    def largest_value(self, values: FloatArray, errors: FloatArray) -> float:
         """Bound |f| over all configurations by its values at the points and their errors."""
         norm = float(np.linalg.norm(self.left_inverse, 2))
+        # Rounding of R · values is relative to |R|, whose 2-norm is at most the Frobenius norm.
+        rounding = gamma(len(values) + 2) * float(np.linalg.norm(self.left_inverse))
         coefficients = float(np.linalg.norm(self.left_inverse @ values))
-        size = float(np.linalg.norm(values))
-        coefficients += norm * (float(np.linalg.norm(errors)) + gamma(len(values) + 2) * size)
+        coefficients += norm * float(np.linalg.norm(errors))
+        coefficients += rounding * float(np.linalg.norm(values))
         return SAFETY**2 * self.amplification * coefficients / (1.0 - self.defect)
 
 
 def invariant_basis(
-    families: Sequence[SectorBlocks], rotations: Floats, dimension: int
+    families: Sequence[SectorBlocks], rotations: FloatArray, dimension: int
 ) -> InvariantBasis:
     """Return a basis of a space of invariants of known dimension.
 
@@ -82,7 +84,7 @@ def invariant_basis(
     """
     points = len(rotations)
     blocks: list[tuple[int, EnclosedBlock, float]] = []
-    values: list[Floats] = []
+    values: list[FloatArray] = []
     for number, family in enumerate(families):
         together = [
             enclosed_block(family, block, np.eye(block.size)) for block in family.blocks
