@@ -8,7 +8,6 @@ and `programs` in this order, then:
     global_bound         the result, `GlobalBound`
     residual_bound       a lower bound on the residual, numerical
     rigorous_residual    a lower bound on the residual that is a theorem
-    spectral_limits      the eigenvalues of JJᵀ that a worst case allows
-    fixed_worst_case     all conditions of a worst case together
+    fixed_worst_case     the conditions that a worst case implies, and its exclusion
     max_min_bound        an upper bound on the worst case
 """

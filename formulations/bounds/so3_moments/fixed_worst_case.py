@@ -1,14 +1,19 @@
 """Exclude a worst case σ² ≥ t: show that no configuration meets the conditions it implies.
 
-The conditions are the plain blocks B ⪰ 0; (ρ_max(t) − ρ)B ⪰ 0 for blocks of low degree; and
-localisers of J_f J_fᵀ − tI. If positive semidefinite multipliers with Σ tr X = 1 make
-Σ ⟨X, B(x)⟩ equal to a negative number for all x, t is not reached.
+If M − j_f j_fᵀ ⪰ tI for every joint f, then t Σ_k 1/(λ_k − t) ≤ n − 6 for the eigenvalues λ of
+M = JJᵀ (see `closed_form`), and Σ λ_k = 2n for unit revolute columns. Hence
+ρ = ½ Σ (λ_k − n/3)² is at most some ρ_max(t), which falls as t grows. So if no Jacobian has ρ
+below a bound, none has a t for which ρ_max(t) is below that bound.
+
+More is excluded by the conditions together: the plain blocks B ⪰ 0; (ρ_max(t) − ρ)B ⪰ 0 for
+blocks of low degree; and localisers of J_f J_fᵀ − tI. If positive semidefinite multipliers with
+Σ tr X = 1 make Σ ⟨X, B(x)⟩ equal to a negative number for all x, t is not reached.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from math import inf, isfinite, nextafter, sqrt
 
 import numpy as np
 
@@ -16,11 +21,6 @@ from formulations.bounds.so3_moments.blocks.localisers import KrylovLocaliser, S
 from formulations.bounds.so3_moments.blocks.sampled_blocks import BlockFamily, sector_families
 from formulations.bounds.so3_moments.global_bound import Evidence
 from formulations.bounds.so3_moments.programs.moment_program import margin_program
-from formulations.bounds.so3_moments.programs.multipliers import (
-    IdentityCheck,
-    check_identity,
-    nearest_semidefinite,
-)
 from formulations.bounds.so3_moments.relaxation import (
     FRESH,
     Progress,
@@ -30,8 +30,8 @@ from formulations.bounds.so3_moments.relaxation import (
 )
 from formulations.bounds.so3_moments.representations.row_sectors import RowSector
 from formulations.bounds.so3_moments.representations.wigner import random_rotations
-from formulations.bounds.so3_moments.spectral_limits import largest_residual
 from nlp.arrays import FloatArray
+from nlp.errors import InputError
 
 _GAP = 1e-8
 _HOW_CHECKED = (
@@ -90,7 +90,7 @@ def condition_families(conditions: Conditions, joints: int, t: float) -> list[Bl
     size = 5 * joints / 3  # the mean of ρ, so that all blocks have a similar size
 
     def distance(rotations: FloatArray) -> FloatArray:
-        return (limit - residual_values(rotations)) / size
+        return np.asarray((limit - residual_values(rotations)) / size)
 
     krylov = [KrylovLocaliser(sector, joints, t) for sector in conditions.krylov]
     return [
@@ -128,31 +128,74 @@ def exclude_worst_case(
     solved = solve_relaxation(
         families, joints, rng, adapt=margin_program, gap=_GAP, progress=progress
     )
-    cleaned = [nearest_semidefinite(x) for x in solved.multipliers]
-    total = sum(float(np.trace(x)) for x, _ in cleaned)
     progress("checking the identity at fresh configurations")
     fresh = random_rotations(rng, FRESH, joints)
-    scaled = [x / total for x, _ in cleaned]
-    check = margin_check(families, scaled, solved.sampled.blocks, fresh)
-    evidence = solved.evidence(
-        _HOW_CHECKED,
-        vars(check),
-        multipliers=solved.multipliers,
-        smallest_eigenvalue=min(lowest for _, lowest in cleaned),
-    )
-    return Exclusion(t, -check.checked_bound, evidence)
+    # 0 − bound = Σ ⟨X, B(x)⟩ for all x.
+    identity = replace(solved.sampled, objective=np.zeros(solved.sampled.moments))
+    bound, evidence = solved.checked(identity, _zero, fresh, _HOW_CHECKED, unit_trace=True)
+    return Exclusion(t, -bound, evidence)
 
 
-def margin_check(
-    families: Sequence[BlockFamily],
-    multipliers: Sequence[FloatArray],
-    blocks: Sequence[FloatArray],
-    fresh: FloatArray,
-) -> IdentityCheck:
-    """Check 0 − bound = Σ ⟨X, B(x)⟩ at fresh configurations; `blocks` holds B_0 first."""
-    bound = -sum(float(np.vdot(x, b[0])) for x, b in zip(multipliers, blocks, strict=True))
+def _zero(rotations: FloatArray) -> FloatArray:
+    return np.zeros(len(rotations))
 
-    def zero(rotations: FloatArray) -> FloatArray:
-        return np.zeros(len(rotations))
 
-    return check_identity(families, multipliers, bound, zero, fresh)
+def largest_residual(joints: int, t: float) -> float:
+    """Return ρ_max(t), the largest ½ Σ (λ_k − n/3)² that t allows; −inf if it allows none.
+
+    Parameters
+    ----------
+    joints
+        Number n of unit revolute joints, at least 7.
+    t
+        A positive lower bound on the squared worst case.
+
+    Notes
+    -----
+    With d = λ − t, a maximum has d³ − a d² + ν = 0 for all six d and some a and ν ≥ 0, which
+    has at most two positive roots. So p eigenvalues are (6−p)y above the mean and the others
+    py below it, p = 1 … 5, and y is where the condition holds with equality.
+    """
+    if not (isfinite(t) and t > 0):
+        raise InputError("t", t, "a positive finite number")
+    mean, limit = joints / 3 - t, (joints - 6) / t
+    if mean <= 0 or 6 / mean > limit:
+        return -inf
+    return max(3 * p * (6 - p) * _largest_spread(p, mean, limit) ** 2 for p in range(1, 6))
+
+
+def worst_case_limit(joints: int, residual: float) -> float:
+    """Return an upper bound on the worst case σ from a lower bound on the residual ρ.
+
+    Parameters
+    ----------
+    joints
+        Number n of unit revolute joints, at least 7.
+    residual
+        A lower bound on ½‖JJᵀ − (n/3)I‖_F² of all of them.
+
+    Raises
+    ------
+    InputError
+        If there are fewer than 7 joints or the bound is negative or not finite.
+    """
+    if joints < 7:
+        raise InputError("joints", joints, "an integer of at least 7")
+    if not (isfinite(residual) and residual >= 0):
+        raise InputError("residual", residual, "a finite number, not negative")
+    low, high = 0.0, (joints - 6) / 3
+    while low < (middle := 0.5 * (low + high)) < high:
+        if largest_residual(joints, middle) < residual:
+            high = middle
+        else:
+            low = middle
+    return sqrt(high)
+
+
+def _largest_spread(count: int, mean: float, limit: float) -> float:
+    """Return the largest y with p/(mean + (6−p)y) + (6−p)/(mean − py) ≤ limit, rounded up."""
+    low, high = 0.0, mean / count
+    while low < (middle := 0.5 * (low + high)) < high:
+        spent = count / (mean + (6 - count) * middle) + (6 - count) / (mean - count * middle)
+        low, high = (middle, high) if spent <= limit else (low, middle)
+    return nextafter(high, inf)

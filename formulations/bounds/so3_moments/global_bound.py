@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any, Literal, TypeAlias
 
+from formulations.bounds.so3_moments.programs.moment_program import MomentProgram
+
 Quantity: TypeAlias = Literal["residual", "max-min"]
 Kind: TypeAlias = Literal["numerical", "rigorous", "closed form"]
 
@@ -30,6 +32,13 @@ class ProgramSize:
     blocks: int
     largest_block: int
     svec: int
+
+    @staticmethod
+    def of(program: MomentProgram) -> ProgramSize:
+        """Return the size of a program."""
+        sizes = program.sizes
+        svec = sum(size * (size + 1) // 2 for size in sizes)
+        return ProgramSize(program.moments, len(sizes), max(sizes, default=0), svec)
 
 
 @dataclass(frozen=True, kw_only=True)

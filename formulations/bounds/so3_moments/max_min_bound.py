@@ -7,7 +7,11 @@ from dataclasses import replace
 from math import sqrt
 
 from formulations.bounds.so3_moments.best_known import best_known_max_min
-from formulations.bounds.so3_moments.fixed_worst_case import Conditions, exclude_worst_case
+from formulations.bounds.so3_moments.fixed_worst_case import (
+    Conditions,
+    exclude_worst_case,
+    worst_case_limit,
+)
 from formulations.bounds.so3_moments.global_bound import GlobalBound
 from formulations.bounds.so3_moments.relaxation import Progress, check_joints, silent
 from formulations.bounds.so3_moments.representations.row_sectors import (
@@ -16,7 +20,6 @@ from formulations.bounds.so3_moments.representations.row_sectors import (
 )
 from formulations.bounds.so3_moments.residual_bound import RESIDUAL_PRESETS, residual_bound
 from formulations.bounds.so3_moments.rigorous_residual import rigorous_residual_bound
-from formulations.bounds.so3_moments.spectral_limits import worst_case_limit
 from nlp.errors import InputError
 from nlp.threads import one_blas_thread
 

@@ -17,6 +17,10 @@ from formulations.bounds.so3_moments.programs.moment_program import (
     TooFewSamplesError,
     moment_program,
 )
+from formulations.bounds.so3_moments.programs.multipliers import (
+    check_identity,
+    nearest_semidefinite,
+)
 from formulations.bounds.so3_moments.programs.predictor_corrector import (
     solve_with_predictor_corrector,
 )
@@ -90,11 +94,43 @@ class SolvedRelaxation:
             raise SolverFailureError(self.outcome.status)
         return self.outcome.multipliers
 
+    def checked(
+        self,
+        identity: MomentProgram,
+        objective: Callable[[FloatArray], FloatArray],
+        fresh: FloatArray,
+        how_checked: str,
+        *,
+        unit_trace: bool = False,
+    ) -> tuple[float, Evidence]:
+        """Return a bound on an objective after the check of its identity, and the evidence.
+
+        Parameters
+        ----------
+        identity
+            Program whose dual value is the bound.
+        objective
+            Its values at rotations (configurations, n, 3, 3).
+        fresh
+            Rotations at which the identity is checked.
+        how_checked
+            In words.
+        unit_trace
+            Whether multipliers are scaled to Σ tr X = 1.
+        """
+        cleaned = [nearest_semidefinite(x) for x in self.multipliers]
+        total = sum(float(np.trace(x)) for x, _ in cleaned) if unit_trace else 1.0
+        scaled = [x / total for x, _ in cleaned]
+        bound = identity.dual_value(scaled)
+        check = check_identity(self.families, scaled, bound, objective, fresh)
+        lowest = min(smallest for _, smallest in cleaned)
+        evidence = self.evidence(how_checked, vars(check), self.multipliers, lowest)
+        return check.checked_bound, evidence
+
     def evidence(
         self,
         how_checked: str,
         check: Mapping[str, Any] | None = None,
-        *,
         multipliers: Sequence[FloatArray] | None = None,
         smallest_eigenvalue: float | None = None,
         phase: str = "check",
@@ -102,7 +138,7 @@ class SolvedRelaxation:
         """Return the evidence, with the time since the solver as that of the last phase."""
         residual = None if multipliers is None else self.program.dual_residual(multipliers)
         return Evidence(
-            size=program_size(self.sampled),
+            size=ProgramSize.of(self.sampled),
             solver=self.solver,
             status=self.outcome.status,
             iterations=self.outcome.iterations,
@@ -153,7 +189,7 @@ def solve_relaxation(
     sampled = sampled_program(families, joints, rng, progress)
     program = adapt(sampled)
     clock.append(time.perf_counter())
-    size = program_size(sampled)
+    size = ProgramSize.of(sampled)
     progress(
         f"solving with {solver}: {size.moments} moments, {size.blocks} blocks, the largest "
         f"{size.largest_block}"
@@ -188,10 +224,3 @@ def sampled_program(
             return moment_program(residual_values(rotations), blocks)
         except TooFewSamplesError:
             count *= 2
-
-
-def program_size(program: MomentProgram) -> ProgramSize:
-    """Return how large a program is."""
-    return ProgramSize(
-        program.moments, len(program.blocks), max(program.sizes, default=0), program.svec
-    )

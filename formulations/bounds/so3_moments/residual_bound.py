@@ -16,10 +16,6 @@ import numpy as np
 from formulations.bounds.so3_moments.best_known import best_known_residual
 from formulations.bounds.so3_moments.blocks.sampled_blocks import sector_families
 from formulations.bounds.so3_moments.global_bound import GlobalBound
-from formulations.bounds.so3_moments.programs.multipliers import (
-    check_identity,
-    nearest_semidefinite,
-)
 from formulations.bounds.so3_moments.relaxation import (
     FRESH,
     PREDICTOR_CORRECTOR,
@@ -50,44 +46,33 @@ class Preset:
 
     Parameters
     ----------
-    name
-        Its name.
     sectors
         The row sectors.
     solver
         The solver that suits its size.
     """
 
-    name: str
     sectors: tuple[RowSector, ...]
-    solver: str
+    solver: str = PREDICTOR_CORRECTOR
 
 
-_DEGREE_4 = degree_sectors(4, range(3))
-
-
-def _preset(name: str, further: list[RowSector], solver: str) -> Preset:
-    return Preset(name, without_repetition(_DEGREE_4 + further), solver)
+def _with_degree_4(*sectors: RowSector) -> tuple[RowSector, ...]:
+    return without_repetition([*degree_sectors(4, range(3)), *sectors])
 
 
 # Rows of degree below 6 give no more than 0 for seven joints; total spin 1 is needed.
 RESIDUAL_PRESETS: Mapping[str, Preset] = {
-    preset.name: preset
-    for preset in (
-        _preset("low", [], "CLARABEL"),
-        _preset(
-            "fast",
-            [RowSector(k, c, 0, 6) for k in (0, 4, 6) for c in (0, 2)]
-            + [RowSector(k, c, 1, 6) for k in (0, 6) for c in (0, 2)],
-            PREDICTOR_CORRECTOR,
-        ),
-        _preset(
-            "compact",
-            [RowSector(2, 0, 0, 6), RowSector(6, 0, 0, 6), RowSector(2, 0, 1, 6)],
-            PREDICTOR_CORRECTOR,
-        ),
-        _preset("tight", degree_sectors(6, range(2)), PREDICTOR_CORRECTOR),
-    )
+    "low": Preset(_with_degree_4(), "CLARABEL"),
+    "fast": Preset(
+        _with_degree_4(
+            *(RowSector(k, c, 0, 6) for k in (0, 4, 6) for c in (0, 2)),
+            *(RowSector(k, c, 1, 6) for k in (0, 6) for c in (0, 2)),
+        )
+    ),
+    "compact": Preset(
+        _with_degree_4(RowSector(2, 0, 0, 6), RowSector(6, 0, 0, 6), RowSector(2, 0, 1, 6))
+    ),
+    "tight": Preset(_with_degree_4(*degree_sectors(6, range(2)))),
 }
 
 
@@ -164,17 +149,8 @@ def residual_bound(
         bound, evidence = 0.0, solved.evidence("nothing to check: ρ ≥ 0")
     else:
         progress("checking the identity at fresh configurations")
-        cleaned = [nearest_semidefinite(x) for x in solved.multipliers]
-        multipliers = [x for x, _ in cleaned]
-        claimed = solved.program.dual_value(multipliers)
         fresh = random_rotations(rng, FRESH, joints)
-        check = check_identity(families, multipliers, claimed, residual_values, fresh)
-        bound = max(0.0, check.checked_bound)
-        evidence = solved.evidence(
-            _HOW_CHECKED,
-            vars(check),
-            multipliers=solved.multipliers,
-            smallest_eigenvalue=min(lowest for _, lowest in cleaned),
-        )
+        bound, evidence = solved.checked(solved.sampled, residual_values, fresh, _HOW_CHECKED)
+        bound = max(0.0, bound)
     best = best_known_residual(joints)
     return GlobalBound("residual", joints, preset, "numerical", bound, best, **vars(evidence))

@@ -20,8 +20,10 @@ from formulations.bounds.so3_moments.blocks.enclosed_squares import (
     enclosed_block,
     enclosed_sums,
 )
-from formulations.bounds.so3_moments.blocks.invariant_basis import invariant_basis
-from formulations.bounds.so3_moments.blocks.invariant_dimension import invariant_dimension
+from formulations.bounds.so3_moments.blocks.invariants import (
+    invariant_basis,
+    invariant_dimension,
+)
 from formulations.bounds.so3_moments.blocks.sampled_blocks import SectorBlocks, sector_families
 from formulations.bounds.so3_moments.global_bound import GlobalBound
 from formulations.bounds.so3_moments.programs.multipliers import (
@@ -126,8 +128,8 @@ def rigorous_residual_bound(
     evidence = solved.evidence(
         _HOW_CHECKED,
         {"claimed_bound": claimed, **asdict(details)},
-        multipliers=multipliers,
-        smallest_eigenvalue=float(min(np.linalg.eigvalsh(x)[0] for x in multipliers)),
+        multipliers,
+        float(min(np.linalg.eigvalsh(x)[0] for x in multipliers)),
         phase="proof",
     )
     best = best_known_residual(joints)

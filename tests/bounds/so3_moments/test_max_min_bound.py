@@ -6,21 +6,18 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
+from formulations.bounds.so3_moments import fixed_worst_case
 from formulations.bounds.so3_moments import max_min_bound as max_min_module
-from formulations.bounds.so3_moments.blocks.localisers import KrylovLocaliser
 from formulations.bounds.so3_moments.fixed_worst_case import (
     Conditions,
     condition_families,
     exclude_worst_case,
-    margin_check,
+    largest_residual,
+    worst_case_limit,
 )
 from formulations.bounds.so3_moments.global_bound import GlobalBound
 from formulations.bounds.so3_moments.max_min_bound import max_min_bound
 from formulations.bounds.so3_moments.representations.row_sectors import RowSector
-from formulations.bounds.so3_moments.spectral_limits import (
-    largest_residual,
-    worst_case_limit,
-)
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
 
@@ -147,10 +144,10 @@ def test_an_exclusion_needs_a_negative_margin(monkeypatch: pytest.MonkeyPatch) -
     assert result.check["margin"] > -1e-6
 
 
-def test_an_impossible_worst_case_is_excluded() -> None:
-    """For equal columns |J_fᵀ j_f|²/|j_f|² is 2(n − 1), so that t cannot be larger."""
-    family = KrylovLocaliser(RowSector(0, 0, 0, 0, 0), 7, 12.01)
-    where = np.broadcast_to(np.eye(3), (5, 7, 3, 3))
-    (block,) = family.evaluate(where)
-    check = margin_check([family], [np.eye(1)], [block], where)
-    assert check.checked_bound == pytest.approx(0.01)
+def test_an_impossible_worst_case_is_excluded(monkeypatch: pytest.MonkeyPatch) -> None:
+    """|J_fᵀ j_f|²/|j_f|² is at most 2(n − 1), so the localisers alone exclude a larger t."""
+    monkeypatch.setattr(fixed_worst_case, "largest_residual", lambda *_: 1e3)
+    result = exclude_worst_case(12.5, SMALL, 7)
+    assert result.excluded
+    assert result.margin < -1e-3
+    assert result.evidence.check["leftover"] < 1e-6

@@ -10,12 +10,12 @@ from formulations.bounds.so3_moments.blocks.enclosed_squares import (
     enclosed_block,
     enclosed_sums,
 )
-from formulations.bounds.so3_moments.blocks.invariant_basis import (
+from formulations.bounds.so3_moments.blocks.invariants import (
     InvariantBasis,
     NoBasisError,
     invariant_basis,
+    invariant_dimension,
 )
-from formulations.bounds.so3_moments.blocks.invariant_dimension import invariant_dimension
 from formulations.bounds.so3_moments.blocks.sampled_blocks import SectorBlocks, sector_families
 from formulations.bounds.so3_moments.programs.moment_program import moment_program
 from formulations.bounds.so3_moments.programs.multipliers import refined_multipliers

@@ -59,11 +59,6 @@ class MomentProgram:
         """Numbers of rows of the blocks."""
         return tuple(block.shape[1] for block in self.blocks)
 
-    @property
-    def svec(self) -> int:
-        """Number of distinct entries of all blocks."""
-        return sum(size * (size + 1) // 2 for size in self.sizes)
-
     def dual_value(self, multipliers: Sequence[FloatArray]) -> float:
         """Return ρ_0 − Σ ⟨X, B_0⟩."""
         paid = sum(

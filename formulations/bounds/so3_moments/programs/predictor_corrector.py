@@ -58,7 +58,7 @@ def solve_with_predictor_corrector(
         Stop where ⟨X, S⟩ is below `gap` and no dual equation is off by more than `accuracy`,
         both relative to the largest coefficient of the objective, at least 1.
     progress
-        Told of every iteration.
+        Receives a short message at every fifth iteration.
 
     Returns
     -------
@@ -73,7 +73,7 @@ def solve_with_predictor_corrector(
     status = "iteration_limit"
     iterations = 0
     for iterations in range(_MOST_ITERATIONS + 1):
-        slacks = _slacks(program, y)
+        slacks = [block[0] + np.tensordot(y, block[1:], axes=1) for block in program.blocks]
         point = _factor(x, slacks)
         if point is None:
             status = "no_interior_start" if iterations == 0 else "stalled: factorisation failed"
@@ -112,7 +112,7 @@ def _step(
         return None
     nothing = [np.zeros_like(block) for block in point.x]
     dy, dx, ds = _direction(program, point, schur, 0.0, nothing)
-    primal, dual = _lengths(point, ds, dx)
+    primal, dual = _longest(point.s_root, ds), _longest(point.x_root, dx)
     after = _inner(
         [a + dual * b for a, b in zip(point.x, dx, strict=True)],
         [a + primal * b for a, b in zip(slacks, ds, strict=True)],
@@ -123,7 +123,7 @@ def _step(
         for a, b, inverse in zip(dx, ds, point.s_inverse, strict=True)
     ]
     dy, dx, ds = _direction(program, point, schur, max(centring, 1e-3) * mu, correction)
-    primal, dual = _lengths(point, ds, dx)
+    primal, dual = _longest(point.s_root, ds), _longest(point.x_root, dx)
     return dy, dx, primal, dual
 
 
@@ -177,10 +177,6 @@ def _factored(schur: FloatArray) -> tuple[FloatArray, bool] | None:
     return None
 
 
-def _slacks(program: MomentProgram, y: FloatArray) -> list[FloatArray]:
-    return [block[0] + np.tensordot(y, block[1:], axes=1) for block in program.blocks]
-
-
 def _factor(x: Sequence[FloatArray], slacks: Sequence[FloatArray]) -> _Point | None:
     try:
         x_root = [np.asarray(np.linalg.cholesky(block), dtype=float) for block in x]
@@ -192,10 +188,6 @@ def _factor(x: Sequence[FloatArray], slacks: Sequence[FloatArray]) -> _Point | N
         for root in s_root
     ]
     return _Point(list(x), x_root, s_root, inverse)
-
-
-def _lengths(point: _Point, ds: list[FloatArray], dx: list[FloatArray]) -> tuple[float, float]:
-    return _longest(point.s_root, ds), _longest(point.x_root, dx)
 
 
 def _longest(roots: Sequence[FloatArray], changes: Sequence[FloatArray]) -> float:
