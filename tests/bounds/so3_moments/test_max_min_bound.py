@@ -145,9 +145,9 @@ def test_an_exclusion_needs_a_negative_margin(monkeypatch: pytest.MonkeyPatch) -
 
 
 def test_an_impossible_worst_case_is_excluded(monkeypatch: pytest.MonkeyPatch) -> None:
-    """|J_fᵀ j_f|²/|j_f|² is at most 2(n − 1), so the localisers alone exclude a larger t."""
-    monkeypatch.setattr(fixed_worst_case, "largest_residual", lambda *_: 1e3)
-    result = exclude_worst_case(12.5, SMALL, 7)
+    """ρ ≤ 5n²/3 always holds; J_f J_fᵀ ⪰ tI cannot, as |J_fᵀ j_f|²/|j_f|² ≤ 2(n − 1) < t."""
+    monkeypatch.setattr(fixed_worst_case, "largest_residual", lambda *_: 90.0)
+    result = exclude_worst_case(30.0, SMALL, 7)
     assert result.excluded
-    assert result.margin < -1e-3
+    assert result.margin < -1
     assert result.evidence.check["leftover"] < 1e-6
