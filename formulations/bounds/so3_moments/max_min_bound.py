@@ -12,7 +12,7 @@ from formulations.bounds.so3_moments.fixed_worst_case import (
     exclude_worst_case,
     worst_case_limit,
 )
-from formulations.bounds.so3_moments.global_bound import GlobalBound
+from formulations.bounds.so3_moments.global_bound import GlobalBound, Kind
 from formulations.bounds.so3_moments.relaxation import Progress, check_joints, silent
 from formulations.bounds.so3_moments.representations.row_sectors import (
     RowSector,
@@ -123,15 +123,12 @@ def max_min_bound(
 def _localised(joints: int, best: float | None, seed: int, progress: Progress) -> GlobalBound:
     """Return the root of the squared worst case if it is excluded, else the bound (6)."""
     found = exclude_worst_case(EXCLUDED, CONDITIONS, joints, seed=seed, progress=progress)
-    check = {"excluded": found.t, "margin": found.margin, **found.evidence.check}
-    evidence = replace(found.evidence, check=check)
-    if found.excluded:
-        bound = sqrt(found.t) + _ROUNDING
-        return GlobalBound(
-            "max-min", joints, LOCALISED, "numerical", bound, best, **vars(evidence)
-        )
-    bound = sqrt((joints - 6) / 3) + _ROUNDING
-    evidence = replace(evidence, how_checked="not excluded; eq. (6)")
-    return GlobalBound(
-        "max-min", joints, LOCALISED, "closed form", bound, best, **vars(evidence)
+    squared = found.t if found.excluded else (joints - 6) / 3
+    evidence = replace(
+        found.evidence,
+        how_checked=found.evidence.how_checked if found.excluded else "not excluded; eq. (6)",
+        check={"excluded": found.t, "margin": found.margin, **found.evidence.check},
     )
+    kind: Kind = "numerical" if found.excluded else "closed form"
+    bound = sqrt(squared) + _ROUNDING
+    return GlobalBound("max-min", joints, LOCALISED, kind, bound, best, **vars(evidence))

@@ -108,8 +108,8 @@ def residual_bound(
     joints
         Number n of joints, 6 to 9.
     solver
-        ``"predictor-corrector"`` or a conic solver known to cvxpy; by default as the preset
-        says.
+        ``"predictor-corrector"`` or a conic solver known to cvxpy; by default that of
+        the preset.
     options
         The conic solver's own options.
     seed
@@ -121,7 +121,7 @@ def residual_bound(
     -------
     GlobalBound
         Of kind ``"numerical"``; also if the solver fails: then the bound is 0, which needs no
-        proof, and `status` says why.
+        proof, and `status` gives the reason.
 
     Raises
     ------

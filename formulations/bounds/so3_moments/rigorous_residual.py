@@ -103,7 +103,7 @@ def rigorous_residual_bound(
     -------
     GlobalBound
         Of kind ``"rigorous"``: it rests on the standard model of double precision arithmetic
-        and on nothing that the solver says. Its `check` holds the parts of the defect.
+        and not on the solver. Its `check` holds the parts of the defect.
 
     Raises
     ------

@@ -113,7 +113,7 @@ def test_the_best_known_jacobian_meets_all_conditions(
 ) -> None:
     where, t = attained
     assert t == pytest.approx(0.3265928, abs=1e-7)
-    # t is a computed singular value: room for its last digits. Plain blocks are squares.
+    # t is a computed singular value: its last digits are uncertain. Plain blocks are squares.
     for family in condition_families(replace(CONDITIONS, plain=()), 7, t - 1e-9):
         for block in family.evaluate(where):
             assert np.linalg.eigvalsh(block[0])[0] > -1e-10

@@ -52,17 +52,17 @@ def test_all_conditions_hold_at_a_true_jacobian(
 
 
 def test_what_cannot_be_excluded_is_not() -> None:
-    told: list[str] = []
-    result = exclude_worst_case(0.3, SMALL, 7, progress=told.append)
+    messages: list[str] = []
+    result = exclude_worst_case(0.3, SMALL, 7, progress=messages.append)
     assert not result.excluded
     assert result.margin > -1e-6
-    assert told
+    assert messages
 
 
 def test_limits_of_the_spectrum_against_a_search() -> None:
     t, joints = 0.32, 7
 
-    def room(eigenvalues: FloatArray) -> float:
+    def slack(eigenvalues: FloatArray) -> float:
         return (joints - 6) / t - float(np.sum(1 / (eigenvalues - t)))
 
     best = 0.0
@@ -78,7 +78,7 @@ def test_limits_of_the_spectrum_against_a_search() -> None:
             bounds=[(t + 0.05, None)] * 6,
             method="SLSQP",
         )
-        if found.success and room(found.x) > -1e-8:
+        if found.success and slack(found.x) > -1e-8:
             best = max(best, -found.fun)
     assert largest_residual(joints, t) == pytest.approx(best, rel=1e-5)
 

@@ -242,13 +242,13 @@ def test_an_objective_outside_of_the_span_is_noticed(
 
 @pytest.mark.parametrize("joints", [6, 7, 8])
 def test_rows_of_low_degree_prove_nothing(joints: int) -> None:
-    told = []
-    result = residual_bound("low", joints, progress=told.append)
+    messages = []
+    result = residual_bound("low", joints, progress=messages.append)
     assert 0 <= result.bound < 1e-6
     assert result.kind == "numerical"
     assert result.check["unchecked_bound"] == pytest.approx(0, abs=1e-5)
     assert result.smallest_eigenvalue > -1e-6
-    assert any("solving" in line for line in told)
+    assert any("solving" in line for line in messages)
     assert json.loads(json.dumps(result.to_dict()))["size"]["moments"] == 35
 
 

@@ -5,7 +5,7 @@ the rounded U_T L. Then
 
     s(x) = Σ_orders Σ_T |A_Tᵀφ(x)|² / (orders · (2L+1) · tableaux) ≥ 0,
 
-whatever A_T is. Over rotations of the frame, phase, conjugation and signs s is invariant
+for any A_T. Over rotations of the frame, phase, conjugation and signs s is invariant
 exactly, since φ stands for the exact rows; over permutations only if A obeys Young's
 orthogonal form exactly: P A_T = Σ A_T' Y_{T'T} for exchanges P of neighbours. If the two sides
 differ by E with |Eᵀφ| ≤ e, an exchange changes |Aᵀφ| by at most e, and a permutation of k and
@@ -154,16 +154,11 @@ def _block_sum(
 ) -> tuple[FloatArray, FloatArray]:
     """Return Σ_T |A_Tᵀφ|² and a bound on its error, of one order."""
     components = plain[0].shape[2]
-    found: FloatArray | None = None
+    found = np.zeros((1, 1))
     for number, a in block.parts:
-        values = np.broadcast_to(
-            plain[number], (len(plain[number]), count, components)
-        ).reshape(len(plain[number]), -1)
+        values = np.tile(plain[number], (1, count // plain[number].shape[1], 1))
         flat = a.transpose(0, 2, 1).reshape(-1, a.shape[1])
-        part = flat @ values
-        found = part if found is None else found + part
-    if found is None:
-        return np.zeros(count), np.zeros(count)
+        found = found + flat @ values.reshape(len(values), -1)
     squared = np.sum(found.reshape(-1, count, components) ** 2, axis=(0, 2))
     terms = found.shape[0] * components
     error = 2 * np.sqrt(squared) * wrong + wrong**2 + gamma(terms + 2) * squared

@@ -61,10 +61,10 @@ class MomentProgram:
 
     def dual_value(self, multipliers: Sequence[FloatArray]) -> float:
         """Return ρ_0 − Σ ⟨X, B_0⟩."""
-        paid = sum(
+        products = sum(
             np.vdot(x, block[0]) for x, block in zip(multipliers, self.blocks, strict=True)
         )
-        return float(self.objective[0] - paid)
+        return float(self.objective[0] - products)
 
     def dual_residual(self, multipliers: Sequence[FloatArray]) -> FloatArray:
         """Return ρ_j − Σ ⟨X, B_j⟩ for j ≥ 1."""

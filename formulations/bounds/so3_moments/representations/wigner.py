@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from fractions import Fraction
 from functools import cache
-from math import factorial, prod, sqrt
+from math import comb, copysign, sqrt
 from typing import TypeAlias
 
 import numpy as np
@@ -80,32 +80,23 @@ def coupling(first: int, second: int, total: int) -> FloatArray:
 
 
 def _coefficient(first: int, a: int, second: int, b: int, total: int) -> float:
-    """Return one Clebsch–Gordan coefficient by Racah's formula."""
-    series = Fraction(0)
-    for k in range(first + second - total + 1):
-        parts = (
-            k,
-            first + second - total - k,
-            first - a - k,
-            second + b - k,
-            total - second + a + k,
-            total - first - b + k,
-        )
-        if min(parts) >= 0:
-            series += Fraction((-1) ** k, _factorials(*parts))
-    triangle = Fraction(
-        (2 * total + 1)
-        * _factorials(total + first - second, total - first + second, first + second - total),
-        factorial(first + second + total + 1),
+    """Return one Clebsch–Gordan coefficient by Racah's formula, written with binomials."""
+    lost = first + second - total
+    series = sum(
+        (-1) ** k
+        * comb(lost, k)
+        * comb(2 * first - lost, first - a - k)
+        * comb(2 * second - lost, second + b - k)
+        for k in range(min(lost, first - a, second + b) + 1)
     )
-    m = a + b
-    components = _factorials(total + m, total - m, first - a, first + a, second - b, second + b)
-    square = triangle * components * series**2
-    return sqrt(square) if series >= 0 else -sqrt(square)
-
-
-def _factorials(*numbers: int) -> int:
-    return prod(map(factorial, numbers))
+    norm = Fraction(
+        comb(2 * first, lost) * comb(2 * second, lost),
+        comb(first + second + total + 1, lost)
+        * comb(2 * first, first - a)
+        * comb(2 * second, second - b)
+        * comb(2 * total, total - a - b),
+    )
+    return copysign(sqrt(norm * series**2), series)
 
 
 @cache
