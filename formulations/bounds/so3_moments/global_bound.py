@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any, Literal, TypeAlias
 
+from formulations import measures
 from formulations.bounds.so3_moments.programs.moment_program import MomentProgram
 
 Quantity: TypeAlias = Literal["residual", "max-min"]
@@ -117,8 +118,10 @@ class GlobalBound(Evidence):
 
     @property
     def gap_percent(self) -> float | None:
-        """100·|bound − best known|/bound; None where the bound is 0 or no value is known."""
-        return None if self.gap is None or not self.bound else 100 * abs(self.gap) / self.bound
+        """`measures.gap_percent`; None where the bound is 0 or no value is known."""
+        if self.best_known is None or not self.bound:
+            return None
+        return measures.gap_percent(self.best_known, self.bound)
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain values for tables and JSON."""

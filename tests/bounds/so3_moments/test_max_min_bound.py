@@ -72,7 +72,7 @@ def test_limits_of_the_spectrum_against_a_search() -> None:
             lambda x: -0.5 * np.sum((x - joints / 3) ** 2),
             joints / 3 + 0.1 * rng.standard_normal(6),
             constraints=[
-                {"type": "ineq", "fun": room},
+                {"type": "ineq", "fun": slack},
                 {"type": "eq", "fun": lambda x: np.sum(x) - 2 * joints},
             ],
             bounds=[(t + 0.05, None)] * 6,
