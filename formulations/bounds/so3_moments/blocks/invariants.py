@@ -1,20 +1,27 @@
-"""A basis of all invariants of a degree, good enough to bound an invariant by a few values.
+"""The space of invariants: its dimension, and a basis that bounds an invariant by few values.
 
-Let V be a space of invariants of known dimension D (see `invariant_dimension`), and e_1 … e_D
-combinations of averaged block entries, e_j = Σ_b ⟨T_jb, B_b⟩, which lie in V. If their values
-at points x_1 … x_P, known up to small errors, have a left inverse R, they are a basis, and
-f ∈ V with values f_i there is Σ c_j e_j with |c| ≤ |R f|/(1 − q), where q bounds ‖RG − I‖ for
-the exact matrix G of values. For the blocks of one sector Σ_b d_b tr B_b(x) ≤ τ, where d_b is
-the number of tableaux, and B_b ⪰ 0. So
+The space V is that of the functions on SO(3)ⁿ which are polynomials of degree at most d in the
+entries of J and do not change under rotations of the frame, a common phase, conjugation, or
+signs and order of the columns. Its dimension D is the average of the trace over these groups,
+counted exactly: only integers and fractions occur.
+
+Let e_1 … e_D be combinations of averaged block entries, e_j = Σ_b ⟨T_jb, B_b⟩, which lie in V.
+If their values at points x_1 … x_P, known up to small errors, have a left inverse R, they are a
+basis, and f ∈ V with values f_i there is Σ c_j e_j with |c| ≤ |R f|/(1 − q), where q bounds
+‖RG − I‖ for the exact matrix G of values. For the blocks of one sector Σ_b d_b tr B_b(x) ≤ τ,
+where d_b is the number of tableaux, and B_b ⪰ 0. So
 
     |f(x)| ≤ |c| Σ_sectors τ max_b ‖T_b‖/d_b   for every configuration x.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from math import sqrt
+from fractions import Fraction
+from math import factorial, prod, sqrt
+from typing import TypeAlias
 
 import numpy as np
 
@@ -25,9 +32,81 @@ from formulations.bounds.so3_moments.blocks.enclosed_squares import (
     product_error,
 )
 from formulations.bounds.so3_moments.blocks.sampled_blocks import SectorBlocks
-from formulations.bounds.so3_moments.representations.clebsch_gordan import Floats
 from formulations.bounds.so3_moments.representations.rounding import gamma
+from formulations.bounds.so3_moments.representations.row_sectors import label_degree
+from formulations.existence.relaxation.tableaux import partitions
+from nlp.arrays import FloatArray, whole_number
 from nlp.errors import LockedJointError
+
+# Coefficients by (degree, weight of the frame rotation, phase charge).
+Character: TypeAlias = Mapping[tuple[int, int, int], int]
+
+
+def invariant_dimension(joints: int, degree: int) -> int:
+    """Return the dimension of the space of invariants of degree at most `degree`.
+
+    Raises
+    ------
+    InputError
+        Unless both are positive integers.
+    """
+    whole_number("joints", joints, 1)
+    whole_number("degree", degree, 1)
+    total = Fraction(0)
+    for conjugated in (False, True):
+        cycles = {length: _cycle(length, degree, conjugated) for length in range(1, joints + 1)}
+        known: dict[tuple[int, ...], Character] = {(): {(0, 0, 0): 1}}
+        for lengths in partitions(joints):
+            for end, length in enumerate(lengths):
+                if lengths[: end + 1] not in known:
+                    product = _product(known[lengths[:end]], cycles[length], degree)
+                    known[lengths[: end + 1]] = product
+            share = Fraction(1, _centraliser(lengths))
+            total += share * _trivial_part(known[lengths]) / 2
+    if total.denominator != 1:
+        raise ArithmeticError("a dimension must be an integer")
+    return int(total)
+
+
+def _cycle(length: int, degree: int, conjugated: bool) -> Character:
+    """Return the trace of a cycle of joints on products that are even in every joint.
+
+    It is the trace of the `length`-th power of what acts on one joint. Conjugation takes m to
+    −m with the sign (−1)^l, and its square is 1.
+    """
+    found: Counter[tuple[int, int, int]] = Counter()
+    for spin in range(degree + 1):
+        for m in range(-spin, spin + 1):
+            size = length * label_degree((spin, m))
+            if m % 2 or size > degree or (conjugated and length % 2 and m):
+                continue
+            value = (-1) ** spin if conjugated and length % 2 else 1
+            for weight in range(-spin, spin + 1):
+                found[size, length * weight, 0 if conjugated else length * m] += value
+    return found
+
+
+def _product(first: Character, second: Character, degree: int) -> Character:
+    found: Counter[tuple[int, int, int]] = Counter()
+    for (a, weight, charge), value in first.items():
+        for (b, other_weight, other_charge), other in second.items():
+            if a + b <= degree:
+                found[a + b, weight + other_weight, charge + other_charge] += value * other
+    return found
+
+
+def _trivial_part(character: Character) -> int:
+    """Return how often total spin 0 and charge 0 occur: weight 0 less weight 1."""
+    return sum(
+        value * ((weight == 0) - (weight == 1))
+        for (_, weight, charge), value in character.items()
+        if charge == 0
+    )
+
+
+def _centraliser(lengths: tuple[int, ...]) -> int:
+    """Return n! over the number of permutations with these cycles."""
+    return prod(length**n * factorial(n) for length, n in Counter(lengths).items())
 
 
 class NoBasisError(LockedJointError):
@@ -48,21 +127,23 @@ class InvariantBasis:
         Σ τ max_b ‖T_b‖/d_b, so that |f| ≤ amplification · |c|.
     """
 
-    left_inverse: Floats
+    left_inverse: FloatArray
     defect: float
     amplification: float
 
-    def largest_value(self, values: Floats, errors: Floats) -> float:
+    def largest_value(self, values: FloatArray, errors: FloatArray) -> float:
         """Bound |f| over all configurations by its values at the points and their errors."""
         norm = float(np.linalg.norm(self.left_inverse, 2))
+        # Rounding of R · values is relative to |R|, whose 2-norm is at most the Frobenius norm.
+        rounding = gamma(len(values) + 2) * float(np.linalg.norm(self.left_inverse))
         coefficients = float(np.linalg.norm(self.left_inverse @ values))
-        size = float(np.linalg.norm(values))
-        coefficients += norm * (float(np.linalg.norm(errors)) + gamma(len(values) + 2) * size)
+        coefficients += norm * float(np.linalg.norm(errors))
+        coefficients += rounding * float(np.linalg.norm(values))
         return SAFETY**2 * self.amplification * coefficients / (1.0 - self.defect)
 
 
 def invariant_basis(
-    families: Sequence[SectorBlocks], rotations: Floats, dimension: int
+    families: Sequence[SectorBlocks], rotations: FloatArray, dimension: int
 ) -> InvariantBasis:
     """Return a basis of a space of invariants of known dimension.
 
@@ -82,7 +163,7 @@ def invariant_basis(
     """
     points = len(rotations)
     blocks: list[tuple[int, EnclosedBlock, float]] = []
-    values: list[Floats] = []
+    values: list[FloatArray] = []
     for number, family in enumerate(families):
         together = [
             enclosed_block(family, block, np.eye(block.size)) for block in family.blocks
