@@ -34,5 +34,4 @@ is a sum-of-squares identity among invariant polynomials there. Read the files i
     fixed_worst_case         all conditions of a worst case together
 
     global_bound             what was found, `GlobalBound`
-    best_known               what it is compared with
 """

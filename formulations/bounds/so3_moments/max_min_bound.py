@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from math import sqrt
 
-from formulations.bounds.so3_moments.best_known import best_known_max_min
+from formulations.bounds.best_known import best_known
 from formulations.bounds.so3_moments.blocks.krylov_localisers import KrylovSector
 from formulations.bounds.so3_moments.fixed_worst_case import Conditions, exclude_worst_case
 from formulations.bounds.so3_moments.global_bound import GlobalBound, Kind
@@ -100,7 +100,7 @@ def max_min_bound(
         raise InputError("joints", joints, "an integer from 7 to 9")
     if preset == LOCALISED and rigorous:
         raise InputError("rigorous", rigorous, f"False for the preset {LOCALISED}")
-    best = best_known_max_min(joints)
+    best = best_known("max-min", "unit-revolute", joints)
     if joints > 7:
         bound = sqrt((joints - 6) / 3) + _ROUNDING
         return GlobalBound(
@@ -145,7 +145,7 @@ def _localised(joints: int, seed: int, progress: Progress | None) -> GlobalBound
         preset=LOCALISED,
         kind="numerical" if found.excluded else "closed form",
         bound=sqrt(squared) + _ROUNDING,
-        best_known=best_known_max_min(joints),
+        best_known=best_known("max-min", "unit-revolute", joints),
         size=found.size,
         solver="predictor-corrector",
         status=found.status,

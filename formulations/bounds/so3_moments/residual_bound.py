@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from formulations.bounds.so3_moments.best_known import best_known_residual
+from formulations.bounds.best_known import best_known
 from formulations.bounds.so3_moments.blocks.block_family import BlockFamily
 from formulations.bounds.so3_moments.blocks.plain_average import averaged_sum_of_squares
 from formulations.bounds.so3_moments.blocks.sampled_blocks import SectorBlocks
@@ -116,7 +116,7 @@ def residual_bound(
     clock.append(time.perf_counter())
     seconds = {"blocks": clock[1] - clock[0], "solver": clock[2] - clock[1]}
     size = program_size(program)
-    best = best_known_residual(joints)
+    best = best_known("residual", "unit-revolute", joints)
     if outcome.multipliers is None:
         return GlobalBound(
             "residual", joints, preset, "numerical", 0.0, best, size, name, outcome.status,

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from formulations.bounds.so3_moments.best_known import best_known_residual
+from formulations.bounds.best_known import best_known
 from formulations.bounds.so3_moments.blocks.enclosed_squares import (
     SAFETY,
     enclosed_block,
@@ -142,7 +142,7 @@ def rigorous_residual_bound(
         preset=preset,
         kind="rigorous",
         bound=max(0.0, nextafter(claimed - details.defect, -inf)),
-        best_known=best_known_residual(joints),
+        best_known=best_known("residual", "unit-revolute", joints),
         size=program_size(program),
         solver="predictor-corrector",
         status=outcome.status,
