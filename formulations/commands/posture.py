@@ -17,6 +17,7 @@ from formulations.commands.arguments import (
     Workers,
     ipopt_options,
 )
+from formulations.commands.assess import robot_text
 from formulations.commands.robot_arguments import (
     Base,
     Frame,
@@ -59,7 +60,6 @@ def posture(
     comes out is measured again from its Jacobian alone. With --held, the best posture after
     a failure. `assess --configuration FILE` reads what --out writes.
     """
-    from formulations.commands.robot_text import robot_text
     from formulations.robots.posture import Search, best_posture
     from nlp.files import prepare_folder, write_text
     from nlp.multistart import default_workers

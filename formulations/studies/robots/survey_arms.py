@@ -7,9 +7,8 @@ from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 
 from formulations.robots.chain_between import chain_between
-from formulations.robots.directions import Task
 from formulations.robots.read_urdf import read_urdf
-from formulations.robots.robot_arm import RobotArm
+from formulations.robots.robot_arm import RobotArm, Task
 from nlp.errors import InputError
 
 _DATA = "cmeel.prefix/share/example-robot-data/robots"
