@@ -10,7 +10,6 @@ import numpy as np
 from formulations import residual
 from formulations.joints.arm import Arm
 from formulations.studies.benchmark.peer import Peer, Run
-from nlp.arrays import FloatArray
 
 _STEPS, _GRADIENT = 300, 1e-7
 
@@ -25,17 +24,12 @@ def _prepare(arm: Arm, batch: int, exact: bool) -> Run:
     weights = np.where(rows == columns, np.sqrt(0.5), 1.0)
 
     def matrix(angles: Any) -> Any:
-        alpha, beta, gamma = angles.reshape(-1, 3).T
-        sin_a, cos_a, sin_b, cos_b = (
-            jnp.sin(alpha),
-            jnp.cos(alpha),
-            jnp.sin(beta),
-            jnp.cos(beta),
-        )
-        first = jnp.stack([cos_a * sin_b, sin_a * sin_b, -cos_b])
-        second = jnp.stack([sin_a, -cos_a, jnp.zeros_like(sin_a)])
-        axis = jnp.stack([cos_a * cos_b, sin_a * cos_b, sin_b])
-        return jnp.concatenate([jnp.cos(gamma) * first + jnp.sin(gamma) * second, axis])
+        turns = angles.reshape(-1, 3).T
+        (sa, sb, sc), (ca, cb, cc) = jnp.sin(turns), jnp.cos(turns)
+        first = jnp.stack([ca * sb, sa * sb, -cb])
+        second = jnp.stack([sa, -ca, jnp.zeros_like(sa)])
+        axis = jnp.stack([ca * cb, sa * cb, sb])
+        return jnp.concatenate([cc * first + sc * second, axis])
 
     def equations(angles: Any) -> Any:
         found = matrix(angles)
@@ -51,7 +45,7 @@ def _prepare(arm: Arm, batch: int, exact: bool) -> Run:
         slope = d.T @ r
         curvature = jax.hessian(half)(x) if exact else d.T @ d
         lhs = curvature + damping * jnp.eye(x.size)
-        # Where it is not positive definite the step is NaN, no better, and damped more.
+        # Where it is not positive definite, the step is NaN: not accepted, damped more.
         trial = x - jax.scipy.linalg.cho_solve(jax.scipy.linalg.cho_factor(lhs), slope)
         better = half(trial) < jnp.sum(r**2) / 2
         damping = jnp.where(better, jnp.maximum(damping / 5, 1e-10), damping * 4)
@@ -67,10 +61,7 @@ def _prepare(arm: Arm, batch: int, exact: bool) -> Run:
     rng = np.random.default_rng(0)
     solve_all(np.array([arm.sample(rng) for _ in range(batch)])).block_until_ready()
 
-    def run(starts: FloatArray) -> FloatArray:
-        return np.asarray(solve_all(starts), dtype=np.float64)
-
-    return run
+    return lambda starts: np.asarray(solve_all(starts), dtype=np.float64)
 
 
 PEERS = tuple(

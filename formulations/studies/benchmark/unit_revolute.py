@@ -1,6 +1,6 @@
 """The residuals of unit revolute joints and their derivatives in NumPy, for peers.
 
-Eq. (21) and the isotropy equations as anyone would write them by hand, with analytic
+Eq. (21) and the isotropy equations as one would write them by hand, with analytic
 derivatives. Their sum of squares is ½ ‖JJᵀ − (n/3) I‖_F²: diagonal entries are weighted by √½.
 """
 
