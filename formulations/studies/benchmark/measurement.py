@@ -222,6 +222,8 @@ def _rows(trials: Sequence[_Trial], joints: int, asked: int, time_limit: float) 
 @contextmanager
 def _fresh_cache() -> Iterator[None]:
     """Compile everything anew, so that set-up times include compilation."""
-    with tempfile.TemporaryDirectory() as folder:
-        with mock.patch.dict(os.environ, XDG_CACHE_HOME=folder):
-            yield
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        mock.patch.dict(os.environ, XDG_CACHE_HOME=folder),
+    ):
+        yield

@@ -88,7 +88,8 @@ def markdown(rows: Sequence[Row], seed: int, packages: Sequence[str], time_limit
         header({"seed": seed, "peers": ", ".join(packages)}),
         "Unit revolute joints, the same random starts for all, in turns within one run, one "
         "thread each. A *success* is an answer whose Jacobian, measured by itself, is one of "
-        f"the arm's and within {REACHED_BEST:g} of the best of all peers; *near* is within {NEAR:g}. "
+        f"the arm's and within {REACHED_BEST:g} of the best of all peers; *near* is within "
+        f"{NEAR:g}. "
         "Processor time is without set-up, which stands beside it. Who has used up "
         f"{time_limit:g} s of it on one statement and size begins no other start there, which "
         "the note says.\n",

@@ -5,13 +5,12 @@ The residual: least squares (trf, lm) and SLSQP. Max-min, as one would state it 
     maximise   t                     over the angles and t
     subject to λ_k(JJᵀ − j_f j_fᵀ) ≥ t      for every joint f and k = 1 … 6
 
-with all eigenvalues, not only the smallest, so that SLSQP has the derivatives of the next ones.
-Derivatives come from the eigenvectors; they jump where eigenvalues meet, and at the best
-Jacobians some do.
+with all eigenvalues, not only the smallest, so that SLSQP sees those next to it. Derivatives
+come from the eigenvectors; they jump where eigenvalues meet, and at the best Jacobians some do.
 
-Max-min by smoothing: L-BFGS minimises log (Σ_f tr M_f⁻ᵖ)^{1/p}, M_f = JJᵀ − j_f j_fᵀ, for growing
-p, each from the previous answer. For p → ∞ it is −log of the smallest eigenvalue of all: Schatten
-norms of the inverses replace smallest eigenvalues.
+Max-min by smoothing: L-BFGS minimises log (Σ_f tr M_f⁻ᵖ)^{1/p}, M_f = JJᵀ − j_f j_fᵀ, for
+growing p, each from the previous answer: Schatten norms of the inverses replace smallest
+eigenvalues. For p → ∞ it is −log of the smallest eigenvalue of all.
 """
 
 from __future__ import annotations
