@@ -4,30 +4,18 @@ from __future__ import annotations
 
 import json
 from dataclasses import asdict
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from formulations.commands import robot_arguments as robot
 from formulations.commands.arguments import Json, Locked
-from formulations.commands.robot_arguments import (
-    Base,
-    Frame,
-    Held,
-    Length,
-    Point,
-    Robot,
-    TaskDirections,
-    Tip,
-    read_configuration,
-    robot_arm,
-)
 from formulations.commands.text import as_text
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from formulations.robots.robot_assessment import AtLength, Failure, RobotAssessment
+    from formulations.robots.robot_assessment import Failure, RobotAssessment
 
 # A singular value up to this is rounding.
 _ROUNDING = 1e-12
@@ -36,8 +24,8 @@ _SHOWN = 12
 
 
 def assess(
-    file: Robot,
-    tip: Tip = None,
+    file: robot.File,
+    tip: robot.Tip = None,
     configuration: Annotated[
         str | None,
         typer.Option(
@@ -47,17 +35,14 @@ def assess(
             show_default="midway between the limits",
         ),
     ] = None,
-    length: Length = None,
-    task: TaskDirections = "all",
-    frame: Frame = "base",
-    held: Held = None,
+    length: robot.Length = None,
+    task: robot.TaskDirections = "all",
+    frame: robot.Frame = "base",
+    held: robot.Held = None,
     locked: Locked = 1,
-    base: Base = None,
-    point: Point = None,
-    out: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", help="Write the JSON there, Jacobian included."),
-    ] = None,
+    base: robot.Base = None,
+    point: robot.Point = None,
+    out: robot.JsonFile = None,
     as_json: Json = False,
 ) -> None:
     """Say how failure tolerant a robot is at a configuration.
@@ -69,17 +54,8 @@ def assess(
     from formulations.robots.robot_assessment import assess as assess_robot
     from nlp.files import prepare_folder, write_text
 
-    arm = robot_arm(
-        file,
-        tip=tip,
-        base=base,
-        point=point,
-        task=task,
-        frame=frame,
-        length=length,
-        held=held,
-    )
-    found = assess_robot(arm, read_configuration(configuration, arm.chain), locked)
+    arm = robot.arm(file, tip, base, point, task, frame, length, held)
+    found = assess_robot(arm, robot.read_configuration(configuration, arm.chain), locked)
     content = json.dumps({"model": found.robot, **asdict(found)}, indent=1)
     if out is not None:
         prepare_folder(out.parent, "folder of --out")
@@ -131,30 +107,39 @@ def _sigma(value: float) -> str:
 
 
 def _failures(failures: Sequence[Failure]) -> str:
-    width = max(len(" and ".join(one.joints)) for one in failures)
-    width = max(width, len("locked"))
-    lines = [f"{'locked':<{width}}  sigma left   direction that suffers most"]
-    for one in failures[:_SHOWN]:
-        joints, direction = " and ".join(one.joints), _direction(one.direction)
-        lines.append(f"{joints:<{width}}  {_sigma(one.sigma):<11}  {direction}")
+    lines = [
+        (" and ".join(one.joints), _sigma(one.sigma), _direction(one.direction))
+        for one in failures[:_SHOWN]
+    ]
+    shown = _table(lines, ("locked", "sigma left", "direction that suffers most"))
     if len(failures) > _SHOWN:
-        lines.append(f"… and {len(failures) - _SHOWN} failures that leave more")
-    return "\n".join(lines)
+        shown += f"\n… and {len(failures) - _SHOWN} failures that leave more"
+    return shown
 
 
 def _lengths(found: RobotAssessment) -> str:
     if not found.by_length:
         return "The characteristic length is only a unit here: percentages do not depend on it."
-    lines = ["length (m)   sigma        % of bound   worst failure"]
-    lines += [_length(one) for one in found.by_length]
-    if found.best_length is not None:
-        lines += ["best for this configuration:", _length(found.best_length)]
-    return "\n".join(lines)
+    best = [found.best_length] if found.best_length else []
+    lines = [
+        (
+            f"{one.length:.4g}",
+            _sigma(one.worst_case_sigma),
+            f"{one.percent_of_bound:.2f}",
+            " and ".join(one.worst_case_joints),
+        )
+        for one in (*found.by_length, *best)
+    ]
+    shown = _table(lines, ("length (m)", "sigma", "% of bound", "worst failure")).split("\n")
+    if best:
+        shown.insert(-1, "best for this configuration:")
+    return "\n".join(shown)
 
 
-def _length(one: AtLength) -> str:
-    joints, sigma = " and ".join(one.worst_case_joints), _sigma(one.worst_case_sigma)
-    return f"{one.length:<11.4g}  {sigma:<11}  {one.percent_of_bound:<11.2f}  {joints}"
+def _table(lines: Sequence[Sequence[str]], heads: Sequence[str]) -> str:
+    from tabulate import tabulate
+
+    return tabulate(lines, heads, tablefmt="plain", disable_numparse=True)
 
 
 def _positions(values: Mapping[str, float]) -> str:

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from formulations.robots.tree import RobotTree
     from nlp.arrays import FloatArray
 
-Robot = Annotated[Path, typer.Argument(metavar="URDF", help="The robot, a URDF file.")]
+File = Annotated[Path, typer.Argument(metavar="URDF", help="The robot, a URDF file.")]
 Tip = Annotated[
     str | None,
     typer.Option(
@@ -70,13 +70,16 @@ Held = Annotated[
         show_default=False,
     ),
 ]
+JsonFile = Annotated[
+    Path | None,
+    typer.Option("--out", metavar="FILE", help="Write the JSON there, Jacobian included."),
+]
 
 _ALLOWED = "one number per joint, JOINT=VALUE pairs (both with commas), or a JSON file"
 
 
-def robot_arm(
+def arm(
     file: Path,
-    *,
     tip: str | None,
     base: str | None,
     point: str | None,

@@ -9,6 +9,7 @@ import numpy as np
 
 from formulations import residual
 from formulations.joints.arm import Arm
+from formulations.studies.benchmark import unit_revolute as hand
 from formulations.studies.benchmark.peer import Peer, Run
 
 _STEPS, _GRADIENT = 300, 1e-7
@@ -20,21 +21,8 @@ def _prepare(arm: Arm, batch: int, exact: bool) -> Run:
     jax.config.update("jax_enable_x64", True)
     from jax import numpy as jnp
 
-    rows, columns = np.triu_indices(6)
-    weights = np.where(rows == columns, np.sqrt(0.5), 1.0)
-
-    def matrix(angles: Any) -> Any:
-        turns = angles.reshape(-1, 3).T
-        (sa, sb, sc), (ca, cb, cc) = jnp.sin(turns), jnp.cos(turns)
-        first = jnp.stack([ca * sb, sa * sb, -cb])
-        second = jnp.stack([sa, -ca, jnp.zeros_like(sa)])
-        axis = jnp.stack([ca * cb, sa * cb, sb])
-        return jnp.concatenate([cc * first + sc * second, axis])
-
     def equations(angles: Any) -> Any:
-        found = matrix(angles)
-        gap = found @ found.T - found.shape[1] / 3 * jnp.eye(6)
-        return weights * gap[rows, columns]
+        return hand.residuals(angles, jnp)
 
     def half(angles: Any) -> Any:
         return jnp.sum(equations(angles) ** 2) / 2
@@ -55,7 +43,9 @@ def _prepare(arm: Arm, batch: int, exact: bool) -> Run:
         return (state[2] < _STEPS) & (state[3] > _GRADIENT)
 
     def solve(start: Any) -> Any:
-        return matrix(jax.lax.while_loop(goes_on, step, (start, 1e-2, 0, jnp.inf))[0])
+        return hand.jacobian(
+            jax.lax.while_loop(goes_on, step, (start, 1e-2, 0, jnp.inf))[0], jnp
+        )
 
     solve_all = jax.jit(jax.vmap(solve))
     rng = np.random.default_rng(0)

@@ -77,6 +77,13 @@ class _Trial:
     seconds: float = 0.0
     merits: list[float] = field(default_factory=list)
 
+    def solve(self, starts: FloatArray) -> FloatArray:
+        """Return the peer's Jacobians, without its warnings: only its answers count."""
+        assert self.run is not None
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            return self.run(starts)
+
     def within(self, best: float, tolerance: float) -> int:
         """Return the number of starts whose merit is within a tolerance of the best."""
         return int(np.sum(np.abs(np.array(self.merits) - best) <= tolerance))
@@ -139,31 +146,25 @@ def _set_up(peer: Peer, built: Arm, batch: int, point: FloatArray) -> _Trial:
     except NotRunError as reason:
         return _Trial(peer, note=str(reason))
     setup = time.perf_counter() - began
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        run(np.repeat(point, batch, axis=0)[:batch] if peer.batched else point)
-    return _Trial(peer, run, setup=setup)
+    trial = _Trial(peer, run, setup=setup)
+    trial.solve(np.resize(point, (batch, point.shape[1])) if peer.batched else point)
+    return trial
 
 
 def _take_turn(
     trial: _Trial, built: Arm, points: FloatArray, batch: int, time_limit: float
 ) -> None:
-    if trial.run is None:
-        return
     done = 0
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # peers' own; only their answers count
-        while done < len(points) and trial.seconds < time_limit:
-            wanted = _as_many(trial, len(points) - done, time_limit)
-            given = points[done : done + wanted]
-            if trial.peer.batched:  # compiled for one size of batch
-                given = np.resize(given, (batch, points.shape[1]))
-            began = time.process_time()
-            jacobians = trial.run(given)
-            trial.seconds += time.process_time() - began
-            merits = (_merit(trial.peer, built, matrix) for matrix in jacobians[:wanted])
-            trial.merits += merits
-            done += wanted
+    while trial.run and done < len(points) and trial.seconds < time_limit:
+        wanted = _as_many(trial, len(points) - done, time_limit)
+        given = points[done : done + wanted]
+        if trial.peer.batched:  # compiled for one size of batch
+            given = np.resize(given, (batch, points.shape[1]))
+        began = time.process_time()
+        jacobians = trial.solve(given)
+        trial.seconds += time.process_time() - began
+        trial.merits += [_merit(trial.peer, built, matrix) for matrix in jacobians[:wanted]]
+        done += wanted
 
 
 def _as_many(trial: _Trial, left: int, time_limit: float) -> int:

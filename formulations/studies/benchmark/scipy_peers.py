@@ -18,6 +18,7 @@ from __future__ import annotations
 from functools import partial
 
 import numpy as np
+from scipy.optimize import least_squares, minimize
 
 from formulations import max_min, residual
 from formulations.joints.arm import Arm
@@ -30,21 +31,17 @@ _MOST, _TOLERANCE = 500, 1e-10
 
 
 def _least_squares(arm: Arm, batch: int, method: str) -> Run:  # noqa: ARG001
-    from scipy.optimize import least_squares
-
     if method == "lm" and arm.size > 21:
         raise NotRunError("lm needs at least as many residuals as unknowns")
 
     def one(start: FloatArray) -> FloatArray:
         found = least_squares(hand.residuals, start, hand.derivatives, method=method)
-        return hand.jacobian(found.x)
+        return np.asarray(hand.jacobian(found.x))
 
     return each(one, arm.shape)
 
 
 def _residual_slsqp(arm: Arm, batch: int) -> Run:  # noqa: ARG001
-    from scipy.optimize import minimize
-
     def both(angles: FloatArray) -> tuple[float, FloatArray]:
         rows = hand.residuals(angles)
         return float(rows @ rows), 2 * rows @ hand.derivatives(angles)
@@ -52,14 +49,12 @@ def _residual_slsqp(arm: Arm, batch: int) -> Run:  # noqa: ARG001
     def one(start: FloatArray) -> FloatArray:
         options = {"ftol": _TOLERANCE, "maxiter": 1000}
         found = minimize(both, start, jac=True, method="SLSQP", options=options)
-        return hand.jacobian(found.x)
+        return np.asarray(hand.jacobian(found.x))
 
     return each(one, arm.shape)
 
 
 def _max_min_slsqp(arm: Arm, batch: int) -> Run:  # noqa: ARG001
-    from scipy.optimize import minimize
-
     downwards = np.append(np.zeros(arm.size), -1.0)
 
     def gaps(point: FloatArray) -> FloatArray:
@@ -79,14 +74,12 @@ def _max_min_slsqp(arm: Arm, batch: int) -> Run:  # noqa: ARG001
             method="SLSQP",
             options={"ftol": _TOLERANCE, "maxiter": _MOST},
         )
-        return hand.jacobian(found.x[:-1])
+        return np.asarray(hand.jacobian(found.x[:-1]))
 
     return each(one, arm.shape)
 
 
 def _schatten(arm: Arm, batch: int) -> Run:  # noqa: ARG001
-    from scipy.optimize import minimize
-
     options = {"maxiter": 2000, "maxfun": 4000}
     solve = partial(
         minimize, _smoothed, jac=True, method="L-BFGS-B", tol=1e-12, options=options
@@ -96,7 +89,7 @@ def _schatten(arm: Arm, batch: int) -> Run:  # noqa: ARG001
         x = start
         for power in _POWERS:
             x = solve(x, (power,)).x
-        return hand.jacobian(x)
+        return np.asarray(hand.jacobian(x))
 
     return each(one, arm.shape)
 
