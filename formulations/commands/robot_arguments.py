@@ -12,6 +12,7 @@ import typer
 
 from formulations.commands.arguments import positive
 from nlp.errors import FileError, InputError
+from nlp.files import read_bytes
 
 if TYPE_CHECKING:
     from formulations.robots.chain import Chain
@@ -137,13 +138,28 @@ def read_configuration(text: str | None, chain: Chain) -> FloatArray:
     InputError
         If it is none of these, a joint is unknown, or a position is outside its limits.
     """
+    from formulations.robots.chain import listed
+
+    values: Mapping[str, float] | Sequence[float] = {}
     if text is None:
-        return chain.mid_range
-    if text.lower().endswith(".json"):
-        return _read_json(Path(text), chain)
-    if "=" in text:
-        return _by_name(pairs(text.split(",")), chain)
-    return _in_order([number("--configuration", part) for part in text.split(",")], chain)
+        pass
+    elif text.lower().endswith(".json"):
+        values = _read_json(Path(text))
+    elif "=" in text:
+        values = pairs(text.split(","))
+    else:
+        values = [number("--configuration", part) for part in text.split(",")]
+    if isinstance(values, Mapping):
+        unknown = [name for name in values if name not in chain.names]
+        if unknown:
+            raise InputError("joint", unknown[0], "one of " + listed(chain.names))
+        middle = dict(zip(chain.names, chain.mid_range.tolist(), strict=True))
+        values = list({**middle, **values}.values())
+    if len(values) != len(chain.names):
+        names = ", ".join(chain.names)
+        allowed = f"{len(chain.names)} of them ({names}); or {_ALLOWED}"
+        raise InputError("--configuration", f"{len(values)} numbers", allowed)
+    return chain.within_limits(values)
 
 
 def pairs(settings: Sequence[str], name: str = "--configuration") -> dict[str, float]:
@@ -170,38 +186,16 @@ def number(name: str, value: object) -> float:
     return read
 
 
-def _read_json(path: Path, chain: Chain) -> FloatArray:
+def _read_json(path: Path) -> Mapping[str, float] | Sequence[float]:
+    text = read_bytes(path)
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-    except OSError as reason:
-        why = (reason.strerror or str(reason)).lower()
-        raise FileError("file", str(path), f"a file that can be read ({why})") from None
+        content = json.loads(text)
     except (ValueError, RecursionError) as reason:
         raise FileError("file", str(path), f"valid JSON ({reason})") from None
     if isinstance(content, dict) and "configuration" in content:
         content = content["configuration"]
     if isinstance(content, dict):
-        named = {name: number(f"{name} in {path}", value) for name, value in content.items()}
-        return _by_name(named, chain)
+        return {name: number(f"{name} in {path}", value) for name, value in content.items()}
     if isinstance(content, list):
-        return _in_order([number(f"an entry of {path}", value) for value in content], chain)
+        return [number(f"an entry of {path}", value) for value in content]
     raise FileError("file", str(path), "positions: a list, or an object by joint")
-
-
-def _by_name(values: Mapping[str, float], chain: Chain) -> FloatArray:
-    from formulations.robots.chain import listed
-
-    point = chain.mid_range
-    for name, value in values.items():
-        if name not in chain.names:
-            raise InputError("joint", name, "one of " + listed(chain.names))
-        point[chain.names.index(name)] = value
-    return chain.within_limits(point)
-
-
-def _in_order(values: Sequence[float], chain: Chain) -> FloatArray:
-    if len(values) != len(chain.names):
-        names = ", ".join(chain.names)
-        allowed = f"{len(chain.names)} of them ({names}); or {_ALLOWED}"
-        raise InputError("--configuration", f"{len(values)} numbers", allowed)
-    return chain.within_limits(values)

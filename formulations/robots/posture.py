@@ -198,18 +198,9 @@ def _check(arm: RobotArm, search: Search) -> None:
 
 @dataclass(frozen=True, eq=False)
 class _Candidate:
-    """The posture from one start, measured from its J alone.
+    """The posture from one start, within the limits, measured from its J alone.
 
-    Attributes
-    ----------
-    return_status
-        Ipopt's own.
-    merit
-        What the formulation optimises; NaN if the posture does not satisfy it.
-    worst_case_sigma
-        Eq. (5).
-    configuration
-        Positions, within the limits, shape (n,).
+    The merit is NaN if the posture does not satisfy the formulation.
     """
 
     return_status: str

@@ -11,10 +11,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+import numpy.typing as npt
 
 from formulations.robots.tree import KINDS, MOVING, RobotTree
 from nlp.arrays import FloatArray
 from nlp.errors import FileError, InputError
+from nlp.files import read_bytes
 
 if TYPE_CHECKING:
     from lxml.etree import _Element
@@ -22,10 +24,6 @@ if TYPE_CHECKING:
 
 _KINEMATIC = ("parent", "child", "origin", "axis", "limit", "mimic")
 _INSTALL = "an installed yourdfpy, which 'pip install yourdfpy' provides"
-
-
-class RobotFileError(FileError):
-    """A URDF file that cannot be read or understood."""
 
 
 def read_urdf(path: Path) -> RobotTree:
@@ -45,23 +43,19 @@ def read_urdf(path: Path) -> RobotTree:
 
     Raises
     ------
-    RobotFileError
+    FileError
         If the file cannot be read, is no URDF, is malformed or does not describe one tree.
     InputError
         If the library that reads URDF is not installed.
     """
-    try:
-        content = path.read_bytes()
-    except OSError as reason:
-        why = (reason.strerror or str(reason)).lower()
-        raise RobotFileError("file", str(path), f"a file that can be read ({why})") from None
+    content = read_bytes(path)
     try:
         return parse_urdf(content)
     except InputError as error:
         if error.argument == "yourdfpy":
             raise
         where = f"{path}: {error.argument}"
-        raise RobotFileError(where, error.value, error.allowed) from None
+        raise FileError(where, error.value, error.allowed) from None
 
 
 def parse_urdf(content: bytes) -> RobotTree:
@@ -81,12 +75,12 @@ def parse_urdf(content: bytes) -> RobotTree:
     for joint in robot.joints:
         lower, upper = _limits(joint)
         joint.limit = yourdfpy.Limit(lower=lower, upper=upper)
-        joint.origin = _origin(joint)
+        joint.origin = np.eye(4) if joint.origin is None else joint.origin
+        _check_finite("origin", joint, joint.origin)
         if joint.type in MOVING:
             joint.axis = _axis(joint)
-        mimic = joint.mimic
-        if mimic and not np.all(np.isfinite([mimic.multiplier, mimic.offset])):
-            raise InputError(f"<mimic> of joint {joint.name}", "not finite", "finite numbers")
+        if joint.mimic is not None:
+            _check_finite("<mimic>", joint, [joint.mimic.multiplier, joint.mimic.offset])
     return RobotTree(robot.name, tuple(link.name for link in robot.links), tuple(robot.joints))
 
 
@@ -154,11 +148,9 @@ def _limits(joint: Joint) -> tuple[float, float]:
     return lower, upper
 
 
-def _origin(joint: Joint) -> FloatArray:
-    origin = np.eye(4) if joint.origin is None else np.asarray(joint.origin, dtype=float)
-    if not np.all(np.isfinite(origin)):
-        raise InputError(f"origin of joint {joint.name}", "not finite", "finite numbers")
-    return origin
+def _check_finite(part: str, joint: Joint, numbers: npt.ArrayLike) -> None:
+    if not np.all(np.isfinite(numbers)):
+        raise InputError(f"{part} of joint {joint.name}", "not finite", "finite numbers")
 
 
 def _axis(joint: Joint) -> FloatArray:

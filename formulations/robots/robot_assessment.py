@@ -225,18 +225,14 @@ def _failures(arm: RobotArm, matrix: FloatArray, locked: int) -> tuple[Failure, 
     """Every failure, in ascending order of the singular value that it leaves."""
     sigmas = measures.locked_singular_values(matrix, locked)  # checks the number, too
     sets = list(combinations(range(matrix.shape[1]), locked))
-    order = np.argsort(sigmas, kind="stable")
-    return tuple(_failure(arm, matrix, sets[k], float(sigmas[k])) for k in order)
-
-
-def _failure(
-    arm: RobotArm, matrix: FloatArray, joints: tuple[int, ...], sigma: float
-) -> Failure:
-    vectors = np.linalg.svd(np.delete(matrix, joints, axis=1))[0]
-    direction = vectors[:, -1]
-    direction = direction * np.sign(direction[np.argmax(np.abs(direction))])
-    named = dict(zip(arm.task.directions, direction.tolist(), strict=True))
-    return Failure(tuple(arm.chain.names[k] for k in joints), sigma, named)
+    failures = []
+    for k in np.argsort(sigmas, kind="stable"):
+        direction = np.linalg.svd(np.delete(matrix, sets[k], axis=1))[0][:, -1]
+        direction = direction * np.sign(direction[np.argmax(np.abs(direction))])
+        named = dict(zip(arm.task.directions, direction.tolist(), strict=True))
+        joints = tuple(arm.chain.names[joint] for joint in sets[k])
+        failures.append(Failure(joints, float(sigmas[k]), named))
+    return tuple(failures)
 
 
 def _at_limits(arm: RobotArm, point: FloatArray) -> tuple[str, ...]:

@@ -5,8 +5,8 @@ import builtins
 import numpy as np
 import pytest
 
-from formulations.robots.read_urdf import RobotFileError, parse_urdf, read_urdf
-from nlp.errors import InputError
+from formulations.robots.read_urdf import parse_urdf, read_urdf
+from nlp.errors import FileError, InputError
 
 
 def test_reads_kinematics_and_nothing_else(made):
@@ -136,7 +136,7 @@ def test_a_faulty_file_gets_one_sentence(fault, made, tmp_path, caplog, capfd):
     text, sentence = FAULTS[fault]
     path = tmp_path / "robot.urdf"
     path.write_text(text(made))
-    with pytest.raises(RobotFileError, match=sentence) as caught:
+    with pytest.raises(FileError, match=sentence) as caught:
         read_urdf(path)
     assert str(path) in str(caught.value)
     assert "\n" not in str(caught.value)
@@ -145,7 +145,7 @@ def test_a_faulty_file_gets_one_sentence(fault, made, tmp_path, caplog, capfd):
 
 
 def test_a_file_that_is_not_there(tmp_path):
-    with pytest.raises(RobotFileError, match="no such file"):
+    with pytest.raises(FileError, match="no such file"):
         read_urdf(tmp_path / "none.urdf")
 
 
