@@ -45,11 +45,11 @@ def assess(
     out: robot.JsonFile = None,
     as_json: Json = False,
 ) -> None:
-    """Say how failure tolerant a robot is at a configuration.
+    """Measure how failure tolerant a robot is at a configuration.
 
-    Which joint's failure hurts most and in which direction, how far from the bound that is,
+    Which joint's failure is the worst and in which direction, how far from the bound that is,
     and how the answer depends on the characteristic length in which metres are measured.
-    Joints without limits are taken to be at 0 where nothing else is said.
+    By default joints without limits are at 0.
     """
     from formulations.robots.robot_assessment import assess as assess_robot
     from nlp.files import prepare_folder, write_text
@@ -86,7 +86,7 @@ def robot_text(found: RobotAssessment, above: Mapping[str, object], source: str)
         "characteristic length": f"{found.characteristic_length:.6g} m",
         "worst-case sigma": _sigma(found.worst_case_sigma),
         "worst failure": _worst(found),
-        "hurts most": _direction(found.worst_case_direction),
+        "worst direction": _direction(found.worst_case_direction),
         "bound": f"{found.sigma_bound:.9g}, reached to {found.percent_of_bound:.2f} %",
         "reachable": f"{found.reachable_sigma:.9g}, reached to "
         f"{found.percent_of_reachable:.2f} %",
@@ -111,7 +111,7 @@ def _failures(failures: Sequence[Failure]) -> str:
         (" and ".join(one.joints), _sigma(one.sigma), _direction(one.direction))
         for one in failures[:_SHOWN]
     ]
-    shown = _table(lines, ("locked", "sigma left", "direction that suffers most"))
+    shown = _table(lines, ("locked", "sigma left", "worst direction"))
     if len(failures) > _SHOWN:
         shown += f"\n… and {len(failures) - _SHOWN} failures that leave more"
     return shown

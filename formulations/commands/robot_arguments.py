@@ -37,7 +37,7 @@ Point = Annotated[
     str | None,
     typer.Option(
         metavar="X,Y,Z",
-        help="Point of the tip's link that counts, in its frame, in metres.",
+        help="Point of the tip's link whose velocity is taken, in its frame, in metres.",
         show_default="its origin",
     ),
 ]
@@ -46,7 +46,7 @@ TaskDirections = Annotated[
     typer.Option(
         "--task",
         metavar="DIRECTIONS",
-        help="Directions that count: all, position, orientation, or some of vx,vy,vz,wx,wy,wz.",
+        help="Task directions: all, position, orientation, or some of vx,vy,vz,wx,wy,wz.",
     ),
 ]
 Frame = Annotated[

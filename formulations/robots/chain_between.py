@@ -49,7 +49,7 @@ def chain_between(
     held
         Joints that have locked, by name, and where, in radians or metres.
     point
-        The point of the tip's link that counts, in its frame, in metres.
+        The point of the tip's link whose velocity is taken, in its frame, in metres.
 
     Raises
     ------

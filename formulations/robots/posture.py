@@ -24,7 +24,7 @@ from nlp.problem import Problem
 # A start is the best of so many random configurations: a robot has many poor optima, and
 # near-singular postures from which max-min hardly moves.
 DRAWS = 64
-# Random configurations at which a failure must leave something, or it counts as fatal.
+# A failure is fatal if it leaves less than `_FATAL` at all of so many random configurations.
 _PROBES = 200
 _FATAL = 1e-6
 # Max-min on robots: an adaptive barrier takes half the time of a monotone one and loses

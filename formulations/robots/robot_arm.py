@@ -39,7 +39,7 @@ Frame: TypeAlias = Literal["base", "tip"]
 
 @dataclass(frozen=True)
 class Task:
-    """Which directions of the tip's velocity count: the rows of J.
+    """The directions of the tip's velocity that J has rows for.
 
     Parameters
     ----------
@@ -99,7 +99,7 @@ class RobotArm:
     chain
         The joints.
     task
-        The directions that count.
+        The directions of motion that J has rows for.
     length
         Characteristic length ℓ in metres; by default that of each configuration, see above.
 

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from importlib.metadata import PackageNotFoundError, version
 
 from formulations import max_min, residual
+from formulations.files.provenance import versions
 from formulations.joints.arm import Arm
 from formulations.solving.setup import solver_options
 from formulations.studies.benchmark import (
@@ -76,10 +76,4 @@ PEERS: Sequence[Peer] = (
 
 def packages() -> list[str]:
     """Return the peers' packages and versions."""
-    found = []
-    for name in ("scipy", "jax", "pymanopt"):
-        try:
-            found.append(f"{name} {version(name)}")
-        except PackageNotFoundError:
-            found.append(f"{name} (not installed)")
-    return found
+    return [versions([name]) for name in ("scipy", "jax", "pymanopt")]

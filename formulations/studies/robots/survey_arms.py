@@ -32,7 +32,7 @@ class SurveyArm:
     tip
         The link that the Jacobian is of; the chain starts at the robot's root.
     task
-        Directions that count, as `Task.parse` reads them.
+        Task directions, as `Task.parse` reads them.
     package
         The distribution that it comes in.
     """
