@@ -1,4 +1,4 @@
-"""Files written whole or not at all."""
+"""Files read and written whole, or not at all."""
 
 from __future__ import annotations
 
@@ -26,6 +26,16 @@ def prepare_folder(folder: Path, name: str = "output folder") -> Path:
     except OSError as reason:
         raise FileError(name, str(folder), f"a folder to write to ({_why(reason)})") from None
     return folder
+
+
+def read_bytes(path: Path) -> bytes:
+    """Return the content of a file; FileError if it cannot be read."""
+    try:
+        return path.read_bytes()
+    except OSError as reason:
+        raise FileError(
+            "file", str(path), f"a file that can be read ({_why(reason)})"
+        ) from None
 
 
 def write_text(path: Path, text: str) -> None:

@@ -42,6 +42,7 @@ def benchmark(
     benchmark.md after every round, so that Ctrl-C keeps what is done.
     """
     import json
+    from dataclasses import asdict
 
     from formulations.studies.benchmark.measurement import measure
     from formulations.studies.benchmark.peers import PEERS, packages
@@ -67,7 +68,7 @@ def benchmark(
         typer.echo("Interrupted: what was done is kept, the rest is missing.", err=True)
     progress("")
     if as_json:
-        typer.echo(json.dumps([row.to_dict() for row in rows], indent=1))
+        typer.echo(json.dumps([asdict(row) for row in rows], indent=1))
     elif rows:
         typer.echo(f"{growth(rows)}\n\n{targets(rows)}\nWritten to {out}: benchmark.csv, .md")
     if not complete:

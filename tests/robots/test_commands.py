@@ -26,7 +26,13 @@ def test_posture_then_assess_then_measure(lockedjoint, robot, tmp_path):
         "posture", robot, "--starts", 3, "--out", "here/best.json", cwd=tmp_path
     )
     assert found.returncode == 0, found.stderr
-    for line in ("worst-case sigma", "starts", "hurts most", "characteristic length", "midway"):
+    for line in (
+        "worst-case sigma",
+        "starts",
+        "worst direction",
+        "characteristic length",
+        "midway",
+    ):
         assert line in found.stdout
     best = json.loads((tmp_path / "here/best.json").read_text())
     again = lockedjoint(
@@ -41,7 +47,7 @@ def test_posture_then_assess_then_measure(lockedjoint, robot, tmp_path):
     assert measures.worst_case_sigma(matrix) == pytest.approx(best["worst_case_sigma"])
 
 
-def test_assess_says_everything_that_was_asked(lockedjoint, robot, tmp_path):
+def test_assess_shows_everything_that_was_asked_for(lockedjoint, robot, tmp_path):
     done = lockedjoint(
         *("assess", robot, "--length", 0.4, "--task", "vx,vy,wz", "--frame", "tip"),
         *("--held", "j1=0.5", "--locked", 2, "--point", "0,0,0.1", "--out", "a.json"),

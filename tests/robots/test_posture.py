@@ -10,20 +10,19 @@ import pytest
 
 from formulations import max_min, measures
 from formulations.robots.chain_between import chain_between
-from formulations.robots.directions import Task
 from formulations.robots.posture import (
     FatalFailureError,
     Search,
     best_posture,
     fatal_failures,
 )
-from formulations.robots.robot_arm import RobotArm
+from formulations.robots.robot_arm import RobotArm, Task
 from formulations.robots.robot_assessment import assess
 from formulations.studies.robots.survey import survey
 from formulations.studies.robots.survey_arms import ARMS, SurveyArm
 from nlp.errors import InputError
 
-RESULTS = Path(__file__).parents[3] / "results" / "robots"
+RESULTS = Path(__file__).parents[2] / "results" / "robots"
 
 
 @lru_cache

@@ -41,9 +41,8 @@ def test_nothing_from_nothing(finding):
 
 
 def timed(peer, milliseconds):
-    return BenchmarkRow(
-        "residual", 7, peer, "", 10, 10, 10, 10, milliseconds, milliseconds, 1.0, 0.0, ""
-    )
+    seconds = milliseconds / 1e3
+    return BenchmarkRow("residual", 7, peer, "", 10, 10, 10, 10, seconds, seconds, 1.0, 0.0, "")
 
 
 def test_the_benchmark_names_the_quickest_of_either_side():

@@ -6,7 +6,7 @@ import time
 from dataclasses import replace
 from math import sqrt
 
-from formulations.bounds.so3_moments.best_known import best_known_max_min
+from formulations.bounds.best_known import best_known
 from formulations.bounds.so3_moments.fixed_worst_case import (
     Conditions,
     exclude_worst_case,
@@ -97,7 +97,7 @@ def max_min_bound(
     check_joints(joints, smallest=7)
     if preset == LOCALISED and rigorous:
         raise InputError("rigorous", rigorous, f"False for the preset {LOCALISED}")
-    best = best_known_max_min(joints)
+    best = best_known("max-min", "unit-revolute", joints)
     if joints > 7:
         bound = sqrt((joints - 6) / 3) + _ROUNDING
         return GlobalBound(

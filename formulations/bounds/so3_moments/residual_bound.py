@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from formulations.bounds.so3_moments.best_known import best_known_residual
+from formulations.bounds.best_known import best_known
 from formulations.bounds.so3_moments.blocks.sampled_blocks import sector_families
 from formulations.bounds.so3_moments.global_bound import GlobalBound
 from formulations.bounds.so3_moments.relaxation import (
@@ -152,5 +152,5 @@ def residual_bound(
         fresh = random_rotations(rng, FRESH, joints)
         bound, evidence = solved.checked(solved.sampled, residual_values, fresh, _HOW_CHECKED)
         bound = max(0.0, bound)
-    best = best_known_residual(joints)
+    best = best_known("residual", "unit-revolute", joints)
     return GlobalBound("residual", joints, preset, "numerical", bound, best, **vars(evidence))

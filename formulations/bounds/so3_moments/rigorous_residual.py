@@ -14,7 +14,7 @@ from math import inf, nextafter
 
 import numpy as np
 
-from formulations.bounds.so3_moments.best_known import best_known_residual
+from formulations.bounds.best_known import best_known
 from formulations.bounds.so3_moments.blocks.enclosed_squares import (
     SAFETY,
     enclosed_block,
@@ -132,7 +132,7 @@ def rigorous_residual_bound(
         float(min(np.linalg.eigvalsh(x)[0] for x in multipliers)),
         phase="proof",
     )
-    best = best_known_residual(joints)
+    best = best_known("residual", "unit-revolute", joints)
     return GlobalBound("residual", joints, preset, "rigorous", bound, best, **vars(evidence))
 
 

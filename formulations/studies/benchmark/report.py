@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import pandas as pd
 
 from formulations.files.provenance import header
+from formulations.solving.outcome import REACHED_BEST
 from formulations.studies.benchmark.finding import finding
-from formulations.studies.benchmark.measurement import NEAR, REACH, Row
+from formulations.studies.benchmark.measurement import NEAR, Row
 from nlp.files import write_text
 
 _SHOWN = {
@@ -19,8 +20,8 @@ _SHOWN = {
     "asked": "of",
     "success": "success",
     "near": "near",
-    "milliseconds_per_start": "CPU ms per start",
-    "milliseconds_per_success": "CPU ms per success",
+    "cpu_seconds_per_start": "CPU ms per start",
+    "cpu_seconds_per_success": "CPU ms per success",
     "relative": "relative to default",
     "setup_seconds": "set-up s",
     "settings": "settings",
@@ -75,9 +76,7 @@ def write(
     rows: Sequence[Row], folder: Path, seed: int, packages: Sequence[str], time_limit: float
 ) -> None:
     """Write ``benchmark.csv`` and ``benchmark.md``; FileError if a file cannot be written."""
-    table = pd.DataFrame(
-        [row.to_dict() for row in rows], columns=list(Row.__dataclass_fields__)
-    )
+    table = pd.DataFrame([asdict(row) for row in rows], columns=list(Row.__dataclass_fields__))
     write_text(folder / "benchmark.csv", table.to_csv(index=False))
     write_text(folder / "benchmark.md", markdown(rows, seed, packages, time_limit))
 
@@ -89,7 +88,8 @@ def markdown(rows: Sequence[Row], seed: int, packages: Sequence[str], time_limit
         header({"seed": seed, "peers": ", ".join(packages)}),
         "Unit revolute joints, the same random starts for all, in turns within one run, one "
         "thread each. A *success* is an answer whose Jacobian, measured by itself, is one of "
-        f"the arm's and within {REACH:g} of the best of all peers; *near* is within {NEAR:g}. "
+        f"the arm's and within {REACHED_BEST:g} of the best of all peers; *near* is within "
+        f"{NEAR:g}. "
         "Processor time is without set-up, which stands beside it. Who has used up "
         f"{time_limit:g} s of it on one statement and size begins no other start there, which "
         "the note says.\n",
@@ -107,7 +107,7 @@ def targets(rows: Sequence[Row]) -> str:
     """Say which targets on 7R are met, as a Markdown list."""
     lines = []
     times = {
-        (row.formulation, row.peer): row.milliseconds_per_success
+        (row.formulation, row.peer): 1e3 * row.cpu_seconds_per_success
         for row in rows
         if row.joints == 7
     }
@@ -136,14 +136,16 @@ def growth(rows: Sequence[Row]) -> str:
 
 def _growth_cell(row: Row) -> str:
     if row.starts and not row.success:
-        shown = f"> {_number(row.milliseconds_per_start * row.starts)}"
+        shown = f"> {_number(1e3 * row.cpu_seconds_per_start * row.starts)}"
     else:
-        shown = _number(row.milliseconds_per_success)
+        shown = _number(1e3 * row.cpu_seconds_per_success)
     return f"{shown} *" if 0 < row.starts < row.asked else shown
 
 
 def _table(rows: Sequence[Row]) -> str:
-    table = pd.DataFrame([row.to_dict() for row in rows])[list(_SHOWN)]
+    table = pd.DataFrame([asdict(row) for row in rows])[list(_SHOWN)]
+    for column in ("cpu_seconds_per_start", "cpu_seconds_per_success"):
+        table[column] *= 1e3  # shown in milliseconds
     for column in table.columns:
         table[column] = [_number(value) for value in table[column]]
     return str(table.rename(columns=_SHOWN).to_markdown(index=False, disable_numparse=True))

@@ -9,7 +9,7 @@ from pathlib import Path
 import pandas as pd
 
 from formulations.files.provenance import header, versions
-from formulations.robots.reachable import BEST_7R
+from formulations.robots.robot_assessment import best_7r
 from formulations.studies.robots.finding import finding
 from formulations.studies.robots.survey import Surveyed, SurveyRow
 from nlp.files import write_text
@@ -42,7 +42,7 @@ Jacobian alone; collisions of the robot with itself are not looked at. Lengths a
 ℓ, the root mean square of the revolute joints' lever arms at that posture, so that σ does not
 depend on the robot's size. *The bound* is eq. (6), which no arm of so many joints can pass;
 *the best 7R* is the largest worst case that seven revolute joints are known to reach however
-they are placed, σ = {BEST_7R:.6f} at mean square lever arm 1, in six dimensions; an arm
+they are placed, σ = {best_7r():.6f} at mean square lever arm 1, in six dimensions; an arm
 with more joints may pass it. *As bad* counts the joints whose failure leaves the same. The
 chain goes from the robot's root to the tip named in robots.csv, torso included where there is
 one. Robots have many local optima: where few starts reached the best, a better posture may

@@ -12,8 +12,8 @@ from formulations.robots.posture import (
     best_posture,
     fatal_failures,
 )
-from formulations.robots.reachable import BEST_7R
 from formulations.robots.robot_arm import RobotArm
+from formulations.robots.robot_assessment import best_7r
 from formulations.studies.robots.survey_arms import SurveyArm
 
 
@@ -35,7 +35,7 @@ class SurveyRow:
     sigma_bound, percent_of_bound
         The bound (6) at the same ‖J‖_F.
     percent_of_best_7r
-        Of the best that seven revolute joints are known to reach in six dimensions, `BEST_7R`,
+        Of the best that seven revolute joints are known to reach in six dimensions, `best_7r`,
         both in units of ℓ; arms with more joints may pass it. NaN in other dimensions.
     mid_range_sigma
         Worst case midway between the limits.
@@ -127,4 +127,4 @@ def _row(one: SurveyArm, arm: RobotArm, found: Posture | None) -> SurveyRow:
 
 
 def _percent_of_best_7r(task_dimension: int, sigma: float) -> float:
-    return 100 * sigma / BEST_7R if task_dimension == 6 else float("nan")
+    return 100 * sigma / best_7r() if task_dimension == 6 else float("nan")
