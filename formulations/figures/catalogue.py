@@ -25,9 +25,9 @@ class Kind:
     Attributes
     ----------
     make
-        Computes what it shows, and draws it.
+        Computes the numbers and draws them.
     starts
-        How many random starts it makes of each problem, if not told otherwise.
+        Default number of random starts of each problem.
     takes
         What may be shown instead: ``jacobian``, ``store``.
     """

@@ -90,9 +90,7 @@ def choose(
     length = CRITERIA["total-length"]
     first = length if wanted.sampled else wanted
     if count(manipulator) <= EXHAUSTIVE:
-        group = symmetries(manipulator)
-        candidates = every(manipulator)
-        candidates = candidates if group is None else distinct(candidates, group)
+        candidates = distinct(every(manipulator), symmetries(manipulator))
         method = f"all {len(candidates)} distinct arrangements"
         if wanted.sampled and len(candidates) > shortlist:
             costs = _costs(length, manipulator, candidates, sampling)

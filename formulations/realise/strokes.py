@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from formulations.files.figure_style import BLUE, INK, ORANGE, PALE, PAPER, VERMILION
+from formulations.files.figure import BLUE, INK, ORANGE, PALE, PAPER, VERMILION
 from formulations.realise.manipulator import Manipulator
-from formulations.realise.projection import View
+from formulations.realise.projection import View, clearest
 from nlp.arrays import FloatArray
 
 if TYPE_CHECKING:
@@ -165,9 +165,7 @@ class Strokes:
         else:
             choices = self._view.project(self._axis_ends(1.14))[..., :2]
         for name, offered in zip(names, choices, strict=True):
-            there = np.vstack(taken)
-            clear = np.linalg.norm(there[:, None] - offered, axis=-1).min(axis=0)
-            place = offered[int(np.argmax(clear))]
+            place = clearest(offered, np.vstack(taken))
             taken.append(place[None])
             self._text(place, name, AXIS, 10.0)
 

@@ -76,8 +76,13 @@ def symmetries(manipulator: Manipulator, limit: int = 5_000) -> Symmetries | Non
     return Symmetries(images, np.array([flip for _, flip in listed], dtype=bool))
 
 
-def distinct(arrangements: Arrangements, group: Symmetries) -> Arrangements:
-    """Return one arrangement of each set of identical ones: the first, lexicographically."""
+def distinct(arrangements: Arrangements, group: Symmetries | None) -> Arrangements:
+    """Return one arrangement of each set of identical ones: the first, lexicographically.
+
+    Without a group, as `symmetries` has it for too many members, all arrangements are kept.
+    """
+    if group is None:
+        return arrangements
     n = arrangements.orders.shape[1]
     left, own = arrangements, _code(arrangements.orders, arrangements.flips, n)
     for images, flips in zip(group.images, group.flips, strict=True):
