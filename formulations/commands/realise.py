@@ -131,7 +131,7 @@ def realise(
     from formulations.realise import forms, from_jacobian
     from formulations.realise.choice import choose
     from formulations.realise.criteria import Sampling
-    from formulations.realise.report import summary, summary_lines
+    from formulations.realise.forms import summary, summary_lines
     from nlp.files import prepare_folder, write_bytes
 
     if to not in forms.FORMS:
@@ -157,7 +157,7 @@ def realise(
         typer.echo(json.dumps(said, indent=1) if as_json else as_text(summary_lines(said)))
         return
     if as_json:
-        everything = said | forms.as_plain(choice, convention)
+        everything = said | forms.as_plain(choice.manipulator, convention)
         content = f"{json.dumps(everything, indent=1)}\n".encode()
     else:
         kind = "svg" if out is None else out.suffix.lower().removeprefix(".")

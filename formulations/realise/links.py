@@ -92,10 +92,10 @@ def slide(manipulator: Manipulator) -> Manipulator:
 
 
 def _along(target: FloatArray, point: FloatArray, axis: FloatArray) -> tuple[float, float]:
-    """Way along the axis to the foot of a target, and the target's distance from the axis."""
-    way = target - point
-    ahead = float(way @ axis)
-    return ahead, float(np.linalg.norm(way - ahead * axis))
+    """How far along the axis the foot of a target is, and how far off the axis the target."""
+    offset = target - point
+    ahead = float(offset @ axis)
+    return ahead, float(np.linalg.norm(offset - ahead * axis))
 
 
 def _ends(points: FloatArray, end_effector: FloatArray) -> FloatArray:

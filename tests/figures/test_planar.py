@@ -94,7 +94,7 @@ def test_joints_are_drawn_where_they_are(first):
 
 
 def test_only_starts_that_pass_the_gate_are_drawn(monkeypatch):
-    """A start that stops early may have the largest σ of all, with ‖J‖² above what is allowed."""
+    """A start that stops early may have the largest σ of all, with too large a ‖J‖."""
     monkeypatch.setattr(max_min, "OPTIONS", {"max_iter": 2})
     with pytest.raises(NothingFoundError):
         optima(4, Request(starts=5))
