@@ -40,10 +40,12 @@ from formulations.reproduction.printed import (
 )
 from formulations.reproduction.row import (
     equal,
+    farthest,
     improvement,
     misprint,
     printed_digits,
     shown,
+    shown_range,
 )
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
