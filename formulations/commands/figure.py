@@ -95,10 +95,10 @@ def figure(
     write_bytes(out, content(picture.figure, form))
     if data is not None:
         write_text(data, picture.table.to_csv(index=False, lineterminator="\n"))
-    said: dict[str, object] = {"figure": name, "file": str(out)}
+    summary: dict[str, object] = {"figure": name, "file": str(out)}
     if jacobian is None and store is None:
-        said |= {"seed": seed, "starts": request.starts}
+        summary |= {"seed": seed, "starts": request.starts}
     if as_json:
-        typer.echo(json.dumps(said | {"rows": picture.rows()}, indent=1))
+        typer.echo(json.dumps(summary | {"rows": picture.rows()}, indent=1))
     else:
-        typer.echo(as_text(said))
+        typer.echo(as_text(summary))

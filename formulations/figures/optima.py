@@ -106,9 +106,9 @@ def _draw(axes: Axes, table: pd.DataFrame, edges: FloatArray) -> None:
     axes.tick_params(axis="x", length=0)
     name = str(table["label"].iloc[0])
     beside(axes, (0, 0), name, (-6, 0), va="bottom", xycoords="axes fraction")
-    said = _said(sigmas, len(table))
+    text = _summary(sigmas, len(table))
     if sigmas.empty:
-        axes.text(0.5, 0.3, said, transform=axes.transAxes, ha="center")
+        axes.text(0.5, 0.3, text, transform=axes.transAxes, ha="center")
         return
     # The number of starts in the highest bar, on it.
     peak = int(np.argmax(counts))
@@ -118,20 +118,20 @@ def _draw(axes: Axes, table: pd.DataFrame, edges: FloatArray) -> None:
     left, right = float(sigmas.min()), float(sigmas.max())
     before = left - edges[0] > edges[-1] - right
     end, by = (left, -9) if before else (right, 9)
-    beside(axes, (end, 0.42 * counts[peak]), said, (by, 0))
+    beside(axes, (end, 0.42 * counts[peak]), text, (by, 0))
 
 
-def _said(sigmas: pd.Series, starts: int) -> str:
-    """Say how many starts ended at the best optimum, or that no two ended at one."""
+def _summary(sigmas: pd.Series, starts: int) -> str:
+    """Return how many starts ended at the best optimum, or that no two ended at one."""
     found = levels(sigmas)
     if not found:
         return f"none of {starts}"
     best, reached = found[0]
     if len(found) > max(FEW, SCATTERED * len(sigmas)):
-        said = f"{len(sigmas)} of {starts}, scattered from {found[-1][0]:.3f} to {best:.3f}"
+        text = f"{len(sigmas)} of {starts}, scattered from {found[-1][0]:.3f} to {best:.3f}"
     else:
-        said = f"{reached} of {starts} at {best:.5f}"
+        text = f"{reached} of {starts} at {best:.5f}"
         others = len(sigmas) - reached
-        said += f", {others} elsewhere" if others else ""
+        text += f", {others} elsewhere" if others else ""
     lost = starts - len(sigmas)
-    return said + (f", {lost} fail" if lost else "")
+    return text + (f", {lost} fail" if lost else "")

@@ -78,10 +78,10 @@ def _matrix(request: Request) -> FloatArray:
 def _draw(axes: Axes, arm: Manipulator, view: View, radius: float) -> None:
     _sphere(axes, view, radius)
     near = view.project(arm.points - arm.end_effector)
-    ways = radius * view.project(arm.directions)
-    for point, way in zip(near, ways, strict=True):
-        _axis(axes, point, way, radius)
-    _names(axes, near, ways)
+    directions = radius * view.project(arm.directions)
+    for point, direction in zip(near, directions, strict=True):
+        _axis(axes, point, direction, radius)
+    _names(axes, near, directions)
     axes.plot(0, 0, "+", ms=6, mew=0.8, color=GREY, zorder=2)
     axes.set_aspect("equal")
     axes.set_axis_off()
@@ -106,19 +106,16 @@ def _sphere(axes: Axes, view: View, radius: float) -> None:
     turn = np.linspace(0, 2 * np.pi, 121)
     circle = np.column_stack([np.cos(turn), np.sin(turn), 0 * turn])
     equator = radius * view.project(circle)
-    for there, colour in (
-        (equator[:, 2:] >= 0, GREY),
-        (equator[:, 2:] < 0, PALE),
-    ):
+    for there, colour in ((equator[:, 2:] >= 0, GREY), (equator[:, 2:] < 0, PALE)):
         x, y, _ = np.where(there, equator, np.nan).T
         axes.plot(x, y, color=colour, lw=0.5, zorder=1)
 
 
-def _axis(axes: Axes, point: FloatArray, way: FloatArray, radius: float) -> None:
+def _axis(axes: Axes, point: FloatArray, direction: FloatArray, radius: float) -> None:
     """Draw a tangent and the point where it touches, pale where the ball is in front."""
     from matplotlib.collections import LineCollection
 
-    line = point + np.linspace(-REACH, REACH, PIECES + 1)[:, None] * way
+    line = point + np.linspace(-REACH, REACH, PIECES + 1)[:, None] * direction
     middle = (line[:-1] + line[1:]) / 2
     hidden = (np.hypot(middle[:, 0], middle[:, 1]) < radius) & (middle[:, 2] < 0)
     cuts = [0, *(np.flatnonzero(hidden[1:] != hidden[:-1]) + 1).tolist(), PIECES]
@@ -132,15 +129,15 @@ def _axis(axes: Axes, point: FloatArray, way: FloatArray, radius: float) -> None
     dot.set_markerfacecolor(VERMILION if point[2] >= 0 else "#EDBFA0")
 
 
-def _names(axes: Axes, near: FloatArray, ways: FloatArray) -> None:
+def _names(axes: Axes, near: FloatArray, directions: FloatArray) -> None:
     """Write each joint's number at the end of its axis that is farther from all others."""
     steps = np.linspace(-REACH, REACH, 9)[:, None]
-    lines = [(point + steps * way)[:, :2] for point, way in zip(near, ways, strict=True)]
+    lines = (near[:, None] + steps * directions[:, None])[..., :2]
     taken: list[FloatArray] = []
-    for i, (point, way) in enumerate(zip(near, ways, strict=True)):
-        foreshortened = float(np.hypot(way[0], way[1]) / np.linalg.norm(way))
+    for i, (point, direction) in enumerate(zip(near, directions, strict=True)):
+        foreshortened = float(np.hypot(direction[0], direction[1]) / np.linalg.norm(direction))
         reach = REACH + (NAME - REACH) / max(foreshortened, 0.2)
-        ends = np.array([point - reach * way, point + reach * way])[:, :2]
+        ends = np.array([point - reach * direction, point + reach * direction])[:, :2]
         others = np.vstack([*(line for k, line in enumerate(lines) if k != i), *taken])
         place = clearest(ends, others)
         taken.append(place[None])

@@ -119,9 +119,9 @@ def _draw(upper: Axes, lower: Axes, title: str, matrix: FloatArray) -> None:
     for name, bound in known:
         dashes = "-" if name == CERTIFIED else (0, (4, 3))
         lower.hlines(bound, left, right, color=INK, lw=0.6, ls=dashes)
-    said = ", ".join(f"{name} {bound:.4f}" for name, bound in known)
+    text = ", ".join(f"{name} {bound:.4f}" for name, bound in known)
     highest, least = max(bound for _, bound in known), float(np.min(smallest))
-    beside(lower, (left, highest), said, (0, 4), color=INK)
+    beside(lower, (left, highest), text, (0, 4), color=INK)
     beside(lower, (left, least), f"worst case {least:.4f}", (0, -4), color=VERMILION)
     upper.set_title(title)
     upper.tick_params(labelbottom=False)

@@ -68,8 +68,8 @@ def _proved(axes: Axes, low: float) -> None:
     defect = certified_bound(residual.NAME, arm("unit-revolute", 7)).value
     place = float(np.sqrt(2 * defect))
     axes.vlines(place, low, 0.517, color=GREY, lw=0.6)
-    said, style = "proved: no unit lever arms left of here", {"color": GREY, "fontsize": SMALL}
-    beside(axes, (place, low), said, (5, 0), va="baseline", **style)
+    text, style = "proved: no unit lever arms left of here", {"color": GREY, "fontsize": SMALL}
+    beside(axes, (place, low), text, (5, 0), va="baseline", **style)
 
 
 def _curve(model: str, request: Request, points: int) -> pd.DataFrame:

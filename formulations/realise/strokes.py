@@ -85,8 +85,8 @@ class Strokes:
         starts, ends = places[:-1], places[1:]
         for rank, i in enumerate(np.argsort(starts[:, 2] + ends[:, 2], kind="stable")):
             layer = LINKS + rank / len(starts) * (JOINTS - LINKS)
-            way = ends[i] - starts[i]
-            rim = np.array([starts[i] + 0.1 * way, ends[i] - 0.1 * way])
+            link = ends[i] - starts[i]
+            rim = np.array([starts[i] + 0.1 * link, ends[i] - 0.1 * link])
             self._line(rim, "white", 7.5, layer, "butt")
             self._line(np.array([starts[i], ends[i]]), LINK, 4.5, layer, "round")
 
@@ -125,17 +125,17 @@ class Strokes:
     def columns(self, names: Sequence[str]) -> None:
         """Draw the velocities that the joints give the end effector, shortened alike."""
         for name, column in zip(names, self._arm.full_jacobian()[:3].T, strict=True):
-            way = COLUMN_SHARE * self._view.project(column)[:2]
-            size = float(np.linalg.norm(way))
+            shift = COLUMN_SHARE * self._view.project(column)[:2]
+            size = float(np.linalg.norm(shift))
             if size == 0:
                 continue
             start = self._tip[:2]
             arrow = {"arrowstyle": "-|>", "color": INK, "lw": 0.8, "shrinkA": 3}
-            end = start + way
+            end = start + shift
             self._axes.annotate(
                 "", (end[0], end[1]), (start[0], start[1]), arrowprops=arrow, zorder=JOINTS
             )
-            place = start + way * (1 + 0.13 * self._radius / size)
+            place = start + shift * (1 + 0.13 * self._radius / size)
             self._text(place, f"$j_{{{name}}}$", INK, 9.0)
 
     def tip(self) -> None:

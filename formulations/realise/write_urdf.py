@@ -1,8 +1,8 @@
 """URDF of a manipulator, with links that can be seen.
 
 At zero displacement every link's frame is parallel to the frame of the base, so that joint
-origins are differences of points and axes are the directions themselves: no angle is rounded
-on the way. Numbers are written with every digit.
+origins are differences of points and axes are the directions themselves: no angle is
+rounded. Numbers are written with every digit.
 """
 
 from __future__ import annotations
@@ -41,8 +41,8 @@ def urdf(manipulator: Manipulator, name: str = "lockedjoint") -> str:
     _body(base, "joint", places[1], manipulator.directions[0], "cylinder", **sizes)
     for i in range(n):
         link = Tree.SubElement(robot, "link", name=f"link{i}")
-        axis, way = manipulator.directions[i], places[i + 2] - places[i + 1]
-        length = float(np.linalg.norm(way))
+        axis, span = manipulator.directions[i], places[i + 2] - places[i + 1]
+        length = float(np.linalg.norm(span))
         if manipulator.prismatic[i]:
             side = 2 * JOINT_RADIUS * size
             _body(link, "joint", _ORIGIN, axis, "box", size=[side, side, JOINT_LENGTH * size])
@@ -51,7 +51,7 @@ def urdf(manipulator: Manipulator, name: str = "lockedjoint") -> str:
             _body(link, "joint", _ORIGIN, axis, "cylinder", **sizes)
         if length > 0:
             sizes = {"radius": [LINK_RADIUS * size], "length": [length]}
-            _body(link, "link", way / 2, way / length, "cylinder", **sizes)
+            _body(link, "link", span / 2, span / length, "cylinder", **sizes)
     tip = Tree.SubElement(robot, "link", name="tip")
     _body(tip, "tip", _ORIGIN, np.array([0.0, 0.0, 1.0]), "sphere", radius=[TIP_RADIUS * size])
     names = ["base", *(f"link{i}" for i in range(n)), "tip"]

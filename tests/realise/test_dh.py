@@ -1,4 +1,4 @@
-"""Denavit–Hartenberg tables, read by the Robotics Toolbox and by the way back."""
+"""Denavit–Hartenberg tables, read by the Robotics Toolbox and by the inverse."""
 
 import numpy as np
 import pytest
