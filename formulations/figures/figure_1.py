@@ -26,7 +26,9 @@ WIDTH, HEIGHT = 7.4, 7.8
 def make(request: Request) -> Picture:
     """Solve, realise and draw all distinct arrangements."""
     matrix = printed_form(optima(3, request)[0])
-    arms = arrangements(realise(matrix))
+    first = realise(matrix)
+    found = distinct(every(first), symmetries(first))
+    arms = [first.arranged(o, f) for o, f in zip(found.orders, found.flips, strict=True)]
     table = pd.DataFrame([_row(arm) for arm in arms])
     with styled(WIDTH, HEIGHT) as figure:
         sigma = measures.worst_case_sigma(matrix)
@@ -52,12 +54,6 @@ def printed_form(matrix: FloatArray) -> FloatArray:
     around = np.mod(angles(signed) - np.pi, 2 * np.pi)
     around[0] = 0.0
     return np.asarray(signed[:, np.argsort(around)])
-
-
-def arrangements(arm: Manipulator) -> list[Manipulator]:
-    """Return the distinct arrangements of a planar manipulator's joints, its own first."""
-    found = distinct(every(arm), symmetries(arm))
-    return [arm.arranged(o, f) for o, f in zip(found.orders, found.flips, strict=True)]
 
 
 def _row(arm: Manipulator) -> dict[str, object]:

@@ -27,7 +27,7 @@ def figure(manipulator: Manipulator) -> Figure:
     InputError
         If matplotlib is not installed.
     """
-    views = clear_views(manipulator)[: 1 if manipulator.task.in_plane else 2]
+    views = clear_views(manipulator)
     drawn = figure_class()(figsize=(4.2 * len(views), 4.2), layout="constrained")
     for axes, one in zip(drawn.subplots(1, len(views), squeeze=False)[0], views, strict=True):
         draw(manipulator, axes, one)
@@ -79,14 +79,12 @@ def draw(
     if len(names) != manipulator.joints:
         raise InputError("labels", names, f"one for each of the {manipulator.joints} joints")
     strokes = Strokes(manipulator, axes, view, weight)
-    if manipulator.task.in_plane:
-        strokes.bodies()
-        if columns:
-            strokes.columns(names)
-    else:
+    if not manipulator.task.in_plane:
         strokes.sphere()
         strokes.axis_lines()
-        strokes.bodies()
+    strokes.bodies()
+    if manipulator.task.in_plane and columns:
+        strokes.columns(names)
     strokes.ground()
     strokes.links()
     strokes.tip()
