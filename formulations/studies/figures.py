@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from formulations.figures.catalogue import FIGURES
+from formulations.figures import FIGURES
 from formulations.figures.picture import Request
 from formulations.files.figure import content, figure_class
 from formulations.files.provenance import header

@@ -1,4 +1,4 @@
-"""``lockedjoint realise`` as a stranger meets it."""
+"""``lockedjoint realise``, from its arguments to its files and messages."""
 
 import io
 import json
