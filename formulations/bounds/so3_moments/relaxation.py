@@ -18,7 +18,7 @@ from formulations.bounds.so3_moments.programs.moment_program import (
     moment_program,
 )
 from formulations.bounds.so3_moments.programs.multipliers import (
-    check_identity,
+    identity_leftover,
     nearest_semidefinite,
 )
 from formulations.bounds.so3_moments.programs.predictor_corrector import (
@@ -122,10 +122,14 @@ class SolvedRelaxation:
         total = sum(float(np.trace(x)) for x, _ in cleaned) if unit_trace else 1.0
         scaled = [x / total for x, _ in cleaned]
         bound = identity.dual_value(scaled)
-        check = check_identity(self.families, scaled, bound, objective, fresh)
+        leftover = identity_leftover(self.families, scaled, bound, objective, fresh)
+        check = {
+            "unchecked_bound": bound,
+            "leftover": leftover,
+            "fresh_configurations": len(fresh),
+        }
         lowest = min(smallest for _, smallest in cleaned)
-        evidence = self.evidence(how_checked, vars(check), self.multipliers, lowest)
-        return check.checked_bound, evidence
+        return bound - leftover, self.evidence(how_checked, check, self.multipliers, lowest)
 
     def evidence(
         self,

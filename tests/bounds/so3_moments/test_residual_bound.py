@@ -19,7 +19,7 @@ from formulations.bounds.so3_moments.programs.moment_program import (
     moment_program,
 )
 from formulations.bounds.so3_moments.programs.multipliers import (
-    check_identity,
+    identity_leftover,
     nearest_semidefinite,
 )
 from formulations.bounds.so3_moments.programs.predictor_corrector import (
@@ -190,10 +190,11 @@ def test_a_true_bound_passes_and_a_claimed_one_is_put_right(
     multipliers = [nearest_semidefinite(x)[0] for x in answer.multipliers]
     bound = program.dual_value(multipliers)
     fresh = so3.haar_rotations(6, 20, 7)
-    good = check_identity(families, multipliers, bound, negative_residual, fresh)
-    assert good.leftover < 1e-5
-    claimed = check_identity(families, multipliers, bound + 0.1, negative_residual, fresh)
-    assert claimed.checked_bound < bound + 1e-5
+    leftover = identity_leftover(families, multipliers, bound, negative_residual, fresh)
+    assert leftover < 1e-5
+    claimed = bound + 0.1
+    leftover = identity_leftover(families, multipliers, claimed, negative_residual, fresh)
+    assert claimed - leftover < bound + 1e-5
 
 
 def test_the_identity_holds_with_the_plain_average(

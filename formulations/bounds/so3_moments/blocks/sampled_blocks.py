@@ -7,7 +7,7 @@ carry odd m and summing over tableaux.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from itertools import combinations
 from typing import Protocol, TypeAlias
 
@@ -21,7 +21,7 @@ from formulations.bounds.so3_moments.representations.permuted_rows import (
     Assignment,
     PermutedRows,
 )
-from formulations.bounds.so3_moments.representations.row_sectors import Label, RowSector
+from formulations.bounds.so3_moments.representations.row_sectors import RowSector
 from formulations.bounds.so3_moments.representations.wigner import (
     ComplexArray,
     coupling,
@@ -29,8 +29,6 @@ from formulations.bounds.so3_moments.representations.wigner import (
 )
 from nlp.arrays import FloatArray
 
-# Functions of one joint: label and place to values of shape (configurations, 2l+1).
-Factors: TypeAlias = Callable[[Label, int], ComplexArray]
 # Total spin to values of shape (ways, configurations, components).
 Coupled: TypeAlias = dict[int, ComplexArray]
 
@@ -105,12 +103,7 @@ class RowBlocks:
         self, wigner: Sequence[ComplexArray], order: Sequence[int]
     ) -> list[FloatArray]:
         """Return the values of all plain rows, see `plain_rows`, joints in the given order."""
-
-        def factors(label: Label, place: int) -> ComplexArray:
-            spin, m = label
-            return wigner[spin][:, order[place], :, spin + m]
-
-        return [plain_rows(rows, factors) for rows in self.rows]
+        return [plain_rows(rows, wigner, order) for rows in self.rows]
 
 
 class SectorBlocks(RowBlocks):
@@ -148,11 +141,13 @@ def choices_first(joints: Sequence[int], count: int) -> list[tuple[int, ...]]:
     ]
 
 
-def plain_rows(rows: PermutedRows, factors: Factors) -> FloatArray:
+def plain_rows(
+    rows: PermutedRows, wigner: Sequence[ComplexArray], order: Sequence[int]
+) -> FloatArray:
     """Return the values of plain rows, shape (rows, configurations, 2(2L+1)).
 
     The last axis holds the components of the total spin, real parts before imaginary parts.
-    `factors` gives the functions D^l_{·m} of the joint at a place, (configurations, 2l+1).
+    `wigner` holds D^l, (configurations, n, 2l+1, 2l+1), and order[q] is the joint at place q.
     Joints are coupled one after another, so assignments with the same beginning share their
     first steps.
     """
@@ -169,8 +164,9 @@ def plain_rows(rows: PermutedRows, factors: Factors) -> FloatArray:
         for q in range(max(map(len, known)), len(labels)):
             left = sum(rows.spins[q + 1 :])
             reachable = range(max(0, rows.spin - left), rows.spin + left + 1)
-            factor = factors(labels[q], assignment[q])
-            grown = coupled_with(known[assignment[:q]], factor, labels[q][0], reachable)
+            spin, m = labels[q]
+            factor = wigner[spin][:, order[assignment[q]], :, spin + m]
+            grown = coupled_with(known[assignment[:q]], factor, spin, reachable)
             known[assignment[: q + 1]] = grown
         values = known[assignment][rows.spin]
         found.append(np.concatenate([values.real, values.imag], axis=-1))

@@ -10,7 +10,6 @@ nothing is known.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -61,38 +60,14 @@ def refined_multipliers(
     return [0.5 * (x + x.T) for x in current]
 
 
-@dataclass(frozen=True)
-class IdentityCheck:
-    """How well a sum-of-squares identity holds.
-
-    Parameters
-    ----------
-    unchecked_bound
-        The bound that was checked, before anything is subtracted.
-    leftover
-        Largest difference of the two sides at the fresh configurations.
-    fresh_configurations
-        Number of fresh configurations.
-    """
-
-    unchecked_bound: float
-    leftover: float
-    fresh_configurations: int
-
-    @property
-    def checked_bound(self) -> float:
-        """The bound minus the largest difference at the fresh configurations."""
-        return self.unchecked_bound - self.leftover
-
-
-def check_identity(
+def identity_leftover(
     families: Sequence[BlockFamily],
     multipliers: Sequence[FloatArray],
     bound: float,
     objective: Callable[[FloatArray], FloatArray],
     fresh: FloatArray,
-) -> IdentityCheck:
-    """Evaluate both sides of the identity.
+) -> float:
+    """Return the largest difference of the two sides of the identity.
 
     Parameters
     ----------
@@ -111,5 +86,4 @@ def check_identity(
     squares = np.zeros(len(fresh))
     for x, block in zip(multipliers, blocks, strict=True):
         squares += np.tensordot(block, x, axes=2)
-    leftover = float(np.abs(objective(fresh) - bound - squares).max())
-    return IdentityCheck(bound, leftover, len(fresh))
+    return float(np.abs(objective(fresh) - bound - squares).max())
