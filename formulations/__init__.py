@@ -1,1 +1,32 @@
-"""Failure-tolerant manipulator Jacobians: models, measures, statements, bounds, proof."""
+"""The mathematics: the paper's sections and equations, and where each of them lives.
+
+A. A. Maciejewski and R. G. Roberts, "On the existence of an optimally failure tolerant 7R
+manipulator Jacobian" (1995).
+
+==================================================  ===========================================
+in the paper                                        here
+==================================================  ===========================================
+Section 2, eqs. (1)–(5), (15): the measure          `measures.jacobian`
+eqs. (6)–(8): its bound                             `measures.jacobian`, `bounds.closed_form`
+eqs. (9)–(11): range and null space                 `measures.jacobian`
+Section 3, eqs. (12)–(20): planar, positional       `joints.kinds` (free columns),
+and canonical examples, Figs. 1–3                   `reproduction.planar`,
+                                                    `reproduction.canonical`, `figures`
+Section 4, eq. (21): revolute joints                `joints.kinds`, `joints.arm`
+eqs. (22)–(43): the isotropy equations              `isotropy_equations`, `residual`
+eqs. (44)–(45): the residual minimum of 7R          `residual`, `reproduction.seven_joints`
+eq. (46): its worst case, "possible to improve"     `max_min`
+eqs. (47)–(49): 8R, and families of optima          `isotropy`, `reproduction.eight_joints`
+Section 5: does an optimal 7R exist?                `existence`
+Appendix: f_1 … f_21 in closed form                 `appendix`
+==================================================  ===========================================
+
+Beyond the paper: several and unequal failures (`unequal_max_min`, `bounds.unequal_failures`),
+isotropy against worst case (`trade_off`), global bounds (`bounds.so3_moments`), Jacobians as
+robots (`realise`) and robots as Jacobians (`robots`).
+
+Data flows one way: model → formulation → problem → solution → record → table. Imports only go
+down this list: `commands`, `studies`, `figures`, `campaign`, `robots`, `solving`,
+`reproduction`, the statements and their `catalogue`, `bounds`, `realise`, `files`, `measures`,
+`existence`, `joints`, and below all of them the engine, `nlp`.
+"""
