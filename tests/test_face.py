@@ -77,6 +77,17 @@ def test_solve_in_two_lines():
         lj.solve("nothing")
 
 
+def test_rng_is_a_seed_or_a_generator():
+    def merits(rng):
+        outcome = lj.solve("residual", "free", 3, 2, starts=3, rng=rng, workers=1)
+        return [record.jacobian.tolist() for record in outcome.records]
+
+    assert merits(5) == merits(5) != merits(6)
+    assert merits(np.random.default_rng(5)) == merits(np.random.default_rng(5)) != merits(5)
+    with pytest.raises(InputError, match="rng is -1"):
+        merits(-1)
+
+
 def test_results_have_plain_values():
     outcome = lj.solve("max-min", "free", 3, 2, starts=2, workers=1)
     best = outcome.best

@@ -91,7 +91,7 @@ def solve(
         joints,
         task_dimension,
         starts=starts,
-        seed=seed,
+        rng=seed,
         workers=workers,
         locked=locked,
         failures=failures,

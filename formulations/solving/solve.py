@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from functools import partial
 
+import numpy as np
+
 from formulations.catalogue import arm
 from formulations.measures.failure_model import FailureModel
 from formulations.solving.outcome import Outcome
@@ -12,6 +14,7 @@ from formulations.solving.record import judge
 from formulations.solving.setup import Setup, solver_options
 from formulations.unequal_max_min import Goal, default_encoding
 from nlp.multistart import default_workers, multistart
+from nlp.task import seed_of
 
 
 def solve(
@@ -21,7 +24,7 @@ def solve(
     task_dimension: int = 6,
     *,
     starts: int = 100,
-    seed: int = 0,
+    rng: int | np.random.Generator = 0,
     workers: int | None = None,
     locked: int = 1,
     failures: FailureModel | None = None,
@@ -44,8 +47,11 @@ def solve(
         such as ``"lever-revolute:6,prismatic:2"``.
     joints, task_dimension
         Numbers n of joints and m of task dimensions, n > m.
-    starts, seed
-        Start k of a seed is the same on every machine and for any number of workers.
+    starts
+        How many random starts, at least 1.
+    rng
+        A seed, or a generator from which one is drawn. Start k of a seed is the same on every
+        machine and for any number of workers.
     workers
         Processes; by default one per processor core.
     locked, failures, goal, encoding, from_residual_minima
@@ -85,7 +91,7 @@ def solve(
         joints=joints,
         task_dimension=task_dimension,
         starts=starts,
-        seed=seed,
+        seed=seed_of(rng),
         workers=workers or default_workers(),
         options=options,
         solver=solver,
