@@ -10,7 +10,7 @@ from __future__ import annotations
 import csv
 import json
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import Field, dataclass, field, fields
+from dataclasses import MISSING, Field, dataclass, field, fields
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, TypeVar, get_origin, get_type_hints
@@ -75,9 +75,11 @@ def column(
     scale: float = 1.0,
     empty: str | None = None,
     brief: bool = False,
+    default: Any = MISSING,
 ) -> Any:
-    """Return a dataclass field that is shown as a `Column` says; see there."""
-    return field(metadata={"column": Column(heading, form, scale, empty, brief)})
+    """Return a dataclass field, with a default if given, that is shown as a `Column` says."""
+    shown = Column(heading, form, scale, empty, brief)
+    return field(default=default, metadata={"column": shown})
 
 
 def hidden() -> Any:

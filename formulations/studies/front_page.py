@@ -2,22 +2,33 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from math import isnan
 from pathlib import Path
 from types import MappingProxyType
+from typing import Any
 
-import pandas as pd
-
-from formulations.files.provenance import header, read_header
-from formulations.studies.formulation_table import NOTES, formulation_table
-from formulations.studies.learned import learned
-from formulations.studies.studies import STUDIES
-from formulations.studies.study import Study
-from formulations.studies.tables import read_tables
+from formulations import isotropy, max_min, residual
+from formulations.files.provenance import read_header
+from formulations.files.table import Table, column
+from formulations.studies import pages
+from formulations.studies.bounds import sharpest
+from formulations.studies.comparison import Row
+from formulations.studies.running import STUDIES
+from formulations.studies.study import Rows, Study
 from nlp.errors import FileError
 from nlp.files import write_text
 
 PAGE = "README.md"
+_TEMPLATE = "results.md.j2"
+_ARMS = {
+    (7, "unit-revolute"): "7R, unit lever arms",
+    (7, "lever-revolute"): "7R, free lever arms",
+    (8, "unit-revolute"): "8R, unit lever arms",
+    (8, "lever-revolute"): "8R, free lever arms",
+}
 # Figures that show what a study found, by the study's name.
 _PICTURES: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {
@@ -27,12 +38,28 @@ _PICTURES: Mapping[str, tuple[str, ...]] = MappingProxyType(
         "figures": ("seven-axes",),
     }
 )
+_DASH = "–"
+
+
+@dataclass(frozen=True)
+class Line:
+    """A line of the table in front, as text: the best of a formulation on an arm."""
+
+    arm: str
+    formulation: str
+    best_value: str = _DASH
+    certified_bound: str = _DASH
+    gap_percent: str = column("gap %", default=_DASH)
+    worst_case_sigma: str = column("worst-case σ", default=_DASH)
+    isotropy_defect: str = _DASH
+    success: str = _DASH
+    cost: str = column("CPU ms per success", default=_DASH)
 
 
 def write_front_page(
     out: Path, seed: int, made: Collection[str], failed: Mapping[str, str]
 ) -> None:
-    """Write the front page of the results in a folder.
+    """Write the front page of the results into their folder.
 
     Parameters
     ----------
@@ -43,7 +70,7 @@ def write_front_page(
     made
         Names of the studies that this run computed.
     failed
-        Names of those that it tried to, and why it could not.
+        Names of those that it could not compute, and why.
 
     Raises
     ------
@@ -55,45 +82,79 @@ def write_front_page(
 
 def front_page(out: Path, seed: int, made: Collection[str], failed: Mapping[str, str]) -> str:
     """Return the front page as Markdown; see `write_front_page`."""
-    tables = read_tables(out)
-    items = "\n".join(f"- {text}" for text in learned(tables))
-    studies = "\n\n".join(_section(study, out) for study in STUDIES.values())
-    return (
-        f"# Results\n\n{header({'seed': seed})}\n"
-        "Seven and eight revolute joints in six dimensions, the three formulations from\n"
-        f"common random starts:\n\n{formulation_table(tables)}\n\n{NOTES}\n"
-        f"## What was learned that the paper did not know\n\n{items or 'Nothing yet.'}\n\n"
-        "## Studies\n\n"
-        "Each folder holds a table as CSV and as Markdown, under the command, seed, versions,\n"
-        f"machine and date that made it. `{_all()}` makes all of them.\n\n"
-        f"{_list(out, made)}\n\n{studies}\n\n{_left_out(out, made, failed)}"
+    values = {
+        **_values(read_all(out)),
+        "seed": seed,
+        "made": made,
+        "failed": failed,
+        "studies": STUDIES.values(),
+        "dates": {name: _date(study, out) for name, study in STUDIES.items()},
+        "findings": {name: finding_in(study, out) for name, study in STUDIES.items()},
+        "pictures": {
+            name: [one for one in files if (out / "figures" / f"{one}.svg").exists()]
+            for name, files in _PICTURES.items()
+        },
+    }
+    return pages.page(_TEMPLATE, values)
+
+
+def read_all(out: Path) -> Rows:
+    """Return the rows of all studies in a folder, by the name of the table.
+
+    Tables of one name are joined. A table that is not there, or not of this version, has no
+    rows.
+    """
+    found: dict[str, list[Any]] = {stem: [] for one in STUDIES.values() for stem in one.tables}
+    for study in STUDIES.values():
+        try:
+            tables = study.read(out / study.name)
+        except FileError:
+            continue
+        for stem, rows in tables.items():
+            found[stem] += rows
+    return found
+
+
+def learned(tables: Rows) -> str:
+    """Return what was learned that the paper did not know, as a Markdown list."""
+    return pages.bullets(pages.block(_TEMPLATE, "learned", _values(tables)))
+
+
+def formulation_table(rows: Sequence[Row]) -> str:
+    """Return the formulations on 7R and 8R as a Markdown table; what is missing is dashes."""
+    lines = []
+    for (joints, model), arm in _ARMS.items():
+        for formulation in (residual.NAME, max_min.NAME, isotropy.NAME):
+            row = plain(rows, formulation, model, joints)
+            lines.append(Line(arm, formulation) if row is None else line_of(arm, row))
+    return Table(Line, lines).markdown()
+
+
+def line_of(arm: str, row: Row) -> Line:
+    """Return a row of the comparison as a line of the table in front."""
+    success = f"{row.reached_best} of {row.starts}"
+    if row.verdict != "solved":
+        proof = row.certificate if row.verdict == "proved infeasible" else _DASH
+        return Line(arm, row.formulation, row.verdict, proof, success=success)
+    small = row.merit < pages.NOTHING or isnan(row.certified_gap_percent)
+    return Line(
+        arm,
+        row.formulation,
+        best_value=_value(row.merit),
+        certified_bound=f"{_value(row.certified_bound)}, {row.certificate}",
+        gap_percent=_DASH if small else f"{row.certified_gap_percent:z.2f}",
+        worst_case_sigma=f"{row.worst_case_sigma:.6f}",
+        isotropy_defect=_value(row.isotropy_defect),
+        success=success,
+        cost=f"{1e3 * row.cpu_seconds_per_success:.3g}",
     )
 
 
-def _all() -> str:
-    return "lockedjoint report --all --out results"
-
-
-def _list(out: Path, made: Collection[str]) -> str:
-    lines = []
-    for study in STUDIES.values():
-        date = _date(study, out)
-        link = f"[{study.name}]({study.name}/{study.page})" if date else study.name
-        when = f"{date or '–'}{'' if study.name in made or not date else ' (kept)'}"
-        lines.append([link, f"`{study.command}`", study.takes, when])
-    heads = ["study", "by itself", "takes, on two cores", "made"]
-    frame = pd.DataFrame(lines, columns=heads)
-    return str(frame.to_markdown(index=False, disable_numparse=True))
-
-
-def _section(study: Study, out: Path) -> str:
-    heading = f"### {study.name}: {study.title}"
-    return "\n\n".join([heading, finding_in(study, out), *_pictures(study, out)])
-
-
-def _pictures(study: Study, out: Path) -> list[str]:
-    files = [f"figures/{name}.svg" for name in _PICTURES.get(study.name, ())]
-    return [f"![{Path(file).stem}]({file})" for file in files if (out / file).exists()]
+def plain(rows: Sequence[Row], formulation: str, model: str, joints: int) -> Row | None:
+    """Return the comparison's row without a variant, if it is there."""
+    wanted = (formulation, model, joints, "")
+    found = (r for r in rows if (r.formulation, r.model, r.joints, r.variant) == wanted)
+    return next(found, None)
 
 
 def finding_in(study: Study, out: Path) -> str:
@@ -101,27 +162,18 @@ def finding_in(study: Study, out: Path) -> str:
     if not (out / study.name / study.table).exists():
         return f"Not there; `{study.command}` makes it."
     try:
-        return study.finding(out / study.name)
+        return study.finding(study.read(out / study.name))
     except FileError:
         return f"Its table is not of this version; `{study.command}` makes it anew."
 
 
-def _left_out(out: Path, made: Collection[str], failed: Mapping[str, str]) -> str:
-    lines = [
-        f"- {_why(study, out, failed)}" for study in STUDIES.values() if study.name not in made
-    ]
-    if not lines:
-        return ""
-    return "## Left out of this run\n\n" + "\n".join(lines) + "\n"
-
-
-def _why(study: Study, out: Path, failed: Mapping[str, str]) -> str:
-    date = _date(study, out)
-    kept = f"what is there is of {date}" if date else "nothing is there"
-    if study.name in failed:
-        return f"{study.name}: {failed[study.name]} ({kept})"
-    reason = f"takes {study.takes}" if study.long else "not asked for"
-    return f"{study.name}: {reason}; `{study.command}` makes it ({kept})"
+def _values(tables: Rows) -> dict[str, Any]:
+    return {
+        **tables,
+        "plain": partial(plain, tables["comparison"]),
+        "sharpest": sharpest,
+        "formulation_table": formulation_table,
+    }
 
 
 def _date(study: Study, out: Path) -> str:
@@ -129,3 +181,10 @@ def _date(study: Study, out: Path) -> str:
     if not page.is_file():
         return ""
     return read_header(page.read_text(encoding="utf-8")).get("date", "unknown date")
+
+
+def _value(number: float) -> str:
+    if isnan(number):
+        return _DASH
+    small = f"< {pages.NOTHING:g}"
+    return "0" if number == 0 else small if number < pages.NOTHING else f"{number:.6f}"

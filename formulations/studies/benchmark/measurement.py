@@ -8,13 +8,14 @@ import time
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from typing import TypeAlias
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
 from formulations.catalogue import arm, formulation
+from formulations.files.table import column, hidden
 from formulations.joints.arm import Arm
 from formulations.joints.kinds import NotInModelError
 from formulations.studies.benchmark.peer import NotRunError, Peer, Run
@@ -40,7 +41,7 @@ class Row:
         Starts that it was given, and that it got to before its time was up.
     success, near
         Starts within `REACH` and `NEAR` of the best merit of all peers.
-    milliseconds_per_start, milliseconds_per_success
+    cpu_seconds_per_start, cpu_seconds_per_success
         Processor time, without setting up.
     relative
         Time per success as a multiple of the first peer's that has the same statement and
@@ -51,23 +52,19 @@ class Row:
         Why it was not run, or stopped early, if so.
     """
 
-    formulation: str
-    joints: int
+    formulation: str = hidden()
+    joints: int = hidden()
     peer: str
     settings: str
-    asked: int
+    asked: int = column("of")
     starts: int
     success: int
     near: int
-    milliseconds_per_start: float
-    milliseconds_per_success: float
-    relative: float
-    setup_seconds: float
+    cpu_seconds_per_start: float = column("CPU ms per start", scale=1e3)
+    cpu_seconds_per_success: float = column("CPU ms per success", scale=1e3)
+    relative: float = column("relative to default")
+    setup_seconds: float = column("set-up s")
     note: str
-
-    def to_dict(self) -> dict[str, object]:
-        """Return the columns as plain values."""
-        return asdict(self)
 
 
 @dataclass(eq=False)
@@ -188,7 +185,7 @@ def _rows(trials: Sequence[_Trial], joints: int, asked: int, time_limit: float) 
     if everything:
         sense = formulation(trials[0].peer.formulation).SENSE
         best = min(everything) if sense == "minimise" else max(everything)
-        unit = _row(trials[0], joints, asked, best, unit, "").milliseconds_per_success
+        unit = _row(trials[0], joints, asked, best, unit, "").cpu_seconds_per_success
     rows = []
     for trial in trials:
         note = trial.note
@@ -202,7 +199,7 @@ def _row(trial: _Trial, joints: int, asked: int, best: float, unit: float, note:
     starts, nan = len(trial.merits), float("nan")
     away = np.abs(np.array(trial.merits) - best)
     success = int(np.sum(away <= REACH))
-    per_success = 1e3 * trial.seconds / success if success else nan
+    per_success = trial.seconds / success if success else nan
     return Row(
         formulation=trial.peer.formulation,
         joints=joints,
@@ -212,8 +209,8 @@ def _row(trial: _Trial, joints: int, asked: int, best: float, unit: float, note:
         starts=starts,
         success=success,
         near=int(np.sum(away <= NEAR)),
-        milliseconds_per_start=1e3 * trial.seconds / starts if starts else nan,
-        milliseconds_per_success=per_success,
+        cpu_seconds_per_start=trial.seconds / starts if starts else nan,
+        cpu_seconds_per_success=per_success,
         relative=per_success / unit,
         setup_seconds=trial.setup,
         note=note,
