@@ -1,8 +1,8 @@
 """Tables of rows: one definition of the columns for CSV, Markdown, LaTeX, terminal and JSON.
 
 A row is a frozen dataclass of texts, numbers and mappings. Its fields are the columns of the
-CSV file. What a reader sees of a field is said where the field is declared, by `column` or
-`hidden`; a field without either is shown under its own name.
+CSV file. How a field is shown is declared with the field, by the metadata that `column` returns
+or `HIDDEN`; a field without either is shown under its own name.
 """
 
 from __future__ import annotations
@@ -10,9 +10,10 @@ from __future__ import annotations
 import csv
 import json
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import MISSING, Field, dataclass, field, fields
+from dataclasses import Field, dataclass, fields
 from enum import StrEnum
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Generic, TypeVar, get_origin, get_type_hints
 
 from nlp.errors import FileError
@@ -75,16 +76,13 @@ def column(
     scale: float = 1.0,
     empty: str | None = None,
     brief: bool = False,
-    default: Any = MISSING,
-) -> Any:
-    """Return a dataclass field, with a default if given, that is shown as a `Column` says."""
-    shown = Column(heading, form, scale, empty, brief)
-    return field(default=default, metadata={"column": shown})
+) -> Mapping[str, Column]:
+    """Return the metadata of a dataclass field that is shown as a `Column` says; see there."""
+    return {"column": Column(heading, form, scale, empty, brief)}
 
 
-def hidden() -> Any:
-    """Return a dataclass field that is in the CSV and the JSON only."""
-    return field(metadata={"column": Column(shown=False)})
+#: Metadata of a dataclass field that is in the CSV and the JSON only.
+HIDDEN: Mapping[str, Column] = MappingProxyType({"column": Column(shown=False)})
 
 
 @dataclass(frozen=True)

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
 from formulations.files.provenance import provenance, versions
-from formulations.files.table import column, hidden
+from formulations.files.table import HIDDEN, column
 from formulations.measures import gap_percent
 from formulations.studies.study import Effort, Part, Study
 
@@ -32,9 +32,9 @@ class Source:
     """
 
     file: str
-    command: str = hidden()
-    versions: str = hidden()
-    machine: str = hidden()
+    command: str = field(metadata=HIDDEN)
+    versions: str = field(metadata=HIDDEN)
+    machine: str = field(metadata=HIDDEN)
     date: str
 
 
@@ -58,16 +58,16 @@ class BoundRow(Source):
     """
 
     quantity: str
-    joints: int = column("n")
+    joints: int = field(metadata=column("n"))
     kind: str
-    preset: str = column(empty="–")
-    bound: float = column(form=".9g")
-    closed_form: float = column("eq. (6)", ".9g")
-    best_known: float = column("best known", ".9g")
-    gap_percent: float = column("gap %")
+    preset: str = field(metadata=column(empty="–"))
+    bound: float = field(metadata=column(form=".9g"))
+    closed_form: float = field(metadata=column("eq. (6)", ".9g"))
+    best_known: float = field(metadata=column("best known", ".9g"))
+    gap_percent: float = field(metadata=column("gap %"))
     moments: int
     largest_block: int
-    seconds: float = column(form=".1f")
+    seconds: float = field(metadata=column(form=".1f"))
 
 
 @dataclass(frozen=True)
@@ -89,17 +89,17 @@ class RelaxationRow(Source):
     """
 
     order: int
-    joints: int = column("n")
-    classes: int = column("classes of monomials")
-    equations: int = column("linear equations")
-    rank: int = column("their rank")
+    joints: int = field(metadata=column("n"))
+    classes: int = field(metadata=column("classes of monomials"))
+    equations: int = field(metadata=column("linear equations"))
+    rank: int = field(metadata=column("their rank"))
     free_moments: int
     largest_block: int
-    margin: float = column("largest smallest eigenvalue", "+.7f")
-    proved: float = column("proved upper bound of it", "+.7f")
+    margin: float = field(metadata=column("largest smallest eigenvalue", "+.7f"))
+    proved: float = field(metadata=column("proved upper bound of it", "+.7f"))
     verdict: str
-    infeasible_alone: str = column(empty="–")
-    seconds: float = column(form=".1f")
+    infeasible_alone: str = field(metadata=column(empty="–"))
+    seconds: float = field(metadata=column(form=".1f"))
 
 
 def study() -> Study:
@@ -119,9 +119,7 @@ def study() -> Study:
 
 def sharpest(rows: Sequence[BoundRow], quantity: str, kind: str) -> BoundRow | None:
     """Return the sharpest bound of a kind on seven unit revolute joints, if there is one."""
-    found = [
-        row for row in rows if (row.quantity, row.kind, row.joints) == (quantity, kind, 7)
-    ]
+    found = [row for row in rows if (row.quantity, row.kind, row.joints) == (quantity, kind, 7)]
     pick = max if quantity == "residual" else min
     return pick(found, key=lambda row: row.bound) if found else None
 
@@ -153,9 +151,9 @@ def _worst_case(_: Effort, lever_arm: float | None = None) -> Mapping[str, Any]:
     from formulations.bounds.worst_case.problem import free_columns, revolute_arm
     from formulations.bounds.worst_case.program import solve_worst_case
 
-    free = lever_arm is None
-    problem = free_columns(7, 6) if free else revolute_arm(7, lever_arm=lever_arm)
-    return solve_worst_case(problem).to_dict()
+    if lever_arm is None:
+        return solve_worst_case(free_columns(7, 6)).to_dict()
+    return solve_worst_case(revolute_arm(7, lever_arm=lever_arm)).to_dict()
 
 
 def _existence(_: Effort, order: int) -> Mapping[str, Any]:
@@ -175,8 +173,10 @@ def _residual(effort: Effort, preset: str, rigorous: bool = False) -> Mapping[st
 def _max_min(effort: Effort, preset: str, rigorous: bool = False) -> Mapping[str, Any]:
     from formulations.bounds.so3_moments.max_min_bound import max_min_bound
 
-    settings = {"seed": effort.seed, "progress": effort.progress}
-    return max_min_bound(preset, 7, rigorous=rigorous, **settings).to_dict()
+    found = max_min_bound(
+        preset, 7, rigorous=rigorous, seed=effort.seed, progress=effort.progress
+    )
+    return found.to_dict()
 
 
 #: What the study computes, as ``lockedjoint bound --json`` prints it, by the file it goes to.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import isnan
 from pathlib import Path
 
@@ -11,7 +11,7 @@ import numpy as np
 
 from formulations import measures
 from formulations.catalogue import arm, certified_bound, models_of, numerical_bound
-from formulations.files.table import column, hidden
+from formulations.files.table import HIDDEN, column
 from formulations.measures.canonical import distinct
 from formulations.solving.outcome import Outcome
 from formulations.solving.record import Record
@@ -64,33 +64,37 @@ class Row:
         Ipopt's return statuses and how often each came.
     """
 
-    formulation: str = column(brief=True)
-    variant: str = column(brief=True)
-    model: str = column(brief=True)
-    joints: int = hidden()
-    task_dimension: int = hidden()
+    formulation: str = field(metadata=column(brief=True))
+    variant: str = field(metadata=column(brief=True))
+    model: str = field(metadata=column(brief=True))
+    joints: int = field(metadata=HIDDEN)
+    task_dimension: int = field(metadata=HIDDEN)
     verdict: str
     starts: int
     solved: int
-    reached_best: int = column(form=lambda row: f"{row.reached_best}/{row.starts}", brief=True)
-    merit: float = column(form=".7g", brief=True)
-    certified_bound: float = column(form=lambda row: _bound(row), brief=True)
-    certified_gap_percent: float = column("gap %", "z.2f", brief=True)
+    reached_best: int = field(
+        metadata=column(form=lambda row: f"{row.reached_best}/{row.starts}", brief=True)
+    )
+    merit: float = field(metadata=column(form=".7g", brief=True))
+    certified_bound: float = field(metadata=column(form=lambda row: _bound(row), brief=True))
+    certified_gap_percent: float = field(metadata=column("gap %", "z.2f", brief=True))
     certificate: str
-    numerical_bound: float = column(form=".7g")
-    numerical_gap_percent: float = column("numerical gap %", "z.2f")
-    worst_case_sigma: float = column("worst-case σ", ".7f")
-    sigma_bound: float = hidden()
-    gap_percent: float = column("below eq. (6) %", "z.2f")
-    condition_number: float = hidden()
+    numerical_bound: float = field(metadata=column(form=".7g"))
+    numerical_gap_percent: float = field(metadata=column("numerical gap %", "z.2f"))
+    worst_case_sigma: float = field(metadata=column("worst-case σ", ".7f"))
+    sigma_bound: float = field(metadata=HIDDEN)
+    gap_percent: float = field(metadata=column("below eq. (6) %", "z.2f"))
+    condition_number: float = field(metadata=HIDDEN)
     isotropy_defect: float
-    violation: float = hidden()
-    distinct_optima: int = column("optima")
-    iterations_median: float = column("iterations", "g")
-    cpu_seconds_per_start: float = hidden()
-    cpu_seconds_per_success: float = column("CPU ms per success", scale=1e3, brief=True)
+    violation: float = field(metadata=HIDDEN)
+    distinct_optima: int = field(metadata=column("optima"))
+    iterations_median: float = field(metadata=column("iterations", "g"))
+    cpu_seconds_per_start: float = field(metadata=HIDDEN)
+    cpu_seconds_per_success: float = field(
+        metadata=column("CPU ms per success", scale=1e3, brief=True)
+    )
     relative_cost: float
-    status_counts: Mapping[str, int] = hidden()
+    status_counts: Mapping[str, int] = field(metadata=HIDDEN)
 
 
 def study(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -149,24 +149,24 @@ class Row:
     """
 
     model: str
-    task_dimension: int = column("m")
-    joints: int = column("n")
-    locked: int = column("k")
+    task_dimension: int = field(metadata=column("m"))
+    joints: int = field(metadata=column("n"))
+    locked: int = field(metadata=column("k"))
     failing: str
     goal: str
     encoding: str
-    starts_from: str = column("from")
+    starts_from: str = field(metadata=column("from"))
     starts: int
     solved: int
     reached_best: int
-    merit: float = column("best", ".7f")
-    bound: float = column(form=".7f")
-    gap_percent: float = column("gap %", "z.2f")
-    worst_case_sigma: float = column("worst σ", ".5f")
-    expected_sigma: float = column("expected σ", ".5f")
-    distinct_optima: int = column("optima", empty="–")
-    iterations_median: float = column("iterations", "g")
-    cpu_seconds_per_start: float = column("CPU ms per start", scale=1e3)
+    merit: float = field(metadata=column("best", ".7f"))
+    bound: float = field(metadata=column(form=".7f"))
+    gap_percent: float = field(metadata=column("gap %", "z.2f"))
+    worst_case_sigma: float = field(metadata=column("worst σ", ".5f"))
+    expected_sigma: float = field(metadata=column("expected σ", ".5f"))
+    distinct_optima: int = field(metadata=column("optima", empty="–"))
+    iterations_median: float = field(metadata=column("iterations", "g"))
+    cpu_seconds_per_start: float = field(metadata=column("CPU ms per start", scale=1e3))
 
 
 def study() -> Study:

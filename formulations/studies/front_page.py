@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from math import isnan
 from pathlib import Path
@@ -49,11 +49,11 @@ class Line:
     formulation: str
     best_value: str = _DASH
     certified_bound: str = _DASH
-    gap_percent: str = column("gap %", default=_DASH)
-    worst_case_sigma: str = column("worst-case σ", default=_DASH)
+    gap_percent: str = field(default=_DASH, metadata=column("gap %"))
+    worst_case_sigma: str = field(default=_DASH, metadata=column("worst-case σ"))
     isotropy_defect: str = _DASH
     success: str = _DASH
-    cost: str = column("CPU ms per success", default=_DASH)
+    cost: str = field(default=_DASH, metadata=column("CPU ms per success"))
 
 
 def write_front_page(

@@ -22,9 +22,7 @@ def study() -> Study:
         command="lockedjoint reproduce --out results/reproduction",
         takes="ten seconds",
         compute=_compute,
-        complain=lambda rows: (
-            "a row is an unexplained mismatch" if has_mismatch(rows) else ""
-        ),
+        complain=lambda rows: "a row is an unexplained mismatch" if has_mismatch(rows) else "",
     )
 
 

@@ -4,12 +4,12 @@ import csv
 import io
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import StrEnum
 
 import pytest
 
-from formulations.files.table import Table, column, hidden, read_rows
+from formulations.files.table import HIDDEN, Table, column, read_rows
 from nlp.errors import FileError
 
 
@@ -22,12 +22,12 @@ class Row:
     """Every kind of field."""
 
     name: str
-    value: float = column("best", ".3f", brief=True)
-    cpu_seconds: float = column("CPU ms", "z.2f", scale=1e3)
-    count: int = column(form=lambda row: f"{row.count} of 9", brief=True)
-    note: str = column(empty="–")
+    value: float = field(metadata=column("best", ".3f", brief=True))
+    cpu_seconds: float = field(metadata=column("CPU ms", "z.2f", scale=1e3))
+    count: int = field(metadata=column(form=lambda row: f"{row.count} of 9", brief=True))
+    note: str = field(metadata=column(empty="–"))
     colour: Colour
-    counts: Mapping[str, int] = hidden()
+    counts: Mapping[str, int] = field(metadata=HIDDEN)
     plain: float = 1 / 3
 
 

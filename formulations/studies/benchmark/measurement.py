@@ -15,7 +15,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from formulations.catalogue import arm, formulation
-from formulations.files.table import column, hidden
+from formulations.files.table import HIDDEN, column
 from formulations.joints.arm import Arm
 from formulations.joints.kinds import NotInModelError
 from formulations.studies.benchmark.peer import NotRunError, Peer, Run
@@ -52,18 +52,18 @@ class Row:
         Why it was not run, or stopped early, if so.
     """
 
-    formulation: str = hidden()
-    joints: int = hidden()
+    formulation: str = field(metadata=HIDDEN)
+    joints: int = field(metadata=HIDDEN)
     peer: str
     settings: str
-    asked: int = column("of")
+    asked: int = field(metadata=column("of"))
     starts: int
     success: int
     near: int
-    cpu_seconds_per_start: float = column("CPU ms per start", scale=1e3)
-    cpu_seconds_per_success: float = column("CPU ms per success", scale=1e3)
-    relative: float = column("relative to default")
-    setup_seconds: float = column("set-up s")
+    cpu_seconds_per_start: float = field(metadata=column("CPU ms per start", scale=1e3))
+    cpu_seconds_per_success: float = field(metadata=column("CPU ms per success", scale=1e3))
+    relative: float = field(metadata=column("relative to default"))
+    setup_seconds: float = field(metadata=column("set-up s"))
     note: str
 
 

@@ -58,7 +58,11 @@ class Target:
         """Say whether the target is met; NaN is a ratio that was not measured."""
         if isnan(ratio):
             return "not measured"
-        return "met" if (ratio <= self.limit if self.at_most else ratio >= self.limit) else "missed"
+        return (
+            "met"
+            if (ratio <= self.limit if self.at_most else ratio >= self.limit)
+            else "missed"
+        )
 
 
 TARGETS = (
@@ -92,7 +96,7 @@ def study(sizes: Sequence[int] = SIZES, time_limit: float = TIME_LIMIT) -> Study
         starts = effort.starts_or(STARTS)
         for size in sizes:
             few = starts if size <= _SMALL else max(1, starts // 5)
-            for (_, ), same in groups(peers.PEERS, "formulation"):
+            for (_,), same in groups(peers.PEERS, "formulation"):
                 rows: Sequence[Row] = ()
                 for found in measure(same, size, few, effort.seed, time_limit, effort.progress):
                     yield Part(rows=found, replaces=len(rows))

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
-from formulations.files.table import column, hidden
+from formulations.files.table import HIDDEN, column
 from formulations.robots.posture import (
     FatalFailureError,
     Posture,
@@ -57,27 +57,27 @@ class Row:
     """
 
     arm: str
-    package: str = hidden()
-    file: str = hidden()
-    tip: str = hidden()
+    package: str = field(metadata=HIDDEN)
+    file: str = field(metadata=HIDDEN)
+    tip: str = field(metadata=HIDDEN)
     task: str
     joints: int
-    prismatic: int = hidden()
-    task_dimension: int = hidden()
-    characteristic_length: float = column("ℓ (m)", ".3f")
-    worst_case_sigma: float = column("worst-case σ", ".5f")
-    worst_case_joint: str = column("worst failure", lambda row: _worst(row))
-    equally_bad: int = column("as bad")
-    sigma_bound: float = hidden()
-    percent_of_bound: float = column("% of the bound", ".2f")
-    percent_of_best_7r: float = column("% of the best 7R", ".2f")
-    mid_range_sigma: float = column("σ at mid-range", ".5f")
-    fatal_failures: str = hidden()
-    at_limits: str = column("at a limit", empty="–")
+    prismatic: int = field(metadata=HIDDEN)
+    task_dimension: int = field(metadata=HIDDEN)
+    characteristic_length: float = field(metadata=column("ℓ (m)", ".3f"))
+    worst_case_sigma: float = field(metadata=column("worst-case σ", ".5f"))
+    worst_case_joint: str = field(metadata=column("worst failure", lambda row: _worst(row)))
+    equally_bad: int = field(metadata=column("as bad"))
+    sigma_bound: float = field(metadata=HIDDEN)
+    percent_of_bound: float = field(metadata=column("% of the bound", ".2f"))
+    percent_of_best_7r: float = field(metadata=column("% of the best 7R", ".2f"))
+    mid_range_sigma: float = field(metadata=column("σ at mid-range", ".5f"))
+    fatal_failures: str = field(metadata=HIDDEN)
+    at_limits: str = field(metadata=column("at a limit", empty="–"))
     starts: int
     reached_best: int
-    status_counts: Mapping[str, int] = hidden()
-    configuration: Mapping[str, float] = hidden()
+    status_counts: Mapping[str, int] = field(metadata=HIDDEN)
+    configuration: Mapping[str, float] = field(metadata=HIDDEN)
 
 
 def study(only: str | None = None) -> Study:
