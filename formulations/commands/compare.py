@@ -47,4 +47,6 @@ def compare(
         out,
         Effort(seed, starts, workers or default_workers(), bars=True),
         as_json,
+        note="merit: ½‖JJᵀ − (T/m)I‖² for residual, worst-case σ for the others; bound: "
+        "proved for every such arm.",
     )

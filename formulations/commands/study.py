@@ -23,6 +23,7 @@ def run_study(
     effort: Effort,
     as_json: bool,
     text: Callable[[Sequence[Any]], str] | None = None,
+    note: str = "",
     each: Callable[[Part], object] = lambda _: None,
 ) -> None:
     """Run a study into a folder and print what was found.
@@ -39,6 +40,8 @@ def run_study(
         Whether JSON is printed, and nothing else.
     text
         What is printed of the rows in the end; by default their table for the terminal.
+    note
+        A sentence below that.
     each
         Is called with every part as soon as it is written.
 
@@ -57,7 +60,8 @@ def run_study(
         typer.echo(json.dumps(found, indent=1))
     elif result.rows:
         typer.echo(table.terminal() if text is None else text(result.rows))
-        typer.echo(f"\nWritten to {out}: {', '.join(study.files)}")
+        typer.echo(f"\n{note}" if note else "")
+        typer.echo(f"Written to {out}: {', '.join(study.files)}")
     if not result.complete:
         typer.echo("Interrupted: what was done is kept, the rest is missing.", err=True)
         raise typer.Exit(INTERRUPTED)
