@@ -3,16 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, field
 from functools import partial
-from math import isnan
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from formulations import isotropy, max_min, residual
 from formulations.files.provenance import read_header
-from formulations.files.table import Table, column
 from formulations.studies import pages
 from formulations.studies.bounds import sharpest
 from formulations.studies.comparison import Row
@@ -23,12 +19,6 @@ from nlp.files import write_text
 
 PAGE = "README.md"
 _TEMPLATE = "results.md.j2"
-_ARMS = {
-    (7, "unit-revolute"): "7R, unit lever arms",
-    (7, "lever-revolute"): "7R, free lever arms",
-    (8, "unit-revolute"): "8R, unit lever arms",
-    (8, "lever-revolute"): "8R, free lever arms",
-}
 # Figures that show what a study found, by the study's name.
 _PICTURES: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {
@@ -38,22 +28,6 @@ _PICTURES: Mapping[str, tuple[str, ...]] = MappingProxyType(
         "figures": ("seven-axes",),
     }
 )
-_DASH = "–"
-
-
-@dataclass(frozen=True)
-class Line:
-    """A line of the table in front, as text: the best of a formulation on an arm."""
-
-    arm: str
-    formulation: str
-    best_value: str = _DASH
-    certified_bound: str = _DASH
-    gap_percent: str = field(default=_DASH, metadata=column("gap %"))
-    worst_case_sigma: str = field(default=_DASH, metadata=column("worst-case σ"))
-    isotropy_defect: str = _DASH
-    success: str = _DASH
-    cost: str = field(default=_DASH, metadata=column("CPU ms per success"))
 
 
 def write_front_page(
@@ -120,34 +94,9 @@ def learned(tables: Rows) -> str:
     return pages.bullets(pages.block(_TEMPLATE, "learned", _values(tables)))
 
 
-def formulation_table(rows: Sequence[Row]) -> str:
+def formulation_table(tables: Rows) -> str:
     """Return the formulations on 7R and 8R as a Markdown table; what is missing is dashes."""
-    lines = []
-    for (joints, model), arm in _ARMS.items():
-        for formulation in (residual.NAME, max_min.NAME, isotropy.NAME):
-            row = plain(rows, formulation, model, joints)
-            lines.append(Line(arm, formulation) if row is None else line_of(arm, row))
-    return Table(Line, lines).markdown()
-
-
-def line_of(arm: str, row: Row) -> Line:
-    """Return a row of the comparison as a line of the table in front."""
-    success = f"{row.reached_best} of {row.starts}"
-    if row.verdict != "solved":
-        proof = row.certificate if row.verdict == "proved infeasible" else _DASH
-        return Line(arm, row.formulation, row.verdict, proof, success=success)
-    small = row.merit < pages.NOTHING or isnan(row.certified_gap_percent)
-    return Line(
-        arm,
-        row.formulation,
-        best_value=_value(row.merit),
-        certified_bound=f"{_value(row.certified_bound)}, {row.certificate}",
-        gap_percent=_DASH if small else f"{row.certified_gap_percent:z.2f}",
-        worst_case_sigma=f"{row.worst_case_sigma:.6f}",
-        isotropy_defect=_value(row.isotropy_defect),
-        success=success,
-        cost=f"{1e3 * row.cpu_seconds_per_success:.3g}",
-    )
+    return pages.aligned(pages.block(_TEMPLATE, "formulations", _values(tables)))
 
 
 def plain(rows: Sequence[Row], formulation: str, model: str, joints: int) -> Row | None:
@@ -172,7 +121,6 @@ def _values(tables: Rows) -> dict[str, Any]:
         **tables,
         "plain": partial(plain, tables["comparison"]),
         "sharpest": sharpest,
-        "formulation_table": formulation_table,
     }
 
 
@@ -181,10 +129,3 @@ def _date(study: Study, out: Path) -> str:
     if not page.is_file():
         return ""
     return read_header(page.read_text(encoding="utf-8")).get("date", "unknown date")
-
-
-def _value(number: float) -> str:
-    if isnan(number):
-        return _DASH
-    small = f"< {pages.NOTHING:g}"
-    return "0" if number == 0 else small if number < pages.NOTHING else f"{number:.6f}"

@@ -6,9 +6,11 @@ from collections.abc import Iterable, Mapping, Sequence
 from decimal import ROUND_CEILING, ROUND_FLOOR, Decimal
 from functools import lru_cache
 from itertools import groupby
+from math import isnan
 from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
+from tabulate import tabulate
 
 from formulations.files.provenance import header, versions
 from formulations.files.table import Table
@@ -78,6 +80,12 @@ def table(rows: Sequence[Any]) -> str:
     return Table(type(rows[0]), rows).markdown() if rows else ""
 
 
+def aligned(text: str) -> str:
+    """Return lines of cells, separated by " | ", as a Markdown table; the first line heads it."""
+    heads, *lines = (line.split(" | ") for line in text.splitlines() if line.strip())
+    return tabulate(lines, heads, tablefmt="pipe", disable_numparse=True)
+
+
 def _paragraphs(text: str) -> list[str]:
     runs = groupby(text.splitlines(), key=lambda line: bool(line.strip()))
     return ["\n".join(lines) for full, lines in runs if full]
@@ -94,6 +102,7 @@ def _environment() -> Environment:
         autoescape=False,  # Markdown, of our own numbers
     )
     made.filters |= {
+        "aligned": aligned,
         "bullets": bullets,
         "by": by,
         "form": format,
@@ -105,6 +114,7 @@ def _environment() -> Environment:
         "rounded_up": rounded_up,
         "table": table,
     }
+    made.tests["nan"] = isnan
     made.globals |= {
         "CLOSED": CLOSED,
         "NOTHING": NOTHING,

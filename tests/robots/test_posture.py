@@ -23,7 +23,7 @@ from formulations.studies.robots.study import best, row_of
 from formulations.studies.robots.survey_arms import ARMS, SurveyArm
 from nlp.errors import InputError
 
-RESULTS = Path(__file__).parents[3] / "results" / "robots"
+RESULTS = Path(__file__).parents[2] / "results" / "robots"
 
 
 @lru_cache
