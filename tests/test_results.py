@@ -230,7 +230,7 @@ def test_page_and_front_page_say_what_the_table_shows(name):
 
 
 def test_the_front_page_has_the_one_table_in_full():
-    shown = formulation_table(read_all(RESULTS)["comparison"])
+    shown = formulation_table(read_all(RESULTS))
     assert shown in FRONT
     assert len(shown.splitlines()) == 2 + 12
     assert "7R, unit lever arms | isotropy      | proved infeasible | exact proof" in shown

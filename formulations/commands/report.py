@@ -50,9 +50,10 @@ def report(
     those are. After Ctrl-C finished studies are kept. Exit status 1 if a study failed; the
     others still run.
     """
-    from formulations.studies.front_page import write_front_page
+    from formulations.studies.front_page import PAGE, front_page
     from formulations.studies.running import State, chosen, run_all
     from formulations.studies.study import Effort
+    from nlp.files import write_text
     from nlp.multistart import default_workers
 
     names = None if only is None else [part.strip() for part in only.split(",")]
@@ -65,7 +66,7 @@ def report(
         _end(outcome)
         made = {one.study.name for one in outcomes if one.state in written}
         failed = {o.study.name: o.reason for o in outcomes if o.state not in written}
-        write_front_page(out, seed, made, failed)
+        write_text(out / PAGE, front_page(out, seed, made, failed))
     _show(outcomes, out, as_json)
     if any(one.state is State.INTERRUPTED for one in outcomes):
         typer.echo("Interrupted: finished studies are kept, the rest is missing.", err=True)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,7 +11,6 @@ from formulations.commands.arguments import Json, Out, Seed, Starts
 from formulations.commands.study import run_study
 
 if TYPE_CHECKING:
-    from formulations.reproduction import Row
     from formulations.studies.study import Part
 
 
@@ -32,15 +29,10 @@ def reproduce(
     from formulations.studies.reproduction import study
     from formulations.studies.study import Effort
 
-    run_study(study(), out, Effort(seed, starts), as_json, text=_counts, each=_print)
+    run_study(study(), out, Effort(seed, starts), as_json, text=lambda _: "", each=_print)
 
 
 def _print(part: Part) -> None:
     for row in part.rows:
         typer.echo(f"{row.verdict:<9} {row.equation:<14} {row.quantity}")
         typer.echo(f"{'':<10}paper {row.paper}   ours {row.ours}")
-
-
-def _counts(rows: Sequence[Row]) -> str:
-    counts = Counter(str(row.verdict) for row in rows)
-    return "\n" + ", ".join(f"{count} {verdict}" for verdict, count in sorted(counts.items()))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from functools import partial
 from pathlib import Path
 from types import MappingProxyType
@@ -38,7 +38,7 @@ class Source:
     date: str
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class BoundRow(Source):
     """The columns of ``bounds.csv``, after the source; NaN where a column does not apply.
 
@@ -60,12 +60,12 @@ class BoundRow(Source):
     quantity: str
     joints: int = field(metadata=column("n"))
     kind: str
-    preset: str = field(metadata=column(empty="–"))
+    preset: str = field(default="", metadata=column(empty="–"))
     bound: float = field(metadata=column(form=".9g"))
-    closed_form: float = field(metadata=column("eq. (6)", ".9g"))
-    best_known: float = field(metadata=column("best known", ".9g"))
-    gap_percent: float = field(metadata=column("gap %"))
-    moments: int
+    closed_form: float = field(default=NAN, metadata=column("eq. (6)", ".9g"))
+    best_known: float = field(default=NAN, metadata=column("best known", ".9g"))
+    gap_percent: float = field(default=NAN, metadata=column("gap %"))
+    moments: int = 0
     largest_block: int
     seconds: float = field(metadata=column(form=".1f"))
 
@@ -198,7 +198,12 @@ RUNS: Mapping[str, Callable[[Effort], Mapping[str, Any]]] = MappingProxyType(
 
 def _compute(effort: Effort, folder: Path) -> Iterator[Part]:
     """Compute the runs, then list the files of the folder that others made."""
-    before = [row for rows in study().read(folder).values() for row in rows]
+    names = [one.name for one in fields(Source)]
+    before = {
+        row.file: Source(*(getattr(row, name) for name in names))
+        for rows in study().read(folder).values()
+        for row in rows
+    }
     for file, run in RUNS.items():
         effort.progress(file)
         plain = run(effort)
@@ -208,12 +213,7 @@ def _compute(effort: Effort, folder: Path) -> Iterator[Part]:
         if path.name not in RUNS:
             plain = json.loads(path.read_text(encoding="utf-8"))
             unknown = Source(path.name, command(plain), _UNKNOWN, _UNKNOWN, _UNKNOWN)
-            known = [_source(row) for row in before if row.file == path.name]
-            yield Part(rows=[row_of(plain, *known[:1] or [unknown])])
-
-
-def _source(row: Source) -> Source:
-    return Source(row.file, row.command, row.versions, row.machine, row.date)
+            yield Part(rows=[row_of(plain, before.get(path.name, unknown))])
 
 
 def _here(file: str, plain: Mapping[str, Any]) -> Source:
@@ -227,12 +227,7 @@ def _bound_row(plain: Mapping[str, Any], source: Source) -> BoundRow:
     best_known = _number(plain["best_known"])
     return BoundRow(
         **vars(source),
-        quantity=plain["quantity"],
-        joints=plain["joints"],
-        kind=plain["kind"],
-        preset=plain["preset"],
-        bound=plain["bound"],
-        closed_form=NAN,
+        **_same(plain, "quantity", "joints", "kind", "preset", "bound"),
         best_known=best_known,
         gap_percent=gap_percent(best_known, plain["bound"]),
         moments=size.get("moments", 0),
@@ -245,37 +240,30 @@ def _worst_case_row(plain: Mapping[str, Any], source: Source) -> BoundRow:
     arm = "revolute" if plain["facts"] else "free columns"
     return BoundRow(
         **vars(source),
+        **_same(plain, "joints", "kind", "seconds"),
         quantity=f"worst case, {arm}, ‖J‖² ≤ {plain['trace']:g}",
-        joints=plain["joints"],
-        kind=plain["kind"],
-        preset="",
         bound=_number(plain["singular_value_bound"]),
         closed_form=_number(plain["closed_form_singular_value_bound"]),
-        best_known=NAN,
-        gap_percent=NAN,
-        moments=0,
         largest_block=2 * plain["task_dimension"],
-        seconds=plain["seconds"],
     )
 
 
 def _relaxation_row(plain: Mapping[str, Any], source: Source) -> RelaxationRow:
     alone = [block for block in plain["blocks"] if block["infeasible_alone"]]
+    sizes = ("order", "joints", "classes", "equations", "rank", "largest_block")
     return RelaxationRow(
         **vars(source),
-        order=plain["order"],
-        joints=plain["joints"],
-        classes=plain["classes"],
-        equations=plain["equations"],
-        rank=plain["rank"],
+        **_same(plain, *sizes, "verdict"),
         free_moments=len(plain["free_moments"]),
-        largest_block=plain["largest_block"],
         margin=_number(plain["margin"]),
         proved=_number((plain["certificate"] or {}).get("proved")),
-        verdict=plain["verdict"],
         infeasible_alone=", ".join(_shape(block) for block in alone),
         seconds=sum(plain["seconds"].values()),
     )
+
+
+def _same(plain: Mapping[str, Any], *names: str) -> dict[str, Any]:
+    return {name: plain[name] for name in names}
 
 
 def _shape(block: Mapping[str, Any]) -> str:

@@ -16,7 +16,6 @@ from formulations.measures.canonical import distinct
 from formulations.solving.outcome import Outcome
 from formulations.solving.record import Record
 from formulations.solving.setup import setups
-from formulations.solving.solve import run
 from formulations.studies.study import Effort, Part, Study
 from nlp.interrupts import deferred_interrupt
 from nlp.ipopt_options import check_options
@@ -124,19 +123,9 @@ def study(
         plain: dict[tuple[str, str], Row] = {}
         for setup in setups(task_dimension):
             effort.progress(" ".join((setup.formulation, setup.model, setup.variant)))
-            outcome = run(
-                setup,
-                joints=joints,
-                task_dimension=task_dimension,
-                starts=effort.starts_or(STARTS),
-                seed=effort.seed,
-                workers=effort.workers,
-                options=options,
-                compiled=compiled,
-                progress=effort.bars,
+            outcome = effort.solve(
+                setup, joints, task_dimension, STARTS, options=options, compiled=compiled
             )
-            if not outcome.records:
-                raise KeyboardInterrupt  # before the first start ended
             with deferred_interrupt():  # until the row is written
                 row = row_of(outcome, plain.get((setup.formulation, setup.model)))
                 if not setup.variant:
@@ -212,11 +201,9 @@ def row_of(outcome: Outcome, default: Row | None = None) -> Row:
 
 def _entry(row: Row, record: Record) -> dict[str, object]:
     """Return the row's Jacobian at full precision, with what it is."""
+    names = ("formulation", "variant", "model", "verdict")
     return {
-        "formulation": row.formulation,
-        "variant": row.variant,
-        "model": row.model,
-        "verdict": row.verdict,
+        **{name: getattr(row, name) for name in names},
         "seed": record.seed,
         "start": record.index,
         "worst_case_sigma": record.worst_case_sigma,

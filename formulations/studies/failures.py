@@ -16,7 +16,6 @@ from formulations.measures.failure_model import FailureModel
 from formulations.measures.unequal_failures import expected_sigma, possible_worst_case_sigma
 from formulations.solving.outcome import Outcome
 from formulations.solving.setup import Setup
-from formulations.solving.solve import run
 from formulations.studies.study import Effort, Part, Study
 from formulations.unequal_max_min import Goal, default_encoding, merit
 from nlp.arrays import FloatArray
@@ -63,31 +62,21 @@ _MIXED = (0.1, 0.1, 0.1, 0.2, 0.2, 0.05, 0.05)
 
 
 def several() -> tuple[Case, ...]:
-    """Cases of k > 1 alike joints."""
-    return tuple(
-        Case(
-            Setup(
-                max_min.NAME, model, encoding=encoding, from_residual_minima=minima, locked=k
-            ),
-            n,
-            m,
-        )
-        for model, m, n, k in _SEVERAL
-        for encoding, minima in _ways(model, n - m - k)
-    )
-
-
-def _ways(model: str, spare: int) -> tuple[tuple[str, bool], ...]:
-    """Encodings, and whether starts are residual minima, that have a chance on an arm.
+    """Return the cases of k > 1 alike joints, with the encodings that have a chance there.
 
     With no column to spare, principal minors lose most starts, and on six rows random starts
-    most of what residual minima find.
+    lose most of what residual minima find.
     """
-    if spare > 0:
-        return ("shared-factor", False), ("principal-minors", False)
-    if model == "unit-revolute":
-        return (("shared-factor", True),)
-    return (("shared-factor", False),)
+    cases = []
+    for model, m, n, k in _SEVERAL:
+        tight = n - m - k == 0
+        minima = tight and model == "unit-revolute"
+        for encoding in ("shared-factor",) if tight else ("shared-factor", "principal-minors"):
+            setup = Setup(
+                max_min.NAME, model, encoding=encoding, from_residual_minima=minima, locked=k
+            )
+            cases.append(Case(setup, n, m))
+    return tuple(cases)
 
 
 def unequal() -> tuple[Case, ...]:
@@ -188,17 +177,7 @@ def _compute(effort: Effort, _: Path) -> Iterator[Part]:
     for case in (*several(), *unequal()):
         arm = f"{case.setup.model} {case.task_dimension}×{case.joints}"
         effort.progress(f"{arm}, {case.setup.locked} locked, {case.failing}")
-        outcome = run(
-            case.setup,
-            joints=case.joints,
-            task_dimension=case.task_dimension,
-            starts=effort.starts_or(STARTS),
-            seed=effort.seed,
-            workers=effort.workers,
-            progress=effort.bars,
-        )
-        if not outcome.records:
-            raise KeyboardInterrupt  # before the first start ended
+        outcome = effort.solve(case.setup, case.joints, case.task_dimension, STARTS)
         with deferred_interrupt():  # until the row is written
             row = row_of(case, outcome)
             [plain] = Table(Row, [row]).plain()

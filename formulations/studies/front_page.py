@@ -15,7 +15,6 @@ from formulations.studies.comparison import Row
 from formulations.studies.running import STUDIES
 from formulations.studies.study import Rows, Study
 from nlp.errors import FileError
-from nlp.files import write_text
 
 PAGE = "README.md"
 _TEMPLATE = "results.md.j2"
@@ -30,10 +29,8 @@ _PICTURES: Mapping[str, tuple[str, ...]] = MappingProxyType(
 )
 
 
-def write_front_page(
-    out: Path, seed: int, made: Collection[str], failed: Mapping[str, str]
-) -> None:
-    """Write the front page of the results into their folder.
+def front_page(out: Path, seed: int, made: Collection[str], failed: Mapping[str, str]) -> str:
+    """Return the front page as Markdown.
 
     Parameters
     ----------
@@ -45,17 +42,7 @@ def write_front_page(
         Names of the studies that this run computed.
     failed
         Names of those that it could not compute, and why.
-
-    Raises
-    ------
-    FileError
-        If the page cannot be written.
     """
-    write_text(out / PAGE, front_page(out, seed, made, failed))
-
-
-def front_page(out: Path, seed: int, made: Collection[str], failed: Mapping[str, str]) -> str:
-    """Return the front page as Markdown; see `write_front_page`."""
     values = {
         **_values(read_all(out)),
         "seed": seed,

@@ -81,7 +81,7 @@ def table(rows: Sequence[Any]) -> str:
 
 
 def aligned(text: str) -> str:
-    """Return lines of cells, separated by " | ", as a Markdown table; the first line heads it."""
+    """Return lines of cells between bars as a Markdown table, headed by the first line."""
     heads, *lines = (line.split(" | ") for line in text.splitlines() if line.strip())
     return tabulate(lines, heads, tablefmt="pipe", disable_numparse=True)
 

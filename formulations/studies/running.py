@@ -10,14 +10,7 @@ from enum import StrEnum
 from pathlib import Path
 from types import MappingProxyType
 
-from formulations.studies import (
-    bounds,
-    comparison,
-    existence,
-    failures,
-    figures,
-    reproduction,
-)
+from formulations.studies import bounds, comparison, existence, failures, figures, reproduction
 from formulations.studies.benchmark import study as benchmark
 from formulations.studies.robots import study as robots
 from formulations.studies.study import Effort, Study

@@ -9,6 +9,9 @@ from pathlib import Path
 from typing import Any
 
 from formulations.files.table import Table, read_rows
+from formulations.solving.outcome import Outcome
+from formulations.solving.setup import Setup
+from formulations.solving.solve import run
 from formulations.studies import pages
 from nlp.files import prepare_folder, write_bytes, write_text
 from nlp.interrupts import deferred_interrupt
@@ -43,6 +46,37 @@ class Effort:
     def starts_or(self, usual: int) -> int:
         """Return the number of starts, `usual` if none was asked for."""
         return self.starts or usual
+
+    def solve(
+        self, setup: Setup, joints: int, task_dimension: int, usual: int, **settings: Any
+    ) -> Outcome:
+        """Solve from all starts, `usual` if no number was asked for.
+
+        Parameters
+        ----------
+        setup, joints, task_dimension, settings
+            Those of `formulations.solving.solve.run`.
+        usual
+            Number of starts.
+
+        Raises
+        ------
+        KeyboardInterrupt
+            If the user interrupted before the first start ended.
+        """
+        outcome = run(
+            setup,
+            joints=joints,
+            task_dimension=task_dimension,
+            starts=self.starts_or(usual),
+            seed=self.seed,
+            workers=self.workers,
+            progress=self.bars,
+            **settings,
+        )
+        if not outcome.records:
+            raise KeyboardInterrupt
+        return outcome
 
 
 @dataclass(frozen=True)

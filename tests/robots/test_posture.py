@@ -19,7 +19,7 @@ from formulations.robots.posture import (
 )
 from formulations.robots.robot_arm import RobotArm
 from formulations.robots.robot_assessment import assess
-from formulations.studies.robots.study import best, row_of
+from formulations.studies.robots.study import row_of
 from formulations.studies.robots.survey_arms import ARMS, SurveyArm
 from nlp.errors import InputError
 
@@ -216,7 +216,7 @@ def test_searches_that_make_no_sense(made):
 
 def test_a_row_says_what_its_posture_says():
     arm = real("Franka", "position")
-    found = best(arm.arm(), Search(starts=2))
+    found = best_posture(arm.arm(), Search(starts=2))
     row = row_of(arm, found)
     assert row.worst_case_sigma == found.assessment.worst_case_sigma
     assert (row.joints, row.task_dimension, row.prismatic) == (7, 3, 0)
@@ -229,7 +229,7 @@ def test_a_row_of_an_arm_with_a_fatal_failure(made, tmp_path):
     tool = made.joint("tool", "tip", "tool", "fixed", xyz="0 0 0.1")
     path.write_text(path.read_text().replace("</robot>", f'<link name="tool"/>{tool}</robot>'))
     arm = SurveyArm("made", str(path), "tool")
-    found = best(arm.arm(), Search(starts=2))
-    assert found is None
-    row = row_of(arm, found)
+    with pytest.raises(FatalFailureError):
+        best_posture(arm.arm(), Search(starts=2))
+    row = row_of(arm, None)
     assert (row.fatal_failures, row.worst_case_sigma) == ("j3", 0.0)

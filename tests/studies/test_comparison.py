@@ -12,7 +12,7 @@ from formulations.catalogue import arm
 from formulations.files.table import Table
 from formulations.solving.setup import Setup, setups
 from formulations.solving.solve import run
-from formulations.studies import comparison
+from formulations.studies import study as study_module
 from formulations.studies.comparison import Row, row_of, study
 from formulations.studies.study import Effort
 from nlp.errors import InputError
@@ -166,7 +166,7 @@ def test_same_seed_any_workers_identical_tables(seven):
 def run_already(seven, monkeypatch):
     """The study, whose outcomes are there."""
     found = {o.setup: o for o in seven}
-    monkeypatch.setattr(comparison, "run", lambda setup, **_: found[setup])
+    monkeypatch.setattr(study_module, "run", lambda setup, **_: found[setup])
     return study(7)
 
 

@@ -10,6 +10,7 @@ from formulations import measures
 from formulations.measures.unequal_failures import expected_sigma
 from formulations.solving import solve
 from formulations.studies import failures
+from formulations.studies import study as study_module
 from formulations.studies.failures import several, study, unequal
 from formulations.studies.study import Effort
 
@@ -28,7 +29,7 @@ def folder(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(failures, "several", lambda: cases)
         patch.setattr(failures, "unequal", lambda: [])
-        patch.setattr(failures, "run", run)
+        patch.setattr(study_module, "run", run)
         assert not study().run(folder, Effort(starts=2)).complete
     return folder
 

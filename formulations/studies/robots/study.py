@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -15,7 +16,6 @@ from formulations.robots.posture import (
     fatal_failures,
 )
 from formulations.robots.reachable import BEST_7R
-from formulations.robots.robot_arm import RobotArm
 from formulations.studies.robots.survey_arms import ARMS, SurveyArm
 from formulations.studies.study import Effort, Part, Study
 from nlp.errors import InputError
@@ -102,7 +102,9 @@ def study(only: str | None = None) -> Study:
         )
         for one in arms:
             effort.progress(f"{one.name}, {one.task}")
-            posture = best(one.arm(), search)
+            posture: Posture | None = None
+            with suppress(FatalFailureError):
+                posture = best_posture(one.arm(), search)
             with deferred_interrupt():  # until the row is written
                 row = row_of(one, posture)
                 if posture is None:
@@ -126,20 +128,6 @@ def study(only: str | None = None) -> Study:
         # A missing package is better known at once than after an hour.
         check=lambda: [one.arm() for one in arms],
     )
-
-
-def best(arm: RobotArm, search: Search) -> Posture | None:
-    """Return the best posture of an arm; None if a failure is fatal at every posture.
-
-    Raises
-    ------
-    KeyboardInterrupt
-        If the user interrupted before the first start ended.
-    """
-    try:
-        return best_posture(arm, search)
-    except FatalFailureError:
-        return None
 
 
 def row_of(one: SurveyArm, found: Posture | None) -> Row:
