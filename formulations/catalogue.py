@@ -13,7 +13,7 @@ from formulations.joints.column_model import ColumnModel
 from formulations.joints.kinds import FreeColumn, Joint, LeverRevolute, Prismatic, UnitRevolute
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
-from nlp.ipopt_options import OptionValue
+from nlp.options import OptionValue
 from nlp.problem import Problem, Sense
 
 _T = TypeVar("_T")

@@ -37,7 +37,7 @@ from formulations.isotropy_equations import (
 from formulations.joints.arm import Arm
 from formulations.joints.column_model import ColumnModel
 from nlp.arrays import FloatArray
-from nlp.ipopt_options import OptionValue
+from nlp.options import OptionValue
 from nlp.problem import Constraint, Problem, Sense
 
 NAME = "isotropy"

@@ -25,10 +25,10 @@ from formulations.joints.arm import Arm
 from formulations.joints.column_model import ColumnModel
 from nlp.arrays import FloatArray, whole_number
 from nlp.errors import InputError
-from nlp.ipopt import IpoptSolver
-from nlp.ipopt_options import OptionValue
 from nlp.matrix_inequality import ENCODINGS, column_sets
+from nlp.options import OptionValue
 from nlp.problem import Problem, Sense
+from nlp.solver import Solver
 
 NAME = "max-min"
 SENSE: Sense = "maximise"
@@ -143,5 +143,5 @@ class ResidualMinimum:
 
 
 @lru_cache(maxsize=4)
-def _residual_solver(arm: ColumnModel) -> IpoptSolver:
-    return IpoptSolver(residual.build(arm), residual.OPTIONS)
+def _residual_solver(arm: ColumnModel) -> Solver:
+    return Solver(residual.build(arm), residual.OPTIONS)

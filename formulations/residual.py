@@ -28,7 +28,7 @@ from formulations.joints.arm import Arm
 from formulations.joints.column_model import ColumnModel
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
-from nlp.ipopt_options import OptionValue
+from nlp.options import OptionValue
 from nlp.problem import Problem, Sense
 
 NAME = "residual"

@@ -23,7 +23,7 @@ import numpy as np
 from formulations import max_min, residual
 from formulations.joints.arm import Arm
 from nlp.errors import InputError
-from nlp.ipopt_options import OptionValue
+from nlp.options import OptionValue
 from nlp.problem import Constraint, Problem
 
 NAME = "trade-off"

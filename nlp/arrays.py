@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TypeAlias
 
 import numpy as np
@@ -49,3 +50,8 @@ def whole_number(argument: str, value: object, lowest: int) -> int:
     if not whole or int(value) < lowest:  # type: ignore[call-overload]
         raise InputError(argument, value, f"a whole number of at least {lowest}")
     return int(value)  # type: ignore[call-overload,no-any-return]
+
+
+def finite_or_none(value: float | None) -> float | None:
+    """Return a number as a float, or None where there is none or it is not finite."""
+    return float(value) if value is not None and math.isfinite(value) else None

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Collection, Sequence
-from concurrent.futures import BrokenExecutor, Future
+from collections.abc import Sequence
+from concurrent.futures import BrokenExecutor, Future, InvalidStateError
 from contextlib import suppress
+from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
 from nlp.errors import InputError, WorkerError
-from nlp.spread import Results
-from nlp.task import Chunk, run_chunk
+from nlp.spread import SET_UP
+from nlp.task import Chunk, Outcomes, run_chunk
 
 _PATIENCE = 15.0  # seconds to wait for the scheduler and a first worker
 
@@ -33,7 +34,7 @@ class DaskCluster:
         If Dask is not installed, or no scheduler or no worker answers.
     """
 
-    lost: tuple[type[Exception], ...] = (BrokenExecutor,)
+    isolated = False  # chunks of one worker end with it
 
     def __init__(self, address: str) -> None:
         try:
@@ -42,8 +43,7 @@ class DaskCluster:
             allowed = "left out, or first run: pip install lockedjoint[cluster]"
             raise InputError("scheduler", address, allowed) from None
         self._address = address
-        self._tasks: dict[Future[Results], Any] = {}
-        self._started: dict[str, float] = {}
+        self._sent: dict[Future[Outcomes], _Sent] = {}
         try:
             self._client = Client(address, timeout=_PATIENCE, set_as_default=False)
         except (OSError, ValueError):
@@ -63,76 +63,88 @@ class DaskCluster:
         """How many processes the cluster has now, and one more chunk to keep each busy."""
         return 2 * len(self._client.nthreads())
 
-    def submit(self, chunk: Chunk) -> Future[Results]:
-        """Run a chunk on some worker."""
+    def submit(self, chunk: Chunk, time_limit: float | None = None) -> Future[Outcomes]:
+        """Run a chunk on some worker; the limit counts from when the worker begins."""
         if self._client.status != "running":
-            said = f"The scheduler {self._address} no longer answers; what arrived is kept."
+            said = f"The scheduler {self._address} no longer answers; results so far are kept."
             raise WorkerError(said)
-        future: Future[Results] = Future()
-        future.set_running_or_notify_cancel()
-        task = self._client.submit(
-            _run, self._topic, chunk.payload, chunk.seed, chunk.indices, pure=False
-        )
-        self._tasks[future] = task
+        future: Future[Outcomes] = Future()
+        call = (self._topic, chunk.payload, chunk.seed, chunk.indices)
+        task = self._client.submit(_run, *call, pure=False)
+        # It waits behind one other at most. If it has not begun by then, its worker is stuck.
+        late = None if time_limit is None else time.monotonic() + 2 * (time_limit + SET_UP)
+        self._sent[future] = _Sent(task, time_limit, late)
+        future.add_done_callback(self._forget)
         task.add_done_callback(partial(self._settle, future))
         return future
 
-    def started(self, future: Future[Results], submitted: float) -> float | None:  # noqa: ARG002
-        """Return when a worker said that it began; None while none has."""
-        task = self._tasks.get(future)
-        return None if task is None else self._started.get(task.key)
+    def supervise(self) -> None:
+        """Stop chunks that run too long, by a restart of their workers.
 
-    def kill(self, futures: Collection[Future[Results]]) -> None:
-        """Restart the workers that run these; their other chunks are run again by Dask."""
-        tasks = [self._tasks[future] for future in futures if future in self._tasks]
-        keys = {task.key for task in tasks}
+        Other chunks of these workers are run again by Dask.
+        """
+        now = time.monotonic()
+        late = {f: s for f, s in self._sent.items() if s.latest is not None and s.latest < now}
+        if not late:
+            return
+        keys = {sent.task.key for sent in late.values()}
         running = self._client.processing()
         workers = [address for address, held in running.items() if keys & set(held)]
-        self.abandon(futures)
+        for future in late:
+            with suppress(InvalidStateError):  # it ended at this moment
+                future.set_exception(TimeoutError())
         if workers:
             # A worker started without a nanny cannot be restarted: it keeps its chunk.
             with suppress(ValueError):
                 self._client.restart_workers(workers, timeout=_PATIENCE, raise_for_error=False)
 
-    def abandon(self, futures: Collection[Future[Results]]) -> None:
-        """Forget these: waiting ones are never run, running ones end for nothing."""
-        tasks = [self._tasks.pop(future, None) for future in futures]
-        known = [task for task in tasks if task is not None]
-        for task in known:
-            self._started.pop(task.key, None)
-        self._client.cancel(known, force=True)
-
     def close(self) -> None:
         """Leave the cluster; it goes on without us."""
         self._client.close()
 
-    def _settle(self, future: Future[Results], task: Any) -> None:
-        if self._tasks.pop(future, None) is None:  # abandoned
-            return
-        self._started.pop(task.key, None)
-        try:
-            future.set_result(task.result())
-        except Exception as error:
-            future.set_exception(_told(error))
+    def _settle(self, future: Future[Outcomes], task: Any) -> None:
+        with suppress(InvalidStateError):  # cancelled, or too late
+            try:
+                outcomes = task.result()
+            except Exception as error:
+                future.set_exception(_translated(error))
+            else:
+                future.set_result(outcomes)
+
+    def _forget(self, future: Future[Outcomes]) -> None:
+        """Cancel the task if it is still there: a waiting one is never run."""
+        sent = self._sent.pop(future)
+        if not sent.task.done():
+            self._client.cancel([sent.task], force=True)
 
     def _note(self, event: tuple[float, str]) -> None:
         """Note that a chunk began to run, or runs again on another worker."""
-        key = event[1]
-        if any(task.key == key for task in list(self._tasks.values())):
-            self._started[key] = time.monotonic()
+        for sent in list(self._sent.values()):
+            if sent.task.key == event[1] and sent.limit is not None:
+                sent.latest = time.monotonic() + sent.limit
 
 
-def _run(topic: str, payload: bytes, seed: int, indices: Sequence[int]) -> Results:
-    """Say that the chunk begins, and run it."""
+@dataclass
+class _Sent:
+    """A chunk on the cluster: its limit in seconds, and when it will have run too long."""
+
+    task: Any
+    limit: float | None
+    latest: float | None
+
+
+def _run(topic: str, payload: bytes, seed: int, indices: Sequence[int]) -> Outcomes:
+    """Build the solver, log that the chunk begins, and run it."""
     from distributed import get_worker
 
+    run_chunk(payload, seed, ())
     worker = get_worker()
     worker.log_event(topic, worker.get_current_task())
     return run_chunk(payload, seed, indices)
 
 
-def _told(error: Exception) -> Exception:
-    """Return the error as `nlp.spread` expects it."""
+def _translated(error: Exception) -> Exception:
+    """Return the error as `nlp.spread.Pool` has it."""
     from distributed import KilledWorker
     from distributed.client import FutureCancelledError
 

@@ -1,8 +1,8 @@
 """A problem's functions and derivatives compiled to machine code, once for all runs.
 
 CasADi writes them as C; the system's compiler makes a library of that, which is kept under a
-name made from the C code, the compiler's command and CasADi's version. Whoever needs the same
-functions again, in any process, finds it there.
+name made from the C code, the compiler's command and CasADi's version. Any process that needs
+the same functions again uses it.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Run a conic solver through cvxpy and keep what it says of itself."""
+"""Run a conic solver through cvxpy and keep the status that it reports."""
 
 from __future__ import annotations
 
@@ -9,6 +9,13 @@ from typing import Any
 import cvxpy as cp
 
 from nlp.errors import InputError, SolverOptionError
+
+
+def check_solver(solver: str, *others: str) -> None:
+    """Raise InputError unless cvxpy has a solver of this name, or it is one of the others."""
+    allowed = [*others, *cp.installed_solvers()]
+    if solver not in allowed:
+        raise InputError("solver", solver, ", ".join(allowed))
 
 
 def run(program: cp.Problem, solver: str, options: Mapping[str, Any] | None = None) -> str:
@@ -36,11 +43,9 @@ def run(program: cp.Problem, solver: str, options: Mapping[str, Any] | None = No
     SolverOptionError
         If the solver has no such option.
     """
-    installed = cp.installed_solvers()
-    if solver not in installed:
-        raise InputError("solver", solver, ", ".join(installed))
+    check_solver(solver)
     with warnings.catch_warnings():
-        # cvxpy warns of inaccurate answers; the status says so too, and is kept.
+        # cvxpy warns of inaccurate answers; the status has the same information.
         warnings.simplefilter("ignore", UserWarning)
         try:
             program.solve(solver=solver, **(options or {}))

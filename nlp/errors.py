@@ -51,7 +51,7 @@ class FileError(InputError):
 
 
 class WorkerError(LockedJointError):
-    """A start that ends the process it runs in, each time it is run."""
+    """A start that fails each time it is run, or workers that cannot be had."""
 
     exit_status: ClassVar[int] = 1
 

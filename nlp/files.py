@@ -1,10 +1,12 @@
-"""Files written whole or not at all."""
+"""Files read and written whole, or not at all."""
 
 from __future__ import annotations
 
 import os
 import tempfile
+from contextlib import suppress
 from pathlib import Path
+from uuid import uuid4
 
 from nlp.errors import FileError
 
@@ -26,6 +28,16 @@ def prepare_folder(folder: Path, name: str = "output folder") -> Path:
     return folder
 
 
+def read_bytes(path: Path) -> bytes:
+    """Return the content of a file; FileError if it cannot be read."""
+    try:
+        return path.read_bytes()
+    except OSError as reason:
+        raise FileError(
+            "file", str(path), f"a file that can be read ({_why(reason)})"
+        ) from None
+
+
 def write_text(path: Path, text: str) -> None:
     """Write a file so that readers see the old content or the new, never a part.
 
@@ -39,26 +51,18 @@ def write_text(path: Path, text: str) -> None:
 
 def write_bytes(path: Path, content: bytes) -> None:
     """Write a file of bytes; see `write_text`."""
-    part = None
+    part = path.with_name(f".{path.name}.{uuid4().hex}")
     try:
-        descriptor, part = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
-        with os.fdopen(descriptor, "wb") as file:
+        with part.open("xb") as file:
             file.write(content)
             file.flush()
             os.fsync(file.fileno())
-        Path(part).chmod(0o666 & ~_umask())
-        Path(part).replace(path)
+        part.replace(path)
     except OSError as reason:
         raise FileError("file", str(path), f"a path to write to ({_why(reason)})") from None
     finally:
-        if part is not None:
-            Path(part).unlink(missing_ok=True)  # only still there if something went wrong
-
-
-def _umask() -> int:
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask
+        with suppress(OSError):
+            part.unlink(missing_ok=True)  # only still there if something went wrong
 
 
 def _why(reason: OSError) -> str:

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import combinations
 from types import MappingProxyType
 from typing import Protocol
@@ -35,8 +36,8 @@ class Encoding:
     ----------
     variables
         Auxiliary symbols, a column of shape (size, 1).
-    lower, upper
-        Their bounds, shape (size,).
+    lower
+        Their lower bounds, shape (size,); they have no upper ones.
     constraints
         Smooth constraints on A, t and the auxiliary variables.
     lift
@@ -45,9 +46,13 @@ class Encoding:
 
     variables: ca.SX
     lower: FloatArray
-    upper: FloatArray
     constraints: tuple[Constraint, ...]
     lift: Callable[[FloatArray, float], FloatArray]
+
+    @property
+    def upper(self) -> FloatArray:
+        """Upper bounds of the auxiliary symbols, all infinite, shape (size,)."""
+        return np.full(self.lower.size, np.inf)
 
 
 class Encode(Protocol):
@@ -100,7 +105,7 @@ def shared_factor(
 
     diagonals = [_diagonal_bounds(m, pivot), *(_diagonal_bounds(len(c), 0.0) for c in several)]
     variables = ca.vertcat(entries, *(symbols for symbols, _ in small))
-    return _encoding(variables, np.concatenate(diagonals), constraints, lift)
+    return Encoding(variables, np.concatenate(diagonals), tuple(constraints), lift)
 
 
 def principal_minors(
@@ -129,7 +134,7 @@ def principal_minors(
     def lift(numeric: FloatArray, t: float) -> FloatArray:
         return _packed(_factor(numeric @ numeric.T - t * np.eye(m)))
 
-    return _encoding(entries, _diagonal_bounds(m, pivot), constraints, lift)
+    return Encoding(entries, _diagonal_bounds(m, pivot), tuple(constraints), lift)
 
 
 def factor_per_deletion(
@@ -137,43 +142,14 @@ def factor_per_deletion(
     level: ca.SX,
     deleted: Sequence[tuple[int, ...]],
     pivot: float,  # noqa: ARG001
+    least: float = -np.inf,
 ) -> Encoding:
-    """Encode (*) by one free triangular factor per deletion: L_F L_Fᵀ = A_F̄ A_F̄ᵀ − tI.
+    """Encode (*) by one triangular factor per deletion: L_F L_Fᵀ = A_F̄ A_F̄ᵀ − tI.
 
-    The classical lifting. At the optimum every binding factor is singular, and its diagonal
-    may pass through zero on the way: many starts stall there. Kept for comparison.
+    The classical lifting, with diag L_F ≥ `least`. At the optimum every binding factor is
+    singular, and its diagonal may pass through zero on the way where it is free: many starts
+    stall there. Kept for comparison.
     """
-    return _factor_per_deletion(matrix, deleted, level, -np.inf)
-
-
-def positive_factor_per_deletion(
-    matrix: ca.SX,
-    level: ca.SX,
-    deleted: Sequence[tuple[int, ...]],
-    pivot: float,  # noqa: ARG001
-) -> Encoding:
-    """Encode (*) as `factor_per_deletion` does, with diag L_F ≥ 0 besides."""
-    return _factor_per_deletion(matrix, deleted, level, 0.0)
-
-
-ENCODINGS: Mapping[str, Encode] = MappingProxyType(
-    {
-        "shared-factor": shared_factor,
-        "principal-minors": principal_minors,
-        "factor-per-deletion": factor_per_deletion,
-        "positive-factor-per-deletion": positive_factor_per_deletion,
-    }
-)
-
-
-def column_sets(columns: int, size: int) -> tuple[tuple[int, ...], ...]:
-    """All sets of `size` out of `columns` columns, counted from 0, in order."""
-    return tuple(combinations(range(columns), size))
-
-
-def _factor_per_deletion(
-    matrix: ca.SX, deleted: Sequence[tuple[int, ...]], level: ca.SX, least: float
-) -> Encoding:
     m, n = matrix.shape
     factors = [_triangular("L" + "_".join(map(str, columns)), m) for columns in deleted]
     constraints = []
@@ -189,16 +165,22 @@ def _factor_per_deletion(
 
     variables = ca.vertcat(*(symbols for symbols, _ in factors))
     lower = np.tile(_diagonal_bounds(m, least), len(deleted))
-    return _encoding(variables, lower, constraints, lift)
+    return Encoding(variables, lower, tuple(constraints), lift)
 
 
-def _encoding(
-    variables: ca.SX,
-    lower: FloatArray,
-    constraints: Sequence[Constraint],
-    lift: Callable[[FloatArray, float], FloatArray],
-) -> Encoding:
-    return Encoding(variables, lower, np.full(lower.size, np.inf), tuple(constraints), lift)
+ENCODINGS: Mapping[str, Encode] = MappingProxyType(
+    {
+        "shared-factor": shared_factor,
+        "principal-minors": principal_minors,
+        "factor-per-deletion": factor_per_deletion,
+        "positive-factor-per-deletion": partial(factor_per_deletion, least=0.0),
+    }
+)
+
+
+def column_sets(columns: int, size: int) -> tuple[tuple[int, ...], ...]:
+    """All sets of `size` out of `columns` columns, counted from 0, in order."""
+    return tuple(combinations(range(columns), size))
 
 
 def _triangular(name: str, size: int) -> tuple[ca.SX, ca.SX]:

@@ -1,40 +1,40 @@
 """One problem from many random starts, on one or several processes, reproducibly.
 
 Start k of seed s is the same on every machine and with any number of workers: it is drawn
-from a generator of its own, and no solve knows of any other.
+from a generator of its own, and no solve depends on another.
 """
 
 from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable, Generator, Mapping, Sequence
+from collections.abc import Callable, Generator, Mapping
 from contextlib import closing
 from dataclasses import dataclass
-from typing import Any, Generic, TypeVar, overload
+from typing import Any, Generic
 
 import joblib
 import numpy as np
 from threadpoolctl import threadpool_limits
 from tqdm import tqdm
+from typing_extensions import TypeVar
 
 from nlp.arrays import FloatArray, whole_number
 from nlp.errors import WorkerError
 from nlp.problem import Problem
 from nlp.processes import Processes
-from nlp.solvers import check_solver
 from nlp.spread import spread
-from nlp.task import Chunk, Done, Run, Task, generator, packed, run_start
+from nlp.task import Chunk, Done, Run, Task, generator, packed, run_start, seed_of
 
 __all__ = ["Run", "Study", "Task", "default_workers", "generator", "multistart"]
 
 CHUNK = 10
-T = TypeVar("T")
+T = TypeVar("T", default=Run)
 
 
 @dataclass(frozen=True, eq=False)
 class Study(Generic[T]):
-    """What became of each start, in the order of the starts.
+    """The result of each start, in the order of the starts.
 
     Attributes
     ----------
@@ -48,7 +48,7 @@ class Study(Generic[T]):
     complete: bool
 
 
-def _unjudged(run: Run) -> Run:
+def _unjudged(run: Run) -> Any:
     return run
 
 
@@ -57,66 +57,38 @@ def default_workers() -> int:
     return int(joblib.cpu_count())
 
 
-@overload
 def multistart(
     build: Callable[[], Problem],
     sample: Callable[[np.random.Generator], FloatArray],
     *,
     starts: int,
-    seed: int = ...,
-    workers: int = ...,
-    options: Mapping[str, object] | None = ...,
-    solver: str = ...,
-    compiled: bool = ...,
-    label: str | None = ...,
-) -> Study[Run]: ...
-
-
-@overload
-def multistart(
-    build: Callable[[], Problem],
-    sample: Callable[[np.random.Generator], FloatArray],
-    *,
-    starts: int,
-    seed: int = ...,
-    workers: int = ...,
-    options: Mapping[str, object] | None = ...,
-    solver: str = ...,
-    compiled: bool = ...,
-    label: str | None = ...,
-    judge: Callable[[Run], T],
-    figure: Callable[[T], float] | None = ...,
-) -> Study[T]: ...
-
-
-def multistart(
-    build: Callable[[], Problem],
-    sample: Callable[[np.random.Generator], FloatArray],
-    *,
-    starts: int,
-    seed: int = 0,
+    rng: int | np.integer[Any] | np.random.Generator = 0,
     workers: int = 1,
     options: Mapping[str, object] | None = None,
     solver: str = "ipopt",
     compiled: bool = False,
     label: str | None = None,
-    judge: Callable[[Run], Any] = _unjudged,
-    figure: Callable[[Any], float] | None = None,
-) -> Study[Any]:
+    judge: Callable[[Run], T] | None = None,
+    figure: Callable[[T], float] | None = None,
+    allow_files: bool = False,
+) -> Study[T]:
     """Solve one problem from many random starts.
 
     Parameters
     ----------
     build, sample, options, judge
-        See `Task`. With more than one worker they must be picklable.
+        See `Task`. With more than one worker they are sent to other processes, also from a
+        script or notebook. Without a judge, the results are the runs themselves.
     starts
         How many starts, at least 1.
-    seed
-        Seed of the study, a whole number of at least 0.
+    rng
+        Seed of the study, a whole number of at least 0; or a generator, from which one seed
+        is drawn.
     workers
-        How many processes, at least 1; one runs in this process.
-    solver, compiled
-        See `nlp.solvers`; the options are that solver's.
+        How many processes at most, at least 1; one runs in this process, and no more are
+        started than there is work for.
+    solver, compiled, allow_files
+        See `nlp.solver.Solver`; the options are that solver's.
     label
         Shown before a progress bar on a terminal's standard error; no bar without it.
     figure
@@ -135,23 +107,38 @@ def multistart(
         to other processes.
     WorkerError
         If a start ends its worker process, each time it is run.
+    Exception
+        Whatever `build`, `sample` or `judge` raises.
     """
     starts = whole_number("starts", starts, 1)
-    seed = whole_number("seed", seed, 0)
+    seed = seed_of(rng)
     workers = whole_number("workers", workers, 1)
-    checked = check_solver(solver, options or {}, compiled)
-    task = Task(build, sample, checked, judge, solver, compiled)
+    task: Task[T] = Task(
+        build, sample, options or {}, judge or _unjudged, solver, compiled, allow_files
+    )
     if workers == 1:
         batches = _in_turn(task, seed, starts)
     else:
         batches = _spread(task, seed, starts, workers)
-    done: list[Done[Any]] = []
-    with closing(batches), _progress(label, starts) as bar:
-        best = _Best(bar, figure)
+    done: list[Done[T]] = []
+    bar = tqdm(
+        total=starts,
+        desc=label,
+        disable=label is None or not os.isatty(2),
+        leave=False,
+        dynamic_ncols=True,
+    )
+    with closing(batches), bar:
+        best = math.nan
         try:
             for batch in batches:
                 done += batch
-                best.add(batch)
+                for one in batch:
+                    pick = np.fmin if one.sense == "minimise" else np.fmax  # over NaN, too
+                    best = float(pick(best, _number(one, figure)))
+                if not math.isnan(best):
+                    bar.set_postfix_str(f"best {best:.8g}", refresh=False)
+                bar.update(len(batch))
         except KeyboardInterrupt:
             pass  # what is done is kept, and `complete` says that it is not all
     done.sort(key=lambda one: one.index)
@@ -176,33 +163,12 @@ def _spread(
     )
     with closing(spread(chunks, Processes(workers))) as arrivals:
         for arrival in arrivals:
-            if arrival.results is None:
-                raise WorkerError(f"Start {arrival.chunk.indices[0]} ends its worker process.")
+            for lost in arrival.lost:
+                raise lost.error or WorkerError(f"Start {lost.index} {lost.why}.")
             yield arrival.results
 
 
-def _progress(label: str | None, starts: int) -> tqdm[Any]:
-    hidden = label is None or not os.isatty(2)
-    return tqdm(total=starts, desc=label, disable=hidden, leave=False, dynamic_ncols=True)
-
-
-class _Best:
-    """Shows the best figure so far on the bar."""
-
-    def __init__(self, bar: tqdm[Any], figure: Callable[[Any], float] | None) -> None:
-        self._bar = bar
-        self._figure = figure
-        self._value = math.nan
-
-    def add(self, batch: Sequence[Done[Any]]) -> None:
-        for one in batch:
-            pick = np.fmin if one.sense == "minimise" else np.fmax  # both pass over NaN
-            self._value = float(pick(self._value, self._of(one)))
-        if not math.isnan(self._value):
-            self._bar.set_postfix_str(f"best {self._value:.8g}", refresh=False)
-        self._bar.update(len(batch))
-
-    def _of(self, one: Done[Any]) -> float:
-        if self._figure is not None:
-            return self._figure(one.result)
-        return one.objective if one.success else math.nan
+def _number(one: Done[T], figure: Callable[[T], float] | None) -> float:
+    if figure is not None:
+        return figure(one.result)
+    return one.objective if one.success else math.nan

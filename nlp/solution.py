@@ -1,4 +1,4 @@
-"""What a solver answered, kept whole: its own status, and what we recomputed ourselves."""
+"""The answer of a solver: its own status, and what was recomputed at its point."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ INFEASIBLE = "Infeasible_Problem_Detected"
 
 @dataclass(frozen=True)
 class Status:
-    """How Ipopt ended, in its own words and numbers.
+    """How the solver ended, by its own statistics; NaN where it has none.
 
     Attributes
     ----------
     return_status
-        Ipopt's return status, verbatim.
+        Ipopt's return status, verbatim; Fatrop's success in the same words.
     iterations
         Number of iterations.
     primal_infeasibility, dual_infeasibility, barrier
@@ -40,12 +40,12 @@ class Status:
 
     @property
     def success(self) -> bool:
-        """Whether Ipopt says that it reached the tolerances it was asked for."""
+        """Whether the solver reports that it reached its tolerances."""
         return self.return_status == SUCCESS
 
     @property
     def acceptable(self) -> bool:
-        """Whether Ipopt says that it reached its tolerances, or the looser acceptable ones."""
+        """Whether it reports that it reached its tolerances, or the looser acceptable ones."""
         return self.return_status in (SUCCESS, ACCEPTABLE)
 
     def to_dict(self) -> dict[str, str | int | float]:
@@ -55,7 +55,7 @@ class Status:
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """A point and what is known of it; not to be trusted before it is checked.
+    """A point and what is known of it; to be checked before it is used.
 
     Attributes
     ----------

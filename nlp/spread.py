@@ -1,20 +1,24 @@
-"""Chunks spread over workers that may die or hang; every chunk comes back once, or is lost."""
+"""Chunks spread over workers that may die or hang; every start comes back once, or is lost."""
 
 from __future__ import annotations
 
-import time
 from collections import deque
-from collections.abc import Collection, Generator, Iterable
-from concurrent.futures import FIRST_COMPLETED, Future, wait
-from dataclasses import dataclass
+from collections.abc import Generator, Iterable, Iterator
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, wait
+from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
-from nlp.task import Chunk, Done
+from nlp.errors import WorkerError
+from nlp.task import Chunk, Done, Lost, Outcomes
 
-# How often a single start may end its worker, with nobody else at work, before it is lost.
+# How often a start may end its worker or exceed the time limit, as the only start of its chunk,
+# before it is lost.
 ATTEMPTS = 2
 
-Results = list[Done[Any]]
+# Seconds that building a solver may take, where there is a time limit for its starts.
+SET_UP = 60.0
+
+_PULSE = 0.5  # seconds between two looks at the workers
 
 
 class Pool(Protocol):
@@ -22,30 +26,31 @@ class Pool(Protocol):
 
     Attributes
     ----------
-    lost
-        What a future raises whose worker died or was killed.
+    isolated
+        Whether a chunk that ends its worker can never end another chunk with it.
     """
 
-    lost: tuple[type[Exception], ...]
+    isolated: bool
 
     @property
     def size(self) -> int:
-        """How many chunks they can run at once."""
+        """How many chunks can be under way at once."""
 
-    def submit(self, chunk: Chunk) -> Future[Results]:
-        """Run a chunk; raises one of `lost` itself if no worker can take it just now."""
+    def submit(self, chunk: Chunk, time_limit: float | None) -> Future[Outcomes]:
+        """Run a chunk.
 
-    def started(self, future: Future[Results], submitted: float) -> float | None:
-        """Return when it began to run, by `time.monotonic`; None if it may still wait.
+        The future raises BrokenExecutor if the chunk's worker ended, TimeoutError if the chunk
+        ran for longer than the limit in seconds, and what building the task's solver raised.
+        Cancelling it stops the chunk.
 
-        `submitted` is when it was submitted, by the same clock.
+        Raises
+        ------
+        WorkerError
+            If no worker can be had.
         """
 
-    def kill(self, futures: Collection[Future[Results]]) -> None:
-        """Stop these, by killing their workers; others may be lost with them."""
-
-    def abandon(self, futures: Collection[Future[Results]]) -> None:
-        """Stop caring for these."""
+    def supervise(self) -> None:
+        """Fail the futures of chunks that ended or run too long; called at intervals."""
 
     def close(self) -> None:
         """Let go of the workers."""
@@ -53,18 +58,18 @@ class Pool(Protocol):
 
 @dataclass(frozen=True)
 class Arrival:
-    """What came of a chunk: one result per start, or None if it was lost."""
+    """What came of a chunk, or of some of its starts: those that ended, and those lost."""
 
     chunk: Chunk
-    results: Results | None
+    results: list[Done[Any]]
+    lost: list[Lost]
 
 
 @dataclass(frozen=True)
 class _Trial:
     chunk: Chunk
     failures: int = 0
-    alone: bool = False
-    since: float = 0.0
+    again: bool = False
 
 
 def spread(
@@ -72,13 +77,12 @@ def spread(
 ) -> Generator[Arrival, None, None]:
     """Yield what came of each chunk, as it comes.
 
-    No more chunks are under way than there are workers, and chunks are drawn from the
-    iterable only as workers ask, so memory does not grow with their number.
+    No more chunks are under way than the workers need, and chunks are drawn from the iterable
+    only as workers ask, so memory does not grow with their number.
 
-    When a worker dies or a chunk takes too long, chunks that were under way are suspects.
-    Suspects run again one at a time, with nothing else under way, so that it is known which
-    one is to blame; that one is split into its starts, and a start that ends its worker
-    `ATTEMPTS` times alone is lost.
+    When a worker ends or a chunk takes too long, its starts run again one by one. A start that
+    fails `ATTEMPTS` times on its own is lost. Where workers are not isolated, nothing else is
+    under way meanwhile, so that it is known which start is to blame.
 
     Parameters
     ----------
@@ -87,113 +91,75 @@ def spread(
     pool
         Where to run it.
     time_limit
-        Seconds that a chunk may run, not counting the time that it waits for a worker; no
-        limit by default.
+        Seconds that a chunk may run, without the time that it waits for a worker; no limit
+        by default.
+
+    Raises
+    ------
+    WorkerError
+        If there is no worker and none can be had.
     """
     waiting = iter(chunks)
-    suspects: deque[_Trial] = deque()
-    flight: dict[Future[Results], _Trial] = {}
+    again: deque[_Trial] = deque()
+    flight: dict[Future[Outcomes], _Trial] = {}
     try:
         while True:
-            _fill(flight, suspects, waiting, pool)
+            _fill(flight, again, waiting, pool, time_limit)
             if not flight:
                 return
-            yield from _landed(flight, suspects, pool, time_limit)
-            for trial in _overdue(flight, pool, time_limit):
-                yield from _failed(trial, suspects)
+            ended, _ = wait(flight, timeout=_PULSE, return_when=FIRST_COMPLETED)
+            pool.supervise()
+            for future in ended:
+                yield from _landed(future, flight.pop(future), again)
     finally:
-        if flight:
-            pool.abandon(list(flight))
+        for future in flight:
+            future.cancel()
 
 
 def _fill(
-    flight: dict[Future[Results], _Trial],
-    suspects: deque[_Trial],
-    waiting: Iterable[Chunk],
+    flight: dict[Future[Outcomes], _Trial],
+    again: deque[_Trial],
+    waiting: Iterator[Chunk],
     pool: Pool,
+    time_limit: float | None,
 ) -> None:
-    if suspects:
-        if not flight:
-            trial = suspects.popleft()
-            _submit(_Trial(trial.chunk, trial.failures, alone=True), flight, suspects, pool)
-        return
     while len(flight) < max(1, pool.size):
-        chunk = next(iter(waiting), None)
-        if chunk is None or not _submit(_Trial(chunk), flight, suspects, pool):
+        alone = again or any(trial.again for trial in flight.values())
+        if alone and flight and not pool.isolated:
+            return
+        if again:
+            trial = again.popleft()
+        else:
+            chunk = next(waiting, None)
+            if chunk is None:
+                return
+            trial = _Trial(chunk)
+        try:
+            flight[pool.submit(trial.chunk, time_limit)] = trial
+        except WorkerError:
+            if not flight:
+                raise
+            again.appendleft(trial)  # for one of those that there are
             return
 
 
-def _submit(
-    trial: _Trial,
-    flight: dict[Future[Results], _Trial],
-    suspects: deque[_Trial],
-    pool: Pool,
-) -> bool:
-    began = _Trial(trial.chunk, trial.failures, trial.alone, time.monotonic())
-    try:
-        flight[pool.submit(trial.chunk)] = began
-    except pool.lost:  # a worker died since, and not of this chunk
-        suspects.append(trial)
-        return False
-    return True
-
-
 def _landed(
-    flight: dict[Future[Results], _Trial],
-    suspects: deque[_Trial],
-    pool: Pool,
-    time_limit: float | None,
+    future: Future[Outcomes], trial: _Trial, again: deque[_Trial]
 ) -> Generator[Arrival, None, None]:
-    """Wait until something ends, and say what."""
-    patience = None
-    if time_limit is not None:
-        # What has not begun yet cannot be late before this much time has passed.
-        latest = time.monotonic() + time_limit
-        ends = (_deadline(pool, *pair, time_limit) for pair in flight.items())
-        patience = max(0.0, min(latest, *ends) - time.monotonic()) + 0.01
-    ended, _ = wait(flight, timeout=patience, return_when=FIRST_COMPLETED)
-    for future in ended:
-        try:
-            results = future.result()
-        except pool.lost:
-            yield from _failed(flight.pop(future), suspects)
-        else:
-            yield Arrival(flight.pop(future).chunk, results)
-
-
-def _overdue(
-    flight: dict[Future[Results], _Trial], pool: Pool, time_limit: float | None
-) -> list[_Trial]:
-    """Stop what takes too long; return it and what was lost with it."""
-    if time_limit is None:
-        return []
-    now = time.monotonic()
-    late = [one for one in flight.items() if _deadline(pool, *one, time_limit) < now]
-    overdue = [future for future, _ in late if not future.done()]
-    if not overdue:
-        return []
-    pool.kill(overdue)
-    return [flight.pop(future) for future in overdue]
-
-
-def _deadline(pool: Pool, future: Future[Results], trial: _Trial, time_limit: float) -> float:
-    started = pool.started(future, trial.since)
-    if started is not None:
-        return started + time_limit
-    # Behind one other at most. If neither that nor a start shows, its worker is stuck.
-    return trial.since + 2 * time_limit
-
-
-def _failed(trial: _Trial, suspects: deque[_Trial]) -> Generator[Arrival, None, None]:
     chunk = trial.chunk
-    if not trial.alone:
-        suspects.append(_Trial(chunk))
-    elif len(chunk.indices) > 1:
-        suspects.extend(
-            _Trial(Chunk(chunk.payload, chunk.seed, (index,), chunk.label))
-            for index in chunk.indices
-        )
-    elif trial.failures + 1 < ATTEMPTS:
-        suspects.append(_Trial(chunk, trial.failures + 1))
+    try:
+        outcomes = future.result()
+    except TimeoutError:
+        why = "exceeded the time limit"
+    except BrokenExecutor:
+        why = "ended its process"
     else:
-        yield Arrival(chunk, None)
+        done = [one for one in outcomes if isinstance(one, Done)]
+        yield Arrival(chunk, done, [one for one in outcomes if isinstance(one, Lost)])
+        return
+    if len(chunk.indices) > 1:
+        again += [_Trial(replace(chunk, indices=(k,)), again=True) for k in chunk.indices]
+    elif trial.failures + 1 < ATTEMPTS:
+        again.append(_Trial(chunk, trial.failures + 1, again=True))
+    else:
+        yield Arrival(chunk, [], [Lost(chunk.indices[0], why)])

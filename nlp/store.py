@@ -2,24 +2,24 @@
 
 A store is one SQLite file in write-ahead mode: one process writes, others read meanwhile.
 A *cell* is a problem with all that decides its records, and a record is what became of one
-start of a cell. Floats are eight-byte floats in the file, so they come back bit for bit; NaN,
-which SQL does not have, is kept as NULL. The caller's `Schema` says which columns there are.
+start of a cell. Floats are eight-byte floats in the file, so they come back bit for bit. NaN,
+which SQL does not have, is kept as NULL. The caller's `Schema` lists the columns.
 """
 
 from __future__ import annotations
 
+import math
 import sqlite3
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
 from pathlib import Path
-from types import TracebackType
-from typing import Self, TypeAlias
+from typing import Any, Self, TypeAlias
 
 from nlp.errors import FileError, InputError
-from nlp.store_join import conflict_query, join_statements
-from nlp.store_schema import Condition, Schema, Value, create_statements, from_sql, to_sql
+from nlp.store_schema import Condition, Schema, Value
 
-Row: TypeAlias = dict[str, Value]
+# Which types the values have, the schema knows.
+Row: TypeAlias = dict[str, Any]
 
 _BUSY_SECONDS = 60.0
 
@@ -34,8 +34,8 @@ class Store:
     schema
         The columns that the caller keeps.
     writable
-        Whether to add to it; a writable store is made if there is none, and brought to the
-        schema's version if an older one can be.
+        Whether to add to it. A writable store is made if there is none, and brought to the
+        schema's version if it is older and there are migrations.
 
     Raises
     ------
@@ -46,15 +46,14 @@ class Store:
     def __init__(self, path: Path, schema: Schema, *, writable: bool = False) -> None:
         self.path = path
         self.schema = schema
+        if not writable and not path.is_file():
+            raise FileError("store", str(path), "the file of a campaign")
         with self._clear():
-            mode = "rwc" if writable else "ro"
-            if not writable and not path.is_file():
-                raise FileError("store", str(path), "the file of a campaign")
             self._database = sqlite3.connect(
-                f"{path.absolute().as_uri()}?mode={mode}",
+                f"{path.absolute().as_uri()}?mode={'rwc' if writable else 'ro'}",
                 uri=True,
                 timeout=_BUSY_SECONDS,
-                isolation_level=None,  # transactions begin and end where it is said below
+                isolation_level=None,  # transactions are those of `_transaction` only
             )
         try:
             with self._clear():
@@ -66,33 +65,21 @@ class Store:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def close(self) -> None:
-        """Close the file; what was added is there already."""
+        """Close the file; what was added is on the disk already."""
         with self._clear():
             self._database.close()
 
     def cell(self, settings: Mapping[str, Value]) -> int:
         """Return the number of the cell with these settings, made if there is none yet."""
-        names = list(self.schema.settings)
-        if set(settings) != set(names):
-            raise InputError("settings", sorted(settings), ", ".join(names))
-        values = [to_sql(settings[name]) for name in names]
-        columns, marks = ", ".join(names), ", ".join("?" * len(names))
-        matches = " AND ".join(f"{name} = ?" for name in names)
+        if set(settings) != set(self.schema.settings):
+            allowed = ", ".join(self.schema.settings)
+            raise InputError("settings", sorted(settings), allowed)
         with self._transaction():
-            self._database.execute(
-                f"INSERT INTO cell ({columns}) VALUES ({marks}) ON CONFLICT DO NOTHING", values
-            )
-            found = self._database.execute(f"SELECT id FROM cell WHERE {matches}", values)
-            return int(found.fetchone()[0])
+            return self._number("cell", settings)
 
     def add(
         self, cell: int, records: Sequence[tuple[int, Mapping[str, Value]]], environment: str
@@ -109,15 +96,14 @@ class Store:
             What they were made with, such as versions.
         """
         names = list(self.schema.values)
-        columns, marks = ", ".join(names), ", ".join("?" * (len(names) + 3))
         insert = (
-            f"INSERT INTO record (cell, start, environment, {columns}) VALUES ({marks}) "
-            "ON CONFLICT (cell, start) DO NOTHING"
+            f"INSERT INTO record (cell, start, environment, {', '.join(names)}) "
+            f"VALUES (?, ?, ?{', ?' * len(names)}) ON CONFLICT (cell, start) DO NOTHING"
         )
         with self._transaction():
-            number = self._environment(environment)
+            made = self._number("environment", {"environment": environment})
             lines = [
-                [cell, start, number, *(to_sql(values[name]) for name in names)]
+                (cell, start, made, *(values[name] for name in names))
                 for start, values in records
             ]
             self._database.executemany(insert, lines)
@@ -153,24 +139,33 @@ class Store:
             self._database.execute("ATTACH DATABASE ? AS other", (uri,))
         try:
             with self._transaction():
+                for statement in self.schema.additions():
+                    self._database.execute(statement)
                 self._refuse_conflicts(other, apart_from)
-                added = [
-                    self._database.execute(s).rowcount for s in join_statements(self.schema)
-                ]
-                count = "SELECT count(*) FROM other.record"
-                theirs = int(self._database.execute(count).fetchone()[0])
+                added = self._database.execute(
+                    "INSERT INTO main.record "
+                    f"(cell, start, environment, {', '.join(self.schema.values)}) "
+                    f"SELECT * FROM ({self.schema.theirs()}) "
+                    "WHERE true ORDER BY cell, start ON CONFLICT (cell, start) DO NOTHING"
+                ).rowcount
+                theirs = self._value("SELECT count(*) FROM other.record")
         finally:
             self._database.execute("DETACH DATABASE other")
-        return added[-1], theirs - added[-1]
+        return added, theirs - added
 
     def _refuse_conflicts(self, other: Path, apart_from: Collection[str]) -> None:
-        found = self._database.execute(conflict_query(self.schema, apart_from)).fetchone()
-        if found is None:
-            return
-        names = (*self.schema.settings, "start")
-        record = ", ".join(f"{name}={value}" for name, value in zip(names, found, strict=True))
-        allowed = "records equal to those that are there already, where starts are the same"
-        raise InputError(f"record of {record}", f"another one in {other}", allowed)
+        compared = [name for name in self.schema.values if name not in apart_from]
+        differ = " OR ".join(f"ours.{name} IS NOT theirs.{name}" for name in compared) or "0"
+        conflict = self._database.execute(
+            f"SELECT {', '.join(self.schema.settings)}, start FROM main.record AS ours "
+            f"JOIN ({self.schema.theirs()}) AS theirs USING (cell, start) "
+            f"JOIN main.cell AS cell ON cell.id = ours.cell WHERE {differ} LIMIT 1"
+        ).fetchone()
+        if conflict is not None:
+            pairs = zip((*self.schema.settings, "start"), conflict, strict=True)
+            record = ", ".join(f"{name}={value}" for name, value in pairs)
+            allowed = "records equal to those that are there already, where starts are the same"
+            raise InputError(f"record of {record}", f"another one in {other}", allowed)
 
     def missing(self, cell: int, starts: int) -> list[range]:
         """Return the starts below `starts` without a record, as ranges in order."""
@@ -185,12 +180,7 @@ class Store:
         return [*gaps, range(expected, starts)] if expected < starts else gaps
 
     def rows(
-        self,
-        conditions: Sequence[Condition] = (),
-        columns: Sequence[str] | None = None,
-        *,
-        order: str | None = None,
-        descending: bool = False,
+        self, conditions: Sequence[Condition] = (), columns: Sequence[str] | None = None
     ) -> Iterator[Row]:
         """Yield records with their cells' settings, in the order of cells and starts.
 
@@ -200,57 +190,67 @@ class Store:
             What records must meet, all of it.
         columns
             Which columns; all by default.
-        order, descending
-            A column to order by first.
 
         Raises
         ------
         InputError
             If there is no such column.
         """
-        first = "" if order is None else self.schema.qualified(order)
-        ordered = f"{first}{' DESC' if descending else ''}, " if first else ""
-        chosen = list(self.schema.columns if columns is None else columns)
-        return self._rows(chosen, conditions, f"ORDER BY {ordered}record.cell, record.start")
+        names = list(self.schema.columns if columns is None else columns)
+        for name in names:
+            self.schema.kind(name)
+        select = f"SELECT {', '.join(names)} FROM chosen ORDER BY cell, start"
+        return self.query(select, conditions)
 
-    def distinct(
-        self, columns: Sequence[str], conditions: Sequence[Condition] = ()
+    def query(
+        self, select: str, conditions: Sequence[Condition] = (), values: Sequence[Value] = ()
     ) -> Iterator[Row]:
-        """Yield each combination of settings that records have, in the order of cells."""
-        first = "GROUP BY " + ", ".join(self.schema.qualified(name) for name in columns)
-        return self._rows(list(columns), conditions, f"{first} ORDER BY min(record.cell)")
+        """Yield the rows of a SELECT from ``chosen``, the records that meet all conditions.
 
-    def _rows(
-        self, chosen: Sequence[str], conditions: Sequence[Condition], ending: str
-    ) -> Iterator[Row]:
-        kinds = [self.schema.kind(name) for name in chosen]
-        clauses = [condition.clause(self.schema) for condition in conditions]
-        listed = ", ".join(self.schema.qualified(name) for name in chosen)
-        query = (
-            f"SELECT {listed} FROM record JOIN cell ON cell.id = record.cell "
-            "JOIN environment ON environment.id = record.environment "
-            + ("WHERE " + " AND ".join(clauses) if clauses else "")
-            + f" {ending}"
+        Parameters
+        ----------
+        select
+            The statement. ``chosen`` has all columns of the schema and the number of the
+            ``cell``. NULL comes back as NaN in REAL columns and in computed ones.
+        conditions
+            What records must meet, all of it.
+        values
+            Values of the question marks in `select`.
+        """
+        clauses = [condition.clause(self.schema) for condition in conditions] or ["true"]
+        statement = (
+            f"WITH kept AS ({self.schema.records()}), "
+            f"chosen AS (SELECT * FROM kept WHERE {' AND '.join(clauses)}) {select}"
         )
-        values = [condition.value for condition in conditions]
-        with self._clear(), closing(self._database.execute(query, values)) as found:
+        given = [*(condition.value for condition in conditions), *values]
+        kinds = self.schema.columns
+        with self._clear(), closing(self._database.execute(statement, given)) as found:
+            names = [column[0] for column in found.description]
+            empty = [math.nan if kinds.get(n, "REAL") == "REAL" else None for n in names]
             for line in found:
-                read = (from_sql(kind, value) for kind, value in zip(kinds, line, strict=True))
-                yield dict(zip(chosen, read, strict=True))
+                read = (e if v is None else v for v, e in zip(line, empty, strict=True))
+                yield dict(zip(names, read, strict=True))
 
-    def _environment(self, text: str) -> int:
-        add = "INSERT INTO environment (environment) VALUES (?) ON CONFLICT DO NOTHING"
-        self._database.execute(add, (text,))
-        select = "SELECT id FROM environment WHERE environment = ?"
-        return int(self._database.execute(select, (text,)).fetchone()[0])
+    def _number(self, table: str, values: Mapping[str, Value]) -> int:
+        """Return the number of a table's row with these values, added if it is new."""
+        given = tuple(values.values())
+        columns, marks = ", ".join(values), ", ".join("?" * len(values))
+        same = " AND ".join(f"{name} = ?" for name in values)
+        add = f"INSERT INTO {table} ({columns}) VALUES ({marks}) ON CONFLICT DO NOTHING"
+        self._database.execute(add, given)
+        return int(self._value(f"SELECT id FROM {table} WHERE {same}", given))
+
+    def _value(self, select: str, values: Sequence[Value] = ()) -> int:
+        return int(self._database.execute(select, values).fetchone()[0])
 
     def _prepare(self, writable: bool) -> None:
         """Check that the file is ours and of this version, before anything is changed."""
-        version, owner = self._pragma("user_version"), self._pragma("application_id")
-        tables = self._database.execute("SELECT count(*) FROM sqlite_master").fetchone()[0]
-        if tables == 0 and writable:
+        version, owner = (
+            self._value(f"PRAGMA {n}") for n in ("user_version", "application_id")
+        )
+        if writable and self._value("SELECT count(*) FROM sqlite_master") == 0:
             with self._transaction():
-                for statement in create_statements(self.schema):
+                for statement in self.schema.creation():
                     self._database.execute(statement)
         elif owner != self.schema.application:
             raise FileError("store", str(self.path), "the file of a campaign")
@@ -263,24 +263,20 @@ class Store:
 
     def _migrate(self, version: int, writable: bool) -> None:
         known = self.schema.version
+        steps = [self.schema.migrations.get(v) for v in range(version, known)]
         if version > known:
             allowed = f"version {known} or older; a newer lockedjoint made it"
-            raise FileError("version of the store", version, allowed)
-        steps = [self.schema.migrations.get(v) for v in range(version, known)]
-        if None in steps:
+        elif None in steps:
             allowed = f"version {known}; this one is too old to be brought up to it"
-            raise FileError("version of the store", version, allowed)
-        if not writable:
+        elif not writable:
             allowed = f"version {known}; run its campaign again to bring it up to it"
-            raise FileError("version of the store", version, allowed)
-        with self._transaction():
-            for step in steps:
-                for statement in step or ():
+        else:
+            with self._transaction():
+                for statement in (statement for step in steps for statement in step or ()):
                     self._database.execute(statement)
-            self._database.execute(f"PRAGMA user_version = {known}")
-
-    def _pragma(self, name: str) -> int:
-        return int(self._database.execute(f"PRAGMA {name}").fetchone()[0])
+                self._database.execute(f"PRAGMA user_version = {known}")
+            return
+        raise FileError("version of the store", version, allowed)
 
     @contextmanager
     def _transaction(self) -> Iterator[None]:

@@ -1,4 +1,4 @@
-"""Which columns a store has, and conditions on them that cannot be anything else."""
+"""The columns of a store, the SQL statements that follow from them, and conditions on them."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Value: TypeAlias = str | int | float | bytes | None
 
 OPERATORS = ("!=", "<=", ">=", "=", "<", ">")
 _CONDITION = re.compile(
-    r"\s*(?P<column>\w+)\s*(?P<operator>!=|<=|>=|=|<|>)\s*(?P<value>.*?)\s*"
+    rf"\s*(?P<column>\w+)\s*(?P<operator>{'|'.join(OPERATORS)})\s*(?P<value>.*?)\s*"
 )
 
 
@@ -30,7 +30,7 @@ class Schema:
     version
         Version of the columns, from 1.
     settings
-        Columns that tell cells apart. None of them may be NULL.
+        Columns that identify a cell. None of them may be NULL.
     values
         Columns of a record besides its ``start`` and ``environment``.
     migrations
@@ -44,28 +44,60 @@ class Schema:
     migrations: Mapping[int, Sequence[str]] = field(default_factory=dict)
 
     @property
-    def columns(self) -> tuple[str, ...]:
-        """Names of all columns, settings first."""
-        return (*self.settings, "start", *self.values, "environment")
+    def columns(self) -> dict[str, Kind]:
+        """All columns of a record with its cell, and their kinds; settings first."""
+        start: dict[str, Kind] = {"start": "INTEGER"}
+        return {**self.settings, **start, **self.values, "environment": "TEXT"}
 
     def kind(self, column: str) -> Kind:
         """Return the kind of a column; InputError if there is none of that name."""
-        found: dict[str, Kind] = {
-            **self.settings,
-            "start": "INTEGER",
-            **self.values,
-            "environment": "TEXT",
-        }
-        if column not in found:
+        if column not in self.columns:
             raise InputError("column", column, "one of " + ", ".join(self.columns))
-        return found[column]
+        return self.columns[column]
 
-    def qualified(self, column: str) -> str:
-        """Return a column's name with its table's."""
-        self.kind(column)
-        if column == "environment":
-            return "environment.environment"
-        return f"{'cell' if column in self.settings else 'record'}.{column}"
+    def creation(self) -> list[str]:
+        """Return the statements that make an empty store."""
+        settings = ", ".join(f"{name} {kind} NOT NULL" for name, kind in self.settings.items())
+        values = ", ".join(f"{name} {kind}" for name, kind in self.values.items())
+        return [
+            f"CREATE TABLE cell (id INTEGER PRIMARY KEY, {settings}, "
+            f"UNIQUE ({', '.join(self.settings)}))",
+            "CREATE TABLE environment "
+            "(id INTEGER PRIMARY KEY, environment TEXT NOT NULL UNIQUE)",
+            "CREATE TABLE record (cell INTEGER NOT NULL REFERENCES cell, "
+            "start INTEGER NOT NULL, environment INTEGER NOT NULL REFERENCES environment, "
+            f"{values}, PRIMARY KEY (cell, start))",
+            f"PRAGMA application_id = {self.application}",
+            f"PRAGMA user_version = {self.version}",
+        ]
+
+    def records(self) -> str:
+        """Return the SELECT of all records with the number and settings of their ``cell``."""
+        listed = ", ".join([*self.settings, "start", *self.values])
+        return (
+            f"SELECT record.cell AS cell, {listed}, environment.environment AS environment "
+            "FROM record JOIN cell ON cell.id = record.cell "
+            "JOIN environment ON environment.id = record.environment"
+        )
+
+    def additions(self) -> list[str]:
+        """Return what adds cells and environments of the attached store ``other``."""
+        settings = ", ".join(self.settings)
+        return [
+            f"INSERT INTO main.{table} ({columns}) SELECT {columns} FROM other.{table} "
+            "WHERE true ORDER BY id ON CONFLICT DO NOTHING"
+            for table, columns in (("cell", settings), ("environment", "environment"))
+        ]
+
+    def theirs(self) -> str:
+        """Return the SELECT of the other store's records, with our cells and environments."""
+        return (
+            f"SELECT ours.id AS cell, start, made.id AS environment, {', '.join(self.values)} "
+            "FROM other.record AS record JOIN other.cell AS cell ON cell.id = record.cell "
+            f"JOIN main.cell AS ours USING ({', '.join(self.settings)}) "
+            "JOIN other.environment AS source ON source.id = record.environment "
+            "JOIN main.environment AS made ON made.environment = source.environment"
+        )
 
 
 @dataclass(frozen=True)
@@ -78,9 +110,10 @@ class Condition:
 
     def clause(self, schema: Schema) -> str:
         """Return the condition in SQL, a question mark for the value."""
+        schema.kind(self.column)
         if self.operator not in OPERATORS:
             raise InputError("operator", self.operator, "one of " + " ".join(OPERATORS))
-        return f"{schema.qualified(self.column)} {self.operator} ?"
+        return f"{self.column} {self.operator} ?"
 
 
 def condition(schema: Schema, text: str) -> Condition:
@@ -96,14 +129,13 @@ def condition(schema: Schema, text: str) -> Condition:
         allowed = "COLUMN=VALUE, or with one of " + " ".join(OPERATORS)
         raise InputError("condition", text, allowed)
     column, kind = parts["column"], schema.kind(parts["column"])
-    return Condition(column, parts["operator"], _value(column, kind, parts["value"]))
-
-
-def _value(column: str, kind: Kind, text: str) -> Value:
     if kind == "BLOB":
         raise InputError("condition", column, "a column of numbers or text")
-    if kind == "TEXT":
-        return text
+    value = parts["value"] if kind == "TEXT" else _number(column, kind, parts["value"])
+    return Condition(column, parts["operator"], value)
+
+
+def _number(column: str, kind: Kind, text: str) -> int | float:
     truth = {"true": 1, "yes": 1, "false": 0, "no": 0}
     if kind == "INTEGER" and text.lower() in truth:
         return truth[text.lower()]
@@ -112,32 +144,6 @@ def _value(column: str, kind: Kind, text: str) -> Value:
     except ValueError:
         number = math.nan
     if math.isnan(number) or (isinstance(number, int) and abs(number) >= 2**63):
-        kinds = {"INTEGER": "a whole number", "REAL": "a number"}
-        raise InputError(f"value of {column}", text, kinds[kind])
+        allowed = "a whole number" if kind == "INTEGER" else "a number"
+        raise InputError(f"value of {column}", text, allowed)
     return number
-
-
-def create_statements(schema: Schema) -> list[str]:
-    """Return the statements that make an empty store."""
-    settings = ", ".join(f"{name} {kind} NOT NULL" for name, kind in schema.settings.items())
-    values = ", ".join(f"{name} {kind}" for name, kind in schema.values.items())
-    return [
-        f"CREATE TABLE cell (id INTEGER PRIMARY KEY, {settings}, "
-        f"UNIQUE ({', '.join(schema.settings)}))",
-        "CREATE TABLE environment (id INTEGER PRIMARY KEY, environment TEXT NOT NULL UNIQUE)",
-        "CREATE TABLE record (cell INTEGER NOT NULL REFERENCES cell, start INTEGER NOT NULL, "
-        f"environment INTEGER NOT NULL REFERENCES environment, {values}, "
-        "PRIMARY KEY (cell, start))",
-        f"PRAGMA application_id = {schema.application}",
-        f"PRAGMA user_version = {schema.version}",
-    ]
-
-
-def to_sql(value: Value) -> Value:
-    """Return a value as the store keeps it: NaN as NULL."""
-    return None if isinstance(value, float) and math.isnan(value) else value
-
-
-def from_sql(kind: Kind, value: Value) -> Value:
-    """Return a value as it was before `to_sql`."""
-    return math.nan if value is None and kind == "REAL" else value

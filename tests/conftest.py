@@ -1,6 +1,119 @@
-"""Property tests: the same examples everywhere, and no limit on time on shared machines."""
+"""What all tests share: their workers, their seeds, expensive results and the command line.
 
+The tests run on all cores, by pytest-xdist with ``--dist loadfile``: tests of one file stay on
+one worker, so that the fixtures of a file are made once. Tests that kill or time processes are
+marked ``processes``: no two of them run at the same time.
+"""
+
+from __future__ import annotations
+
+import os
+import pickle
+import random
+import signal
+import subprocess
+import sys
+import zlib
+from collections.abc import Callable, Iterator
+from contextlib import nullcontext
+from pathlib import Path
+from typing import Any
+
+import pytest
+from filelock import FileLock
 from hypothesis import settings
 
+ROOT = Path(__file__).parents[1]
+
+# Before NumPy is imported, and inherited by workers and child processes: the cores are busy
+# with other tests, and more threads than cores wait for one another.
+for library in ("OPENBLAS", "OMP", "MKL"):
+    os.environ.setdefault(f"{library}_NUM_THREADS", "1")
+
+# The same examples everywhere, and no limit on time on shared machines.
 settings.register_profile("lockedjoint", deadline=None, derandomize=True, max_examples=30)
 settings.load_profile("lockedjoint")
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    """Seed the global generators by the name of the test, whatever ran before it."""
+    import numpy as np  # not earlier: it reads the number of threads when it is imported
+
+    seed = zlib.crc32(f"{item.path.relative_to(ROOT).as_posix()}::{item.name}".encode())
+    random.seed(seed)
+    np.random.seed(seed)
+
+
+@pytest.fixture(scope="session")
+def common(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the temporary folder that all workers share."""
+    folder = tmp_path_factory.getbasetemp()
+    return folder.parent if "PYTEST_XDIST_WORKER" in os.environ else folder
+
+
+@pytest.fixture(autouse=True)
+def _no_two_at_once(request: pytest.FixtureRequest, common: Path) -> Iterator[None]:
+    """Let a test that is marked ``processes`` wait for those of other workers."""
+    marked = request.node.get_closest_marker("processes") is not None
+    with FileLock(common / "processes.lock") if marked else nullcontext():
+        yield
+
+
+@pytest.fixture(scope="session")
+def once(common: Path) -> Callable[[str, Callable[[], Any]], Any]:
+    """Return ``once(name, make)``: the result of `make`, computed by one worker for all."""
+
+    def result(name: str, make: Callable[[], Any]) -> Any:
+        file = common / f"{name}.pickle"
+        with FileLock(file.with_suffix(".lock")):
+            if not file.exists():
+                file.write_bytes(pickle.dumps(make()))
+            return pickle.loads(file.read_bytes())
+
+    return result
+
+
+class CommandLine:
+    """The command line of this tree, in processes of its own."""
+
+    def __call__(
+        self, *arguments: object, cwd: Path, **keywords: Any
+    ) -> subprocess.CompletedProcess[str]:
+        """Run a command to its end."""
+        return subprocess.run(
+            self.words(*arguments),
+            cwd=cwd,
+            env=self.environment(**keywords.pop("env", {})),
+            capture_output=True,
+            text=True,
+            check=False,
+            **keywords,
+        )
+
+    def start(self, *arguments: object, cwd: Path) -> subprocess.Popen[str]:
+        """Start a command in a process group of its own that Ctrl-C reaches."""
+        return subprocess.Popen(
+            self.words(*arguments),
+            cwd=cwd,
+            env=self.environment(),
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            start_new_session=True,
+            preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
+        )
+
+    def words(self, *arguments: object) -> list[str]:
+        """Return the words that start a command."""
+        return [sys.executable, "-m", "formulations", *map(str, arguments)]
+
+    def environment(self, **more: str) -> dict[str, str]:
+        """Return the environment in which this tree is found from every folder."""
+        return {**os.environ, "PYTHONPATH": str(ROOT), "NO_COLOR": "1", **more}
+
+
+@pytest.fixture(scope="session")
+def lockedjoint() -> CommandLine:
+    """Return what runs the command line: ``lockedjoint("solve", "residual", cwd=folder)``."""
+    return CommandLine()

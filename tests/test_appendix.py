@@ -12,7 +12,7 @@ from formulations import appendix, isotropy_equations, residual
 from formulations.joints.arm import Arm
 from formulations.joints.kinds import LeverRevolute, UnitRevolute
 from nlp.errors import InputError
-from nlp.ipopt import solve
+from nlp.solver import solve
 
 Proof = list[list[PolyElement]]
 

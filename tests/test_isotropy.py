@@ -14,7 +14,7 @@ from nlp.multistart import multistart
 def run(one, starts, seed=0):
     build = partial(isotropy.build, one)
     return multistart(
-        build, one.sample, starts=starts, seed=seed, options=isotropy.OPTIONS
+        build, one.sample, starts=starts, rng=seed, options=isotropy.OPTIONS
     ).results
 
 

@@ -12,9 +12,9 @@ from formulations.joints.kinds import LeverRevolute, Prismatic
 from formulations.measures.canonical import distinct
 from formulations.reproduction.reference import planar_4r
 from nlp.errors import InputError
-from nlp.ipopt import solve
 from nlp.matrix_inequality import ENCODINGS
 from nlp.multistart import multistart
+from nlp.solver import solve
 
 UNIT_7R = arm("unit-revolute", 7)
 BEST_7R = 0.5714829681
@@ -28,7 +28,7 @@ def worst_cases(study, locked=1):
 def run(one, starts, *, locked=1, encoding="shared-factor", seed=0, sample=None):
     build = partial(max_min.build, one, locked, encoding)
     options = max_min.OPTIONS
-    return multistart(build, sample or one.sample, starts=starts, seed=seed, options=options)
+    return multistart(build, sample or one.sample, starts=starts, rng=seed, options=options)
 
 
 @pytest.mark.parametrize(("m", "n"), [(2, 3), (2, 5), (3, 4), (3, 6), (6, 7)])

@@ -1,18 +1,25 @@
 """The wheel and the sdist: complete, equal, and at work in an environment of their own."""
 
+import re
 import shutil
 import subprocess
 import sys
 import sysconfig
 import tarfile
+import tomllib
 import zipfile
 from pathlib import Path
 
 import pytest
 
+from lockedjoint import __version__
+
 ROOT = Path(__file__).parents[1]
-PACKAGES = ("nlp", "formulations")
-TOP = ("pyproject.toml", "README.md", "LICENSE", "CHANGELOG.md", "CITATION.cff")
+PACKAGES = ("lockedjoint", "nlp", "formulations")
+TOP = (
+    *("pyproject.toml", "README.md", "LICENSE"),
+    *("CHANGELOG.md", "CITATION.cff", "CONTRIBUTING.md"),
+)
 SKIPPED = {"__pycache__", "_build", "jupyter_execute", ".jupyter_cache"}
 
 
@@ -79,5 +86,14 @@ def test_the_wheel_works_in_an_environment_of_its_own(built, tmp_path):
     command = environment / "bin" / "lockedjoint"
     shown = run(python, "-c", "import formulations; print(formulations.__file__)", cwd=tmp_path)
     assert shown.startswith(str(environment))
-    assert run(command, "--version", cwd=tmp_path).startswith("lockedjoint ")
+    assert run(command, "--version", cwd=tmp_path) == f"lockedjoint {__version__}\n"
     assert "proved" in run(command, "verify", cwd=tmp_path)
+
+
+def test_the_version_is_the_same_everywhere():
+    citation = (ROOT / "CITATION.cff").read_text(encoding="utf-8")
+    assert re.findall(r"^version: (.*)$", citation, re.MULTILINE) == [__version__]
+    changes = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
+    assert re.findall(r"^## \[(.*)\]", changes, re.MULTILINE)[0] in ("Unreleased", __version__)
+    with (ROOT / "pyproject.toml").open("rb") as file:
+        assert "version" in tomllib.load(file)["project"]["dynamic"]

@@ -63,8 +63,8 @@ def test_the_bounds_are_those_on_record():
     # Rounded up: a bound holds as it is printed.
     assert bounds["rigorous"] <= float(rigorous) < bounds["rigorous"] + 1e-5
     assert bounds["numerical"] <= float(numerical) < bounds["numerical"] + 1e-5
-    assert float(proved) == pytest.approx(100 * (bounds["rigorous"] / best - 1), abs=0.006)
-    assert float(gap) == pytest.approx(100 * (bounds["numerical"] / best - 1), abs=0.006)
+    assert float(proved) == pytest.approx(100 * (1 - best / bounds["rigorous"]), abs=0.006)
+    assert float(gap) == pytest.approx(100 * (1 - best / bounds["numerical"]), abs=0.006)
 
 
 def test_every_link_and_picture_is_there():

@@ -15,8 +15,8 @@ from formulations.joints.arm import Arm
 from formulations.joints.kinds import FreeColumn, LeverRevolute, Prismatic, UnitRevolute
 from formulations.measures.canonical import distinct
 from nlp.errors import InputError
-from nlp.ipopt import solve
 from nlp.multistart import multistart
+from nlp.solver import solve
 
 UNIT_7R = arm("unit-revolute", 7)
 
@@ -74,7 +74,7 @@ def test_both_weightings_are_what_they_say(seed):
 
 
 def test_seven_revolute_joints_always_reach_the_paper_s_minimum():
-    study = multistart(partial(residual.build, UNIT_7R), UNIT_7R.sample, starts=25, seed=11)
+    study = multistart(partial(residual.build, UNIT_7R), UNIT_7R.sample, starts=25, rng=11)
     defects = [residual.merit(run.solution.outputs["jacobian"]) for run in study.results]
     assert defects == pytest.approx([0.0568265457] * 25, abs=1e-9)
     assert len(distinct([run.solution.outputs["jacobian"] for run in study.results])) == 1

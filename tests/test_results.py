@@ -15,7 +15,7 @@ import pandas as pd
 import pytest
 
 from formulations import measures
-from formulations.bounds.so3_moments.spectral_limits import worst_case_limit
+from formulations.bounds.so3_moments.fixed_worst_case import worst_case_limit
 from formulations.existence.reading import read
 from formulations.existence.relaxation.relaxation import existence_relaxation
 from formulations.existence.verify import verify

@@ -7,7 +7,7 @@ from formulations import max_min, measures, trade_off
 from formulations.catalogue import arm
 from formulations.solving.trade_off_curve import curve
 from nlp.errors import InputError
-from nlp.ipopt import solve
+from nlp.solver import solve
 from nlp.task import generator
 
 # ½‖JJᵀ − (n/3)I‖² and σ at the ends, as results/comparison has them from 100 starts each.

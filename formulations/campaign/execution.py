@@ -1,4 +1,4 @@
-"""A declared campaign run to its end, from wherever it stands."""
+"""Runs a declared campaign: every start that has no record in the store yet."""
 
 from __future__ import annotations
 
@@ -9,14 +9,13 @@ from dataclasses import dataclass
 
 from tqdm import tqdm
 
-from formulations.campaign.cell import Cell
-from formulations.campaign.declaration import Declaration
-from nlp.spread import Arrival, Pool, spread
+from formulations.campaign.declaration import Cell, Declaration
+from nlp.spread import Pool, spread
 from nlp.store import Store
 from nlp.task import Chunk, packed
 
-# Starts of a chunk: enough that sending it costs little, few enough to lose one with a
-# light heart.
+# Starts of a chunk: enough that sending it costs little, few enough to run again at little
+# cost.
 CHUNK = 20
 
 
@@ -29,13 +28,14 @@ class Report:
     asked, added, missing
         Records that were asked for, that this run added, and that are still missing.
     lost
-        Cell and start of those that ended or outlasted every worker they were given.
+        Cell, start and reason of those that raised an exception, ended their process or
+        exceeded the time limit.
     """
 
     asked: int
     added: int
     missing: int
-    lost: tuple[tuple[Cell, int], ...]
+    lost: tuple[tuple[Cell, int, str], ...]
 
 
 def run(
@@ -46,7 +46,7 @@ def run(
     chunk: int = CHUNK,
     progress: bool = False,
 ) -> Report:
-    """Solve every start that has no record yet, and keep what comes as it comes.
+    """Solve every start that has no record yet, and keep the records as they arrive.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ def run(
     pool
         The workers.
     time_limit
-        Seconds that a chunk may take; longer, and its worker is killed.
+        Seconds that a chunk may take; if it takes longer, its worker is killed.
     chunk
         Starts that a worker is sent, and that one transaction keeps, at once.
     progress
@@ -69,10 +69,9 @@ def run(
         If the user interrupted with Ctrl-C, `missing` says how much is left.
     """
     cells = {store.cell(cell.settings()): cell for cell in declared.cells}
-    asked = len(cells) * declared.starts
-    before = _missing(store, cells, declared.starts)
-    added, lost = 0, list[tuple[Cell, int]]()
+    added, lost = 0, list[tuple[Cell, int, str]]()
     chunks = _chunks(store, cells, declared.starts, chunk)
+    before = _missing(store, cells, declared.starts)
     hidden = not (progress and os.isatty(2))
     with (
         closing(spread(chunks, pool, time_limit)) as arrivals,
@@ -80,16 +79,18 @@ def run(
     ):
         try:
             for arrival in arrivals:
-                if arrival.results is None:
-                    cell = cells[arrival.chunk.label]
-                    lost += [(cell, index) for index in arrival.chunk.indices]
-                else:
-                    _keep(store, arrival)
-                    added += len(arrival.results)
-                bar.update(len(arrival.chunk.indices))
+                label = arrival.chunk.label
+                lost += [(cells[label], one.index, one.why) for one in arrival.lost]
+                if arrival.results:
+                    made = arrival.results[0].result.environment  # one chunk, one process
+                    records = [(one.index, one.result.values) for one in arrival.results]
+                    store.add(label, records, made)
+                    added += len(records)
+                bar.update(len(arrival.results) + len(arrival.lost))
         except KeyboardInterrupt:
             pass  # what is kept is kept, and the report says that it is not all
-    return Report(asked, added, _missing(store, cells, declared.starts), tuple(lost))
+    missing = _missing(store, cells, declared.starts)
+    return Report(len(cells) * declared.starts, added, missing, tuple(lost))
 
 
 def _chunks(store: Store, cells: Mapping[int, Cell], starts: int, size: int) -> Iterator[Chunk]:
@@ -99,13 +100,6 @@ def _chunks(store: Store, cells: Mapping[int, Cell], starts: int, size: int) -> 
             for first in range(gap.start, gap.stop, size):
                 indices = range(first, min(first + size, gap.stop))
                 yield Chunk(payload, cell.seed, indices, number)
-
-
-def _keep(store: Store, arrival: Arrival) -> None:
-    results = arrival.results or []
-    environment = results[0].result.environment  # one chunk, one process
-    records = [(one.index, one.result.values) for one in results]
-    store.add(arrival.chunk.label, records, environment)
 
 
 def _missing(store: Store, cells: Mapping[int, Cell], starts: int) -> int:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from enum import StrEnum
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
@@ -20,9 +20,6 @@ from formulations.commands.arguments import (
 from formulations.commands.text import as_text
 from nlp.errors import InputError
 
-if TYPE_CHECKING:
-    from formulations.existence.relaxation.outcome import ExistenceRelaxation
-
 UNDECIDED = 1
 
 
@@ -35,7 +32,22 @@ class Quantity(StrEnum):
     MAX_MIN = "max-min"
 
 
+# Options that only some quantities use; given with another quantity they are refused.
+_UNIT_REVOLUTE = (Quantity.RESIDUAL, Quantity.MAX_MIN)
+_USED_BY = {
+    "task_dimension": (Quantity.WORST_CASE, Quantity.EXISTENCE),
+    "trace": (Quantity.WORST_CASE,),
+    "lever_arm": (Quantity.WORST_CASE,),
+    "order": (Quantity.EXISTENCE,),
+    "preset": _UNIT_REVOLUTE,
+    "rigorous": _UNIT_REVOLUTE,
+    "seed": _UNIT_REVOLUTE,
+    "solver": (Quantity.WORST_CASE, Quantity.EXISTENCE, Quantity.RESIDUAL),
+}
+
+
 def bound(
+    context: typer.Context,
     quantity: Annotated[
         Quantity,
         typer.Option(
@@ -79,7 +91,8 @@ def bound(
         bool,
         typer.Option(
             "--rigorous",
-            help="residual, max-min: account for all rounding, so that the bound is a theorem.",
+            help="residual, max-min: bound all rounding errors too, so that the bound is a "
+            "theorem.",
         ),
     ] = False,
     seed: Seed = 0,
@@ -95,88 +108,81 @@ def bound(
 ) -> None:
     """Bound how good any answer could be, by semidefinite programming.
 
-    Bounds are numerical unless said otherwise: computed in floating point, and what they prove
-    is checked again from the solver's multipliers alone. The exact proof that no optimally
-    failure-tolerant 7R Jacobian exists is `lockedjoint prove`.
+    Bounds are numerical unless stated otherwise: computed in floating point, and what they
+    prove is checked again from the solver's multipliers alone. The exact proof that no
+    optimally failure-tolerant 7R Jacobian exists is `lockedjoint prove`.
     """
-    if quantity is not Quantity.WORST_CASE:
-        for name, value in (("trace", trace), ("lever arm", lever_arm)):
-            if value is not None:
-                raise InputError(name, value, f"none with --quantity {quantity}")
+    _refuse_unused(context, quantity)
+    text: Callable[[Mapping[str, Any]], str] = as_text
     if quantity is Quantity.EXISTENCE:
-        _existence(order, joints, task_dimension, solver or "CLARABEL", as_json)
+        from formulations.existence.relaxation.relaxation import existence_relaxation
+
+        plain = existence_relaxation(
+            order, joints, task_dimension=task_dimension, solver=solver or "CLARABEL"
+        ).to_dict()
+        text = _existence_text
     elif quantity is Quantity.WORST_CASE:
-        _worst_case(joints, task_dimension, trace, lever_arm, solver or "CLARABEL", as_json)
+        plain = _worst_case(joints, task_dimension, trace, lever_arm, solver or "CLARABEL")
+        text = _without_multipliers
     else:
-        _unit_revolute(quantity, joints, preset, rigorous, seed, solver, as_json)
+        plain = _unit_revolute(quantity, joints, preset, rigorous, seed, solver)
+    typer.echo(json.dumps(plain, indent=1) if as_json else text(plain))
+    if plain.get("verdict") == "undecided" or plain.get("singular_value_bound", 0) is None:
+        raise typer.Exit(UNDECIDED)
+
+
+def _refuse_unused(context: typer.Context, quantity: Quantity) -> None:
+    for name, quantities in _USED_BY.items():
+        source = context.get_parameter_source(name)
+        given = source is not None and source.name == "COMMANDLINE"
+        if given and quantity not in quantities:
+            value = context.params[name]
+            option, shown = f"--{name.replace('_', '-')}", "given" if value is True else value
+            raise InputError(option, shown, f"none with --quantity {quantity}")
 
 
 def _worst_case(
-    joints: int,
-    task_dimension: int,
-    trace: float | None,
-    lever_arm: float | None,
-    solver: str,
-    as_json: bool,
-) -> None:
+    joints: int, task_dimension: int, trace: float | None, lever_arm: float | None, solver: str
+) -> dict[str, Any]:
     from formulations.bounds.worst_case.problem import free_columns, revolute_arm
     from formulations.bounds.worst_case.program import solve_worst_case
 
     if lever_arm is None:
         problem = free_columns(joints, task_dimension, trace=trace)
     elif task_dimension != 6 or trace is not None:
-        raise InputError("lever arm", lever_arm, "none with a trace or other than 6 dimensions")
+        allowed = "none with --trace or a --task-dimension other than 6"
+        raise InputError("--lever-arm", lever_arm, allowed)
     else:
         problem = revolute_arm(joints, lever_arm=lever_arm)
-    found = solve_worst_case(problem, solver=solver)
-    plain = found.to_dict()
-    if as_json:
-        typer.echo(json.dumps(plain, indent=1))
-    else:
-        typer.echo(as_text({k: v for k, v in plain.items() if k != "multipliers"}))
-    if plain["singular_value_bound"] is None:
-        raise typer.Exit(UNDECIDED)
+    return solve_worst_case(problem, solver=solver).to_dict()
 
 
 def _unit_revolute(
-    quantity: Quantity,
-    joints: int,
-    preset: str,
-    rigorous: bool,
-    seed: int,
-    solver: str | None,
-    as_json: bool,
-) -> None:
+    quantity: Quantity, joints: int, preset: str, rigorous: bool, seed: int, solver: str | None
+) -> dict[str, Any]:
     from formulations.bounds.so3_moments.max_min_bound import max_min_bound
     from formulations.bounds.so3_moments.residual_bound import residual_bound
     from formulations.bounds.so3_moments.rigorous_residual import rigorous_residual_bound
+    from nlp.conic import check_solver
 
-    residual = quantity is Quantity.RESIDUAL
-    if solver is not None and (rigorous or not residual):
-        raise InputError("solver", solver, "none with --rigorous or --quantity max-min")
-    if not residual:
+    if solver is not None:
+        if rigorous:
+            raise InputError("--solver", solver, "none with --rigorous")
+        check_solver(solver, "predictor-corrector")
+    if quantity is Quantity.MAX_MIN:
         found = max_min_bound(preset, joints, rigorous=rigorous, seed=seed, progress=progress)
     elif rigorous:
         found = rigorous_residual_bound(preset, joints, seed=seed, progress=progress)
     else:
         found = residual_bound(preset, joints, solver=solver, seed=seed, progress=progress)
-    plain = found.to_dict()
-    typer.echo(json.dumps(plain, indent=1) if as_json else as_text(plain))
+    return found.to_dict()
 
 
-def _existence(
-    order: int, joints: int, task_dimension: int, solver: str, as_json: bool
-) -> None:
-    from formulations.existence.relaxation.relaxation import existence_relaxation
-
-    found = existence_relaxation(order, joints, task_dimension=task_dimension, solver=solver)
-    plain = found.to_dict()
-    typer.echo(json.dumps(plain, indent=1) if as_json else _existence_text(found, plain))
-    if found.verdict == "undecided":
-        raise typer.Exit(UNDECIDED)
+def _without_multipliers(plain: Mapping[str, Any]) -> str:
+    return as_text({name: v for name, v in plain.items() if name != "multipliers"})
 
 
-def _existence_text(found: ExistenceRelaxation, plain: Mapping[str, Any]) -> str:
+def _existence_text(plain: Mapping[str, Any]) -> str:
     skipped = ("blocks", "free_moments", "certificate")
     summary = {k: v for k, v in plain.items() if k not in skipped}
     summary["free_moments"] = len(plain["free_moments"])
@@ -191,7 +197,7 @@ def _existence_text(found: ExistenceRelaxation, plain: Mapping[str, Any]) -> str
         shape = "(" + ",".join(map(str, block["representation"])) + ")"
         alone = block["margin_alone"]
         margin = "–" if alone is None else f"{alone:+.6f}"
-        said = "  infeasible alone" if block["infeasible_alone"] else ""
+        verdict = "  infeasible alone" if block["infeasible_alone"] else ""
         size = f"{block['dimension']:>9}  {block['copies']:>6}  {block['size']:>4}"
-        lines.append(f"{block['charge']:>6}  {shape:<15}  {size}  {margin:>12}{said}")
-    return "\n".join(lines if found.blocks else lines[:1])
+        lines.append(f"{block['charge']:>6}  {shape:<15}  {size}  {margin:>12}{verdict}")
+    return "\n".join(lines if plain["blocks"] else lines[:1])

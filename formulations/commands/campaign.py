@@ -55,12 +55,12 @@ def campaign(
 
     Every start becomes one record in the store as it ends. Run the same command again after
     Ctrl-C, a crash or a full disk: it goes on with what is missing, and more starts or cells
-    may be declared meanwhile. Exit status 1 if starts were lost because they ended or
-    outlasted their workers.
+    may be declared meanwhile. Exit status 1 if starts were lost because they raised an
+    exception, ended their process or exceeded the time limit.
     """
-    from formulations.campaign.columns import SCHEMA
     from formulations.campaign.declaration import read
     from formulations.campaign.execution import run
+    from formulations.campaign.records import SCHEMA
     from nlp.store import Store
 
     declared = read(file)
@@ -75,7 +75,9 @@ def campaign(
         "records_asked_for": report.asked,
         "added": report.added,
         "missing": report.missing,
-        "lost": [{**cell.settings(), "start": start} for cell, start in report.lost],
+        "lost": [
+            {**cell.settings(), "start": start, "why": why} for cell, start, why in report.lost
+        ],
     }
     if as_json:
         typer.echo(json.dumps(found, indent=1))
@@ -85,9 +87,9 @@ def campaign(
             f"{len(declared.cells)} cells are in {store}, {report.added} of them new."
         )
     if report.lost:
-        for cell, start in report.lost:
+        for cell, start, why in report.lost:
             name = f"{cell.setup.formulation} {cell.setup.model} n={cell.joints}"
-            typer.echo(f"Lost: start {start} of {name} ends its worker process.", err=True)
+            typer.echo(f"Lost: start {start} of {name} {why}.", err=True)
         raise typer.Exit(INCOMPLETE)
     if report.missing:
         typer.echo("Interrupted: run the same command again to go on.", err=True)

@@ -4,16 +4,13 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from formulations.commands.arguments import Json, Seed, Workers, progress, whole
 from formulations.commands.text import as_text
-
-if TYPE_CHECKING:
-    from formulations.figures.catalogue import Kind
-    from nlp.arrays import FloatArray
+from nlp.errors import InputError
 
 
 def figure(
@@ -64,19 +61,21 @@ def figure(
     workers: Workers = None,
     as_json: Json = False,
 ) -> None:
-    """Draw a figure of what is computed anew, or was given.
+    """Draw a figure of results that are computed anew, or of data that are given.
 
     Takes seconds; trade-off and optima about a minute.
     """
-    from formulations.figures.catalogue import kind
+    from formulations.figures import kind
     from formulations.figures.picture import Request
     from formulations.files.figure import content, figure_class, kind_of
-    from nlp.errors import InputError
+    from formulations.files.jacobians import only_jacobian
     from nlp.files import prepare_folder, write_bytes, write_text
     from nlp.multistart import default_workers
 
     wanted, form = kind(name), kind_of(out)
-    _check_taken(name, wanted, jacobian=jacobian, store=store)
+    for option, value in (("jacobian", jacobian), ("store", store)):
+        if value is not None and option not in wanted.takes:
+            raise InputError(f"--{option}", str(value), f"none with {name}")
     if pick is not None and jacobian is None:
         raise InputError("--pick", pick, "none without --jacobian")
     figure_class()
@@ -87,7 +86,7 @@ def figure(
         starts=starts or wanted.starts,
         seed=seed,
         workers=workers or default_workers(),
-        jacobian=None if jacobian is None else _jacobian(jacobian, pick),
+        jacobian=None if jacobian is None else only_jacobian(jacobian, pick),
         store=store,
         progress=progress,
     )
@@ -96,24 +95,10 @@ def figure(
     write_bytes(out, content(picture.figure, form))
     if data is not None:
         write_text(data, picture.table.to_csv(index=False, lineterminator="\n"))
-    said: dict[str, object] = {"figure": name, "file": str(out)}
+    summary: dict[str, object] = {"figure": name, "file": str(out)}
     if jacobian is None and store is None:
-        said |= {"seed": seed, "starts": request.starts}
+        summary |= {"seed": seed, "starts": request.starts}
     if as_json:
-        typer.echo(json.dumps(said | {"rows": picture.rows()}, indent=1))
+        typer.echo(json.dumps(summary | {"rows": picture.rows()}, indent=1))
     else:
-        typer.echo(as_text(said))
-
-
-def _check_taken(name: str, kind: Kind, **given: Path | None) -> None:
-    from nlp.errors import InputError
-
-    for option, value in given.items():
-        if value is not None and option not in kind.takes:
-            raise InputError(f"--{option}", str(value), f"none with {name}")
-
-
-def _jacobian(path: Path, pick: int | None) -> FloatArray:
-    from formulations.files.jacobians import only_jacobian
-
-    return only_jacobian(path, pick)
+        typer.echo(as_text(summary))

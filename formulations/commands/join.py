@@ -1,4 +1,4 @@
-"""``lockedjoint join``: stores of one study, made on several machines, as one."""
+"""``lockedjoint join``: stores of one study from several machines become one store."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def join(
     records must be equal, apart from the time they took; if one is not, nothing of that store
     is joined.
     """
-    from formulations.campaign.columns import SCHEMA, TIMES
+    from formulations.campaign.records import SCHEMA, TIMES
     from nlp.store import Store
 
     for other in others:  # before a store is made

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from formulations.commands import robot_arguments as robot
 from formulations.commands.arguments import (
     Ipopt,
     Json,
@@ -17,72 +17,42 @@ from formulations.commands.arguments import (
     Workers,
     ipopt_options,
 )
-from formulations.commands.robot_arguments import (
-    Base,
-    Frame,
-    Held,
-    Length,
-    Point,
-    Robot,
-    TaskDirections,
-    Tip,
-    robot_arm,
-)
+from formulations.commands.assess import robot_text
 
 
 def posture(
-    file: Robot,
-    tip: Tip = None,
+    file: robot.File,
+    tip: robot.Tip = None,
     formulation: Annotated[
         str, typer.Option(metavar="NAME", help="residual, max-min or isotropy.")
     ] = "max-min",
-    length: Length = None,
-    task: TaskDirections = "all",
-    frame: Frame = "base",
-    held: Held = None,
+    length: robot.Length = None,
+    task: robot.TaskDirections = "all",
+    frame: robot.Frame = "base",
+    held: robot.Held = None,
     locked: Locked = 1,
-    base: Base = None,
-    point: Point = None,
+    base: robot.Base = None,
+    point: robot.Point = None,
     starts: Starts = 100,
     seed: Seed = 0,
     workers: Workers = 1,
     ipopt: Ipopt = None,
-    out: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", help="Write the JSON there, Jacobian included."),
-    ] = None,
+    out: robot.JsonFile = None,
     as_json: Json = False,
 ) -> None:
     """Find the most failure-tolerant posture of a robot within its joints' limits.
 
-    One of the three formulations over the joints' positions, from random postures; what
-    comes out is measured again from its Jacobian alone. With --held, the best posture after
+    One of the three formulations over the joints' positions, from random postures; the
+    answer is measured again from its Jacobian alone. With --held, the best posture after
     a failure. `assess --configuration FILE` reads what --out writes.
     """
-    from formulations.commands.robot_text import robot_text
     from formulations.robots.posture import Search, best_posture
     from nlp.files import prepare_folder, write_text
     from nlp.multistart import default_workers
 
-    arm = robot_arm(
-        file,
-        tip=tip,
-        base=base,
-        point=point,
-        task=task,
-        frame=frame,
-        length=length,
-        held=held,
-    )
-    search = Search(
-        formulation,
-        locked,
-        starts,
-        seed,
-        workers or default_workers(),
-        ipopt_options(ipopt),
-        progress=True,
-    )
+    arm = robot.arm(file, tip, base, point, task, frame, length, held)
+    count, options = workers or default_workers(), ipopt_options(ipopt)
+    search = Search(formulation, locked, starts, seed, count, options, progress=True)
     if out is not None:
         prepare_folder(out.parent, "folder of --out")
     found = best_posture(arm, search)

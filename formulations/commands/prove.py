@@ -19,14 +19,17 @@ def prove(
 ) -> None:
     """Prove that no optimally failure-tolerant 7R Jacobian exists.
 
-    Derives, in exact rational arithmetic and from nothing, polynomials whose weighted squares
-    sum to a negative constant wherever such a Jacobian existed, and writes them with every
-    multiplier that it takes to check this. The same bytes at every run. Check the file with
-    `lockedjoint verify`.
+    Derives, in exact rational arithmetic and from the definitions alone, polynomials whose
+    weighted squares would sum to a negative constant if such a Jacobian existed, and writes
+    them with every multiplier that is needed to check this. Every run writes the same bytes.
+    Check the file with `lockedjoint verify`.
     """
     from formulations.existence.derive import derive
+    from nlp.errors import FileError
     from nlp.files import prepare_folder
 
+    if out.is_dir():
+        raise FileError("--out", str(out), "a file to write to, not a folder")
     prepare_folder(out.parent, "folder of --out")
     certificate = derive()
     certificate.write(out)
@@ -47,6 +50,6 @@ def prove(
         typer.echo(
             f"For every optimally failure-tolerant 7R Jacobian, averaged over joint orders,\n\n"
             f"    {squares} = {found['constant']} < 0,\n\n"
-            f"so there is none. The identity takes {found['multipliers']} multipliers of the "
+            f"so there is none. The identity has {found['multipliers']} multipliers of the "
             f"equations;\nall of it is in {out}."
         )

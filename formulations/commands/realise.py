@@ -5,18 +5,13 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from formulations.commands.arguments import Json, Seed, positive, whole
 from formulations.commands.text import as_text
 from nlp.errors import InputError
-
-if TYPE_CHECKING:
-    from formulations.realise.choice import Choice
-    from formulations.realise.criteria import Sampling
-    from formulations.realise.manipulator import Manipulator
 
 
 def realise(
@@ -28,7 +23,7 @@ def realise(
         Path | None,
         typer.Option(
             metavar="FILE",
-            help="Write there, and say here what was chosen; a figure's name ends in .svg, "
+            help="Write to this file, and print what was chosen; a figure's name ends in .svg, "
             ".png or .pdf.",
         ),
     ] = None,
@@ -56,7 +51,7 @@ def realise(
     count: Annotated[
         bool,
         typer.Option(
-            "--count", help="Only say how many manipulators there are, and what is chosen."
+            "--count", help="Only print how many manipulators there are, and what is chosen."
         ),
     ] = False,
     convention: Annotated[
@@ -112,7 +107,7 @@ def realise(
         typer.Option(
             parser=whole(1),
             metavar="K",
-            help="How many arms, the shortest, criteria that sample look at.",
+            help="How many arms, the shortest, are judged by criteria that sample.",
         ),
     ] = 200,
     radius: Annotated[
@@ -129,9 +124,9 @@ def realise(
     """
     from formulations.files.jacobians import only_jacobian
     from formulations.realise import forms, from_jacobian
-    from formulations.realise.choice import choose
+    from formulations.realise.choice import choose, evaluate, given
     from formulations.realise.criteria import Sampling
-    from formulations.realise.report import summary, summary_lines
+    from formulations.realise.links import slide as slid
     from nlp.files import prepare_folder, write_bytes
 
     if to not in forms.FORMS:
@@ -146,18 +141,22 @@ def realise(
     )
     sampling = Sampling(seed, samples, radius)
     if criterion is None:
-        choice = _given(found, order, signs, sampling)
+        choice = given(found, _order(order), _flips(signs, found.joints), sampling)
     elif order is not None or signs is not None:
         raise InputError("--criterion", criterion, "none with --order or --signs")
     else:
         choice = choose(found, criterion, sampling, shortlist)
-    choice = _slid(choice, sampling) if slide else choice
-    said = summary(choice, from_jacobian.deviation(choice.manipulator, matrix, length))
+    if slide:
+        moved = slid(choice.manipulator)
+        choice = replace(choice, manipulator=moved, values=evaluate(moved, sampling))
+    deviation = from_jacobian.deviation(choice.manipulator, matrix, length)
+    summary = forms.summary(choice, deviation)
+    lines = as_text(forms.summary_lines(summary))
     if count:
-        typer.echo(json.dumps(said, indent=1) if as_json else as_text(summary_lines(said)))
+        typer.echo(json.dumps(summary, indent=1) if as_json else lines)
         return
     if as_json:
-        everything = said | forms.as_plain(choice, convention)
+        everything = summary | forms.as_plain(choice.manipulator, convention)
         content = f"{json.dumps(everything, indent=1)}\n".encode()
     else:
         kind = "svg" if out is None else out.suffix.lower().removeprefix(".")
@@ -166,23 +165,7 @@ def realise(
         typer.echo(content, nl=False)
     else:
         write_bytes(out, content)
-        typer.echo(as_text(summary_lines(said)))
-
-
-def _given(
-    found: Manipulator, order: str | None, signs: str | None, sampling: Sampling
-) -> Choice:
-    from formulations.realise.choice import given
-
-    return given(found, _order(order), _flips(signs, found.joints), sampling)
-
-
-def _slid(choice: Choice, sampling: Sampling) -> Choice:
-    from formulations.realise.choice import evaluate
-    from formulations.realise.links import slide
-
-    manipulator = slide(choice.manipulator)
-    return replace(choice, manipulator=manipulator, values=evaluate(manipulator, sampling))
+        typer.echo(lines)
 
 
 def _order(text: str | None) -> list[int] | None:

@@ -1,20 +1,26 @@
-"""Arguments that say which robot is meant, and the arm that they make."""
+"""Arguments that name a robot and its configuration, and the arm that they make."""
 
 from __future__ import annotations
 
+import json
+import math
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from formulations.commands.arguments import positive
-from nlp.errors import InputError
+from nlp.errors import FileError, InputError
+from nlp.files import read_bytes
 
 if TYPE_CHECKING:
+    from formulations.robots.chain import Chain
     from formulations.robots.robot_arm import RobotArm
     from formulations.robots.tree import RobotTree
+    from nlp.arrays import FloatArray
 
-Robot = Annotated[Path, typer.Argument(metavar="URDF", help="The robot, a URDF file.")]
+File = Annotated[Path, typer.Argument(metavar="URDF", help="The robot, a URDF file.")]
 Tip = Annotated[
     str | None,
     typer.Option(
@@ -31,7 +37,7 @@ Point = Annotated[
     str | None,
     typer.Option(
         metavar="X,Y,Z",
-        help="Point of the tip's link that counts, in its frame, in metres.",
+        help="Point of the tip's link whose velocity is taken, in its frame, in metres.",
         show_default="its origin",
     ),
 ]
@@ -40,7 +46,7 @@ TaskDirections = Annotated[
     typer.Option(
         "--task",
         metavar="DIRECTIONS",
-        help="Directions that count: all, position, orientation, or some of vx,vy,vz,wx,wy,wz.",
+        help="Task directions: all, position, orientation, or some of vx,vy,vz,wx,wy,wz.",
     ),
 ]
 Frame = Annotated[
@@ -65,11 +71,16 @@ Held = Annotated[
         show_default=False,
     ),
 ]
+JsonFile = Annotated[
+    Path | None,
+    typer.Option("--out", metavar="FILE", help="Write the JSON there, Jacobian included."),
+]
+
+_ALLOWED = "one number per joint, JOINT=VALUE pairs (both with commas), or a JSON file"
 
 
-def robot_arm(
+def arm(
     file: Path,
-    *,
     tip: str | None,
     base: str | None,
     point: str | None,
@@ -80,10 +91,8 @@ def robot_arm(
 ) -> RobotArm:
     """Read the robot and return the arm; InputError if anything is wrong with it."""
     from formulations.robots.chain_between import chain_between
-    from formulations.robots.configuration import number, pairs
-    from formulations.robots.directions import Task
     from formulations.robots.read_urdf import read_urdf
-    from formulations.robots.robot_arm import RobotArm
+    from formulations.robots.robot_arm import RobotArm, Task
 
     directions = Task.parse(task, frame)
     offset = [number("--point", part) for part in (point or "0,0,0").split(",")]
@@ -104,3 +113,89 @@ def _tip(tree: RobotTree, tip: str | None) -> str:
         allowed = f"a link of {tree.name}; its last ones are {listed(tree.leaves)}"
         raise InputError("--tip", "missing", allowed)
     return tree.leaves[0]
+
+
+def read_configuration(text: str | None, chain: Chain) -> FloatArray:
+    """Read a configuration.
+
+    Parameters
+    ----------
+    text
+        Numbers in the order of the chain's joints; or ``JOINT=VALUE`` pairs, with the other
+        joints midway between their limits; or the path of a ``.json`` file with a
+        list, an object of positions by name, or an object with either under the key
+        ``configuration``, as `lockedjoint posture` writes it. Midway if None.
+    chain
+        The joints.
+
+    Returns
+    -------
+    numpy.ndarray
+        Radians or metres, shape (n,), within the limits.
+
+    Raises
+    ------
+    InputError
+        If it is none of these, a joint is unknown, or a position is outside its limits.
+    """
+    from formulations.robots.chain import listed
+
+    values: Mapping[str, float] | Sequence[float] = {}
+    if text is None:
+        pass
+    elif text.lower().endswith(".json"):
+        values = _read_json(Path(text))
+    elif "=" in text:
+        values = pairs(text.split(","))
+    else:
+        values = [number("--configuration", part) for part in text.split(",")]
+    if isinstance(values, Mapping):
+        unknown = [name for name in values if name not in chain.names]
+        if unknown:
+            raise InputError("joint", unknown[0], "one of " + listed(chain.names))
+        middle = dict(zip(chain.names, chain.mid_range.tolist(), strict=True))
+        values = list({**middle, **values}.values())
+    if len(values) != len(chain.names):
+        names = ", ".join(chain.names)
+        allowed = f"{len(chain.names)} of them ({names}); or {_ALLOWED}"
+        raise InputError("--configuration", f"{len(values)} numbers", allowed)
+    return chain.within_limits(values)
+
+
+def pairs(settings: Sequence[str], name: str = "--configuration") -> dict[str, float]:
+    """Read ``JOINT=VALUE`` settings; InputError if one is something else or repeated."""
+    found: dict[str, float] = {}
+    for setting in settings:
+        joint, equals, value = (part.strip() for part in setting.partition("="))
+        if not (joint and equals):
+            raise InputError(name, setting, "JOINT=VALUE, radians or metres")
+        if joint in found:
+            raise InputError(name, f"{joint} twice", "every joint once")
+        found[joint] = number(f"{name} of {joint}", value)
+    return found
+
+
+def number(name: str, value: object) -> float:
+    """Return a finite number; InputError if it is none."""
+    try:
+        read = float(value)  # type: ignore[arg-type]
+    except (TypeError, ValueError):
+        read = math.nan
+    if isinstance(value, bool) or not math.isfinite(read):
+        raise InputError(name, value, "a finite number, radians or metres")
+    return read
+
+
+def _read_json(path: Path) -> Mapping[str, float] | Sequence[float]:
+    text = read_bytes(path)
+    try:
+        content = json.loads(text)
+    except (ValueError, RecursionError) as reason:
+        raise FileError("file", str(path), f"valid JSON ({reason})") from None
+    if isinstance(content, dict) and "configuration" in content:
+        content = content["configuration"]
+    if isinstance(content, dict):
+        return {name: number(f"{name} in {path}", value) for name, value in content.items()}
+    if isinstance(content, list):
+        return [number(f"an entry of {path}", value) for value in content]
+    raise FileError("file", str(path), "positions: a list, or an object by joint")

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable, Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     import pandas as pd
-
-    from nlp.store import Store
-    from nlp.store_schema import Condition
 
 
 def show(
@@ -58,10 +56,10 @@ def show(
     processor time of a start and of a success. Matrices are in the formats csv and parquet
     and in JSON only, with every digit.
     """
-    from formulations.campaign.columns import SCHEMA
-    from formulations.campaign.export import FORMATS, with_jacobians, write
+    from formulations.campaign import tables
+    from formulations.campaign.records import SCHEMA
     from nlp.errors import InputError
-    from nlp.files import prepare_folder
+    from nlp.files import prepare_folder, write_bytes
     from nlp.store import Store
     from nlp.store_schema import condition
 
@@ -76,29 +74,59 @@ def show(
     if out is not None:
         prepare_folder(out.parent, "folder of --out")
     with Store(store, SCHEMA) as study:
-        table = _table(study, conditions, group_by, records, optima)
-    table = with_jacobians(table)
+        if records:
+            table = tables.frame(study, conditions)
+        elif optima:
+            table = tables.optima(study, conditions)
+        else:
+            by = None if group_by is None else [name.strip() for name in group_by.split(",")]
+            table = tables.grouped(study, conditions, by)
     content = table.to_json(orient="records", indent=1) if as_json else FORMATS[to](table)
-    if out is not None:
-        write(content, out)
-    else:
+    if out is None:
         typer.echo(content, nl=as_json)
+    else:
+        write_bytes(out, content.encode() if isinstance(content, str) else content)
 
 
-def _table(
-    study: Store,
-    conditions: Sequence[Condition],
-    group_by: str | None,
-    records: bool,
-    optima: bool,
-) -> pd.DataFrame:
-    from formulations.campaign.frame import frame
-    from formulations.campaign.groups import grouped
-    from formulations.campaign.optima import optima as optima_of
+def as_parquet(table: pd.DataFrame) -> bytes:
+    """Return the table as a Parquet file's content.
 
-    if records:
-        return frame(study, conditions)
-    if optima:
-        return optima_of(study, conditions)
-    by = None if group_by is None else [name.strip() for name in group_by.split(",")]
-    return grouped(study, conditions, by)
+    Raises
+    ------
+    InputError
+        If pyarrow is not installed.
+    """
+    from nlp.errors import InputError
+
+    try:
+        return table.to_parquet(engine="pyarrow", index=False)
+    except ImportError:
+        allowed = "csv, markdown or latex; or first run: pip install lockedjoint[parquet]"
+        raise InputError("--to", "parquet", allowed) from None
+
+
+def _to_read(table: pd.DataFrame, style: str, underscore: str = "_") -> str:
+    """Return the table as text with few digits, without the matrices."""
+    shown = table.drop(columns=["jacobian", "canonical_form"], errors="ignore").astype(object)
+    for name in shown:
+        digits = 8 if name in ("merit", "worst_case_sigma") else 4
+        shown[name] = [_cell(value, digits) for value in shown[name]]
+    shown.columns = shown.columns.str.replace("_", underscore)
+    return f"{shown.to_markdown(index=False, tablefmt=style, disable_numparse=True)}\n"
+
+
+def _cell(value: object, digits: int) -> str:
+    if isinstance(value, float):
+        return "–" if math.isnan(value) else f"{value:.{digits}g}"
+    return str(value)
+
+
+# CSV and Parquet have every digit.
+FORMATS: Mapping[str, Callable[[pd.DataFrame], str | bytes]] = MappingProxyType(
+    {
+        "csv": lambda table: table.to_csv(index=False),
+        "parquet": as_parquet,
+        "markdown": lambda table: _to_read(table, "pipe"),
+        "latex": lambda table: _to_read(table, "latex_booktabs", underscore=" "),
+    }
+)

@@ -17,7 +17,7 @@ def verify(
         Path | None,
         typer.Argument(
             metavar="FILE",
-            help="A certificate in JSON; by default the one that the package carries.",
+            help="A certificate in JSON; by default the one that the package includes.",
             show_default=False,
         ),
     ] = None,

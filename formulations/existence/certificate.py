@@ -6,8 +6,8 @@ orders of the joints of
     Re( Σ weight · |Σ terms|² + constant − Σ coefficient · monomial · equation )
 
 is identically zero, where the equations are row-sum i: Σ_j W_ij, square (i, j): (W²)_ij and
-tight-frame (i, j): (W conj(W) + conj(W) W)_ij − 4(δ_ij − 1/7). Whether that is so is for
-`formulations.existence.verify` to say (docs/nonexistence.md, section 5).
+tight-frame (i, j): (W conj(W) + conj(W) W)_ij − 4(δ_ij − 1/7). `formulations.existence.verify`
+decides whether that holds (docs/nonexistence.md, section 5).
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from math import lcm
 from pathlib import Path
-from typing import Any, ClassVar, Literal, TypeAlias
+from typing import Any, ClassVar, Literal, TypeAlias, get_args
 
 from nlp.errors import LockedJointError
 from nlp.files import write_text
@@ -31,11 +31,10 @@ COMMON_DENOMINATOR = 10**60
 
 Pairs: TypeAlias = tuple[tuple[int, int], ...]
 Kind: TypeAlias = Literal["row-sum", "square", "tight-frame"]
-KINDS = ("row-sum", "square", "tight-frame")
 
 
 class CertificateError(LockedJointError):
-    """A certificate that is ill-formed or does not prove what it claims."""
+    """A certificate that is ill-formed or whose identity does not hold."""
 
     exit_status: ClassVar[int] = 1
 
@@ -76,7 +75,7 @@ class Multiplier:
     wbar: Pairs
 
     def __post_init__(self) -> None:
-        _require(self.kind in KINDS, f"equation kind {self.kind[:20]!r} is unknown")
+        _require(self.kind in get_args(Kind), f"equation kind {shown(self.kind)} is unknown")
         indices = 1 if self.kind == "row-sum" else 2
         _require(len(self.place) == indices, f"a {self.kind} equation has {indices} indices")
         _require_joints(self.place)
@@ -85,7 +84,7 @@ class Multiplier:
 
 @dataclass(frozen=True, slots=True)
 class Certificate:
-    """A sum of squares plus a positive constant, claimed to vanish modulo the equations."""
+    """A sum of squares plus a positive constant that should vanish modulo the equations."""
 
     joints: int
     constant: Fraction
@@ -93,6 +92,7 @@ class Certificate:
     multipliers: tuple[Multiplier, ...]
 
     def __post_init__(self) -> None:
+        _require_whole(self.joints)
         _require(
             self.joints == JOINTS, f"joints is {self.joints}, but the theorem is about {JOINTS}"
         )
@@ -103,7 +103,7 @@ class Certificate:
         self._require_common_denominator()
 
     def _require_common_denominator(self) -> None:
-        """Refuse numbers whose sums would grow without reasonable bound."""
+        """Refuse numbers whose sums could have very large denominators."""
         numbers = [self.constant, *(square.weight for square in self.squares)]
         numbers += [term.coefficient for square in self.squares for term in square.terms]
         numbers += [multiplier.coefficient for multiplier in self.multipliers]
@@ -125,37 +125,36 @@ class Certificate:
     def to_json(self) -> str:
         """Return the JSON text, one term or multiplier per line."""
         squares = ",\n".join(
-            f'  {{"weight": "{square.weight}", "terms": {_lines(map(_term, square.terms), 3)}}}'
+            f'  {{"weight": "{square.weight}", "terms": {_lines(square.terms, 3)}}}'
             for square in self.squares
         )
         return (
             f'{{"joints": {self.joints},\n "constant": "{self.constant}",\n'
             f' "squares": [\n{squares}],\n'
-            f' "multipliers": {_lines(map(_multiplier, self.multipliers), 2)}}}\n'
+            f' "multipliers": {_lines(self.multipliers, 2)}}}\n'
         )
 
 
-def _lines(records: Iterable[dict[str, Any]], indent: int) -> str:
+def _lines(records: Iterable[Term | Multiplier], indent: int) -> str:
     margin = "\n" + " " * indent
-    return "[" + margin + f",{margin}".join(map(json.dumps, records)) + "]"
+    return "[" + margin + f",{margin}".join(json.dumps(_plain(r)) for r in records) + "]"
 
 
-def _term(term: Term) -> dict[str, Any]:
-    return {"coefficient": str(term.coefficient), "w": term.w, "wbar": term.wbar}
+def _plain(record: Term | Multiplier) -> dict[str, Any]:
+    plain: dict[str, Any] = {"coefficient": str(record.coefficient)}
+    if isinstance(record, Multiplier):
+        row_sum = record.kind == "row-sum"
+        place = {"row": record.place[0]} if row_sum else {"entry": record.place}
+        plain["equation"] = {"kind": record.kind, **place}
+    return {**plain, "w": record.w, "wbar": record.wbar}
 
 
-def _multiplier(multiplier: Multiplier) -> dict[str, Any]:
-    place = (
-        {"row": multiplier.place[0]}
-        if multiplier.kind == "row-sum"
-        else {"entry": multiplier.place}
-    )
-    return {
-        "coefficient": str(multiplier.coefficient),
-        "equation": {"kind": multiplier.kind, **place},
-        "w": multiplier.w,
-        "wbar": multiplier.wbar,
-    }
+def shown(value: object) -> str:
+    """Return a value as it stands in JSON, shortened, for a message about it."""
+    if isinstance(value, (list, tuple, dict)):
+        return "an object" if isinstance(value, dict) else "a list"
+    text = json.dumps(value, default=str)
+    return text if len(text) <= 60 else text[:59] + "…"
 
 
 def _require(condition: bool, otherwise: str) -> None:
@@ -178,7 +177,7 @@ def _require_monomial(coefficient: Fraction, w: Pairs, wbar: Pairs, factors: int
     count = len(w) + len(wbar)
     _require(count <= factors, f"a monomial of {count} factors is longer than {factors}")
     for pair in w + wbar:
-        _require(len(pair) == 2, f"{list(pair)} is not a pair of joints")
+        _require(len(pair) == 2, f"a list of {len(pair)} joints is not a pair")
         _require_joints(pair)
         _require(
             pair[0] != pair[1], f"the pair {list(pair)} is on the diagonal, where W is zero"
@@ -187,5 +186,9 @@ def _require_monomial(coefficient: Fraction, w: Pairs, wbar: Pairs, factors: int
 
 def _require_joints(joints: tuple[int, ...]) -> None:
     for joint in joints:
-        _require(type(joint) is int, f"joint {joint!r} is not a whole number")
+        _require_whole(joint)
         _require(0 <= joint < JOINTS, f"joint {joint} is not one of 0 to {JOINTS - 1}")
+
+
+def _require_whole(number: object) -> None:
+    _require(type(number) is int, f"{shown(number)} is not a whole number")  # nor True

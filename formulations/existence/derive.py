@@ -7,25 +7,32 @@ below, and the bounds exclude each other. The combination in which τ cancels is
     Σ weight · |square|² = −constant + Σ coefficient · monomial · equation  (averaged)
 
 and the quotients of the division are the multipliers (docs/nonexistence.md, sections 4, 5).
-Everything is computed from the definitions in rational arithmetic; no answer is stored.
+Everything is computed from the definitions in rational arithmetic; no result is stored.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from fractions import Fraction
-from math import gcd, lcm
+from itertools import chain, permutations, product, zip_longest
+from math import gcd, lcm, prod
+from typing import TypeAlias
 
 from formulations.existence.certificate import Certificate, Multiplier, Square, Term
-from formulations.existence.equations import Frame, Multiple
-from formulations.existence.graphs import ONE, Monomial
-from formulations.existence.polynomials import (
+from formulations.existence.equations import (
+    Frame,
+    Multiple,
     Polynomial,
     class_sums,
+    collected,
     combined,
     hermitian_product,
 )
+from formulations.existence.graphs import ONE, Monomial
 from formulations.existence.rewriting import rewriting
-from formulations.existence.young import symmetrised
+
+Tableau: TypeAlias = tuple[tuple[int, ...], ...]
+Permutation: TypeAlias = tuple[int, ...]
 
 SEVEN_REVOLUTE = Frame(joints=7, task_dimension=6)
 ORDER = 3
@@ -57,6 +64,49 @@ def squared_polynomials() -> tuple[Polynomial, Polynomial]:
     p1 = symmetrised(TABLEAU, Monomial(w=((0, 1), (2, 3)), wbar=((0, 1),)))
     p2 = symmetrised(TABLEAU, Monomial(w=((0, 1), (2, 3)), wbar=((0, 2),)))
     return p1, combined([(Fraction(3), p1), (Fraction(1), p2)])
+
+
+def symmetrised(tableau: Tableau, monomial: Monomial) -> Polynomial:
+    """Apply a Young symmetriser: the result is of one irreducible type of S_n.
+
+    Parameters
+    ----------
+    tableau
+        Rows of joints, each joint once, rows of decreasing length.
+    monomial
+        The monomial acted on.
+
+    Returns
+    -------
+    Polynomial
+        Σ sign(c) c·r·monomial over row permutations r and column permutations c, divided by
+        the greatest common divisor of its coefficients.
+    """
+    columns = tuple(
+        tuple(joint for joint in column if joint is not None)
+        for column in zip_longest(*tableau)
+    )
+    terms = collected(
+        (monomial.relabel(row).relabel(column), Fraction(sign(column)))
+        for row in _stabiliser(tableau)
+        for column in _stabiliser(columns)
+    )
+    content = gcd(*(value.numerator for value in terms.values()))
+    return {term: value / content for term, value in sorted(terms.items())}
+
+
+def sign(permutation: Permutation) -> int:
+    """Return +1 for an even and −1 for an odd permutation."""
+    images = range(len(permutation))
+    return prod(-1 for i in images for j in range(i) if permutation[j] > permutation[i])
+
+
+def _stabiliser(blocks: Sequence[tuple[int, ...]]) -> Iterator[Permutation]:
+    """Give all permutations that map every block to itself."""
+    joints = tuple(chain(*blocks))
+    for images in product(*map(permutations, blocks)):
+        moved = dict(zip(joints, chain(*images), strict=True))
+        yield tuple(moved[joint] for joint in range(len(joints)))
 
 
 def cancelling_weights(p: Polynomial, q: Polynomial) -> tuple[Fraction, Fraction]:

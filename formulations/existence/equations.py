@@ -1,4 +1,4 @@
-"""The equations that W satisfies at an isotropic Jacobian, as sparse polynomials.
+"""Sparse polynomials, and the equations that W satisfies at an isotropic Jacobian.
 
 J (m×n, orthonormal rows, m even) is written as a complex matrix Z = V + iΩ with m/2 rows, and
 W = ZᵀZ. With P = JᵀJ the equations are (docs/nonexistence.md, section 2)
@@ -12,17 +12,51 @@ and W_ii = 0, which every unit revolute joint obeys, is built in unless `diagona
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
 from itertools import combinations_with_replacement
-from typing import Literal, TypeAlias
+from typing import TypeAlias
 
-from formulations.existence.graphs import ONE, Monomial, coloured_graphs
-from formulations.existence.polynomials import Polynomial, class_sums, collected, times
+from formulations.existence.certificate import Kind
+from formulations.existence.graphs import ONE, Monomial, canonical, coloured_graphs
 
-Kind: TypeAlias = Literal["row-sum", "square", "tight-frame"]
+Polynomial: TypeAlias = Mapping[Monomial, Fraction]
+
+# Number of factors W minus number of factors conj(W) in each equation.
 CHARGE: dict[Kind, int] = {"row-sum": 1, "square": 2, "tight-frame": 0}
+_INDICES: dict[Kind, int] = {"row-sum": 1, "square": 2, "tight-frame": 2}
+
+
+def collected(terms: Iterable[tuple[Monomial, Fraction]]) -> Polynomial:
+    """Add up terms and drop those that cancel."""
+    total: dict[Monomial, Fraction] = {}
+    for monomial, coefficient in terms:
+        total[monomial] = total.get(monomial, Fraction(0)) + coefficient
+    return {monomial: value for monomial, value in total.items() if value}
+
+
+def combined(parts: Iterable[tuple[Fraction, Polynomial]]) -> Polynomial:
+    """Return the linear combination Σ factor · polynomial."""
+    return collected((m, factor * value) for factor, part in parts for m, value in part.items())
+
+
+def times(monomial: Monomial, polynomial: Polynomial) -> Polynomial:
+    """Return the product of a monomial and a polynomial."""
+    return {monomial * other: value for other, value in polynomial.items()}
+
+
+def hermitian_product(p: Polynomial, q: Polynomial) -> Polynomial:
+    """Return p · conj(q)."""
+    return collected((a * b.conjugate(), x * y) for a, x in p.items() for b, y in q.items())
+
+
+def class_sums(polynomial: Polynomial) -> Polynomial:
+    """Return the average over joint orders and conjugation, as a combination of classes.
+
+    A class stands for the average of its members, hence for the average of each of them.
+    """
+    return collected((canonical(monomial), value) for monomial, value in polynomial.items())
 
 
 @dataclass(frozen=True, order=True, slots=True)
@@ -81,6 +115,11 @@ class Frame:
         terms = [(term, Fraction(1)) for m in products for term in (m, m.conjugate())]
         return collected([*terms, (ONE, -4 * self.projector(i, j))])
 
+    def equations(self) -> Iterator[Equation]:
+        """Give all equations, every entry (i, j) with i ≤ j."""
+        for kind in self._kinds:
+            yield from self._at(kind, self.joints)
+
     def averaged(self, multiple: Multiple) -> Polynomial:
         """Return a multiple of an equation as a combination of classes."""
         return class_sums(times(multiple.monomial, self.polynomial(multiple.equation)))
@@ -88,25 +127,27 @@ class Frame:
     def multiples(self, order: int) -> Iterator[Multiple]:
         """Give all multiples with at most `order` edges of each colour.
 
-        Every multiple is met up to the order of the joints and conjugation; some repeatedly.
+        Up to the order of the joints and conjugation every multiple occurs, some repeatedly.
         """
-        for kind, charge in CHARGE.items():
-            if kind == "row-sum" and not self.redundant:
-                continue
+        for kind in self._kinds:
+            charge = CHARGE[kind]
             own_wbar = int(kind == "tight-frame")
             for w in range(order - charge - own_wbar + 1):
-                for monomial in self._graphs(w, w + charge):
-                    for place in self._places(kind, monomial):
-                        yield Multiple(Equation(kind, place), monomial)
+                for monomial in coloured_graphs(self.joints, w, w + charge, self.diagonal):
+                    # Places among the joints used and as many unused ones as can matter.
+                    used = len(monomial.vertices)
+                    for equation in self._at(kind, used + _INDICES[kind]):
+                        yield Multiple(equation, monomial)
 
     def _columns(self, *rows: int) -> list[int]:
         return [k for k in range(self.joints) if self.diagonal or k not in rows]
 
-    def _graphs(self, w: int, wbar: int) -> tuple[Monomial, ...]:
-        return coloured_graphs(self.joints, w, wbar, loops=self.diagonal)
+    @property
+    def _kinds(self) -> list[Kind]:
+        return [kind for kind in CHARGE if kind != "row-sum" or self.redundant]
 
-    def _places(self, kind: Kind, monomial: Monomial) -> Iterable[tuple[int, ...]]:
-        """Give places among the joints used and as many unused ones as can matter."""
-        size = 1 if kind == "row-sum" else 2
-        candidates = range(min(self.joints, len(monomial.vertices) + size))
-        return combinations_with_replacement(candidates, size)
+    def _at(self, kind: Kind, joints: int) -> Iterator[Equation]:
+        """Give the equations of a kind at places among the first joints."""
+        first = range(min(self.joints, joints))
+        for place in combinations_with_replacement(first, _INDICES[kind]):
+            yield Equation(kind, place)

@@ -2,8 +2,8 @@
 
 A product of entries W_ij and conj(W_ij) of a symmetric n×n matrix is a multigraph: joints are
 vertices, every factor W_ij is an edge of the first colour, every factor conj(W_ij) one of the
-second. An average over all orders of the joints sees only the isomorphism class of that graph;
-an average over complex conjugation too, only the class with colours interchangeable
+second. An average over all orders of the joints depends only on the isomorphism class of that
+graph; if it is also over complex conjugation, only on the class with colours interchangeable
 (docs/nonexistence.md, section 3).
 """
 
@@ -13,11 +13,12 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache, lru_cache
 from itertools import combinations, combinations_with_replacement
-from math import perm
 from typing import TypeAlias
 
-Pair: TypeAlias = tuple[int, int]
-Pairs: TypeAlias = tuple[Pair, ...]
+from formulations.existence.certificate import Pairs
+
+# For each vertex, by rank: its neighbours, with the number of edges of each colour.
+Neighbours: TypeAlias = list[list[tuple[int, tuple[int, int]]]]
 
 
 def _sorted_pairs(pairs: Pairs) -> Pairs:
@@ -40,11 +41,6 @@ class Monomial:
     def __post_init__(self) -> None:
         object.__setattr__(self, "w", _sorted_pairs(self.w))
         object.__setattr__(self, "wbar", _sorted_pairs(self.wbar))
-
-    @property
-    def charge(self) -> int:
-        """Number of factors W minus number of factors conj(W)."""
-        return len(self.w) - len(self.wbar)
 
     @property
     def degree(self) -> int:
@@ -81,20 +77,10 @@ def canonical(monomial: Monomial, *, swap_colours: bool = True) -> Monomial:
     if `swap_colours`, possibly conjugation) takes one to the other. The representative uses
     the joints 0, 1, 2, … without gaps.
     """
-    representative = _canonical(monomial)[0]
+    representative = _canonical(monomial)
     if not swap_colours:
         return representative
-    return min(representative, _canonical(monomial.conjugate())[0])
-
-
-def automorphisms(monomial: Monomial) -> int:
-    """Return how many permutations of its own vertices leave a monomial as it is."""
-    return _canonical(monomial)[1]
-
-
-def orbit_size(monomial: Monomial, joints: int) -> int:
-    """Return how many different monomials the permutations of all joints make of one."""
-    return perm(joints, len(monomial.vertices)) // automorphisms(monomial)
+    return min(representative, _canonical(monomial.conjugate()))
 
 
 @cache
@@ -113,57 +99,54 @@ def classes(joints: int, order: int, *, loops: bool = False) -> tuple[Monomial, 
     found = {
         canonical(graph)
         for edges in range(order + 1)
-        for graph in coloured_graphs(joints, edges, edges, loops=loops)
+        for graph in coloured_graphs(joints, edges, edges, loops)
     }
     return tuple(sorted(found, key=lambda graph: (graph.degree, graph)))
 
 
 @cache
 def coloured_graphs(
-    joints: int, w: int, wbar: int, *, loops: bool = False
+    joints: int, w: int, wbar: int, loops: bool = False
 ) -> tuple[Monomial, ...]:
-    """Return one monomial per class with `w` and `wbar` edges, colours told apart."""
+    """Return one monomial per class with `w` and `wbar` edges, the colours distinguished."""
     if w == wbar == 0:
         return (ONE,)
     if w < wbar:
-        mirrored = coloured_graphs(joints, wbar, w, loops=loops)
+        mirrored = coloured_graphs(joints, wbar, w, loops)
         found = {canonical(graph.conjugate(), swap_colours=False) for graph in mirrored}
     else:
         found = {
             canonical(graph * Monomial(w=(edge,)), swap_colours=False)
-            for graph in coloured_graphs(joints, w - 1, wbar, loops=loops)
+            for graph in coloured_graphs(joints, w - 1, wbar, loops)
             for edge in _new_edges(graph, joints, loops)
         }
     return tuple(sorted(found))
 
 
-def _new_edges(graph: Monomial, joints: int, loops: bool) -> Iterator[Pair]:
-    """Give every pair of joints; unused joints are all alike, so two of them are enough."""
+def _new_edges(graph: Monomial, joints: int, loops: bool) -> Iterator[tuple[int, int]]:
+    """Give every pair of joints; unused joints are equivalent, so two of them are enough."""
     candidates = range(min(joints, len(graph.vertices) + 2))
     choose = combinations_with_replacement if loops else combinations
     return choose(candidates, 2)
 
 
 @lru_cache(maxsize=100_000)
-def _canonical(monomial: Monomial) -> tuple[Monomial, int]:
-    """Return the least relabelling over a search tree, and how often it is met there.
+def _canonical(monomial: Monomial) -> Monomial:
+    """Return the least relabelling over a search tree.
 
-    The tree tells vertices apart by their neighbourhoods; where some remain alike, it singles
-    out each of them in turn. It is made without reference to the labels, so isomorphic graphs
-    have the same least leaf, and automorphisms act freely on the leaves.
+    The tree distinguishes vertices by their neighbourhoods; where some remain equal, it
+    individualises each of them in turn. It does not depend on the labels, so isomorphic graphs
+    have the same least leaf.
     """
     vertices = monomial.vertices
     neighbours = _neighbours(monomial)
-    leaves = [
+    return min(
         monomial.relabel(dict(zip(vertices, names, strict=True)))
         for names in _labellings(neighbours, [0] * len(vertices))
-    ]
-    least = min(leaves)
-    return least, leaves.count(least)
+    )
 
 
-def _neighbours(monomial: Monomial) -> list[list[tuple[int, Pair]]]:
-    """List for each vertex (counted by rank) its neighbours and the edges of each colour."""
+def _neighbours(monomial: Monomial) -> Neighbours:
     rank = {joint: place for place, joint in enumerate(monomial.vertices)}
     edges: list[dict[int, list[int]]] = [{} for _ in rank]
     for colour, pairs in enumerate((monomial.w, monomial.wbar)):
@@ -173,26 +156,24 @@ def _neighbours(monomial: Monomial) -> list[list[tuple[int, Pair]]]:
     return [[(there, (a, b)) for there, (a, b) in around.items()] for around in edges]
 
 
-def _labellings(
-    neighbours: list[list[tuple[int, Pair]]], cells: list[int]
-) -> Iterator[list[int]]:
+def _labellings(neighbours: Neighbours, cells: list[int]) -> Iterator[list[int]]:
     """Give the orderings at the leaves of the search tree below an ordered partition."""
     cells = _refined(neighbours, cells)
-    alike = [vertex for vertex, cell in enumerate(cells) if cells.count(cell) > 1]
-    if not alike:
+    equal = [vertex for vertex, cell in enumerate(cells) if cells.count(cell) > 1]
+    if not equal:
         yield cells
         return
-    cell = min(cells[vertex] for vertex in alike)
-    for vertex in alike:
+    cell = min(cells[vertex] for vertex in equal)
+    for vertex in equal:
         if cells[vertex] == cell:
-            # Doubling makes room for the singled-out vertex just before the rest of its cell.
+            # Doubling makes room for the chosen vertex just before the rest of its cell.
             split = [2 * c + 1 for c in cells]
             split[vertex] -= 1
             yield from _labellings(neighbours, split)
 
 
-def _refined(neighbours: list[list[tuple[int, Pair]]], cells: list[int]) -> list[int]:
-    """Split cells until vertices of one cell have alike neighbourhoods; renumber from 0."""
+def _refined(neighbours: Neighbours, cells: list[int]) -> list[int]:
+    """Split cells until vertices of one cell have equal neighbourhoods; renumber from 0."""
     while True:
         signatures = [
             (
@@ -202,7 +183,7 @@ def _refined(neighbours: list[list[tuple[int, Pair]]], cells: list[int]) -> list
             for vertex, around in enumerate(neighbours)
         ]
         order = sorted(signatures)
-        # The first position at which a signature stands is the name of its cell.
+        # The first position of a signature is the number of its cell.
         refined = [order.index(signature) for signature in signatures]
         if len(set(refined)) == len(set(cells)):
             return refined

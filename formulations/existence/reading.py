@@ -1,7 +1,8 @@
 """Read a certificate file strictly: what is not exactly in the format is refused.
 
-Every refusal is one sentence that says where and what. Sizes are bounded before anything is
-built, so that no file keeps the reader busy for long.
+Every error message is one sentence with the place and the fault. Sizes are limited before
+anything is built, so that no file takes long to read. The reader checks the structure of the
+JSON text; the records check the rest.
 """
 
 from __future__ import annotations
@@ -11,15 +12,15 @@ import re
 from collections.abc import Callable
 from fractions import Fraction
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypeAlias, TypeVar
 
 from formulations.existence.certificate import (
     Certificate,
     CertificateError,
     Multiplier,
-    Pairs,
     Square,
     Term,
+    shown,
 )
 from nlp.errors import FileError
 
@@ -28,6 +29,7 @@ DIGITS = 40
 RATIONAL = re.compile(rf"-?(0|[1-9][0-9]{{0,{DIGITS - 1}}})(/[1-9][0-9]{{0,{DIGITS - 1}}})?")
 
 Record = TypeVar("Record")
+Reader: TypeAlias = Callable[[Any], Record]
 
 
 def read(path: Path | str) -> Certificate:
@@ -60,76 +62,10 @@ def read(path: Path | str) -> Certificate:
     return _certificate(value)
 
 
-def _certificate(value: Any) -> Certificate:
-    fields = _fields(value, "joints", "constant", "squares", "multipliers")
-    return Certificate(
-        joints=_at("joints", _joint, fields["joints"]),
-        constant=_at("constant", _rational, fields["constant"]),
-        squares=_at("squares", _list_of(_square), fields["squares"]),
-        multipliers=_at("multipliers", _list_of(_multiplier), fields["multipliers"]),
-    )
-
-
-def _square(value: Any) -> Square:
-    fields = _fields(value, "weight", "terms")
-    return Square(
-        weight=_at("weight", _rational, fields["weight"]),
-        terms=_at("terms", _list_of(_term), fields["terms"]),
-    )
-
-
-def _term(value: Any) -> Term:
-    fields = _fields(value, "coefficient", "w", "wbar")
-    return Term(
-        coefficient=_at("coefficient", _rational, fields["coefficient"]),
-        w=_at("w", _pairs, fields["w"]),
-        wbar=_at("wbar", _pairs, fields["wbar"]),
-    )
-
-
-def _multiplier(value: Any) -> Multiplier:
-    fields = _fields(value, "coefficient", "equation", "w", "wbar")
-    kind, place = _at("equation", _equation, fields["equation"])
-    return Multiplier(
-        coefficient=_at("coefficient", _rational, fields["coefficient"]),
-        kind=kind,
-        place=place,
-        w=_at("w", _pairs, fields["w"]),
-        wbar=_at("wbar", _pairs, fields["wbar"]),
-    )
-
-
-def _equation(value: Any) -> tuple[Any, tuple[int, ...]]:
-    """Return kind and place; the record decides whether there is such an equation."""
-    if isinstance(value, dict) and value.get("kind") == "row-sum":
-        return "row-sum", (_at("row", _joint, _fields(value, "kind", "row")["row"]),)
-    fields = _fields(value, "kind", "entry")
-    if not isinstance(fields["kind"], str):
-        raise CertificateError(f"kind is {_shown(fields['kind'])}, not a string.")
-    return fields["kind"], _at("entry", _list_of(_joint), fields["entry"])
-
-
-def _pairs(value: Any) -> Pairs:
-    return _list_of(_pair)(value)
-
-
-def _pair(value: Any) -> tuple[int, int]:
-    joints = _list_of(_joint)(value)
-    if len(joints) != 2:
-        raise CertificateError(f"a list of {len(joints)} joints is not a pair.")
-    return joints[0], joints[1]
-
-
-def _joint(value: Any) -> int:
-    if type(value) is not int:  # True is an int too
-        raise CertificateError(f"{_shown(value)} is not a whole number.")
-    return value
-
-
 def _rational(value: Any) -> Fraction:
     if not isinstance(value, str) or RATIONAL.fullmatch(value) is None:
         raise CertificateError(
-            f'{_shown(value)} is not a rational number in a string such as "-3/2", '
+            f'{shown(value)} is not a rational number in a string such as "-3/2", '
             f"with at most {DIGITS} digits above and below."
         )
     return Fraction(value)
@@ -137,27 +73,52 @@ def _rational(value: Any) -> Fraction:
 
 def _fields(value: Any, *names: str) -> dict[str, Any]:
     if not isinstance(value, dict):
-        raise CertificateError(f"{_shown(value)} is not an object with {', '.join(names)}.")
+        raise CertificateError(f"{shown(value)} is not an object with {', '.join(names)}.")
     for name in names:
         if name not in value:
             raise CertificateError(f"{name!r} is missing.")
     for name in value:
         if name not in names:
-            raise CertificateError(f"the key {_shown(name)} is unknown.")
+            raise CertificateError(f"the key {shown(name)} is unknown.")
     return value
 
 
-def _list_of(read_one: Callable[[Any], Record]) -> Callable[[Any], tuple[Record, ...]]:
+def _equation(value: Any) -> tuple[Any, tuple[int, ...]]:
+    """Return kind and place; the record decides whether there is such an equation."""
+    if isinstance(value, dict) and value.get("kind") == "row-sum":
+        return "row-sum", (_fields(value, "kind", "row")["row"],)
+    fields = _fields(value, "kind", "entry")
+    return fields["kind"], _at("entry", _list_of(_same), fields["entry"])
+
+
+def _placed(equation: tuple[Any, tuple[int, ...]], **parts: Any) -> Multiplier:
+    kind, place = equation
+    return Multiplier(kind=kind, place=place, **parts)
+
+
+def _record(make: Callable[..., Record], **parts: Reader[Any]) -> Reader[Record]:
+    """Return the reader of an object with exactly these parts."""
+
+    def read_record(value: Any) -> Record:
+        fields = _fields(value, *parts)
+        return make(
+            **{name: _at(name, read_one, fields[name]) for name, read_one in parts.items()}
+        )
+
+    return read_record
+
+
+def _list_of(read_one: Reader[Record]) -> Reader[tuple[Record, ...]]:
     def read_all(value: Any) -> tuple[Record, ...]:
         if not isinstance(value, list):
-            raise CertificateError(f"{_shown(value)} is not a list.")
+            raise CertificateError(f"{shown(value)} is not a list.")
         return tuple(_at(f"[{place}]", read_one, item) for place, item in enumerate(value))
 
     return read_all
 
 
-def _at(place: str, read_one: Callable[[Any], Record], value: Any) -> Record:
-    """Read a part; if it is refused, say where."""
+def _at(place: str, read_one: Reader[Record], value: Any) -> Record:
+    """Read a part; if it is refused, put its place into the message."""
     try:
         return read_one(value)
     except CertificateError as error:
@@ -177,8 +138,20 @@ def _short_integer(digits: str) -> int:
     return int(digits)
 
 
-def _shown(value: Any) -> str:
-    if isinstance(value, (list, dict)):
-        return "a list" if isinstance(value, list) else "an object"
-    text = json.dumps(value)
-    return text if len(text) <= 60 else text[:59] + "…"
+def _same(value: Any) -> Any:
+    """Return a value as it is: the record that it becomes a part of checks it."""
+    return value
+
+
+_pairs = _list_of(_list_of(_same))
+_monomial: dict[str, Reader[Any]] = {"coefficient": _rational, "w": _pairs, "wbar": _pairs}
+_term = _record(Term, **_monomial)
+_square = _record(Square, weight=_rational, terms=_list_of(_term))
+_multiplier = _record(_placed, equation=_equation, **_monomial)
+_certificate = _record(
+    Certificate,
+    joints=_same,
+    constant=_rational,
+    squares=_list_of(_square),
+    multipliers=_list_of(_multiplier),
+)

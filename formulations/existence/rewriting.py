@@ -1,8 +1,8 @@
 """Division by the equations: every average of a monomial in terms of a few irreducible ones.
 
 Classes are ordered by number of vertices first. A multiple of an equation then has a leading
-class, in which the equation's free index is a vertex of its own, and rewrites it into smaller
-ones: a leaf goes by W1 = 0, a vertex of degree two by W² = 0 or by the tight-frame equation.
+class, in which the equation's free index is a separate vertex, and rewrites it into smaller
+ones: W1 = 0 removes a leaf, W² = 0 or the tight-frame equation a vertex of degree two.
 The first multiple with a given leading class becomes its *rule*; all others, once rewritten,
 are *relations* among the few classes without a rule, a small linear system over the rationals.
 """
@@ -14,16 +14,15 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import TypeAlias
 
-from formulations.existence.equations import Frame, Multiple
+from formulations.existence.equations import Frame, Multiple, Polynomial, combined
 from formulations.existence.graphs import ONE, Monomial
-from formulations.existence.polynomials import Polynomial, combined
 
 Combination: TypeAlias = Mapping[Multiple, Fraction]
 
 
 @dataclass(frozen=True)
 class Relation:
-    """A polynomial in irreducible classes that the equations make zero, and why.
+    """A polynomial in irreducible classes that the equations make zero, and its derivation.
 
     Parameters
     ----------
@@ -99,9 +98,9 @@ def rewriting(frame: Frame, order: int) -> Rewriting:
         rewritten[graph] = _rewrite(equal, rewritten)
     relations: dict[Monomial, Relation] = {}
     for multiple, polynomial in averaged.items():
-        news = _relation(multiple, _rewrite(polynomial, rewritten), relations)
-        if news.polynomial:
-            relations[leading(news.polynomial)] = news
+        relation = _relation(multiple, _rewrite(polynomial, rewritten), relations)
+        if relation.polynomial:
+            relations[leading(relation.polynomial)] = relation
     return Rewriting(averaged, rules, rewritten, relations)
 
 
@@ -127,7 +126,7 @@ def _rewrite(polynomial: Polynomial, rewritten: Mapping[Monomial, Polynomial]) -
 def _relation(
     multiple: Multiple, polynomial: Polynomial, known: Mapping[Monomial, Relation]
 ) -> Relation:
-    """Return what a rewritten multiple says beyond the relations already known."""
+    """Return what of a rewritten multiple does not follow from the relations already known."""
     quotients, remainder = _eliminated(polynomial, known)
     scale = 1 / remainder[leading(remainder)] if remainder else Fraction(1)
     origin = {used: -scale * value for used, value in quotients.items()}

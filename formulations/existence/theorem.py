@@ -1,7 +1,7 @@
-"""The theorem as an answer: which arms cannot be optimally failure-tolerant, and why.
+"""The theorem for other modules: which arms cannot be optimally failure-tolerant.
 
-The package carries a certificate (the one that `derive` finds, byte for byte). It is verified
-when the question is first asked, so the answer rests on the verification, not on the file.
+The package includes a certificate, the one that `derive` finds, byte for byte. It is verified
+at the first call, so the answer rests on the verification, not on the file.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from formulations.existence.verify import Report, verify
 
 
 def package_certificate() -> Certificate:
-    """Read the certificate that the package carries."""
+    """Read the certificate that the package includes."""
     with as_file(files("formulations.existence") / "certificate.json") as path:
         return read(path)
 
@@ -27,7 +27,7 @@ def verified() -> Report:
     Raises
     ------
     CertificateError
-        If it proves nothing.
+        If the identity does not hold.
     """
     return verify(package_certificate())
 

@@ -19,20 +19,19 @@ no such Jacobian. For this the following must hold, and does for every `Certific
 exists: seven joints; rational coefficients; weights and constant positive; no W_ii; only
 equations of the three kinds, inside the matrix.
 
-Nothing more is needed. In particular *which* renaming is applied cannot make a false identity
-pass, only a true one fail: a renamed monomial is always one with the same mean.
+No other condition is needed. In particular the choice of the renaming cannot make a false
+identity pass, only a true one fail: a renamed monomial always has the same mean.
 
-This module shares no mathematics with the derivation. The records and the reader of the file
-(`certificate`, `reading`) are all it imports.
+This module shares no mathematics with the derivation: it imports only the records of the
+certificate.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from fractions import Fraction
 from itertools import chain, permutations, product
-from pathlib import Path
 from typing import Any, TypeAlias
 
 from formulations.existence.certificate import (
@@ -42,10 +41,9 @@ from formulations.existence.certificate import (
     Pairs,
     Square,
 )
-from formulations.existence.reading import read
 
 Factors: TypeAlias = tuple[Pairs, Pairs]  # the entries of W and of conj(W), each sorted
-Look: TypeAlias = tuple[Any, ...]
+Signature: TypeAlias = tuple[Any, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,26 +70,7 @@ class Report:
 
     def to_dict(self) -> dict[str, int | str]:
         """Return plain values for tables and JSON, the constant as a fraction in text."""
-        return {
-            "joints": self.joints,
-            "constant": str(self.constant),
-            "squares": self.squares,
-            "multipliers": self.multipliers,
-            "monomials": self.monomials,
-        }
-
-
-def verify_file(path: Path | str) -> Report:
-    """Verify the certificate in a file.
-
-    Raises
-    ------
-    FileError
-        If the file cannot be read as JSON.
-    CertificateError
-        If it is not a certificate, or proves nothing.
-    """
-    return verify(read(path))
+        return {**asdict(self), "constant": str(self.constant)}
 
 
 def verify(certificate: Certificate) -> Report:
@@ -154,7 +133,7 @@ def _equation(multiplier: Multiplier) -> Iterator[tuple[Pairs, Pairs, Fraction]]
     one = Fraction(1)
     if multiplier.kind == "row-sum":
         (i,) = multiplier.place
-        yield from (((((i, k),), (), one)) for k in range(7) if k != i)
+        yield from ((((i, k),), (), one) for k in range(7) if k != i)
         return
     i, j = multiplier.place
     inner = [k for k in range(7) if k not in (i, j)]
@@ -180,12 +159,11 @@ def _renamed(w: Pairs, wbar: Pairs) -> Factors:
 
 
 def _renamings(w: Pairs, wbar: Pairs) -> Iterator[Factors]:
-    """Give the renamings that put joints in order of their surroundings, ties in all orders."""
-    looks = _looks(w, wbar)
-    ties: dict[Look, list[int]] = {}
-    for joint, look in looks.items():
-        ties.setdefault(look, []).append(joint)
-    for orders in product(*(permutations(ties[look]) for look in sorted(ties))):
+    """Give the renamings that sort joints by their signatures, ties in all orders."""
+    ties: dict[Signature, list[int]] = {}
+    for joint, signature in _signatures(w, wbar).items():
+        ties.setdefault(signature, []).append(joint)
+    for orders in product(*(permutations(ties[signature]) for signature in sorted(ties))):
         names = {joint: name for name, joint in enumerate(chain(*orders))}
         yield (
             _ascending(tuple((names[i], names[j]) for i, j in w)),
@@ -193,20 +171,20 @@ def _renamings(w: Pairs, wbar: Pairs) -> Iterator[Factors]:
         )
 
 
-def _looks(w: Pairs, wbar: Pairs) -> dict[int, Look]:
+def _signatures(w: Pairs, wbar: Pairs) -> dict[int, Signature]:
     """Describe each joint by its factors, and by those of its partners."""
     around: dict[int, list[tuple[int, int]]] = {}
     for colour, pairs in enumerate((w, wbar)):
         for i, j in pairs:
             around.setdefault(i, []).append((colour, j))
             around.setdefault(j, []).append((colour, i))
-    looks: dict[int, Look] = dict.fromkeys(around, ())
+    signatures: dict[int, Signature] = dict.fromkeys(around, ())
     for _ in range(2):
-        looks = {
-            joint: tuple(sorted((colour, looks[partner]) for colour, partner in factors))
+        signatures = {
+            joint: tuple(sorted((colour, signatures[partner]) for colour, partner in factors))
             for joint, factors in around.items()
         }
-    return looks
+    return signatures
 
 
 def _written(w: Pairs, wbar: Pairs) -> str:

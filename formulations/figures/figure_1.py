@@ -11,17 +11,14 @@ import pandas as pd
 
 from formulations import measures
 from formulations.figures.picture import Picture, Request
-from formulations.figures.planar import angles, optima, round_tip, turned
-from formulations.files import figure_style
-from formulations.files.figure import figure_class
-from formulations.realise.drawing import draw
+from formulations.figures.planar import angles, draw_on_circle, optima, turned
+from formulations.files.figure import LABEL, TITLE, styled
 from formulations.realise.family import every
 from formulations.realise.from_jacobian import realise
 from formulations.realise.links import link_lengths
 from formulations.realise.manipulator import Manipulator
 from formulations.realise.symmetry import distinct, symmetries
 from nlp.arrays import FloatArray
-from nlp.errors import InputError
 
 WIDTH, HEIGHT = 7.4, 7.8
 
@@ -29,21 +26,19 @@ WIDTH, HEIGHT = 7.4, 7.8
 def make(request: Request) -> Picture:
     """Solve, realise and draw all distinct arrangements."""
     matrix = printed_form(optima(3, request)[0])
-    arms = arrangements(realise(matrix))
+    first = realise(matrix)
+    found = distinct(every(first), symmetries(first))
+    arms = [first.arranged(o, f) for o, f in zip(found.orders, found.flips, strict=True)]
     table = pd.DataFrame([_row(arm) for arm in arms])
-    with figure_style.applied():
-        figure = figure_class()(figsize=(WIDTH, HEIGHT))
+    with styled(WIDTH, HEIGHT) as figure:
         sigma = measures.worst_case_sigma(matrix)
         what = f"σ = √⅓ = {sigma:.4f} whichever joint locks"
-        figure.suptitle(
-            f"Planar 3R with the optimal Jacobian: {what}\n", fontsize=figure_style.SAID
-        )
+        figure.suptitle(f"Planar 3R with the optimal Jacobian: {what}\n", fontsize=TITLE)
         panels = figure.subplots(-(-len(arms) // 2), 2, squeeze=False).ravel()
         for axes, arm, lengths in zip(panels, arms, table["link_lengths"], strict=False):
-            draw(arm, axes, labels=[str(i + 1) for i in range(arm.joints)])
-            round_tip(axes, arm)
+            draw_on_circle(axes, arm)
             links = ", ".join(f"{length:.3f}" for length in lengths)
-            axes.set_title(f"links {links}", fontsize=figure_style.PART, loc="center")
+            axes.set_title(f"links {links}", fontsize=LABEL, loc="center")
         for axes in panels[len(arms) :]:
             axes.set_axis_off()
     return Picture(figure, table)
@@ -59,21 +54,6 @@ def printed_form(matrix: FloatArray) -> FloatArray:
     around = np.mod(angles(signed) - np.pi, 2 * np.pi)
     around[0] = 0.0
     return np.asarray(signed[:, np.argsort(around)])
-
-
-def arrangements(arm: Manipulator) -> list[Manipulator]:
-    """Return the distinct arrangements of a planar manipulator's joints, its own first.
-
-    Raises
-    ------
-    InputError
-        If its symmetries are too many to list.
-    """
-    group = symmetries(arm)
-    if group is None:
-        raise InputError("manipulator", "with too many symmetries", "fewer of them")
-    found = distinct(every(arm), group)
-    return [arm.arranged(o, f) for o, f in zip(found.orders, found.flips, strict=True)]
 
 
 def _row(arm: Manipulator) -> dict[str, object]:

@@ -11,10 +11,8 @@ import pandas as pd
 
 from formulations import measures
 from formulations.figures.picture import Picture, Request
-from formulations.figures.planar import angles, optima, round_tip, turned
-from formulations.files import figure_style
-from formulations.files.figure import figure_class
-from formulations.realise.drawing import draw
+from formulations.figures.planar import angles, draw_on_circle, optima, turned
+from formulations.files.figure import INK, SMALL, TITLE, VERMILION, styled
 from formulations.realise.from_jacobian import realise
 from nlp.arrays import FloatArray
 
@@ -32,22 +30,19 @@ def make(request: Request) -> Picture:
         for matrix in nearest(optima(4, request, locked), wanted)
     ]
     table = pd.DataFrame(rows)
-    with figure_style.applied():
-        figure = figure_class()(figsize=(WIDTH, HEIGHT))
+    with styled(WIDTH, HEIGHT) as figure:
         sigma = table["sigma_one_locked"].min()
         figure.suptitle(
             f"The family of optimal planar 4R: σ = √½ = {sigma:.4f} whichever joint locks\n",
-            fontsize=figure_style.SAID,
+            fontsize=TITLE,
         )
         for axes, row in zip(figure.subplots(2, 4).ravel(), rows, strict=True):
             arm = realise(np.array(row["jacobian"]))
-            draw(arm, axes, labels=["1", "2", "3", "4"], columns=False, weight=0.7)
-            round_tip(axes, arm)
+            draw_on_circle(axes, arm, columns=False, weight=0.7)
             two = row["sigma_two_locked"]
             title = f"α = {row['alpha_degrees']:.1f}°\nσ after two failures {two:.3f}"
-            best = row["optimal_for_locked"] == 2
-            colour = figure_style.VERMILION if best else figure_style.INK
-            axes.set_title(title, fontsize=figure_style.SMALL + 0.5, loc="center", color=colour)
+            colour = VERMILION if row["optimal_for_locked"] == 2 else INK
+            axes.set_title(title, fontsize=SMALL + 0.5, loc="center", color=colour)
     return Picture(figure, table)
 
 

@@ -1,23 +1,27 @@
 """Which optima random starts end at, and how many at each: one histogram per problem.
 
-Starts are counted by the worst case of the Jacobian that they end at, from J alone. Those the
-solver does not call solved, or whose Jacobian fails the check, are counted apart.
+Starts are counted by the worst case of the Jacobian that they end at, from J alone. Those that
+do not pass the gate (`Record.trusted`) are counted apart.
 """
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
 
 from formulations import isotropy, max_min, residual
+from formulations.campaign.records import SCHEMA
+from formulations.campaign.tables import SETTINGS, differing, frame
 from formulations.figures.picture import NothingFoundError, Picture, Request, solved
-from formulations.figures.stored import stored
-from formulations.files import figure_style
-from formulations.files.figure import figure_class
+from formulations.files.figure import BLUE, PALE, SMALL, TITLE, beside, styled, without_frame
 from formulations.solving.setup import Setup
 from nlp.arrays import FloatArray
+from nlp.errors import FileError
+from nlp.solution import SUCCESS
+from nlp.store import Store
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -29,6 +33,9 @@ SAME = 1e-5
 # More optima than this, and than this share of the starts, are a continuum.
 FEW, SCATTERED = 3, 0.2
 UNIT, LEVER = "unit lever arms", "free lever arms"
+# Of a store: settings that every label names, and the length of a line beside a histogram.
+ALWAYS_NAMED = ("formulation", "model", "joints")
+LONGEST = 42
 PROBLEMS = (
     (f"residual, {UNIT}", Setup(residual.NAME, "unit-revolute")),
     (f"max-min, {UNIT}", Setup(max_min.NAME, "unit-revolute")),
@@ -49,16 +56,13 @@ def make(request: Request) -> Picture:
         raise NothingFoundError("No start passes the check; ask for more starts.")
     names = list(dict.fromkeys(table["problem"]))
     edges = _edges(table.loc[table["counted"], "worst_case_sigma"])
-    with figure_style.applied():
-        figure = figure_class()(figsize=(WIDTH, 0.9 + ROW * len(names)))
-        figure.suptitle(
-            "Where random starts end, by the worst case σ", fontsize=figure_style.SAID
-        )
+    with styled(WIDTH, 0.9 + ROW * len(names)) as figure:
+        figure.suptitle("Where random starts end, by the worst case σ", fontsize=TITLE)
         rows = figure.subplots(len(names), 1, sharex=True, squeeze=False)[:, 0]
         for axes, name in zip(rows, names, strict=True):
             _draw(axes, table[table["problem"] == name], edges)
         rows[-1].set_xlabel("σ in the worst case, measured from J alone")
-        figure_style.without_frame(rows[-1], "bottom")
+        without_frame(rows[-1], "bottom")
     return Picture(figure, table)
 
 
@@ -80,7 +84,7 @@ def _solved(request: Request) -> pd.DataFrame:
             "label": name,
             "start": record.index,
             "status": record.status.return_status,
-            "counted": record.status.success and record.valid,
+            "counted": record.trusted,
             "worst_case_sigma": record.worst_case_sigma,
             "isotropy_defect": record.isotropy_defect,
         }
@@ -88,6 +92,41 @@ def _solved(request: Request) -> pd.DataFrame:
         for record in solved(setup, request).records
     ]
     return pd.DataFrame(rows)
+
+
+def stored(path: Path) -> pd.DataFrame:
+    """Return one row per start of a campaign's store, labelled by the settings that differ.
+
+    Raises
+    ------
+    FileError
+        If it is no store of a campaign, or holds no records yet.
+    """
+    measured = ("start", "status", "valid", "worst_case_sigma", "isotropy_defect")
+    with Store(path, SCHEMA) as store:
+        records = frame(store, columns=[*SETTINGS, *measured])
+    if records.empty:
+        raise FileError("--store", str(path), "a store with records")
+    named = differing(records, ALWAYS_NAMED, ALWAYS_NAMED)
+    labels = records[list(SETTINGS)].apply(_label, axis=1, named=named)
+    return pd.DataFrame(
+        {
+            "problem": labels.str.split().str.join(" "),
+            "label": labels,
+            "start": records["start"],
+            "status": records["status"],
+            "counted": (records["status"] == SUCCESS) & (records["valid"] == 1),
+            "worst_case_sigma": records["worst_case_sigma"],
+            "isotropy_defect": records["isotropy_defect"],
+        }
+    )
+
+
+def _label(settings: pd.Series, named: list[str]) -> str:
+    first = f"{settings['formulation']}, {settings['joints']} × {settings['model']}"
+    rest = [f"{name.replace('_', ' ')} {settings[name]}" for name in named if settings[name]]
+    lines = [one if len(one) <= LONGEST else f"{one[: LONGEST - 1]}…" for one in rest]
+    return "\n".join([first, *lines])
 
 
 def _edges(sigmas: pd.Series) -> FloatArray:
@@ -100,69 +139,42 @@ def _draw(axes: Axes, table: pd.DataFrame, edges: FloatArray) -> None:
     sigmas = table.loc[table["counted"], "worst_case_sigma"]
     counts, _ = np.histogram(sigmas, edges)
     there = counts > 0
-    axes.bar(
-        edges[:-1][there],
-        counts[there],
-        edges[1] - edges[0],
-        align="edge",
-        color=figure_style.BLUE,
-        lw=0,
-    )
+    width = edges[1] - edges[0]
+    axes.bar(edges[:-1][there], counts[there], width, align="edge", color=BLUE, lw=0)
     axes.set_xlim(edges[0], edges[-1])
     axes.set_ylim(0, max(1, counts.max()) * 1.3)
     axes.set_yticks([])
-    figure_style.without_frame(axes, "bottom")
-    axes.spines["bottom"].set_color(figure_style.PALE)
+    without_frame(axes, "bottom")
+    axes.spines["bottom"].set_color(PALE)
     axes.tick_params(axis="x", length=0)
     name = str(table["label"].iloc[0])
-    axes.annotate(
-        name,
-        (0, 0),
-        xycoords="axes fraction",
-        xytext=(-6, 0),
-        textcoords="offset points",
-        ha="right",
-        va="bottom",
-    )
-    said = _said(sigmas, len(table))
+    beside(axes, (0, 0), name, (-6, 0), va="bottom", xycoords="axes fraction")
+    text = _summary(sigmas, len(table))
     if sigmas.empty:
-        axes.text(0.5, 0.3, said, transform=axes.transAxes, ha="center")
+        axes.text(0.5, 0.3, text, transform=axes.transAxes, ha="center")
         return
     # The number of starts in the highest bar, on it.
     peak = int(np.argmax(counts))
     top = (edges[peak] + edges[peak + 1]) / 2
-    axes.text(
-        top,
-        counts[peak],
-        f"{counts[peak]}",
-        ha="center",
-        va="bottom",
-        color=figure_style.BLUE,
-        fontsize=figure_style.SMALL,
-    )
+    number = axes.text(top, counts[peak], f"{counts[peak]}", color=BLUE, fontsize=SMALL)
+    number.set(ha="center", va="bottom")
     left, right = float(sigmas.min()), float(sigmas.max())
     before = left - edges[0] > edges[-1] - right
-    axes.annotate(
-        said,
-        (left if before else right, 0.42 * counts[peak]),
-        xytext=(-9 if before else 9, 0),
-        textcoords="offset points",
-        ha="right" if before else "left",
-        va="center",
-    )
+    end, by = (left, -9) if before else (right, 9)
+    beside(axes, (end, 0.42 * counts[peak]), text, (by, 0))
 
 
-def _said(sigmas: pd.Series, starts: int) -> str:
-    """Say how many starts ended at the best optimum, or that no two ended at one."""
+def _summary(sigmas: pd.Series, starts: int) -> str:
+    """Return how many starts ended at the best optimum, or that no two ended at one."""
     found = levels(sigmas)
     if not found:
         return f"none of {starts}"
     best, reached = found[0]
     if len(found) > max(FEW, SCATTERED * len(sigmas)):
-        said = f"{len(sigmas)} of {starts}, scattered from {found[-1][0]:.3f} to {best:.3f}"
+        text = f"{len(sigmas)} of {starts}, scattered from {found[-1][0]:.3f} to {best:.3f}"
     else:
-        said = f"{reached} of {starts} at {best:.5f}"
+        text = f"{reached} of {starts} at {best:.5f}"
         others = len(sigmas) - reached
-        said += f", {others} elsewhere" if others else ""
+        text += f", {others} elsewhere" if others else ""
     lost = starts - len(sigmas)
-    return said + (f", {lost} fail" if lost else "")
+    return text + (f", {lost} fail" if lost else "")

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Request:
-    """What a figure is asked for with.
+    """What a figure is made from.
 
     Attributes
     ----------
@@ -31,13 +31,13 @@ class Request:
     seed
         Of the starts.
     workers
-        Processes, where many starts are made.
+        Number of processes.
     jacobian
         Shape (m, n), to be shown instead of one that is solved for.
     store
         Of a campaign, to be shown instead of starts made here.
     progress
-        Is told what is being done.
+        Called with what is being done, in words.
     """
 
     starts: int
@@ -57,33 +57,32 @@ class Picture:
 
     def rows(self) -> list[dict[str, object]]:
         """Return the table's rows as plain values; None for missing ones."""
-        names = [str(name) for name in self.table.columns]
-        columns = [self.table[name].tolist() for name in names]
+        columns = [self.table[name].tolist() for name in self.table.columns]
         return [
-            {k: None if v != v else v for k, v in zip(names, row, strict=True)}  # NaN
+            {str(k): None if v != v else v for k, v in zip(self.table, row, strict=True)}  # NaN
             for row in zip(*columns, strict=True)
         ]
 
 
 class NothingFoundError(LockedJointError):
-    """No start led to a Jacobian that passes the check."""
+    """No start led to a Jacobian that passes the gate."""
 
     exit_status = 1
 
 
-def solved(setup: Setup, request: Request, joints: int = 7, task_dimension: int = 6) -> Outcome:
-    """Solve from all starts asked for; an interrupted study ends here, as no figure is of it.
+def solved(setup: Setup, request: Request) -> Outcome:
+    """Solve a setup for seven joints in six dimensions from all starts asked for.
 
     Raises
     ------
     KeyboardInterrupt
-        If the user interrupted.
+        If the user interrupted: there is no figure of an unfinished study.
     """
     request.progress(f"{setup.formulation}, {setup.model}")
     outcome = run(
         setup,
-        joints=joints,
-        task_dimension=task_dimension,
+        joints=7,
+        task_dimension=6,
         starts=request.starts,
         seed=request.seed,
         workers=request.workers,
@@ -93,17 +92,22 @@ def solved(setup: Setup, request: Request, joints: int = 7, task_dimension: int 
     return outcome
 
 
-def best(outcome: Outcome) -> Record:
-    """Return the best record that passes the check.
+def reached(outcome: Outcome) -> tuple[Record, ...]:
+    """Return the records that reached the best and pass the gate, `Record.trusted`.
 
     Raises
     ------
     NothingFoundError
         If there is none.
     """
-    valid = [record for record in outcome.records if record.valid]
-    if not valid:
+    if not outcome.reached:
         who = f"{outcome.setup.formulation} on {outcome.setup.model}"
         raise NothingFoundError(f"No start of {who} passes the check; ask for more starts.")
-    largest = outcome.setup.formulation != "residual"
-    return (max if largest else min)(valid, key=lambda record: record.merit)
+    return outcome.reached
+
+
+def best(setup: Setup, request: Request) -> FloatArray:
+    """Return the best Jacobian of a setup, shape (6, 7); see `solved` and `reached`."""
+    outcome = solved(setup, request)
+    reached(outcome)
+    return outcome.best.jacobian

@@ -2,26 +2,28 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from formulations import max_min
-from formulations.figures.picture import NothingFoundError, Request
-from formulations.files import figure_style
+from formulations.figures.picture import Request, reached
+from formulations.files.figure import PALE
 from formulations.joints.arm import Arm
 from formulations.joints.kinds import FreeColumn
-from formulations.measures.jacobian import worst_case_sigma
+from formulations.realise.drawing import draw
 from formulations.realise.manipulator import Manipulator
+from formulations.solving.outcome import Outcome
+from formulations.solving.record import judge
+from formulations.solving.setup import Setup
 from nlp.arrays import FloatArray
 from nlp.multistart import multistart
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-# What a start reaches counts as the optimum within this.
-REACH = 1e-6
 # Half the width of a panel, in radii of the circle that joints sit on.
 ROOM = 1.22
 
@@ -32,27 +34,25 @@ def optima(joints: int, request: Request, locked: int = 1) -> list[FloatArray]:
     Raises
     ------
     NothingFoundError
-        If no start reached anything.
+        If no start led to a Jacobian that passes the gate.
     KeyboardInterrupt
         If the user interrupted.
     """
     request.progress(f"max-min, planar {joints}R, {locked} locked")
     arm = Arm.of(FreeColumn(2, norm=float(np.sqrt(2 / joints)), budget="mean"), joints)
+    setup = Setup(max_min.NAME, "free-mean", locked=locked)
     study = multistart(
         partial(max_min.build, arm, locked),
         arm.sample,
         starts=request.starts,
-        seed=request.seed,
+        rng=request.seed,
         options=max_min.OPTIONS,
+        judge=partial(judge, arm=arm, merit=setup.merit(), locked=locked),
     )
     if not study.complete:
         raise KeyboardInterrupt
-    matrices = [result.solution.outputs["jacobian"] for result in study.results]
-    finite = [matrix for matrix in matrices if np.all(np.isfinite(matrix))]
-    if not finite:
-        raise NothingFoundError("No start reached a Jacobian; ask for more starts.")
-    top = max(worst_case_sigma(matrix, locked) for matrix in finite)
-    return [one for one in finite if worst_case_sigma(one, locked) >= top - REACH]
+    outcome = Outcome(setup, arm, study.results, study.complete)
+    return [record.jacobian for record in reached(outcome)]
 
 
 def turned(matrix: FloatArray, direction: float) -> FloatArray:
@@ -70,16 +70,21 @@ def angles(matrix: FloatArray) -> FloatArray:
     return np.asarray(np.arctan2(matrix[1], matrix[0]))
 
 
-def round_tip(axes: Axes, arm: Manipulator) -> None:
-    """Draw the circle about the end effector on which joints sit, and show no more than it.
+def draw_on_circle(
+    axes: Axes, arm: Manipulator, columns: bool = True, weight: float = 1.0
+) -> None:
+    """Draw an arm, and the circle about the end effector on which its joints sit.
 
-    Columns of one norm put all joints at one distance; panels are then of one scale.
+    Joints are numbered from 1. Columns of one norm put all joints at one distance; the panel
+    shows no more than the circle, so that all panels have one scale. See `draw`.
     """
+    labels: Sequence[str] = [str(i + 1) for i in range(arm.joints)]
+    draw(arm, axes, labels=labels, columns=columns, weight=weight)
     away = arm.points[:, :2] - arm.end_effector[:2]
     radius = float(np.max(np.linalg.norm(away, axis=1)))
     turn = np.linspace(0, 2 * np.pi, 181)
     x, y = arm.end_effector[:2]
     circle = x + radius * np.cos(turn), y + radius * np.sin(turn)
-    axes.plot(*circle, color=figure_style.PALE, lw=0.6, zorder=0)
+    axes.plot(*circle, color=PALE, lw=0.6, zorder=0)
     axes.set_xlim(x - ROOM * radius, x + ROOM * radius)
     axes.set_ylim(y - ROOM * radius, y + ROOM * radius)

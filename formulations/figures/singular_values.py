@@ -13,9 +13,8 @@ import pandas as pd
 
 from formulations import max_min, measures, residual
 from formulations.catalogue import certified_bound
-from formulations.figures.picture import Picture, Request, best, solved
-from formulations.files import figure_style
-from formulations.files.figure import figure_class
+from formulations.figures.picture import Picture, Request, best
+from formulations.files.figure import BLUE, INK, VERMILION, beside, styled, without_frame
 from formulations.joints.arm import Arm
 from formulations.joints.joint import NotInModelError
 from formulations.joints.kinds import UnitRevolute
@@ -37,10 +36,8 @@ SAME = 1e-4
 def make(request: Request) -> Picture:
     """Solve, or take the Jacobian given, and draw its singular values."""
     shown = _jacobians(request)
-    columns = sum(matrix.shape[1] + 3 for _, matrix in shown)
-    with figure_style.applied():
-        figure = figure_class()(figsize=(MARGIN + STEP * columns, HEIGHT))
-        widths = [matrix.shape[1] + 3 for _, matrix in shown]
+    widths = [matrix.shape[1] + 3 for _, matrix in shown]
+    with styled(MARGIN + STEP * sum(widths), HEIGHT) as figure:
         panels = figure.subplots(
             2, len(shown), sharex="col", sharey="row", squeeze=False, width_ratios=widths
         )
@@ -49,7 +46,7 @@ def make(request: Request) -> Picture:
         panels[0, 0].set_ylabel("all other\nsingular values")
         panels[1, 0].set_ylabel("the smallest\nafter the failure")
         for axes in panels[:, 1:].ravel():
-            figure_style.without_frame(axes)
+            without_frame(axes)
     return Picture(figure, pd.concat([_table(*one) for one in shown], ignore_index=True))
 
 
@@ -72,11 +69,10 @@ def bounds(matrix: FloatArray) -> list[tuple[str, float]]:
 def _jacobians(request: Request) -> Sequence[tuple[str, FloatArray]]:
     if request.jacobian is not None:
         return [("", request.jacobian)]
-    found = []
-    for name, title in TITLES.items():
-        outcome = solved(Setup(name, "unit-revolute"), request)
-        found.append((f"{title}, unit revolute 7R", best(outcome).jacobian))
-    return found
+    return [
+        (f"{title}, unit revolute 7R", best(Setup(name, "unit-revolute"), request))
+        for name, title in TITLES.items()
+    ]
 
 
 def _is_unit_revolute(matrix: FloatArray) -> bool:
@@ -115,32 +111,22 @@ def _draw(upper: Axes, lower: Axes, title: str, matrix: FloatArray) -> None:
     places = np.array([0.0, *(1.5 + f for f in range(len(values) - 1))])
     for place, column in zip(places, values, strict=True):
         others = column if place == 0 else column[:-1]
-        upper.hlines(others, place - HALF, place + HALF, color=figure_style.BLUE, lw=1.4)
+        upper.hlines(others, place - HALF, place + HALF, color=BLUE, lw=1.4)
     smallest, after = np.array([column[-1] for column in values[1:]]), places[1:]
-    lower.hlines(smallest, after - HALF, after + HALF, color=figure_style.VERMILION, lw=2.0)
+    lower.hlines(smallest, after - HALF, after + HALF, color=VERMILION, lw=2.0)
     known = bounds(matrix)
     left, right = after[0] - HALF, after[-1] + HALF
     for name, bound in known:
         dashes = "-" if name == CERTIFIED else (0, (4, 3))
-        lower.hlines(bound, left, right, color=figure_style.INK, lw=0.6, ls=dashes)
-    said = ", ".join(f"{name} {bound:.4f}" for name, bound in known)
-    _beside(lower, left, max(bound for _, bound in known), said, 4, figure_style.INK)
-    worst = int(np.argmin(smallest))
-    _beside(lower, left, smallest[worst], f"worst case {smallest[worst]:.4f}", -4)
+        lower.hlines(bound, left, right, color=INK, lw=0.6, ls=dashes)
+    text = ", ".join(f"{name} {bound:.4f}" for name, bound in known)
+    highest, least = max(bound for _, bound in known), float(np.min(smallest))
+    beside(lower, (left, highest), text, (0, 4), color=INK)
+    beside(lower, (left, least), f"worst case {least:.4f}", (0, -4), color=VERMILION)
     upper.set_title(title)
     upper.tick_params(labelbottom=False)
     lower.set_xticks(places, ["before", *(str(f) for f in range(len(smallest)))])
     lower.set_xlabel("joint that locks")
     for axes in (upper, lower):
         axes.margins(y=0.18)
-        figure_style.without_frame(axes, "left")
-
-
-def _beside(
-    axes: Axes, x: float, y: float, text: str, off: int, colour: str = figure_style.VERMILION
-) -> None:
-    """Write text from x on, so many points above or below y."""
-    up = "bottom" if off > 0 else "top"
-    axes.annotate(
-        text, (x, y), xytext=(0, off), textcoords="offset points", va=up, color=colour
-    )
+        without_frame(axes, "left")

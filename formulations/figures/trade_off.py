@@ -11,8 +11,17 @@ import pandas as pd
 from formulations import measures, residual
 from formulations.catalogue import arm, certified_bound
 from formulations.figures.picture import NothingFoundError, Picture, Request
-from formulations.files import figure_style
-from formulations.files.figure import figure_class
+from formulations.files.figure import (
+    BLUE,
+    GREY,
+    INK,
+    SMALL,
+    TITLE,
+    VERMILION,
+    beside,
+    styled,
+    without_frame,
+)
 from formulations.solving.trade_off_curve import curve
 from nlp.arrays import FloatArray
 
@@ -23,7 +32,7 @@ WIDTH, HEIGHT = 7.4, 4.8
 MODELS = {"unit-revolute": "unit lever arms", "lever-revolute": "free lever arms"}
 # Which side of its curve a name stands on.
 SIDES = {"unit-revolute": (1, -1), "lever-revolute": (-1, 1)}
-COLOURS = {"unit-revolute": figure_style.BLUE, "lever-revolute": figure_style.VERMILION}
+COLOURS = {"unit-revolute": BLUE, "lever-revolute": VERMILION}
 POINTS = 12
 
 
@@ -32,21 +41,20 @@ def make(request: Request, points: int = POINTS) -> Picture:
     table = pd.concat([_curve(model, request, points) for model in MODELS], ignore_index=True)
     seven = arm("unit-revolute", 7)
     bound = measures.sigma_bound(*seven.shape, seven.largest_trace)
-    with figure_style.applied():
-        figure = figure_class()(figsize=(WIDTH, HEIGHT))
+    with styled(WIDTH, HEIGHT) as figure:
         axes = figure.subplots()
         axes.set_title("Seven revolute joints: what isotropy costs the worst case")
         for model in MODELS:
             _draw(axes, model, table[table["model"] == model])
         right = float(distance(table["isotropy_defect"]).max())
         low = float(table["worst_case_sigma"].min())
-        axes.hlines(bound, 0, 1.22 * right, color=figure_style.INK, lw=0.6, ls=(0, (4, 3)))
+        axes.hlines(bound, 0, 1.22 * right, color=INK, lw=0.6, ls=(0, (4, 3)))
         axes.text(0, bound + 0.001, f"bound (6) {bound:.5f}", va="bottom")
         axes.set_xlabel("distance from isotropy ‖JJᵀ − (T/m)I‖, T = ‖J‖²")
         axes.set_ylabel("σ in the worst case")
         axes.set_xlim(-0.01, 1.22 * right)
         _proved(axes, low)
-        figure_style.without_frame(axes, "left", "bottom")
+        without_frame(axes, "left", "bottom")
     return Picture(figure, table)
 
 
@@ -59,15 +67,9 @@ def _proved(axes: Axes, low: float) -> None:
     """Draw how isotropic unit lever arms can be at most."""
     defect = certified_bound(residual.NAME, arm("unit-revolute", 7)).value
     place = float(np.sqrt(2 * defect))
-    axes.vlines(place, low, 0.517, color=figure_style.GREY, lw=0.6)
-    axes.annotate(
-        "proved: no unit lever arms left of here",
-        (place, low),
-        xytext=(5, 0),
-        textcoords="offset points",
-        color=figure_style.GREY,
-        fontsize=figure_style.SMALL,
-    )
+    axes.vlines(place, low, 0.517, color=GREY, lw=0.6)
+    text, style = "proved: no unit lever arms left of here", {"color": GREY, "fontsize": SMALL}
+    beside(axes, (place, low), text, (5, 0), va="baseline", **style)
 
 
 def _curve(model: str, request: Request, points: int) -> pd.DataFrame:
@@ -95,30 +97,8 @@ def _draw(axes: Axes, model: str, table: pd.DataFrame) -> None:
     axes.plot(x[[0, -1]], y[[0, -1]], "o", ms=6, color=colour, mec="white", mew=1)
     first = {"isotropy": "exactly isotropic", "residual": "residual minimum"}
     start = first[str(table["statement"].iloc[0])]
-    axes.annotate(
-        f"{start} {y[0]:.5f}",
-        (x[0], y[0]),
-        xytext=(9, -4),
-        textcoords="offset points",
-        va="top",
-        color=colour,
-    )
-    axes.annotate(
-        f"max-min {y[-1]:.5f}",
-        (x[-1], y[-1]),
-        xytext=(8, 0),
-        textcoords="offset points",
-        va="center",
-        color=colour,
-    )
     k, (across, up) = len(x) // 2, SIDES[model]
-    axes.annotate(
-        MODELS[model],
-        (x[k], y[k]),
-        xytext=(9 * across, 5 * up),
-        textcoords="offset points",
-        ha="left" if across > 0 else "right",
-        va="bottom" if up > 0 else "top",
-        color=colour,
-        fontsize=figure_style.SAID,
-    )
+    beside(axes, (x[0], y[0]), f"{start} {y[0]:.5f}", (9, -4), color=colour)
+    beside(axes, (x[-1], y[-1]), f"max-min {y[-1]:.5f}", (8, 0), color=colour)
+    by = (9 * across, 5 * up)
+    beside(axes, (x[k], y[k]), MODELS[model], by, color=colour, fontsize=TITLE)

@@ -1,24 +1,64 @@
-"""Figures as the content of files: SVG, PNG or PDF, the same bytes each time.
+"""Figures: one style for all of them, and the content of files, the same bytes each time.
 
 Needs matplotlib (`pip install lockedjoint[figures]`), which is imported on the first figure.
+Files are SVG, PNG or PDF.
 """
 
 from __future__ import annotations
 
 import io
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
 
 from nlp.errors import FileError, InputError
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 FORMATS = ("svg", "png", "pdf")
+# Okabe and Ito's colours, which colour-blind readers can distinguish, and greys.
+ORANGE, BLUE, VERMILION = "#E69F00", "#0072B2", "#D55E00"
+INK, GREY, PALE, PAPER = "#333333", "#7A8087", "#C8CDD2", "#F5F7F9"
+# Font sizes in points: of titles, of labels, of small print.
+TITLE, LABEL, SMALL = 11.0, 9.5, 8.0
+
+# The font comes with Matplotlib, so that files are the same everywhere.
+_SETTINGS: Mapping[str, object] = MappingProxyType(
+    {
+        "font.family": "sans-serif",
+        "font.sans-serif": ["DejaVu Sans", "Verdana", "Arial", "sans-serif"],
+        "font.size": LABEL,
+        "text.color": INK,
+        "axes.edgecolor": GREY,
+        "axes.labelcolor": INK,
+        "axes.labelsize": LABEL,
+        "axes.linewidth": 0.6,
+        "axes.spines.top": False,
+        "axes.spines.right": False,
+        "axes.titlelocation": "left",
+        "axes.titlesize": TITLE,
+        "axes.titlecolor": INK,
+        "xtick.color": GREY,
+        "ytick.color": GREY,
+        "xtick.labelcolor": INK,
+        "ytick.labelcolor": INK,
+        "xtick.labelsize": SMALL,
+        "ytick.labelsize": SMALL,
+        "xtick.major.width": 0.6,
+        "ytick.major.width": 0.6,
+        "xtick.major.size": 3.0,
+        "ytick.major.size": 3.0,
+        "figure.constrained_layout.use": True,
+    }
+)
 
 
 def figure_class() -> type[Figure]:
-    """Return Matplotlib's figures.
+    """Return Matplotlib's class of figures.
 
     Raises
     ------
@@ -31,6 +71,59 @@ def figure_class() -> type[Figure]:
         allowed = "installed, for figures: pip install lockedjoint[figures]"
         raise InputError("matplotlib", "missing", allowed) from None
     return Figure
+
+
+@contextmanager
+def styled(width: float, height: float) -> Iterator[Figure]:
+    """Give a new figure to draw on, in this style whatever the user's own settings are.
+
+    Parameters
+    ----------
+    width, height
+        In inches.
+
+    Raises
+    ------
+    InputError
+        If Matplotlib is not installed.
+    """
+    new_figure = figure_class()
+    from matplotlib import style
+
+    with style.context(["default", dict(_SETTINGS)]):
+        yield new_figure(figsize=(width, height))
+
+
+def without_frame(axes: Axes, *kept: str) -> None:
+    """Hide the lines around axes but those kept: ``left``, ``bottom``; ticks go with them."""
+    for side, spine in axes.spines.items():
+        spine.set_visible(side in kept)
+    if "left" not in kept:
+        axes.tick_params(axis="y", length=0)
+    if "bottom" not in kept:
+        axes.tick_params(axis="x", length=0)
+
+
+def beside(
+    axes: Axes, point: tuple[float, float], text: str, by: tuple[float, float], **style: Any
+) -> None:
+    """Write text beside a point of the data, on the side that it is moved to.
+
+    Parameters
+    ----------
+    axes, point, text
+        Where, and what.
+    by
+        How far the text is moved to the right and up, in points.
+    style
+        Other properties of the text, as Matplotlib names them.
+    """
+    right, up = by
+    aligned: dict[str, Any] = {
+        "ha": "right" if right < 0 else "left",
+        "va": "bottom" if up > 0 else "top" if up < 0 else "center",
+    }
+    axes.annotate(text, point, xytext=by, textcoords="offset points", **{**aligned, **style})
 
 
 def kind_of(path: Path) -> str:

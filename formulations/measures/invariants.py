@@ -1,9 +1,9 @@
-"""Jacobians put into classes as they pass by, by numbers that no symmetry changes.
+"""Jacobians classified one after another, by numbers that no symmetry changes.
 
-Sorted moduli of the joints' inner products, and sorted products of three in a cycle, stay the
-same whatever the frame, phase, order, signs and mirror image, and change by no more than the
-inner products do: Jacobians that are the same have them equal, and Jacobians that have not are
-not the same. They are compared in place of canonical forms, which take milliseconds each.
+Sorted moduli of the joints' inner products, and sorted products of three in a cycle, do not
+depend on frame, phase, order, signs and mirror image, and change by no more than the inner
+products do: Jacobians of one class have equal numbers, and others belong to other classes. They
+are compared instead of canonical forms, which take milliseconds each.
 """
 
 from __future__ import annotations
@@ -20,13 +20,13 @@ from nlp.arrays import FloatArray
 
 # Largest difference of inner products, relative to ‖J‖_F²/n, within a class.
 TOLERANCE = 1e-3
-# Classes that are told apart at once: where optima come in families every start has its own.
+# Classes that are distinguished: where optima come in families every start has its own.
 MOST = 1000
 
 
 @dataclass(eq=False)
 class Class:
-    """A class: the first Jacobian of it that came by, its merit, and how many came."""
+    """A class: the first Jacobian of it, its merit, and how many Jacobians it has."""
 
     jacobian: FloatArray
     merit: float
@@ -34,22 +34,15 @@ class Class:
 
 
 class Classes:
-    """Classes so far, at most `MOST`.
-
-    Attributes
-    ----------
-    others
-        Jacobians that belong to none of them and came after there were that many.
-    """
+    """Classes of the Jacobians added so far; when there are `MOST`, no new ones begin."""
 
     def __init__(self, symmetry: Symmetry) -> None:
-        self.others = 0
         self._symmetry = symmetry
         self._found: list[Class] = []
         self._numbers = np.zeros((0, 0))
 
     def add(self, jacobian: FloatArray, merit: float) -> None:
-        """Count a Jacobian."""
+        """Count a Jacobian in its class."""
         numbers = invariants(jacobian, self._symmetry)
         if not self._found:
             self._numbers = np.zeros((0, numbers.size))
@@ -61,11 +54,9 @@ class Classes:
         elif len(self._found) < MOST:
             self._found.append(Class(jacobian, merit, 1))
             self._numbers = np.vstack([self._numbers, numbers])
-        else:
-            self.others += 1
 
     def most_reached(self) -> list[Class]:
-        """Return the classes, the most reached first; the first that came, of equal ones."""
+        """Return the classes, the most reached first, equal ones in order of arrival."""
         return sorted(self._found, key=lambda one: -one.reached)
 
 

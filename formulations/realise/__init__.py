@@ -1,6 +1,6 @@
 """From a Jacobian to manipulators: axes, orders, Denavit–Hartenberg, URDF, drawings.
 
 A column of J fixes a joint's axis relative to the end effector, so a Jacobian is a set of axes;
-a manipulator is a set of axes in an order. `axes` finds the axes, `orders` the orders, `choice`
-picks one by a criterion, and `dh`, `urdf` and `drawing` write it down.
+a manipulator is a set of axes in an order. `from_jacobian` finds the axes, `family` lists the
+orders, `choice` picks one by a criterion, and `dh`, `write_urdf` and `drawing` write it down.
 """

@@ -9,13 +9,19 @@ from math import factorial
 import numpy as np
 
 from formulations.realise.criteria import CRITERIA, Criterion, Sampling, criterion
-from formulations.realise.family import Arrangements, IntArray, count, every, family
+from formulations.realise.family import (
+    Arrangements,
+    IntArray,
+    count,
+    every,
+    family,
+    search,
+)
 from formulations.realise.manipulator import Manipulator
-from formulations.realise.search import search
 from formulations.realise.symmetry import distinct, symmetries
 from nlp.arrays import FloatArray, whole_number
 
-# Arrangements are tried one and all up to here: 8! orders fit, and 6!·2⁶ with flips.
+# All arrangements are tried up to this number: 8! orders fit, and 6!·2⁶ with flips.
 EXHAUSTIVE = 50_000
 SHORTLIST = 200
 # Values closer than this, relative, are a tie.
@@ -33,9 +39,9 @@ class Choice:
     order, flips
         How it is arranged, counted from 0; see `Manipulator.arranged`.
     criterion
-        By what; None if the order was given.
+        The name of the criterion; None if the order was given.
     method
-        Which arrangements were looked at.
+        Which arrangements were compared.
     arrangements
         All orders and signs, n!·2ⁿ.
     distinct
@@ -55,13 +61,11 @@ class Choice:
 
     def to_dict(self) -> dict[str, object]:
         """Return everything but the manipulator, as plain values; None for infinite ones."""
+        names = ("order", "flips", "criterion", "method", "arrangements", "distinct")
         return {
+            **{name: getattr(self, name) for name in names},
             "order": list(self.order),
             "flips": list(self.flips),
-            "criterion": self.criterion,
-            "method": self.method,
-            "arrangements": self.arrangements,
-            "distinct": self.distinct,
             "criteria": {k: v if np.isfinite(v) else None for k, v in self.values.items()},
         }
 
@@ -74,9 +78,9 @@ def choose(
 ) -> Choice:
     """Return the best arrangement of a manipulator's joints by one criterion.
 
-    Up to 50 000 arrangements (n ≤ 8 where flips move nothing) all distinct ones are tried,
+    Up to 50 000 arrangements (n ≤ 8 where flips move nothing) all distinct ones are tried;
     beyond that a seeded local search is made. Criteria that move the manipulator are
-    evaluated for the `shortlist` of least total length only, where there are more. Of
+    evaluated only for the `shortlist` of least total length, where there are more. Of
     arrangements that tie, the one with the largest clearance is taken, then the first in
     lexicographic order.
 
@@ -87,31 +91,28 @@ def choose(
     """
     wanted, sampling = criterion(name), sampling or Sampling()
     shortlist = whole_number("shortlist", shortlist, 1)
+
+    def costs(by: Criterion, these: Arrangements) -> FloatArray:
+        return by.cost(family(manipulator, these), sampling)
+
     length = CRITERIA["total-length"]
     first = length if wanted.sampled else wanted
     if count(manipulator) <= EXHAUSTIVE:
-        group = symmetries(manipulator)
-        candidates = every(manipulator)
-        candidates = candidates if group is None else distinct(candidates, group)
+        candidates = distinct(every(manipulator), symmetries(manipulator))
         method = f"all {len(candidates)} distinct arrangements"
         if wanted.sampled and len(candidates) > shortlist:
-            costs = _costs(length, manipulator, candidates, sampling)
-            candidates = candidates[np.argsort(costs, kind="stable")[:shortlist]]
+            by_length = np.argsort(costs(length, candidates), kind="stable")
+            candidates = candidates[by_length[:shortlist]]
             method = f"the {shortlist} shortest of {method}"
     else:
         candidates = search(
-            manipulator,
-            lambda these: _costs(first, manipulator, these, sampling),
-            sampling.seed,
-            shortlist,
+            manipulator, lambda these: costs(first, these), sampling.seed, shortlist
         )
         method = f"seeded local search for {first.name}"
         if wanted.sampled:
             method = f"the {len(candidates)} shortest of a {method}"
-    costs = _costs(wanted, manipulator, candidates, sampling)
-    tied = _tied(costs)
-    room = _costs(CRITERIA["clearance"], manipulator, candidates[tied], sampling)
-    best = int(tied[_tied(room)[0]])
+    tied = _tied(costs(wanted, candidates))
+    best = int(tied[_tied(costs(CRITERIA["clearance"], candidates[tied]))[0]])
     order, flips = candidates.orders[best].tolist(), candidates.flips[best].tolist()
     return _chosen(manipulator, order, flips, name, method, sampling)
 
@@ -122,7 +123,7 @@ def given(
     flips: Sequence[bool] | None = None,
     sampling: Sampling | None = None,
 ) -> Choice:
-    """Return the arrangement asked for; columns as they come if left out.
+    """Return the arrangement asked for; columns in their own order if left out.
 
     Raises
     ------
@@ -137,11 +138,9 @@ def given(
 
 def evaluate(manipulator: Manipulator, sampling: Sampling | None = None) -> dict[str, float]:
     """Return a manipulator's values by every criterion."""
-    own = Arrangements(
-        np.arange(manipulator.joints)[None], np.zeros((1, manipulator.joints), dtype=bool)
-    )
-    members, how = family(manipulator, own), sampling or Sampling()
-    return {name: float(one.evaluate(members, how)[0]) for name, one in CRITERIA.items()}
+    n, how = manipulator.joints, sampling or Sampling()
+    own = family(manipulator, Arrangements(np.arange(n)[None], np.zeros((1, n), dtype=bool)))
+    return {name: float(one.evaluate(own, how)[0]) for name, one in CRITERIA.items()}
 
 
 def _chosen(
@@ -154,31 +153,19 @@ def _chosen(
 ) -> Choice:
     chosen = manipulator.arranged(order, flips)
     group = symmetries(manipulator)
-    different = None if group is None else count(manipulator) // len(group)
     return Choice(
         manipulator=chosen,
         order=tuple(order),
         flips=tuple(flips),
         criterion=name,
         method=method,
-        arrangements=_all(manipulator.joints),
-        distinct=different,
+        arrangements=factorial(manipulator.joints) << manipulator.joints,
+        distinct=None if group is None else count(manipulator) // len(group),
         values=evaluate(chosen, sampling),
     )
-
-
-def _costs(
-    wanted: Criterion, manipulator: Manipulator, these: Arrangements, sampling: Sampling
-) -> FloatArray:
-    values = wanted.evaluate(family(manipulator, these), sampling)
-    return -values if wanted.larger_is_better else values
 
 
 def _tied(costs: FloatArray) -> IntArray:
     least = float(np.min(costs))
     slack = TIE * abs(least) if np.isfinite(least) else 0.0
     return np.asarray(np.flatnonzero(costs <= least + slack))
-
-
-def _all(joints: int) -> int:
-    return factorial(joints) << joints

@@ -4,22 +4,25 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from types import MappingProxyType
 
 import numpy as np
 
+from formulations.realise.dh import common_normals
 from formulations.realise.family import Family
 from formulations.realise.links import clearance, link_lengths
 from formulations.realise.motion import Motion, jacobians, move
-from formulations.realise.normals import common_normals
-from formulations.realise.sigmas import smallest, worst_cases
 from nlp.arrays import FloatArray, whole_number
 from nlp.errors import InputError
+
+# So many Jacobians are decomposed at once, which bounds the memory.
+_CHUNK = 1 << 16
 
 
 @dataclass(frozen=True)
 class Sampling:
-    """Which displacements criteria look at; all manipulators are moved by the same ones.
+    """Which displacements criteria sample; all manipulators are moved by the same ones.
 
     Where q and −q of a joint change places, as they do when it is flipped or the whole arm
     turned over, the same arm is sampled elsewhere, and its values differ a little.
@@ -52,7 +55,7 @@ class Sampling:
         return self.radius * rng.uniform(size=(self.samples, 1)) ** (1 / joints) * directions
 
     def anywhere(self, joints: int) -> FloatArray:
-        """Displacements uniform in [−1, 1), shape (samples, joints); see `_workspace`."""
+        """Displacements uniform in [−1, 1), shape (samples, joints); see `_in_workspace`."""
         return np.random.default_rng(self.seed).uniform(-1, 1, (self.samples, joints))
 
 
@@ -62,72 +65,93 @@ class Criterion:
 
     Attributes
     ----------
-    name, summary
-        What it is called, and what it measures.
-    larger_is_better
-        Which way it is judged.
-    sampled
-        Whether manipulators are moved for it, which is dear: only a shortlist is.
+    name
+        Its name in `CRITERIA`.
     evaluate
         Values of all members of a family, shape (N,).
+    larger_is_better
+        Whether large values are good.
+    sampled
+        Whether manipulators are moved for it, which is costly: only a shortlist is.
     """
 
     name: str
-    summary: str
-    larger_is_better: bool
-    sampled: bool
     evaluate: Callable[[Family, Sampling], FloatArray]
+    larger_is_better: bool = False
+    sampled: bool = False
+
+    def cost(self, members: Family, sampling: Sampling) -> FloatArray:
+        """Values with the sign for which the least is the best, shape (N,)."""
+        values = self.evaluate(members, sampling)
+        return -values if self.larger_is_better else values
+
+
+def smallest(jacobians: FloatArray) -> FloatArray:
+    """σ_m of each Jacobian, before a failure; shape (…) for (…, m, n)."""
+    return np.asarray(np.linalg.svd(jacobians, compute_uv=False)[..., -1])
+
+
+def worst_cases(jacobians: FloatArray) -> FloatArray:
+    """Smallest σ_m over the one joint that locks (eq. 5); shape (…) for (…, m, n), n > m.
+
+    The same quantity as `formulations.measures.worst_case_sigma`, for many matrices at once.
+    """
+    *lead, m, n = jacobians.shape
+    flat = jacobians.reshape(-1, m, n)
+    kept = np.array([[k for k in range(n) if k != locked] for locked in range(n)])
+    chunk = max(1, _CHUNK // n)
+    parts = [
+        smallest(np.moveaxis(flat[at : at + chunk][:, :, kept], 1, 2)).min(axis=-1)
+        for at in range(0, len(flat), chunk)
+    ]
+    return np.concatenate(parts).reshape(lead)
 
 
 def _total_length(members: Family, _: Sampling) -> FloatArray:
+    """Sum of the lengths of the links."""
     return np.asarray(link_lengths(members.points, members.end_effector).sum(axis=-1))
 
 
 def _largest_link(members: Family, _: Sampling) -> FloatArray:
+    """Length of the longest link."""
     return np.asarray(link_lengths(members.points, members.end_effector).max(axis=-1))
 
 
 def _dh_length(members: Family, _: Sampling) -> FloatArray:
+    """Sum of common normals and offsets: a and |d| of the Denavit–Hartenberg table."""
     normals = common_normals(members.directions, members.points, members.end_effector)
     offsets = np.abs(normals.offsets(members.directions))
     return np.asarray((normals.lengths + offsets).sum(axis=-1))
 
 
 def _clearance(members: Family, _: Sampling) -> FloatArray:
+    """Smallest distance between links that share no joint."""
     return clearance(members.points, members.end_effector)
 
 
 def _reach(members: Family, sampling: Sampling) -> FloatArray:
-    away = _workspace(members, sampling).end_effector - members.points[:, None, 0]
+    """Largest sampled distance from the first joint to the end effector."""
+    away = _in_workspace(members, sampling).end_effector - members.points[:, None, 0]
     return np.asarray(np.linalg.norm(away, axis=-1).max(axis=-1))
 
 
-def _near_after(members: Family, sampling: Sampling) -> FloatArray:
-    return np.asarray(worst_cases(_near(members, sampling)).min(axis=-1))
+def _neighbourhood(
+    members: Family, sampling: Sampling, measure: Callable[[FloatArray], FloatArray]
+) -> FloatArray:
+    """Least value of a measure over sampled displacements near q = 0."""
+    near = _moved(members, sampling.near(members.prismatic.shape[1])[None])
+    return np.asarray(measure(_task_jacobians(members, near)).min(axis=-1))
 
 
-def _near_before(members: Family, sampling: Sampling) -> FloatArray:
-    return np.asarray(smallest(_near(members, sampling)).min(axis=-1))
+def _workspace(
+    members: Family, sampling: Sampling, measure: Callable[[FloatArray], FloatArray]
+) -> FloatArray:
+    """Mean of a measure over sampled configurations."""
+    moved = _in_workspace(members, sampling)
+    return np.asarray(measure(_task_jacobians(members, moved)).mean(axis=-1))
 
 
-def _workspace_after(members: Family, sampling: Sampling) -> FloatArray:
-    return np.asarray(worst_cases(_anywhere(members, sampling)).mean(axis=-1))
-
-
-def _workspace_before(members: Family, sampling: Sampling) -> FloatArray:
-    return np.asarray(smallest(_anywhere(members, sampling)).mean(axis=-1))
-
-
-def _near(members: Family, sampling: Sampling) -> FloatArray:
-    displacements = sampling.near(members.prismatic.shape[1])
-    return _task_jacobians(members, _moved(members, displacements[None]))
-
-
-def _anywhere(members: Family, sampling: Sampling) -> FloatArray:
-    return _task_jacobians(members, _workspace(members, sampling))
-
-
-def _workspace(members: Family, sampling: Sampling) -> Motion:
+def _in_workspace(members: Family, sampling: Sampling) -> Motion:
     """Turn revolute joints by up to ±π, move prismatic ones by up to ± the size."""
     share = sampling.anywhere(members.prismatic.shape[1])
     return _moved(members, share * np.where(members.prismatic, members.size, np.pi)[:, None])
@@ -151,63 +175,20 @@ CRITERIA: Mapping[str, Criterion] = MappingProxyType(
     {
         one.name: one
         for one in (
+            Criterion("total-length", _total_length),
+            Criterion("largest-link", _largest_link),
+            Criterion("dh-length", _dh_length),
+            Criterion("clearance", _clearance, True),
+            Criterion("reach", _reach, True, True),
+            # After the worst failure, and before any.
             Criterion(
-                "total-length",
-                "sum of the lengths of the links, least",
-                False,
-                False,
-                _total_length,
-            ),
-            Criterion("largest-link", "longest link, least", False, False, _largest_link),
-            Criterion(
-                "dh-length",
-                "sum of common normals and offsets (a and |d| of the table), least",
-                False,
-                False,
-                _dh_length,
+                "neighbourhood", partial(_neighbourhood, measure=worst_cases), True, True
             ),
             Criterion(
-                "clearance",
-                "smallest distance between links that share no joint, largest",
-                True,
-                False,
-                _clearance,
+                "neighbourhood-before", partial(_neighbourhood, measure=smallest), True, True
             ),
-            Criterion(
-                "reach",
-                "distance from first joint to end effector, largest sampled",
-                True,
-                True,
-                _reach,
-            ),
-            Criterion(
-                "neighbourhood",
-                "worst case after a failure, least over sampled displacements near by, largest",
-                True,
-                True,
-                _near_after,
-            ),
-            Criterion(
-                "neighbourhood-before",
-                "smallest singular value before a failure, least near by, largest",
-                True,
-                True,
-                _near_before,
-            ),
-            Criterion(
-                "workspace",
-                "worst case after a failure, mean over sampled configurations, largest",
-                True,
-                True,
-                _workspace_after,
-            ),
-            Criterion(
-                "workspace-before",
-                "smallest singular value before a failure, mean over them, largest",
-                True,
-                True,
-                _workspace_before,
-            ),
+            Criterion("workspace", partial(_workspace, measure=worst_cases), True, True),
+            Criterion("workspace-before", partial(_workspace, measure=smallest), True, True),
         )
     }
 )

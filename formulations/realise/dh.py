@@ -1,19 +1,22 @@
-"""Denavit–Hartenberg parameters, standard and modified, and the way back."""
+"""Denavit–Hartenberg parameters, standard and modified, from the common normals of the axes."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
-from enum import Enum
+from enum import StrEnum
 
 import numpy as np
 
-from formulations.realise.manipulator import Manipulator
-from formulations.realise.normals import common_normals
-from formulations.realise.task import Task
+from formulations.realise.manipulator import Manipulator, kind_names
+from formulations.realise.motion import BoolArray
 from nlp.arrays import FloatArray
 
+# Axes whose directions differ by less count as parallel: their common normal is not unique.
+PARALLEL = 1e-9
 
-class Convention(Enum):
+
+class Convention(StrEnum):
     """Order of the elementary motions of a joint.
 
     STANDARD: Rz(θ) Tz(d) Tx(a) Rx(α), distal frames (Denavit and Hartenberg, 1955).
@@ -49,25 +52,27 @@ class DenavitHartenberg:
     d: FloatArray
     a: FloatArray
     alpha: FloatArray
-    prismatic: np.ndarray[tuple[int], np.dtype[np.bool_]]
+    prismatic: BoolArray
     base: FloatArray
     tool: FloatArray
 
+    def rows(self) -> Iterator[tuple[str, float, float, float, float]]:
+        """Give the rows one by one: kind of the joint, θ, d, a, α."""
+        columns = [column.tolist() for column in (self.theta, self.d, self.a, self.alpha)]
+        return zip(kind_names(self.prismatic), *columns, strict=True)
+
     def to_dict(self) -> dict[str, object]:
         """Return the table row by row, and both transforms, as plain values."""
-        rows = [
-            {
-                "joint": i,
-                "kind": "prismatic" if self.prismatic[i] else "revolute",
-                "theta": float(self.theta[i]),
-                "d": float(self.d[i]),
-                "a": float(self.a[i]),
-                "alpha": float(self.alpha[i]),
-            }
-            for i in range(len(self.theta))
-        ]
-        base, tool = self.base.tolist(), self.tool.tolist()
-        return {"convention": self.convention.value, "rows": rows, "base": base, "tool": tool}
+        names = ("kind", "theta", "d", "a", "alpha")
+        return {
+            "convention": str(self.convention),
+            "rows": [
+                {"joint": i, **dict(zip(names, row, strict=True))}
+                for i, row in enumerate(self.rows())
+            ],
+            "base": self.base.tolist(),
+            "tool": self.tool.tolist(),
+        }
 
 
 def denavit_hartenberg(
@@ -101,26 +106,108 @@ def denavit_hartenberg(
     return DenavitHartenberg(convention, theta, d, a, alpha, manipulator.prismatic, base, tool)
 
 
-def manipulator_of(table: DenavitHartenberg, task: Task = Task.SPATIAL) -> Manipulator:
-    """Return the manipulator that a table describes; the inverse of `denavit_hartenberg`.
+@dataclass(frozen=True, eq=False)
+class Normals:
+    """Common normal of each axis with the next; of the last axis with the end effector.
 
-    The end effector's own rotation at zero displacement is left out.
+    Attributes
+    ----------
+    start, end
+        Its foot on the axis and its foot on the next (at last the end effector), (…, n, 3).
+    direction
+        Its unit direction x, orthogonal to both axes, from start to end; (…, n, 3).
     """
-    n = len(table.theta)
-    pose = table.base
-    directions, points = np.empty((n, 3)), np.empty((n, 3))
-    for i in range(n):
-        turn = _screw(2, table.theta[i], table.d[i])
-        link = _screw(0, table.alpha[i], table.a[i])
-        if table.convention is Convention.MODIFIED:
-            pose = pose @ link
-        directions[i], points[i] = pose[:3, 2], pose[:3, 3]
-        pose = pose @ turn
-        if table.convention is Convention.STANDARD:
-            pose = pose @ link
-    tip = (pose @ table.tool)[:3, 3]
-    norms = np.linalg.norm(directions, axis=1, keepdims=True)
-    return Manipulator(directions / norms, points, table.prismatic, tip, task)
+
+    start: FloatArray
+    end: FloatArray
+    direction: FloatArray
+
+    @property
+    def lengths(self) -> FloatArray:
+        """Lengths a of the normals, at least 0 up to rounding, (…, n)."""
+        return np.asarray(np.sum((self.end - self.start) * self.direction, axis=-1))
+
+    def offsets(self, directions: FloatArray) -> FloatArray:
+        """Signed distances d along each axis from one normal to the next, (…, n); first 0."""
+        before = np.concatenate([self.start[..., :1, :], self.end[..., :-1, :]], axis=-2)
+        return np.asarray(np.sum((self.start - before) * directions, axis=-1))
+
+
+def common_normals(
+    directions: FloatArray, points: FloatArray, end_effector: FloatArray
+) -> Normals:
+    """Return the common normals along a chain.
+
+    Of parallel axes, the normal through the end of the previous one is taken (for the first
+    axis, through its point), so that the offset is 0. Of intersecting axes, the normal has
+    length 0 and the direction of the vector product of the axes. Of coincident axes, it
+    keeps the direction of the previous one.
+
+    Parameters
+    ----------
+    directions, points
+        Axes in order, shape (…, n, 3); leading dimensions are many chains at once.
+    end_effector
+        Shape (3,).
+    """
+    n = directions.shape[-2]
+    scale = float(np.max(np.linalg.norm(points - end_effector, axis=-1))) or 1.0
+    start, end, across = (np.empty(directions.shape) for _ in range(3))
+    here = points[..., 0, :]
+    before = _any_orthogonal(directions[..., 0, :])
+    for k in range(n):
+        axis, point = directions[..., k, :], points[..., k, :]
+        if k == n - 1:
+            foot = _nearest(end_effector, axis, point)
+            feet = [*_through(foot, end_effector, before, scale)]
+        else:
+            other, place = directions[..., k + 1, :], points[..., k + 1, :]
+            parallel = _through(here, _nearest(here, other, place), before, scale)
+            skew = _skew(axis, point, other, place, scale)
+            turned = np.linalg.norm(np.cross(axis, other), axis=-1)[..., None] > PARALLEL
+            feet = [np.where(turned, a, b) for a, b in zip(skew, parallel, strict=True)]
+        start[..., k, :], end[..., k, :], across[..., k, :] = feet
+        here, before = end[..., k, :], across[..., k, :]
+    return Normals(start, end, across)
+
+
+def _skew(
+    axis: FloatArray, point: FloatArray, other: FloatArray, place: FloatArray, scale: float
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Feet and direction of the common normal of axes that are not parallel."""
+    cross = np.cross(axis, other)
+    square = np.maximum(_dot(cross, cross), PARALLEL**2)
+    between = place - point
+    first = _dot(np.cross(between, other), cross) / square
+    second = _dot(np.cross(between, axis), cross) / square
+    along = cross / np.sqrt(square)
+    forward = np.where(_dot(between, along) < -PARALLEL * scale, -1.0, 1.0)
+    return point + first * axis, place + second * other, forward * along
+
+
+def _through(
+    start: FloatArray, end: FloatArray, otherwise: FloatArray, scale: float
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Feet and direction of a normal whose feet are known."""
+    between = end - start
+    length = np.linalg.norm(between, axis=-1, keepdims=True)
+    apart = length > PARALLEL * scale
+    return start, end, np.where(apart, between / np.where(apart, length, 1.0), otherwise)
+
+
+def _nearest(target: FloatArray, axis: FloatArray, point: FloatArray) -> FloatArray:
+    """Point of the axis nearest to a target."""
+    return np.asarray(point + _dot(target - point, axis) * axis)
+
+
+def _any_orthogonal(axis: FloatArray) -> FloatArray:
+    flat = np.where(np.abs(axis[..., :1]) < 0.9, [1.0, 0.0, 0.0], [0.0, 1.0, 0.0])
+    across = flat - _dot(flat, axis) * axis
+    return np.asarray(across / np.linalg.norm(across, axis=-1, keepdims=True))
+
+
+def _dot(one: FloatArray, other: FloatArray) -> FloatArray:
+    return np.asarray(np.sum(one * other, axis=-1, keepdims=True))
 
 
 def _angles(start: FloatArray, end: FloatArray, about: FloatArray) -> FloatArray:
@@ -141,13 +228,3 @@ def _inverse(pose: FloatArray) -> FloatArray:
     inverse[:3, :3] = pose[:3, :3].T
     inverse[:3, 3] = -pose[:3, :3].T @ pose[:3, 3]
     return inverse
-
-
-def _screw(axis: int, angle: float, way: float) -> FloatArray:
-    """Rotate about a coordinate axis and move along it."""
-    pose = np.eye(4)
-    i, j = (axis + 1) % 3, (axis + 2) % 3
-    pose[i, i] = pose[j, j] = np.cos(angle)
-    pose[i, j], pose[j, i] = -np.sin(angle), np.sin(angle)
-    pose[axis, 3] = way
-    return pose

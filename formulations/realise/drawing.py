@@ -1,4 +1,4 @@
-"""Drawings of manipulators: axes as thin lines, links as thick segments, labelled in place.
+"""Drawings of manipulators: axes as thin lines, links as thick segments, with labels.
 
 Needs matplotlib (`pip install lockedjoint[figures]`), which is imported on the first drawing.
 """
@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from formulations.files.figure import FORMATS, content, figure_class
+from formulations.files.figure import content, figure_class
 from formulations.realise.manipulator import Manipulator
 from formulations.realise.projection import View, clear_views
 from formulations.realise.strokes import Strokes
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-def figure(manipulator: Manipulator, view: View | None = None) -> Figure:
+def figure(manipulator: Manipulator) -> Figure:
     """Return a drawing: planar arms in their plane, others from two sides.
 
     Raises
@@ -27,17 +27,14 @@ def figure(manipulator: Manipulator, view: View | None = None) -> Figure:
     InputError
         If matplotlib is not installed.
     """
-    new_figure = figure_class()
-    views = list(clear_views(manipulator)) if view is None else [view]
-    if manipulator.task.in_plane:
-        views = views[:1]
-    drawn = new_figure(figsize=(4.2 * len(views), 4.2), layout="constrained")
+    views = clear_views(manipulator)
+    drawn = figure_class()(figsize=(4.2 * len(views), 4.2), layout="constrained")
     for axes, one in zip(drawn.subplots(1, len(views), squeeze=False)[0], views, strict=True):
         draw(manipulator, axes, one)
     return drawn
 
 
-def render(manipulator: Manipulator, kind: str = "svg", view: View | None = None) -> bytes:
+def render(manipulator: Manipulator, kind: str = "svg") -> bytes:
     """Return the drawing as the content of a file; the same bytes each time.
 
     Raises
@@ -45,9 +42,7 @@ def render(manipulator: Manipulator, kind: str = "svg", view: View | None = None
     InputError
         If the kind is not svg, png or pdf, or matplotlib is not installed.
     """
-    if kind not in FORMATS:
-        raise InputError("kind of figure", kind, ", ".join(FORMATS))
-    return content(figure(manipulator, view), kind)
+    return content(figure(manipulator), kind)
 
 
 def draw(
@@ -72,7 +67,7 @@ def draw(
         Whether the columns of a planar arm's Jacobian are drawn at the end effector,
         all shortened alike.
     weight
-        How bold links and joints are; below 1 in small panels, where names stand farther off.
+        Factor of the line widths; below 1 in small panels, where names stand farther off.
 
     Raises
     ------
@@ -84,14 +79,12 @@ def draw(
     if len(names) != manipulator.joints:
         raise InputError("labels", names, f"one for each of the {manipulator.joints} joints")
     strokes = Strokes(manipulator, axes, view, weight)
-    if manipulator.task.in_plane:
-        strokes.pins()
-        if columns:
-            strokes.columns(names)
-    else:
+    if not manipulator.task.in_plane:
         strokes.sphere()
         strokes.axis_lines()
-        strokes.bodies()
+    strokes.bodies()
+    if manipulator.task.in_plane and columns:
+        strokes.columns(names)
     strokes.ground()
     strokes.links()
     strokes.tip()

@@ -1,9 +1,10 @@
-"""The manipulators that share one Jacobian: orders and flips, many side by side."""
+"""The manipulators that share one Jacobian: orders and flips, all of them or by a search."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from itertools import permutations, product
+from itertools import combinations, permutations, product
 from math import factorial
 
 import numpy as np
@@ -14,6 +15,8 @@ from formulations.realise.motion import BoolArray
 from nlp.arrays import FloatArray
 
 IntArray = npt.NDArray[np.int64]
+# Random arrangements that the local search starts from.
+STARTS = 32
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,16 +70,8 @@ class Family:
 
 def family(manipulator: Manipulator, arrangements: Arrangements) -> Family:
     """Return the geometry of all arrangements of a manipulator."""
-    orders, flips = arrangements.orders, arrangements.flips
-    tip = manipulator.end_effector
-    prismatic = manipulator.prismatic[orders]
-    points = manipulator.points[orders]
-    if manipulator.task.free_directions:
-        reflected = (flips & ~prismatic)[..., None]
-        points = np.where(reflected, 2 * tip - points, points)
-    directions = np.where(flips[..., None], -1.0, 1.0) * manipulator.directions[orders]
-    rows = manipulator.task.rows
-    return Family(directions, points, prismatic, tip, rows, manipulator.size)
+    axes = manipulator.rearranged(arrangements.orders, arrangements.flips)
+    return Family(*axes, manipulator.end_effector, manipulator.task.rows, manipulator.size)
 
 
 def flippable(manipulator: Manipulator) -> BoolArray:
@@ -105,3 +100,57 @@ def every(manipulator: Manipulator) -> Arrangements:
     repeated = np.repeat(orders, len(flips), axis=0)
     tiled = np.tile(flips, (len(orders), 1))
     return Arrangements(repeated, np.take_along_axis(tiled, repeated, axis=1))
+
+
+def search(
+    manipulator: Manipulator,
+    cost: Callable[[Arrangements], FloatArray],
+    seed: int,
+    keep: int,
+    starts: int = STARTS,
+) -> Arrangements:
+    """Return the `keep` cheapest arrangements seen, the cheapest first.
+
+    Steepest descent from random arrangements: each step tries every exchange of two joints,
+    every move of one joint to another place and every flip, and takes the best, until none is
+    better. A heuristic: the best arrangement of all need not be among those seen.
+    """
+    free = flippable(manipulator)
+    rng = np.random.default_rng(seed)
+    seen: dict[tuple[tuple[int, ...], tuple[bool, ...]], float] = {}
+    for _ in range(starts):
+        order = rng.permutation(manipulator.joints)
+        flips = (rng.integers(2, size=len(order)) == 1) & free[order]
+        here = Arrangements(order[None], flips[None])
+        value = float(cost(here)[0])
+        while True:
+            near = _neighbours(here, free)
+            values = cost(near)
+            for row, turned, one in zip(near.orders, near.flips, values, strict=True):
+                seen[tuple(row.tolist()), tuple(turned.tolist())] = float(one)
+            best = int(np.argmin(values))
+            if values[best] >= value - 1e-12 * abs(value):
+                seen[tuple(here.orders[0].tolist()), tuple(here.flips[0].tolist())] = value
+                break
+            here, value = near[[best]], float(values[best])
+    cheapest = sorted(seen, key=lambda key: (seen[key], key))[:keep]
+    orders, turns = zip(*cheapest, strict=True)
+    return Arrangements(np.array(orders, dtype=np.int64), np.array(turns, dtype=bool))
+
+
+def _neighbours(here: Arrangements, free: BoolArray) -> Arrangements:
+    order, flip = here.orders[0], here.flips[0]
+    n = len(order)
+    places = [np.arange(n)]
+    for i, j in combinations(range(n), 2):
+        exchanged = np.arange(n)
+        exchanged[[i, j]] = j, i
+        places.append(exchanged)
+        for source, target in ((i, j), (j, i)):
+            places.append(np.insert(np.delete(np.arange(n), source), target, source))
+    moved = np.array(places)
+    turnable = np.flatnonzero(free[order])
+    turned = np.tile(flip, (len(turnable), 1))
+    turned[np.arange(len(turnable)), turnable] ^= True
+    same = np.tile(order, (len(turnable), 1))
+    return Arrangements(np.vstack([order[moved], same]), np.vstack([flip[moved], turned]))

@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from types import MappingProxyType
+from collections.abc import Mapping, Sequence
+from typing import Any
 
+from tabulate import tabulate
+
+from formulations import measures
 from formulations.realise.choice import Choice
-from formulations.realise.dh import Convention, denavit_hartenberg
+from formulations.realise.dh import Convention, DenavitHartenberg, denavit_hartenberg
 from formulations.realise.drawing import render
 from formulations.realise.manipulator import Manipulator
-from formulations.realise.report import axes_text, dh_text
 from formulations.realise.write_urdf import urdf
+from nlp.arrays import FloatArray
 from nlp.errors import InputError
 
 FORMS = ("axes", "dh", "urdf", "figure")
+_DIGITS = ".9g"
 
 
 def write_down(manipulator: Manipulator, form: str, convention: str, figure_kind: str) -> bytes:
@@ -33,30 +37,84 @@ def write_down(manipulator: Manipulator, form: str, convention: str, figure_kind
     InputError
         If there is no such form, convention or kind of figure, or matplotlib is missing.
     """
-    table = denavit_hartenberg(manipulator, _convention(convention))
-    writers: Mapping[str, Callable[[], bytes]] = MappingProxyType(
-        {
-            "axes": lambda: f"{axes_text(manipulator)}\n".encode(),
-            "dh": lambda: f"{dh_text(table)}\n".encode(),
-            "urdf": lambda: urdf(manipulator).encode(),
-            "figure": lambda: render(manipulator, figure_kind),
-        }
-    )
-    if form not in writers:
-        raise InputError("--to", form, "one of " + ", ".join(FORMS))
-    return writers[form]()
+    chosen = _convention(convention)
+    if form == "axes":
+        return f"{_axes_text(manipulator)}\n".encode()
+    if form == "dh":
+        return f"{_dh_text(denavit_hartenberg(manipulator, chosen))}\n".encode()
+    if form == "urdf":
+        return urdf(manipulator).encode()
+    if form == "figure":
+        return render(manipulator, figure_kind)
+    raise InputError("--to", form, "one of " + ", ".join(FORMS))
 
 
-def as_plain(choice: Choice, convention: str) -> dict[str, object]:
+def as_plain(manipulator: Manipulator, convention: str) -> dict[str, object]:
     """Return everything but the figure as plain values: axes, table and URDF."""
-    chosen = choice.manipulator
-    table = denavit_hartenberg(chosen, _convention(convention))
-    return {**chosen.to_dict(), "dh": table.to_dict(), "urdf": urdf(chosen)}
+    table = denavit_hartenberg(manipulator, _convention(convention))
+    return {**manipulator.to_dict(), "dh": table.to_dict(), "urdf": urdf(manipulator)}
+
+
+def summary(choice: Choice, deviation: float) -> dict[str, object]:
+    """Return how a manipulator was chosen and how failure tolerant it is, as plain values."""
+    worst = measures.worst_case_sigma(choice.manipulator.jacobian())
+    return {**choice.to_dict(), "worst_case_sigma": worst, "deviation": deviation}
+
+
+def summary_lines(found: Mapping[str, Any]) -> dict[str, object]:
+    """Return a summary as lines for people: signs for flips, a line for each criterion."""
+    return {
+        "order": found["order"],
+        "signs": "".join("-" if flip else "+" for flip in found["flips"]),
+        "chosen by": found["criterion"],
+        "looked at": found["method"],
+        "orders and signs": found["arrangements"],
+        "distinct manipulators": found["distinct"],
+        "deviation from the Jacobian": found["deviation"],
+        "worst case sigma": found["worst_case_sigma"],
+        **found["criteria"],
+    }
 
 
 def _convention(name: str) -> Convention:
     try:
         return Convention(name)
     except ValueError:
-        allowed = "one of " + ", ".join(one.value for one in Convention)
-        raise InputError("--convention", name, allowed) from None
+        raise InputError("--convention", name, "one of " + ", ".join(Convention)) from None
+
+
+def _axes_text(manipulator: Manipulator) -> str:
+    """Return the axes as a table: direction, and the point where the joint sits."""
+    axes = zip(
+        manipulator.columns,
+        manipulator.kinds,
+        manipulator.directions,
+        manipulator.points,
+        strict=True,
+    )
+    rows = [
+        [i, column, kind[0].upper(), *direction, *point]
+        for i, (column, kind, direction, point) in enumerate(axes)
+    ]
+    names = ["joint", "column", "kind", *(f"axis {c}" for c in "xyz"), *"xyz"]
+    tip = "  ".join(f"{value:{_DIGITS}}" for value in manipulator.end_effector)
+    return f"{_table(rows, names)}\n\nend effector  {tip}"
+
+
+def _dh_text(table: DenavitHartenberg) -> str:
+    """Return the Denavit–Hartenberg table, and the base and tool transforms."""
+    rows = [[i, kind[0].upper(), *numbers] for i, (kind, *numbers) in enumerate(table.rows())]
+    names = ["joint", "kind", "theta", "d", "a", "alpha"]
+    if table.convention is Convention.MODIFIED:
+        names[4:] = ["a before", "alpha before"]
+    parts = [f"{table.convention} convention", _table(rows, names)]
+    parts += [f"base\n{_matrix(table.base)}", f"tool\n{_matrix(table.tool)}"]
+    return "\n\n".join(parts)
+
+
+def _matrix(pose: FloatArray) -> str:
+    return str(tabulate(pose.tolist(), tablefmt="plain", floatfmt=_DIGITS))
+
+
+def _table(rows: Sequence[Sequence[object]], names: Sequence[str]) -> str:
+    return str(tabulate(rows, names, tablefmt="simple", floatfmt=_DIGITS))

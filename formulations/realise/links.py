@@ -49,16 +49,16 @@ def segment_distance(
     start: FloatArray, end: FloatArray, other_start: FloatArray, other_end: FloatArray
 ) -> FloatArray:
     """Distance between two segments, shape (…): of interiors, or of an end and a segment."""
-    one, two, way = end - start, other_end - other_start, other_start - start
+    one, two, gap = end - start, other_end - other_start, other_start - start
     cross = np.cross(one, two)
     square = np.sum(cross**2, axis=-1)
     size = np.sum(one**2, axis=-1) * np.sum(two**2, axis=-1)
     skew = square > 1e-20 * size
     safe = np.where(skew, square, 1.0)
-    s = np.sum(np.cross(way, two) * cross, axis=-1) / safe
-    t = np.sum(np.cross(way, one) * cross, axis=-1) / safe
+    s = np.sum(np.cross(gap, two) * cross, axis=-1) / safe
+    t = np.sum(np.cross(gap, one) * cross, axis=-1) / safe
     inside = skew & (s >= 0) & (s <= 1) & (t >= 0) & (t <= 1)
-    between = np.abs(np.sum(way * cross, axis=-1)) / np.sqrt(safe)
+    between = np.abs(np.sum(gap * cross, axis=-1)) / np.sqrt(safe)
     ends = np.minimum(
         np.minimum(_to(start, other_start, other_end), _to(end, other_start, other_end)),
         np.minimum(_to(other_start, start, end), _to(other_end, start, end)),
@@ -92,10 +92,10 @@ def slide(manipulator: Manipulator) -> Manipulator:
 
 
 def _along(target: FloatArray, point: FloatArray, axis: FloatArray) -> tuple[float, float]:
-    """Way along the axis to the foot of a target, and the target's distance from the axis."""
-    way = target - point
-    ahead = float(way @ axis)
-    return ahead, float(np.linalg.norm(way - ahead * axis))
+    """How far along the axis the foot of a target is, and how far off the axis the target."""
+    offset = target - point
+    ahead = float(offset @ axis)
+    return ahead, float(np.linalg.norm(offset - ahead * axis))
 
 
 def _ends(points: FloatArray, end_effector: FloatArray) -> FloatArray:
@@ -105,8 +105,8 @@ def _ends(points: FloatArray, end_effector: FloatArray) -> FloatArray:
 
 def _to(point: FloatArray, start: FloatArray, end: FloatArray) -> FloatArray:
     """Distance from a point to a segment."""
-    way = end - start
-    square = np.sum(way**2, axis=-1, keepdims=True)
+    span = end - start
+    square = np.sum(span**2, axis=-1, keepdims=True)
     nonzero: BoolArray = square > 0
-    part = np.sum((point - start) * way, axis=-1, keepdims=True) / np.where(nonzero, square, 1)
-    return np.asarray(np.linalg.norm(point - start - np.clip(part, 0, 1) * way, axis=-1))
+    part = np.sum((point - start) * span, axis=-1, keepdims=True) / np.where(nonzero, square, 1)
+    return np.asarray(np.linalg.norm(point - start - np.clip(part, 0, 1) * span, axis=-1))

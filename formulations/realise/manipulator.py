@@ -13,7 +13,13 @@ from formulations.realise.task import Task
 from nlp.arrays import FloatArray, as_floats
 from nlp.errors import InputError
 
+# Largest departure of a direction's norm from 1.
 DIGITS = 1e-9
+
+
+def kind_names(prismatic: BoolArray) -> list[str]:
+    """Return ``revolute`` or ``prismatic`` for each joint, shape (n,)."""
+    return ["prismatic" if one else "revolute" for one in prismatic]
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,6 +86,11 @@ class Manipulator:
         return len(self.directions)
 
     @property
+    def kinds(self) -> list[str]:
+        """``revolute`` or ``prismatic``, for each joint."""
+        return kind_names(self.prismatic)
+
+    @property
     def size(self) -> float:
         """Largest distance between two of the joints and the end effector."""
         places = np.vstack([self.points, self.end_effector])
@@ -114,16 +125,24 @@ class Manipulator:
         flipped = np.zeros(self.joints, dtype=bool) if flips is None else np.asarray(flips)
         if flipped.shape != (self.joints,):
             raise InputError("flips", f"of shape {flipped.shape}", f"shape ({self.joints},)")
-        points = self.points[chosen].copy()
-        reflected = flipped & ~self.prismatic[chosen] & self.task.free_directions
-        points[reflected] = 2 * self.end_effector - points[reflected]
+        directions, points, prismatic = self.rearranged(np.array(chosen), flipped)
+        columns = tuple(self.columns[i] for i in chosen)
         return replace(
-            self,
-            directions=np.where(flipped[:, None], -1.0, 1.0) * self.directions[chosen],
-            points=points,
-            prismatic=self.prismatic[chosen],
-            columns=tuple(self.columns[i] for i in chosen),
+            self, directions=directions, points=points, prismatic=prismatic, columns=columns
         )
+
+    def rearranged(
+        self, orders: npt.NDArray[np.int64], flips: BoolArray
+    ) -> tuple[FloatArray, FloatArray, BoolArray]:
+        """Return directions, points and `prismatic` of many arrangements, unchecked.
+
+        Orders and flips of shape (…, n), as in `arranged`; shapes (…, n, 3) twice, (…, n).
+        """
+        prismatic, points = self.prismatic[orders], self.points[orders]
+        reflected = flips & ~prismatic & self.task.free_directions
+        points = np.where(reflected[..., None], 2 * self.end_effector - points, points)
+        directions = np.where(flips[..., None], -1.0, 1.0) * self.directions[orders]
+        return directions, points, prismatic
 
     def move(self, displacements: npt.ArrayLike | None = None) -> Motion:
         """Return axes and end effector at q, shape (…, n); at q = 0 if left out."""
@@ -152,7 +171,7 @@ class Manipulator:
             {
                 "joint": i,
                 "column": self.columns[i],
-                "kind": "prismatic" if self.prismatic[i] else "revolute",
+                "kind": self.kinds[i],
                 "direction": self.directions[i].tolist(),
                 "point": self.points[i].tolist(),
             }

@@ -43,18 +43,24 @@ class View:
 PLAN = View(-90.0, 90.0)
 
 
-def clear_views(manipulator: Manipulator) -> tuple[View, View]:
+def clear_views(manipulator: Manipulator) -> tuple[View, ...]:
     """Return two views, a quarter turn apart, in which joints lie well apart.
 
-    The arms of planar tasks are seen in their plane, both times.
+    The arms of planar tasks have one view, of their plane.
     """
     if manipulator.task.in_plane:
-        return PLAN, PLAN
+        return (PLAN,)
     pairs = [
         (View(azimuth, elevation), View(azimuth + 90.0, elevation))
         for elevation, azimuth in product((20.0, 30.0, 10.0), np.arange(-180.0, 180.0, 10.0))
     ]
     return max(pairs, key=lambda pair: min(_openness(manipulator, view) for view in pair))
+
+
+def clearest(places: FloatArray, taken: FloatArray) -> FloatArray:
+    """Return the place, shape (2,), that is farthest from all that is taken, shape (k, 2)."""
+    room = np.linalg.norm(taken[:, None] - places, axis=-1).min(axis=0)
+    return np.asarray(places[int(np.argmax(room))])
 
 
 def _openness(manipulator: Manipulator, view: View) -> float:

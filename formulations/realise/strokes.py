@@ -1,4 +1,4 @@
-"""The parts of a drawing of a manipulator: what is put on paper, and over what."""
+"""The parts of a drawing of a manipulator, and which lies above which."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from formulations.files.figure_style import BLUE, INK, ORANGE, PALE, PAPER, VERMILION
+from formulations.files.figure import BLUE, INK, ORANGE, PALE, PAPER, VERMILION
 from formulations.realise.manipulator import Manipulator
-from formulations.realise.projection import View
+from formulations.realise.projection import View, clearest
 from nlp.arrays import FloatArray
 
 if TYPE_CHECKING:
@@ -34,7 +34,7 @@ class Strokes:
     manipulator, axes, view
         What is drawn, where, and from which side.
     weight
-        How bold links and joints are, relative to a figure of their own.
+        Factor of the widths of links and joints; 1 in a figure of their own.
     """
 
     def __init__(
@@ -85,29 +85,26 @@ class Strokes:
         starts, ends = places[:-1], places[1:]
         for rank, i in enumerate(np.argsort(starts[:, 2] + ends[:, 2], kind="stable")):
             layer = LINKS + rank / len(starts) * (JOINTS - LINKS)
-            way = ends[i] - starts[i]
-            rim = np.array([starts[i] + 0.1 * way, ends[i] - 0.1 * way])
+            link = ends[i] - starts[i]
+            rim = np.array([starts[i] + 0.1 * link, ends[i] - 0.1 * link])
             self._line(rim, "white", 7.5, layer, "butt")
             self._line(np.array([starts[i], ends[i]]), LINK, 4.5, layer, "round")
 
     def bodies(self) -> None:
-        """Draw a stub along each axis, hollow where the joint is prismatic."""
-        half = BODY_REACH * self._radius * self._view.project(self._arm.directions)
-        for point, way, slide in zip(self._joints, half, self._arm.prismatic, strict=True):
-            line = np.array([point - way, point + way])
-            self._line(line, AXIS, 7.0, JOINTS, "butt")
-            if slide:
-                self._line(line, "white", 4.0, JOINTS, "butt")
+        """Draw a stub along each axis, hollow where the joint is prismatic.
 
-    def pins(self) -> None:
-        """Draw the joints of a planar arm, whose revolute axes are seen end on."""
+        The revolute axes of a planar arm are seen end on, and drawn as circles.
+        """
+        in_plane = self._arm.task.in_plane
+        outer, inner = (11.0, 8.0) if in_plane else (7.0, 4.0)
         half = BODY_REACH * self._radius * self._view.project(self._arm.directions)
-        for point, way, slide in zip(self._joints, half, self._arm.prismatic, strict=True):
-            if slide:
-                line = np.array([point - way, point + way])
-                self._line(line, AXIS, 11.0, JOINTS, "butt")
-                self._line(line, "white", 8.0, JOINTS, "butt")
-            else:
+        for point, reach, slides in zip(self._joints, half, self._arm.prismatic, strict=True):
+            line = np.array([point - reach, point + reach])
+            if slides or not in_plane:
+                self._line(line, AXIS, outer, JOINTS, "butt")
+            if slides:
+                self._line(line, "white", inner, JOINTS, "butt")
+            elif in_plane:
                 [pin] = self._axes.plot(point[0], point[1], "o", zorder=JOINTS)
                 pin.set(mfc="white", mec=AXIS, mew=1.6 * self._weight)
                 pin.set_markersize(8.5 * self._weight)
@@ -128,17 +125,17 @@ class Strokes:
     def columns(self, names: Sequence[str]) -> None:
         """Draw the velocities that the joints give the end effector, shortened alike."""
         for name, column in zip(names, self._arm.full_jacobian()[:3].T, strict=True):
-            way = COLUMN_SHARE * self._view.project(column)[:2]
-            size = float(np.linalg.norm(way))
+            shift = COLUMN_SHARE * self._view.project(column)[:2]
+            size = float(np.linalg.norm(shift))
             if size == 0:
                 continue
             start = self._tip[:2]
             arrow = {"arrowstyle": "-|>", "color": INK, "lw": 0.8, "shrinkA": 3}
-            end = start + way
+            end = start + shift
             self._axes.annotate(
                 "", (end[0], end[1]), (start[0], start[1]), arrowprops=arrow, zorder=JOINTS
             )
-            place = start + way * (1 + 0.13 * self._radius / size)
+            place = start + shift * (1 + 0.13 * self._radius / size)
             self._text(place, f"$j_{{{name}}}$", INK, 9.0)
 
     def tip(self) -> None:
@@ -148,26 +145,19 @@ class Strokes:
         self._axes.plot(x, y, "o", ms=size, mfc=TIP, mec="white", mew=1.2, zorder=JOINTS + 1)
 
     def names(self, names: Sequence[str]) -> None:
-        """Write each joint's name where it is farthest from all that is there so far."""
+        """Write each joint's name where it is farthest from all that is drawn so far."""
         places = np.vstack([self._joints, self._tip])[:, :2]
         steps = np.linspace(0, 1, 9)[:, None]
         taken = [a + steps * (b - a) for a, b in pairwise(places)]
         taken.append(places[:1] - [0.0, 0.1 * self._radius])  # the ground
         if self._arm.task.in_plane:
             turn = np.radians(np.arange(0, 360, 30))
-            around = (
-                0.13
-                / self._weight
-                * self._radius
-                * np.column_stack([np.cos(turn), np.sin(turn)])
-            )
-            choices = self._joints[:, None, :2] + around
+            around = np.column_stack([np.cos(turn), np.sin(turn)])
+            choices = self._joints[:, None, :2] + 0.13 / self._weight * self._radius * around
         else:
             choices = self._view.project(self._axis_ends(1.14))[..., :2]
         for name, offered in zip(names, choices, strict=True):
-            there = np.vstack(taken)
-            clear = np.linalg.norm(there[:, None] - offered, axis=-1).min(axis=0)
-            place = offered[int(np.argmax(clear))]
+            place = clearest(offered, np.vstack(taken))
             taken.append(place[None])
             self._text(place, name, AXIS, 10.0)
 

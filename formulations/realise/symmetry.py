@@ -11,6 +11,7 @@ manipulators is the number of arrangements divided by |G|.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 import numpy.typing as npt
@@ -22,6 +23,8 @@ from nlp.arrays import FloatArray
 
 # Lengths and cosines closer than this, relative to the manipulator's size, count as equal.
 EQUAL = 1e-6
+# Images of the first few axes: to which axis, and the signs of its place and direction.
+_Part = tuple[tuple[int, int, int], ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,41 +46,31 @@ class Symmetries:
         return len(self.images)
 
 
-@dataclass(frozen=True)
-class _Part:
-    """Images of the first few axes: to whom, and the signs of its place and direction."""
-
-    images: tuple[int, ...] = ()
-    places: tuple[int, ...] = ()
-    senses: tuple[int, ...] = ()
-
-
 def symmetries(manipulator: Manipulator, limit: int = 5_000) -> Symmetries | None:
     """Return the group G, or None if the search for it passes `limit` partial members."""
-    directions = manipulator.directions
-    places = _places(manipulator) / manipulator.size
-    free = flippable(manipulator)
-    found = [_Part()]
+    places, axes = _places(manipulator) / manipulator.size, manipulator.directions
+    slide, free = manipulator.prismatic, flippable(manipulator)
+    found: list[_Part] = [()]
     for _ in range(manipulator.joints):
-        found = [
-            longer
-            for part in found
-            for longer in _extended(part, places, directions, manipulator.prismatic, free)
-        ]
+        found = [more for part in found for more in _extended(part, places, axes, slide, free)]
         if len(found) > limit:
             return None
     members = {
-        (part.images, tuple(sign < 0 for sign in part.places))
+        tuple((image, place < 0) for image, place, _ in part)
         for part in found
-        if _is_rotation(part, places, directions)
+        if _is_rotation(part, places, axes)
     }
-    listed = sorted(members)
-    images = np.array([image for image, _ in listed], dtype=np.int64)
-    return Symmetries(images, np.array([flip for _, flip in listed], dtype=bool))
+    listed = np.array(sorted((*zip(*one, strict=True),) for one in members))
+    return Symmetries(listed[:, 0].astype(np.int64), listed[:, 1].astype(bool))
 
 
-def distinct(arrangements: Arrangements, group: Symmetries) -> Arrangements:
-    """Return one arrangement of each set of identical ones: the first, lexicographically."""
+def distinct(arrangements: Arrangements, group: Symmetries | None) -> Arrangements:
+    """Return one arrangement of each set of identical ones: the first, lexicographically.
+
+    Without a group, as `symmetries` has it for too many members, all arrangements are kept.
+    """
+    if group is None:
+        return arrangements
     n = arrangements.orders.shape[1]
     left, own = arrangements, _code(arrangements.orders, arrangements.flips, n)
     for images, flips in zip(group.images, group.flips, strict=True):
@@ -98,39 +91,34 @@ def _places(manipulator: Manipulator) -> FloatArray:
 def _extended(
     part: _Part, places: FloatArray, axes: FloatArray, slide: BoolArray, free: BoolArray
 ) -> list[_Part]:
-    """All ways to say where the next axis goes that keep distances and angles."""
-    new = len(part.images)
+    """All choices of the next axis' image that keep distances and angles."""
+    new = len(part)
+    taken = {image for image, _, _ in part}
+    before = np.vstack([places[: new + 1], axes[: new + 1]])
+    # Only inner products with the new axis can be new.
+    pair = [new, 2 * new + 1]
     found = []
     for image in range(len(axes)):
-        if image in part.images or slide[image] != slide[new] or free[image] != free[new]:
+        if image in taken or slide[image] != slide[new] or free[image] != free[new]:
             continue
-        images = [*part.images, image]
-        for place in (1, -1) if free[new] else (1,):
-            for sense in (1, -1):
-                where = np.array([*part.places, place])[:, None] * places[images]
-                whither = np.array([*part.senses, sense])[:, None] * axes[images]
-                before = np.vstack([places[: new + 1], axes[: new + 1]])
-                after = np.vstack([where, whither])
-                # Only inner products with the new axis can be new.
-                pair = [new, 2 * new + 1]
-                change = after @ after[pair].T - before @ before[pair].T
-                if np.abs(change).max() < EQUAL:
-                    found.append(
-                        _Part(tuple(images), (*part.places, place), (*part.senses, sense))
-                    )
+        for place, sense in product((1, -1) if free[new] else (1,), (1, -1)):
+            longer = (*part, (image, place, sense))
+            after = _carried(longer, places, axes)
+            change = after @ after[pair].T - before @ before[pair].T
+            if np.abs(change).max() < EQUAL:
+                found.append(longer)
     return found
+
+
+def _carried(part: _Part, places: FloatArray, axes: FloatArray) -> FloatArray:
+    """Places and then directions of the images, shape (2k, 3) for k axes."""
+    images, place_signs, senses = np.array(part).T
+    return np.vstack([place_signs[:, None] * places[images], senses[:, None] * axes[images]])
 
 
 def _is_rotation(part: _Part, places: FloatArray, axes: FloatArray) -> bool:
     """Whether a proper rotation does it: the best one, by the singular value method."""
-    images = list(part.images)
-    before = np.vstack([places, axes])
-    after = np.vstack(
-        [
-            np.array(part.places)[:, None] * places[images],
-            np.array(part.senses)[:, None] * axes[images],
-        ]
-    )
+    before, after = np.vstack([places, axes]), _carried(part, places, axes)
     left, _, right = np.linalg.svd(after.T @ before)
     proper = left @ np.diag([1.0, 1.0, np.linalg.det(left @ right)]) @ right
     return bool(np.max(np.abs(before @ proper.T - after)) < 10 * EQUAL)

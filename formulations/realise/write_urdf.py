@@ -1,8 +1,8 @@
 """URDF of a manipulator, with links that can be seen.
 
 At zero displacement every link's frame is parallel to the frame of the base, so that joint
-origins are differences of points and axes are the directions themselves: no angle is rounded
-on the way. Numbers are written with every digit.
+origins are differences of points and axes are the directions themselves: no angle is
+rounded. Numbers are written with every digit.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ TIP_COLOUR = "0.84 0.37 0.00 1"
 # Sizes of bodies, in parts of the manipulator's size.
 LINK_RADIUS, JOINT_RADIUS, JOINT_LENGTH, TIP_RADIUS = 0.012, 0.022, 0.09, 0.02
 SPEED, EFFORT = 3.14, 100.0
+_ORIGIN = np.zeros(3)
 
 
 def urdf(manipulator: Manipulator, name: str = "lockedjoint") -> str:
@@ -36,23 +37,26 @@ def urdf(manipulator: Manipulator, name: str = "lockedjoint") -> str:
         Tree.SubElement(Tree.SubElement(robot, "material", name=label), "color", rgba=colour)
     places = np.vstack([np.zeros(3), manipulator.points, manipulator.end_effector])
     base = Tree.SubElement(robot, "link", name="base")
-    pedestal = (2 * JOINT_RADIUS * size, 0.25 * JOINT_LENGTH * size)
-    _cylinder(base, places[1], manipulator.directions[0], *pedestal, "joint")
+    sizes = {"radius": [2 * JOINT_RADIUS * size], "length": [0.25 * JOINT_LENGTH * size]}
+    _body(base, "joint", places[1], manipulator.directions[0], "cylinder", **sizes)
     for i in range(n):
         link = Tree.SubElement(robot, "link", name=f"link{i}")
-        axis, way = manipulator.directions[i], places[i + 2] - places[i + 1]
+        axis, span = manipulator.directions[i], places[i + 2] - places[i + 1]
+        length = float(np.linalg.norm(span))
         if manipulator.prismatic[i]:
-            _box(link, axis, size)
+            side = 2 * JOINT_RADIUS * size
+            _body(link, "joint", _ORIGIN, axis, "box", size=[side, side, JOINT_LENGTH * size])
         else:
-            shape = (JOINT_RADIUS * size, JOINT_LENGTH * size)
-            _cylinder(link, np.zeros(3), axis, *shape, "joint")
-        if np.linalg.norm(way) > 0:
-            length = float(np.linalg.norm(way))
-            _cylinder(link, way / 2, way / length, LINK_RADIUS * size, length, "link")
-    _sphere(Tree.SubElement(robot, "link", name="tip"), TIP_RADIUS * size)
+            sizes = {"radius": [JOINT_RADIUS * size], "length": [JOINT_LENGTH * size]}
+            _body(link, "joint", _ORIGIN, axis, "cylinder", **sizes)
+        if length > 0:
+            sizes = {"radius": [LINK_RADIUS * size], "length": [length]}
+            _body(link, "link", span / 2, span / length, "cylinder", **sizes)
+    tip = Tree.SubElement(robot, "link", name="tip")
+    _body(tip, "tip", _ORIGIN, np.array([0.0, 0.0, 1.0]), "sphere", radius=[TIP_RADIUS * size])
     names = ["base", *(f"link{i}" for i in range(n)), "tip"]
     for i in range(n):
-        kind = "prismatic" if manipulator.prismatic[i] else "revolute"
+        kind = manipulator.kinds[i]
         joint = _joint(robot, f"joint{i}", kind, names[i : i + 2], places[i + 1] - places[i])
         Tree.SubElement(joint, "axis", xyz=_numbers(manipulator.directions[i]))
         end = size if manipulator.prismatic[i] else np.pi
@@ -73,40 +77,22 @@ def _joint(
     return joint
 
 
-def _cylinder(
+def _body(
     link: Tree.Element,
+    material: str,
     centre: FloatArray,
     axis: FloatArray,
-    radius: float,
-    length: float,
-    material: str,
+    shape: str,
+    **sizes: Sequence[float],
 ) -> None:
-    shape = _visual(link, centre, axis, material)
-    Tree.SubElement(shape, "cylinder", radius=repr(float(radius)), length=repr(float(length)))
-
-
-def _box(link: Tree.Element, axis: FloatArray, size: float) -> None:
-    shape = _visual(link, np.zeros(3), axis, "joint")
-    side = 2 * JOINT_RADIUS * size
-    Tree.SubElement(shape, "box", size=_numbers([side, side, JOINT_LENGTH * size]))
-
-
-def _sphere(link: Tree.Element, radius: float) -> None:
-    shape = _visual(link, np.zeros(3), np.array([0.0, 0.0, 1.0]), "tip")
-    Tree.SubElement(shape, "sphere", radius=repr(float(radius)))
-
-
-def _visual(
-    link: Tree.Element, centre: FloatArray, axis: FloatArray, material: str
-) -> Tree.Element:
-    """Return the geometry element of a body whose z-axis lies along `axis`."""
+    """Add a body that can be seen; the z-axis of its shape lies along `axis`."""
     visual = Tree.SubElement(link, "visual")
     pitch = np.arctan2(np.hypot(axis[0], axis[1]), axis[2])
     yaw = np.arctan2(axis[1], axis[0])
     Tree.SubElement(visual, "origin", xyz=_numbers(centre), rpy=_numbers([0.0, pitch, yaw]))
     geometry = Tree.SubElement(visual, "geometry")
     Tree.SubElement(visual, "material", name=material)
-    return geometry
+    Tree.SubElement(geometry, shape, {name: _numbers(size) for name, size in sizes.items()})
 
 
 def _numbers(values: Sequence[float] | FloatArray) -> str:

@@ -1,21 +1,41 @@
-"""Section 4, 8R and more: eqs. (47)–(49), and how readily optima are found."""
+"""Section 4, 8R and more: eqs. (47)–(49), how readily optima are found, and their families."""
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator
+from functools import partial
 
 import numpy as np
 
 from formulations import measures, residual
 from formulations.joints.arm import Arm
 from formulations.joints.kinds import UnitRevolute
+from formulations.measures.canonical import distinct
 from formulations.reproduction import reference
-from formulations.reproduction.nearest import aligned, nearest_unit_revolute
-from formulations.reproduction.rounding import product_slack, singular_value_slack
-from formulations.reproduction.row import Row, Verdict, shown
-from formulations.reproduction.searches import jacobians, search
-from formulations.reproduction.solution_family import least_slope, solve_near
-from formulations.reproduction.verdicts import equal, holds
+from formulations.reproduction.printed import (
+    aligned,
+    nearest_unit_revolute,
+    product_slack,
+    singular_value_slack,
+)
+from formulations.reproduction.row import (
+    Row,
+    Verdict,
+    compared,
+    farthest,
+    holds,
+    shown,
+    shown_range,
+)
+from formulations.reproduction.searches import search
+from formulations.reproduction.solution_family import (
+    fills_tangent_space,
+    least_slope,
+    local_dimension,
+    solve_near,
+    trace_family,
+)
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
 from nlp.solution import Solution
@@ -24,39 +44,28 @@ ARM = Arm.of(UnitRevolute(), 8)
 _TOLERANCE = 1e-9
 # A minimum of the sum of squares that is this close has converged to a solution.
 _CONVERGED = 1e-6
-_DECIMALS = reference.MATRIX_DECIMALS
+_DISTINCT = 1e-3
 
 
 def rows(
     seed: int = 0, starts: int = 50, printed: FloatArray = reference.OPTIMAL_8R
 ) -> Iterator[Row]:
-    """Rows of eqs. (47)–(49) and of 'it immediately converges'."""
-    yield _isotropic_row(printed)
-    yield _locked_row(printed)
-    yield _exact_row(printed)
+    """Rows of eqs. (47)–(49), of 'it immediately converges', and of the families."""
     found = solutions(8, seed, starts)
-    matrices = [ARM.jacobian(polished(solution)) for solution in found]
-    values = np.concatenate([measures.singular_values(matrix) for matrix in matrices])
-    yield _value_row("(48)", "singular values", "√(8/3)", reference.SIGMA_8R, values)
-    values = np.concatenate([measures.locked_singular_values(matrix) for matrix in matrices])
-    quantity = "fσ_6 for f = 1, …, 8"
-    yield _value_row("(49)", quantity, "√(2/3)", reference.WORST_CASE_8R, values)
+    angles = [polished(solution) for solution in found]
+    yield from _printed_rows(printed)
+    yield from _value_rows([ARM.jacobian(point) for point in angles])
     yield _convergence_row(8, found, "after (46)", "immediately converges")
     for n in (9, 10, 12):
         others = solutions(n, seed, min(starts, 20))
         yield _convergence_row(n, others, "Sec. 5", "7R is the only exception")
+    yield from family_rows(angles, printed)
 
 
 def solutions(joints: int, seed: int, starts: int) -> list[Solution]:
     """Residual minimisation from random starts."""
     arm = Arm.of(UnitRevolute(), joints)
-    return search(
-        lambda: residual.build(arm),
-        arm.sample,
-        starts=starts,
-        seed=seed,
-        options={"tol": 1e-12},
-    )
+    return search(partial(residual.build, arm), arm.sample, starts, seed, {"tol": 1e-12})
 
 
 def polished(solution: Solution) -> FloatArray:
@@ -71,25 +80,20 @@ def polished(solution: Solution) -> FloatArray:
         return solution.variables
 
 
-def _isotropic_row(printed: FloatArray) -> Row:
+def _printed_rows(printed: FloatArray) -> Iterator[Row]:
     deviation = float(np.max(np.abs(printed @ printed.T - 8 / 3 * np.eye(6))))
-    slack = product_slack(printed, _DECIMALS)
-    values = measures.singular_values(printed)
-    ours = f"{shown(values[-1])} to {shown(values[0])}"
-    note = f"largest entry of JJᵀ − (8/3)I {deviation:.1e}; rounded entries allow {slack:.1e}"
+    slack = product_slack(printed)
+    quantity = "singular values of the printed matrix"
     paper = f"√(8/3) = {shown(reference.SIGMA_8R)}"
-    verdict = holds(deviation <= slack)
-    return Row("(47)", "singular values of the printed matrix", paper, ours, verdict, note)
-
-
-def _locked_row(printed: FloatArray) -> Row:
-    sigmas = measures.locked_singular_values(printed)
-    slack = singular_value_slack(printed, _DECIMALS)
-    verdict = equal(reference.WORST_CASE_8R, sigmas, slack)
-    ours = f"{shown(sigmas.min())} to {shown(sigmas.max())}"
-    paper = f"√(2/3) = {shown(reference.WORST_CASE_8R)}"
+    ours, verdict = shown_range(measures.singular_values(printed)), holds(deviation <= slack)
+    note = f"largest entry of JJᵀ − (8/3)I {deviation:.1e}; rounded entries allow {slack:.1e}"
+    yield Row("(47)", quantity, paper, ours, verdict, note)
+    sigmas, expected = measures.locked_singular_values(printed), reference.WORST_CASE_8R
+    slack = singular_value_slack(printed)
+    quantity, paper = "fσ_6 of the printed matrix", f"√(2/3) = {shown(expected)}"
     note = f"rounded entries allow {slack:.1e}"
-    return Row("(47)", "fσ_6 of the printed matrix", paper, ours, verdict, note)
+    yield compared("(47)", quantity, paper, expected, sigmas, note, slack, shown_range)
+    yield _exact_row(printed)
 
 
 def _exact_row(printed: FloatArray) -> Row:
@@ -103,7 +107,7 @@ def _exact_row(printed: FloatArray) -> Row:
     moved = float(np.max(np.abs(aligned(exact, printed) - printed)))
     tolerant = measures.is_optimally_failure_tolerant(exact, _TOLERANCE)
     slope = least_slope(ARM, angles)
-    slack = product_slack(printed, _DECIMALS) / slope
+    slack = product_slack(printed) / slope
     note = (
         f"the equations are flat here (slope {slope:.2f} at least), so that what rounding "
         f"leaves in JJᵀ allows {slack:.1e}"
@@ -112,20 +116,27 @@ def _exact_row(printed: FloatArray) -> Row:
     return Row("(47)", quantity, paper, ours, holds(tolerant and moved <= slack), note)
 
 
-def _value_row(
-    equation: str, quantity: str, form: str, expected: float, values: FloatArray
-) -> Row:
-    farthest = values[np.argmax(np.abs(values - expected))]
-    paper = f"{form} = {shown(expected)}"
-    verdict = equal(expected, values, _TOLERANCE)
+def _value_rows(matrices: list[FloatArray]) -> Iterator[Row]:
     note = f"own solutions, polished; the value farthest from the paper's, to {_TOLERANCE:.0e}"
-    return Row(equation, quantity, paper, shown(farthest), verdict, note)
+    for equation, quantity, form, expected, measure in (
+        ("(48)", "singular values", "√(8/3)", reference.SIGMA_8R, measures.singular_values),
+        (
+            "(49)",
+            "fσ_6 for f = 1, …, 8",
+            "√(2/3)",
+            reference.WORST_CASE_8R,
+            measures.locked_singular_values,
+        ),
+    ):
+        paper, show = f"{form} = {shown(expected)}", farthest(expected)
+        values = np.concatenate([measure(matrix) for matrix in matrices])
+        yield compared(equation, quantity, paper, expected, values, note, _TOLERANCE, show)
 
 
 def _convergence_row(joints: int, found: list[Solution], equation: str, paper: str) -> Row:
     tolerant = [
-        measures.is_optimally_failure_tolerant(matrix, _CONVERGED)
-        for matrix in jacobians(found)
+        measures.is_optimally_failure_tolerant(solution.outputs["jacobian"], _CONVERGED)
+        for solution in found
     ]
     iterations = [solution.status.iterations for solution in found]
     return Row(
@@ -136,4 +147,73 @@ def _convergence_row(joints: int, found: list[Solution], equation: str, paper: s
         holds(2 * sum(tolerant) > len(found)),
         f"to {_CONVERGED:.0e}, agrees if most do; {int(np.median(iterations))} iterations in "
         "the median",
+    )
+
+
+def family_rows(
+    optima: list[FloatArray], printed: FloatArray = reference.OPTIMAL_8R, steps: int = 20
+) -> Iterator[Row]:
+    """Rows of the family that the printed Jacobian (47) belongs to, and of other optima's.
+
+    Parameters
+    ----------
+    optima
+        Angles of other 8R optima, in radians, each of shape (24,).
+    printed
+        The printed Jacobian, shape (6, 8).
+    steps
+        How many further optima are found along the curve.
+    """
+    try:
+        start = solve_near(ARM, ARM.variables(nearest_unit_revolute(printed)))
+    except InputError as reason:
+        quantity, paper = "solutions near the printed one", "entire families"
+        yield Row("after (46)", quantity, paper, "none", Verdict.MISMATCH, str(reason))
+        return
+    size = local_dimension(ARM, start)
+    filled = fills_tangent_space(ARM, start)
+    yield Row(
+        "after (46)",
+        "dimension of the family of 8R optima around (47)",
+        "entire families",
+        f"{size.family} = {size.angles} angles − {size.symmetries} symmetries − "
+        f"{size.equations} equations",
+        holds(size.family >= 1 and filled),
+        "ranks at the exact solution next to (47); solutions of the same rank were found in "
+        f"{'every' if filled else 'not every'} tangent direction. Of 18 equations only "
+        f"{size.equations} are independent here",
+    )
+    yield _curve_row(start, steps)
+    sizes = Counter(local_dimension(ARM, point).family for point in optima)
+    yield Row(
+        "after (46)",
+        f"dimensions of the families around {len(optima)} own 8R optima",
+        "entire families",
+        ", ".join(f"{dimension} for {count}" for dimension, count in sorted(sizes.items())),
+        holds(min(sizes) >= 1),
+        "by rank; 18 independent equations leave two dimensions, a third where their "
+        "derivatives are dependent",
+    )
+
+
+def _curve_row(start: FloatArray, steps: int) -> Row:
+    try:
+        points = trace_family(ARM, start, steps)
+    except InputError as reason:
+        return Row("after (46)", "a curve", "exists", "none", Verdict.MISMATCH, str(reason))
+    matrices = [ARM.jacobian(point) for point in points]
+    classes = len(distinct(matrices, tolerance=_DISTINCT))
+    tolerant = all(
+        measures.is_optimally_failure_tolerant(matrix, _TOLERANCE) for matrix in matrices
+    )
+    sigmas = [measures.worst_case_sigma(matrix) for matrix in matrices]
+    return Row(
+        "after (46)",
+        f"distinct Jacobians among {len(matrices)} along a curve of 8R optima from (47)",
+        "entire families",
+        str(classes),
+        holds(tolerant and classes == len(matrices)),
+        f"each optimally failure tolerant to {_TOLERANCE:.0e}; fσ_6 farthest from √(2/3): "
+        f"{farthest(reference.WORST_CASE_8R)(sigmas)}; inner products of any two differ by "
+        f"more than {_DISTINCT:.0e}",
     )

@@ -1,52 +1,68 @@
-"""Section 4, start: the columns of rotational joints (21) and the equations (22)–(43)."""
+"""Section 4, start: rotational joints (21), the equations (22)–(43), and their closed forms.
+
+The Appendix prints f_1 … f_21; they are compared to eqs. (23)–(43), computed from J.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from functools import partial
 
+import casadi as ca
 import numpy as np
 
-from formulations import measures
-from formulations.isotropy_equations import independent_rows, residuals, sampled
+from formulations import appendix, measures
+from formulations.isotropy_equations import independent_rows, pairs, residuals, sampled
 from formulations.joints.arm import Arm
 from formulations.joints.kinds import UnitRevolute
 from formulations.reproduction import reference
-from formulations.reproduction.row import Row, shown, shown_error
+from formulations.reproduction.printed import column_error
+from formulations.reproduction.row import (
+    ROUNDING,
+    Row,
+    Verdict,
+    compared,
+    holds,
+    misprint,
+    shown,
+    shown_error,
+)
 from formulations.reproduction.solution_family import symmetry_directions
-from formulations.reproduction.verdicts import equal, holds, misprint
 from nlp.arrays import FloatArray
 
-_ROUNDING = 1e-12
+Forms = Callable[[ca.SX], ca.SX]
+ROW_NAMES = ("v_x", "v_y", "v_z", "ω_x", "ω_y", "ω_z")
+_CONFIGURATIONS = 50
+_AS_PRINTED: Forms = partial(appendix.closed_forms, as_printed=True)
 
 
 def rows(seed: int = 0) -> Iterator[Row]:
-    """Rows of eqs. (21), (22) and of the counts of independent equations."""
+    """Rows of eqs. (21), (22), of the counts of independent equations, and of the Appendix."""
     rng = np.random.default_rng(seed)
     arm = Arm.of(UnitRevolute(), 7)
     point = arm.sample(rng)
     yield _column_row(arm, rng)
     yield _missing_zero_row(rng)
     yield _row_names_row(arm.jacobian(point))
-    yield _row_norm_row()
+    joints = (7, 8, 12)
+    norms = [np.sqrt((Arm.of(UnitRevolute(), n).fixed_trace or np.nan) / 6) for n in joints]
+    expected = [np.sqrt(n / 3) for n in joints]
+    quantity, paper = "row norm of an isotropic J, n = 7, 8, 12", f"√(n/3) = {shown(expected)}"
+    note = "from tr JJᵀ = 2n shared by six rows"
+    yield compared("(23)–(28)", quantity, paper, expected, norms, note)
     yield from _count_rows(arm)
     yield _dependent_angles_row(arm, point)
+    yield from appendix_rows(seed)
 
 
 def _column_row(arm: Arm, rng: np.random.Generator) -> Row:
-    columns = np.hstack([arm.jacobian(arm.sample(rng)) for _ in range(20)])
-    velocity, axis = columns[:3], columns[3:]
-    errors = [
-        np.abs(np.sum(velocity**2, axis=0) - 1),
-        np.abs(np.sum(axis**2, axis=0) - 1),
-        np.abs(np.sum(velocity * axis, axis=0)),
-    ]
-    error = float(np.max(errors))
+    error = column_error(np.hstack([arm.jacobian(arm.sample(rng)) for _ in range(20)]))
     return Row(
         "(21)",
         "v·ω = 0 and |v| = |ω|",
         "by construction, both of norm 1",
-        shown_error(error, _ROUNDING),
-        holds(error <= _ROUNDING),
+        shown_error(error),
+        holds(error <= ROUNDING),
         "140 random columns; '−1/ω' in the scan is the dashed line of the partition",
     )
 
@@ -76,7 +92,7 @@ def _missing_zero_row(rng: np.random.Generator) -> Row:
         "second vector of v, multiplied by sinγ",
         "(sinα, −cosα), two entries",
         "(sinα, −cosα, 0)",
-        misprint(min(elsewhere), last, _ROUNDING),
+        misprint(min(elsewhere), last),
         "two entries cannot be added to three; only with the 0 last is v·ω = 0 and |v| = 1 "
         "(lost in the scan, if not in print)",
     )
@@ -93,19 +109,9 @@ def _row_names_row(jacobian: FloatArray) -> Row:
         "last row of J",
         "ω_yᵀ, as the row above it",
         "ω_zᵀ",
-        misprint(wrong, right, _ROUNDING),
+        misprint(wrong, right),
         f"with ω_yᵀ twice Σ|ω_i|² = n fails, and J of rank {rank} is never isotropic",
     )
-
-
-def _row_norm_row() -> Row:
-    arms = [Arm.of(UnitRevolute(), n) for n in (7, 8, 12)]
-    norms = [np.sqrt((arm.fixed_trace or np.nan) / 6) for arm in arms]
-    expected = [np.sqrt(arm.shape[1] / 3) for arm in arms]
-    verdict = equal(expected, norms, _ROUNDING)
-    paper, note = f"√(n/3) = {shown(expected)}", "from tr JJᵀ = 2n shared by six rows"
-    quantity = "row norm of an isotropic J, n = 7, 8, 12"
-    return Row("(23)–(28)", quantity, paper, shown(norms), verdict, note)
 
 
 def _count_rows(arm: Arm) -> Iterator[Row]:
@@ -153,3 +159,55 @@ def _dependent_angles_row(arm: Arm, point: FloatArray) -> Row:
         holds(gauge > 0 and still),
         "rotations of the frame and the common phase",
     )
+
+
+def appendix_rows(
+    seed: int = 0,
+    printed: Forms = _AS_PRINTED,
+    corrected: Forms = appendix.closed_forms,
+) -> Iterator[Row]:
+    """One row per closed form, compared at random configurations of a 7R."""
+    arm = Arm.of(UnitRevolute(), 7)
+    rng = np.random.default_rng(seed)
+    points = [arm.sample(rng) for _ in range(_CONFIGURATIONS)]
+    derived = np.array(appendix.SIGNS) * [_equations(arm.jacobian(point)) for point in points]
+    print_errors, corrected_errors = (
+        np.max(np.abs(_values(arm, forms, points) - derived), axis=0).tolist()
+        for forms in (printed, corrected)
+    )
+    for k, errors in enumerate(zip(print_errors, corrected_errors, strict=True)):
+        yield _closed_form_row(k, *errors)
+
+
+def _closed_form_row(k: int, print_error: float, corrected_error: float) -> Row:
+    i, j = pairs(6)[k]
+    product = f"{ROW_NAMES[i]}ᵀ{ROW_NAMES[j]}"
+    entry = product if i != j else f"{product} − n/3"
+    verdict = misprint(print_error, corrected_error)
+    note = "printed with the opposite sign; 7/3 stands for n/3" if i == j else ""
+    equation, quantity = f"({23 + k})", f"f_{k + 1} = {entry}, closed form"
+    if k + 1 == appendix.MISPRINTED and verdict is not Verdict.AGREES:
+        return Row(
+            equation,
+            quantity,
+            "Σ −sinβ cosβ cosγ",
+            "Σ −sinα cos²β cosγ",
+            verdict,
+            f"the print repeats f_18 and is off by up to {print_error:.2g}; ours equals J's "
+            f"entry {shown_error(corrected_error)}",
+        )
+    ours = f"equal {shown_error(print_error)}"
+    return Row(equation, quantity, "as printed in the Appendix", ours, verdict, note)
+
+
+def _equations(jacobian: FloatArray) -> FloatArray:
+    """Left-hand sides of eqs. (23)–(43) from J alone, shape (21,)."""
+    n = jacobian.shape[1]
+    deviation = jacobian @ jacobian.T - n / 3 * np.eye(6)
+    return np.array([deviation[i, j] for i, j in pairs(6)])
+
+
+def _values(arm: Arm, forms: Forms, points: list[FloatArray]) -> FloatArray:
+    variables = arm.symbols()
+    function = ca.Function("forms", [variables], [forms(variables)])
+    return np.array([np.array(function(point)).ravel() for point in points])

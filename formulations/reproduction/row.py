@@ -1,16 +1,26 @@
-"""One row of the reproduction: what the paper says, what we find, and how they compare."""
+"""One row of the reproduction: what the paper says, what we find, and how they compare.
+
+Each function that returns a `Verdict` states what agreement takes, and what it is otherwise.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from decimal import Decimal
 from enum import StrEnum
 
 import numpy as np
 import numpy.typing as npt
 
+from formulations.reproduction.printed import rounded, rounded_twice
+
+# Exact statements hold up to this; optima up to this, as Ipopt's tolerance is 1e-8 on log t.
+ROUNDING, SOLVER = 1e-12, 1e-7
+
 
 class Verdict(StrEnum):
-    """How the paper's value and ours compare; always computed, see `verdicts`.
+    """How the paper's value and ours compare; always computed.
 
     AGREES: equal to all printed digits, or the claim holds.
     MISPRINT: the print is wrong and a corrected form is right; both are computed.
@@ -53,14 +63,7 @@ class Row:
 
     def to_dict(self) -> dict[str, str]:
         """Return the fields as plain text, in the order of the table's columns."""
-        return {
-            "equation": self.equation,
-            "quantity": self.quantity,
-            "paper": self.paper,
-            "ours": self.ours,
-            "verdict": str(self.verdict),
-            "note": self.note,
-        }
+        return {name: str(value) for name, value in vars(self).items()}
 
 
 def shown(values: npt.ArrayLike) -> str:
@@ -69,6 +72,91 @@ def shown(values: npt.ArrayLike) -> str:
     return ", ".join(f"{number + 0.0:#.7g}" for number in numbers)
 
 
-def shown_error(error: float, tolerance: float) -> str:
-    """Return 'within tolerance' where it is: digits of rounding noise say nothing."""
+def shown_range(values: npt.ArrayLike) -> str:
+    """Return the smallest and the largest number."""
+    return f"{shown(np.min(values))} to {shown(np.max(values))}"
+
+
+def shown_error(error: float, tolerance: float = ROUNDING) -> str:
+    """Return 'within tolerance' where it is: digits of rounding noise mean nothing."""
     return f"within {tolerance:.0e}" if error <= tolerance else f"off by {shown(error)}"
+
+
+def compared(
+    equation: str,
+    quantity: str,
+    paper: str,
+    expected: npt.ArrayLike,
+    values: npt.ArrayLike,
+    note: str = "",
+    tolerance: float = ROUNDING,
+    show: Callable[[npt.ArrayLike], str] = shown,
+) -> Row:
+    """Return the row of numbers that are to be equal to those expected; see `equal`.
+
+    Parameters
+    ----------
+    equation, quantity, paper, note
+        Of the row.
+    expected
+        One number for all values, or one for each.
+    values
+        Ours.
+    tolerance
+        Largest difference of numbers that agree.
+    show
+        How our values are written.
+    """
+    return Row(
+        equation, quantity, paper, show(values), equal(expected, values, tolerance), note
+    )
+
+
+def farthest(expected: float) -> Callable[[npt.ArrayLike], str]:
+    """Return what shows, of many values, only the one farthest from the expected value."""
+
+    def show(values: npt.ArrayLike) -> str:
+        numbers = np.asarray(values, dtype=float)
+        return shown(numbers[np.argmax(np.abs(numbers - expected))])
+
+    return show
+
+
+def equal(paper: npt.ArrayLike, ours: npt.ArrayLike, tolerance: float) -> Verdict:
+    """AGREES where all numbers are equal within an absolute tolerance; NaN never is."""
+    difference = np.abs(np.asarray(paper, dtype=float) - np.asarray(ours, dtype=float))
+    return holds(bool(np.max(difference) <= tolerance))
+
+
+def holds(claim: bool) -> Verdict:
+    """AGREES where the claim is true."""
+    return Verdict.AGREES if claim else Verdict.MISMATCH
+
+
+def printed_digits(paper: Decimal, exact: float, from_print: float | None = None) -> Verdict:
+    """Compare to the last printed digit.
+
+    AGREES where the exact value rounds to the print. ROUNDED where instead the same quantity
+    of the paper's rounded matrix does (`from_print`), or the exact value does when it is
+    rounded twice, to one digit more first.
+    """
+    if rounded(exact, paper) == paper:
+        return Verdict.AGREES
+    again = from_print is not None and rounded(from_print, paper) == paper
+    if again or rounded_twice(exact, paper) == paper:
+        return Verdict.ROUNDED
+    return Verdict.MISMATCH
+
+
+def misprint(print_error: float, corrected_error: float) -> Verdict:
+    """AGREES where the print is right; MISPRINT where it is wrong and the correction right."""
+    if print_error <= ROUNDING:
+        return Verdict.AGREES
+    return Verdict.MISPRINT if corrected_error <= ROUNDING else Verdict.MISMATCH
+
+
+def improvement(paper: float, ours: float, tolerance: float) -> Verdict:
+    """IMPROVED where ours is larger by more than the tolerance, AGREES where equal."""
+    if ours > paper + tolerance:
+        return Verdict.IMPROVED
+    return holds(bool(ours >= paper - tolerance))

@@ -4,18 +4,25 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from decimal import Decimal
+from functools import partial
 
 import numpy as np
 
 from formulations import isotropy, max_min, measures
 from formulations.existence.theorem import excludes
 from formulations.reproduction import reference
-from formulations.reproduction.row import Row, Verdict, shown
-from formulations.reproduction.searches import jacobians, search
+from formulations.reproduction.row import (
+    Row,
+    Verdict,
+    holds,
+    improvement,
+    printed_digits,
+    shown,
+)
+from formulations.reproduction.searches import optima, search
 from formulations.reproduction.seven_joints import ARM, refined
-from formulations.reproduction.verdicts import holds, improvement, printed_digits
 from nlp.arrays import FloatArray
-from nlp.solution import INFEASIBLE, Solution
+from nlp.solution import INFEASIBLE
 
 # Joints whose failure leaves the same smallest singular value, to this difference.
 _TIE = 1e-6
@@ -65,14 +72,9 @@ def _worst_joint_row(printed: FloatArray, exact: FloatArray) -> Row:
 
 
 def _improvement_row(exact: FloatArray, seed: int, starts: int) -> Row:
-    found = search(
-        lambda: max_min.build(ARM),
-        max_min.ResidualMinimum(ARM),
-        starts=starts,
-        seed=seed,
-        options=max_min.OPTIONS,
-    )
-    sigmas = np.array([measures.worst_case_sigma(matrix) for matrix in jacobians(found)])
+    build, sample = partial(max_min.build, ARM), max_min.ResidualMinimum(ARM)
+    found = optima(search(build, sample, starts, seed, max_min.OPTIONS))
+    sigmas = np.array([measures.worst_case_sigma(matrix) for matrix in found])
     best, before = float(sigmas.max()), measures.worst_case_sigma(exact)
     reached = int(np.sum(sigmas >= best - 1e-6))
     gaps = [measures.gap_percent(sigma, BOUND) for sigma in (before, best)]
@@ -89,36 +91,25 @@ def _improvement_row(exact: FloatArray, seed: int, starts: int) -> Row:
 
 
 def _existence_row(seed: int, starts: int) -> Row:
-    found = search(
-        lambda: isotropy.build(ARM),
-        ARM.sample,
-        starts=starts,
-        seed=seed,
-        options=isotropy.OPTIONS,
+    build = partial(isotropy.build, ARM)
+    found = search(build, ARM.sample, starts, seed, isotropy.OPTIONS)
+    tolerant = any(
+        measures.is_optimally_failure_tolerant(solution.outputs["jacobian"], 1e-8)
+        for solution in found
     )
-    tolerant = [
-        matrix
-        for matrix in jacobians(found)
-        if measures.is_optimally_failure_tolerant(matrix, 1e-8)
-    ]
+    least = min(solution.violation for solution in found)
     infeasible = sum(solution.status.return_status == INFEASIBLE for solution in found)
     proved = excludes(len(ARM.joints))
     return Row(
         "Sec. 5",
         "optimally failure-tolerant 7R of rotational joints",
         "not found",
-        _answer(bool(tolerant), proved),
-        _existence_verdict(bool(tolerant), proved),
+        "found" if tolerant else "proved not to exist" if proved else "not found",
+        _existence_verdict(tolerant, proved),
         f"isotropy as constraints: {infeasible} of {starts} starts end as {INFEASIBLE}, least "
-        f"violation {shown(_least(found))}; the certificate that none exists "
+        f"violation {shown(least)}; the certificate that none exists "
         + ("was verified in this run" if proved else "does not speak of this arm"),
     )
-
-
-def _answer(found: bool, proved: bool) -> str:
-    if found:
-        return "found"
-    return "proved not to exist" if proved else "not found"
 
 
 def _existence_verdict(found: bool, proved: bool) -> Verdict:
@@ -126,7 +117,3 @@ def _existence_verdict(found: bool, proved: bool) -> Verdict:
     if found and proved:
         return Verdict.MISMATCH
     return Verdict.IMPROVED if found or proved else Verdict.AGREES
-
-
-def _least(found: list[Solution]) -> float:
-    return min(solution.violation for solution in found)

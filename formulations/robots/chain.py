@@ -1,18 +1,21 @@
-"""The joints between two links of a robot, as one chain of motions."""
+"""The joints between two links of a robot, as one chain of motions, and its Jacobian."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TypeAlias
 
+import casadi as ca
 import numpy as np
 
-from formulations.robots.tree import Transform
 from nlp.arrays import FloatArray, finite_vector
 from nlp.errors import InputError
 
 # A configuration may be outside its limits by this, in radians or metres: rounded files.
 LIMIT_TOLERANCE = 1e-6
+# Rows of a homogeneous 4×4 matrix.
+Transform: TypeAlias = tuple[tuple[float, ...], ...]
 
 
 @dataclass(frozen=True)
@@ -42,7 +45,7 @@ class Motion:
     Attributes
     ----------
     placement
-        Pose of the moving joint relative to where the motion before it leads, 4×4.
+        Pose of the moving joint relative to the frame that the previous motion moves, 4×4.
     axis
         Unit vector in the joint's frame.
     translates
@@ -74,7 +77,7 @@ class Chain:
     motions
         Their displacements from base to tip; joints that mimic others add motions.
     end
-        Pose of the tip's point relative to where the last motion leads, 4×4.
+        Pose of the tip's point relative to the frame that the last motion moves, 4×4.
     held
         Names and positions of joints that are held, as if locked.
     """
@@ -118,6 +121,50 @@ class Chain:
             check_limits(joint.name, float(value), joint.lower, joint.upper)
         return point
 
+    def jacobian(self, positions: ca.SX) -> tuple[ca.SX, ca.SX]:
+        """Jacobian of the tip's point, and the orientation of its link.
+
+        Parameters
+        ----------
+        positions
+            Symbols of the free joints' positions, radians or metres, shape (n, 1).
+
+        Returns
+        -------
+        casadi.SX
+            Columns (v; ω) as in eq. (21), along the axes of the base, shape (6, n): metres
+            or radians per radian or metre.
+        casadi.SX
+            Rotation from the tip's axes to those of the base, shape (3, 3).
+        """
+        turn, origin = ca.SX.eye(3), ca.SX.zeros(3)
+        screws = []
+        for motion in self.motions:
+            turn, origin = _moved(turn, origin, motion.placement)
+            axis = turn @ ca.DM(motion.axis)
+            screws.append((motion, axis, origin))
+            value = motion.multiplier * positions[motion.variable] + motion.offset
+            if motion.translates:
+                origin = origin + value * axis
+            else:
+                turn = turn @ rotation(motion.axis, value)
+        turn, origin = _moved(turn, origin, self.end)
+
+        matrix = ca.SX.zeros(6, len(self.joints))
+        for motion, axis, start in screws:
+            if motion.translates:
+                column = ca.vertcat(axis, ca.SX.zeros(3))
+            else:
+                column = ca.vertcat(ca.cross(axis, origin - start), axis)
+            matrix[:, motion.variable] += motion.multiplier * column
+        return matrix, turn
+
+
+def rotation(axis: Sequence[float], angle: ca.SX | float) -> ca.SX:
+    """Rotation by an angle in radians about a unit vector, shape (3, 3)."""
+    cross = ca.skew(ca.DM(axis))
+    return ca.SX.eye(3) + ca.sin(angle) * cross + (1 - ca.cos(angle)) * (cross @ cross)
+
 
 def check_limits(name: str, value: float, lower: float, upper: float) -> None:
     """Raise InputError unless a joint's position is within its limits."""
@@ -129,3 +176,8 @@ def listed(names: Sequence[str], limit: int = 12) -> str:
     """Return names with commas; the first of them if they are many."""
     shown = ", ".join(names[:limit])
     return shown if len(names) <= limit else f"{shown}, … ({len(names)} in all)"
+
+
+def _moved(turn: ca.SX, origin: ca.SX, placement: Transform) -> tuple[ca.SX, ca.SX]:
+    pose = np.array(placement)
+    return turn @ ca.DM(pose[:3, :3]), origin + turn @ ca.DM(pose[:3, 3])

@@ -2,17 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING, TypeAlias
 
+import casadi as ca
 import numpy as np
 
-from formulations.robots.chain import Chain, ChainJoint, Motion, check_limits, listed
-from formulations.robots.tree import MOVING, RobotError, RobotTree, Transform, TreeJoint
+from formulations.robots.chain import (
+    Chain,
+    ChainJoint,
+    Motion,
+    Transform,
+    check_limits,
+    listed,
+    rotation,
+)
+from formulations.robots.tree import MOVING, RobotError, RobotTree
 from nlp.arrays import FloatArray, finite_vector
 from nlp.errors import InputError
 
-# A moving joint, the joint that drives it (itself, mostly), multiplier and offset.
-_Driven = tuple[TreeJoint, TreeJoint, float, float]
+if TYPE_CHECKING:
+    from yourdfpy import Joint
+
+    # A moving joint, the joint that drives it (mostly itself), multiplier and offset.
+    _Driven: TypeAlias = tuple[Joint, Joint, float, float]
 
 
 def chain_between(
@@ -36,7 +49,7 @@ def chain_between(
     held
         Joints that have locked, by name, and where, in radians or metres.
     point
-        The point of the tip's link that counts, in its frame, in metres.
+        The point of the tip's link whose velocity is taken, in its frame, in metres.
 
     Raises
     ------
@@ -50,42 +63,44 @@ def chain_between(
     offset = np.eye(4)
     offset[:3, 3] = finite_vector("point", np.asarray(point), 3)
 
-    driven = [(joint, *_driver(tree, joint)) for joint in path if joint.kind in MOVING]
-    _check_held(held, [driver for _, driver, _, _ in driven])
-    free = [one for one in driven if one[1].name not in held and one[2] != 0.0]
+    driven = {joint.name: _driven(tree, joint) for joint in path if joint.type in MOVING}
+    _check_held(held, [driver for _, driver, _, _ in driven.values()])
+    free = {
+        name: one for name, one in driven.items() if one[1].name not in held and one[2] != 0.0
+    }
     if not free:
         allowed = "a link that free joints move"
         raise InputError("tip", f"{tip}, which nothing moves relative to the base", allowed)
-    drivers = {driver.name: driver for _, driver, _, _ in free}
+    drivers = {driver.name: driver for _, driver, _, _ in free.values()}
     names = list(drivers)
 
     motions, pose = [], np.eye(4)
-    followers = {joint.name: (driver, k, c) for joint, driver, k, c in driven}
     for joint in path:
-        pose = pose @ np.array(joint.origin)
-        if joint.kind == "fixed":
+        pose = pose @ np.asarray(joint.origin)
+        if joint.type == "fixed":
             continue
-        driver, k, c = followers[joint.name]
-        if driver.name not in drivers or k == 0.0:
+        _, driver, k, c = driven[joint.name]
+        if joint.name not in free:
             value = k * held.get(driver.name, 0.0) + c
-            check_limits(joint.name, value, joint.lower, joint.upper)
+            check_limits(joint.name, value, joint.limit.lower, joint.limit.upper)
             pose = pose @ _displacement(joint, value)
             continue
-        slides, variable = joint.kind == "prismatic", names.index(driver.name)
-        motions.append(Motion(_frozen(pose), joint.axis, slides, variable, k, c))
+        slides, variable = joint.type == "prismatic", names.index(driver.name)
+        x, y, z = joint.axis.tolist()
+        motions.append(Motion(_frozen(pose), (x, y, z), slides, variable, k, c))
         pose = np.eye(4)
     return Chain(
         robot=tree.name,
         base=tree.root if base is None else base,
         tip=tip,
-        joints=tuple(_chain_joint(driver, free) for driver in drivers.values()),
+        joints=tuple(_chain_joint(driver, free.values()) for driver in drivers.values()),
         motions=tuple(motions),
         end=_frozen(pose @ offset),
         held=tuple(sorted(held.items())),
     )
 
 
-def _path(tree: RobotTree, tip: str, base: str | None) -> tuple[TreeJoint, ...]:
+def _path(tree: RobotTree, tip: str, base: str | None) -> tuple[Joint, ...]:
     for name, link in (("tip", tip), ("base", base)):
         if link is not None and link not in tree.links:
             raise InputError(name, link, "one of the links " + listed(tree.links))
@@ -97,67 +112,64 @@ def _path(tree: RobotTree, tip: str, base: str | None) -> tuple[TreeJoint, ...]:
             raise InputError("base", base, allowed)
         path = path[on_the_way.index(base) :]
     for joint in path:
-        if joint.kind not in (*MOVING, "fixed"):
+        if joint.type not in (*MOVING, "fixed"):
             allowed = f"only {', '.join(MOVING)} and fixed joints between base and tip"
-            raise RobotError(f"joint {joint.name}", joint.kind, allowed)
+            raise RobotError(f"joint {joint.name}", joint.type, allowed)
     return path
 
 
-def _driver(tree: RobotTree, joint: TreeJoint) -> tuple[TreeJoint, float, float]:
-    """Return the joint that drives a joint, and by which multiplier and offset."""
-    multiplier, offset, seen = 1.0, 0.0, {joint.name}
-    while joint.mimic is not None:
-        follower, mimic = joint.name, joint.mimic
+def _driven(tree: RobotTree, joint: Joint) -> _Driven:
+    """Return a joint, the joint that drives it, and by which multiplier and offset."""
+    driver, multiplier, offset, seen = joint, 1.0, 0.0, {joint.name}
+    while driver.mimic is not None:
+        follower, mimic = driver.name, driver.mimic
         try:
-            joint = tree.joint(mimic.joint)
+            driver = tree.joint(mimic.joint)
         except KeyError:
             allowed = "the name of another joint"
             raise RobotError(f"<mimic> of joint {follower}", mimic.joint, allowed) from None
-        if joint.name in seen:
+        if driver.name in seen:
             allowed = "mimicry that ends at a joint with a drive of its own"
             raise RobotError(f"<mimic> of joint {follower}", "circular", allowed)
-        if joint.kind not in MOVING:
-            allowed = "one of " + ", ".join(MOVING)
-            raise RobotError(
-                f"joint {joint.name}, mimicked by {follower},", joint.kind, allowed
-            )
-        seen.add(joint.name)
+        if driver.type not in MOVING:
+            where = f"joint {driver.name}, mimicked by {follower},"
+            raise RobotError(where, driver.type, "one of " + ", ".join(MOVING))
+        seen.add(driver.name)
         offset += multiplier * mimic.offset
         multiplier *= mimic.multiplier
-    return joint, multiplier, offset
+    return joint, driver, multiplier, offset
 
 
-def _chain_joint(driver: TreeJoint, driven: Sequence[_Driven]) -> ChainJoint:
+def _chain_joint(driver: Joint, driven: Iterable[_Driven]) -> ChainJoint:
     """Return a driving joint, its limits narrowed by those of the joints that follow it."""
-    lower, upper = driver.lower, driver.upper
+    lower, upper = driver.limit.lower, driver.limit.upper
     for joint, by, multiplier, offset in driven:
-        if by == driver:
-            ends = sorted((end - offset) / multiplier for end in (joint.lower, joint.upper))
+        if by.name == driver.name:
+            limits = (joint.limit.lower, joint.limit.upper)
+            ends = sorted((end - offset) / multiplier for end in limits)
             lower, upper = max(lower, ends[0]), min(upper, ends[1])
     if lower > upper:
         allowed = "limits that leave room together with those of the joints that mimic it"
         raise RobotError(f"limits of joint {driver.name}", "contradictory", allowed)
-    return ChainJoint(driver.name, driver.kind == "prismatic", lower, upper)
+    return ChainJoint(driver.name, driver.type == "prismatic", lower, upper)
 
 
-def _displacement(joint: TreeJoint, value: float) -> FloatArray:
+def _displacement(joint: Joint, value: float) -> FloatArray:
     """Pose after a numeric displacement along or about the joint's axis, 4×4."""
-    axis, pose = np.array(joint.axis), np.eye(4)
-    if joint.kind == "prismatic":
-        pose[:3, 3] = value * axis
-        return pose
-    x, y, z = axis
-    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    pose[:3, :3] += np.sin(value) * cross + (1 - np.cos(value)) * cross @ cross
+    pose = np.eye(4)
+    if joint.type == "prismatic":
+        pose[:3, 3] = value * joint.axis
+    else:
+        pose[:3, :3] = np.array(ca.evalf(rotation(joint.axis, value)))
     return pose
 
 
-def _check_held(held: Mapping[str, float], drivers: Sequence[TreeJoint]) -> None:
+def _check_held(held: Mapping[str, float], drivers: Sequence[Joint]) -> None:
     known = {driver.name: driver for driver in drivers}
     for name, value in held.items():
         if name not in known:
             raise InputError("held joint", name, "one of " + listed(list(known)))
-        check_limits(name, value, known[name].lower, known[name].upper)
+        check_limits(name, value, known[name].limit.lower, known[name].limit.upper)
 
 
 def _frozen(matrix: FloatArray) -> Transform:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from functools import partial
 from types import MappingProxyType
 
@@ -12,19 +12,21 @@ import numpy as np
 
 from formulations import catalogue, isotropy, max_min, measures, residual
 from formulations.isotropy_equations import independent_rows
-from formulations.robots.candidate import Candidate, PromisingStart, judge
 from formulations.robots.robot_arm import RobotArm
 from formulations.robots.robot_assessment import RobotAssessment, assess
 from formulations.robots.tree import RobotError
+from formulations.solving.outcome import REACHED_BEST
+from nlp.arrays import FloatArray
 from nlp.errors import InputError
-from nlp.multistart import Study, multistart
+from nlp.multistart import Run, Study, multistart
 from nlp.problem import Problem
 
-# Random configurations at which a failure must leave something, or it counts as fatal.
+# A start is the best of so many random configurations: a robot has many poor optima, and
+# near-singular postures from which max-min hardly moves.
+DRAWS = 64
+# A failure is fatal if it leaves less than `_FATAL` at all of so many random configurations.
 _PROBES = 200
 _FATAL = 1e-6
-# Answers whose merits agree to this are equally good.
-REACH = 1e-6
 # Max-min on robots: an adaptive barrier takes half the time of a monotone one and loses
 # fewer starts; for joints to be designed it is the other way round.
 OPTIONS: Mapping[str, Mapping[str, object]] = MappingProxyType(
@@ -33,7 +35,7 @@ OPTIONS: Mapping[str, Mapping[str, object]] = MappingProxyType(
 
 
 class FatalFailureError(RobotError):
-    """A robot that some failure cripples at every posture."""
+    """A robot that cannot tolerate some failure at any posture."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,7 +51,8 @@ class Posture:
     mid_range_sigma
         Worst case midway between the limits, for comparison.
     seed, starts, reached_best
-        Seed, starts that ended, and those as good as the best to `REACH`.
+        Seed, starts that ended, and those whose merit is within `REACHED_BEST` of the
+        best.
     status_counts
         Ipopt's return statuses and how often each came.
     complete
@@ -67,17 +70,10 @@ class Posture:
 
     def to_dict(self) -> dict[str, object]:
         """Return the fields as plain values, the assessment's among them."""
-        return {
-            "formulation": self.formulation,
-            "model": self.assessment.robot,
-            **self.assessment.to_dict(),
-            "mid_range_sigma": self.mid_range_sigma,
-            "seed": self.seed,
-            "starts": self.starts,
-            "reached_best": self.reached_best,
-            "status_counts": dict(self.status_counts),
-            "complete": self.complete,
-        }
+        plain = asdict(self)
+        formulation, assessment = plain.pop("formulation"), plain.pop("assessment")
+        model = assessment["robot"]
+        return {"formulation": formulation, "model": model, **assessment, **plain}
 
 
 @dataclass(frozen=True)
@@ -89,7 +85,7 @@ class Search:
     formulation
         A name in `formulations.catalogue`.
     locked
-        How many joints lock at once; other than 1 for max-min only.
+        How many joints lock at once; other than 1 if the formulation has that setting.
     starts, seed, workers
         See `nlp.multistart.multistart`.
     options
@@ -107,14 +103,21 @@ class Search:
     progress: bool = False
 
     def __post_init__(self) -> None:
-        catalogue.formulation(self.formulation)
-        if self.locked != 1 and self.formulation != max_min.NAME:
+        settings = catalogue.formulation(self.formulation).SETTINGS
+        if self.locked != 1 and "locked" not in settings:
             allowed = f"1 for the formulation {self.formulation}"
             raise InputError("locked joints", self.locked, allowed)
 
 
 def best_posture(arm: RobotArm, search: Search | None = None) -> Posture:
-    """Search for the posture that a formulation makes best.
+    """Search for the posture that is best by a formulation's merit.
+
+    Parameters
+    ----------
+    arm
+        The robot, the task and the characteristic length.
+    search
+        What is optimised, and from how many starts; by default max-min from 100.
 
     Raises
     ------
@@ -124,7 +127,8 @@ def best_posture(arm: RobotArm, search: Search | None = None) -> Posture:
         If no start gave a posture that satisfies the formulation, or isotropy is asked for
         and has more equations than there are joints.
     InputError
-        If the residual is to be minimised where it is least for an arm that shrinks.
+        If the residual is to be minimised at a given length for a task of linear or of
+        rotational directions only, where a small Jacobian has a small residual.
     KeyboardInterrupt
         If interrupted before the first start ended.
     """
@@ -133,13 +137,16 @@ def best_posture(arm: RobotArm, search: Search | None = None) -> Posture:
     study = _candidates(arm, search)
     if not study.results:
         raise KeyboardInterrupt
-    best = _best(study.results, search.formulation)
     statuses = Counter(one.return_status for one in study.results)
-    if not best:
+    valid = [one for one in study.results if np.isfinite(one.merit)]
+    if not valid:
         counts = ", ".join(f"{status} {count}" for status, count in sorted(statuses.items()))
         where = f"posture of {arm.description} for {search.formulation}"
         allowed = f"a task or robot for which one exists ({counts})"
         raise RobotError(where, f"not found from {len(study.results)} starts", allowed)
+    pick = min if catalogue.formulation(search.formulation).SENSE == "minimise" else max
+    merit = pick(one.merit for one in valid)
+    best = [one for one in valid if abs(one.merit - merit) <= REACHED_BEST]
     shown = max(best, key=lambda one: one.worst_case_sigma)
     middle = arm.jacobian(arm.chain.mid_range)
     return Posture(
@@ -175,7 +182,7 @@ def _check(arm: RobotArm, search: Search) -> None:
         fatal = fatal_failures(arm)
         if fatal:
             where = f"failure of {' or of '.join(fatal)}"
-            allowed = "a chain and a task that outlive every failure at some posture"
+            allowed = "a chain and a task that tolerate every failure at some posture"
             raise FatalFailureError(where, "fatal at every posture tried", allowed)
     if search.formulation == isotropy.NAME:
         equations = len(independent_rows(arm))
@@ -189,29 +196,58 @@ def _check(arm: RobotArm, search: Search) -> None:
         raise InputError("length", arm.length, allowed)
 
 
-def _candidates(arm: RobotArm, search: Search) -> Study[Candidate]:
+@dataclass(frozen=True, eq=False)
+class _Candidate:
+    """The posture from one start, within the limits, measured from its J alone.
+
+    The merit is NaN if the posture does not satisfy the formulation.
+    """
+
+    return_status: str
+    merit: float
+    worst_case_sigma: float
+    configuration: FloatArray
+
+
+def _candidates(arm: RobotArm, search: Search) -> Study[_Candidate]:
     stated = catalogue.formulation(search.formulation)
-    build: Callable[[], Problem] = partial(stated.build, arm)
-    if search.formulation == max_min.NAME:
-        build = partial(max_min.build, arm, search.locked)
+    taken = {"locked": search.locked} if "locked" in stated.SETTINGS else {}
+    build: Callable[[], Problem] = partial(stated.build, arm, **taken)
     own = OPTIONS.get(search.formulation, stated.OPTIONS)
     return multistart(
         build,
-        PromisingStart(arm, search.locked),
+        partial(_promising_start, arm=arm, locked=search.locked),
         starts=search.starts,
-        seed=search.seed,
+        rng=search.seed,
         workers=search.workers,
         options={**own, **search.options},
         label=f"{search.formulation} {arm.chain.robot}" if search.progress else None,
-        judge=partial(judge, arm=arm, formulation=search.formulation, locked=search.locked),
+        judge=partial(_judge, arm=arm, search=search),
         figure=lambda candidate: candidate.merit,
     )
 
 
-def _best(candidates: tuple[Candidate, ...], formulation: str) -> list[Candidate]:
-    valid = [one for one in candidates if np.isfinite(one.merit)]
-    if not valid:
-        return []
-    pick = min if catalogue.formulation(formulation).SENSE == "minimise" else max
-    best = pick(one.merit for one in valid)
-    return [one for one in valid if abs(one.merit - best) <= REACH]
+def _promising_start(rng: np.random.Generator, arm: RobotArm, locked: int) -> FloatArray:
+    """Draw configurations at random and return the one with the best worst case."""
+    drawn = [arm.sample(rng) for _ in range(DRAWS)]
+    return max(drawn, key=lambda point: measures.worst_case_sigma(arm.jacobian(point), locked))
+
+
+def _judge(run: Run, arm: RobotArm, search: Search) -> _Candidate:
+    """Measure the posture that a start led to, moved to within the limits."""
+    point = run.solution.variables[: arm.size]
+    merit = sigma = float("nan")
+    if np.all(np.isfinite(point)):
+        point = np.clip(_within_one_turn(arm, point), *arm.bounds)
+        matrix = arm.jacobian(point)
+        merit = catalogue.formulation(search.formulation).merit(matrix, search.locked)
+        sigma = measures.worst_case_sigma(matrix, search.locked)
+    merit = merit if np.isfinite(merit) else float("nan")
+    return _Candidate(run.solution.status.return_status, merit, sigma, point)
+
+
+def _within_one_turn(arm: RobotArm, point: FloatArray) -> FloatArray:
+    """Positions of joints without limits in [−π, π)."""
+    lower, upper = arm.bounds
+    endless = ~np.isfinite(lower) & ~np.isfinite(upper) & ~np.array(arm.chain.prismatic)
+    return np.where(endless, (point + np.pi) % (2 * np.pi) - np.pi, point)

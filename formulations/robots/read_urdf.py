@@ -1,28 +1,29 @@
-"""Read a URDF file, with yourdfpy, into a tree of our own.
+"""Read a URDF file with yourdfpy.
 
-What does not bear on kinematics (meshes, inertias, transmissions, simulator tags) is left
-aside before it is parsed, so that it can be neither missing nor wrong.
+What does not bear on kinematics (meshes, inertias, transmissions, simulator tags) is removed
+before yourdfpy parses the file, so that it can be neither missing nor wrong.
 """
 
 from __future__ import annotations
 
+from io import BytesIO
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
+import numpy.typing as npt
 
-from formulations.robots.tree import KINDS, MOVING, Mimic, RobotTree, TreeJoint
+from formulations.robots.tree import KINDS, MOVING, RobotTree
+from nlp.arrays import FloatArray
 from nlp.errors import FileError, InputError
+from nlp.files import read_bytes
 
 if TYPE_CHECKING:
     from lxml.etree import _Element
+    from yourdfpy import Joint
 
 _KINEMATIC = ("parent", "child", "origin", "axis", "limit", "mimic")
 _INSTALL = "an installed yourdfpy, which 'pip install yourdfpy' provides"
-
-
-class RobotFileError(FileError):
-    """A URDF file that cannot be read or understood."""
 
 
 def read_urdf(path: Path) -> RobotTree:
@@ -33,25 +34,28 @@ def read_urdf(path: Path) -> RobotTree:
     path
         A URDF file; xacro files must have been expanded.
 
+    Returns
+    -------
+    RobotTree
+        Of each joint, `origin` is the pose in the parent's frame, a homogeneous 4×4 matrix
+        in metres; `axis` is a unit vector in the joint's frame if the joint moves; and
+        `limit.lower` and `limit.upper` are radians or metres, infinite without limits.
+
     Raises
     ------
-    RobotFileError
+    FileError
         If the file cannot be read, is no URDF, is malformed or does not describe one tree.
     InputError
         If the library that reads URDF is not installed.
     """
-    try:
-        content = path.read_bytes()
-    except OSError as reason:
-        why = (reason.strerror or str(reason)).lower()
-        raise RobotFileError("file", str(path), f"a file that can be read ({why})") from None
+    content = read_bytes(path)
     try:
         return parse_urdf(content)
     except InputError as error:
-        if isinstance(error, RobotFileError) or error.argument == "yourdfpy":
+        if error.argument == "yourdfpy":
             raise
         where = f"{path}: {error.argument}"
-        raise RobotFileError(where, error.value, error.allowed) from None
+        raise FileError(where, error.value, error.allowed) from None
 
 
 def parse_urdf(content: bytes) -> RobotTree:
@@ -61,18 +65,23 @@ def parse_urdf(content: bytes) -> RobotTree:
         from lxml import etree
     except ModuleNotFoundError:
         raise InputError("yourdfpy", "not installed", _INSTALL) from None
-    from io import BytesIO
 
-    reduced = _kinematic_part(_xml(content))
+    reduced = BytesIO(etree.tostring(_kinematic_part(_xml(content))))
     try:
-        model = yourdfpy.URDF.load(
-            BytesIO(etree.tostring(reduced)), build_scene_graph=False, load_meshes=False
-        )
+        robot = yourdfpy.URDF.load(reduced, build_scene_graph=False, load_meshes=False).robot
     except (ValueError, TypeError, IndexError) as reason:
         allowed = f"numbers where URDF wants numbers ({reason})"
         raise InputError("a value", "malformed", allowed) from None
-    joints = tuple(_joint(joint) for joint in model.robot.joints)
-    return RobotTree(model.robot.name, tuple(link.name for link in model.robot.links), joints)
+    for joint in robot.joints:
+        lower, upper = _limits(joint)
+        joint.limit = yourdfpy.Limit(lower=lower, upper=upper)
+        joint.origin = np.eye(4) if joint.origin is None else joint.origin
+        _check_finite("origin", joint, joint.origin)
+        if joint.type in MOVING:
+            joint.axis = _axis(joint)
+        if joint.mimic is not None:
+            _check_finite("<mimic>", joint, [joint.mimic.multiplier, joint.mimic.offset])
+    return RobotTree(robot.name, tuple(link.name for link in robot.links), tuple(robot.joints))
 
 
 def _xml(content: bytes) -> _Element:
@@ -93,7 +102,7 @@ def _xml(content: bytes) -> _Element:
 
 
 def _kinematic_part(root: _Element) -> _Element:
-    """Return what of the robot bears on kinematics, with all that must be there, there."""
+    """Return what of the robot bears on kinematics; check that all required parts exist."""
     from lxml import etree
 
     reduced = etree.Element("robot", name=root.get("name", "robot"))
@@ -104,19 +113,17 @@ def _kinematic_part(root: _Element) -> _Element:
         kind = _attribute(joint, "type", f"joint {name}")
         if kind not in KINDS:
             raise InputError(f"type of joint {name}", kind, "one of " + ", ".join(KINDS))
-        copied = etree.SubElement(reduced, "joint", name=name, type=kind)
-        for tag in _KINEMATIC:
-            found = joint.find(tag)
-            if found is not None:
-                etree.SubElement(copied, tag, dict(found.attrib))
-        for tag in ("parent", "child"):
-            end = joint.find(tag)
-            if end is None:
+        parts = {tag: joint.find(tag) for tag in _KINEMATIC}
+        for tag, attribute in (("parent", "link"), ("child", "link"), ("mimic", "joint")):
+            part = parts[tag]
+            if part is not None:
+                _attribute(part, attribute, f"<{tag}> of joint {name}")
+            elif tag != "mimic":
                 raise InputError(f"joint {name}", f"without <{tag}>", "a parent and a child")
-            _attribute(end, "link", f"<{tag}> of joint {name}")
-        mimic = joint.find("mimic")
-        if mimic is not None:
-            _attribute(mimic, "joint", f"<mimic> of joint {name}")
+        copied = etree.SubElement(reduced, "joint", name=name, type=kind)
+        for tag, part in parts.items():
+            if part is not None:
+                etree.SubElement(copied, tag, dict(part.attrib))
     return reduced
 
 
@@ -127,53 +134,30 @@ def _attribute(element: _Element, name: str, what: str) -> str:
     return str(value)
 
 
-def _joint(joint: Any) -> TreeJoint:
-    lower, upper = _limits(joint)
-    origin = np.eye(4) if joint.origin is None else np.asarray(joint.origin, dtype=float)
-    if not np.all(np.isfinite(origin)):
-        raise InputError(f"origin of joint {joint.name}", "not finite", "finite numbers")
-    mimic = joint.mimic
-    return TreeJoint(
-        name=joint.name,
-        kind=joint.type,
-        parent=joint.parent,
-        child=joint.child,
-        origin=tuple(tuple(row) for row in origin.tolist()),
-        axis=_axis(joint) if joint.type in MOVING else (1.0, 0.0, 0.0),
-        lower=lower,
-        upper=upper,
-        mimic=None if mimic is None else _mimic(joint.name, mimic),
-    )
-
-
-def _axis(joint: Any) -> tuple[float, float, float]:
-    axis = np.asarray(joint.axis, dtype=float)
-    length = float(np.linalg.norm(axis))
-    if axis.shape != (3,) or not 1e-9 < length < np.inf:
-        shown = " ".join(f"{entry:g}" for entry in axis)
-        allowed = "three numbers, finite and not all zero"
-        raise InputError(f"axis of joint {joint.name}", shown, allowed)
-    x, y, z = (axis / length).tolist()
-    return x, y, z
-
-
-def _mimic(name: str, mimic: Any) -> Mimic:
-    if not (np.isfinite(mimic.multiplier) and np.isfinite(mimic.offset)):
-        raise InputError(f"<mimic> of joint {name}", "not finite", "finite numbers")
-    return Mimic(mimic.joint, float(mimic.multiplier), float(mimic.offset))
-
-
-def _limits(joint: Any) -> tuple[float, float]:
+def _limits(joint: Joint) -> tuple[float, float]:
     if joint.type not in ("revolute", "prismatic"):
         return -np.inf, np.inf
     if joint.limit is None:
         allowed = "a <limit>, which revolute and prismatic joints must have"
         raise InputError(f"joint {joint.name}", f"{joint.type} without limits", allowed)
     # By the URDF specification a limit that is left out is zero.
-    lower, upper = (
-        0.0 if side is None else float(side) for side in (joint.limit.lower, joint.limit.upper)
-    )
+    lower, upper = (float(side or 0.0) for side in (joint.limit.lower, joint.limit.upper))
     if not lower <= upper:
         shown = f"[{lower:g}, {upper:g}]"
         raise InputError(f"limits of joint {joint.name}", shown, "lower <= upper")
     return lower, upper
+
+
+def _check_finite(part: str, joint: Joint, numbers: npt.ArrayLike) -> None:
+    if not np.all(np.isfinite(numbers)):
+        raise InputError(f"{part} of joint {joint.name}", "not finite", "finite numbers")
+
+
+def _axis(joint: Joint) -> FloatArray:
+    axis = np.asarray(joint.axis, dtype=float)
+    length = float(np.linalg.norm(axis))
+    if axis.shape != (3,) or not 1e-9 < length < np.inf:
+        shown = " ".join(f"{entry:g}" for entry in axis)
+        allowed = "three numbers, finite and not all zero"
+        raise InputError(f"axis of joint {joint.name}", shown, allowed)
+    return np.asarray(axis / length)

@@ -2,14 +2,14 @@
 
 A Jacobian mixes metres and radians. Here every length is measured in a characteristic
 length ℓ: linear velocities become v/ℓ, and so does the rate of a prismatic joint, whose
-column then has |v| = 1 as a revolute joint's has |ω| = 1. What comes out has no unit.
+column then has |v| = 1 as that of a revolute joint has |ω| = 1. The result has no unit.
 
 Unless a length is given, ℓ is the root mean square of the revolute joints' lever arms,
 
     ℓ² = Σ|v_i|² / Σ|ω_i|²     over the revolute joints, at that configuration.
 
 Then Σ|v_i|² = Σ|ω_i|², as an isotropic Jacobian of revolute joints must have it; ‖J‖_F² is
-2n whatever the robot's size; and a robot is held to the same scale as `LeverRevolute`
+2n whatever the robot's size; and a robot is measured on the same scale as `LeverRevolute`
 joints, which are designed at mean square lever arm 1.
 """
 
@@ -17,23 +17,77 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Literal, TypeAlias
 
 import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
 from formulations.joints.joint import check_length
-from formulations.robots import kinematics
 from formulations.robots.chain import Chain
-from formulations.robots.directions import ALL_DIRECTIONS, Task
 from nlp.arrays import FloatArray, finite_vector
 from nlp.errors import InputError
 from nlp.problem import Constraint
 
-# Half of what is drawn from at most, where a joint has no limits or wider ones: one turn,
-_HALF_TURN = np.pi
-# or two metres.
-_REACH = 1.0
+# A joint without limits, or with wider ones, is drawn from twice this: one turn, two metres.
+_HALF_TURN, _HALF_TRAVEL = np.pi, 1.0
+
+DIRECTIONS = ("vx", "vy", "vz", "wx", "wy", "wz")
+GROUPS = {"all": DIRECTIONS, "position": DIRECTIONS[:3], "orientation": DIRECTIONS[3:]}
+Frame: TypeAlias = Literal["base", "tip"]
+
+
+@dataclass(frozen=True)
+class Task:
+    """The directions of the tip's velocity that J has rows for.
+
+    Parameters
+    ----------
+    directions
+        Some of `DIRECTIONS`, each once: linear (v) and rotational (w) velocities.
+    frame
+        The frame whose axes they are along, ``"base"`` or ``"tip"``. It makes no difference
+        to singular values where they are all three v, all three w, or both.
+
+    Raises
+    ------
+    InputError
+        If no direction is given, one is unknown or repeated, or there is no such frame.
+    """
+
+    directions: tuple[str, ...] = DIRECTIONS
+    frame: Frame = "base"
+
+    def __post_init__(self) -> None:
+        known = set(self.directions) <= set(DIRECTIONS)
+        if not self.directions or not known or len(set(self.directions)) < len(self.directions):
+            names = ", ".join((*GROUPS, *DIRECTIONS))
+            shown = ",".join(self.directions)
+            raise InputError("task", shown, f"some of {names}, with commas, each once")
+        if self.frame not in ("base", "tip"):
+            raise InputError("frame", self.frame, "'base' or 'tip'")
+
+    @classmethod
+    def parse(cls, text: str, frame: str = "base") -> Task:
+        """Read names of directions or groups of them, separated by commas."""
+        names = [name.strip() for name in text.split(",")]
+        directions = [one for name in names for one in GROUPS.get(name, (name,))]
+        return cls(tuple(directions), frame)  # type: ignore[arg-type]
+
+    @property
+    def rows(self) -> list[int]:
+        """Their rows in the full Jacobian (v; ω)."""
+        return [DIRECTIONS.index(name) for name in self.directions]
+
+    @property
+    def linear(self) -> bool:
+        """Whether there are linear directions."""
+        return any(name.startswith("v") for name in self.directions)
+
+    @property
+    def mixed(self) -> bool:
+        """Whether there are both linear and rotational directions."""
+        return len({name[0] for name in self.directions}) == 2
 
 
 @dataclass(frozen=True)
@@ -45,7 +99,7 @@ class RobotArm:
     chain
         The joints.
     task
-        The directions that count.
+        The directions of motion that J has rows for.
     length
         Characteristic length ℓ in metres; by default that of each configuration, see above.
 
@@ -56,7 +110,7 @@ class RobotArm:
     """
 
     chain: Chain
-    task: Task = ALL_DIRECTIONS
+    task: Task = Task()
     length: float | None = None
 
     def __post_init__(self) -> None:
@@ -66,7 +120,7 @@ class RobotArm:
             raise InputError(
                 f"free joints between {self.chain.base} and {self.chain.tip}",
                 f"{n} ({names})",
-                f"more than the {m} task directions: only a redundant arm outlives a failure",
+                f"more than the {m} task directions: only a redundant arm tolerates a failure",
             )
         if self.length is not None:
             check_length("length", self.length)
@@ -107,7 +161,7 @@ class RobotArm:
         length = self._symbolic_length(metric)
         rates = [length if joint.prismatic else ca.SX(1) for joint in self.chain.joints]
         scaled = ca.vertcat(metric[:3, :] / length, metric[3:, :]) @ ca.diag(ca.vertcat(*rates))
-        return scaled[list(self.task.rows), :]
+        return scaled[self.task.rows, :]
 
     def constraints(self, variables: ca.SX) -> tuple[Constraint, ...]:  # noqa: ARG002
         """Return none: limits are bounds."""
@@ -123,7 +177,7 @@ class RobotArm:
         scaled = self.metric_jacobian(variables)
         scaled[:3] /= length
         scaled[:, list(self.chain.prismatic)] *= length
-        return scaled[list(self.task.rows)]
+        return scaled[self.task.rows]
 
     def metric_jacobian(self, variables: npt.ArrayLike) -> FloatArray:
         """Return all six rows (v; ω) in metres and radians, in the task's frame, (6, n)."""
@@ -136,7 +190,7 @@ class RobotArm:
         Raises
         ------
         InputError
-            If it is not given and the axes of all revolute joints meet in the tip.
+            If it is not given, and the axes of all revolute joints meet at the tip.
         """
         if not self._follows_configuration:
             return 1.0 if self.length is None else self.length
@@ -149,14 +203,13 @@ class RobotArm:
 
     @property
     def depends_on_length(self) -> bool:
-        """Whether ℓ weighs anything against anything, and is not a mere unit."""
-        linear = any(name.startswith("v") for name in self.task.directions)
-        kinds = set(self.chain.prismatic)
-        return self.task.mixed or (linear and len(kinds) == 2)
+        """Whether ratios of singular values depend on ℓ; if not, ℓ is only a unit of length."""
+        both_kinds = len(set(self.chain.prismatic)) == 2
+        return self.task.mixed or (self.task.linear and both_kinds)
 
     def sample(self, rng: np.random.Generator) -> FloatArray:
         """Draw positions uniformly within the limits; within one turn if they leave more."""
-        spans = np.where(self.chain.prismatic, _REACH, _HALF_TURN)
+        spans = np.where(self.chain.prismatic, _HALF_TRAVEL, _HALF_TURN)
         lower, upper = self.bounds
         wide = upper - lower > 2 * spans
         centre = np.clip(0.0, lower + spans, upper - spans)
@@ -166,11 +219,11 @@ class RobotArm:
 
     @property
     def _follows_configuration(self) -> bool:
-        linear = any(name.startswith("v") for name in self.task.directions)
-        return self.length is None and linear and not all(self.chain.prismatic)
+        slides_only = all(self.chain.prismatic)
+        return self.length is None and self.task.linear and not slides_only
 
     def _symbolic_metric(self, variables: ca.SX) -> ca.SX:
-        full, rotation = kinematics.jacobian(self.chain, variables)
+        full, rotation = self.chain.jacobian(variables)
         if self.task.frame == "base":
             return full
         return ca.vertcat(rotation.T @ full[:3, :], rotation.T @ full[3:, :])

@@ -1,16 +1,16 @@
-"""How failure tolerant a robot is at one configuration."""
+"""How failure tolerant a robot is at one configuration, and how that depends on ℓ."""
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
 import numpy.typing as npt
+from scipy.optimize import minimize_scalar
 
-from formulations import measures
-from formulations.robots.characteristic_length import AtLength, best_length, sweep
-from formulations.robots.reachable import reachable_sigma
+from formulations import max_min, measures
+from formulations.bounds.best_known import best_known
 from formulations.robots.robot_arm import RobotArm
 from nlp.arrays import FloatArray
 
@@ -18,6 +18,11 @@ from nlp.arrays import FloatArray
 _TIE = 1e-6
 # A joint this close to a limit is at it; radians or metres.
 _AT_LIMIT = 1e-4
+# Lengths shown, as multiples of the one in use: a decade either way, in quarter decades.
+_SHOWN = tuple(10 ** (k / 4) for k in range(-4, 5))
+# Lengths among which the best is sought: two decades either way.
+_DECADES = 2.0
+_GRID = 161
 
 
 @dataclass(frozen=True)
@@ -31,12 +36,34 @@ class Failure:
     sigma
         Smallest singular value without them.
     direction
-        Direction of the tip that it is of: the one that suffers most, by direction's name.
+        Direction of the tip in which it is attained: its component in each task direction.
     """
 
     joints: tuple[str, ...]
     sigma: float
     direction: dict[str, float]
+
+
+@dataclass(frozen=True)
+class AtLength:
+    """The worst case of a configuration at one characteristic length.
+
+    Attributes
+    ----------
+    length
+        ℓ in metres.
+    worst_case_sigma
+        Eq. (5) of J in units of ℓ.
+    percent_of_bound
+        That, in percent of the bound (6) at the same ‖J‖_F.
+    worst_case_joints
+        Names of the joints whose failure it is.
+    """
+
+    length: float
+    worst_case_sigma: float
+    percent_of_bound: float
+    worst_case_joints: tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -60,15 +87,18 @@ class RobotAssessment:
     equally_bad
         How many failures leave as little, to `_TIE` of the largest singular value.
     sigma_bound, percent_of_bound
-        The bound (6) at the same ‖J‖_F, and how much of it the worst case is.
+        The bound (6) at the same ‖J‖_F, and the worst case in percent of it.
     reachable_sigma, percent_of_reachable
-        The same with what such joints are known to reach; see `reachable`.
+        The same with the best value that such joints are known to reach; see
+        `reachable_sigma`.
     singular_values
         Of the whole J.
     failures
         Every set of joints that may lock, the worst first.
     by_length, best_length
-        How the answer depends on ℓ; see `characteristic_length`.
+        The worst case at lengths up to a decade from ℓ; and at the length, up to two decades
+        from ℓ, with the largest percentage of the bound, None if no length gives more than
+        0. Empty and None if ℓ is only a unit; see `RobotArm.depends_on_length`.
     jacobian
         In units of ℓ, one row per direction of the task, one column per joint.
     """
@@ -97,10 +127,6 @@ class RobotAssessment:
     best_length: AtLength | None
     jacobian: list[list[float]]
 
-    def to_dict(self) -> dict[str, object]:
-        """Return the fields as plain values."""
-        return asdict(self)
-
 
 def assess(arm: RobotArm, configuration: npt.ArrayLike, locked: int = 1) -> RobotAssessment:
     """Measure a robot's failure tolerance at a configuration.
@@ -121,12 +147,13 @@ def assess(arm: RobotArm, configuration: npt.ArrayLike, locked: int = 1) -> Robo
     """
     chain = arm.chain
     point = chain.within_limits(np.asarray(configuration, dtype=float))
-    matrix = arm.jacobian(point)
+    matrix, length = arm.jacobian(point), arm.length_at(point)
     failures = _failures(arm, matrix, locked)
     values = measures.singular_values(matrix)
     worst = failures[0]
     bound = measures.sigma_bound(*arm.shape, measures.trace(matrix))
     best = reachable_sigma(arm, matrix)
+    shown = _SHOWN if arm.depends_on_length else ()
     return RobotAssessment(
         robot=chain.robot,
         base=chain.base,
@@ -136,7 +163,7 @@ def assess(arm: RobotArm, configuration: npt.ArrayLike, locked: int = 1) -> Robo
         held=dict(chain.held),
         configuration=dict(zip(chain.names, point.tolist(), strict=True)),
         at_limits=_at_limits(arm, point),
-        characteristic_length=arm.length_at(point),
+        characteristic_length=length,
         locked=locked,
         worst_case_sigma=worst.sigma,
         worst_case_joints=worst.joints,
@@ -148,28 +175,64 @@ def assess(arm: RobotArm, configuration: npt.ArrayLike, locked: int = 1) -> Robo
         percent_of_reachable=_percent(worst.sigma, best),
         singular_values=values.tolist(),
         failures=failures,
-        by_length=sweep(arm, point, locked),
-        best_length=best_length(arm, point, locked),
+        by_length=tuple(at_length(arm, point, length * k, locked) for k in shown),
+        best_length=_best_length(arm, point, locked) if shown else None,
         jacobian=matrix.tolist(),
     )
 
 
+def at_length(arm: RobotArm, configuration: FloatArray, length: float, locked: int) -> AtLength:
+    """Measure a configuration at one characteristic length, in metres."""
+    matrix = arm.jacobian_at_length(configuration, length)
+    worst = measures.worst_case(matrix, locked)
+    bound = measures.sigma_bound(*arm.shape, measures.trace(matrix))
+    return AtLength(
+        length=length,
+        worst_case_sigma=worst.sigma,
+        percent_of_bound=_percent(worst.sigma, bound),
+        worst_case_joints=tuple(arm.chain.names[k] for k in worst.joints),
+    )
+
+
+def best_7r() -> float:
+    """Best known worst case of seven revolute joints in six dimensions, at ‖J‖_F² = 14.
+
+    That of joints with lever arms of mean square 1. The bound (6) there is 0.57735.
+    """
+    return best_known(max_min.NAME, "lever-revolute", 7) or float("nan")
+
+
+def reachable_sigma(arm: RobotArm, jacobian: FloatArray) -> float:
+    """Return the best that could be reached with this number of joints and this ‖J‖_F.
+
+    For 7R in six dimensions that is `best_7r`·√(‖J‖_F²/14). At the default characteristic
+    length ‖J‖_F² is 14, and the arm is one of those that `best_7r` is the best of. At any
+    other the best 7R of the same ‖J‖_F is poorer still: 0.5712·√(‖J‖_F²/14) at root mean
+    square lever arm 0.9ℓ, 0.5715·√(‖J‖_F²/14) at 1.1ℓ.
+
+    For any other arm, and where joints mimic others, it is the bound (6). Positional arms,
+    and revolute joints in six dimensions from eight on, do reach the bound; where prismatic
+    joints or unusual directions are involved, it may be out of reach.
+    """
+    size = measures.trace(jacobian)
+    followed = len(arm.chain.motions) > len(arm.chain.joints)
+    if arm.shape != (6, 7) or any(arm.chain.prismatic) or followed:
+        return measures.sigma_bound(*arm.shape, size)
+    return best_7r() * float((size / 14.0) ** 0.5)
+
+
 def _failures(arm: RobotArm, matrix: FloatArray, locked: int) -> tuple[Failure, ...]:
-    """Every failure, in the order of what it leaves."""
+    """Every failure, in ascending order of the singular value that it leaves."""
     sigmas = measures.locked_singular_values(matrix, locked)  # checks the number, too
     sets = list(combinations(range(matrix.shape[1]), locked))
-    order = np.argsort(sigmas, kind="stable")
-    return tuple(_failure(arm, matrix, sets[k], float(sigmas[k])) for k in order)
-
-
-def _failure(
-    arm: RobotArm, matrix: FloatArray, joints: tuple[int, ...], sigma: float
-) -> Failure:
-    vectors = np.linalg.svd(np.delete(matrix, joints, axis=1))[0]
-    direction = vectors[:, -1]
-    direction = direction * np.sign(direction[np.argmax(np.abs(direction))])
-    named = dict(zip(arm.task.directions, direction.tolist(), strict=True))
-    return Failure(tuple(arm.chain.names[k] for k in joints), sigma, named)
+    failures = []
+    for k in np.argsort(sigmas, kind="stable"):
+        direction = np.linalg.svd(np.delete(matrix, sets[k], axis=1))[0][:, -1]
+        direction = direction * np.sign(direction[np.argmax(np.abs(direction))])
+        named = dict(zip(arm.task.directions, direction.tolist(), strict=True))
+        joints = tuple(arm.chain.names[joint] for joint in sets[k])
+        failures.append(Failure(joints, float(sigmas[k]), named))
+    return tuple(failures)
 
 
 def _at_limits(arm: RobotArm, point: FloatArray) -> tuple[str, ...]:
@@ -180,3 +243,18 @@ def _at_limits(arm: RobotArm, point: FloatArray) -> tuple[str, ...]:
 
 def _percent(sigma: float, best: float) -> float:
     return 100.0 * sigma / best if best > 0 else 0.0
+
+
+def _best_length(arm: RobotArm, configuration: FloatArray, locked: int) -> AtLength | None:
+    middle = np.log10(arm.length_at(configuration))
+
+    def loss(exponent: float) -> float:
+        return -at_length(arm, configuration, 10**exponent, locked).percent_of_bound
+
+    grid = np.linspace(middle - _DECADES, middle + _DECADES, _GRID)
+    best = int(np.argmin([loss(exponent) for exponent in grid]))
+    low, high = grid[max(best - 1, 0)], grid[min(best + 1, _GRID - 1)]
+    found = minimize_scalar(loss, bounds=(low, high), method="bounded", options={"xatol": 1e-9})
+    exponent = min((float(found.x), float(grid[best])), key=loss)
+    answer = at_length(arm, configuration, 10**exponent, locked)
+    return answer if answer.percent_of_bound > 1e-9 else None

@@ -1,84 +1,56 @@
-"""A robot as its description gives it: links in a tree, joints between them."""
+"""A robot as yourdfpy reads it: links and joints, checked to form one tree."""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from graphlib import CycleError, TopologicalSorter
+from typing import TYPE_CHECKING
 
 from nlp.errors import InputError
 
+if TYPE_CHECKING:
+    from yourdfpy import Joint
+
 MOVING = ("revolute", "continuous", "prismatic")
 KINDS = (*MOVING, "fixed", "floating", "planar")
-Transform = tuple[tuple[float, ...], ...]
 
 
 class RobotError(InputError):
     """A robot that is malformed, or that needs more than this library supports."""
 
 
-@dataclass(frozen=True)
-class Mimic:
-    """A joint that follows another: its position is ``multiplier``·q + ``offset``."""
-
-    joint: str
-    multiplier: float = 1.0
-    offset: float = 0.0
-
-
-@dataclass(frozen=True)
-class TreeJoint:
-    """One joint of the tree.
+@dataclass(frozen=True, eq=False)
+class RobotTree:
+    """Links and joints that form one tree.
 
     Attributes
     ----------
-    name, kind
-        Its name, and one of `KINDS`.
-    parent, child
-        The links it joins.
-    origin
-        Pose of the joint in the parent's frame, a homogeneous 4×4 matrix; metres.
-    axis
-        Unit vector in the joint's frame.
-    lower, upper
-        Limits, radians or metres; infinite where there are none.
-    mimic
-        What it follows, if it does.
-    """
-
-    name: str
-    kind: str
-    parent: str
-    child: str
-    origin: Transform
-    axis: tuple[float, float, float] = (1.0, 0.0, 0.0)
-    lower: float = float("-inf")
-    upper: float = float("inf")
-    mimic: Mimic | None = None
-
-
-@dataclass(frozen=True)
-class RobotTree:
-    """Links and joints that form one tree.
+    name
+        Name of the robot.
+    links
+        Names of its links.
+    joints
+        Joints of yourdfpy, with every field given that `read_urdf` lists.
 
     Raises
     ------
     RobotError
-        If names repeat, a joint names a link that is not there, or the links do not form
+        If names repeat, a joint names a link that does not exist, or the links do not form
         one tree.
     """
 
     name: str
     links: tuple[str, ...]
-    joints: tuple[TreeJoint, ...]
+    joints: tuple[Joint, ...]
 
     def __post_init__(self) -> None:
         _check_unique("link", self.links)
         _check_unique("joint", [joint.name for joint in self.joints])
-        known = set(self.links)
         for joint in self.joints:
             for side, link in (("parent", joint.parent), ("child", joint.child)):
-                if link not in known:
+                if link not in self.links:
                     allowed = "the name of a <link> of the robot"
                     raise RobotError(f"{side} of joint {joint.name}", link, allowed)
         _check_tree(self)
@@ -86,20 +58,18 @@ class RobotTree:
     @property
     def root(self) -> str:
         """The link that is no joint's child."""
-        children = {joint.child for joint in self.joints}
-        return next(link for link in self.links if link not in children)
+        return self._links_without(joint.child for joint in self.joints)[0]
 
     @property
     def leaves(self) -> tuple[str, ...]:
         """Links that are no joint's parent."""
-        parents = {joint.parent for joint in self.joints}
-        return tuple(link for link in self.links if link not in parents)
+        return self._links_without(joint.parent for joint in self.joints)
 
-    def joint(self, name: str) -> TreeJoint:
+    def joint(self, name: str) -> Joint:
         """Return a joint by name; KeyError if there is none."""
         return {joint.name: joint for joint in self.joints}[name]
 
-    def path(self, tip: str) -> tuple[TreeJoint, ...]:
+    def path(self, tip: str) -> tuple[Joint, ...]:
         """Joints from the root to a link, in order."""
         above = {joint.child: joint for joint in self.joints}
         reversed_path = []
@@ -107,6 +77,10 @@ class RobotTree:
             reversed_path.append(above[tip])
             tip = above[tip].parent
         return tuple(reversed(reversed_path))
+
+    def _links_without(self, excluded: Iterable[str]) -> tuple[str, ...]:
+        names = set(excluded)
+        return tuple(link for link in self.links if link not in names)
 
 
 def _check_unique(kind: str, names: Sequence[str]) -> None:
@@ -118,22 +92,18 @@ def _check_unique(kind: str, names: Sequence[str]) -> None:
 def _check_tree(tree: RobotTree) -> None:
     if not tree.links:
         raise RobotError("robot", "without a <link>", "at least one link")
-    for link, count in Counter(joint.child for joint in tree.joints).items():
+    children = Counter(joint.child for joint in tree.joints)
+    for link, count in children.items():
         if count > 1:
             allowed = "one parent at most: closed loops are not supported"
             raise RobotError(f"link {link}", f"the child of {count} joints", allowed)
-    children = {joint.child for joint in tree.joints}
     roots = [link for link in tree.links if link not in children]
     if len(roots) > 1:
         shown = ", ".join(roots[:4])
         raise RobotError("robot", f"in pieces that start at {shown}", "one connected tree")
-    reached = set(roots)
-    while True:
-        grown = reached | {joint.child for joint in tree.joints if joint.parent in reached}
-        if grown == reached:
-            break
-        reached = grown
-    looped = [link for link in tree.links if link not in reached]
-    if looped:
-        shown = ", ".join(looped[:4])
-        raise RobotError("robot", f"cyclic (through {shown})", "a tree of links and joints")
+    try:
+        TopologicalSorter({joint.child: [joint.parent] for joint in tree.joints}).prepare()
+    except CycleError as error:
+        shown = ", ".join([link for link in tree.links if link in error.args[1]][:4])
+        allowed = "a tree of links and joints"
+        raise RobotError("robot", f"cyclic (through {shown})", allowed) from None

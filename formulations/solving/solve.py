@@ -118,7 +118,7 @@ def run(
         setup.build(joints, task_dimension),
         setup.sample(built),
         starts=starts,
-        seed=seed,
+        rng=seed,
         workers=workers,
         options=solver_options(setup.formulation, solver, options or {}),
         solver=solver,

@@ -17,9 +17,9 @@ from formulations.joints.arm import Arm
 from formulations.joints.joint import NotInModelError
 from formulations.solving.record import FEASIBLE
 from nlp.arrays import FloatArray, whole_number
-from nlp.ipopt import IpoptSolver
-from nlp.ipopt_options import OptionValue
+from nlp.options import OptionValue
 from nlp.problem import Problem
+from nlp.solver import Solver
 from nlp.task import generator
 
 # By how much of the limit a defect may pass it.
@@ -115,7 +115,7 @@ def _between(
     left, right = first, last
     for k, limit in enumerate(map(float, limits)):
         progress(f"trade-off {k + 1} of {len(limits)}")
-        solvers.append(IpoptSolver(trade_off.build(arm, limit), trade_off.OPTIONS))
+        solvers.append(Solver(trade_off.build(arm, limit), trade_off.OPTIONS))
         starts = [arm.variables(left.jacobian), *drawn]
         new = _solved(arm, trade_off.NAME, limit, solvers[k], starts)
         left = _better(*new, replace(left, limit=limit))
@@ -139,19 +139,19 @@ def _best(
 ) -> Point | None:
     scale = arm.largest_trace / arm.shape[0]
     limit = isotropy.TOLERANCE * scale**2 if statement == isotropy.NAME else np.inf
-    solver = IpoptSolver(problem, options)
+    solver = Solver(problem, options)
     found = list(_solved(arm, statement, limit, solver, drawn))
     return _better(*found) if found else None
 
 
 def _most_isotropic(arm: Arm, drawn: list[FloatArray]) -> Point | None:
-    solver = IpoptSolver(residual.build(arm), residual.OPTIONS)
+    solver = Solver(residual.build(arm), residual.OPTIONS)
     found = list(_solved(arm, residual.NAME, np.inf, solver, drawn))
     return min(found, key=lambda one: one.isotropy_defect) if found else None
 
 
 def _solved(
-    arm: Arm, statement: str, limit: float, solver: IpoptSolver, starts: list[FloatArray]
+    arm: Arm, statement: str, limit: float, solver: Solver, starts: list[FloatArray]
 ) -> Iterator[Point]:
     """Yield what starts lead to, as far as it passes the gate of `Record.trusted`."""
     for start in starts:

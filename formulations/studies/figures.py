@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from formulations.figures.catalogue import FIGURES
+from formulations.figures import FIGURES
 from formulations.figures.picture import Request
 from formulations.files.figure import content, figure_class
 from formulations.studies.study import Effort, Part, Study

@@ -4,14 +4,12 @@ import json
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from formulations import measures
+from formulations.bounds.best_known import best_known
 from formulations.bounds.certified import Bound
-from formulations.bounds.so3_moments.best_known import (
-    best_known_max_min,
-    best_known_residual,
-)
 from formulations.catalogue import arm, certified_bound, numerical_bound
 from formulations.joints.arm import Arm
 from formulations.joints.kinds import LeverRevolute, Prismatic, UnitRevolute
@@ -36,20 +34,38 @@ def test_the_record_is_what_the_commands_wrote():
 
 
 def test_seven_unit_revolute_joints():
+    least = best_known("residual", "unit-revolute", 7)
     residual = certified_bound("residual", SEVEN)
     assert residual.kind == "rigorous (compact)"
-    assert 0.0559 < residual.value < best_known_residual(7)
+    assert 0.0559 < residual.value < least
     tight = numerical_bound("residual", SEVEN)
     assert tight.kind == "numerical (tight)"
-    assert residual.value < tight.value < best_known_residual(7)
-    assert tight.gap_percent(best_known_residual(7)) < 1e-4
+    assert residual.value < tight.value < least
+    assert tight.gap_percent(least) < 1e-4
     worst = certified_bound("max-min", SEVEN)
     assert worst.kind == "rigorous (compact)"
-    assert best_known_max_min(7) < worst.value < measures.sigma_bound(6, 7, 14)
+    largest = best_known("max-min", "unit-revolute", 7)
+    assert largest < worst.value < measures.sigma_bound(6, 7, 14)
     none = certified_bound("isotropy", SEVEN)
     assert none.kind == "exact proof"
     assert np.isnan(none.value)
     assert numerical_bound("isotropy", SEVEN) is None
+
+
+@pytest.mark.parametrize("model", ["unit-revolute", "lever-revolute"])
+def test_the_best_known_7r_are_those_that_the_comparison_found(model):
+    found = pd.read_csv(ROOT / "results/comparison/comparison.csv")
+    same = (found.formulation == "max-min") & (found.model == model) & (found.joints == 7)
+    best = found[same].worst_case_sigma.max()
+    assert best_known("max-min", model, 7) == pytest.approx(best, abs=1e-9)
+
+
+def test_best_known_values_that_are_exact():
+    for joints in (8, 9):
+        bound = measures.sigma_bound(6, joints, 2 * joints)
+        assert best_known("max-min", "unit-revolute", joints) == bound
+        assert best_known("residual", "unit-revolute", joints) == 0.0
+    assert best_known("max-min", "unit-revolute", 10) is None
 
 
 @pytest.mark.parametrize("seed", range(5))

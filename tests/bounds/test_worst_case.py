@@ -1,4 +1,4 @@
-"""What is said of a class of Jacobians holds for its members."""
+"""The facts about a class of Jacobians hold for its members."""
 
 from __future__ import annotations
 

@@ -46,12 +46,12 @@ def test_no_multipliers_prove_too_much(size: tuple[int, int], seed: int, noise: 
     n, m = size
     rng = np.random.default_rng(seed)
     matrix, mu, nu = optimal(n, m)
-    spoiled = WorstCaseMultipliers(
+    perturbed = WorstCaseMultipliers(
         matrix + noise * rng.standard_normal(matrix.shape),
         mu + noise * float(rng.standard_normal()),
         (nu + noise * float(rng.standard_normal()),),
     )
-    certificate = check_multipliers(free_columns(n, m), spoiled)
+    certificate = check_multipliers(free_columns(n, m), perturbed)
     assert certificate.proved_value <= n / (n - m) * (1 + 1e-12)
     if noise > 1e-2:
         assert certificate.residual > 1e-6
@@ -72,8 +72,8 @@ def test_the_first_block_must_be_a_multiple_of_the_identity() -> None:
     # would prove 4, but its first block is diag(0, 2).
     problem = WorstCase(4, 2, 2.0, (LinearFact("ratio", np.diag([1.0, -3.0]), 0.0, "equal"),))
     vector = np.array([[0.0, 1.0, 0.0, -1.0]])
-    cheat = WorstCaseMultipliers(2 * vector.T @ vector, 1.0, (0.5, -0.5))
-    certificate = check_multipliers(problem, cheat)
+    false = WorstCaseMultipliers(2 * vector.T @ vector, 1.0, (0.5, -0.5))
+    certificate = check_multipliers(problem, false)
     assert certificate.dual_value == pytest.approx(4)
     assert certificate.residual == pytest.approx(1)
     assert certificate.proved_value <= 4 / (3 - math.sqrt(3))
@@ -86,8 +86,8 @@ def test_inequalities_take_no_negative_multipliers() -> None:
     root = float(np.sqrt(z).sum()) / 2
     cross = -np.diag(root * np.sqrt(z))
     matrix = np.block([[root**2 * np.eye(2), cross], [cross, np.diag(z)]])
-    cheat = WorstCaseMultipliers(matrix, root**2, (5.5, -1.0))
-    certificate = check_multipliers(WorstCase(4, 2, 2.0, (slack,)), cheat)
+    false = WorstCaseMultipliers(matrix, root**2, (5.5, -1.0))
+    certificate = check_multipliers(WorstCase(4, 2, 2.0, (slack,)), false)
     assert certificate.dual_value > 19
     assert certificate.proved_value <= 2
 

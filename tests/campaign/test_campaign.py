@@ -1,4 +1,4 @@
-"""Campaigns are interrupted in every way there is, and end as if they never had been."""
+"""A campaign that is interrupted and run again has the records of an uninterrupted one."""
 
 import json
 import os
@@ -6,23 +6,22 @@ import signal
 import subprocess
 import sys
 import time
-from pathlib import Path
 
 import numpy as np
 import psutil
 import pytest
 
 from formulations import measures
-from formulations.campaign.cell import Cell
-from formulations.campaign.columns import SCHEMA, TIMES, jacobian_of
-from formulations.campaign.declaration import Declaration, declaration
+from formulations.campaign.declaration import Cell, Declaration, declaration
 from formulations.campaign.execution import run
+from formulations.campaign.records import SCHEMA, TIMES, jacobian_of
+from formulations.measures.failure_model import FailureModel
 from formulations.solving.setup import Setup
 from nlp.errors import FileError, InputError
 from nlp.processes import Processes
 from nlp.store import Store
 
-ROOT = Path(__file__).parents[2]
+pytestmark = pytest.mark.processes
 PLANAR = {
     "starts": 150,
     "formulations": ["residual", "max-min", "isotropy"],
@@ -34,30 +33,25 @@ TOML = "\n".join(f"{key} = {json.dumps(value)}" for key, value in PLANAR.items()
 RECORDS = 6 * 150
 
 
-def command(folder, *more, store="study.db"):
-    return [
-        *(sys.executable, "-m", "formulations", "campaign", "campaign.toml"),
-        *("--store", store, "--workers", "2", *map(str, more)),
-    ]
+CAMPAIGN = ("campaign", "campaign.toml", "--workers", 2)
 
 
-def launch(folder, *more, **keywords):
-    return subprocess.Popen(
-        command(folder, *more, **keywords),
-        cwd=folder,
-        env={**os.environ, "PYTHONPATH": str(ROOT)},
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        start_new_session=True,
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
-    )
+@pytest.fixture(scope="module")
+def launch(lockedjoint):
+    def launch(folder, *more, store="study.db"):
+        return lockedjoint.start(*CAMPAIGN, "--store", store, *more, cwd=folder)
+
+    return launch
 
 
-def finish(folder, *more, **keywords):
-    process = launch(folder, *more, **keywords)
-    out, err = process.communicate(timeout=120)
-    return process.returncode, out, err
+@pytest.fixture(scope="module")
+def finish(launch):
+    def finish(folder, *more, **keywords):
+        process = launch(folder, *more, **keywords)
+        out, err = process.communicate(timeout=120)
+        return process.returncode, out, err
+
+    return finish
 
 
 def records(path):
@@ -89,11 +83,11 @@ def until(path, number, process):
 
 def workers_of(process):
     children = psutil.Process(process.pid).children()
-    return [child for child in children if "popen_loky" in " ".join(child.cmdline())]
+    return [child for child in children if "spawn_main" in " ".join(child.cmdline())]
 
 
 @pytest.fixture(scope="module")
-def whole(tmp_path_factory):
+def whole(finish, tmp_path_factory):
     """The records of a campaign that nothing interrupted."""
     folder = tmp_path_factory.mktemp("whole")
     (folder / "campaign.toml").write_text(TOML)
@@ -111,8 +105,11 @@ def folder(tmp_path):
     return tmp_path
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("how", ["SIGKILL", "SIGINT", "SIGTERM"])
-def test_interrupted_and_run_again_it_equals_the_uninterrupted(folder, whole, how):
+def test_interrupted_and_run_again_it_equals_the_uninterrupted(
+    launch, finish, folder, whole, how
+):
     store = folder / "study.db"
     for number in (100, 500):
         process = launch(folder)
@@ -132,7 +129,7 @@ def test_interrupted_and_run_again_it_equals_the_uninterrupted(folder, whole, ho
     assert finish(folder)[1].endswith("0 of them new.\n")
 
 
-def test_a_worker_killed_mid_run_costs_nothing(folder, whole):
+def test_a_worker_killed_mid_run_costs_nothing(launch, folder, whole):
     process = launch(folder)
     until(folder / "study.db", 100, process)
     victim = workers_of(process)[0]
@@ -143,18 +140,19 @@ def test_a_worker_killed_mid_run_costs_nothing(folder, whole):
     assert records(folder / "study.db") == whole
 
 
-def test_a_full_disk_stops_in_one_sentence_and_loses_nothing(folder, whole):
+def test_a_full_disk_stops_in_one_sentence_and_loses_nothing(
+    lockedjoint, finish, folder, whole
+):
     code = (
         "import resource, runpy, sys\n"
         "resource.setrlimit(resource.RLIMIT_FSIZE, (250_000, resource.RLIM_INFINITY))\n"
         "sys.argv = ['lockedjoint', *sys.argv[1:]]\n"
         "runpy.run_module('formulations', run_name='__main__')"
     )
-    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
     full = subprocess.run(
-        [sys.executable, "-c", code, *command(folder)[3:]],
+        [sys.executable, "-c", code, *map(str, CAMPAIGN), "--store", "study.db"],
         cwd=folder,
-        env=environment,
+        env=lockedjoint.environment(),
         capture_output=True,
         text=True,
         check=False,
@@ -171,7 +169,7 @@ def test_a_full_disk_stops_in_one_sentence_and_loses_nothing(folder, whole):
 
 @pytest.mark.filterwarnings("ignore:Port .* is already in use:UserWarning")
 @pytest.mark.filterwarnings("ignore::ResourceWarning")
-def test_dask_gives_the_same_records(folder, whole):
+def test_dask_gives_the_same_records(launch, folder, whole):
     distributed = pytest.importorskip("distributed")
     with distributed.LocalCluster(
         n_workers=2, threads_per_worker=1, dashboard_address=None, silence_logs=50
@@ -257,7 +255,7 @@ def test_a_missing_key_is_named():
         (TOML, "no/folder.db"),
     ],
 )
-def test_bad_files_are_one_sentence_and_leave_nothing(tmp_path, text, store):
+def test_bad_files_are_one_sentence_and_leave_nothing(finish, tmp_path, text, store):
     if text is not None:
         (tmp_path / "campaign.toml").write_text(text)
     before = {path: path.read_bytes() for path in tmp_path.iterdir()}
@@ -277,6 +275,13 @@ def test_variants_of_max_min_do_not_multiply_the_others():
         "max-min": 8,
         "isotropy": 2,
     }
+
+
+def test_refuses_a_failure_model_that_no_setting_would_identify():
+    """Two failure models would share one cell, and the second get the records of the first."""
+    failures = FailureModel((0.5, 0.25, 0.25))
+    with pytest.raises(InputError, match="failure model is given; allowed: left out in a camp"):
+        Cell(Setup("max-min", "free", failures=failures), 3, 2)
 
 
 def test_compiled_cells_are_cells_of_their_own(tmp_path, monkeypatch):

@@ -3,7 +3,6 @@
 import csv
 import io
 import json
-import subprocess
 import sys
 import tracemalloc
 
@@ -13,14 +12,13 @@ import pytest
 import typer.testing
 
 from formulations import measures
-from formulations.campaign import export, optima
-from formulations.campaign import frame as frame_module
-from formulations.campaign.columns import SCHEMA
+from formulations.campaign import tables
 from formulations.campaign.declaration import declaration
 from formulations.campaign.execution import run
-from formulations.campaign.frame import frame
-from formulations.campaign.groups import grouped
+from formulations.campaign.records import SCHEMA
+from formulations.campaign.tables import frame, grouped, optima
 from formulations.commands.app import app
+from formulations.commands.show import as_parquet
 from nlp.errors import InputError, LockedJointError
 from nlp.processes import Processes
 from nlp.store import Store
@@ -71,14 +69,40 @@ def test_groups_count_what_the_records_say(path):
         reached = sum(abs(row["merit"] - best) <= 1e-6 for row in rows)
         seconds = sum(row["cpu_seconds"] for row in rows)
         assert line["starts"] == len(rows) == 12
+        assert line["cpu_seconds_per_start"] == pytest.approx(seconds / 12)
         assert line["reached_best"] == reached
         assert line["solved"] == sum(row["status"] == "Solve_Succeeded" for row in rows)
         assert line["merit"] == pick(row["merit"] for row in rows)
         assert line["iterations_median"] == np.median([row["iterations"] for row in rows])
         if reached:
-            assert line["ms_per_success"] == pytest.approx(1e3 * seconds / reached)
+            assert line["cpu_seconds_per_success"] == pytest.approx(seconds / reached)
         else:
-            assert np.isnan(line["ms_per_success"])
+            assert np.isnan(line["cpu_seconds_per_success"])
+
+
+def test_groups_of_answers_that_fail_the_check(path, tmp_path):
+    """They have no merit, so no best; with better ones of the problem they never reach it."""
+    kept = by_hand(path, formulation="residual")[0]
+    values = {k: v for k, v in kept.items() if k in SCHEMA.values}
+    failed = {**values, "merit": np.nan, "valid": 0, "status": "Restoration_Failed"}
+    with Store(tmp_path / "s.db", SCHEMA, writable=True) as store:
+        one, two = (
+            store.cell({**{k: kept[k] for k in SCHEMA.settings}, "seed": seed})
+            for seed in (0, 1)
+        )
+        made = [{**failed, "iterations": k, "cpu_seconds": 0.5} for k in (9, 4, 7)]
+        store.add(one, list(enumerate(made)), "v")
+        assert grouped(store)["merit"].isna().all()
+        store.add(
+            two, [(0, {**values, "merit": 2.0}), (1, {**values, "merit": 2.0 + 1e-7})], "v"
+        )
+        first, second = grouped(store).to_dict("records")
+    assert (first["seed"], first["starts"], first["solved"], first["valid"]) == (0, 3, 0, 0)
+    assert (first["iterations_median"], first["cpu_seconds_per_start"]) == (7, 0.5)
+    assert first["reached_best"] == 0
+    names = ("merit", "worst_case_sigma", "isotropy_defect", "cpu_seconds_per_success")
+    assert np.isnan([first[name] for name in names]).all()
+    assert (second["reached_best"], second["merit"]) == (2, 2.0)
 
 
 def test_groups_of_several_problems_have_no_best(path):
@@ -113,9 +137,9 @@ def test_the_regular_simplex_is_the_only_optimum_of_planar_3r(path):
 
 
 def test_families_are_counted_and_listed_in_part(path, monkeypatch):
-    monkeypatch.setattr(optima, "LISTED", 3)
+    monkeypatch.setattr(tables, "LISTED", 3)
     with Store(path, SCHEMA) as store:
-        table = optima.optima(store, [condition(SCHEMA, "joints=4")])
+        table = optima(store, [condition(SCHEMA, "joints=4")])
     first = table[(table["formulation"] == "residual") & (table["level"] == 1)]
     assert len(first) == 3
     assert set(first["classes"]) == {int(first["classes"].iloc[0])}
@@ -149,7 +173,7 @@ def test_markdown_and_latex_are_to_read(path, tmp_path):
 def test_parquet_without_pyarrow_is_one_sentence(monkeypatch):
     monkeypatch.setitem(sys.modules, "pyarrow", None)
     with pytest.raises(InputError, match=r"pip install lockedjoint\[parquet\]"):
-        export.as_parquet(pd.DataFrame({"a": [1]}))
+        as_parquet(pd.DataFrame({"a": [1]}))
 
 
 @pytest.mark.parametrize(
@@ -170,13 +194,8 @@ def test_refuses_what_is_not_there(path, arguments, said):
         show(path, *arguments)
 
 
-def test_a_store_that_is_missing_is_not_made(tmp_path):
-    done = subprocess.run(
-        [sys.executable, "-m", "formulations", "show", str(tmp_path / "none.db")],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+def test_a_store_that_is_missing_is_not_made(lockedjoint, tmp_path):
+    done = lockedjoint("show", tmp_path / "none.db", cwd=tmp_path)
     assert done.returncode == 2
     assert done.stderr.startswith("Error: store is")
     assert list(tmp_path.iterdir()) == []
@@ -190,13 +209,12 @@ def test_every_record_is_classified(tmp_path):
         values = {k: v for k, v in rows[0].items() if k in SCHEMA.values}
         copies = [(k, values) for k in range(3, 2503)]
         store.add(1, copies, "copied")
-        table = optima.optima(store, [condition(SCHEMA, "formulation=residual")])
+        table = optima(store, [condition(SCHEMA, "formulation=residual")])
     assert list(table["reached"]) == [2503]
     assert list(table["of_starts"]) == [2503]
 
 
-def test_tables_need_no_more_memory_for_more_records(tmp_path, monkeypatch):
-    monkeypatch.setattr(frame_module, "BATCH", 500)
+def test_tables_need_no_more_memory_for_more_records(tmp_path):
     used = []
     with Store(tmp_path / "s.db", SCHEMA, writable=True) as store:
         run(declaration({**PLANAR, "starts": 3, "joints": [3]}), store, Processes(1))
@@ -205,7 +223,7 @@ def test_tables_need_no_more_memory_for_more_records(tmp_path, monkeypatch):
             store.add(1, [(k, values) for k in range(first, last)], "copied")
             tracemalloc.start()
             table = grouped(store)
-            levels = optima.optima(store)
+            levels = optima(store)
             used.append(tracemalloc.get_traced_memory()[1])
             tracemalloc.stop()
             assert table["starts"].iloc[0] == levels["of_starts"].iloc[0] == last

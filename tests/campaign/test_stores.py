@@ -8,14 +8,13 @@ from pathlib import Path
 import pytest
 import typer.testing
 
-from formulations.campaign.cell import Cell
-from formulations.campaign.columns import SCHEMA, TIMES
-from formulations.campaign.declaration import Declaration, declaration
+from formulations.campaign.declaration import Cell, Declaration, declaration
 from formulations.campaign.execution import run
+from formulations.campaign.records import SCHEMA, TIMES
 from formulations.commands.app import app
 from formulations.solving.setup import Setup
 from nlp.errors import FileError, InputError
-from nlp.processes import Processes
+from nlp.processes import Processes, end_idle_processes
 from nlp.store import Store
 
 # Made by version 0.1.0 as of November 2026: two cells of planar 3R, four starts each.
@@ -59,7 +58,7 @@ def test_an_old_store_keeps_every_record_and_goes_on(old):
     with Store(old, SCHEMA, writable=True) as store:
         kept = [(r["start"], r["merit"], r["jacobian"]) for r in store.rows()]
         assert kept == before
-        assert {row["ran_compiled"] for row in store.rows()} == {None}, "nobody knows"
+        assert {row["ran_compiled"] for row in store.rows()} == {None}, "it is not known"
         assert run(declared, store, Processes(1)).added == 2
         assert [row["ran_compiled"] for row in store.rows()][-2:] == [0, 0]
     assert command("show", old).exit_code == 0
@@ -110,9 +109,9 @@ def test_records_say_whether_they_were_compiled(tmp_path, monkeypatch):
     made = []
     for name, compiler in (("with", "cc"), ("without", "no-such-cc")):
         monkeypatch.setenv("CC", compiler)
-        Processes(1).kill([])  # workers take their environment over when they start
+        end_idle_processes()  # workers take their environment over when they start
         with Store(tmp_path / f"{name}.db", SCHEMA, writable=True) as store:
             run(Declaration((cell,), 3), store, Processes(1))
             made.append([(row["compiled"], row["ran_compiled"]) for row in store.rows()])
-    Processes(1).kill([])
+    end_idle_processes()
     assert made == [[(1, 1)] * 3, [(1, 0)] * 3]

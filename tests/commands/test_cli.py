@@ -15,24 +15,10 @@ import pytest
 ROOT = Path(__file__).parents[2]
 
 
-def lockedjoint(*arguments, cwd, **keywords):
-    """Run the command line of this tree."""
-    environment = {**os.environ, "PYTHONPATH": str(ROOT), "NO_COLOR": "1"}
-    return subprocess.run(
-        [sys.executable, "-m", "formulations", *map(str, arguments)],
-        cwd=cwd,
-        env=environment,
-        capture_output=True,
-        text=True,
-        check=False,
-        **keywords,
-    )
-
-
 PLANAR = ("--joints", 3, "--task-dimension", 2, "--starts", 3)
 
 
-def test_help_names_every_command_and_option(tmp_path):
+def test_help_names_every_command_and_option(lockedjoint, tmp_path):
     page = lockedjoint("--help", cwd=tmp_path)
     assert page.returncode == 0
     for command in (
@@ -63,7 +49,7 @@ def test_help_loads_nothing_heavy(tmp_path):
     assert done.returncode == 0, done.stderr
 
 
-def test_compare_prints_and_writes(tmp_path):
+def test_compare_prints_and_writes(lockedjoint, tmp_path):
     done = lockedjoint("compare", *PLANAR, "--out", "here", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert "0.7071068" in done.stdout
@@ -74,7 +60,7 @@ def test_compare_prints_and_writes(tmp_path):
         assert one["optimally_failure_tolerant"] is (one["name"] != "residual free-mean")
 
 
-def test_compare_as_json(tmp_path):
+def test_compare_as_json(lockedjoint, tmp_path):
     done = lockedjoint("compare", *PLANAR, "--json", cwd=tmp_path)
     found = json.loads(done.stdout)
     assert found["complete"] is True
@@ -82,7 +68,7 @@ def test_compare_as_json(tmp_path):
     assert found["rows"][0]["status_counts"] == {"Solve_Succeeded": 3}
 
 
-def test_solve_writes_what_measure_reads(tmp_path):
+def test_solve_writes_what_measure_reads(lockedjoint, tmp_path):
     done = lockedjoint(
         "solve", "max-min", "--starts", 3, "--out", "best.json", "--json", cwd=tmp_path
     )
@@ -93,21 +79,21 @@ def test_solve_writes_what_measure_reads(tmp_path):
     assert measured["worst_case_sigma"] == solved["worst_case_sigma"]
 
 
-def test_solve_says_infeasible_in_words(tmp_path):
+def test_solve_says_infeasible_in_words(lockedjoint, tmp_path):
     done = lockedjoint("solve", "isotropy", "--starts", 2, cwd=tmp_path)
     assert done.returncode == 0
     assert "proved infeasible" in done.stdout
     assert "Infeasible_Problem_Detected 2" in done.stdout
 
 
-def test_solve_takes_ipopt_s_options(tmp_path):
+def test_solve_takes_ipopt_s_options(lockedjoint, tmp_path):
     done = lockedjoint(
         "solve", "residual", "--starts", 1, "--ipopt", "max_iter=1", "--json", cwd=tmp_path
     )
     assert json.loads(done.stdout)["status_counts"] == {"Maximum_Iterations_Exceeded": 1}
 
 
-def test_measure_two_locked_joints(tmp_path):
+def test_measure_two_locked_joints(lockedjoint, tmp_path):
     half = np.sqrt(0.5)
     np.savetxt(
         tmp_path / "a.csv",
@@ -118,7 +104,7 @@ def test_measure_two_locked_joints(tmp_path):
     assert json.loads(done.stdout)["worst_case_sigma"] == pytest.approx(0.382683, abs=1e-6)
 
 
-def test_measure_and_solve_with_unequal_failures(tmp_path):
+def test_measure_and_solve_with_unequal_failures(lockedjoint, tmp_path):
     arm = ("--model", "free", "--joints", 4, "--task-dimension", 2, "--starts", 4)
     likely = ("--failure-probabilities", "0.1,0.2,0.1,0.1", "--never-fails", "3")
     solved = {}
@@ -141,7 +127,7 @@ def test_measure_and_solve_with_unequal_failures(tmp_path):
     assert "expected_sigma" not in plain
 
 
-def test_joints_that_never_fail_need_no_probabilities(tmp_path):
+def test_joints_that_never_fail_need_no_probabilities(lockedjoint, tmp_path):
     np.savetxt(tmp_path / "a.csv", np.array([[1, 1, 0, 0], [0, 0, 1, 1]]), delimiter=",")
     done = lockedjoint(
         "measure", "a.csv", "--locked", 2, "--never-fails", "0,2", "--json", cwd=tmp_path
@@ -151,16 +137,23 @@ def test_joints_that_never_fail_need_no_probabilities(tmp_path):
     assert found["overall_expected_sigma"] is None
 
 
-def test_prove_then_verify(tmp_path):
-    proved = lockedjoint("prove", "--out", "proof/c.json", cwd=tmp_path)
+@pytest.mark.slow
+def test_prove_then_verify(lockedjoint, tmp_path):
+    """The derivation does not depend on the hash seed: tests/existence derives with another."""
+    proved = lockedjoint(
+        "prove", "--out", "proof/c.json", cwd=tmp_path, env={"PYTHONHASHSEED": "12345"}
+    )
     assert proved.returncode == 0, proved.stderr
+    committed = ROOT / "results" / "existence" / "certificate.json"
+    assert (tmp_path / "proof" / "c.json").read_bytes() == committed.read_bytes()
+    assert [path.name for path in (tmp_path / "proof").iterdir()] == ["c.json"]
     assert "= -33248/1029 < 0" in proved.stdout
     verified = lockedjoint("verify", "proof/c.json", "--samples", 1, "--json", cwd=tmp_path)
     assert verified.returncode == 0, verified.stderr
     assert json.loads(verified.stdout)["verdict"].startswith("proved")
 
 
-def test_verify_tells_invalid_from_unreadable(tmp_path):
+def test_verify_tells_invalid_from_unreadable(lockedjoint, tmp_path):
     certificate = (ROOT / "results" / "existence" / "certificate.json").read_text()
     (tmp_path / "wrong.json").write_text(certificate.replace("33248", "33249"))
     (tmp_path / "cut.json").write_text(certificate[:1000])
@@ -172,7 +165,7 @@ def test_verify_tells_invalid_from_unreadable(tmp_path):
         assert done.stdout == ""
 
 
-def test_bound_of_the_worst_case(tmp_path):
+def test_bound_of_the_worst_case(lockedjoint, tmp_path):
     done = lockedjoint("bound", "--joints", 5, "--task-dimension", 3, "--json", cwd=tmp_path)
     found = json.loads(done.stdout)
     assert found["kind"] == "numerical"
@@ -182,7 +175,7 @@ def test_bound_of_the_worst_case(tmp_path):
     assert found["singular_value_bound"] == pytest.approx(np.sqrt(1 / 3), abs=1e-6)
 
 
-def test_bound_of_existence(tmp_path):
+def test_bound_of_existence(lockedjoint, tmp_path):
     arguments = ("bound", "--quantity", "existence", "--order", 2)
     done = lockedjoint(*arguments, "--json", cwd=tmp_path)
     found = json.loads(done.stdout)
@@ -192,7 +185,7 @@ def test_bound_of_existence(tmp_path):
     assert "(4,2,1)" in text
 
 
-def test_global_bounds(tmp_path):
+def test_global_bounds(lockedjoint, tmp_path):
     eight = lockedjoint("bound", "--quantity", "max-min", "--joints", 8, "--json", cwd=tmp_path)
     found = json.loads(eight.stdout)
     assert found["kind"] == "closed form"
@@ -203,7 +196,8 @@ def test_global_bounds(tmp_path):
     assert low.stderr == "", "progress is for terminals"
 
 
-def test_reproduce_writes_every_row(tmp_path):
+@pytest.mark.slow
+def test_reproduce_writes_every_row(lockedjoint, tmp_path):
     done = lockedjoint("reproduce", "--starts", 10, "--out", "here", cwd=tmp_path)
     assert done.returncode == 0, done.stdout + done.stderr
     with (tmp_path / "here" / "reproduction.csv").open(encoding="utf-8") as file:
@@ -232,6 +226,17 @@ def test_reproduce_writes_every_row(tmp_path):
         ("bound", "--quantity", "residual", "--rigorous", "--solver", "CLARABEL"),
         ("bound", "--quantity", "max-min", "--preset", "localised", "--rigorous"),
         ("bound", "--quantity", "max-min", "--lever-arm", "1"),
+        ("bound", "--rigorous"),
+        ("bound", "--preset", "fast"),
+        ("bound", "--seed", "0"),
+        ("bound", "--order", "3"),
+        ("bound", "--quantity", "existence", "--preset", "fast"),
+        ("bound", "--quantity", "existence", "--solver", "NOTHING"),
+        ("bound", "--quantity", "residual", "--order", "3"),
+        ("bound", "--quantity", "max-min", "--task-dimension", "3"),
+        ("bound", "--quantity", "max-min", "--solver", "CLARABEL"),
+        ("bound", "--lever-arm", "1", "--trace", "3"),
+        ("prove", "--out", "{folder}"),
         ("prove", "--out", "{file}/a.json"),
         ("reproduce", "--starts", "0"),
         ("reproduce", "--out", "{file}"),
@@ -278,7 +283,7 @@ def test_reproduce_writes_every_row(tmp_path):
         ("nothing",),
     ],
 )
-def test_bad_input_is_one_sentence_and_status_2(tmp_path, arguments):
+def test_bad_input_is_one_sentence_and_status_2(lockedjoint, tmp_path, arguments):
     places = {"file": "file.csv", "folder": "folder", "nan": "nan.csv", "square": "square.csv"}
     (tmp_path / "file.csv").touch()
     (tmp_path / "folder").mkdir()
@@ -294,17 +299,10 @@ def test_bad_input_is_one_sentence_and_status_2(tmp_path, arguments):
     assert sorted(p.name for p in tmp_path.iterdir()) == before, "nothing half-written"
 
 
-def test_ctrl_c_keeps_the_rows_that_are_done(tmp_path):
-    process = subprocess.Popen(
-        [sys.executable, "-m", "formulations", "compare", "--starts", "60", "--workers", "2"],
-        cwd=tmp_path,
-        env={**os.environ, "PYTHONPATH": str(ROOT)},
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        start_new_session=True,
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
-    )
+@pytest.mark.processes
+def test_ctrl_c_keeps_the_rows_that_are_done(lockedjoint, tmp_path):
+    arguments = ("compare", "--starts", 60, "--workers", 2)
+    process = lockedjoint.start(*arguments, cwd=tmp_path)
     table = tmp_path / "comparison" / "comparison.csv"
     for _ in range(600):
         if table.exists():

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -19,10 +21,10 @@ def committed() -> Path:
 
 
 @pytest.fixture(scope="session")
-def derived() -> Certificate:
-    return derive()
+def derived(once: Callable[..., Any]) -> Certificate:
+    return once("certificate", derive)
 
 
 @pytest.fixture(scope="session")
-def seven() -> Rewriting:
-    return rewriting(SEVEN_REVOLUTE, 3)
+def seven(once: Callable[..., Any]) -> Rewriting:
+    return once("rewriting", lambda: rewriting(SEVEN_REVOLUTE, 3))

@@ -9,11 +9,9 @@ from hypothesis import strategies as st
 from formulations.existence.graphs import (
     ONE,
     Monomial,
-    automorphisms,
     canonical,
     classes,
     coloured_graphs,
-    orbit_size,
 )
 
 pairs = st.lists(st.tuples(st.integers(0, 6), st.integers(0, 6)), max_size=4).map(tuple)
@@ -59,38 +57,26 @@ def brute_force(joints: int, edges: int, loops: bool) -> dict[Monomial, set[Mono
 @pytest.mark.parametrize(
     ("joints", "edges", "loops"), [(4, 2, False), (3, 3, False), (3, 2, True)]
 )
-def test_classes_and_orbit_sizes_agree_with_brute_force(
-    joints: int, edges: int, loops: bool
-) -> None:
+def test_classes_agree_with_brute_force(joints: int, edges: int, loops: bool) -> None:
     orbits = brute_force(joints, edges, loops)
     listed = [
         graph for graph in classes(joints, edges, loops=loops) if graph.degree == 2 * edges
     ]
     assert {canonical(least) for least in orbits} == set(listed)
     assert len(orbits) == len(listed)
-    for least, orbit in orbits.items():
-        mirrored = canonical(least, swap_colours=False) != canonical(
-            least.conjugate(), swap_colours=False
-        )
-        own = orbit_size(least, joints)
-        assert len(orbit | {member.conjugate() for member in orbit}) == own * (1 + mirrored)
 
 
 def test_orbits_add_up_to_all_monomials() -> None:
     """Charge 1 at order 3 on seven joints: 231 pairs of entries times 21 entries."""
-    total = sum(orbit_size(graph, 7) for graph in coloured_graphs(7, 2, 1))
-    assert total == 231 * 21
-
-
-def test_automorphisms_of_three_disjoint_edges() -> None:
-    assert automorphisms(Monomial(((0, 1), (2, 3), (4, 5)))) == 48
-    assert automorphisms(Monomial(((0, 1), (2, 3)), ((4, 5),))) == 16
+    orders = list(permutations(range(7)))
+    members = [{graph.relabel(order) for order in orders} for graph in coloured_graphs(7, 2, 1)]
+    assert sum(map(len, members)) == len(set().union(*members)) == 231 * 21
 
 
 def test_monomials_multiply_and_know_their_size() -> None:
     product = Monomial(w=((3, 1),)) * Monomial(w=((0, 2),), wbar=((5, 4),))
     assert product == Monomial(((0, 2), (1, 3)), ((4, 5),))
-    assert (product.charge, product.degree) == (1, 3)
+    assert product.degree == 3
     assert product.vertices == (0, 1, 2, 3, 4, 5)
     assert product * ONE == product
     assert hash(product) == hash(Monomial(((1, 3), (2, 0)), ((4, 5),)))

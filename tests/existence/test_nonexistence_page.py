@@ -11,9 +11,8 @@ from pathlib import Path
 import pytest
 
 from formulations.existence.derive import squared_polynomials
-from formulations.existence.equations import Frame
+from formulations.existence.equations import Frame, class_sums, hermitian_product
 from formulations.existence.graphs import ONE, Monomial, canonical
-from formulations.existence.polynomials import class_sums, hermitian_product
 from formulations.existence.rewriting import Rewriting, rewriting
 
 ROOT = Path(__file__).parents[2]
@@ -24,6 +23,7 @@ def page() -> str:
     return (ROOT / "docs" / "nonexistence.md").read_text()
 
 
+@pytest.mark.slow
 def test_the_program_on_the_page_proves_the_identity(page: str) -> None:
     found = re.search(r"```python\n(.*?)```", page, re.DOTALL)
     assert found is not None

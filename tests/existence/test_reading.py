@@ -56,16 +56,17 @@ ILL_FORMED: dict[str, tuple[tuple[Any, ...], Any, str]] = {
     "constant as a float": (("constant",), 32.3, "constant: 32.3 is not a rational"),
     "infinite constant": (("constant",), float("inf"), "Infinity is not a rational"),
     "six joints": (("joints",), 6, "joints is 6, but the theorem is about 7"),
+    "seven as a float": (("joints",), 7.0, r"7\.0 is not a whole number"),
     "seven as a string": (("joints",), "7", '"7" is not a whole number'),
     "unknown equation": (
         ("multipliers", 0, "equation"),
         {"kind": "wish", "entry": [0, 1]},
-        "multipliers: .0.: equation kind 'wish' is unknown",
+        'multipliers: .0.: equation kind "wish" is unknown',
     ),
     "equation kind as a list": (
         ("multipliers", 0, "equation"),
         {"kind": [], "entry": [0, 1]},
-        "kind is a list, not a string",
+        "equation kind a list is unknown",
     ),
     "row out of range": (
         ("multipliers", 0, "equation"),

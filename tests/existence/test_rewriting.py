@@ -4,9 +4,8 @@ from fractions import Fraction
 
 import pytest
 
-from formulations.existence.equations import Frame
+from formulations.existence.equations import Frame, combined
 from formulations.existence.graphs import ONE, Monomial, canonical, classes
-from formulations.existence.polynomials import combined
 from formulations.existence.rewriting import Rewriting, rewriting
 
 

@@ -1,4 +1,4 @@
-"""The answer that other tables show rests on a verification, and says no more."""
+"""The answer that other tables show rests on a verification."""
 
 import json
 from importlib.resources import files
@@ -7,12 +7,11 @@ import pytest
 
 from formulations.existence import theorem
 from formulations.existence.certificate import CertificateError
-from formulations.existence.derive import derive
 
 
-def test_the_packaged_certificate_is_the_derived_one() -> None:
+def test_the_packaged_certificate_is_the_derived_one(derived) -> None:
     packaged = (files("formulations.existence") / "certificate.json").read_text("utf-8")
-    assert packaged == derive().to_json()
+    assert packaged == derived.to_json()
 
 
 def test_seven_joints_are_excluded_and_no_others() -> None:
@@ -20,8 +19,8 @@ def test_seven_joints_are_excluded_and_no_others() -> None:
     assert not any(theorem.excludes(joints) for joints in (6, 8, 9))
 
 
-def test_a_certificate_that_proves_nothing_is_no_answer(tmp_path, monkeypatch) -> None:
-    certificate = json.loads(derive().to_json())
+def test_a_certificate_that_proves_nothing_is_no_answer(derived, tmp_path, monkeypatch) -> None:
+    certificate = json.loads(derived.to_json())
     certificate["constant"] = "33247/1029"
     (tmp_path / "certificate.json").write_text(json.dumps(certificate))
     monkeypatch.setattr(theorem, "files", lambda _: tmp_path)

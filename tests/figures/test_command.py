@@ -1,4 +1,4 @@
-"""The command as a stranger meets it."""
+"""``lockedjoint figure``, from its arguments to its files and messages."""
 
 import csv
 import json

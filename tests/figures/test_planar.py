@@ -6,9 +6,10 @@ from itertools import combinations
 import numpy as np
 import pytest
 
+from formulations import max_min
 from formulations.figures import figure_1, figure_3
-from formulations.figures.picture import Request
-from formulations.figures.planar import turned
+from formulations.figures.picture import NothingFoundError, Request
+from formulations.figures.planar import optima, turned
 from formulations.files.figure import content
 from formulations.realise.from_jacobian import realise
 from formulations.reproduction import reference
@@ -90,6 +91,13 @@ def test_joints_are_drawn_where_they_are(first):
         pins = [line.get_xydata()[0] for line in axes.lines if len(line.get_xydata()) == 1]
         for joint in joints:
             assert min(np.linalg.norm(pin - joint) for pin in pins) < 1e-12
+
+
+def test_only_starts_that_pass_the_gate_are_drawn(monkeypatch):
+    """A start that stops early may have the largest σ of all, with too large a ‖J‖."""
+    monkeypatch.setattr(max_min, "OPTIONS", {"max_iter": 2})
+    with pytest.raises(NothingFoundError):
+        optima(4, Request(starts=5))
 
 
 def test_figures_are_the_same_bytes_again(first):

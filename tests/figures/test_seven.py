@@ -9,7 +9,6 @@ import pytest
 from formulations.catalogue import arm
 from formulations.figures import optima, seven_axes, singular_values, trade_off
 from formulations.figures.picture import NothingFoundError, Request
-from formulations.figures.stored import stored
 from formulations.reproduction import reference
 from nlp.errors import InputError
 from nlp.task import generator
@@ -144,6 +143,8 @@ def test_bars_add_up_to_the_starts_that_count():
 
 
 def test_a_store_is_shown_by_what_differs_in_it(tmp_path, monkeypatch):
+    with pytest.raises(InputError):
+        optima.stored(tmp_path / "missing.db")
     rows = pd.DataFrame(
         {
             "problem": ["a", "a", "a", "b"],
@@ -159,5 +160,3 @@ def test_a_store_is_shown_by_what_differs_in_it(tmp_path, monkeypatch):
     rows["counted"] = False
     with pytest.raises(NothingFoundError):
         optima.make(Request(starts=1, store=tmp_path))
-    with pytest.raises(InputError):
-        stored(tmp_path / "missing.db")

@@ -94,7 +94,7 @@ def test_signs_that_cannot_be_switched_away_make_another_class():
     assert len(found.most_reached()) == 2
 
 
-def test_only_so_many_are_told_apart(monkeypatch):
+def test_only_so_many_are_distinguished(monkeypatch):
     monkeypatch.setattr(classes, "MOST", 3)
     rng, built = np.random.default_rng(1), ARMS[Symmetry.FRAME]
     found = Classes(Symmetry.FRAME)
@@ -102,4 +102,3 @@ def test_only_so_many_are_told_apart(monkeypatch):
     for jacobian in (first, *(built.jacobian(built.sample(rng)) for _ in range(5)), first):
         found.add(jacobian, 0.0)
     assert [one.reached for one in found.most_reached()] == [2, 1, 1]
-    assert found.others == 3

@@ -15,6 +15,7 @@ distributed = pytest.importorskip("distributed")
 
 # Dask's own: ports taken, connections closed while workers are killed.
 pytestmark = [
+    pytest.mark.processes,
     pytest.mark.filterwarnings("ignore::ResourceWarning"),
     pytest.mark.filterwarnings("ignore:Port .* is already in use:UserWarning"),
 ]
@@ -65,6 +66,7 @@ def collected(cluster, todo, limit=None, during=len):
     return sorted(seen)
 
 
+@pytest.mark.slow
 def test_a_worker_killed_mid_run_costs_nothing(cluster):
     killed = []
 
@@ -81,6 +83,7 @@ def test_a_worker_killed_mid_run_costs_nothing(cluster):
     assert there == here, "every start once, bit for bit as in this process"
 
 
+@pytest.mark.slow
 def test_a_worker_that_hangs_is_restarted(cluster, tmp_path):
     seen = collected(cluster, chunks(partial(hang_once, folder=tmp_path), 60), limit=6.0)
     assert (tmp_path / "hung").exists()
@@ -96,6 +99,7 @@ def test_says_so_when_no_scheduler_answers(monkeypatch):
             module.DaskCluster(address)
 
 
+@pytest.mark.slow
 def test_waiting_for_a_worker_does_not_count(cluster, tmp_path):
     """Chunks of three seconds behind others of three seconds, within a limit of five."""
     mark = partial(three_seconds_a_chunk, folder=tmp_path)

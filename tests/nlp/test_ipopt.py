@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 from nlp.errors import InputError
-from nlp.ipopt import IpoptSolver, solve
 from nlp.problem import Constraint, Problem
+from nlp.solver import Solver, solve
 
 
 def circle(sense="maximise"):
@@ -82,7 +82,7 @@ def test_the_violation_counts_the_variables_bounds():
 
 def test_one_solver_gives_the_same_answer_whatever_it_solved_before():
     problem = circle()
-    solver = IpoptSolver(problem)
+    solver = Solver(problem)
     starts = np.random.default_rng(0).normal(size=(8, 2))
     alone = [solve(problem, start).variables for start in starts]
     in_turn = [solver.solve(start).variables for start in starts]

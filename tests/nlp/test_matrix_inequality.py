@@ -6,9 +6,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from nlp.ipopt import solve
 from nlp.matrix_inequality import ENCODINGS, column_sets
 from nlp.problem import Problem
+from nlp.solver import solve
 
 
 def smallest(matrix, columns):

@@ -15,6 +15,7 @@ import pytest
 from nlp.errors import InputError, SolverOptionError
 from nlp.multistart import generator, multistart
 from nlp.problem import Problem
+from nlp.task import seed_of
 
 
 def rosenbrock():
@@ -32,7 +33,7 @@ def start_of(run):
 
 def test_any_number_of_workers_gives_the_same_bytes():
     studies = [
-        multistart(rosenbrock, sample, starts=25, seed=7, workers=workers)
+        multistart(rosenbrock, sample, starts=25, rng=7, workers=workers)
         for workers in (1, 2, 3)
     ]
     points = [[run.solution.variables.tobytes() for run in s.results] for s in studies]
@@ -42,10 +43,10 @@ def test_any_number_of_workers_gives_the_same_bytes():
 
 
 def test_start_k_does_not_depend_on_how_many_there_are():
-    few = multistart(rosenbrock, sample, starts=3, seed=1, judge=start_of)
-    more = multistart(rosenbrock, sample, starts=6, seed=1, judge=start_of)
+    few = multistart(rosenbrock, sample, starts=3, rng=1, judge=start_of)
+    more = multistart(rosenbrock, sample, starts=6, rng=1, judge=start_of)
     assert few.results == more.results[:3]
-    other = multistart(rosenbrock, sample, starts=3, seed=2, judge=start_of)
+    other = multistart(rosenbrock, sample, starts=3, rng=2, judge=start_of)
     assert set(other.results).isdisjoint(few.results)
 
 
@@ -55,6 +56,13 @@ def test_generators_differ_between_starts_and_seeds():
     assert draws[3, 4] == generator(3, 4).normal()
 
 
+def test_a_generator_gives_one_seed():
+    drawn = int(np.random.default_rng(5).integers(2**63))
+    study = multistart(rosenbrock, sample, starts=2, rng=np.random.default_rng(5))
+    assert [run.seed for run in study.results] == [drawn] * 2
+    assert seed_of(np.int64(3)) == 3
+
+
 @pytest.mark.parametrize("workers", [1, 2])
 def test_the_judge_runs_on_every_start(workers):
     study = multistart(rosenbrock, sample, starts=4, workers=workers, judge=start_of)
@@ -62,7 +70,15 @@ def test_the_judge_runs_on_every_start(workers):
 
 
 @pytest.mark.parametrize(
-    "bad", [{"starts": 0}, {"starts": 2.5}, {"seed": -1}, {"workers": 0}, {"starts": True}]
+    "bad",
+    [
+        {"starts": 0},
+        {"starts": 2.5},
+        {"rng": -1},
+        {"rng": 1.0},
+        {"workers": 0},
+        {"starts": True},
+    ],
 )
 def test_refuses_bad_numbers(bad):
     with pytest.raises(InputError, match=f"{next(iter(bad))} is"):
@@ -87,6 +103,36 @@ def test_says_so_when_a_task_cannot_be_sent_to_workers():
         multistart(lambda: handle and rosenbrock(), sample, starts=2, workers=2)
 
 
+SCRIPT = """
+import sys
+sys.path.insert(0, {root!r})
+from dataclasses import dataclass
+import casadi as ca
+from nlp.multistart import multistart
+from nlp.problem import Problem
+
+@dataclass
+class Found:
+    index: int
+
+def build():
+    x = ca.SX.sym("x", 2)
+    return Problem("parabola", x, ca.sumsqr(x - 1))
+
+study = multistart(build, lambda rng: rng.normal(size=2), starts=30, workers=2,
+                   judge=lambda run: Found(run.index))
+print(study.results == tuple(map(Found, range(30))))
+"""
+
+
+def test_a_script_needs_no_guard_and_may_use_its_own_classes(tmp_path):
+    script = tmp_path / "script.py"
+    script.write_text(SCRIPT.format(root=str(Path(__file__).parents[2])))
+    command = [sys.executable, script]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert (done.stdout, done.stderr) == ("True\n", "")
+
+
 SLOW = """
 import sys
 sys.path.insert(0, {root!r})
@@ -106,6 +152,8 @@ if __name__ == "__main__":
 """
 
 
+@pytest.mark.processes
+@pytest.mark.slow
 @pytest.mark.parametrize("workers", [1, 2])
 def test_ctrl_c_keeps_what_is_done(workers):
     root = str(Path(__file__).parents[2])

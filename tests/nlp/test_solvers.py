@@ -10,7 +10,8 @@ import pytest
 from nlp import compiled
 from nlp.errors import InputError, SolverOptionError
 from nlp.problem import Constraint, Problem
-from nlp.solvers import build_solver, check_solver
+from nlp.solver import Solver
+from nlp.task import Task
 
 
 def rosenbrock(constraints=()):
@@ -34,17 +35,17 @@ def cache(tmp_path, monkeypatch):
 @pytest.mark.parametrize("name", ["ipopt", "fatrop"])
 @pytest.mark.parametrize("is_compiled", [False, True])
 def test_all_solve_and_say_so(name, is_compiled):
-    solution = build_solver(rosenbrock(), name, {}, is_compiled).solve([-1.0, 2.0])
+    solution = Solver(rosenbrock(), {}, name, is_compiled).solve([-1.0, 2.0])
     assert solution.status.success
     assert solution.status.iterations > 0
     np.testing.assert_allclose(solution.variables, [1, 1], atol=1e-6)
     np.testing.assert_allclose(solution.outputs["x"].ravel(), solution.variables)
-    short = build_solver(rosenbrock(), name, {"max_iter": 3}, is_compiled).solve([-1.0, 2.0])
+    short = Solver(rosenbrock(), {"max_iter": 3}, name, is_compiled).solve([-1.0, 2.0])
     assert not short.status.success
 
 
 def test_compiled_solves_constrained_problems_alike():
-    plain, fast = (build_solver(rosenbrock([disc]), "ipopt", {}, c) for c in (False, True))
+    plain, fast = (Solver(rosenbrock([disc]), {}, "ipopt", c) for c in (False, True))
     one, two = plain.solve([-1.0, 2.0]), fast.solve([-1.0, 2.0])
     np.testing.assert_allclose(one.variables, two.variables, atol=1e-9)
     np.testing.assert_allclose(one.multipliers["disc"], two.multipliers["disc"], atol=1e-7)
@@ -56,16 +57,16 @@ def test_compiled_once_and_by_content(cache, monkeypatch):
     monkeypatch.setattr(
         compiled.subprocess, "run", lambda *a, **k: runs.append(a) or real(*a, **k)
     )
-    build_solver(rosenbrock(), "ipopt", {}, True)
-    build_solver(rosenbrock(), "ipopt", {}, True)
+    Solver(rosenbrock(), {}, "ipopt", True)
+    Solver(rosenbrock(), {}, "ipopt", True)
     assert len(runs) == 1
-    build_solver(rosenbrock([disc]), "ipopt", {}, True)
+    Solver(rosenbrock([disc]), {}, "ipopt", True)
     assert len(runs) == 2
     assert len(list(cache.iterdir())) == 2, "libraries only, nothing half-made"
 
 
 def test_the_cache_is_found_by_other_processes(cache):
-    build_solver(rosenbrock(), "ipopt", {}, True)
+    Solver(rosenbrock(), {}, "ipopt", True)
     (library,) = cache.iterdir()
     made = library.stat().st_mtime_ns
     path = [p for p in sys.path if p]
@@ -74,7 +75,7 @@ def test_the_cache_is_found_by_other_processes(cache):
         "import importlib.util as u\n"
         f"spec = u.spec_from_file_location('t', {__file__!r})\n"
         "t = u.module_from_spec(spec); spec.loader.exec_module(t)\n"
-        "t.build_solver(t.rosenbrock(), 'ipopt', {}, True)"
+        "t.Solver(t.rosenbrock(), compiled=True)"
     )
     subprocess.run([sys.executable, "-c", code], check=True)
     assert [p.stat().st_mtime_ns for p in cache.iterdir()] == [made]
@@ -86,7 +87,7 @@ def test_the_cache_is_found_by_other_processes(cache):
 def test_falls_back_with_a_warning(command, said, cache, monkeypatch):
     monkeypatch.setenv("CC", command)
     with pytest.warns(RuntimeWarning, match=said):
-        solver = build_solver(rosenbrock(), "ipopt", {}, True)
+        solver = Solver(rosenbrock(), {}, "ipopt", True)
     assert solver.solve([-1.0, 2.0]).status.success
     assert not cache.exists() or not list(cache.iterdir())
 
@@ -95,7 +96,7 @@ def test_falls_back_where_nothing_can_be_kept(tmp_path, monkeypatch):
     (tmp_path / "file").touch()
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "file"))
     with pytest.warns(RuntimeWarning, match="Not compiled"):
-        assert build_solver(rosenbrock(), "fatrop", {}, True).solve([0, 0]).status.success
+        assert Solver(rosenbrock(), {}, "fatrop", True).solve([0, 0]).status.success
 
 
 def test_fatrop_refuses_what_it_cannot_solve():
@@ -103,7 +104,7 @@ def test_fatrop_refuses_what_it_cannot_solve():
     bounded = Problem("bounded", x, x**2, lower=0.0)
     for problem in (rosenbrock([disc]), bounded):
         with pytest.raises(InputError, match="without constraints or bounds"):
-            build_solver(problem, "fatrop", {})
+            Solver(problem, name="fatrop")
 
 
 @pytest.mark.parametrize(
@@ -113,9 +114,14 @@ def test_fatrop_refuses_what_it_cannot_solve():
         (("fatrop", {"mu": 1}), "one of max_iter, tol"),
         (("fatrop", {"tol": 0}), "a number above 0"),
         (("fatrop", {"max_iter": 1.5}), "a whole number above 0"),
+        (("fatrop", {"max_iter": 2**40}), "a whole number above 0"),
         (("ipopt", {}, 1), "true or false"),
     ],
 )
 def test_refuses_unknown_solvers_and_options(arguments, said):
     with pytest.raises((InputError, SolverOptionError), match=said):
-        check_solver(*arguments)
+        task_by(*arguments)
+
+
+def task_by(solver, options, is_compiled=False):
+    return Task(rosenbrock, None, options, None, solver, is_compiled)

@@ -6,9 +6,9 @@ import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
 
 from nlp.multistart import multistart
+from nlp.native import one_blas_thread
 from nlp.problem import Problem
 from nlp.task import Task, packed, run_chunk
-from nlp.threads import one_blas_thread
 
 
 def parabola():
@@ -27,7 +27,8 @@ def threads(run=None):
 
 
 @pytest.fixture(autouse=True)
-def _two_threads_outside():
+def _two_threads_outside(monkeypatch):
+    monkeypatch.setenv("OPENBLAS_NUM_THREADS", "2")  # for worker processes
     with threadpool_limits(limits=2, user_api="blas"):
         if threads() != {2}:
             pytest.skip("this library of linear algebra knows one thread only")

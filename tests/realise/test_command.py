@@ -1,10 +1,9 @@
-"""``lockedjoint realise`` as a stranger meets it."""
+"""``lockedjoint realise``, from its arguments to its files and messages."""
 
 import io
 import json
-import os
-import subprocess
 import sys
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -17,16 +16,9 @@ ROOT = Path(__file__).parents[2]
 PLANAR = [[-np.sqrt(2 / 3), np.sqrt(1 / 6), np.sqrt(1 / 6)], [0, -np.sqrt(0.5), np.sqrt(0.5)]]
 
 
-def realise(*arguments, cwd):
-    environment = {**os.environ, "PYTHONPATH": str(ROOT), "NO_COLOR": "1"}
-    return subprocess.run(
-        [sys.executable, "-m", "formulations", "realise", *map(str, arguments)],
-        cwd=cwd,
-        env=environment,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+@pytest.fixture
+def realise(lockedjoint):
+    return partial(lockedjoint, "realise")
 
 
 @pytest.fixture
@@ -38,7 +30,7 @@ def folder(tmp_path, optimum):
     return tmp_path
 
 
-def test_urdf_on_standard_output(folder, optimum):
+def test_urdf_on_standard_output(realise, folder, optimum):
     done = realise("both.json", "--pick", 1, "--to", "urdf", cwd=folder)
     assert done.returncode == 0, done.stderr
     robot = yourdfpy.URDF.load(io.StringIO(done.stdout))
@@ -46,7 +38,7 @@ def test_urdf_on_standard_output(folder, optimum):
     np.testing.assert_allclose(np.array(axes).T, optimum[3:], atol=1e-15)
 
 
-def test_json_holds_everything(folder):
+def test_json_holds_everything(realise, folder):
     done = realise("seven.npy", "--criterion", "clearance", "--json", cwd=folder)
     found = json.loads(done.stdout)
     assert found["distinct"] == 5040
@@ -57,7 +49,7 @@ def test_json_holds_everything(folder):
     assert found["deviation"] < 1e-12
 
 
-def test_tables_and_counts(folder):
+def test_tables_and_counts(realise, folder):
     axes = realise("planar.json", cwd=folder)
     assert "end effector  0  0  0" in axes.stdout
     table = realise("planar.json", "--to", "dh", "--convention", "modified", cwd=folder)
@@ -72,7 +64,7 @@ def test_tables_and_counts(folder):
     assert lines["signs"].strip() == "+-+"
 
 
-def test_figures_and_files(folder):
+def test_figures_and_files(realise, folder):
     done = realise("planar.json", "--to", "figure", "--out", "arm.png", cwd=folder)
     assert done.returncode == 0, done.stderr
     assert "distinct manipulators" in done.stdout

@@ -1,12 +1,15 @@
-"""Denavit–Hartenberg tables, read by the Robotics Toolbox and by the way back."""
+"""Denavit–Hartenberg tables, read by the Robotics Toolbox and by the inverse."""
 
 import numpy as np
 import pytest
 import roboticstoolbox
+from scipy.spatial.transform import Rotation
 
 from formulations import measures
-from formulations.realise.dh import Convention, denavit_hartenberg, manipulator_of
+from formulations.realise.dh import Convention, denavit_hartenberg
 from formulations.realise.from_jacobian import realise
+from formulations.realise.manipulator import Manipulator
+from formulations.realise.task import Task
 from formulations.reproduction import reference
 
 both = pytest.mark.parametrize("convention", list(Convention))
@@ -27,6 +30,32 @@ def toolbox_robot(table):
         )
     ]
     return rtb.DHRobot(links)
+
+
+def manipulator_of(table, task=Task.SPATIAL):
+    """The manipulator that a table describes; the end effector's own rotation is left out."""
+    pose = table.base
+    frames = []
+    for i in range(len(table.theta)):
+        turn, link = screw(2, table.theta[i], table.d[i]), screw(0, table.alpha[i], table.a[i])
+        if table.convention is Convention.MODIFIED:
+            pose = pose @ link
+        frames.append(pose)
+        pose = pose @ turn
+        if table.convention is Convention.STANDARD:
+            pose = pose @ link
+    directions, points = np.array(frames)[:, :3, 2], np.array(frames)[:, :3, 3]
+    norms = np.linalg.norm(directions, axis=1, keepdims=True)
+    tip = (pose @ table.tool)[:3, 3]
+    return Manipulator(directions / norms, points, table.prismatic, tip, task)
+
+
+def screw(axis, angle, way):
+    """Rotate about a coordinate axis and move along it."""
+    pose = np.eye(4)
+    pose[:3, :3] = Rotation.from_rotvec(angle * np.eye(3)[axis]).as_matrix()
+    pose[axis, 3] = way
+    return pose
 
 
 @both

@@ -10,7 +10,7 @@ from formulations.joints.arm import Arm
 from formulations.joints.kinds import UnitRevolute
 from formulations.measures.canonical import distinct
 from formulations.reproduction import reference
-from formulations.reproduction.nearest import nearest_unit_revolute
+from formulations.reproduction.printed import nearest_unit_revolute
 from formulations.reproduction.solution_family import (
     fills_tangent_space,
     least_slope,

@@ -7,13 +7,10 @@ import pytest
 
 from formulations import max_min, measures
 from formulations.catalogue import arm as designed
+from formulations.commands.robot_arguments import pairs, read_configuration
 from formulations.robots.chain_between import chain_between
-from formulations.robots.characteristic_length import at_length
-from formulations.robots.configuration import pairs, read_configuration
-from formulations.robots.directions import Task
-from formulations.robots.reachable import BEST_7R
-from formulations.robots.robot_arm import RobotArm
-from formulations.robots.robot_assessment import assess
+from formulations.robots.robot_arm import RobotArm, Task
+from formulations.robots.robot_assessment import assess, at_length, best_7r
 from nlp.errors import InputError
 from nlp.multistart import multistart
 
@@ -51,7 +48,7 @@ def test_percentages(seven):
     found = assess(seven, POINT)
     assert found.sigma_bound == pytest.approx(np.sqrt(14 / 42))
     assert found.percent_of_bound == pytest.approx(100 * found.worst_case_sigma * np.sqrt(3))
-    assert found.percent_of_reachable == pytest.approx(100 * found.worst_case_sigma / BEST_7R)
+    assert found.percent_of_reachable == pytest.approx(100 * found.worst_case_sigma / best_7r())
 
 
 def test_the_best_7r_is_what_max_min_reaches():
@@ -62,7 +59,7 @@ def test_the_best_7r_is_what_max_min_reaches():
     found = max(
         measures.worst_case_sigma(r.solution.outputs["jacobian"]) for r in study.results
     )
-    assert found == pytest.approx(BEST_7R, abs=1e-7)
+    assert found == pytest.approx(best_7r(), abs=1e-7)
 
 
 def test_the_dependence_on_length(seven):

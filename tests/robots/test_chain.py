@@ -5,8 +5,7 @@ import pinocchio as pin
 import pytest
 
 from formulations.robots.chain_between import chain_between
-from formulations.robots.directions import Task
-from formulations.robots.robot_arm import RobotArm
+from formulations.robots.robot_arm import RobotArm, Task
 from nlp.errors import InputError
 
 PLANE = Task(("vx", "wz"))

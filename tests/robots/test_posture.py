@@ -10,14 +10,13 @@ import pytest
 
 from formulations import max_min, measures
 from formulations.robots.chain_between import chain_between
-from formulations.robots.directions import Task
 from formulations.robots.posture import (
     FatalFailureError,
     Search,
     best_posture,
     fatal_failures,
 )
-from formulations.robots.robot_arm import RobotArm
+from formulations.robots.robot_arm import RobotArm, Task
 from formulations.robots.robot_assessment import assess
 from formulations.studies.robots.study import row_of
 from formulations.studies.robots.survey_arms import ARMS, SurveyArm

@@ -12,8 +12,7 @@ from hypothesis import strategies as st
 
 from formulations import measures
 from formulations.robots.chain_between import chain_between
-from formulations.robots.directions import Task
-from formulations.robots.robot_arm import RobotArm
+from formulations.robots.robot_arm import RobotArm, Task
 from formulations.studies.robots.survey_arms import ARMS
 from nlp.errors import InputError
 

@@ -149,7 +149,7 @@ def test_success_is_what_the_jacobian_says_not_the_peer():
 
 
 def row(peer, milliseconds, formulation="residual"):
-    return Row(formulation, 7, peer, "", 1, 1, 1, 1, 1e-3, milliseconds / 1e3, 1.0, 0.0, "")
+    return Row(formulation, 7, peer, "", 1, 1, 1, 1, 0.001, milliseconds / 1e3, 1.0, 0.0, "")
 
 
 def test_targets_are_said_to_be_met_or_missed():
@@ -190,8 +190,10 @@ def test_refuses_sizes_out_of_range(joints, tmp_path):
     assert not (tmp_path / "b").exists()
 
 
-def test_libraries_that_peers_bring_are_held_to_one_thread():
-    from threadpoolctl import threadpool_info
+def test_libraries_that_peers_bring_are_held_to_one_thread(monkeypatch):
+    from threadpoolctl import threadpool_info, threadpool_limits
+
+    monkeypatch.setenv("OPENBLAS_NUM_THREADS", "2")
 
     seen = []
 
@@ -204,7 +206,8 @@ def test_libraries_that_peers_bring_are_held_to_one_thread():
 
         return each(one, arm.shape)
 
-    list(measure([Peer("threads", "residual", prepare)], joints=7, starts=1, seed=0))
+    with threadpool_limits(limits=2, user_api="blas"):
+        list(measure([Peer("threads", "residual", prepare)], joints=7, starts=1, seed=0))
     assert seen[-1] == {1}
 
 

@@ -3,38 +3,20 @@
 import json
 import os
 import signal
-import subprocess
-import sys
 import time
-from pathlib import Path
+from functools import partial
 
 import pytest
 
 from formulations.files.provenance import read_header
 
-ROOT = Path(__file__).parents[2]
+
+@pytest.fixture
+def report(lockedjoint):
+    return partial(lockedjoint, "report")
 
 
-def command(*arguments):
-    return [sys.executable, "-m", "formulations", "report", *map(str, arguments)]
-
-
-def environment():
-    return {**os.environ, "PYTHONPATH": str(ROOT), "NO_COLOR": "1"}
-
-
-def report(*arguments, cwd):
-    return subprocess.run(
-        command(*arguments),
-        cwd=cwd,
-        env=environment(),
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-
-
-def test_one_study(tmp_path):
+def test_one_study(report, tmp_path):
     kept = tmp_path / "out" / "robots"
     kept.mkdir(parents=True)
     (kept / "robots.md").write_text("# Robots\n\n- date: 2020-02-02\n", encoding="utf-8")
@@ -65,7 +47,7 @@ def test_one_study(tmp_path):
         (("--only", "existence", "--out", "file/deeper"), "output folder is file/deeper"),
     ],
 )
-def test_bad_input_is_one_sentence(tmp_path, arguments, said):
+def test_bad_input_is_one_sentence(report, tmp_path, arguments, said):
     (tmp_path / "file").write_text("in the way")
     done = report(*arguments, cwd=tmp_path)
     assert done.returncode == 2
@@ -74,17 +56,10 @@ def test_bad_input_is_one_sentence(tmp_path, arguments, said):
     assert [path.name for path in tmp_path.iterdir()] == ["file"]
 
 
-def test_ctrl_c_keeps_finished_studies(tmp_path):
-    process = subprocess.Popen(
-        command("--only", "comparison,failures", "--starts", "2", "--workers", "1"),
-        cwd=tmp_path,
-        env=environment(),
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        start_new_session=True,
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
-    )
+@pytest.mark.processes
+def test_ctrl_c_keeps_finished_studies(lockedjoint, tmp_path):
+    arguments = ("--only", "comparison,failures", "--starts", 2, "--workers", 1)
+    process = lockedjoint.start("report", *arguments, cwd=tmp_path)
     front = tmp_path / "results" / "README.md"
     for _ in range(600):
         if front.exists():

@@ -1,64 +1,48 @@
 """Exclude a worst case σ² ≥ t: show that no configuration meets the conditions it implies.
 
-The conditions are the plain blocks B ⪰ 0; (ρ_max(t) − ρ)B ⪰ 0 for blocks of low degree; and
-localisers of J_f J_fᵀ − tI. If positive semidefinite multipliers with Σ tr X = 1 make
-Σ ⟨X, B(x)⟩ equal to a negative number for all x, t is not reached.
+If M − j_f j_fᵀ ⪰ tI for every joint f, then t Σ_k 1/(λ_k − t) ≤ n − 6 for the eigenvalues λ of
+M = JJᵀ (see `closed_form`), and Σ λ_k = 2n for unit revolute columns. Hence
+ρ = ½ Σ (λ_k − n/3)² is at most some ρ_max(t), which falls as t grows. So if no Jacobian has ρ
+below a bound, none has a t for which ρ_max(t) is below that bound.
+
+More is excluded by the conditions together: the plain blocks B ⪰ 0; (ρ_max(t) − ρ)B ⪰ 0 for
+blocks of low degree; and localisers of J_f J_fᵀ − tI. If positive semidefinite multipliers with
+Σ tr X = 1 make Σ ⟨X, B(x)⟩ equal to a negative number for all x, t is not reached.
 """
 
 from __future__ import annotations
 
-import time
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import dataclass, replace
+from math import inf, isfinite, nextafter, sqrt
 
 import numpy as np
 
-from formulations.bounds.so3_moments.blocks.block_family import BlockFamily
-from formulations.bounds.so3_moments.blocks.krylov_localisers import (
-    KrylovLocaliser,
-    KrylovSector,
+from formulations.bounds.so3_moments.blocks.localisers import KrylovLocaliser, ScaledBlocks
+from formulations.bounds.so3_moments.blocks.sampled_blocks import BlockFamily, sector_families
+from formulations.bounds.so3_moments.global_bound import Evidence
+from formulations.bounds.so3_moments.programs.moment_program import margin_program
+from formulations.bounds.so3_moments.relaxation import (
+    FRESH,
+    Progress,
+    residual_values,
+    silent,
+    solve_relaxation,
 )
-from formulations.bounds.so3_moments.blocks.matrix_localisers import (
-    LocaliserSector,
-    MatrixLocaliser,
-)
-from formulations.bounds.so3_moments.blocks.plain_localisers import plain_condition_sum
-from formulations.bounds.so3_moments.blocks.scaled_blocks import ScaledBlocks
-from formulations.bounds.so3_moments.global_bound import ProgramSize
-from formulations.bounds.so3_moments.programs.feasibility_margin import margin_program
-from formulations.bounds.so3_moments.programs.identity_check import (
-    IdentityCheck,
-    check_identity,
-)
-from formulations.bounds.so3_moments.programs.multipliers import nearest_semidefinite
-from formulations.bounds.so3_moments.programs.predictor_corrector import (
-    solve_with_predictor_corrector,
-)
-from formulations.bounds.so3_moments.representations.clebsch_gordan import Floats
 from formulations.bounds.so3_moments.representations.row_sectors import RowSector
 from formulations.bounds.so3_moments.representations.wigner import random_rotations
-from formulations.bounds.so3_moments.residual_bound import (
-    Progress,
-    program_size,
-    residual_values,
-    sampled_program,
-    sector_families,
-)
-from formulations.bounds.so3_moments.spectral_limits import largest_residual
-from nlp.errors import LockedJointError
+from nlp.arrays import FloatArray
+from nlp.errors import InputError
 
 _GAP = 1e-8
-_FRESH = 40
-
-
-class SolverFailureError(LockedJointError):
-    """The solver gave no multipliers at all."""
+_HOW_CHECKED = (
+    "a sum of squares and localisers equal to a negative constant at fresh random "
+    "configurations; multipliers made positive semidefinite, largest difference subtracted"
+)
 
 
 @dataclass(frozen=True)
 class Conditions:
-    """Which conditions of a worst case are put to use.
+    """The conditions of a worst case that are used.
 
     Parameters
     ----------
@@ -66,16 +50,13 @@ class Conditions:
         Sectors of the plain blocks.
     scaled
         Sectors of the blocks that are multiplied by ρ_max(t) − ρ.
-    localised
-        Sectors of the localisers of J_f J_fᵀ − tI on any polynomial vectors.
     krylov
         Sectors of the localisers of J_f J_fᵀ − tI on Krylov vectors.
     """
 
     plain: tuple[RowSector, ...]
     scaled: tuple[RowSector, ...]
-    localised: tuple[LocaliserSector, ...] = ()
-    krylov: tuple[KrylovSector, ...] = ()
+    krylov: tuple[RowSector, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -89,23 +70,13 @@ class Exclusion:
     margin
         Upper bound on the largest s with every block ⪰ sI, after the check; negative if t is
         excluded.
-    size, status, iterations, seconds
-        Of the program.
-    dual_residual, smallest_eigenvalue
-        Of the solver's multipliers.
-    check
-        Details of the check at fresh configurations.
+    evidence
+        The program, its solution and the check at fresh configurations.
     """
 
     t: float
     margin: float
-    size: ProgramSize
-    status: str
-    iterations: int | None
-    dual_residual: float
-    smallest_eigenvalue: float
-    check: Mapping[str, Any] = field(default_factory=dict)
-    seconds: Mapping[str, float] = field(default_factory=dict)
+    evidence: Evidence
 
     @property
     def excluded(self) -> bool:
@@ -116,21 +87,15 @@ class Exclusion:
 def condition_families(conditions: Conditions, joints: int, t: float) -> list[BlockFamily]:
     """Return the blocks that are positive semidefinite wherever the worst case is σ² ≥ t."""
     limit = largest_residual(joints, t)
-    size = 5 * joints / 3  # the mean of ρ, so that all blocks are of one size
+    size = 5 * joints / 3  # the mean of ρ, so that all blocks have a similar size
 
-    def room(rotations: Floats) -> Floats:
-        return (limit - residual_values(rotations)) / size
+    def distance(rotations: FloatArray) -> FloatArray:
+        return np.asarray((limit - residual_values(rotations)) / size)
 
-    plain = sector_families(conditions.plain, joints)
-    scaled = [
-        ScaledBlocks(family, room) for family in sector_families(conditions.scaled, joints)
-    ]
-    localised = [MatrixLocaliser(sector, joints, ((1, t),)) for sector in conditions.localised]
     krylov = [KrylovLocaliser(sector, joints, t) for sector in conditions.krylov]
     return [
-        *plain,
-        *scaled,
-        *(family for family in localised if family.blocks),
+        *sector_families(conditions.plain, joints),
+        *(ScaledBlocks(one, distance) for one in sector_families(conditions.scaled, joints)),
         *(family for family in krylov if family.blocks),
     ]
 
@@ -141,7 +106,7 @@ def exclude_worst_case(
     joints: int,
     *,
     seed: int = 0,
-    progress: Progress | None = None,
+    progress: Progress = silent,
 ) -> Exclusion:
     """Try to show that no unit revolute Jacobian has a worst case σ² ≥ t.
 
@@ -150,63 +115,87 @@ def exclude_worst_case(
     t
         The squared worst case; at most (n − 6)/3.
     conditions
-        What is put to use.
+        The conditions to use.
     joints
         Number n of joints, at least 7.
     seed
-        Of the configurations.
+        Seed of the configurations.
     progress
-        Told in words what is being done.
+        Receives a short message at each step.
     """
-    tell = progress or (lambda _: None)
     rng = np.random.default_rng(seed)
-    clock = [time.perf_counter()]
     families = condition_families(conditions, joints, t)
-    program = sampled_program(families, residual_values, joints, rng, tell)
-    margins = margin_program(program)
-    clock.append(time.perf_counter())
-    tell(f"solving: {program.moments} moments, {len(program.blocks)} blocks")
-    outcome = solve_with_predictor_corrector(margins, gap=_GAP, progress=tell)
-    clock.append(time.perf_counter())
-    if outcome.multipliers is None:
-        raise SolverFailureError(outcome.status)
-    multipliers = outcome.multipliers
-    cleaned = [nearest_semidefinite(x) for x in multipliers]
-    total = sum(float(np.trace(x)) for x, _ in cleaned)
-    fresh = random_rotations(rng, _FRESH, joints)
-    # Localisers on any vectors have no second way of evaluation.
-    plain_fresh = None if conditions.localised else random_rotations(rng, 1, joints)
-    tell("checking the identity at fresh configurations")
-    check = margin_check(
-        families, [x / total for x, _ in cleaned], program.blocks, fresh, plain_fresh
+    solved = solve_relaxation(
+        families, joints, rng, adapt=margin_program, gap=_GAP, progress=progress
     )
-    clock.append(time.perf_counter())
-    return Exclusion(
-        t=t,
-        margin=-check.checked_bound,
-        size=program_size(program),
-        status=outcome.status,
-        iterations=outcome.iterations,
-        dual_residual=float(np.abs(margins.dual_residual(multipliers)).max()),
-        smallest_eigenvalue=min(lowest for _, lowest in cleaned),
-        check=check.to_dict(),
-        seconds=dict(zip(("blocks", "solver", "check"), np.diff(clock).tolist(), strict=True)),
-    )
+    progress("checking the identity at fresh configurations")
+    fresh = random_rotations(rng, FRESH, joints)
+    # 0 − bound = Σ ⟨X, B(x)⟩ for all x.
+    identity = replace(solved.sampled, objective=np.zeros(solved.sampled.moments))
+    bound, evidence = solved.checked(identity, _zero, fresh, _HOW_CHECKED, unit_trace=True)
+    return Exclusion(t, -bound, evidence)
 
 
-def margin_check(
-    families: Sequence[BlockFamily],
-    multipliers: Sequence[Floats],
-    blocks: Sequence[Floats],
-    fresh: Floats,
-    plain_fresh: Floats | None = None,
-) -> IdentityCheck:
-    """Check 0 − bound = Σ ⟨X, B(x)⟩ at fresh configurations, two ways at the second ones."""
-    bound = -sum(float(np.vdot(x, b[0])) for x, b in zip(multipliers, blocks, strict=True))
+def _zero(rotations: FloatArray) -> FloatArray:
+    return np.zeros(len(rotations))
 
-    def nothing(rotations: Floats) -> Floats:
-        return np.zeros(len(rotations))
 
-    return check_identity(
-        families, multipliers, bound, nothing, fresh, plain_fresh, plain_condition_sum
-    )
+def largest_residual(joints: int, t: float) -> float:
+    """Return ρ_max(t), the largest ½ Σ (λ_k − n/3)² that t allows; −inf if it allows none.
+
+    Parameters
+    ----------
+    joints
+        Number n of unit revolute joints, at least 7.
+    t
+        A positive lower bound on the squared worst case.
+
+    Notes
+    -----
+    With d = λ − t, a maximum has d³ − a d² + ν = 0 for all six d and some a and ν ≥ 0, which
+    has at most two positive roots. So p eigenvalues are (6−p)y above the mean and the others
+    py below it, p = 1 … 5, and y is where the condition holds with equality.
+    """
+    if not (isfinite(t) and t > 0):
+        raise InputError("t", t, "a positive finite number")
+    mean, limit = joints / 3 - t, (joints - 6) / t
+    if mean <= 0 or 6 / mean > limit:
+        return -inf
+    return max(3 * p * (6 - p) * _largest_spread(p, mean, limit) ** 2 for p in range(1, 6))
+
+
+def worst_case_limit(joints: int, residual: float) -> float:
+    """Return an upper bound on the worst case σ from a lower bound on the residual ρ.
+
+    Parameters
+    ----------
+    joints
+        Number n of unit revolute joints, at least 7.
+    residual
+        A lower bound on ½‖JJᵀ − (n/3)I‖_F² of all of them.
+
+    Raises
+    ------
+    InputError
+        If there are fewer than 7 joints or the bound is negative or not finite.
+    """
+    if joints < 7:
+        raise InputError("joints", joints, "an integer of at least 7")
+    if not (isfinite(residual) and residual >= 0):
+        raise InputError("residual", residual, "a finite number, not negative")
+    low, high = 0.0, (joints - 6) / 3
+    while low < (middle := 0.5 * (low + high)) < high:
+        if largest_residual(joints, middle) < residual:
+            high = middle
+        else:
+            low = middle
+    return sqrt(high)
+
+
+def _largest_spread(count: int, mean: float, limit: float) -> float:
+    """Return the largest y with p/(mean + (6−p)y) + (6−p)/(mean − py) ≤ limit, rounded up."""
+    low, high = 0.0, mean / count
+    while low < (middle := 0.5 * (low + high)) < high:
+        spent = count / (mean + (6 - count) * middle) + (6 - count) / (mean - count * middle)
+        low, high = (middle, high) if spent <= limit else (low, middle)
+    return nextafter(high, inf)

@@ -1,10 +1,13 @@
-"""A bound that holds for every unit revolute Jacobian, with all that is known of it."""
+"""A bound that holds for every unit revolute Jacobian, and the evidence for it."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from typing import Any, Literal, TypeAlias
+
+from formulations import measures
+from formulations.bounds.so3_moments.programs.moment_program import MomentProgram
 
 Quantity: TypeAlias = Literal["residual", "max-min"]
 Kind: TypeAlias = Literal["numerical", "rigorous", "closed form"]
@@ -31,13 +34,50 @@ class ProgramSize:
     largest_block: int
     svec: int
 
-    def to_dict(self) -> dict[str, int]:
-        """Return plain values for tables and JSON."""
-        return dict(vars(self))
+    @staticmethod
+    def of(program: MomentProgram) -> ProgramSize:
+        """Return the size of a program."""
+        sizes = program.sizes
+        svec = sum(size * (size + 1) // 2 for size in sizes)
+        return ProgramSize(program.moments, len(sizes), max(sizes, default=0), svec)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Evidence:
+    """What a bound rests on.
+
+    Parameters
+    ----------
+    size
+        Size of the moment program, or None if there is none.
+    solver, status, iterations
+        The solver, its status and its number of iterations; all empty without a program.
+    dual_residual
+        Largest violation of the dual equations by the solver's multipliers.
+    smallest_eigenvalue
+        Smallest eigenvalue of the solver's multipliers; negative ones were set to zero before
+        the check.
+    how_checked
+        In words.
+    check
+        Details of the check.
+    seconds
+        Wall time of each phase.
+    """
+
+    size: ProgramSize | None = None
+    solver: str = ""
+    status: str = ""
+    iterations: int | None = None
+    dual_residual: float | None = None
+    smallest_eigenvalue: float | None = None
+    how_checked: str = ""
+    check: Mapping[str, Any] = field(default_factory=dict)
+    seconds: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
-class GlobalBound:
+class GlobalBound(Evidence):
     """A bound on the residual from below or on the max-min measure from above.
 
     Parameters
@@ -52,24 +92,13 @@ class GlobalBound:
     kind
         ``"rigorous"`` only if rounding is accounted for everywhere.
     bound
-        The bound, after all that the check found was subtracted.
+        The bound, after the largest difference of the check was subtracted.
     best_known
         The best value of the quantity that a Jacobian is known to reach, or None.
-    size
-        Size of the moment program, or None if there is none.
-    solver, status, iterations
-        The solver, what it said, and how long it took; all empty without a program.
-    dual_residual
-        Largest violation of the dual equations by the solver's multipliers.
-    smallest_eigenvalue
-        Smallest eigenvalue of the solver's multipliers; negative ones were set to zero before
-        the check.
-    how_checked
-        In words.
-    check
-        Details of the check.
-    seconds
-        Wall time of each phase.
+    size, solver, status, iterations, dual_residual, smallest_eigenvalue
+        Of the program, see `Evidence`.
+    how_checked, check, seconds
+        Of the check, see `Evidence`.
     """
 
     quantity: Quantity
@@ -78,15 +107,6 @@ class GlobalBound:
     kind: Kind
     bound: float
     best_known: float | None
-    size: ProgramSize | None = None
-    solver: str = ""
-    status: str = ""
-    iterations: int | None = None
-    dual_residual: float | None = None
-    smallest_eigenvalue: float | None = None
-    how_checked: str = ""
-    check: Mapping[str, Any] = field(default_factory=dict)
-    seconds: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def gap(self) -> float | None:
@@ -98,27 +118,14 @@ class GlobalBound:
 
     @property
     def gap_percent(self) -> float | None:
-        """The gap in percent of the best known value; None where that is 0 or unknown."""
-        return None if not self.best_known else 100 * (self.gap or 0.0) / self.best_known
+        """`measures.gap_percent`; None where the bound is 0 or no value is known."""
+        if self.best_known is None or not self.bound:
+            return None
+        return measures.gap_percent(self.best_known, self.bound)
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain values for tables and JSON."""
-        return {
-            "quantity": self.quantity,
-            "joints": self.joints,
-            "preset": self.preset,
-            "kind": self.kind,
-            "bound": self.bound,
-            "best_known": self.best_known,
-            "gap": self.gap,
-            "gap_percent": self.gap_percent,
-            "size": None if self.size is None else self.size.to_dict(),
-            "solver": self.solver,
-            "status": self.status,
-            "iterations": self.iterations,
-            "dual_residual": self.dual_residual,
-            "smallest_eigenvalue": self.smallest_eigenvalue,
-            "how_checked": self.how_checked,
-            "check": dict(self.check),
-            "seconds": dict(self.seconds),
-        }
+        evidence = asdict(self)
+        names = ("quantity", "joints", "preset", "kind", "bound", "best_known")
+        head = {name: evidence.pop(name) for name in names}
+        return {**head, "gap": self.gap, "gap_percent": self.gap_percent, **evidence}

@@ -3,29 +3,27 @@
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 from math import sqrt
 
-from formulations.bounds.so3_moments.best_known import best_known_max_min
-from formulations.bounds.so3_moments.blocks.krylov_localisers import KrylovSector
-from formulations.bounds.so3_moments.fixed_worst_case import Conditions, exclude_worst_case
+from formulations.bounds.best_known import best_known
+from formulations.bounds.so3_moments.fixed_worst_case import (
+    Conditions,
+    exclude_worst_case,
+    worst_case_limit,
+)
 from formulations.bounds.so3_moments.global_bound import GlobalBound, Kind
-from formulations.bounds.so3_moments.presets import RESIDUAL_PRESETS
+from formulations.bounds.so3_moments.relaxation import Progress, check_joints, silent
 from formulations.bounds.so3_moments.representations.row_sectors import (
     RowSector,
     without_repetition,
 )
-from formulations.bounds.so3_moments.residual_bound import Progress, residual_bound
+from formulations.bounds.so3_moments.residual_bound import RESIDUAL_PRESETS, residual_bound
 from formulations.bounds.so3_moments.rigorous_residual import rigorous_residual_bound
-from formulations.bounds.so3_moments.spectral_limits import worst_case_limit
 from nlp.errors import InputError
-from nlp.threads import one_blas_thread
+from nlp.native import one_blas_thread
 
 _HOW_CHECKED = "closed form from a lower bound on the residual, which was checked so: "
-_HOW_EXCLUDED = (
-    "a sum of squares and localisers equal to a negative constant at fresh random "
-    "configurations, at one more with blocks evaluated in another way; multipliers made "
-    "positive semidefinite, largest difference subtracted"
-)
 LOCALISED = "localised"
 # The squared worst case that is excluded for seven joints.
 EXCLUDED = 0.3279
@@ -42,7 +40,7 @@ CONDITIONS = Conditions(
     plain=without_repetition([*RESIDUAL_PRESETS["low"].sectors, *_SQUARES]),
     scaled=RESIDUAL_PRESETS["low"].sectors,
     krylov=tuple(
-        KrylovSector(k, c, spin, 4, locked)
+        RowSector(k, c, spin, 4, locked)
         for k, locked in ((0, 0), (2, 0), (1, 1))
         for spin in range(3)
         for c in (0, 2, 4)
@@ -59,7 +57,7 @@ def max_min_bound(
     *,
     rigorous: bool = False,
     seed: int = 0,
-    progress: Progress | None = None,
+    progress: Progress = silent,
 ) -> GlobalBound:
     """Bound the worst case (5) of all unit revolute Jacobians from above.
 
@@ -96,63 +94,41 @@ def max_min_bound(
     """
     if preset not in (*RESIDUAL_PRESETS, LOCALISED):
         raise InputError("preset", preset, ", ".join((*RESIDUAL_PRESETS, LOCALISED)))
-    if joints not in range(7, 10):
-        raise InputError("joints", joints, "an integer from 7 to 9")
+    check_joints(joints, smallest=7)
     if preset == LOCALISED and rigorous:
         raise InputError("rigorous", rigorous, f"False for the preset {LOCALISED}")
-    best = best_known_max_min(joints)
+    best = best_known("max-min", "unit-revolute", joints)
     if joints > 7:
         bound = sqrt((joints - 6) / 3) + _ROUNDING
         return GlobalBound(
             "max-min", joints, preset, "closed form", bound, best, how_checked="eq. (6)"
         )
     if preset == LOCALISED:
-        return _localised(joints, seed, progress)
-    kind: Kind = "rigorous" if rigorous else "numerical"
-    if rigorous:
-        residual = rigorous_residual_bound(preset, joints, seed=seed, progress=progress)
-    else:
-        residual = residual_bound(preset, joints, seed=seed, progress=progress)
+        return _localised(joints, best, seed, progress)
+    lower_bound = rigorous_residual_bound if rigorous else residual_bound
+    residual = lower_bound(preset, joints, seed=seed, progress=progress)
     start = time.perf_counter()
     limit = worst_case_limit(joints, residual.bound) + _ROUNDING
-    seconds = {**residual.seconds, "closed form": time.perf_counter() - start}
-    return GlobalBound(
+    return replace(
+        residual,
         quantity="max-min",
-        joints=joints,
-        preset=preset,
-        kind=kind,
         bound=limit,
         best_known=best,
-        size=residual.size,
-        solver=residual.solver,
-        status=residual.status,
-        iterations=residual.iterations,
-        dual_residual=residual.dual_residual,
-        smallest_eigenvalue=residual.smallest_eigenvalue,
         how_checked=_HOW_CHECKED + residual.how_checked,
         check={"residual_bound": residual.bound, **residual.check},
-        seconds=seconds,
+        seconds={**residual.seconds, "closed form": time.perf_counter() - start},
     )
 
 
-def _localised(joints: int, seed: int, progress: Progress | None) -> GlobalBound:
-    """Return the root of the excluded squared worst case, or the bound (6) if it is not."""
+def _localised(joints: int, best: float | None, seed: int, progress: Progress) -> GlobalBound:
+    """Return the root of the squared worst case if it is excluded, else the bound (6)."""
     found = exclude_worst_case(EXCLUDED, CONDITIONS, joints, seed=seed, progress=progress)
     squared = found.t if found.excluded else (joints - 6) / 3
-    return GlobalBound(
-        quantity="max-min",
-        joints=joints,
-        preset=LOCALISED,
-        kind="numerical" if found.excluded else "closed form",
-        bound=sqrt(squared) + _ROUNDING,
-        best_known=best_known_max_min(joints),
-        size=found.size,
-        solver="predictor-corrector",
-        status=found.status,
-        iterations=found.iterations,
-        dual_residual=found.dual_residual,
-        smallest_eigenvalue=found.smallest_eigenvalue,
-        how_checked=_HOW_EXCLUDED if found.excluded else "not excluded; eq. (6)",
-        check={"excluded": found.t, "margin": found.margin, **found.check},
-        seconds=found.seconds,
+    evidence = replace(
+        found.evidence,
+        how_checked=found.evidence.how_checked if found.excluded else "not excluded; eq. (6)",
+        check={"excluded": found.t, "margin": found.margin, **found.evidence.check},
     )
+    kind: Kind = "numerical" if found.excluded else "closed form"
+    bound = sqrt(squared) + _ROUNDING
+    return GlobalBound("max-min", joints, LOCALISED, kind, bound, best, **vars(evidence))

@@ -8,44 +8,44 @@ errors of these values, |f| ≤ δ everywhere, and ρ = b + s̄ + f ≥ b − δ
 
 from __future__ import annotations
 
-import time
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
 from math import inf, nextafter
-from typing import Any
 
 import numpy as np
 
-from formulations.bounds.so3_moments.best_known import best_known_residual
+from formulations.bounds.best_known import best_known
 from formulations.bounds.so3_moments.blocks.enclosed_squares import (
     SAFETY,
     enclosed_block,
     enclosed_sums,
 )
-from formulations.bounds.so3_moments.blocks.invariant_basis import invariant_basis
-from formulations.bounds.so3_moments.blocks.invariant_dimension import invariant_dimension
-from formulations.bounds.so3_moments.blocks.sampled_blocks import SectorBlocks
-from formulations.bounds.so3_moments.global_bound import GlobalBound
-from formulations.bounds.so3_moments.presets import residual_preset
-from formulations.bounds.so3_moments.programs.dual_refinement import refined_multipliers
-from formulations.bounds.so3_moments.programs.predictor_corrector import (
-    solve_with_predictor_corrector,
+from formulations.bounds.so3_moments.blocks.invariants import (
+    invariant_basis,
+    invariant_dimension,
 )
-from formulations.bounds.so3_moments.representations.clebsch_gordan import Floats
+from formulations.bounds.so3_moments.blocks.sampled_blocks import SectorBlocks, sector_families
+from formulations.bounds.so3_moments.global_bound import GlobalBound
+from formulations.bounds.so3_moments.programs.multipliers import (
+    refined_multipliers,
+    semidefinite_root,
+)
+from formulations.bounds.so3_moments.relaxation import (
+    Progress,
+    check_joints,
+    residual_values,
+    silent,
+    solve_relaxation,
+)
 from formulations.bounds.so3_moments.representations.rounding import ROTATION_ENTRY, gamma
 from formulations.bounds.so3_moments.representations.wigner import (
     jacobians_of,
     random_rotations,
 )
-from formulations.bounds.so3_moments.residual_bound import (
-    Progress,
-    check_joints,
-    program_size,
-    residual_values,
-    sampled_program,
-    sector_families,
-)
+from formulations.bounds.so3_moments.residual_bound import residual_preset
+from nlp.arrays import FloatArray
 from nlp.errors import InputError
-from nlp.threads import one_blas_thread
+from nlp.native import one_blas_thread
 
 _DEGREE = 12
 _POINTS = 560
@@ -81,14 +81,10 @@ class DefectBound:
     basis_defect: float
     defect: float
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain values for tables and JSON."""
-        return dict(vars(self))
-
 
 @one_blas_thread
 def rigorous_residual_bound(
-    preset: str = "fast", joints: int = 7, *, seed: int = 0, progress: Progress | None = None
+    preset: str = "fast", joints: int = 7, *, seed: int = 0, progress: Progress = silent
 ) -> GlobalBound:
     """Prove a lower bound on ½‖JJᵀ − (n/3)I‖_F² of all unit revolute Jacobians.
 
@@ -99,71 +95,56 @@ def rigorous_residual_bound(
     joints
         Number n of joints, 6 to 9.
     seed
-        Of the configurations.
+        Seed of the configurations.
     progress
-        Told in words what is being done.
+        Receives a short message at each step.
 
     Returns
     -------
     GlobalBound
         Of kind ``"rigorous"``: it rests on the standard model of double precision arithmetic
-        and on nothing that the solver says. Its `check` holds the parts of the defect.
+        and not on the solver. Its `check` holds the parts of the defect.
 
     Raises
     ------
     InputError
         If the preset or the number of joints is not allowed.
+    SolverFailureError
+        If the solver gives no multipliers.
     NoBasisError
         If the points do not determine all invariants.
     """
     choice = residual_preset(preset)
     check_joints(joints)
-    tell = progress or (lambda _: None)
     rng = np.random.default_rng(seed)
-    clock = [time.perf_counter()]
     families = sector_families(choice.sectors, joints)
-    program = sampled_program(families, residual_values, joints, rng, tell)
-    clock.append(time.perf_counter())
-    tell(f"solving: {program.moments} moments, {len(program.blocks)} blocks")
-    outcome = solve_with_predictor_corrector(program, gap=_GAP, progress=tell)
-    if outcome.multipliers is None:
-        raise InputError("preset", preset, "one whose program the solver can solve")
-    multipliers = refined_multipliers(program, outcome.multipliers)
-    clock.append(time.perf_counter())
-    tell("bounding what is left of the identity over all configurations")
+    solved = solve_relaxation(families, joints, rng, gap=_GAP, progress=progress)
+    multipliers = refined_multipliers(solved.program, solved.multipliers)
+    progress("bounding the difference of the two sides over all configurations")
     rotations = random_rotations(rng, _POINTS, joints)
-    claimed = program.dual_value(multipliers)
-    details = bound_defect(families, multipliers, claimed, rotations, tell)
-    clock.append(time.perf_counter())
-    names = ("blocks", "solver", "proof")
-    return GlobalBound(
-        quantity="residual",
-        joints=joints,
-        preset=preset,
-        kind="rigorous",
-        bound=max(0.0, nextafter(claimed - details.defect, -inf)),
-        best_known=best_known_residual(joints),
-        size=program_size(program),
-        solver="predictor-corrector",
-        status=outcome.status,
-        iterations=outcome.iterations,
-        dual_residual=float(np.abs(program.dual_residual(multipliers)).max()),
-        smallest_eigenvalue=float(min(np.linalg.eigvalsh(x)[0] for x in multipliers)),
-        how_checked=_HOW_CHECKED,
-        check={"claimed_bound": claimed, **details.to_dict()},
-        seconds=dict(zip(names, np.diff(clock).tolist(), strict=True)),
+    claimed = solved.program.dual_value(multipliers)
+    details = bound_defect(families, multipliers, claimed, rotations, progress=progress)
+    bound = max(0.0, nextafter(claimed - details.defect, -inf))
+    evidence = solved.evidence(
+        _HOW_CHECKED,
+        {"claimed_bound": claimed, **asdict(details)},
+        multipliers,
+        float(min(np.linalg.eigvalsh(x)[0] for x in multipliers)),
+        phase="proof",
     )
+    best = best_known("residual", "unit-revolute", joints)
+    return GlobalBound("residual", joints, preset, "rigorous", bound, best, **vars(evidence))
 
 
 def bound_defect(
-    families: list[SectorBlocks],
-    multipliers: list[Floats],
+    families: Sequence[SectorBlocks],
+    multipliers: Sequence[FloatArray],
     claimed: float,
-    rotations: Floats,
-    tell: Progress,
+    rotations: FloatArray,
     *,
     degree: int = _DEGREE,
     spanning: str = "compact",
+    progress: Progress = silent,
 ) -> DefectBound:
     """Bound |ρ − claimed − s̄| over all configurations.
 
@@ -177,29 +158,37 @@ def bound_defect(
         The constant b.
     rotations
         The points at which everything is evaluated, (points, n, 3, 3).
-    tell
-        Told what is being done.
     degree
         Twice the largest degree of the rows, at least 4.
     spanning
         Preset whose blocks span all invariants of that degree.
+    progress
+        Receives a short message at each step.
+
+    Raises
+    ------
+    InputError
+        If a block has rows of more than half of `degree`: then its squares are outside of the
+        space of invariants.
+    NoBasisError
+        If the points do not determine all invariants.
     """
+    for sector in (family.sector for family in families):
+        if 2 * sector.degree > degree:
+            raise InputError("families", sector, f"rows of degree at most {degree // 2}")
     joints = rotations.shape[1]
     dimension = invariant_dimension(joints, degree)
     sums, errors = np.zeros(len(rotations)), np.zeros(len(rotations))
-    start = 0
+    remaining = iter(multipliers)
     for number, family in enumerate(families, start=1):
-        tell(f"evaluating sums of squares with error bounds: {number} of {len(families)}")
-        own = multipliers[start : start + len(family.blocks)]
-        start += len(own)
+        progress(f"evaluating sums of squares with error bounds: {number} of {len(families)}")
         enclosed = [
-            enclosed_block(family, block, _root(x))
-            for block, x in zip(family.blocks, own, strict=True)
+            enclosed_block(family, block, _root(next(remaining))) for block in family.blocks
         ]
         part, wrong = enclosed_sums(family, enclosed, rotations)
         sums += part
         errors += wrong
-    tell(f"proving a basis of the {dimension} invariants of degree {degree}")
+    progress(f"proving a basis of the {dimension} invariants of degree {degree}")
     spanned = sector_families(residual_preset(spanning).sectors, joints)
     basis = invariant_basis(spanned, rotations, dimension)
     residuals = residual_values(rotations)
@@ -216,7 +205,7 @@ def bound_defect(
     )
 
 
-def residual_error(rotations: Floats) -> Floats:
+def residual_error(rotations: FloatArray) -> FloatArray:
     """Return a bound on the rounding error of the residual at each point.
 
     The entries of J are off by `ROTATION_ENTRY`, those of JJᵀ by the sum over the columns, and
@@ -231,7 +220,7 @@ def residual_error(rotations: Floats) -> Floats:
     return np.asarray(SAFETY * (size * whole + whole**2 + gamma(40) * size**2))
 
 
-def _root(multiplier: Floats) -> Floats:
-    values, vectors = np.linalg.eigh(multiplier)
-    kept = values > 0
-    return np.asarray(vectors[:, kept] * np.sqrt(values[kept]))
+def _root(multiplier: FloatArray) -> FloatArray:
+    """Return R with RRᵀ the nearest semidefinite matrix, without columns of zeros."""
+    root, _ = semidefinite_root(multiplier)
+    return np.asarray(root[:, root.any(axis=0)])

@@ -11,8 +11,8 @@ inequalities) with Z₁₁ = μI, Z₂₂ = Σ ν_k A_k and Σ ν_k b_k = 1, eve
 
     d = −μ(n − m) − 2 tr Z₁₂ + tr Z₂₂.
 
-A solver's multipliers obey all this only nearly. Here the equations are enforced, and what Z
-then lacks in semidefiniteness, λ = λ_min(Z) < 0, is paid for: ⟨Z, B⟩ ≥ λ tr B, and
+A solver's multipliers satisfy this only approximately. Here the equations are enforced, and a
+negative λ = λ_min(Z) that results is accounted for: ⟨Z, B⟩ ≥ λ tr B, and
 tr B ≤ n − 2m + s m, so s ≥ (d + λ(n − 2m))/(1 − λ m).
 """
 
@@ -26,13 +26,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from formulations.bounds.worst_case.problem import LinearFact, WorstCase
+from nlp.arrays import finite_or_none
 
 Matrix: TypeAlias = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
 class WorstCaseMultipliers:
-    """Dual variables of the bound, as a solver left them.
+    """Dual variables of the bound, as a solver returned them.
 
     Parameters
     ----------
@@ -48,15 +49,19 @@ class WorstCaseMultipliers:
     redundancy: float
     facts: tuple[float, ...]
 
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain values for JSON."""
+        return {**vars(self), "matrix": self.matrix.tolist(), "facts": list(self.facts)}
+
 
 @dataclass(frozen=True)
 class WorstCaseCertificate:
-    """What the multipliers prove once their leftovers are paid for.
+    """What the multipliers prove once their violations are accounted for.
 
     Parameters
     ----------
     dual_value
-        d of the multipliers as the solver left them.
+        d of the multipliers as the solver returned them.
     residual
         Largest violation of the dual equations by those multipliers.
     smallest_eigenvalue
@@ -70,18 +75,17 @@ class WorstCaseCertificate:
     smallest_eigenvalue: float
     proved_value: float
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, float | None]:
         """Return plain values; None stands for an infinite one."""
-        return {k: v if math.isfinite(v) else None for k, v in vars(self).items()}
+        return {name: finite_or_none(value) for name, value in vars(self).items()}
 
 
 def scaled_facts(problem: WorstCase) -> tuple[LinearFact, ...]:
     """Return the trace limit and the facts of a problem, scaled so that the limit is m."""
     m = problem.task_dimension
-    unit = problem.trace / m
     limit = LinearFact("trace", np.eye(m), float(m), "at most")
     scaled = [
-        LinearFact(fact.name, fact.matrix, fact.value / unit, fact.relation)
+        LinearFact(fact.name, fact.matrix, fact.value / problem.unit, fact.relation)
         for fact in problem.facts
     ]
     return (limit, *scaled)
@@ -90,7 +94,7 @@ def scaled_facts(problem: WorstCase) -> tuple[LinearFact, ...]:
 def check_multipliers(
     problem: WorstCase, multipliers: WorstCaseMultipliers
 ) -> WorstCaseCertificate:
-    """Return what the multipliers prove, by weak duality, whoever made them.
+    """Return what the multipliers prove, by weak duality, wherever they come from.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What a bound on the worst case knows of a robot: n, m, tr JJᵀ and linear facts about JJᵀ.
+"""What a bound on the worst case uses of a robot: n, m, tr JJᵀ and linear facts about JJᵀ.
 
 A fact about M = JJᵀ is ⟨A, M⟩ = b or ⟨A, M⟩ ≤ b for every Jacobian of a column model.
 """
@@ -12,12 +12,8 @@ from typing import Literal, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from formulations.bounds.closed_form import (
-    block_trace_bound,
-    check_dimensions,
-    check_trace,
-    largest_eigenvalue_bound,
-)
+from formulations import measures
+from formulations.bounds.closed_form import block_trace_bound, check_dimensions, check_trace
 from nlp.errors import InputError
 
 Matrix: TypeAlias = NDArray[np.float64]
@@ -31,7 +27,7 @@ class LinearFact:
     Parameters
     ----------
     name
-        What it says, for tables.
+        Its meaning, for tables.
     matrix
         A, symmetric, m×m.
     value
@@ -72,9 +68,9 @@ class WorstCase:
     trace
         Upper limit of tr JJᵀ, in the squared units of J.
     facts
-        What else holds of JJᵀ, each with an m×m matrix.
+        Other facts about JJᵀ, each with an m×m matrix.
     closed_form
-        The bound on t that a formula gives, where there is one.
+        The bound on t in closed form, where there is one.
 
     Raises
     ------
@@ -96,6 +92,11 @@ class WorstCase:
                 allowed = f"matrices with {self.task_dimension} rows"
                 raise InputError("facts", fact.matrix.shape, allowed)
 
+    @property
+    def unit(self) -> float:
+        """The scale of eigenvalues: trace/m, the largest possible mean eigenvalue of JJᵀ."""
+        return self.trace / self.task_dimension
+
 
 def free_columns(joints: int, task_dimension: int, *, trace: float | None = None) -> WorstCase:
     """Return the class of all m×n Jacobians with tr JJᵀ at most `trace`: eq. (6).
@@ -115,7 +116,7 @@ def free_columns(joints: int, task_dimension: int, *, trace: float | None = None
         Unless 1 ≤ m < n and the trace is positive and finite.
     """
     total = float(task_dimension if trace is None else trace)
-    closed_form = largest_eigenvalue_bound(joints, task_dimension, trace=total)
+    closed_form = measures.eigenvalue_bound(task_dimension, joints, total)
     return WorstCase(joints, task_dimension, total, closed_form=closed_form)
 
 
@@ -123,9 +124,9 @@ def revolute_arm(joints: int, *, lever_arm: float = 1.0) -> WorstCase:
     """Return the class of arms of revolute joints, rows v above rows ω.
 
     Each column has |ω_i| = 1 and v_i · ω_i = 0, as in eq. (21), but a lever arm |v_i| that is
-    free up to `lever_arm`, for each joint or in root mean square. `lever_arm` 1 covers the unit
-    revolute joints of eq. (21). Hence the trace of the ω block of JJᵀ is n, that of the v block
-    at most nℓ², and that of the cross block 0.
+    free up to `lever_arm`, for each joint or in root mean square. A `lever_arm` of 1 includes
+    the unit revolute joints of eq. (21). Hence the trace of the ω block of JJᵀ is n, that of
+    the v block at most nℓ², and that of the cross block 0.
 
     Parameters
     ----------

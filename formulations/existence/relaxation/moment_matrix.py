@@ -1,14 +1,29 @@
-"""Moment matrices seen through a few combinations of their rows, without storing them."""
+"""The moment matrix as small blocks that depend affinely on the free moments.
+
+An entry is the moment of a class of monomials, found by array look-up. There are few multisets
+of edges (1771 of three edges on seven joints) but millions of pairs of them, so the whole
+matrix is never stored.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import permutations
 from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from formulations.existence.relaxation.moment_table import MomentTable
-from formulations.existence.relaxation.row_sectors import RowSector
+from formulations.existence.graphs import Monomial
+from formulations.existence.relaxation.numbered_monomials import (
+    EdgeMultisets,
+    Integers,
+    RowSector,
+)
+from formulations.existence.relaxation.row_bases import RowBasis
+from formulations.existence.relaxation.tableaux import Shape
+from nlp.errors import InputError
 
 Matrix: TypeAlias = NDArray[np.float64]
 
@@ -16,26 +31,69 @@ Matrix: TypeAlias = NDArray[np.float64]
 _ENTRIES_AT_ONCE = 2_000_000
 
 
-def projected_moment_matrices(
-    sector: RowSector, table: MomentTable, moments: Matrix, basis: Matrix
-) -> Matrix:
-    """Return basisᵀ·M_k·basis for moment matrices M_k given by their class moments.
+@dataclass(frozen=True, eq=False)
+class MomentBlock:
+    """One block of the moment matrix, B_0 + Σ_k y_k B_k for free moments y_k.
 
     Parameters
     ----------
-    sector
-        The rows of one charge.
-    table
-        The class of every monomial.
-    moments
-        Class moments, one column per matrix: shape (classes, K).
-    basis
-        Columns in the rows of this sector: shape (length, r).
+    charge, shape
+        The charge of its rows and the partition of their representation.
+    copies
+        Number of rows before the equations were taken out.
+    matrices
+        B_0, B_1, …: shape (1 + free moments, size, size).
+    """
 
-    Returns
-    -------
-    ndarray
-        Shape (K, r, r).
+    charge: int
+    shape: Shape
+    copies: int
+    matrices: Matrix
+
+    @property
+    def size(self) -> int:
+        """Number of rows."""
+        return int(self.matrices.shape[1])
+
+    def at(self, free: NDArray[np.float64]) -> Matrix:
+        """Return the block at given free moments."""
+        return np.tensordot(np.concatenate([[1.0], free]), self.matrices, axes=1)
+
+
+def moment_blocks(
+    bases: Sequence[RowBasis], sector: RowSector, tables: Sequence[Integers], moments: Matrix
+) -> list[MomentBlock]:
+    """Return the blocks of one charge.
+
+    Parameters
+    ----------
+    bases
+        The rows, per representation.
+    sector
+        The monomials that the rows are made of.
+    tables
+        The class of every monomial, from `class_tables`.
+    moments
+        Class moments, a column for the constant part and for each free moment.
+    """
+    kept = [basis for basis in bases if basis.rows.shape[1]]
+    together = np.hstack([basis.rows for basis in kept])
+    projected = _projected(sector, tables, moments, together)
+    ends = np.cumsum([0] + [basis.rows.shape[1] for basis in kept])
+    blocks = []
+    for basis, start, end in zip(kept, ends, ends[1:], strict=False):
+        matrices = projected[:, start:end, start:end]
+        symmetric = 0.5 * (matrices + matrices.transpose(0, 2, 1))
+        blocks.append(MomentBlock(basis.charge, basis.shape, basis.copies, symmetric))
+    return blocks
+
+
+def _projected(
+    sector: RowSector, tables: Sequence[Integers], moments: Matrix, basis: Matrix
+) -> Matrix:
+    """Return basisᵀ·M_k·basis, shape (K, r, r), for the K moment matrices M_k.
+
+    M_k is given by its class moments, column k of `moments`; `basis` has shape (length, r).
     """
     result = np.zeros((moments.shape[1], basis.shape[1], basis.shape[1]))
     for p, q in sector.types:
@@ -49,8 +107,48 @@ def projected_moment_matrices(
             for start in range(0, len(left), step):
                 part = left[start : start + step]
                 u_w, u_wbar = np.divmod(np.arange(start, start + len(part)), len(w))
-                found = table.tables[q + r][w[u_wbar][:, :, None], wbar[u_w][:, None, :]]
+                found = tables[q + r][w[u_wbar][:, :, None], wbar[u_w][:, None, :]]
                 found = found.reshape(len(part), -1)
                 for k, values in enumerate(moments.T):
                     result[k] += part.T @ (values[found] @ right)
     return result
+
+
+def class_tables(graphs: Sequence[Monomial], multisets: EdgeMultisets) -> tuple[Integers, ...]:
+    """Tabulate the classes by relabelling one monomial of each in every way.
+
+    Parameters
+    ----------
+    graphs
+        One monomial per class, of at most the order of the multisets.
+    multisets
+        The numbering of multisets of edges.
+
+    Returns
+    -------
+    tuple of ndarray
+        For each size p, the class of (multiset of W, multiset of conj(W)): shape (N_p, N_p).
+
+    Raises
+    ------
+    InputError
+        If some monomial belongs to no class or to two.
+    """
+    sizes = [len(members) for members in multisets.members]
+    tables = tuple(np.full((size, size), -1, dtype=np.int32) for size in sizes)
+    orders = np.array(list(permutations(range(multisets.joints))))
+    for place, graph in enumerate(graphs):
+        table = tables[len(graph.w)]
+        w, wbar = (
+            multisets.images(multisets.members[len(pairs)][multisets.of_pairs(pairs)], orders)
+            for pairs in (graph.w, graph.wbar)
+        )
+        if not np.isin(table[w, wbar], (-1, place)).all():
+            raise InputError(
+                "graphs", graph, "one monomial of each class, this one is a second"
+            )
+        table[w, wbar] = place
+        table[wbar, w] = place
+    if any((table < 0).any() for table in tables):
+        raise InputError("graphs", len(graphs), "one monomial of each class, some are missing")
+    return tables

@@ -1,33 +1,119 @@
 """The existence of an isotropic Jacobian with equal columns, tested by its moments.
 
-A relaxation: `infeasible` excludes such Jacobians (numerically), `feasible` says nothing.
+A relaxation: `infeasible` excludes such Jacobians (numerically), `feasible` proves nothing.
 """
 
 from __future__ import annotations
 
 import time
 from collections.abc import Mapping
-from typing import Any
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any, Literal, TypeAlias
 
 from threadpoolctl import threadpool_limits
 
 from formulations.existence.equations import Frame
-from formulations.existence.relaxation.edge_multisets import edge_multisets
 from formulations.existence.relaxation.linear_moments import (
     LinearMoments,
     solve_moment_equations,
 )
-from formulations.existence.relaxation.margin_certificate import moment_limits
-from formulations.existence.relaxation.margin_sdp import Margin, solve_margin
-from formulations.existence.relaxation.moment_blocks import (
+from formulations.existence.relaxation.margin import Margin, moment_limits, solve_margin
+from formulations.existence.relaxation.moment_matrix import (
     MomentBlock,
+    class_tables,
     moment_blocks,
-    row_bases,
 )
-from formulations.existence.relaxation.moment_table import moment_table
-from formulations.existence.relaxation.outcome import ExistenceRelaxation
-from formulations.existence.relaxation.row_sectors import RowSector
+from formulations.existence.relaxation.numbered_monomials import EdgeMultisets, RowSector
+from formulations.existence.relaxation.row_bases import row_bases
+from formulations.existence.relaxation.tableaux import dimension
+from nlp.conic import check_solver
 from nlp.errors import InputError
+
+Verdict: TypeAlias = Literal["inconsistent", "infeasible", "feasible", "undecided"]
+
+
+@dataclass(frozen=True, eq=False)
+class ExistenceRelaxation:
+    """Outcome of the moment relaxation of one order.
+
+    Parameters
+    ----------
+    moments
+        Exact solution of the linear equations between the moments.
+    blocks
+        The blocks of the moment matrix; none if the equations are inconsistent.
+    margin
+        The largest possible smallest eigenvalue over all blocks, and its check; or None.
+    alone
+        The same for each block by itself.
+    rank_doubt
+        Largest singular value taken for zero, over the smallest taken for nonzero, where rows
+        that the equations send to zero were taken out.
+    solver
+        Name of the conic solver.
+    seconds
+        Wall time of each stage.
+    """
+
+    moments: LinearMoments
+    blocks: tuple[MomentBlock, ...]
+    margin: Margin | None
+    alone: tuple[Margin, ...]
+    rank_doubt: float
+    solver: str
+    seconds: Mapping[str, float]
+
+    @property
+    def verdict(self) -> Verdict:
+        """The conclusion for these moments.
+
+        ``"inconsistent"``: the linear equations contradict each other (exact arithmetic).
+        ``"infeasible"``: no solution's moments make all blocks positive semidefinite, and
+        ``"feasible"``: the moments found do (both numerical). ``"undecided"``: neither was
+        shown.
+        """
+        if self.margin is None:
+            return "inconsistent"
+        if self.margin.certificate.infeasible:
+            return "infeasible"
+        return "feasible" if self.margin.certificate.feasible else "undecided"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain values for tables and JSON."""
+        moments, margin = self.moments, self.margin
+        return {
+            "kind": "exact" if self.verdict == "inconsistent" else "numerical",
+            "verdict": self.verdict,
+            "order": moments.order,
+            "joints": moments.frame.joints,
+            "task_dimension": moments.frame.task_dimension,
+            "diagonal": moments.frame.diagonal,
+            "classes": len(moments.classes),
+            "equations": moments.equations,
+            "rank": moments.rank,
+            "consistent": moments.consistent,
+            "free_moments": [{"w": graph.w, "wbar": graph.wbar} for graph in moments.free],
+            "largest_block": max((block.size for block in self.blocks), default=0),
+            "margin": None if margin is None else margin.value,
+            "certificate": None if margin is None else margin.certificate.to_dict(),
+            "blocks": [
+                {
+                    "charge": block.charge,
+                    "representation": block.shape,
+                    "dimension": dimension(block.shape),
+                    "copies": block.copies,
+                    "size": block.size,
+                    "margin_alone": alone.value,
+                    "infeasible_alone": alone.certificate.infeasible,
+                }
+                for block, alone in zip(self.blocks, self.alone, strict=True)
+            ],
+            "rank_doubt": self.rank_doubt,
+            "solver": self.solver,
+            "status": None if margin is None else margin.status,
+            "seconds": dict(self.seconds),
+        }
 
 
 def existence_relaxation(
@@ -65,7 +151,7 @@ def existence_relaxation(
     Raises
     ------
     InputError
-        If an argument is out of range.
+        If an argument is out of range or there is no such solver, before any computation.
 
     Notes
     -----
@@ -73,6 +159,7 @@ def existence_relaxation(
     scaled so that JJᵀ = I.
     """
     frame = _frame(order, joints, task_dimension, diagonal)
+    check_solver(solver)
     clock = [time.perf_counter()]
     moments = solve_moment_equations(frame, order)
     clock.append(time.perf_counter())
@@ -83,16 +170,13 @@ def existence_relaxation(
     alone: list[Margin] = []
     if blocks:
         limits = moment_limits(moments)
-        margin = solve_margin(blocks, limits, solver=solver, options=options)
-        alone += [
-            solve_margin([block], limits, solver=solver, options=options) for block in blocks
-        ]
+        margin, *alone = (
+            solve_margin(chosen, limits, solver=solver, options=options)
+            for chosen in (blocks, *((block,) for block in blocks))
+        )
     clock.append(time.perf_counter())
-    stages = ("equations", "blocks", "solver")
-    seconds = {
-        stage: end - start
-        for stage, start, end in zip(stages, clock[:-1], clock[1:], strict=True)
-    }
+    times = (end - start for start, end in pairwise(clock))
+    seconds = dict(zip(("equations", "blocks", "solver"), times, strict=True))
     return ExistenceRelaxation(moments, blocks, margin, tuple(alone), doubt, solver, seconds)
 
 
@@ -110,14 +194,14 @@ def _frame(order: int, joints: int, task_dimension: int | None, diagonal: bool) 
 def _blocks(moments: LinearMoments) -> tuple[tuple[MomentBlock, ...], float]:
     """Return all blocks of charge 0 and up, and the doubt about their sizes."""
     frame = moments.frame
-    multisets = edge_multisets(frame.joints, moments.order, loops=frame.diagonal)
-    table = moment_table(moments.classes, multisets)
+    multisets = EdgeMultisets(frame.joints, moments.order, frame.diagonal)
+    tables = class_tables(moments.classes, multisets)
     coefficients = moments.coefficients()
     blocks: list[MomentBlock] = []
     doubt = 0.0
     for charge in range(moments.order + 1):
-        sector = RowSector(multisets, charge, moments.order)
+        sector = RowSector(multisets, charge)
         bases = row_bases(sector, frame)
         doubt = max(doubt, *(basis.doubt for basis in bases))
-        blocks += moment_blocks(bases, sector, table, coefficients)
+        blocks += moment_blocks(bases, sector, tables, coefficients)
     return tuple(blocks), doubt

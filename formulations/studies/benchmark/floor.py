@@ -1,4 +1,4 @@
-"""The floor: Levenberg–Marquardt for the residual written out in C, no library at all."""
+"""The floor: Levenberg–Marquardt for the residual written out in C, without any library."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from formulations.studies.benchmark.peer import NotRunError, Peer, Run, each
 from nlp.arrays import FloatArray
 from nlp.compiled import shared_library
 
-# All of -ffast-math but what would round subnormal numbers to 0 in the whole process.
+# -ffast-math without its flag that rounds subnormal numbers to 0 in the whole process.
 _FLAGS = (
     *("-O3", "-march=native", "-fno-math-errno", "-fno-trapping-math", "-fassociative-math"),
     *("-fno-signed-zeros", "-ffinite-math-only", "-fPIC", "-shared"),
@@ -27,14 +27,13 @@ def _prepare(arm: Arm, batch: int, exact: bool) -> Run:  # noqa: ARG001
     library = shared_library(code, _FLAGS)
     if library is None:
         raise NotRunError("no C compiler")
-    call = ctypes.CDLL(str(library)).levenberg_marquardt
-    pointer = ctypes.POINTER(ctypes.c_double)
-    call.argtypes = [ctypes.c_int] * 3 + [ctypes.c_double, pointer, pointer]
-    m, n = arm.shape
+    solve = ctypes.CDLL(str(library)).levenberg_marquardt
+    vector = np.ctypeslib.ndpointer(np.float64, flags="C_CONTIGUOUS")
+    solve.argtypes = [ctypes.c_int] * 3 + [ctypes.c_double, vector, vector]
 
     def one(start: FloatArray) -> FloatArray:
-        x, out = start.copy(), np.empty((m, n))
-        call(n, exact, _MOST, _GRADIENT, x.ctypes.data_as(pointer), out.ctypes.data_as(pointer))
+        out = np.empty(arm.shape)
+        solve(arm.shape[1], exact, _MOST, _GRADIENT, start.copy(), out)
         return out
 
     return each(one, arm.shape)

@@ -9,8 +9,8 @@ import numpy as np
 
 from formulations import residual
 from formulations.joints.arm import Arm
+from formulations.studies.benchmark import unit_revolute as hand
 from formulations.studies.benchmark.peer import Peer, Run
-from nlp.arrays import FloatArray
 
 _STEPS, _GRADIENT = 300, 1e-7
 
@@ -21,26 +21,8 @@ def _prepare(arm: Arm, batch: int, exact: bool) -> Run:
     jax.config.update("jax_enable_x64", True)
     from jax import numpy as jnp
 
-    rows, columns = np.triu_indices(6)
-    weights = np.where(rows == columns, np.sqrt(0.5), 1.0)
-
-    def matrix(angles: Any) -> Any:
-        alpha, beta, gamma = angles.reshape(-1, 3).T
-        sin_a, cos_a, sin_b, cos_b = (
-            jnp.sin(alpha),
-            jnp.cos(alpha),
-            jnp.sin(beta),
-            jnp.cos(beta),
-        )
-        first = jnp.stack([cos_a * sin_b, sin_a * sin_b, -cos_b])
-        second = jnp.stack([sin_a, -cos_a, jnp.zeros_like(sin_a)])
-        axis = jnp.stack([cos_a * cos_b, sin_a * cos_b, sin_b])
-        return jnp.concatenate([jnp.cos(gamma) * first + jnp.sin(gamma) * second, axis])
-
     def equations(angles: Any) -> Any:
-        found = matrix(angles)
-        gap = found @ found.T - found.shape[1] / 3 * jnp.eye(6)
-        return weights * gap[rows, columns]
+        return hand.residuals(angles, jnp)
 
     def half(angles: Any) -> Any:
         return jnp.sum(equations(angles) ** 2) / 2
@@ -51,7 +33,7 @@ def _prepare(arm: Arm, batch: int, exact: bool) -> Run:
         slope = d.T @ r
         curvature = jax.hessian(half)(x) if exact else d.T @ d
         lhs = curvature + damping * jnp.eye(x.size)
-        # Where it is not positive definite the step is NaN, no better, and damped more.
+        # Where it is not positive definite, the step is NaN: not accepted, damped more.
         trial = x - jax.scipy.linalg.cho_solve(jax.scipy.linalg.cho_factor(lhs), slope)
         better = half(trial) < jnp.sum(r**2) / 2
         damping = jnp.where(better, jnp.maximum(damping / 5, 1e-10), damping * 4)
@@ -61,16 +43,15 @@ def _prepare(arm: Arm, batch: int, exact: bool) -> Run:
         return (state[2] < _STEPS) & (state[3] > _GRADIENT)
 
     def solve(start: Any) -> Any:
-        return matrix(jax.lax.while_loop(goes_on, step, (start, 1e-2, 0, jnp.inf))[0])
+        return hand.jacobian(
+            jax.lax.while_loop(goes_on, step, (start, 1e-2, 0, jnp.inf))[0], jnp
+        )
 
     solve_all = jax.jit(jax.vmap(solve))
     rng = np.random.default_rng(0)
     solve_all(np.array([arm.sample(rng) for _ in range(batch)])).block_until_ready()
 
-    def run(starts: FloatArray) -> FloatArray:
-        return np.asarray(solve_all(starts), dtype=np.float64)
-
-    return run
+    return lambda starts: np.asarray(solve_all(starts), dtype=np.float64)
 
 
 PEERS = tuple(

@@ -1,4 +1,4 @@
-"""Peers measured side by side: the same starts in turn, answers checked from J alone."""
+"""Peers measured on the same starts in turn, their answers checked from J alone."""
 
 from __future__ import annotations
 
@@ -6,10 +6,11 @@ import os
 import tempfile
 import time
 import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import TypeAlias
+from unittest import mock
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -18,14 +19,15 @@ from formulations.catalogue import arm, formulation
 from formulations.files.table import HIDDEN, column
 from formulations.joints.arm import Arm
 from formulations.joints.kinds import NotInModelError
+from formulations.solving.outcome import REACHED_BEST
 from formulations.studies.benchmark.peer import NotRunError, Peer, Run
 from nlp.arrays import FloatArray
 from nlp.task import generator
 
-# Answers within this of the best of all peers are successes; within the second, near.
-REACH, NEAR = 1e-6, 1e-3
+# Answers within `REACHED_BEST` of the best of all peers are successes; within this, near.
+NEAR = 1e-3
 Progress: TypeAlias = Callable[[str], None]
-# Peers take turns, so that whatever else the machine does meets all alike.
+# Peers take turns, so that any other load on the machine affects all of them alike.
 _ROUNDS = 4
 
 
@@ -38,13 +40,13 @@ class Row:
     formulation, joints, peer, settings
         What was run.
     asked, starts
-        Starts that it was given, and that it got to before its time was up.
+        Starts that it was given, and those that it ran within the time limit.
     success, near
-        Starts within `REACH` and `NEAR` of the best merit of all peers.
+        Starts within `REACHED_BEST` and `NEAR` of the best merit of all peers.
     cpu_seconds_per_start, cpu_seconds_per_success
         Processor time, without setting up.
     relative
-        Time per success as a multiple of the first peer's that has the same statement and
+        Time per success as a multiple of that of the first peer with the same statement and
         size, which is this library's default.
     setup_seconds
         Wall time of setting up: derivatives, compilation.
@@ -76,6 +78,21 @@ class _Trial:
     seconds: float = 0.0
     merits: list[float] = field(default_factory=list)
 
+    def solve(self, starts: FloatArray) -> FloatArray:
+        """Return the peer's Jacobians, without its warnings: only its answers count."""
+        assert self.run is not None
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            return self.run(starts)
+
+    def within(self, best: float, tolerance: float) -> int:
+        """Return the number of starts whose merit is within a tolerance of the best."""
+        return int(np.sum(np.abs(np.array(self.merits) - best) <= tolerance))
+
+    def per(self, count: int) -> float:
+        """Return processor seconds per start or success; NaN if there is none."""
+        return self.seconds / count if count else float("nan")
+
 
 def measure(
     peers: Sequence[Peer],
@@ -96,30 +113,29 @@ def measure(
     starts, seed
         Starts for each, the same for all.
     time_limit
-        Seconds of processor time for each peer: what has used them up begins no other start.
+        Seconds of processor time for each peer: one that has used them up begins no other
+        start.
     progress
-        Told what is being done.
+        Called with a sentence that says what is being done.
     """
-    tell = progress or _in_silence
+    progress = progress or (lambda _: None)
     built = arm("unit-revolute", joints)
     points = np.array([built.sample(generator(seed, index)) for index in range(starts)])
     batch = -(-starts // _ROUNDS)
     with _fresh_cache():
         trials = []
         for peer in peers:
-            tell(f"{peer.formulation} {joints}R, setting up: {peer.name}")
+            progress(f"{peer.formulation} {joints}R, setting up: {peer.name}")
             trials.append(_set_up(peer, built, batch, points[:1]))
-    # Only now: libraries of linear algebra that peers brought with them count, too.
+    # Only now, so that libraries of linear algebra that peers import are limited, too.
     with threadpool_limits(1):
         for first in range(0, starts, batch):
             for trial in trials:
-                tell(f"{trial.peer.formulation} {joints}R, start {first}: {trial.peer.name}")
+                progress(
+                    f"{trial.peer.formulation} {joints}R, start {first}: {trial.peer.name}"
+                )
                 _take_turn(trial, built, points[first : first + batch], batch, time_limit)
             yield _rows(trials, joints, starts, time_limit)
-
-
-def _in_silence(_: str) -> None:
-    pass
 
 
 def _set_up(peer: Peer, built: Arm, batch: int, point: FloatArray) -> _Trial:
@@ -131,35 +147,29 @@ def _set_up(peer: Peer, built: Arm, batch: int, point: FloatArray) -> _Trial:
     except NotRunError as reason:
         return _Trial(peer, note=str(reason))
     setup = time.perf_counter() - began
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        run(np.repeat(point, batch, axis=0)[:batch] if peer.batched else point)
-    return _Trial(peer, run, setup=setup)
+    trial = _Trial(peer, run, setup=setup)
+    trial.solve(np.resize(point, (batch, point.shape[1])) if peer.batched else point)
+    return trial
 
 
 def _take_turn(
     trial: _Trial, built: Arm, points: FloatArray, batch: int, time_limit: float
 ) -> None:
-    if trial.run is None:
-        return
     done = 0
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # peers' own; what counts is what comes out
-        while done < len(points) and trial.seconds < time_limit:
-            wanted = _as_many(trial, len(points) - done, time_limit)
-            given = points[done : done + wanted]
-            if trial.peer.batched:  # compiled for one size of batch
-                given = np.resize(given, (batch, points.shape[1]))
-            began = time.process_time()
-            jacobians = trial.run(given)
-            trial.seconds += time.process_time() - began
-            merits = (_merit(trial.peer, built, matrix) for matrix in jacobians[:wanted])
-            trial.merits += merits
-            done += wanted
+    while trial.run and done < len(points) and trial.seconds < time_limit:
+        wanted = _as_many(trial, len(points) - done, time_limit)
+        given = points[done : done + wanted]
+        if trial.peer.batched:  # compiled for one size of batch
+            given = np.resize(given, (batch, points.shape[1]))
+        began = time.process_time()
+        jacobians = trial.solve(given)
+        trial.seconds += time.process_time() - began
+        trial.merits += [_merit(trial.peer, built, matrix) for matrix in jacobians[:wanted]]
+        done += wanted
 
 
 def _as_many(trial: _Trial, left: int, time_limit: float) -> int:
-    """Return how many starts to run at once, so that the limit is found soon when it is met."""
+    """Return how many starts to run before the time limit is checked again."""
     if trial.peer.batched or np.isinf(time_limit):
         return left
     if not trial.merits:
@@ -181,53 +191,41 @@ def _merit(peer: Peer, built: Arm, jacobian: FloatArray) -> float:
 
 def _rows(trials: Sequence[_Trial], joints: int, asked: int, time_limit: float) -> list[Row]:
     everything = [merit for trial in trials for merit in trial.merits if np.isfinite(merit)]
-    best = unit = float("nan")
+    best = float("nan")
     if everything:
         sense = formulation(trials[0].peer.formulation).SENSE
         best = min(everything) if sense == "minimise" else max(everything)
-        unit = _row(trials[0], joints, asked, best, unit, "").cpu_seconds_per_success
+    unit = trials[0].per(trials[0].within(best, REACHED_BEST))
     rows = []
     for trial in trials:
-        note = trial.note
-        if trial.run is not None and trial.seconds >= time_limit and len(trial.merits) < asked:
+        note, starts = trial.note, len(trial.merits)
+        if trial.run is not None and trial.seconds >= time_limit and starts < asked:
             note = f"stopped after {time_limit:g} s"
-        rows.append(_row(trial, joints, asked, best, unit, note))
+        success = trial.within(best, REACHED_BEST)
+        row = Row(
+            formulation=trial.peer.formulation,
+            joints=joints,
+            peer=trial.peer.name,
+            settings=trial.peer.settings,
+            asked=asked,
+            starts=starts,
+            success=success,
+            near=trial.within(best, NEAR),
+            cpu_seconds_per_start=trial.per(starts),
+            cpu_seconds_per_success=trial.per(success),
+            relative=trial.per(success) / unit,
+            setup_seconds=trial.setup,
+            note=note,
+        )
+        rows.append(row)
     return rows
-
-
-def _row(trial: _Trial, joints: int, asked: int, best: float, unit: float, note: str) -> Row:
-    starts, nan = len(trial.merits), float("nan")
-    away = np.abs(np.array(trial.merits) - best)
-    success = int(np.sum(away <= REACH))
-    per_success = trial.seconds / success if success else nan
-    return Row(
-        formulation=trial.peer.formulation,
-        joints=joints,
-        peer=trial.peer.name,
-        settings=trial.peer.settings,
-        asked=asked,
-        starts=starts,
-        success=success,
-        near=int(np.sum(away <= NEAR)),
-        cpu_seconds_per_start=trial.seconds / starts if starts else nan,
-        cpu_seconds_per_success=per_success,
-        relative=per_success / unit,
-        setup_seconds=trial.setup,
-        note=note,
-    )
 
 
 @contextmanager
 def _fresh_cache() -> Iterator[None]:
-    """Compile everything anew, so that the time it takes shows."""
-    before: Mapping[str, str | None] = {"XDG_CACHE_HOME": os.environ.get("XDG_CACHE_HOME")}
-    with tempfile.TemporaryDirectory() as folder:
-        os.environ["XDG_CACHE_HOME"] = folder
-        try:
-            yield
-        finally:
-            for name, value in before.items():
-                if value is None:
-                    os.environ.pop(name)
-                else:
-                    os.environ[name] = value
+    """Compile everything anew, so that set-up times include compilation."""
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        mock.patch.dict(os.environ, XDG_CACHE_HOME=folder),
+    ):
+        yield

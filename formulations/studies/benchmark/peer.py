@@ -1,4 +1,4 @@
-"""Who takes part in the benchmark, and what each must offer."""
+"""What a solver that takes part in the benchmark must offer."""
 
 from __future__ import annotations
 
@@ -6,15 +6,17 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TypeAlias
 
+import numpy as np
+
 from formulations.joints.arm import Arm
 from nlp.arrays import FloatArray
 
-# Takes starts, shape (K, size of the arm), to Jacobians, shape (K, m, n).
+# From starts, shape (K, size of the arm), to Jacobians, shape (K, m, n).
 Run: TypeAlias = Callable[[FloatArray], FloatArray]
 
 
 class NotRunError(Exception):
-    """Why a peer has no numbers here, in a few words."""
+    """A peer that cannot be run here; its message says why in a few words."""
 
 
 @dataclass(frozen=True)
@@ -29,7 +31,7 @@ class Peer:
         What it solves: ``residual`` or ``max-min``.
     prepare
         ``prepare(arm, batch)`` sets up for an arm and batches of that many starts; its time
-        is reported apart. Raises NotRunError, or ImportError where a package is missing.
+        is reported separately. Raises NotRunError, or ImportError where a package is missing.
     settings
         How it is set up, in words.
     batched
@@ -44,8 +46,7 @@ class Peer:
 
 
 def each(one: Callable[[FloatArray], FloatArray], shape: tuple[int, int]) -> Run:
-    """Return what runs starts one after another."""
-    import numpy as np
+    """Return a function that runs starts one after another."""
 
     def run(starts: FloatArray) -> FloatArray:
         return np.array([one(start) for start in starts]).reshape(-1, *shape)

@@ -40,13 +40,9 @@ def _prepare(arm: Arm, batch: int) -> Run:  # noqa: ARG001
         change = moved @ matrix.T
         return lifted(2 * (gap(matrix) @ moved + (change + change.T) @ matrix))
 
-    told = pymanopt.function.numpy(manifold)
-    problem = pymanopt.Problem(
-        manifold,
-        told(cost),
-        euclidean_gradient=told(gradient),
-        euclidean_hessian=told(hessian),
-    )
+    on = pymanopt.function.numpy(manifold)
+    derivatives = {"euclidean_gradient": on(gradient), "euclidean_hessian": on(hessian)}
+    problem = pymanopt.Problem(manifold, on(cost), **derivatives)
     optimizer = TrustRegions(verbosity=0)
 
     def one(start: FloatArray) -> FloatArray:

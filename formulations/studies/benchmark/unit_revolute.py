@@ -1,10 +1,12 @@
 """The residuals of unit revolute joints and their derivatives in NumPy, for peers.
 
-Eq. (21) and the isotropy equations as anyone would write them by hand, with analytic
+Eq. (21) and the isotropy equations as one would write them by hand, with analytic
 derivatives. Their sum of squares is ½ ‖JJᵀ − (n/3) I‖_F²: diagonal entries are weighted by √½.
 """
 
 from __future__ import annotations
+
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -14,16 +16,20 @@ _ROWS, _COLUMNS = np.triu_indices(6)
 _WEIGHTS = np.where(_ROWS == _COLUMNS, np.sqrt(0.5), 1.0)
 
 
-def jacobian(angles: FloatArray) -> FloatArray:
+# A vector of NumPy; or of JAX where the library is jax.numpy.
+_Array: TypeAlias = Any
+
+
+def jacobian(angles: _Array, library: Any = np) -> _Array:
     """Return J, shape (6, n), for angles (α_1, β_1, γ_1, α_2, …)."""
-    return _columns(angles)[0]
+    return _columns(angles, library)[0]
 
 
-def residuals(angles: FloatArray) -> FloatArray:
+def residuals(angles: _Array, library: Any = np) -> _Array:
     """Return the 21 weighted isotropy equations."""
-    matrix = jacobian(angles)
+    matrix = jacobian(angles, library)
     gap = matrix @ matrix.T - matrix.shape[1] / 3 * np.eye(6)
-    return np.asarray(_WEIGHTS * gap[_ROWS, _COLUMNS])
+    return _WEIGHTS * gap[_ROWS, _COLUMNS]
 
 
 def derivatives(angles: FloatArray) -> FloatArray:
@@ -59,19 +65,18 @@ def locked_eigenvalues(angles: FloatArray) -> tuple[FloatArray, FloatArray]:
     return values.ravel(), np.asarray(slopes.reshape(6 * n, 3 * n))
 
 
-def _columns(angles: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _columns(angles: _Array, library: Any = np) -> tuple[_Array, _Array]:
     """J and its derivatives in each joint's own angles, shape (6, n, 3)."""
+    array, vstack = library.array, library.vstack
     alpha, beta, gamma = angles.reshape(-1, 3).T
-    (sa, sb, sc), (ca, cb, cc) = np.sin([alpha, beta, gamma]), np.cos([alpha, beta, gamma])
-    zero = np.zeros_like(sa)
-    first, second = np.array([ca * sb, sa * sb, -cb]), np.array([sa, -ca, zero])
-    matrix = np.vstack([cc * first + sc * second, [ca * cb, sa * cb, sb]])
-    by_alpha = np.vstack(
-        [
-            cc * np.array([-sa * sb, ca * sb, zero]) + sc * np.array([ca, sa, zero]),
-            [-sa * cb, ca * cb, zero],
-        ]
-    )
-    by_beta = np.vstack([cc * matrix[3:], [-ca * sb, -sa * sb, cb]])
-    by_gamma = np.vstack([cc * second - sc * first, np.zeros((3, len(alpha)))])
-    return matrix, np.stack([by_alpha, by_beta, by_gamma], axis=2)
+    turns = array([alpha, beta, gamma])
+    (sa, sb, sc), (ca, cb, cc) = library.sin(turns), library.cos(turns)
+    zero = library.zeros_like(sa)
+    first, second = array([ca * sb, sa * sb, -cb]), array([sa, -ca, zero])
+    matrix = vstack([cc * first + sc * second, array([ca * cb, sa * cb, sb])])
+    first_by_alpha, second_by_alpha = array([-sa * sb, ca * sb, zero]), array([ca, sa, zero])
+    moving = cc * first_by_alpha + sc * second_by_alpha
+    by_alpha = vstack([moving, array([-sa * cb, ca * cb, zero])])
+    by_beta = vstack([cc * matrix[3:], array([-ca * sb, -sa * sb, cb])])
+    by_gamma = vstack([cc * second - sc * first, array([zero, zero, zero])])
+    return matrix, library.stack([by_alpha, by_beta, by_gamma], axis=2)

@@ -15,11 +15,11 @@ from formulations.robots.posture import (
     best_posture,
     fatal_failures,
 )
-from formulations.robots.reachable import BEST_7R
+from formulations.robots.robot_assessment import best_7r
 from formulations.studies.robots.survey_arms import ARMS, SurveyArm
 from formulations.studies.study import Effort, Part, Study
 from nlp.errors import InputError
-from nlp.interrupts import deferred_interrupt
+from nlp.native import deferred_interrupt
 
 STARTS = 200
 
@@ -42,7 +42,7 @@ class Row:
     sigma_bound, percent_of_bound
         The bound (6) at the same ‖J‖_F.
     percent_of_best_7r
-        Of the best that seven revolute joints are known to reach in six dimensions, `BEST_7R`,
+        Of the best that seven revolute joints are known to reach in six dimensions, `best_7r`,
         both in units of ℓ; arms with more joints may pass it. NaN in other dimensions.
     mid_range_sigma
         Worst case midway between the limits.
@@ -124,7 +124,7 @@ def study(only: str | None = None) -> Study:
         compute=compute,
         long=True,
         entries="postures.json",
-        settings={"best_7r": BEST_7R},
+        settings={"best_7r": best_7r()},
         # A missing package is better known at once than after an hour.
         check=lambda: [one.arm() for one in arms],
     )
@@ -153,7 +153,7 @@ def row_of(one: SurveyArm, found: Posture | None) -> Row:
         equally_bad=at.equally_bad if at else len(fatal),
         sigma_bound=at.sigma_bound if at else nan,
         percent_of_bound=at.percent_of_bound if at else 0.0,
-        percent_of_best_7r=100 * sigma / BEST_7R if m == 6 else nan,
+        percent_of_best_7r=100 * sigma / best_7r() if m == 6 else nan,
         mid_range_sigma=found.mid_range_sigma if found else 0.0,
         fatal_failures=", ".join(fatal),
         at_limits=", ".join(at.at_limits) if at else "",

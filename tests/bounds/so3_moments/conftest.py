@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
+from importlib.util import module_from_spec, spec_from_file_location
+from pathlib import Path
+from types import ModuleType, SimpleNamespace
 
 import numpy as np
 import pytest
@@ -77,3 +79,15 @@ def so3() -> SimpleNamespace:
     return SimpleNamespace(
         haar_rotations=haar_rotations, jacobian=jacobian, residual=residual, moved=moved
     )
+
+
+@pytest.fixture(scope="session")
+def plain() -> ModuleType:
+    """Hand over the second way to evaluate blocks, `plain_average`."""
+    path = Path(__file__).with_name("plain_average.py")
+    spec = spec_from_file_location("plain_average", path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module

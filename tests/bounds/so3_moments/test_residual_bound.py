@@ -2,46 +2,53 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from types import SimpleNamespace
+from types import ModuleType, SimpleNamespace
 
 import numpy as np
 import pytest
 
+from formulations.bounds.so3_moments import relaxation
 from formulations.bounds.so3_moments.blocks import sampled_blocks
-from formulations.bounds.so3_moments.blocks.sampled_blocks import SectorBlocks
-from formulations.bounds.so3_moments.presets import RESIDUAL_PRESETS, residual_preset
+from formulations.bounds.so3_moments.blocks.sampled_blocks import SectorBlocks, sector_families
 from formulations.bounds.so3_moments.programs.cvxpy_solver import solve_with_cvxpy
-from formulations.bounds.so3_moments.programs.identity_check import check_identity
 from formulations.bounds.so3_moments.programs.moment_program import (
+    ConicOutcome,
     MomentProgram,
     OutsideSpanError,
     TooFewSamplesError,
     moment_program,
 )
 from formulations.bounds.so3_moments.programs.multipliers import (
-    ConicOutcome,
+    check_identity,
     nearest_semidefinite,
 )
 from formulations.bounds.so3_moments.programs.predictor_corrector import (
     solve_with_predictor_corrector,
 )
-from formulations.bounds.so3_moments.representations.clebsch_gordan import Floats
+from formulations.bounds.so3_moments.relaxation import (
+    SolverFailureError,
+    residual_values,
+    solve_relaxation,
+)
 from formulations.bounds.so3_moments.representations.row_sectors import RowSector
 from formulations.bounds.so3_moments.residual_bound import (
+    RESIDUAL_PRESETS,
     residual_bound,
-    residual_values,
-    sector_families,
+    residual_preset,
 )
+from nlp.arrays import FloatArray
 from nlp.errors import InputError
 
 LOW = [RowSector(k, c, spin, 4) for k in (0, 2, 4) for c in (0, 2) for spin in (0, 1)]
 
 
-def evaluated(families: Sequence[SectorBlocks], rotations: Floats) -> list[Floats]:
+def evaluated(families: Sequence[SectorBlocks], rotations: FloatArray) -> list[FloatArray]:
     return [block for family in families for block in family.evaluate(rotations)]
 
 
-def moments_of(program: MomentProgram, blocks: Sequence[Floats]) -> tuple[Floats, float]:
+def moments_of(
+    program: MomentProgram, blocks: Sequence[FloatArray]
+) -> tuple[FloatArray, float]:
     """Return the pseudo-moments of one configuration from its blocks, and what is left over."""
     slopes = np.hstack([block[1:].reshape(program.moments - 1, -1) for block in program.blocks])
     here = np.hstack([block.ravel() for block in blocks])
@@ -50,7 +57,7 @@ def moments_of(program: MomentProgram, blocks: Sequence[Floats]) -> tuple[Floats
     return y, np.abs(slopes.T @ y + constant - here).max()
 
 
-def negative_residual(rotations: Floats) -> Floats:
+def negative_residual(rotations: FloatArray) -> FloatArray:
     """−ρ, whose smallest value −5n²/3 is reached where all columns are alike."""
     return -residual_values(rotations)
 
@@ -61,12 +68,12 @@ def families() -> list[SectorBlocks]:
 
 
 @pytest.fixture(scope="module")
-def samples(so3: SimpleNamespace) -> Floats:
+def samples(so3: SimpleNamespace) -> FloatArray:
     return so3.haar_rotations(11, 160, 7)
 
 
 @pytest.fixture(scope="module")
-def program(families: Sequence[SectorBlocks], samples: Floats) -> MomentProgram:
+def program(families: Sequence[SectorBlocks], samples: FloatArray) -> MomentProgram:
     return moment_program(negative_residual(samples), evaluated(families, samples))
 
 
@@ -146,12 +153,12 @@ def test_a_block_that_does_not_fit_is_caught(
 def test_a_wrong_sign_in_a_coupling_is_caught(
     row: tuple[int, int, int],
     families: Sequence[SectorBlocks],
-    samples: Floats,
+    samples: FloatArray,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     right = sampled_blocks.coupling
 
-    def wrong(first: int, second: int, total: int) -> Floats:
+    def wrong(first: int, second: int, total: int) -> FloatArray:
         table = right(first, second, total).copy()
         if (first, second, total) == row:
             table[0] *= -1
@@ -163,7 +170,7 @@ def test_a_wrong_sign_in_a_coupling_is_caught(
 
 
 def test_a_sector_of_mixed_charge_is_caught(
-    families: Sequence[SectorBlocks], samples: Floats
+    families: Sequence[SectorBlocks], samples: FloatArray
 ) -> None:
     blocks = evaluated(families, samples)
     rows = families[0].evaluate(samples @ np.diag([-1.0, -1.0, 1.0]))
@@ -189,14 +196,45 @@ def test_a_true_bound_passes_and_a_claimed_one_is_put_right(
     assert claimed.checked_bound < bound + 1e-5
 
 
-def test_too_few_samples_are_noticed(families: Sequence[SectorBlocks], samples: Floats) -> None:
+def test_the_identity_holds_with_the_plain_average(
+    program: MomentProgram,
+    answer: ConicOutcome,
+    families: Sequence[SectorBlocks],
+    so3: SimpleNamespace,
+    plain: ModuleType,
+) -> None:
+    multipliers = iter([nearest_semidefinite(x)[0] for x in answer.multipliers])
+    where = so3.haar_rotations(9, 1, 7)
+    total = np.zeros(1)
+    for family in families:
+        own = [next(multipliers) for _ in family.sizes]
+        total += plain.averaged_sum_of_squares(family, where, own)
+    bound = program.dual_value(answer.multipliers)
+    np.testing.assert_allclose(negative_residual(where) - bound, total, atol=1e-4)
+
+
+def test_a_failed_solver_is_reported(
+    families: Sequence[SectorBlocks], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    failed = ConicOutcome(None, None, "infeasible")
+    monkeypatch.setattr(relaxation, "solve_with_predictor_corrector", lambda *_, **__: failed)
+    solved = solve_relaxation(families, 7, np.random.default_rng(0))
+    with pytest.raises(SolverFailureError, match="infeasible"):
+        _ = solved.multipliers
+    result = residual_bound("low", 7, solver="predictor-corrector")
+    assert (result.bound, result.status, result.dual_residual) == (0.0, "infeasible", None)
+
+
+def test_too_few_samples_are_noticed(
+    families: Sequence[SectorBlocks], samples: FloatArray
+) -> None:
     few = samples[:20]
     with pytest.raises(TooFewSamplesError):
         moment_program(negative_residual(few), evaluated(families, few))
 
 
 def test_an_objective_outside_of_the_span_is_noticed(
-    families: Sequence[SectorBlocks], samples: Floats
+    families: Sequence[SectorBlocks], samples: FloatArray
 ) -> None:
     with pytest.raises(OutsideSpanError):
         moment_program(residual_values(samples) ** 5, evaluated(families, samples))
@@ -204,17 +242,17 @@ def test_an_objective_outside_of_the_span_is_noticed(
 
 @pytest.mark.parametrize("joints", [6, 7, 8])
 def test_rows_of_low_degree_prove_nothing(joints: int) -> None:
-    told = []
-    result = residual_bound("low", joints, progress=told.append)
+    messages = []
+    result = residual_bound("low", joints, progress=messages.append)
     assert 0 <= result.bound < 1e-6
     assert result.kind == "numerical"
     assert result.check["unchecked_bound"] == pytest.approx(0, abs=1e-5)
     assert result.smallest_eigenvalue > -1e-6
-    assert any("solving" in line for line in told)
+    assert any("solving" in line for line in messages)
     assert json.loads(json.dumps(result.to_dict()))["size"]["moments"] == 35
 
 
-def test_isotropic_8r_stays_feasible(isotropic_8r: Floats, so3: SimpleNamespace) -> None:
+def test_isotropic_8r_stays_feasible(isotropic_8r: FloatArray, so3: SimpleNamespace) -> None:
     families = sector_families(LOW, 8)
     samples = so3.haar_rotations(7, 160, 8)
     program = moment_program(residual_values(samples), evaluated(families, samples))

@@ -1,26 +1,32 @@
 from __future__ import annotations
 
-from types import SimpleNamespace
+from types import ModuleType, SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.linalg import hadamard
 
 from formulations.bounds.so3_moments.blocks.enclosed_squares import (
     enclosed_block,
     enclosed_sums,
 )
-from formulations.bounds.so3_moments.blocks.invariant_basis import NoBasisError, invariant_basis
-from formulations.bounds.so3_moments.blocks.invariant_dimension import invariant_dimension
-from formulations.bounds.so3_moments.blocks.plain_average import averaged_sum_of_squares
-from formulations.bounds.so3_moments.blocks.sampled_blocks import SectorBlocks
-from formulations.bounds.so3_moments.programs.dual_refinement import refined_multipliers
+from formulations.bounds.so3_moments.blocks.invariants import (
+    InvariantBasis,
+    NoBasisError,
+    invariant_basis,
+    invariant_dimension,
+)
+from formulations.bounds.so3_moments.blocks.sampled_blocks import SectorBlocks, sector_families
 from formulations.bounds.so3_moments.programs.moment_program import moment_program
+from formulations.bounds.so3_moments.programs.multipliers import refined_multipliers
 from formulations.bounds.so3_moments.programs.predictor_corrector import (
     solve_with_predictor_corrector,
 )
+from formulations.bounds.so3_moments.relaxation import residual_values
 from formulations.bounds.so3_moments.representations.permuted_rows import PermutedRows
 from formulations.bounds.so3_moments.representations.rounding import (
     exchange_error,
+    gamma,
     row_error,
     wigner_error,
 )
@@ -32,8 +38,8 @@ from formulations.bounds.so3_moments.representations.wigner import (
     random_rotations,
     wigner_matrices,
 )
-from formulations.bounds.so3_moments.residual_bound import residual_values, sector_families
 from formulations.bounds.so3_moments.rigorous_residual import bound_defect, residual_error
+from nlp.errors import InputError
 
 
 @pytest.mark.parametrize(
@@ -71,12 +77,30 @@ def test_a_basis_bounds_an_invariant_everywhere(
     assert bound < wider
 
 
+def test_rounding_is_bounded_by_the_absolute_values_of_the_left_inverse() -> None:
+    """R · values is 0 with |R| · |values| as large as it can be, though ‖R‖₂ is 1."""
+    left_inverse = hadamard(64)[1:] / 8.0
+    values = np.ones(64)
+    assert np.linalg.norm(left_inverse, 2) == pytest.approx(1)
+    rounding = gamma(64) * np.linalg.norm(np.abs(left_inverse) @ values)
+    bound = InvariantBasis(left_inverse, 0.0, 1.0).largest_value(values, np.zeros(64))
+    assert rounding < bound < 1.1 * rounding
+
+
+def test_rows_of_too_large_a_degree_are_refused(
+    low: list[SectorBlocks], so3: SimpleNamespace
+) -> None:
+    multipliers = [np.eye(size) for family in low for size in family.sizes]
+    with pytest.raises(InputError, match="degree at most 3"):
+        bound_defect(low, multipliers, 0.0, so3.haar_rotations(1, 5, 7), degree=6)
+
+
 def test_too_small_a_space_is_no_basis(low: list[SectorBlocks], so3: SimpleNamespace) -> None:
     with pytest.raises(NoBasisError):
         invariant_basis(low, so3.haar_rotations(2, 80, 7), 36)
 
 
-def test_sums_are_enclosed(so3: SimpleNamespace) -> None:
+def test_sums_are_enclosed(so3: SimpleNamespace, plain: ModuleType) -> None:
     family = SectorBlocks(RowSector(2, 0, 1, 4), 6)
     rng = np.random.default_rng(3)
     roots = [rng.standard_normal((size, 2)) for size in family.sizes]
@@ -86,7 +110,7 @@ def test_sums_are_enclosed(so3: SimpleNamespace) -> None:
         for block, root in zip(family.blocks, roots, strict=True)
     ]
     sums, errors = enclosed_sums(family, blocks, where)
-    other = averaged_sum_of_squares(family, where, [root @ root.T for root in roots])
+    other = plain.averaged_sum_of_squares(family, where, [root @ root.T for root in roots])
     assert np.all(np.abs(sums - other) < errors + 1e-10 * other)
     assert np.all(errors < 1e-8 * sums)
 
@@ -137,7 +161,7 @@ def test_refined_multipliers_satisfy_the_equations_better(
     assert min(np.linalg.eigvalsh(x)[0] for x in fine) > -1e-12
 
 
-def test_the_defect_covers_whatever_is_claimed_too_much(
+def test_the_defect_covers_a_claim_that_is_too_large(
     low: list[SectorBlocks], so3: SimpleNamespace
 ) -> None:
     samples = so3.haar_rotations(10, 160, 7)
@@ -151,9 +175,7 @@ def test_the_defect_covers_whatever_is_claimed_too_much(
 
     def defect(constant: float, scale: float) -> float:
         scaled = [scale * x for x in multipliers]
-        bounds = bound_defect(
-            low, scaled, constant, points, lambda _: None, degree=8, spanning="low"
-        )
+        bounds = bound_defect(low, scaled, constant, points, degree=8, spanning="low")
         assert bounds.basis_defect < 0.5
         return bounds.defect
 

@@ -1,17 +1,15 @@
 from __future__ import annotations
 
-from types import SimpleNamespace
+from types import ModuleType, SimpleNamespace
 
 import numpy as np
 import pytest
 
-from formulations.bounds.so3_moments.blocks.plain_average import averaged_sum_of_squares
 from formulations.bounds.so3_moments.blocks.sampled_blocks import SectorBlocks
 from formulations.bounds.so3_moments.representations.row_sectors import RowSector, label_degree
 from formulations.bounds.so3_moments.representations.young_basis import (
-    neighbours,
-    tableau_contents,
     young_bases,
+    young_form,
 )
 from nlp.errors import InputError
 
@@ -40,8 +38,8 @@ def test_rows_are_orthonormal_over_all_configurations(
 
 
 @pytest.mark.parametrize("sector", [(2, 0, 1, 4), (3, 1, 1, 3)])
-def test_the_longer_road_leads_to_the_same_sum_of_squares(
-    sector: tuple[int, int, int, int], so3: SimpleNamespace
+def test_the_plain_average_is_the_same_sum_of_squares(
+    sector: tuple[int, int, int, int], so3: SimpleNamespace, plain: ModuleType
 ) -> None:
     family = SectorBlocks(RowSector(*sector), 6)
     rng = np.random.default_rng(4)
@@ -53,7 +51,7 @@ def test_the_longer_road_leads_to_the_same_sum_of_squares(
         for x, block in zip(multipliers, family.evaluate(where), strict=True)
     )
     np.testing.assert_allclose(
-        averaged_sum_of_squares(family, where, multipliers), short, rtol=1e-11
+        plain.averaged_sum_of_squares(family, where, multipliers), short, rtol=1e-11
     )
 
 
@@ -69,13 +67,11 @@ def test_bases_follow_youngs_orthogonal_form() -> None:
     groups = (range(4), range(4, 6))
     exchanges = {joint: entry.exchange(joint) for joint in (0, 1, 2, 4)}
     for shapes, bases in young_bases(exchanges, groups).items():
-        names = tableau_contents(shapes)
-        for name, basis in zip(names, bases, strict=True):
-            for joint, (goal, distance) in neighbours(name, groups).items():
+        for joint, images in young_form(shapes, groups).items():
+            for basis, (goal, distance) in zip(bases, images, strict=True):
                 expected = basis / distance
                 if abs(distance) > 1:
-                    other = bases[names.index(goal)]
-                    expected = expected + np.sqrt(1 - 1 / distance**2) * other
+                    expected = expected + np.sqrt(1 - 1 / distance**2) * bases[goal]
                 np.testing.assert_allclose(exchanges[joint] @ basis, expected, atol=1e-9)
 
 

@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from formulations.existence.relaxation.outcome import ExistenceRelaxation
-from formulations.existence.relaxation.relaxation import existence_relaxation
+from formulations.existence.relaxation.numbered_monomials import EdgeMultisets, Integers
+from formulations.existence.relaxation.relaxation import (
+    ExistenceRelaxation,
+    existence_relaxation,
+)
 
 Complex = NDArray[np.complex128]
+Floats = NDArray[np.float64]
 
 
 def polar(matrices: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -72,15 +77,35 @@ def printed_6r() -> Complex:
 
 
 @pytest.fixture(scope="session")
+def averages() -> Callable[[EdgeMultisets, tuple[Integers, ...], Complex], Floats]:
+    """Return the class moments of a given W: averaged over joint orders and conjugation."""
+
+    def averaged(
+        multisets: EdgeMultisets, tables: tuple[Integers, ...], matrix: Complex
+    ) -> Floats:
+        i, j = np.array(multisets.edges).T
+        number_of_classes = 1 + max(int(table.max()) for table in tables)
+        sums, counts = np.zeros((2, number_of_classes))
+        for members, table in zip(multisets.members, tables, strict=True):
+            values = matrix[i, j][members].prod(axis=-1)
+            products = np.outer(values, values.conj()).real
+            sums += np.bincount(table.ravel(), products.ravel(), number_of_classes)
+            counts += np.bincount(table.ravel(), minlength=number_of_classes)
+        return sums / counts
+
+    return averaged
+
+
+@pytest.fixture(scope="session")
 def order_2() -> ExistenceRelaxation:
     return existence_relaxation(2)
 
 
 @pytest.fixture(scope="session")
-def order_3() -> ExistenceRelaxation:
-    return existence_relaxation(3)
+def order_3(once: Callable[..., Any]) -> ExistenceRelaxation:
+    return once("relaxation_3", lambda: existence_relaxation(3))
 
 
 @pytest.fixture(scope="session")
-def order_3_of_6r() -> ExistenceRelaxation:
-    return existence_relaxation(3, 6)
+def order_3_of_6r(once: Callable[..., Any]) -> ExistenceRelaxation:
+    return once("relaxation_3_6r", lambda: existence_relaxation(3, 6))

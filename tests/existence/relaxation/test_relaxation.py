@@ -1,4 +1,4 @@
-"""The sizes, ranks and margins of orders 2 and 3, and what a spoiled certificate is worth."""
+"""The sizes, ranks and margins of orders 2 and 3, and what perturbed multipliers prove."""
 
 from __future__ import annotations
 
@@ -8,17 +8,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from formulations.existence.relaxation.margin_certificate import check_margin, moment_limits
-from formulations.existence.relaxation.margin_sdp import solve_margin
-from formulations.existence.relaxation.outcome import ExistenceRelaxation
-from formulations.existence.relaxation.relaxation import existence_relaxation
+from formulations.existence.relaxation import relaxation
+from formulations.existence.relaxation.margin import check_margin, moment_limits, solve_margin
+from formulations.existence.relaxation.relaxation import (
+    ExistenceRelaxation,
+    existence_relaxation,
+)
 from nlp.errors import InputError
 
 
 def test_order_1_is_feasible() -> None:
-    relaxation = existence_relaxation(1)
-    assert relaxation.verdict == "feasible"
-    assert relaxation.moments.free == ()
+    found = existence_relaxation(1)
+    assert found.verdict == "feasible"
+    assert found.moments.free == ()
 
 
 def test_order_2_determines_every_moment_and_is_feasible(order_2: ExistenceRelaxation) -> None:
@@ -35,7 +37,7 @@ def test_order_2_determines_every_moment_and_is_feasible(order_2: ExistenceRelax
     assert margin.value == pytest.approx(0.00453514739, abs=1e-7)
     lowest = [np.linalg.eigvalsh(block.matrices[0])[0] for block in order_2.blocks]
     assert min(lowest) == pytest.approx(margin.certificate.attained)
-    assert order_2.infeasible_alone == ()
+    assert not any(one.certificate.infeasible for one in order_2.alone)
 
 
 def test_order_3_has_the_sizes_and_ranks_of_the_theory(order_3: ExistenceRelaxation) -> None:
@@ -62,26 +64,34 @@ def test_order_3_is_infeasible_with_the_margin(order_3: ExistenceRelaxation) -> 
 
 
 def test_three_blocks_are_infeasible_alone(order_3: ExistenceRelaxation) -> None:
-    alone = {(block.charge, block.shape) for block in order_3.infeasible_alone}
+    alone = {
+        (block.charge, block.shape)
+        for block, margin in zip(order_3.blocks, order_3.alone, strict=True)
+        if margin.certificate.infeasible
+    }
     assert alone == {(1, (4, 2, 1)), (1, (3, 3, 1)), (1, (3, 2, 2))}
     feasible = [m for m in order_3.alone if not m.certificate.infeasible]
     assert all(margin.certificate.attained > 0 for margin in feasible)
 
 
-def test_without_the_offending_blocks_order_3_is_feasible(order_3: ExistenceRelaxation) -> None:
+def test_without_the_infeasible_blocks_order_3_is_feasible(
+    order_3: ExistenceRelaxation,
+) -> None:
     others = [block for block in order_3.blocks if block.charge != 1]
     margin = solve_margin(others, moment_limits(order_3.moments))
     assert margin.certificate.feasible
 
 
-def test_spoiled_multipliers_prove_no_more_than_the_truth(order_3: ExistenceRelaxation) -> None:
+def test_perturbed_multipliers_prove_no_more_than_the_truth(
+    order_3: ExistenceRelaxation,
+) -> None:
     margin, limits = order_3.margin, moment_limits(order_3.moments)
     assert margin is not None
     assert margin.multipliers is not None
     rng = np.random.default_rng(0)
     for noise in (1e-6, 1e-4, 1e-2, 1.0):
-        spoiled = [x + noise * rng.standard_normal(x.shape) for x in margin.multipliers]
-        certificate = check_margin(order_3.blocks, limits, margin.free, spoiled)
+        perturbed = [x + noise * rng.standard_normal(x.shape) for x in margin.multipliers]
+        certificate = check_margin(order_3.blocks, limits, margin.free, perturbed)
         assert certificate.proved >= margin.certificate.attained
         if noise >= 1e-2:
             assert not certificate.infeasible
@@ -93,11 +103,11 @@ def test_spoiled_multipliers_prove_no_more_than_the_truth(order_3: ExistenceRela
 
 
 def test_a_solver_cut_short_is_reported_and_decides_nothing() -> None:
-    relaxation = existence_relaxation(2, 6, options={"max_iter": 1})
-    assert relaxation.verdict == "undecided"
-    assert relaxation.margin is not None
-    assert relaxation.margin.status not in ("optimal", "optimal_inaccurate")
-    assert json.dumps(relaxation.to_dict(), allow_nan=False)
+    found = existence_relaxation(2, 6, options={"max_iter": 1})
+    assert found.verdict == "undecided"
+    assert found.margin is not None
+    assert found.margin.status not in ("optimal", "optimal_inaccurate")
+    assert json.dumps(found.to_dict(), allow_nan=False)
 
 
 def test_the_result_is_plain_json(order_3: ExistenceRelaxation) -> None:
@@ -108,6 +118,12 @@ def test_the_result_is_plain_json(order_3: ExistenceRelaxation) -> None:
     assert shown["largest_block"] == 7
     assert shown["verdict"] == "infeasible"
     assert sum(block["infeasible_alone"] for block in shown["blocks"]) == 3
+
+
+def test_an_unknown_solver_is_refused_before_any_work(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(relaxation, "solve_moment_equations", None)
+    with pytest.raises(InputError, match="solver is NONE"):
+        existence_relaxation(3, solver="NONE")
 
 
 @pytest.mark.parametrize(
@@ -126,5 +142,5 @@ def test_bad_input_is_named(
 def test_the_verdict_rests_on_the_certificate_alone(order_2: ExistenceRelaxation) -> None:
     assert order_2.margin is not None
     unproved = check_margin(order_2.blocks, np.zeros(0), None, None)
-    boastful = replace(order_2.margin, value=-1.0, status="optimal", certificate=unproved)
-    assert replace(order_2, margin=boastful).verdict == "undecided"
+    unfounded = replace(order_2.margin, value=-1.0, status="optimal", certificate=unproved)
+    assert replace(order_2, margin=unfounded).verdict == "undecided"

@@ -5,7 +5,7 @@ the rounded U_T L. Then
 
     s(x) = Σ_orders Σ_T |A_Tᵀφ(x)|² / (orders · (2L+1) · tableaux) ≥ 0,
 
-whatever A_T is. Over rotations of the frame, phase, conjugation and signs s is invariant
+for any A_T. Over rotations of the frame, phase, conjugation and signs s is invariant
 exactly, since φ stands for the exact rows; over permutations only if A obeys Young's
 orthogonal form exactly: P A_T = Σ A_T' Y_{T'T} for exchanges P of neighbours. If the two sides
 differ by E with |Eᵀφ| ≤ e, an exchange changes |Aᵀφ| by at most e, and a permutation of k and
@@ -22,13 +22,8 @@ from math import sqrt
 
 import numpy as np
 
-from formulations.bounds.so3_moments.blocks.sampled_blocks import (
-    SectorBlocks,
-    joint_factors,
-    plain_rows,
-)
+from formulations.bounds.so3_moments.blocks.sampled_blocks import SectorBlocks
 from formulations.bounds.so3_moments.representations.adapted_rows import AdaptedRows
-from formulations.bounds.so3_moments.representations.clebsch_gordan import Floats
 from formulations.bounds.so3_moments.representations.permuted_rows import PermutedRows
 from formulations.bounds.so3_moments.representations.rounding import (
     UNIT,
@@ -37,10 +32,8 @@ from formulations.bounds.so3_moments.representations.rounding import (
     row_error,
 )
 from formulations.bounds.so3_moments.representations.wigner import wigner_matrices
-from formulations.bounds.so3_moments.representations.young_basis import (
-    neighbours,
-    tableau_contents,
-)
+from formulations.bounds.so3_moments.representations.young_basis import young_form
+from nlp.arrays import FloatArray
 
 # Norms are computed in floating point; their relative errors are far below this.
 SAFETY = 1.0 + 1e-6
@@ -62,20 +55,22 @@ class EnclosedBlock:
         (2L+1) · tableaux.
     """
 
-    parts: tuple[tuple[int, Floats], ...]
+    parts: tuple[tuple[int, FloatArray], ...]
     difference: float
     exchanges: int
     scale: int
 
-    def asymmetry(self, norm: Floats) -> Floats:
+    def asymmetry(self, norm: FloatArray) -> FloatArray:
         """Return a bound on how far |Aᵀφ|² is from its average, for |Aᵀφ| up to `norm`."""
         step = self.exchanges * self.difference
         return np.asarray(SAFETY * step * (2 * norm + step))
 
 
-def enclosed_block(family: SectorBlocks, block: AdaptedRows, columns: Floats) -> EnclosedBlock:
+def enclosed_block(
+    family: SectorBlocks, block: AdaptedRows, columns: FloatArray
+) -> EnclosedBlock:
     """Return A_T = U_T · columns of a block, with its bounds; columns (size, count)."""
-    merged: dict[int, Floats] = {}
+    merged: dict[int, FloatArray] = {}
     for number, place, coefficients in block.parts:
         part = coefficients @ columns[place.start : place.stop]
         merged[number] = merged[number] + part if number in merged else part
@@ -89,12 +84,11 @@ def enclosed_block(family: SectorBlocks, block: AdaptedRows, columns: Floats) ->
 
 
 def _exchange_difference(
-    rows: Sequence[PermutedRows], parts: Sequence[Floats], block: AdaptedRows
+    rows: Sequence[PermutedRows], parts: Sequence[FloatArray], block: AdaptedRows
 ) -> float:
     """Return a bound on |Eᵀφ|, E = P A_T − Σ A_T' Y_{T'T}, for all exchanges and φ."""
-    names = tableau_contents(block.shapes)
-    numbers = {name: number for number, name in enumerate(names)}
     places = rows[0].places
+    form = young_form(block.shapes, places)
     worst = 0.0
     for joint in (joint for place in places for joint in place[:-1]):
         total = 0.0
@@ -102,11 +96,10 @@ def _exchange_difference(
             exchange = entry.exchange(joint)
             rounding = exchange_error(entry) + sqrt(entry.ways) * gamma(entry.ways + 4)
             difference = exchange @ a
-            for number, name in enumerate(names):
-                goal, distance = neighbours(name, places)[joint]
+            for number, (goal, distance) in enumerate(form[joint]):
                 difference[number] -= a[number] / distance
                 if abs(distance) > 1:
-                    difference[number] -= sqrt(1 - 1 / distance**2) * a[numbers[goal]]
+                    difference[number] -= sqrt(1 - 1 / distance**2) * a[goal]
             size = float(np.linalg.norm(a))
             # An exchange has at most `ways` entries in a row.
             norm = float(np.linalg.norm(difference)) + (rounding + 12 * UNIT) * size
@@ -116,8 +109,8 @@ def _exchange_difference(
 
 
 def enclosed_sums(
-    family: SectorBlocks, blocks: Sequence[EnclosedBlock], rotations: Floats
-) -> tuple[Floats, Floats]:
+    family: SectorBlocks, blocks: Sequence[EnclosedBlock], rotations: FloatArray
+) -> tuple[FloatArray, FloatArray]:
     """Return Σ s̄(x) over blocks of one family, and bounds on the errors, (configurations,).
 
     The errors include the difference between s and its average s̄.
@@ -128,8 +121,7 @@ def enclosed_sums(
     total, errors = np.zeros(count), np.zeros(count)
     mistakes = [product_error(family, block) for block in blocks]
     for order in orders:
-        factors = joint_factors(wigner, order)
-        plain = [plain_rows(rows, factors) for rows in family.rows]
+        plain = family.plain_values(wigner, order)
         for block, mistake in zip(blocks, mistakes, strict=True):
             squares, wrong = _block_sum(block, plain, mistake, count)
             weight = 1.0 / (len(orders) * block.scale)
@@ -151,27 +143,22 @@ def product_error(family: SectorBlocks, block: EnclosedBlock) -> float:
     return SAFETY * wrong
 
 
-def _norm(matrix: Floats) -> float:
+def _norm(matrix: FloatArray) -> float:
     """Return the spectral norm of a matrix with few rows, rounded up."""
     square = matrix @ matrix.T
     return SAFETY * sqrt(max(float(np.linalg.eigvalsh(square)[-1]), 0.0))
 
 
 def _block_sum(
-    block: EnclosedBlock, plain: Sequence[Floats], wrong: float, count: int
-) -> tuple[Floats, Floats]:
+    block: EnclosedBlock, plain: Sequence[FloatArray], wrong: float, count: int
+) -> tuple[FloatArray, FloatArray]:
     """Return Σ_T |A_Tᵀφ|² and a bound on its error, of one order."""
     components = plain[0].shape[2]
-    found: Floats | None = None
+    found = np.zeros((1, 1))
     for number, a in block.parts:
-        values = np.broadcast_to(
-            plain[number], (len(plain[number]), count, components)
-        ).reshape(len(plain[number]), -1)
+        values = np.tile(plain[number], (1, count // plain[number].shape[1], 1))
         flat = a.transpose(0, 2, 1).reshape(-1, a.shape[1])
-        part = flat @ values
-        found = part if found is None else found + part
-    if found is None:
-        return np.zeros(count), np.zeros(count)
+        found = found + flat @ values.reshape(len(values), -1)
     squared = np.sum(found.reshape(-1, count, components) ** 2, axis=(0, 2))
     terms = found.shape[0] * components
     error = 2 * np.sqrt(squared) * wrong + wrong**2 + gamma(terms + 2) * squared

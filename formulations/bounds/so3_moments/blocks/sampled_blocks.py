@@ -9,32 +9,45 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from itertools import combinations
-from typing import TypeAlias
+from typing import Protocol, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
 from formulations.bounds.so3_moments.representations.adapted_rows import (
     AdaptedRows,
     adapted_rows,
 )
-from formulations.bounds.so3_moments.representations.clebsch_gordan import Floats, coupling
 from formulations.bounds.so3_moments.representations.permuted_rows import (
     Assignment,
     PermutedRows,
 )
 from formulations.bounds.so3_moments.representations.row_sectors import Label, RowSector
-from formulations.bounds.so3_moments.representations.wigner import wigner_matrices
+from formulations.bounds.so3_moments.representations.wigner import (
+    ComplexArray,
+    coupling,
+    wigner_matrices,
+)
+from nlp.arrays import FloatArray
 
-Complex: TypeAlias = NDArray[np.complex128]
 # Functions of one joint: label and place to values of shape (configurations, 2l+1).
-Factors: TypeAlias = Callable[[Label, int], Complex]
+Factors: TypeAlias = Callable[[Label, int], ComplexArray]
 # Total spin to values of shape (ways, configurations, components).
-Coupled: TypeAlias = dict[int, Complex]
+Coupled: TypeAlias = dict[int, ComplexArray]
 
 
-class SectorBlocks:
-    """The blocks of one sector, ready to be evaluated.
+class BlockFamily(Protocol):
+    """Matrices of functions of a configuration, averaged over all symmetries."""
+
+    @property
+    def sizes(self) -> list[int]:
+        """Numbers of rows of the blocks."""
+
+    def evaluate(self, rotations: FloatArray) -> list[FloatArray]:
+        """Return each block, (configurations, size, size), at (configurations, n, 3, 3)."""
+
+
+class RowBlocks:
+    """The rows of one sector, sorted into blocks.
 
     Parameters
     ----------
@@ -47,12 +60,61 @@ class SectorBlocks:
     def __init__(self, sector: RowSector, joints: int) -> None:
         self.sector = sector
         self.joints = joints
-        places = (range(sector.odd), range(sector.odd, joints))
-        entries = [
-            PermutedRows(parts, places, sector.spin) for parts in sector.label_sets(joints)
+        places = sector.places(joints)
+        rows = [
+            PermutedRows(labels, places, sector.spin) for labels in sector.label_sets(joints)
         ]
-        self.rows = [entry for entry in entries if entry.length]
+        self.rows = [entry for entry in rows if entry.length]
         self.blocks: list[AdaptedRows] = adapted_rows(self.rows, sector.charge)
+
+    @property
+    def largest_spin(self) -> int:
+        """Largest spin of one joint."""
+        return max((spin for rows in self.rows for spin in rows.spins), default=0)
+
+    def mean_squares(
+        self,
+        wigner: Sequence[ComplexArray],
+        orders: Sequence[Sequence[int]],
+        *,
+        share: int = 1,
+    ) -> list[FloatArray]:
+        """Return the mean of rows · rowsᵀ of each block, (configurations, size, size).
+
+        Parameters
+        ----------
+        wigner
+            D^l of all configurations.
+        orders
+            Orders of the joints; the mean is over these, components and tableaux.
+        share
+            Number of such means that the caller adds up to one; each is divided by it.
+        """
+        count = len(wigner[0])
+        found = [np.zeros((count, block.size, block.size)) for block in self.blocks]
+        for order in orders:
+            plain = self.plain_values(wigner, order)
+            for total, block in zip(found, self.blocks, strict=True):
+                values = adapted_values(block, plain)
+                total += values @ values.transpose(0, 2, 1)
+        for total, block in zip(found, self.blocks, strict=True):
+            total /= share * len(orders) * (2 * self.sector.spin + 1) * block.tableaux
+        return found
+
+    def plain_values(
+        self, wigner: Sequence[ComplexArray], order: Sequence[int]
+    ) -> list[FloatArray]:
+        """Return the values of all plain rows, see `plain_rows`, joints in the given order."""
+
+        def factors(label: Label, place: int) -> ComplexArray:
+            spin, m = label
+            return wigner[spin][:, order[place], :, spin + m]
+
+        return [plain_rows(rows, factors) for rows in self.rows]
+
+
+class SectorBlocks(RowBlocks):
+    """Blocks of the moment matrix: the rows of a sector multiplied with each other."""
 
     @property
     def sizes(self) -> list[int]:
@@ -60,58 +122,42 @@ class SectorBlocks:
         return [block.size for block in self.blocks]
 
     @property
-    def largest_spin(self) -> int:
-        """Largest spin of one joint."""
-        return max((spin for rows in self.rows for spin in rows.spins), default=0)
-
-    @property
     def orders(self) -> list[tuple[int, ...]]:
         """Orders of the joints that put each choice of k joints first."""
-        return [
-            (*chosen, *(j for j in range(self.joints) if j not in chosen))
-            for chosen in combinations(range(self.joints), self.sector.odd)
-        ]
+        return choices_first(range(self.joints), self.sector.odd)
 
-    def evaluate(self, rotations: Floats) -> list[Floats]:
+    def evaluate(self, rotations: FloatArray) -> list[FloatArray]:
         """Return each block, shape (configurations, size, size), at (configurations, n, 3, 3).
 
         The mean over uniformly distributed configurations is the unit matrix.
         """
-        wigner = wigner_matrices(rotations, self.largest_spin)
-        orders = self.orders
-        found = [np.zeros((len(rotations), block.size, block.size)) for block in self.blocks]
-        for order in orders:
-            factors = joint_factors(wigner, order)
-            plain = [plain_rows(rows, factors) for rows in self.rows]
-            for total, block in zip(found, self.blocks, strict=True):
-                values = adapted_values(block, plain)
-                total += values @ values.transpose(0, 2, 1)
-        spin = 2 * self.sector.spin + 1
-        for total, block in zip(found, self.blocks, strict=True):
-            total /= len(orders) * spin * block.tableaux
-        return found
+        return self.mean_squares(wigner_matrices(rotations, self.largest_spin), self.orders)
 
 
-def joint_factors(wigner: Sequence[Complex], order: Sequence[int]) -> Factors:
-    """Return the functions of the joints in an order, from D^l of all configurations."""
-
-    def factors(label: Label, place: int) -> Complex:
-        spin, m = label
-        return wigner[spin][:, order[place], :, spin + m]
-
-    return factors
+def sector_families(sectors: Sequence[RowSector], joints: int) -> list[SectorBlocks]:
+    """Return the blocks of all sectors that have rows for `joints` joints."""
+    families = [SectorBlocks(sector, joints) for sector in sectors]
+    return [family for family in families if family.blocks]
 
 
-def plain_rows(rows: PermutedRows, factors: Factors) -> Floats:
+def choices_first(joints: Sequence[int], count: int) -> list[tuple[int, ...]]:
+    """Return orders of the joints that put each choice of `count` of them first."""
+    return [
+        (*chosen, *(joint for joint in joints if joint not in chosen))
+        for chosen in combinations(joints, count)
+    ]
+
+
+def plain_rows(rows: PermutedRows, factors: Factors) -> FloatArray:
     """Return the values of plain rows, shape (rows, configurations, 2(2L+1)).
 
     The last axis holds the components of the total spin, real parts before imaginary parts.
-    `factors` gives the functions D^l_{·m} of the joint at a place, (configurations, 2l+1); the
-    last label may come with several values for each configuration. Joints are coupled one
-    after another, so assignments that begin alike share their first steps.
+    `factors` gives the functions D^l_{·m} of the joint at a place, (configurations, 2l+1).
+    Joints are coupled one after another, so assignments with the same beginning share their
+    first steps.
     """
-    labels, components = rows.labels, 2 * rows.spin + 1
-    found: list[Floats] = []
+    labels = rows.labels
+    found: list[FloatArray] = []
     known: dict[Assignment, Coupled] = {(): {0: np.ones((1, 1, 1), dtype=complex)}}
     for assignment in rows.assignments:
         # Assignments are sorted: only beginnings of the present one are still of use.
@@ -128,11 +174,12 @@ def plain_rows(rows: PermutedRows, factors: Factors) -> Floats:
             known[assignment[: q + 1]] = grown
         values = known[assignment][rows.spin]
         found.append(np.concatenate([values.real, values.imag], axis=-1))
-    stacked = np.concatenate(found)
-    return stacked.reshape(rows.length, -1, 2 * components)
+    return np.concatenate(found).reshape(rows.length, -1, 2 * (2 * rows.spin + 1))
 
 
-def coupled_with(coupled: Coupled, factor: Complex, spin: int, reachable: range) -> Coupled:
+def coupled_with(
+    coupled: Coupled, factor: ComplexArray, spin: int, reachable: range
+) -> Coupled:
     """Return what coupling one more joint gives, in the order of `coupled_tensors`.
 
     Parameters
@@ -146,12 +193,10 @@ def coupled_with(coupled: Coupled, factor: Complex, spin: int, reachable: range)
     reachable
         Total spins that are still of use.
     """
-    grown: dict[int, list[Complex]] = {}
-    for before, begun in coupled.items():
-        values = begun
-        if len(factor) != values.shape[1]:
-            values = np.tile(values, (1, len(factor) // values.shape[1], 1))
-        products = (values[:, :, :, None] * factor[:, None, :]).reshape(*values.shape[:2], -1)
+    grown: dict[int, list[ComplexArray]] = {}
+    for before, values in coupled.items():
+        products = values[:, :, :, None] * factor[:, None, :]
+        products = products.reshape(*products.shape[:2], -1)
         for target in range(abs(before - spin), before + spin + 1):
             if target in reachable:
                 table = coupling(before, spin, target).reshape(-1, 2 * target + 1)
@@ -162,16 +207,14 @@ def coupled_with(coupled: Coupled, factor: Complex, spin: int, reachable: range)
     return {target: np.concatenate(parts) for target, parts in grown.items()}
 
 
-def adapted_values(block: AdaptedRows, plain: list[Floats]) -> Floats:
+def adapted_values(block: AdaptedRows, plain: Sequence[FloatArray]) -> FloatArray:
     """Return the values of a block's rows, (configurations, size, tableaux · components)."""
     # Rows without any joint are the same at all configurations.
     count = max(values.shape[1] for values in plain)
     components = plain[0].shape[2]
     found = np.zeros((block.tableaux, block.size, count * components))
     for number, columns, coefficients in block.parts:
-        values = plain[number]
-        if values.shape[1] != count:
-            values = np.tile(values, (1, count // values.shape[1], 1))
+        values = np.tile(plain[number], (1, count // plain[number].shape[1], 1))
         values = values.reshape(len(values), -1)
         found[:, columns.start : columns.stop] += coefficients.transpose(0, 2, 1) @ values
     shaped = found.reshape(block.tableaux, block.size, count, components)

@@ -8,8 +8,7 @@ from typing import Any
 import cvxpy as cp
 import numpy as np
 
-from formulations.bounds.so3_moments.programs.moment_program import MomentProgram
-from formulations.bounds.so3_moments.programs.multipliers import ConicOutcome
+from formulations.bounds.so3_moments.programs.moment_program import ConicOutcome, MomentProgram
 from nlp.conic import run
 
 

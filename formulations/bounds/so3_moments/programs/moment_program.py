@@ -7,6 +7,9 @@ e_1, … of their span, a linear functional with L(1) = 1 is a vector y of its v
 
 where B_j holds the coefficients of e_j of the entries. Multipliers X ⪰ 0 of the blocks with
 Σ ⟨X, B_j⟩ = ρ_j for j ≥ 1 prove the bound ρ_0 − Σ ⟨X, B_0⟩.
+
+A margin program has the largest s with every block ⪰ sI as its solution; s is negative where
+the conditions cannot all be met.
 """
 
 from __future__ import annotations
@@ -16,7 +19,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from formulations.bounds.so3_moments.representations.clebsch_gordan import Floats
+from nlp.arrays import FloatArray
 from nlp.errors import LockedJointError
 
 _RELATIVE_RANK = 1e-8
@@ -24,7 +27,7 @@ _SEED = 7
 
 
 class TooFewSamplesError(LockedJointError):
-    """The samples do not tell all functions apart: more are needed."""
+    """The samples do not distinguish all functions: more are needed."""
 
 
 class OutsideSpanError(LockedJointError):
@@ -43,8 +46,8 @@ class MomentProgram:
         For each block B_0, B_1, …, shape (moments, size, size).
     """
 
-    objective: Floats
-    blocks: tuple[Floats, ...]
+    objective: FloatArray
+    blocks: tuple[FloatArray, ...]
 
     @property
     def moments(self) -> int:
@@ -56,19 +59,14 @@ class MomentProgram:
         """Numbers of rows of the blocks."""
         return tuple(block.shape[1] for block in self.blocks)
 
-    @property
-    def svec(self) -> int:
-        """Number of distinct entries of all blocks."""
-        return sum(size * (size + 1) // 2 for size in self.sizes)
-
-    def dual_value(self, multipliers: Sequence[Floats]) -> float:
+    def dual_value(self, multipliers: Sequence[FloatArray]) -> float:
         """Return ρ_0 − Σ ⟨X, B_0⟩."""
-        paid = sum(
+        products = sum(
             np.vdot(x, block[0]) for x, block in zip(multipliers, self.blocks, strict=True)
         )
-        return float(self.objective[0] - paid)
+        return float(self.objective[0] - products)
 
-    def dual_residual(self, multipliers: Sequence[Floats]) -> Floats:
+    def dual_residual(self, multipliers: Sequence[FloatArray]) -> FloatArray:
         """Return ρ_j − Σ ⟨X, B_j⟩ for j ≥ 1."""
         residual = self.objective[1:].copy()
         for x, block in zip(multipliers, self.blocks, strict=True):
@@ -76,7 +74,29 @@ class MomentProgram:
         return residual
 
 
-def moment_program(values: Floats, blocks: Sequence[Floats]) -> MomentProgram:
+@dataclass(frozen=True, eq=False)
+class ConicOutcome:
+    """The answer of a solver, unchecked.
+
+    Parameters
+    ----------
+    moments
+        y_1, y_2, …, or None if there is no answer.
+    multipliers
+        X of each block, symmetric, or None if there is no answer.
+    status
+        The complete status message of the solver.
+    iterations
+        Number of iterations, if known.
+    """
+
+    moments: FloatArray | None
+    multipliers: tuple[FloatArray, ...] | None
+    status: str
+    iterations: int | None = None
+
+
+def moment_program(values: FloatArray, blocks: Sequence[FloatArray]) -> MomentProgram:
     """Return the program whose functions have the given values at sampled configurations.
 
     Parameters
@@ -107,7 +127,34 @@ def moment_program(values: Floats, blocks: Sequence[Floats]) -> MomentProgram:
     return MomentProgram(objective, tuple(expanded))
 
 
-def _orthonormal_functions(blocks: Sequence[Floats], samples: int) -> Floats:
+def margin_program(program: MomentProgram) -> MomentProgram:
+    """Return the program whose smallest value is −s; the objective of the given one is left.
+
+    Multipliers X ⪰ 0 with Σ tr X = 1 and Σ ⟨X, B(x)⟩ = d for all x prove s ≤ d; if d < 0, no
+    configuration meets the conditions, for Σ ⟨X, B(x)⟩ would not be negative there.
+
+    Parameters
+    ----------
+    program
+        The blocks as functions of the pseudo-moments.
+
+    Returns
+    -------
+    MomentProgram
+        With one more unknown, the last: s plus a shift that makes y = 0 an interior point.
+    """
+    lowest = min(float(np.linalg.eigvalsh(block[0])[0]) for block in program.blocks)
+    shift = max(0.0, 1.0 - lowest)
+    blocks = []
+    for block in program.blocks:
+        unit = np.eye(block.shape[1])[None]
+        blocks.append(np.concatenate([block[:1] + shift * unit, block[1:], -unit]))
+    objective = np.zeros(program.moments + 1)
+    objective[0], objective[-1] = shift, -1.0
+    return MomentProgram(objective, tuple(blocks))
+
+
+def _orthonormal_functions(blocks: Sequence[FloatArray], samples: int) -> FloatArray:
     """Return an orthonormal basis of the functions at the samples, the first constant.
 
     Random combinations of the entries have the same span and are fewer.

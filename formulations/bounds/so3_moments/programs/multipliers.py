@@ -1,40 +1,115 @@
-"""What a solver returns: pseudo-moments, multipliers and its own words."""
+"""Multipliers X ⪰ 0 of the blocks: made semidefinite, refined, and checked.
+
+    objective(x) − bound = Σ ⟨X, B(x)⟩   for all configurations x, with every X ⪰ 0
+
+proves objective ≥ bound. The largest difference of the two sides at fresh configurations is
+subtracted from the bound. That is numerical evidence, no proof: between the configurations
+nothing is known.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from formulations.bounds.so3_moments.representations.clebsch_gordan import Floats
+from formulations.bounds.so3_moments.blocks.sampled_blocks import BlockFamily
+from formulations.bounds.so3_moments.programs.moment_program import MomentProgram
+from nlp.arrays import FloatArray
+
+_RELATIVE_RANK = 1e-13
 
 
-@dataclass(frozen=True, eq=False)
-class ConicOutcome:
-    """The answer of a solver, unchecked.
+def semidefinite_root(matrix: FloatArray) -> tuple[FloatArray, float]:
+    """Return R with RRᵀ the nearest semidefinite matrix, and the smallest eigenvalue before."""
+    values, vectors = np.linalg.eigh(matrix)
+    return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0))), float(values[0])
+
+
+def nearest_semidefinite(matrix: FloatArray) -> tuple[FloatArray, float]:
+    """Return the nearest positive semidefinite matrix and the smallest eigenvalue before."""
+    root, lowest = semidefinite_root(0.5 * (matrix + matrix.T))
+    return np.asarray(root @ root.T), lowest
+
+
+def refined_multipliers(
+    program: MomentProgram, multipliers: Sequence[FloatArray], passes: int = 3
+) -> list[FloatArray]:
+    """Return multipliers with smaller dual residuals, as semidefinite as before.
+
+    The change Σ_j z_j X A_j X is small relative to X, so it cannot make X indefinite as long
+    as the residual is small. A pass that does not reduce the residual is not taken.
+    """
+    current = [np.asarray(x) for x in multipliers]
+    residual = program.dual_residual(current)
+    for _ in range(passes):
+        gram = np.zeros((len(residual), len(residual)))
+        for x, block in zip(current, program.blocks, strict=True):
+            root, _ = semidefinite_root(x)
+            scaled = (root.T @ (block[1:] @ root)).reshape(len(residual), -1)
+            gram += scaled @ scaled.T
+        z = np.linalg.lstsq(gram, residual, rcond=_RELATIVE_RANK)[0]
+        trial = [
+            x + x @ np.tensordot(z, block[1:], axes=1) @ x
+            for x, block in zip(current, program.blocks, strict=True)
+        ]
+        after = program.dual_residual(trial)
+        if np.abs(after).max() >= np.abs(residual).max():
+            break
+        current, residual = trial, after
+    return [0.5 * (x + x.T) for x in current]
+
+
+@dataclass(frozen=True)
+class IdentityCheck:
+    """How well a sum-of-squares identity holds.
 
     Parameters
     ----------
-    moments
-        y_1, y_2, …, or None if there is no answer.
-    multipliers
-        X of each block, symmetric, or None if there is no answer.
-    status
-        What the solver said, whole.
-    iterations
-        Number of iterations, if known.
+    unchecked_bound
+        The bound that was checked, before anything is subtracted.
+    leftover
+        Largest difference of the two sides at the fresh configurations.
+    fresh_configurations
+        Number of fresh configurations.
     """
 
-    moments: Floats | None
-    multipliers: tuple[Floats, ...] | None
-    status: str
-    iterations: int | None = None
+    unchecked_bound: float
+    leftover: float
+    fresh_configurations: int
+
+    @property
+    def checked_bound(self) -> float:
+        """The bound minus the largest difference at the fresh configurations."""
+        return self.unchecked_bound - self.leftover
 
 
-def nearest_semidefinite(matrix: Floats) -> tuple[Floats, float]:
-    """Return the nearest positive semidefinite matrix and the smallest eigenvalue before."""
-    if not len(matrix):
-        return matrix, 0.0
-    values, vectors = np.linalg.eigh(0.5 * (matrix + matrix.T))
-    root = vectors * np.sqrt(np.maximum(values, 0.0))
-    return np.asarray(root @ root.T), float(values[0])
+def check_identity(
+    families: Sequence[BlockFamily],
+    multipliers: Sequence[FloatArray],
+    bound: float,
+    objective: Callable[[FloatArray], FloatArray],
+    fresh: FloatArray,
+) -> IdentityCheck:
+    """Evaluate both sides of the identity.
+
+    Parameters
+    ----------
+    families
+        The blocks, family by family.
+    multipliers
+        X of each block, positive semidefinite, in the order of the families.
+    bound
+        The constant on the left.
+    objective
+        Its values at rotations (configurations, n, 3, 3).
+    fresh
+        Rotations of configurations that were not used to find the multipliers.
+    """
+    blocks = (block for family in families for block in family.evaluate(fresh))
+    squares = np.zeros(len(fresh))
+    for x, block in zip(multipliers, blocks, strict=True):
+        squares += np.tensordot(block, x, axes=2)
+    leftover = float(np.abs(objective(fresh) - bound - squares).max())
+    return IdentityCheck(bound, leftover, len(fresh))

@@ -21,9 +21,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import blas, cho_factor, cho_solve, solve_triangular
 
-from formulations.bounds.so3_moments.programs.moment_program import MomentProgram
-from formulations.bounds.so3_moments.programs.multipliers import ConicOutcome
-from formulations.bounds.so3_moments.representations.clebsch_gordan import Floats
+from formulations.bounds.so3_moments.programs.moment_program import ConicOutcome, MomentProgram
+from nlp.arrays import FloatArray
 
 _STEP = 0.95  # fraction of the way to the boundary
 _START = 1.0  # multiple of the unit matrix to start X from
@@ -36,10 +35,10 @@ _SHIFTS = (0.0, 1e-15, 1e-14, 1e-13, 1e-12, 1e-11, 1e-10, 1e-9)
 class _Point:
     """Cholesky factors of X and of S, and the inverse of S, of each block."""
 
-    x: list[Floats]
-    x_root: list[Floats]
-    s_root: list[Floats]
-    s_inverse: list[Floats]
+    x: list[FloatArray]
+    x_root: list[FloatArray]
+    s_root: list[FloatArray]
+    s_inverse: list[FloatArray]
 
 
 def solve_with_predictor_corrector(
@@ -59,7 +58,7 @@ def solve_with_predictor_corrector(
         Stop where ⟨X, S⟩ is below `gap` and no dual equation is off by more than `accuracy`,
         both relative to the largest coefficient of the objective, at least 1.
     progress
-        Told of every iteration.
+        Receives a short message at every fifth iteration.
 
     Returns
     -------
@@ -74,7 +73,7 @@ def solve_with_predictor_corrector(
     status = "iteration_limit"
     iterations = 0
     for iterations in range(_MOST_ITERATIONS + 1):
-        slacks = _slacks(program, y)
+        slacks = [block[0] + np.tensordot(y, block[1:], axes=1) for block in program.blocks]
         point = _factor(x, slacks)
         if point is None:
             status = "no_interior_start" if iterations == 0 else "stalled: factorisation failed"
@@ -105,15 +104,15 @@ def solve_with_predictor_corrector(
 
 
 def _step(
-    program: MomentProgram, point: _Point, slacks: list[Floats], mu: float, order: int
-) -> tuple[Floats, list[Floats], float, float] | None:
+    program: MomentProgram, point: _Point, slacks: list[FloatArray], mu: float, order: int
+) -> tuple[FloatArray, list[FloatArray], float, float] | None:
     """Return dy, dX and the lengths of the steps in y and X."""
     schur = _factored(_schur_complement(program, point))
     if schur is None:
         return None
     nothing = [np.zeros_like(block) for block in point.x]
     dy, dx, ds = _direction(program, point, schur, 0.0, nothing)
-    primal, dual = _lengths(point, ds, dx)
+    primal, dual = _longest(point.s_root, ds), _longest(point.x_root, dx)
     after = _inner(
         [a + dual * b for a, b in zip(point.x, dx, strict=True)],
         [a + primal * b for a, b in zip(slacks, ds, strict=True)],
@@ -124,17 +123,17 @@ def _step(
         for a, b, inverse in zip(dx, ds, point.s_inverse, strict=True)
     ]
     dy, dx, ds = _direction(program, point, schur, max(centring, 1e-3) * mu, correction)
-    primal, dual = _lengths(point, ds, dx)
+    primal, dual = _longest(point.s_root, ds), _longest(point.x_root, dx)
     return dy, dx, primal, dual
 
 
 def _direction(
     program: MomentProgram,
     point: _Point,
-    schur: tuple[Floats, bool],
+    schur: tuple[FloatArray, bool],
     mu: float,
-    correction: list[Floats],
-) -> tuple[Floats, list[Floats], list[Floats]]:
+    correction: list[FloatArray],
+) -> tuple[FloatArray, list[FloatArray], list[FloatArray]]:
     goals = [
         mu * inverse - extra for inverse, extra in zip(point.s_inverse, correction, strict=True)
     ]
@@ -147,7 +146,7 @@ def _direction(
     return dy, dx, ds
 
 
-def _schur_complement(program: MomentProgram, point: _Point) -> Floats:
+def _schur_complement(program: MomentProgram, point: _Point) -> FloatArray:
     """Return M_ij = ⟨G_i, G_j⟩ with G_j = (root of X)ᵀ A_j (root of S)⁻ᵀ."""
     unknowns = program.moments - 1
     found = np.zeros((unknowns, unknowns), order="F")
@@ -162,7 +161,7 @@ def _schur_complement(program: MomentProgram, point: _Point) -> Floats:
     return np.asarray(found)
 
 
-def _factored(schur: Floats) -> tuple[Floats, bool] | None:
+def _factored(schur: FloatArray) -> tuple[FloatArray, bool] | None:
     """Return a Cholesky factor, of a slightly larger matrix if rounding makes that necessary.
 
     The larger matrix only shortens steps along directions that are hardly determined.
@@ -178,11 +177,7 @@ def _factored(schur: Floats) -> tuple[Floats, bool] | None:
     return None
 
 
-def _slacks(program: MomentProgram, y: Floats) -> list[Floats]:
-    return [block[0] + np.tensordot(y, block[1:], axes=1) for block in program.blocks]
-
-
-def _factor(x: Sequence[Floats], slacks: Sequence[Floats]) -> _Point | None:
+def _factor(x: Sequence[FloatArray], slacks: Sequence[FloatArray]) -> _Point | None:
     try:
         x_root = [np.asarray(np.linalg.cholesky(block), dtype=float) for block in x]
         s_root = [np.asarray(np.linalg.cholesky(block), dtype=float) for block in slacks]
@@ -195,11 +190,7 @@ def _factor(x: Sequence[Floats], slacks: Sequence[Floats]) -> _Point | None:
     return _Point(list(x), x_root, s_root, inverse)
 
 
-def _lengths(point: _Point, ds: list[Floats], dx: list[Floats]) -> tuple[float, float]:
-    return _longest(point.s_root, ds), _longest(point.x_root, dx)
-
-
-def _longest(roots: Sequence[Floats], changes: Sequence[Floats]) -> float:
+def _longest(roots: Sequence[FloatArray], changes: Sequence[FloatArray]) -> float:
     """Return the step, at most 1, that stays inside of the cone."""
     lowest = 0.0
     for root, change in zip(roots, changes, strict=True):
@@ -209,9 +200,9 @@ def _longest(roots: Sequence[Floats], changes: Sequence[Floats]) -> float:
     return 1.0 if lowest > -_STEP else -_STEP / lowest
 
 
-def _inner(first: Sequence[Floats], second: Sequence[Floats]) -> float:
+def _inner(first: Sequence[FloatArray], second: Sequence[FloatArray]) -> float:
     return float(sum(np.vdot(a, b) for a, b in zip(first, second, strict=True)))
 
 
-def _symmetric(matrix: Floats) -> Floats:
+def _symmetric(matrix: FloatArray) -> FloatArray:
     return np.asarray(0.5 * (matrix + matrix.T))

@@ -13,9 +13,9 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
-from formulations.bounds.so3_moments.representations.clebsch_gordan import Floats
 from formulations.bounds.so3_moments.representations.permuted_rows import PermutedRows
 from formulations.bounds.so3_moments.representations.young_basis import Shapes, young_bases
+from nlp.arrays import FloatArray
 
 Parity: TypeAlias = Literal["even", "odd", "mixed"]
 
@@ -41,7 +41,7 @@ class AdaptedRows:
 
     shapes: Shapes
     parity: Parity
-    parts: tuple[tuple[int, range, Floats], ...]
+    parts: tuple[tuple[int, range, FloatArray], ...]
     size: int
     tableaux: int
 
@@ -63,7 +63,7 @@ def adapted_rows(rows: Sequence[PermutedRows], charge: int) -> list[AdaptedRows]
         Scaled so that every row has mean square 1 over all configurations.
     """
     numbers = {entry.parts: number for number, entry in enumerate(rows)}
-    found: dict[tuple[Shapes, Parity], list[list[tuple[int, Floats]]]] = {}
+    found: dict[tuple[Shapes, Parity], list[list[tuple[int, FloatArray]]]] = {}
     for number, entry in enumerate(rows):
         if charge:
             for shapes, basis in _bases(entry).items():
@@ -92,12 +92,12 @@ def adapted_rows(rows: Sequence[PermutedRows], charge: int) -> list[AdaptedRows]
     return [block for block in blocks if block.size]
 
 
-def _bases(entry: PermutedRows) -> dict[Shapes, Floats]:
+def _bases(entry: PermutedRows) -> dict[Shapes, FloatArray]:
     exchanges = {joint: entry.exchange(joint) for group in entry.places for joint in group[:-1]}
     return young_bases(exchanges, entry.places)
 
 
-def _split(conjugation: Floats, basis: Floats) -> tuple[Floats, Floats]:
+def _split(conjugation: FloatArray, basis: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the bases of the even and of the odd rows; the same split for every tableau."""
     values, vectors = np.linalg.eigh(basis[0].T @ conjugation @ basis[0])
     return basis @ vectors[:, values > 0], basis @ vectors[:, values < 0]
@@ -106,7 +106,7 @@ def _split(conjugation: Floats, basis: Floats) -> tuple[Floats, Floats]:
 def _collect(
     shapes: Shapes,
     parity: Parity,
-    contributions: list[list[tuple[int, Floats]]],
+    contributions: list[list[tuple[int, FloatArray]]],
     rows: Sequence[PermutedRows],
 ) -> AdaptedRows:
     parts = []

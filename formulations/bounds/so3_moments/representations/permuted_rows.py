@@ -15,12 +15,12 @@ from typing import TypeAlias
 
 import numpy as np
 
-from formulations.bounds.so3_moments.representations.clebsch_gordan import (
-    Floats,
+from formulations.bounds.so3_moments.representations.row_sectors import Label
+from formulations.bounds.so3_moments.representations.wigner import (
     axis_exchange,
     coupled_tensors,
 )
-from formulations.bounds.so3_moments.representations.row_sectors import Label
+from nlp.arrays import FloatArray
 
 Assignment: TypeAlias = tuple[int, ...]
 
@@ -73,25 +73,22 @@ class PermutedRows:
         """Number of rows."""
         return len(self.assignments) * self.ways
 
-    def exchange(self, joint: int) -> Floats:
+    def exchange(self, joint: int) -> FloatArray:
         """Return the orthogonal matrix, (rows, rows), that exchanges a joint and the next.
 
         Both must be in the same group.
         """
-        numbers = {assignment: a for a, assignment in enumerate(self.assignments)}
-        labels, spins, ways = self.labels, self.spins, self.ways
+        labels = self.labels
         swapped = {joint: joint + 1, joint + 1: joint}
-        action = np.zeros((len(numbers), ways, len(numbers), ways))
-        for assignment, a in numbers.items():
+        moves = []
+        for assignment in self.assignments:
             image = [swapped.get(j, j) for j in assignment]
             order = list(range(len(image)))
             for q in range(len(image) - 1):
                 if labels[q] == labels[q + 1] and image[q] > image[q + 1]:
-                    image[q : q + 2] = image[q + 1], image[q]
-                    order[q : q + 2] = order[q + 1], order[q]
-            mixing = axis_exchange(spins, self.spin, order)
-            action[numbers[tuple(image)], :, a, :] = mixing
-        return action.reshape(self.length, self.length)
+                    order[q : q + 2] = q + 1, q
+            moves.append((tuple(image[q] for q in order), order))
+        return self._action(self, moves)
 
     @property
     def conjugate(self) -> PermutedRows:
@@ -99,26 +96,32 @@ class PermutedRows:
         parts = tuple(tuple(sorted(_reversed(part))) for part in self.parts)
         return PermutedRows(parts, self.places, self.spin)
 
-    def conjugation(self) -> Floats:
+    def conjugation(self) -> FloatArray:
         """Return the orthogonal matrix, (conjugate rows, rows), of (v, ω) → (v, −ω)."""
-        goal = self.conjugate
         order: list[int] = []
         for part in self.parts:
             image, start = _reversed(part), len(order)
             # Sorting is stable, so joints with equal labels stay in ascending order.
             order += [start + q for q in sorted(range(len(part)), key=image.__getitem__)]
-        mixing = axis_exchange(self.spins, self.spin, order)
+        moves = [(tuple(chosen[q] for q in order), order) for chosen in self.assignments]
+        return np.asarray((-1) ** sum(self.spins) * self._action(self.conjugate, moves))
+
+    def _action(
+        self, goal: PermutedRows, moves: Sequence[tuple[Assignment, Sequence[int]]]
+    ) -> FloatArray:
+        """Return the matrix, (goal rows, rows), that takes each assignment to another one.
+
+        `moves` holds for each assignment its image, and the order of its labels there.
+        """
         numbers = {assignment: a for a, assignment in enumerate(goal.assignments)}
-        action = np.zeros((len(numbers), goal.ways, len(self.assignments), self.ways))
-        for a, assignment in enumerate(self.assignments):
-            target = tuple(assignment[q] for q in order)
-            action[numbers[target], :, a, :] = mixing
-        sign = (-1) ** sum(self.spins)
-        return np.asarray(sign * action.reshape(goal.length, self.length))
+        action = np.zeros((len(numbers), goal.ways, len(moves), self.ways))
+        for a, (image, order) in enumerate(moves):
+            action[numbers[image], :, a, :] = axis_exchange(self.spins, self.spin, order)
+        return action.reshape(goal.length, self.length)
 
 
 def _reversed(labels: Sequence[Label]) -> list[Label]:
-    return [(label[0], -label[1], *label[2:]) for label in labels]
+    return [(spin, -m) for spin, m in labels]
 
 
 def _assignments(labels: Sequence[Label], places: range) -> list[Assignment]:

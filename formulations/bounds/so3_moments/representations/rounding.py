@@ -1,7 +1,7 @@
-"""Bounds on rounding errors, worked out beforehand, of Wigner functions and plain rows.
+"""A-priori bounds on the rounding errors of Wigner functions and plain rows.
 
 Standard model of double precision: every operation has a relative error of at most u = 2⁻⁵³,
-and sums of K products, in whatever order, one of at most γ_K = Ku/(1 − Ku) relative to the sum
+and sums of K products, in any order, one of at most γ_K = Ku/(1 − Ku) relative to the sum
 of the absolute values (Higham, 2002). Exact values have norms that are known: columns of D^l
 are unit vectors, and coupling is an isometry; that keeps the bounds small.
 

@@ -8,7 +8,7 @@ of a column multiplies it by (−1)^m.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 from nlp.errors import InputError
@@ -23,40 +23,62 @@ class RowSector:
     Parameters
     ----------
     odd
-        Number k of joints with odd m.
+        Number k of joints with odd m, a locked one not counted.
     charge
         Sum c of all m, not negative.
     spin
         Total spin L to which the product is coupled.
     degree
         Largest degree d in the entries of J.
+    locked
+        Parity of m of the locked joint, 0 or 1; None if no joint is locked.
 
     Raises
     ------
     InputError
-        Unless all are non-negative and k ≡ c ≡ d (mod 2).
+        Unless all are non-negative and k + parity ≡ c ≡ d (mod 2).
     """
 
     odd: int
     charge: int
     spin: int
     degree: int
+    locked: int | None = None
 
     def __post_init__(self) -> None:
-        values = (self.odd, self.charge, self.spin, self.degree)
-        if min(values) < 0:
-            raise InputError("row sector (k, c, L, d)", values, "non-negative integers")
-        if (self.odd - self.charge) % 2 or (self.charge - self.degree) % 2:
-            raise InputError("row sector (k, c, L, d)", values, "k ≡ c ≡ d modulo 2")
+        values = (self.odd, self.charge, self.spin, self.degree, self.locked)
+        if min(values[:4]) < 0 or self.locked not in (None, 0, 1):
+            raise InputError("row sector (k, c, L, d, parity)", values, "non-negative integers")
+        odd = self.odd + (self.locked or 0)
+        if (odd - self.charge) % 2 or (self.charge - self.degree) % 2:
+            raise InputError(
+                "row sector (k, c, L, d, parity)", values, "k + parity ≡ c ≡ d modulo 2"
+            )
 
-    def label_sets(self, joints: int) -> list[tuple[tuple[Label, ...], tuple[Label, ...]]]:
-        """Return the labels with odd and those with even m that `joints` joints can carry."""
-        return label_sets(self.odd, self.charge, self.degree, joints)
+    def places(self, joints: int) -> tuple[range, ...]:
+        """Return the groups of joints: the locked one if any, odd joints, even joints."""
+        start = 0 if self.locked is None else 1
+        split = start + self.odd
+        groups = (range(start, split), range(split, joints))
+        return groups if self.locked is None else (range(1), *groups)
+
+    def label_sets(self, joints: int) -> list[tuple[tuple[Label, ...], ...]]:
+        """Return the labels that the groups of `joints` joints can carry."""
+        if self.locked is None:
+            return _label_sets(self.odd, self.charge, self.degree, joints)
+        heads: list[tuple[Label, ...]] = [()] if self.locked == 0 else []
+        heads += [(label,) for label in _labels_of_parity(self.locked, self.degree)]
+        found: list[tuple[tuple[Label, ...], ...]] = []
+        for head in heads:
+            left = self.degree - sum(map(label_degree, head))
+            charge = self.charge - sum(label[1] for label in head)
+            rest = _label_sets(self.odd, charge, left, joints - 1)
+            found += [(head, *labels) for labels in rest]
+        return found
 
     def contains(self, other: RowSector) -> bool:
         """Whether the other sector's rows are all among these."""
-        same = (self.odd, self.charge, self.spin) == (other.odd, other.charge, other.spin)
-        return same and self.degree >= other.degree
+        return self.degree >= other.degree and replace(self, degree=other.degree) == other
 
 
 def label_degree(label: Label) -> int:
@@ -65,40 +87,17 @@ def label_degree(label: Label) -> int:
     return spin + (spin - m) % 2
 
 
-def label_sets(
-    odd: int, charge: int, degree: int, joints: int
-) -> list[tuple[tuple[Label, ...], tuple[Label, ...]]]:
-    """Return the labels with odd and those with even m that `joints` joints can carry.
-
-    There are `odd` labels with odd m; all m add up to `charge` and all degrees to at most
-    `degree`. Labels are ascending, and (0, 0) is left out.
-    """
-    if odd > joints:
-        return []
-    found = []
-    for first in _multisets(labels_of_parity(1, degree), odd, degree):
-        left = degree - sum(map(label_degree, first))
-        for size in range(joints - odd + 1):
-            found += [
-                (first, second)
-                for second in _multisets(labels_of_parity(0, degree), size, left)
-                if sum(label[1] for label in first + second) == charge
-            ]
-    return found
-
-
 def degree_sectors(
-    degree: int, spins: range, *, odd: range | None = None, charges: range | None = None
+    degree: int, spins: range, charges: range | None = None, locked: int | None = None
 ) -> list[RowSector]:
-    """Return all sectors of one degree, within the given total spins, k and charges."""
-    counts = range(degree + 1) if odd is None else odd
+    """Return all sectors of one degree, within the given total spins and charges."""
     allowed = range(degree + 1) if charges is None else charges
     return [
-        RowSector(k, c, spin, degree)
+        RowSector(k, c, spin, degree, locked)
         for spin in spins
-        for k in counts
+        for k in range(degree + 1)
         for c in allowed
-        if (k - degree) % 2 == 0 and (c - degree) % 2 == 0
+        if (k + (locked or 0) - degree) % 2 == 0 and (c - degree) % 2 == 0
     ]
 
 
@@ -112,7 +111,28 @@ def without_repetition(sectors: list[RowSector]) -> tuple[RowSector, ...]:
     )
 
 
-def labels_of_parity(parity: int, degree: int) -> list[Label]:
+def _label_sets(
+    odd: int, charge: int, degree: int, joints: int
+) -> list[tuple[tuple[Label, ...], ...]]:
+    """Return the labels with odd and those with even m that `joints` joints can carry.
+
+    There are `odd` labels with odd m; all m add up to `charge` and all degrees to at most
+    `degree`. Labels are ascending, and (0, 0) is left out.
+    """
+    if odd > joints:
+        return []
+    return [
+        (first, second)
+        for first in _multisets(_labels_of_parity(1, degree), odd, degree)
+        for size in range(joints - odd + 1)
+        for second in _multisets(
+            _labels_of_parity(0, degree), size, degree - sum(map(label_degree, first))
+        )
+        if sum(m for _, m in first + second) == charge
+    ]
+
+
+def _labels_of_parity(parity: int, degree: int) -> list[Label]:
     """Return the labels with m of one parity and degree from 1 to `degree`, ascending."""
     return [
         (spin, m)

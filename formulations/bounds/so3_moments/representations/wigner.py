@@ -1,32 +1,35 @@
-"""Wigner functions of a joint: the matrices D^l of the rotation (v, ω, v × ω).
+"""Wigner functions of a joint, and the coupling of spins by Clebsch–Gordan coefficients.
 
 A unit revolute joint, eq. (21), is a rotation R that takes the axes x, y, z to v, ω and v × ω.
 D^l is its matrix on spin l, components from −l to l. The first index belongs to the frame, the
 second, m, to the phase (v + iω → e^{−iθ}(v + iω) multiplies D^l_{Mm} by e^{−imθ}).
+Condon–Shortley phases throughout.
 """
 
 from __future__ import annotations
 
-from math import sqrt
+from collections.abc import Sequence
+from fractions import Fraction
+from functools import cache
+from math import comb, copysign, sqrt
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from formulations.bounds.so3_moments.representations.clebsch_gordan import Floats, coupling
+from nlp.arrays import FloatArray
+
+ComplexArray: TypeAlias = NDArray[np.complex128]
 
 # Columns: the spherical unit vectors e_{−1}, e_0, e_{+1}.
-SPHERICAL = np.array(
+_SPHERICAL = np.array(
     [[1 / sqrt(2), 0, -1 / sqrt(2)], [-1j / sqrt(2), 0, -1j / sqrt(2)], [0, 1, 0]]
 )
 
 
-def random_rotations(rng: np.random.Generator, count: int, joints: int) -> Floats:
+def random_rotations(rng: np.random.Generator, count: int, joints: int) -> FloatArray:
     """Return uniformly distributed rotation matrices, shape (count, joints, 3, 3)."""
-    return rotations_of(rng.standard_normal((count, joints, 4)))
-
-
-def rotations_of(quaternions: Floats) -> Floats:
-    """Return the rotation matrices of quaternions (w, x, y, z) of any norm but 0."""
+    quaternions = rng.standard_normal((count, joints, 4))
     w, x, y, z = np.moveaxis(quaternions, -1, 0)
     rows = [
         [w * w + x * x - y * y - z * z, 2 * (x * y - w * z), 2 * (x * z + w * y)],
@@ -37,29 +40,122 @@ def rotations_of(quaternions: Floats) -> Floats:
     return np.asarray(matrices / np.sum(quaternions**2, axis=-1)[..., None, None])
 
 
-def rotations_of_jacobian(jacobian: Floats) -> Floats:
-    """Return the rotations of the columns of a unit revolute Jacobian, shape (n, 3, 3)."""
-    v, omega = jacobian[:3].T, jacobian[3:].T
-    return np.stack([v, omega, np.cross(v, omega)], axis=-1)
-
-
-def jacobians_of(rotations: Floats) -> Floats:
+def jacobians_of(rotations: FloatArray) -> FloatArray:
     """Return the Jacobians with columns (v; ω), shape (…, 6, n), of rotations (…, n, 3, 3)."""
     columns = np.concatenate([rotations[..., 0], rotations[..., 1]], axis=-1)
     return np.asarray(np.swapaxes(columns, -1, -2))
 
 
-def wigner_matrices(rotations: Floats, largest: int) -> list[NDArray[np.complex128]]:
+def wigner_matrices(rotations: FloatArray, largest: int) -> list[ComplexArray]:
     """Return D^0, …, D^largest, each of shape (…, 2l+1, 2l+1), of rotations (…, 3, 3).
 
-    D^{l+1} is cut out of D^l ⊗ D^1 by Clebsch–Gordan coefficients.
+    D^{l+1} is a block of D^l ⊗ D^1 in the coupled basis.
     """
-    one = SPHERICAL.conj().T @ rotations @ SPHERICAL
+    one = _SPHERICAL.conj().T @ rotations @ _SPHERICAL
     found = [np.ones((*rotations.shape[:-2], 1, 1), dtype=complex), one]
     for spin in range(1, largest):
         size = 3 * (2 * spin + 1)
-        cut = coupling(spin, 1, spin + 1).reshape(size, -1)
+        table = coupling(spin, 1, spin + 1).reshape(size, -1)
         products = found[spin][..., :, None, :, None] * one[..., None, :, None, :]
         together = products.reshape(*rotations.shape[:-2], size, size)
-        found.append(cut.T @ (together @ cut))
+        found.append(table.T @ (together @ table))
     return found[: largest + 1]
+
+
+@cache
+def coupling(first: int, second: int, total: int) -> FloatArray:
+    """Return ⟨first a, second b | total M⟩, shape (2·first+1, 2·second+1, 2·total+1).
+
+    Each entry is the correctly rounded square root of an exact rational, to within two units
+    in the last place.
+    """
+    table = np.zeros((2 * first + 1, 2 * second + 1, 2 * total + 1))
+    if abs(first - second) <= total <= first + second:
+        for a in range(-first, first + 1):
+            for b in range(max(-second, -total - a), min(second, total - a) + 1):
+                value = _coefficient(first, a, second, b, total)
+                table[first + a, second + b, total + a + b] = value
+    table.flags.writeable = False
+    return table
+
+
+def _coefficient(first: int, a: int, second: int, b: int, total: int) -> float:
+    """Return one Clebsch–Gordan coefficient by Racah's formula, written with binomials."""
+    lost = first + second - total
+    series = sum(
+        (-1) ** k
+        * comb(lost, k)
+        * comb(2 * first - lost, first - a - k)
+        * comb(2 * second - lost, second + b - k)
+        for k in range(min(lost, first - a, second + b) + 1)
+    )
+    norm = Fraction(
+        comb(2 * first, lost) * comb(2 * second, lost),
+        comb(first + second + total + 1, lost)
+        * comb(2 * first, first - a)
+        * comb(2 * second, second - b)
+        * comb(2 * total, total - a - b),
+    )
+    return copysign(sqrt(norm * series**2), series)
+
+
+@cache
+def coupled_tensors(spins: tuple[int, ...], total: int) -> FloatArray:
+    """Return an orthonormal basis of the ways to couple spins to a total spin, in sequence.
+
+    Parameters
+    ----------
+    spins
+        The spins l_1, …, l_p, in the order of coupling; none gives total spin 0.
+    total
+        The total spin L.
+
+    Returns
+    -------
+    numpy.ndarray
+        Shape (ways, 2l_1+1, …, 2l_p+1, 2L+1). For each way and each component of L a tensor of
+        norm 1. Changing the sign of all components multiplies it by (−1)^(Σ l_i − L).
+    """
+    if not spins:
+        return np.ones((1, 1)) if total == 0 else np.zeros((0, 2 * total + 1))
+    partial: dict[int, list[FloatArray]] = {spins[0]: [np.eye(2 * spins[0] + 1)]}
+    for position, spin in enumerate(spins[1:], start=1):
+        rest = sum(spins[position + 1 :])
+        grown: dict[int, list[FloatArray]] = {}
+        for reached, tensors in partial.items():
+            for target in range(abs(reached - spin), min(reached + spin, total + rest) + 1):
+                table = coupling(reached, spin, target)
+                grown.setdefault(target, []).extend(
+                    np.tensordot(tensor, table, axes=1) for tensor in tensors
+                )
+        partial = grown
+    found = partial.get(total, [])
+    shape = (0, *(2 * spin + 1 for spin in spins), 2 * total + 1)
+    return np.stack(found) if found else np.zeros(shape)
+
+
+def axis_exchange(spins: Sequence[int], total: int, order: Sequence[int]) -> FloatArray:
+    """Return how reordering the factors acts on the basis of `coupled_tensors`.
+
+    Parameters
+    ----------
+    spins, total
+        As in `coupled_tensors`.
+    order
+        Factor q of the reordered tensor is factor order[q] of the given one.
+
+    Returns
+    -------
+    numpy.ndarray
+        Orthogonal matrix X, (ways, ways): reordered tensor b = Σ_c X[c, b] · tensor c of the
+        reordered spins.
+    """
+    given = coupled_tensors(tuple(spins), total)
+    if list(order) == list(range(len(order))):
+        return np.eye(len(given))
+    goal = coupled_tensors(tuple(spins[q] for q in order), total)
+    moved = given.transpose(0, *(1 + q for q in order), given.ndim - 1)
+    # Every component of L gives the same overlaps; the highest one is enough.
+    return np.asarray(
+        goal[..., -1].reshape(len(goal), -1) @ moved[..., -1].reshape(len(moved), -1).T
+    )

@@ -11,7 +11,7 @@ the average of |(U_T a)ᵀφ|² over permutations of the joints is that over all
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from functools import cache
 from itertools import product
 from math import sqrt
@@ -19,16 +19,17 @@ from typing import TypeAlias
 
 import numpy as np
 
-from formulations.bounds.so3_moments.representations.clebsch_gordan import Floats
 from formulations.existence.relaxation.tableaux import (
     Shape,
     all_contents,
     partitions,
     row_reading_contents,
 )
+from nlp.arrays import FloatArray
 
 # One shape for each of the groups of joints that are permuted among themselves.
 Shapes: TypeAlias = tuple[Shape, ...]
+Groups: TypeAlias = tuple[range, ...]
 Contents: TypeAlias = tuple[int, ...]
 
 _WEIGHTS = tuple(sqrt(prime) for prime in (2, 3, 5, 7, 11, 13, 17, 19, 23, 29))
@@ -36,8 +37,8 @@ _WINDOW = 0.25
 
 
 def young_bases(
-    exchanges: Mapping[int, Floats], groups: Sequence[range]
-) -> dict[Shapes, Floats]:
+    exchanges: Mapping[int, FloatArray], groups: Groups
+) -> dict[Shapes, FloatArray]:
     """Return for each shape the bases U_T of all its tableaux.
 
     Parameters
@@ -60,7 +61,7 @@ def young_bases(
         (_WEIGHTS[joint] * x for joint, x in elements.items()), np.zeros((rows, rows))
     )
     values, vectors = np.linalg.eigh(0.5 * (operator + operator.T))
-    found: dict[Shapes, Floats] = {}
+    found: dict[Shapes, FloatArray] = {}
     for shapes in product(*(tuple(partitions(len(group))) for group in groups)):
         names = tableau_contents(shapes)
         start = names.index(tuple(row_reading_contents(shape) for shape in shapes))
@@ -78,13 +79,11 @@ def young_bases(
     return found
 
 
-def _jucys_murphy(
-    exchanges: Mapping[int, Floats], groups: Sequence[range]
-) -> dict[int, Floats]:
+def _jucys_murphy(exchanges: Mapping[int, FloatArray], groups: Groups) -> dict[int, FloatArray]:
     """Return X_{i+1} of each group, by joint i."""
     found = {}
     for group in groups:
-        element: Floats | None = None
+        element: FloatArray | None = None
         for joint in group[:-1]:
             swap = exchanges[joint]
             element = swap if element is None else swap @ element @ swap + swap
@@ -93,8 +92,8 @@ def _jucys_murphy(
 
 
 def _joint_eigenvectors(
-    near: Floats, elements: Mapping[int, Floats], contents: Mapping[int, int]
-) -> Floats:
+    near: FloatArray, elements: Mapping[int, FloatArray], contents: Mapping[int, int]
+) -> FloatArray:
     """Return the vectors in the span of `near` with X_{i+1} u = (content) u for all i.
 
     The weighted sum of the X may have other eigenvalues close by; but the other eigenvalues of
@@ -111,52 +110,52 @@ def _joint_eigenvectors(
 
 
 def _all_tableaux(
-    first: Floats,
+    first: FloatArray,
     start: int,
-    exchanges: Mapping[int, Floats],
-    groups: Sequence[range],
+    exchanges: Mapping[int, FloatArray],
+    groups: Groups,
     shapes: Shapes,
-) -> Floats:
+) -> FloatArray:
     """Return the bases of all tableaux from that of one, by Young's orthogonal form."""
-    names = tableau_contents(shapes)
-    numbers = {name: number for number, name in enumerate(names)}
-    bases: dict[int, Floats] = {start: first}
+    bases: dict[int, FloatArray] = {start: first}
     waiting = [start]
     while waiting:
         number = waiting.pop()
-        for joint, (goal, distance) in neighbours(names[number], groups).items():
-            if abs(distance) > 1 and numbers[goal] not in bases:
+        for joint, images in young_form(shapes, groups).items():
+            goal, distance = images[number]
+            if abs(distance) > 1 and goal not in bases:
                 moved = exchanges[joint] @ bases[number] - bases[number] / distance
-                bases[numbers[goal]] = moved / sqrt(1 - 1 / distance**2)
-                waiting.append(numbers[goal])
-    return np.stack([bases[number] for number in range(len(names))])
+                bases[goal] = moved / sqrt(1 - 1 / distance**2)
+                waiting.append(goal)
+    return np.stack([bases[number] for number in range(len(bases))])
 
 
 def _averaged(
-    bases: Floats, exchanges: Mapping[int, Floats], groups: Sequence[range], shapes: Shapes
-) -> Floats:
+    bases: FloatArray, exchanges: Mapping[int, FloatArray], groups: Groups, shapes: Shapes
+) -> FloatArray:
     """Return the mean over all permutations g of P_g U Y_gᵀ: rounding errors are averaged out.
 
     All permutations of the first j + 1 joints of a group are those of the first j, followed by
-    taking the last to any place.
+    moving the last joint to any place.
     """
-    names = tableau_contents(shapes)
-    numbers = {name: number for number, name in enumerate(names)}
     for group in groups:
         for end in range(1, len(group)):
             moved, total = bases, bases.copy()
-            for place in reversed(range(end)):
-                joint = group[place]
-                image = exchanges[joint] @ moved
-                moved = np.empty_like(image)
-                for number, name in enumerate(names):
-                    goal, distance = neighbours(name, groups)[joint]
-                    moved[number] = image[number] / distance
-                    if abs(distance) > 1:
-                        moved[number] += sqrt(1 - 1 / distance**2) * image[numbers[goal]]
+            for joint in reversed(group[:end]):
+                moved = young_exchange(exchanges[joint] @ moved, joint, groups, shapes)
                 total += moved
             bases = total / (end + 1)
     return bases
+
+
+def young_exchange(bases: FloatArray, joint: int, groups: Groups, shapes: Shapes) -> FloatArray:
+    """Return Σ_T' U_T' Y_{T'T} for the exchange of a joint and the next, (tableaux, …)."""
+    found = np.empty_like(bases)
+    for number, (goal, distance) in enumerate(young_form(shapes, groups)[joint]):
+        found[number] = bases[number] / distance
+        if abs(distance) > 1:
+            found[number] += sqrt(1 - 1 / distance**2) * bases[goal]
+    return found
 
 
 @cache
@@ -171,16 +170,25 @@ def tableau_contents(shapes: Shapes) -> tuple[tuple[Contents, ...], ...]:
     return tuple(product(*of_group))
 
 
-def neighbours(
-    name: tuple[Contents, ...], groups: Sequence[range]
-) -> dict[int, tuple[tuple[Contents, ...], int]]:
-    """Return for each i the contents with i and i + 1 exchanged, and the distance r."""
-    found = {}
-    for number, (contents, group) in enumerate(zip(name, groups, strict=True)):
-        boxes = [0, *contents] if len(group) else []
-        for place in range(len(boxes) - 1):
-            swapped = boxes.copy()
-            swapped[place : place + 2] = boxes[place + 1], boxes[place]
-            goal = (*name[:number], tuple(swapped[1:]), *name[number + 1 :])
-            found[group[place]] = (goal, boxes[place + 1] - boxes[place])
-    return found
+@cache
+def young_form(shapes: Shapes, groups: Groups) -> dict[int, tuple[tuple[int, int], ...]]:
+    """Return Young's orthogonal form of the exchange of each joint i and the next.
+
+    For each tableau, in the order of `tableau_contents`: the number of the tableau with i and
+    i + 1 exchanged, and the distance r. If |r| = 1 there is no such tableau, and the number is
+    that of the tableau itself.
+    """
+    names = tableau_contents(shapes)
+    numbers = {name: number for number, name in enumerate(names)}
+    form: dict[int, tuple[tuple[int, int], ...]] = {}
+    for position, group in enumerate(groups):
+        for place, joint in enumerate(group[:-1]):
+            images = []
+            for name in names:
+                boxes = [0, *name[position]]
+                distance = boxes[place + 1] - boxes[place]
+                boxes[place : place + 2] = boxes[place + 1], boxes[place]
+                goal = (*name[:position], tuple(boxes[1:]), *name[position + 1 :])
+                images.append((numbers.get(goal, numbers[name]), distance))
+            form[joint] = tuple(images)
+    return form

@@ -1,0 +1,147 @@
+"""Localisers: blocks that are positive semidefinite only where a condition holds.
+
+`ScaledBlocks` multiplies blocks by a scalar that must not be negative. `KrylovLocaliser` states
+wᵀ(J_f J_fᵀ − tI)w ≥ 0 for vectors w = r_0 j_f + r_1 M j_f + r_2 M² j_f with M = JJᵀ.
+Where a worst case t is reached with joint f locked, the eigenvector is (M − tI)⁻¹j_f, and M is
+close to a multiple of I; so few powers of M approximate it. The polynomials r_k(x) depend on
+which joint is locked; their degree falls by two with each power. Compared with vectors w of
+arbitrary polynomials there are far fewer rows: blocks of scalar rows are multiplied by the
+numbers j_fᵀ M^k (J_f J_fᵀ − tI) M^l j_f.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from formulations.bounds.so3_moments.blocks.sampled_blocks import (
+    BlockFamily,
+    RowBlocks,
+    choices_first,
+)
+from formulations.bounds.so3_moments.representations.adapted_rows import AdaptedRows
+from formulations.bounds.so3_moments.representations.row_sectors import (
+    RowSector,
+    degree_sectors,
+    label_degree,
+)
+from formulations.bounds.so3_moments.representations.wigner import jacobians_of, wigner_matrices
+from nlp.arrays import FloatArray
+from nlp.errors import InputError
+
+POWERS = 3
+
+
+@dataclass(frozen=True, eq=False)
+class ScaledBlocks:
+    """A scalar localiser: g(x)B(x) ⪰ 0 where g(x) ≥ 0.
+
+    Parameters
+    ----------
+    family
+        The blocks B.
+    factor
+        Values of g at rotations (configurations, n, 3, 3).
+    """
+
+    family: BlockFamily
+    factor: Callable[[FloatArray], FloatArray]
+
+    @property
+    def sizes(self) -> list[int]:
+        """Numbers of rows of the blocks."""
+        return self.family.sizes
+
+    def evaluate(self, rotations: FloatArray) -> list[FloatArray]:
+        """Return each block, (configurations, size, size), at (configurations, n, 3, 3)."""
+        factor = self.factor(rotations)[:, None, None]
+        return [factor * block for block in self.family.evaluate(rotations)]
+
+
+def krylov_sectors(degree: int, spins: range, charges: range) -> list[RowSector]:
+    """Return the sectors of a degree and of the one below, for either parity."""
+    return [
+        sector
+        for top in (degree, degree - 1)
+        for parity in (0, 1)
+        for sector in degree_sectors(top, spins, charges, parity)
+    ]
+
+
+class KrylovLocaliser(RowBlocks):
+    """Blocks of J_f J_fᵀ − tI on Krylov vectors, averaged over symmetries and locked joints.
+
+    Parameters
+    ----------
+    sector
+        The polynomials r_k, with a locked joint; the degree of r_k is lower by 2k than that
+        of the sector.
+    joints
+        Number n of joints.
+    limit
+        t.
+    """
+
+    def __init__(self, sector: RowSector, joints: int, limit: float = 0.0) -> None:
+        if sector.locked is None:
+            raise InputError("sector", sector, "one with a locked joint")
+        super().__init__(sector, joints)
+        self.limit = limit
+        self.selections = [self._selection(block) for block in self.blocks]
+
+    @property
+    def sizes(self) -> list[int]:
+        """Numbers of rows of the blocks."""
+        return [len(chosen) for chosen, _ in self.selections]
+
+    def evaluate(self, rotations: FloatArray) -> list[FloatArray]:
+        """Return each block, (configurations, size, size), at (configurations, n, 3, 3)."""
+        weighted, unit = self.parts(rotations)
+        return [a - self.limit * b for a, b in zip(weighted, unit, strict=True)]
+
+    def parts(self, rotations: FloatArray) -> tuple[list[FloatArray], list[FloatArray]]:
+        """Return the blocks of J_f J_fᵀ and those of I."""
+        wigner = wigner_matrices(rotations, self.largest_spin)
+        jacobians = jacobians_of(rotations)
+        weighted = [np.zeros((len(rotations), size, size)) for size in self.sizes]
+        unit = [np.zeros_like(block) for block in weighted]
+        for locked in range(self.joints):
+            vectors = krylov_vectors(jacobians, locked)
+            kept = np.delete(jacobians, locked, axis=2).swapaxes(1, 2) @ vectors
+            grams = kept.swapaxes(1, 2) @ kept, vectors.swapaxes(1, 2) @ vectors
+            others = [joint for joint in range(self.joints) if joint != locked]
+            orders = [(locked, *order) for order in choices_first(others, self.sector.odd)]
+            squares = self.mean_squares(wigner, orders, share=self.joints)
+            for number, (chosen, powers) in enumerate(self.selections):
+                found = squares[number][:, chosen[:, None], chosen]
+                weighted[number] += found * grams[0][:, powers[:, None], powers]
+                unit[number] += found * grams[1][:, powers[:, None], powers]
+        return weighted, unit
+
+    def _selection(self, block: AdaptedRows) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        """Return which scalar row, and which power of M, makes each row of a block."""
+        degrees = np.zeros(block.size, dtype=int)
+        for number, columns, _ in block.parts:
+            degree = sum(map(label_degree, self.rows[number].labels))
+            degrees[columns.start : columns.stop] = degree
+        allowed = [np.flatnonzero(degrees <= self.sector.degree - 2 * k) for k in range(POWERS)]
+        powers = [np.full(len(chosen), k) for k, chosen in enumerate(allowed)]
+        return np.concatenate(allowed), np.concatenate(powers)
+
+
+def krylov_vectors(jacobians: FloatArray, locked: int) -> FloatArray:
+    """Return j_f, M j_f, M² j_f in units of the mean, (configurations, 6, powers).
+
+    j_f is in units of √2, M in units of n/3.
+    """
+    joints = jacobians.shape[2]
+    vector = jacobians[:, :, locked] / np.sqrt(2)
+    found = [vector]
+    for _ in range(1, POWERS):
+        turned = (jacobians.swapaxes(1, 2) @ vector[..., None]) / (joints / 3)
+        vector = (jacobians @ turned)[..., 0]
+        found.append(vector)
+    return np.stack(found, axis=-1)

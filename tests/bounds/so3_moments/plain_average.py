@@ -1,0 +1,170 @@
+"""Blocks and localisers evaluated in a second way, without the averages of the library.
+
+Wigner functions come from Euler angles and the exponential of J_y instead of Clebsch–Gordan
+coefficients, and the order of the joints is averaged by summing over all n! orders with one
+tableau, instead of over tableaux with one order. For Krylov localisers the multiplier's root
+gives vectors w of six polynomials; they are written out in full, and wᵀ(J_f J_fᵀ − tI)w is
+evaluated with the matrix itself.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import permutations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import expm
+
+from formulations.bounds.so3_moments.blocks.localisers import (
+    POWERS,
+    KrylovLocaliser,
+    ScaledBlocks,
+)
+from formulations.bounds.so3_moments.blocks.sampled_blocks import BlockFamily, SectorBlocks
+from formulations.bounds.so3_moments.representations.adapted_rows import AdaptedRows
+from formulations.bounds.so3_moments.representations.wigner import jacobians_of
+from nlp.arrays import FloatArray
+
+_ORDERS_AT_ONCE = 720
+
+
+def averaged_sum_of_squares(
+    family: SectorBlocks, rotations: FloatArray, multipliers: Sequence[FloatArray]
+) -> FloatArray:
+    """Return Σ ⟨X, B(x)⟩ over the blocks of a sector at configurations, (configurations,)."""
+    orders = np.array(list(permutations(range(family.joints))))
+    roots = [multiplier_root(x) for x in multipliers]
+    components = 2 * family.sector.spin + 1
+    found = np.zeros(len(rotations))
+    for number, configuration in enumerate(rotations):
+        single = [
+            wigner_by_angles(configuration, spin) for spin in range(family.largest_spin + 1)
+        ]
+        for start in range(0, len(orders), _ORDERS_AT_ONCE):
+            wigner = [matrix[orders[start : start + _ORDERS_AT_ONCE]] for matrix in single]
+            plain = family.plain_values(wigner, range(family.joints))
+            for block, root in zip(family.blocks, roots, strict=True):
+                found[number] += np.sum(first_tableau(block, root, plain) ** 2)
+    return found / (len(orders) * components)
+
+
+def first_tableau(block: AdaptedRows, root: FloatArray, plain: list[FloatArray]) -> FloatArray:
+    """Return rootᵀ times the values of the block's rows for one tableau."""
+    size = max(values[0].size for values in plain)
+    total = np.zeros((root.shape[1], size))
+    for number, columns, coefficients in block.parts:
+        weights = coefficients[0] @ root[columns.start : columns.stop]
+        values = weights.T @ plain[number].reshape(len(plain[number]), -1)
+        total += np.tile(values, size // values.shape[1])
+    return total
+
+
+def multiplier_root(multiplier: FloatArray) -> FloatArray:
+    """Return R with RRᵀ = X, positive semidefinite."""
+    values, vectors = np.linalg.eigh(multiplier)
+    return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
+
+
+def wigner_by_angles(rotations: FloatArray, spin: int) -> NDArray[np.complex128]:
+    """Return D^spin, (n, 2·spin+1, 2·spin+1), of R = R_z(α) R_y(β) R_z(γ)."""
+    m = np.arange(-spin, spin + 1)
+    raising = np.diag(np.sqrt(spin * (spin + 1) - m[:-1] * (m[:-1] + 1)), -1)
+    generator = 0.5 * (raising - raising.T)  # i J_y
+    beta = np.arccos(np.clip(rotations[:, 2, 2], -1, 1))
+    alpha = np.arctan2(rotations[:, 1, 2], rotations[:, 0, 2])
+    gamma = np.arctan2(rotations[:, 2, 1], -rotations[:, 2, 0])
+    middle = np.stack([expm(-b * generator) for b in beta])
+    left, right = np.exp(-1j * np.outer(alpha, m)), np.exp(-1j * np.outer(gamma, m))
+    return np.asarray(left[:, :, None] * middle * right[:, None, :])
+
+
+def plain_condition_sum(
+    family: BlockFamily, rotations: FloatArray, multipliers: Sequence[FloatArray]
+) -> FloatArray:
+    """Return Σ ⟨X, B(x)⟩ of a family by summing over all orders, (configurations,).
+
+    Raises
+    ------
+    TypeError
+        If there is no second way to evaluate the family.
+    """
+    if isinstance(family, ScaledBlocks):
+        inner = plain_condition_sum(family.family, rotations, multipliers)
+        return np.asarray(family.factor(rotations) * inner)
+    if isinstance(family, KrylovLocaliser):
+        return averaged_krylov_sum(family, rotations, multipliers)
+    if isinstance(family, SectorBlocks):
+        return averaged_sum_of_squares(family, rotations, multipliers)
+    raise TypeError(f"no second way to evaluate {type(family).__name__}")
+
+
+def averaged_krylov_sum(
+    family: KrylovLocaliser, rotations: FloatArray, multipliers: Sequence[FloatArray]
+) -> FloatArray:
+    """Return Σ ⟨X, B(x)⟩ over the blocks of a Krylov localiser, (configurations,)."""
+    orders = np.array(list(permutations(range(family.joints))))
+    roots = [multiplier_root(x) for x in multipliers]
+    found = np.zeros(len(rotations))
+    for number, configuration in enumerate(rotations):
+        jacobian = jacobians_of(configuration)
+        single = [
+            wigner_by_angles(configuration, spin) for spin in range(family.largest_spin + 1)
+        ]
+        for start in range(0, len(orders), _ORDERS_AT_ONCE):
+            some = orders[start : start + _ORDERS_AT_ONCE]
+            plain = family.plain_values(
+                [matrix[some] for matrix in single], range(family.joints)
+            )
+            for block, root, selection in zip(
+                family.blocks, roots, family.selections, strict=True
+            ):
+                weights = [
+                    _spread(root[selection[1] == power], selection[0][selection[1] == power],
+                            block.size)
+                    for power in range(POWERS)
+                ]  # fmt: skip
+                found[number] += _sum(
+                    jacobian, family.limit, some, block, weights, plain, family.sector.spin
+                )
+    return found / (len(orders) * (2 * family.sector.spin + 1))
+
+
+def _sum(
+    jacobian: FloatArray,
+    limit: float,
+    orders: FloatArray,
+    block: AdaptedRows,
+    weights: list[FloatArray],
+    plain: list[FloatArray],
+    spin: int,
+) -> float:
+    """Return Σ wᵀ(J_f J_fᵀ − tI)w over orders, components and columns of the root."""
+    joints = jacobian.shape[1]
+    whole = jacobian @ jacobian.T / (joints / 3)
+    polynomials = [first_tableau(block, root, plain) for root in weights]
+    # Rows without any joint are the same for all orders: one value for each component.
+    columns = len(orders) * (2 * (2 * spin + 1))
+    shaped = [
+        np.tile(values, columns // values.shape[1]).reshape(len(values), len(orders), -1)
+        for values in polynomials
+    ]
+    total = 0.0
+    for locked in range(joints):
+        here = orders[:, 0] == locked
+        vector = jacobian[:, locked] / np.sqrt(2)
+        w = np.zeros((6, *shaped[0][:, here].shape))
+        for values in shaped:
+            w += vector[:, None, None, None] * values[:, here]
+            vector = whole @ vector
+        flat = w.reshape(6, -1)
+        kept = np.delete(jacobian, locked, axis=1)
+        total += float(np.sum(flat * ((kept @ kept.T - limit * np.eye(6)) @ flat)))
+    return total
+
+
+def _spread(rows: FloatArray, places: FloatArray, size: int) -> FloatArray:
+    """Return a matrix of `size` rows with the given ones in their places."""
+    found = np.zeros((size, rows.shape[1]))
+    found[places] = rows
+    return found
