@@ -80,15 +80,11 @@ def several() -> tuple[Case, ...]:
 
 
 def unequal() -> tuple[Case, ...]:
-    """Cases of unequal failures, one joint at a time."""
-    never = [tuple(range(count)) for count in (1, 2, 3)]
+    """Return the cases of unequal failures, one joint at a time."""
+    never = {"joint 0 never": 1, "joints 0, 1 never": 2, "joints 0, 1, 2 never": 3}
     spared = [
-        _unequal("unit-revolute", 6, FailureModel.equally_likely(7, never=some), words)
-        for some, words in zip(
-            never,
-            ("joint 0 never", "joints 0, 1 never", "joints 0, 1, 2 never"),
-            strict=True,
-        )
+        _unequal("unit-revolute", 6, FailureModel.equally_likely(7, never=range(count)), words)
+        for words, count in never.items()
     ]
     alike, mixed = FailureModel.equally_likely(7), FailureModel(_MIXED)
     planar = FailureModel((0.1, 0.2, 0.1, 0.1))

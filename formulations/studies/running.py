@@ -131,7 +131,7 @@ def _attempt(study: Study, out: Path, effort: Effort) -> tuple[State, str]:
         return State.INTERRUPTED, "interrupted"
     except LockedJointError as error:
         return State.FAILED, str(error)
-    except Exception as error:  # whatever is wrong with one study, the others still run
+    except Exception as error:  # the other studies still run
         return State.FAILED, f"{type(error).__name__}: {error}"
     finally:
         shutil.rmtree(part, ignore_errors=True)

@@ -262,7 +262,7 @@ class Study:
         if self.entries:
             write_text(folder / self.entries, json.dumps(entries, indent=1) + "\n")
         others = sorted(path.name for path in folder.glob("*.md") if path.name != self.page)
-        # From the tables as they were written: the page cannot say anything else.
+        # From the tables as they were written, so that page and tables agree.
         values = {**self._values(self.read(folder)), "seed": seed, "complete": complete}
         page = pages.page(self.template, {**values, "others": others})
         write_text(folder / self.page, page)

@@ -1,4 +1,4 @@
-"""The main job: rows that say what was found, and say so when nothing was."""
+"""The comparison: rows show what was found, and show where nothing was found."""
 
 import csv
 import json

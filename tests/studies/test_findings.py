@@ -77,7 +77,7 @@ def test_the_best_and_the_poorest_arm_are_named():
     assert f"{ranked[0].arm} keeps the least" in said
 
 
-def test_the_dearest_variant_is_named_and_failed_ones_cost_nothing():
+def test_the_most_expensive_variant_is_named_and_failed_ones_have_no_cost():
     rows = committed("comparison")
     assert "one factor per failure costs the most" in finding("comparison", rows)
     free = [replace(row, relative_cost=NAN) if row.variant else row for row in rows]

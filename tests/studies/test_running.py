@@ -1,4 +1,4 @@
-"""Studies run one after another: whole folders or nothing, and nobody stops the others."""
+"""Studies run one after another: whole folders or nothing, and none stops the others."""
 
 from dataclasses import dataclass
 
