@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
-from formulations.commands.arguments import Out, Seed, Starts, positive, progress, whole
-
-if TYPE_CHECKING:
-    from formulations.studies.benchmark.measurement import Row
-
-INTERRUPTED = 130
+from formulations.commands.arguments import (
+    Json,
+    Out,
+    Seed,
+    Starts,
+    positive,
+    progress,
+    whole,
+)
+from formulations.commands.study import run_study
 
 
 def benchmark(
@@ -30,49 +34,25 @@ def benchmark(
         ),
     ] = 20.0,
     out: Out = Path("benchmark"),
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print JSON instead of text.")
-    ] = False,
+    as_json: Json = False,
 ) -> None:
     """Measure processor time per start and per checked success, beside the peers.
 
     Residual minimisation and max-min on unit revolute joints. Peers are an extra: pip install
     lockedjoint[peers]; one that is missing says so in its row. Sizes above 8 take a fifth of
-    the starts, and whoever uses up the time limit stops there. Writes benchmark.csv and
+    the starts, and a peer that uses up the time limit stops there. Writes benchmark.csv and
     benchmark.md after every round, so that Ctrl-C keeps what is done.
     """
-    import json
-    from dataclasses import asdict
+    from formulations.studies.benchmark.study import growth, study, targets
+    from formulations.studies.study import Effort
 
-    from formulations.studies.benchmark.measurement import measure
-    from formulations.studies.benchmark.peers import PEERS, packages
-    from formulations.studies.benchmark.report import growth, targets, write
-    from nlp.files import prepare_folder
-
-    sizes = _sizes(joints)
-    prepare_folder(out)
-    before: list[Row] = []
-    rows: list[Row] = []
-    complete = False
-    try:
-        for size in sizes:
-            for formulation in dict.fromkeys(peer.formulation for peer in PEERS):
-                peers = [peer for peer in PEERS if peer.formulation == formulation]
-                few = starts if size <= 8 else max(1, starts // 5)
-                for found in measure(peers, size, few, seed, time_limit, progress):
-                    rows = [*before, *found]
-                    write(rows, out, seed, packages(), time_limit)
-                before = rows
-        complete = True
-    except KeyboardInterrupt:
-        typer.echo("Interrupted: what was done is kept, the rest is missing.", err=True)
-    progress("")
-    if as_json:
-        typer.echo(json.dumps([asdict(row) for row in rows], indent=1))
-    elif rows:
-        typer.echo(f"{growth(rows)}\n\n{targets(rows)}\nWritten to {out}: benchmark.csv, .md")
-    if not complete:
-        raise typer.Exit(INTERRUPTED)
+    run_study(
+        study(_sizes(joints), time_limit),
+        out,
+        Effort(seed, starts, progress=progress),
+        as_json,
+        text=lambda rows: f"{growth(rows)}\n\n{targets(rows)}",
+    )
 
 
 def _sizes(text: str) -> list[int]:

@@ -2,11 +2,7 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
-from typing import TYPE_CHECKING
-
-import typer
 
 from formulations.commands.arguments import (
     Compiled,
@@ -20,11 +16,7 @@ from formulations.commands.arguments import (
     Workers,
     ipopt_options,
 )
-
-if TYPE_CHECKING:
-    from formulations.studies.comparison.row import Summary
-
-INTERRUPTED = 130
+from formulations.commands.study import run_study
 
 
 def compare(
@@ -46,64 +38,15 @@ def compare(
     its Jacobian alone. Writes comparison.csv, comparison.md and jacobians.json into the
     output folder after every row; Ctrl-C keeps what is done.
     """
-    from formulations.catalogue import arm, models_of
-    from formulations.solving.setup import setups
-    from formulations.solving.solve import run
-    from formulations.studies.comparison.report import write
-    from formulations.studies.comparison.row import summarise
-    from nlp.files import prepare_folder
+    from formulations.studies.comparison import study
+    from formulations.studies.study import Effort
     from nlp.multistart import default_workers
-    from nlp.native import deferred_interrupt
-    from nlp.options import check_options
 
-    options = check_options(ipopt_options(ipopt))
-    for model in models_of(task_dimension):
-        arm(model, joints, task_dimension)
-    prepare_folder(out)
-
-    summaries: list[Summary] = []
-    complete = True
-    try:
-        for setup in setups(task_dimension):
-            outcome = run(
-                setup,
-                joints=joints,
-                task_dimension=task_dimension,
-                starts=starts,
-                seed=seed,
-                workers=workers or default_workers(),
-                options=options,
-                compiled=compiled,
-                progress=True,
-            )
-            complete = outcome.complete
-            if outcome.records:
-                with deferred_interrupt():
-                    summaries.append(summarise(outcome))
-                    write(summaries, out, seed, complete)
-            if not complete:
-                break
-    except KeyboardInterrupt:
-        complete = False
-    _show(summaries, out, complete, as_json)
-
-
-def _show(summaries: list[Summary], out: Path, complete: bool, as_json: bool) -> None:
-    from formulations.studies.comparison.report import brief, table
-
-    rows = [one.row for one in summaries]
-    if as_json:
-        found = json.loads(table(rows).to_json(orient="records"))
-        for one in found:
-            one["status_counts"] = json.loads(one["status_counts"])
-        typer.echo(json.dumps({"complete": complete, "rows": found}, indent=1))
-    elif rows:
-        typer.echo(brief(rows).to_markdown(index=False, disable_numparse=True))
-        typer.echo(
-            "\nobjective: ½‖JJᵀ − (T/m)I‖² for residual, worst-case σ for the others; bound: "
-            "proved for every such arm."
-        )
-        typer.echo(f"Written to {out}: comparison.csv, comparison.md, jacobians.json")
-    if not complete:
-        typer.echo("Interrupted: what was done is kept, the rest is missing.", err=True)
-        raise typer.Exit(INTERRUPTED)
+    run_study(
+        study(joints, task_dimension, ipopt_options(ipopt), compiled),
+        out,
+        Effort(seed, starts, workers or default_workers(), bars=True),
+        as_json,
+        note="merit: ½‖JJᵀ − (T/m)I‖² for residual, worst-case σ for the others; bound: "
+        "proved for every such arm.",
+    )

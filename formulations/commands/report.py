@@ -9,12 +9,11 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from formulations.commands.arguments import Json, Out, Seed, Workers, progress, whole
+from formulations.commands.study import INTERRUPTED, QUESTIONED
 
 if TYPE_CHECKING:
     from formulations.studies.running import Outcome
     from formulations.studies.study import Study
-
-INTERRUPTED, INCOMPLETE = 130, 1
 
 
 def report(
@@ -51,39 +50,36 @@ def report(
     those are. After Ctrl-C finished studies are kept. Exit status 1 if a study failed; the
     others still run.
     """
-    from formulations.studies.front_page import write_front_page
-    from formulations.studies.running import State, run_all
-    from formulations.studies.studies import chosen
+    from formulations.studies.front_page import PAGE, front_page
+    from formulations.studies.running import State, chosen, run_all
     from formulations.studies.study import Effort
+    from nlp.files import write_text
     from nlp.multistart import default_workers
 
     names = None if only is None else [part.strip() for part in only.split(",")]
     studies = chosen(names, everything)
     effort = Effort(seed, starts, workers or default_workers(), progress)
     outcomes: list[Outcome] = []
-    made: set[str] = set()
-    failed: dict[str, str] = {}
+    written = (State.MADE, State.QUESTIONED)
     for outcome in run_all(studies, out, effort, _begin):
         outcomes.append(outcome)
-        _told(outcome)
-        if outcome.state in (State.MADE, State.QUESTIONED):
-            made.add(outcome.study.name)
-        else:
-            failed[outcome.study.name] = outcome.reason
-        write_front_page(out, seed, made, failed)
+        _end(outcome)
+        made = {one.study.name for one in outcomes if one.state in written}
+        failed = {o.study.name: o.reason for o in outcomes if o.state not in written}
+        write_text(out / PAGE, front_page(out, seed, made, failed))
     _show(outcomes, out, as_json)
     if any(one.state is State.INTERRUPTED for one in outcomes):
         typer.echo("Interrupted: finished studies are kept, the rest is missing.", err=True)
         raise typer.Exit(INTERRUPTED)
     if any(one.state is not State.MADE for one in outcomes):
-        raise typer.Exit(INCOMPLETE)
+        raise typer.Exit(QUESTIONED)
 
 
 def _begin(study: Study) -> None:
     typer.echo(f"{study.name}: takes {study.takes}", err=True)
 
 
-def _told(outcome: Outcome) -> None:
+def _end(outcome: Outcome) -> None:
     progress("")
     reason = f": {outcome.reason}" if outcome.reason else ""
     said = f"{outcome.study.name}: {outcome.state} in {outcome.seconds:.0f} s{reason}"
@@ -91,7 +87,7 @@ def _told(outcome: Outcome) -> None:
 
 
 def _show(outcomes: list[Outcome], out: Path, as_json: bool) -> None:
-    from formulations.studies.studies import STUDIES
+    from formulations.studies.running import STUDIES
 
     ran = {one.study.name for one in outcomes}
     left = [study for study in STUDIES.values() if study.name not in ran]

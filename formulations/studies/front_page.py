@@ -2,22 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from types import MappingProxyType
+from typing import Any
 
-import pandas as pd
-
-from formulations.files.provenance import header, read_header
-from formulations.studies.formulation_table import NOTES, formulation_table
-from formulations.studies.learned import learned
-from formulations.studies.studies import STUDIES
-from formulations.studies.study import Study
-from formulations.studies.tables import read_tables
+from formulations.files.provenance import read_header
+from formulations.studies import pages
+from formulations.studies.bounds import sharpest
+from formulations.studies.comparison import Row
+from formulations.studies.running import STUDIES
+from formulations.studies.study import Rows, Study
 from nlp.errors import FileError
-from nlp.files import write_text
 
 PAGE = "README.md"
+_TEMPLATE = "results.md.j2"
 # Figures that show what a study found, by the study's name.
 _PICTURES: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {
@@ -29,10 +29,8 @@ _PICTURES: Mapping[str, tuple[str, ...]] = MappingProxyType(
 )
 
 
-def write_front_page(
-    out: Path, seed: int, made: Collection[str], failed: Mapping[str, str]
-) -> None:
-    """Write the front page of the results in a folder.
+def front_page(out: Path, seed: int, made: Collection[str], failed: Mapping[str, str]) -> str:
+    """Return the front page as Markdown.
 
     Parameters
     ----------
@@ -43,57 +41,56 @@ def write_front_page(
     made
         Names of the studies that this run computed.
     failed
-        Names of those that it tried to, and why it could not.
-
-    Raises
-    ------
-    FileError
-        If the page cannot be written.
+        Names of those that it could not compute, and why.
     """
-    write_text(out / PAGE, front_page(out, seed, made, failed))
+    values = {
+        **_values(read_all(out)),
+        "seed": seed,
+        "made": made,
+        "failed": failed,
+        "studies": STUDIES.values(),
+        "dates": {name: _date(study, out) for name, study in STUDIES.items()},
+        "findings": {name: finding_in(study, out) for name, study in STUDIES.items()},
+        "pictures": {
+            name: [one for one in files if (out / "figures" / f"{one}.svg").exists()]
+            for name, files in _PICTURES.items()
+        },
+    }
+    return pages.page(_TEMPLATE, values)
 
 
-def front_page(out: Path, seed: int, made: Collection[str], failed: Mapping[str, str]) -> str:
-    """Return the front page as Markdown; see `write_front_page`."""
-    tables = read_tables(out)
-    items = "\n".join(f"- {text}" for text in learned(tables))
-    studies = "\n\n".join(_section(study, out) for study in STUDIES.values())
-    return (
-        f"# Results\n\n{header({'seed': seed})}\n"
-        "Seven and eight revolute joints in six dimensions, the three formulations from\n"
-        f"common random starts:\n\n{formulation_table(tables)}\n\n{NOTES}\n"
-        f"## What was learned that the paper did not know\n\n{items or 'Nothing yet.'}\n\n"
-        "## Studies\n\n"
-        "Each folder holds a table as CSV and as Markdown, under the command, seed, versions,\n"
-        f"machine and date that made it. `{_all()}` makes all of them.\n\n"
-        f"{_list(out, made)}\n\n{studies}\n\n{_left_out(out, made, failed)}"
-    )
+def read_all(out: Path) -> Rows:
+    """Return the rows of all studies in a folder, by the name of the table.
 
-
-def _all() -> str:
-    return "lockedjoint report --all --out results"
-
-
-def _list(out: Path, made: Collection[str]) -> str:
-    lines = []
+    Tables of one name are joined. A table that is not there, or not of this version, has no
+    rows.
+    """
+    found: dict[str, list[Any]] = {stem: [] for one in STUDIES.values() for stem in one.tables}
     for study in STUDIES.values():
-        date = _date(study, out)
-        link = f"[{study.name}]({study.name}/{study.page})" if date else study.name
-        when = f"{date or '–'}{'' if study.name in made or not date else ' (kept)'}"
-        lines.append([link, f"`{study.command}`", study.takes, when])
-    heads = ["study", "by itself", "takes, on two cores", "made"]
-    frame = pd.DataFrame(lines, columns=heads)
-    return str(frame.to_markdown(index=False, disable_numparse=True))
+        try:
+            tables = study.read(out / study.name)
+        except FileError:
+            continue
+        for stem, rows in tables.items():
+            found[stem] += rows
+    return found
 
 
-def _section(study: Study, out: Path) -> str:
-    heading = f"### {study.name}: {study.title}"
-    return "\n\n".join([heading, finding_in(study, out), *_pictures(study, out)])
+def learned(tables: Rows) -> str:
+    """Return what was learned that the paper did not know, as a Markdown list."""
+    return pages.bullets(pages.block(_TEMPLATE, "learned", _values(tables)))
 
 
-def _pictures(study: Study, out: Path) -> list[str]:
-    files = [f"figures/{name}.svg" for name in _PICTURES.get(study.name, ())]
-    return [f"![{Path(file).stem}]({file})" for file in files if (out / file).exists()]
+def formulation_table(tables: Rows) -> str:
+    """Return the formulations on 7R and 8R as a Markdown table; what is missing is dashes."""
+    return pages.aligned(pages.block(_TEMPLATE, "formulations", _values(tables)))
+
+
+def plain(rows: Sequence[Row], formulation: str, model: str, joints: int) -> Row | None:
+    """Return the comparison's row without a variant, if it is there."""
+    wanted = (formulation, model, joints, "")
+    found = (r for r in rows if (r.formulation, r.model, r.joints, r.variant) == wanted)
+    return next(found, None)
 
 
 def finding_in(study: Study, out: Path) -> str:
@@ -101,27 +98,17 @@ def finding_in(study: Study, out: Path) -> str:
     if not (out / study.name / study.table).exists():
         return f"Not there; `{study.command}` makes it."
     try:
-        return study.finding(out / study.name)
+        return study.finding(study.read(out / study.name))
     except FileError:
         return f"Its table is not of this version; `{study.command}` makes it anew."
 
 
-def _left_out(out: Path, made: Collection[str], failed: Mapping[str, str]) -> str:
-    lines = [
-        f"- {_why(study, out, failed)}" for study in STUDIES.values() if study.name not in made
-    ]
-    if not lines:
-        return ""
-    return "## Left out of this run\n\n" + "\n".join(lines) + "\n"
-
-
-def _why(study: Study, out: Path, failed: Mapping[str, str]) -> str:
-    date = _date(study, out)
-    kept = f"what is there is of {date}" if date else "nothing is there"
-    if study.name in failed:
-        return f"{study.name}: {failed[study.name]} ({kept})"
-    reason = f"takes {study.takes}" if study.long else "not asked for"
-    return f"{study.name}: {reason}; `{study.command}` makes it ({kept})"
+def _values(tables: Rows) -> dict[str, Any]:
+    return {
+        **tables,
+        "plain": partial(plain, tables["comparison"]),
+        "sharpest": sharpest,
+    }
 
 
 def _date(study: Study, out: Path) -> str:

@@ -1,26 +1,48 @@
-"""Studies run one after another; each folder is replaced whole, or left as it was."""
+"""The studies by name, and how several are run: each folder is replaced whole or not at all."""
 
 from __future__ import annotations
 
 import shutil
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
+from types import MappingProxyType
 
+from formulations.studies import bounds, comparison, existence, failures, figures, reproduction
+from formulations.studies.benchmark import study as benchmark
+from formulations.studies.robots import study as robots
 from formulations.studies.study import Effort, Study
-from nlp.errors import FileError, LockedJointError
+from nlp.errors import FileError, InputError, LockedJointError
 from nlp.files import prepare_folder
 from nlp.native import deferred_interrupt
+
+#: In the order in which they run: where a new one is listed.
+STUDIES: Mapping[str, Study] = MappingProxyType(
+    {
+        one.name: one
+        for one in (
+            reproduction.study(),
+            comparison.study(7),
+            comparison.study(8),
+            existence.study(),
+            bounds.study(),
+            failures.study(),
+            figures.study(),
+            robots.study(),
+            benchmark.study(),
+        )
+    }
+)
 
 
 class State(StrEnum):
     """What became of a study.
 
     MADE: computed and written. QUESTIONED: written, but something is wrong with what was
-    found. FAILED: not computed. INTERRUPTED: by the user. Where nothing was written, a folder
-    from before is as it was.
+    found. FAILED: not computed. INTERRUPTED: by the user. Where a study failed or was
+    interrupted, a folder from before stays as it was.
     """
 
     MADE = "made"
@@ -31,12 +53,35 @@ class State(StrEnum):
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of a study, why in a sentence, and how long it took."""
+    """What became of a study, why in a sentence, and its wall time in seconds."""
 
     study: Study
     state: State
     reason: str
     seconds: float
+
+
+def chosen(only: Sequence[str] | None, long: bool) -> tuple[Study, ...]:
+    """Return the studies to be run.
+
+    Parameters
+    ----------
+    only
+        Names; None for all that take under ten minutes.
+    long
+        Whether to run the others as well, where no names are given.
+
+    Raises
+    ------
+    InputError
+        If there is no study of a name.
+    """
+    for name in only or ():
+        if name not in STUDIES:
+            raise InputError("study", name, "one of " + ", ".join(STUDIES))
+    if only is None:
+        return tuple(one for one in STUDIES.values() if long or not one.long)
+    return tuple(one for one in STUDIES.values() if one.name in only)
 
 
 def run_all(
@@ -54,9 +99,9 @@ def run_all(
     out
         The folder of all studies' folders.
     effort
-        How.
+        How they are run.
     begin
-        Is told of each study before it runs.
+        Is called with each study before it runs.
 
     Raises
     ------
@@ -77,18 +122,20 @@ def _attempt(study: Study, out: Path, effort: Effort) -> tuple[State, str]:
     part = out / f".{study.name}.part"
     try:
         _copy(out / study.name, part)
-        complaint = study.run(part, effort)
+        result = study.run(part, effort)
+        if not result.complete:
+            return State.INTERRUPTED, "interrupted"
         with deferred_interrupt():
             _replace(out / study.name, part)
     except KeyboardInterrupt:
         return State.INTERRUPTED, "interrupted"
     except LockedJointError as error:
         return State.FAILED, str(error)
-    except Exception as error:  # whatever is wrong with one study, the others still run
+    except Exception as error:  # the other studies still run
         return State.FAILED, f"{type(error).__name__}: {error}"
     finally:
         shutil.rmtree(part, ignore_errors=True)
-    return (State.QUESTIONED, complaint) if complaint else (State.MADE, "")
+    return (State.QUESTIONED if result.complaint else State.MADE), result.complaint
 
 
 def _copy(folder: Path, part: Path) -> None:

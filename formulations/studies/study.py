@@ -1,10 +1,22 @@
-"""A study: what fills one folder of the results."""
+"""A study: a generator of rows, and what makes one folder of the results from them."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+import json
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
+
+from formulations.files.table import Table, read_rows
+from formulations.solving.outcome import Outcome
+from formulations.solving.setup import Setup
+from formulations.solving.solve import run
+from formulations.studies import pages
+from nlp.files import prepare_folder, write_bytes, write_text
+from nlp.native import deferred_interrupt
+
+Rows = Mapping[str, Sequence[Any]]
 
 
 @dataclass(frozen=True)
@@ -16,21 +28,99 @@ class Effort:
     seed
         Of all random starts.
     starts
-        Random starts of each row; None for as many as the study's own command makes.
+        Random starts of each row; None for as many as the study usually makes.
     workers
         Processes.
     progress
-        Is told what is being done.
+        Is called with what is being done, in a few words.
+    bars
+        Whether many starts show a progress bar.
     """
 
     seed: int = 0
     starts: int | None = None
     workers: int = 1
     progress: Callable[[str], None] = lambda _: None
+    bars: bool = False
 
     def starts_or(self, usual: int) -> int:
         """Return the number of starts, `usual` if none was asked for."""
         return self.starts or usual
+
+    def solve(
+        self, setup: Setup, joints: int, task_dimension: int, usual: int, **settings: Any
+    ) -> Outcome:
+        """Solve from all starts, `usual` if no number was asked for.
+
+        Parameters
+        ----------
+        setup, joints, task_dimension, settings
+            Those of `formulations.solving.solve.run`.
+        usual
+            Number of starts.
+
+        Raises
+        ------
+        KeyboardInterrupt
+            If the user interrupted before the first start ended.
+        """
+        outcome = run(
+            setup,
+            joints=joints,
+            task_dimension=task_dimension,
+            starts=self.starts_or(usual),
+            seed=self.seed,
+            workers=self.workers,
+            progress=self.bars,
+            **settings,
+        )
+        if not outcome.records:
+            raise KeyboardInterrupt
+        return outcome
+
+
+@dataclass(frozen=True)
+class Part:
+    """What a study has found next.
+
+    Attributes
+    ----------
+    rows
+        Rows of any of its tables, to be added to them.
+    entries
+        What goes into the JSON file beside the tables.
+    files
+        Other files and their content, by name.
+    replaces
+        How many of the latest rows these rows take the place of.
+    complete
+        Whether all starts of the rows ended; if not, the study ends here.
+    """
+
+    rows: Sequence[Any] = ()
+    entries: Sequence[Mapping[str, Any]] = ()
+    files: Mapping[str, bytes] = field(default_factory=dict)
+    replaces: int = 0
+    complete: bool = True
+
+
+@dataclass(frozen=True)
+class Result:
+    """What a run of a study came to.
+
+    Attributes
+    ----------
+    rows
+        Of all tables, in the order in which they were found.
+    complete
+        Whether nothing is missing.
+    complaint
+        What is wrong with what was found, in a sentence, or nothing.
+    """
+
+    rows: tuple[Any, ...]
+    complete: bool
+    complaint: str = ""
 
 
 @dataclass(frozen=True)
@@ -43,27 +133,140 @@ class Study:
         Of the folder.
     title
         In a few words, for the front page.
-    page, table
-        The folder's Markdown page, and the CSV file that it was made from.
+    page
+        The folder's Markdown page.
+    template
+        What the page is made from: a file in ``templates``, with the block ``finding``.
+    tables
+        The kind of row of each CSV file, by the file's stem; the main table first.
     command
-        What makes it by itself.
+        The command that runs this study alone.
     takes
         How long that takes on two cores, in words.
+    compute
+        Yields what is found. It is given the effort and the folder, which may hold files of
+        an earlier run.
     long
         Whether it takes over ten minutes.
-    run
-        Computes it into a folder that exists; returns what is wrong with what was found, in a
-        sentence, or nothing.
-    finding
-        Returns what it shows, as a paragraph made from the table in a folder.
+    entries
+        The JSON file of the parts' entries; empty if there is none.
+    settings
+        What else the template needs.
+    check
+        Raises an error, before anything is written, if the study cannot be run.
+    complain
+        Returns what is wrong with the rows, in a sentence, or nothing.
     """
 
     name: str
     title: str
     page: str
-    table: str
+    template: str
+    tables: Mapping[str, type[Any]]
     command: str
     takes: str
-    long: bool
-    run: Callable[[Path, Effort], str]
-    finding: Callable[[Path], str]
+    compute: Callable[[Effort, Path], Iterator[Part]]
+    long: bool = False
+    entries: str = ""
+    settings: Mapping[str, object] = field(default_factory=dict)
+    check: Callable[[], object] = lambda: None
+    complain: Callable[[Sequence[Any]], str] = lambda _: ""
+
+    @property
+    def table(self) -> str:
+        """The main CSV file."""
+        return f"{next(iter(self.tables))}.csv"
+
+    @property
+    def files(self) -> tuple[str, ...]:
+        """The files that every run writes."""
+        return tuple(name for name in (self.table, self.page, self.entries) if name)
+
+    def run(
+        self, folder: Path, effort: Effort, each: Callable[[Part], object] = lambda _: None
+    ) -> Result:
+        """Run the study into a folder, and write tables and page after every part.
+
+        Parameters
+        ----------
+        folder
+            Made if missing.
+        effort
+            How it is run.
+        each
+            Is called with every part, after it is written.
+
+        Returns
+        -------
+        Result
+            Not complete if the user interrupted; what was done is kept then.
+
+        Raises
+        ------
+        LockedJointError
+            If the study cannot be run, or the folder not be written to.
+        """
+        self.check()
+        prepare_folder(folder)
+        rows: list[Any] = []
+        entries: list[Mapping[str, Any]] = []
+        complete = False
+        try:
+            for part in self.compute(effort, folder):
+                with deferred_interrupt():
+                    rows = [*rows[: len(rows) - part.replaces], *part.rows]
+                    entries += part.entries
+                    for name, content in part.files.items():
+                        write_bytes(folder / name, content)
+                    self._write(folder, rows, entries, effort.seed, complete=False)
+                each(part)
+                if not part.complete:
+                    break
+            else:
+                complete = True
+                self._write(folder, rows, entries, effort.seed, complete)
+        except KeyboardInterrupt:
+            complete = False  # what is done is kept, and the page says that it is not all
+        return Result(tuple(rows), complete, self.complain(rows))
+
+    def read(self, folder: Path) -> Rows:
+        """Return the rows of each table in a folder, none where a table is missing.
+
+        Raises
+        ------
+        FileError
+            If a table is not of this version.
+        """
+        paths = {stem: folder / f"{stem}.csv" for stem in self.tables}
+        return {
+            stem: read_rows(path, self.tables[stem]) if path.exists() else []
+            for stem, path in paths.items()
+        }
+
+    def finding(self, tables: Rows) -> str:
+        """Return what the tables show as one paragraph, empty if there is nothing to say."""
+        return pages.prose(pages.block(self.template, "finding", self._values(tables)))
+
+    def _write(
+        self,
+        folder: Path,
+        rows: Sequence[Any],
+        entries: Sequence[Mapping[str, Any]],
+        seed: int,
+        complete: bool,
+    ) -> None:
+        for place, (stem, kind) in enumerate(self.tables.items()):
+            found = [row for row in rows if isinstance(row, kind)]
+            if found or place == 0:
+                write_text(folder / f"{stem}.csv", Table(kind, found).csv())
+        if self.entries:
+            write_text(folder / self.entries, json.dumps(entries, indent=1) + "\n")
+        others = sorted(path.name for path in folder.glob("*.md") if path.name != self.page)
+        # From the tables as they were written, so that page and tables agree.
+        values = {**self._values(self.read(folder)), "seed": seed, "complete": complete}
+        page = pages.page(self.template, {**values, "others": others})
+        write_text(folder / self.page, page)
+
+    def _values(self, tables: Rows) -> dict[str, object]:
+        named = {stem.replace("-", "_"): rows for stem, rows in tables.items()}
+        return {**self.settings, **named, "rows": tables[next(iter(self.tables))]}

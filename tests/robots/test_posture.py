@@ -18,7 +18,7 @@ from formulations.robots.posture import (
 )
 from formulations.robots.robot_arm import RobotArm, Task
 from formulations.robots.robot_assessment import assess
-from formulations.studies.robots.survey import survey
+from formulations.studies.robots.study import row_of
 from formulations.studies.robots.survey_arms import ARMS, SurveyArm
 from nlp.errors import InputError
 
@@ -213,19 +213,22 @@ def test_searches_that_make_no_sense(made):
         best_posture(arm, Search(max_min.NAME, locked=5))
 
 
-def test_a_survey_row_says_what_its_posture_says():
-    found = survey(real("Franka", "position"), Search(starts=2))
-    at = found.posture.assessment
-    assert found.row.worst_case_sigma == at.worst_case_sigma
-    assert (found.row.joints, found.row.task_dimension, found.row.prismatic) == (7, 3, 0)
-    assert np.isnan(found.row.percent_of_best_7r)
+def test_a_row_says_what_its_posture_says():
+    arm = real("Franka", "position")
+    found = best_posture(arm.arm(), Search(starts=2))
+    row = row_of(arm, found)
+    assert row.worst_case_sigma == found.assessment.worst_case_sigma
+    assert (row.joints, row.task_dimension, row.prismatic) == (7, 3, 0)
+    assert np.isnan(row.percent_of_best_7r)
 
 
-def test_a_survey_row_of_an_arm_with_a_fatal_failure(made, tmp_path):
+def test_a_row_of_an_arm_with_a_fatal_failure(made, tmp_path):
     path = tmp_path / "srs.urdf"
     path.write_text(made.spherical_shoulder_and_wrist().replace("l7", "tip"))
     tool = made.joint("tool", "tip", "tool", "fixed", xyz="0 0 0.1")
     path.write_text(path.read_text().replace("</robot>", f'<link name="tool"/>{tool}</robot>'))
-    found = survey(SurveyArm("made", str(path), "tool"), Search(starts=2))
-    assert found.posture is None
-    assert (found.row.fatal_failures, found.row.worst_case_sigma) == ("j3", 0.0)
+    arm = SurveyArm("made", str(path), "tool")
+    with pytest.raises(FatalFailureError):
+        best_posture(arm.arm(), Search(starts=2))
+    row = row_of(arm, None)
+    assert (row.fatal_failures, row.worst_case_sigma) == ("j3", 0.0)

@@ -20,7 +20,7 @@ from formulations.studies.benchmark import unit_revolute as hand
 from formulations.studies.benchmark.measurement import Row, measure
 from formulations.studies.benchmark.peer import NotRunError, Peer, each
 from formulations.studies.benchmark.peers import PEERS
-from formulations.studies.benchmark.report import growth, markdown, targets
+from formulations.studies.benchmark.study import growth, targets
 
 SEVEN = arm("unit-revolute", 7)
 STARTS = np.array([SEVEN.sample(np.random.default_rng(k)) for k in range(2)])
@@ -162,7 +162,7 @@ def test_targets_are_said_to_be_met_or_missed():
     assert "default at least 2 times trf: 2.50, met" in said
     assert "compiled at least 3 times trf: 2.50, missed" in said
     assert "fast path at least 15 times trf: nan, not measured" in said
-    assert "| residual" in markdown(rows, 0, ["scipy 1"], 20.0)
+    assert "| residual" in growth(rows)
 
 
 @pytest.mark.skipif(importlib.util.find_spec("scipy") is None, reason="peers not installed")
@@ -175,7 +175,7 @@ def test_the_command_writes_its_tables(tmp_path, monkeypatch):
     arguments = ["benchmark", "--starts", "3", "--joints", "8,7", "--out", str(tmp_path)]
     done = typer.testing.CliRunner().invoke(app, [*arguments, "--json"])
     assert done.exit_code == 0, done.output
-    rows = json.loads(done.output)
+    rows = json.loads(done.output)["rows"]
     assert [row["joints"] for row in rows] == [7] * 5 + [8] * 5
     page = (tmp_path / "benchmark.md").read_text(encoding="utf-8")
     for text in ("seed: 0", "scipy", "residual, 7R", "Growth", "8R", "success"):

@@ -1,7 +1,6 @@
-"""The main job: rows that say what was found, and say so when nothing was."""
+"""The comparison: rows show what was found, and show where nothing was found."""
 
 import csv
-import io
 import json
 from dataclasses import replace
 
@@ -10,10 +9,12 @@ import pytest
 
 from formulations import measures
 from formulations.catalogue import arm
+from formulations.files.table import Table
 from formulations.solving.setup import Setup, setups
 from formulations.solving.solve import run
-from formulations.studies.comparison.report import summary, table, write
-from formulations.studies.comparison.row import summarise
+from formulations.studies import study as study_module
+from formulations.studies.comparison import Row, row_of, study
+from formulations.studies.study import Effort
 from nlp.errors import InputError
 
 
@@ -37,9 +38,7 @@ def seven():
 
 @pytest.fixture(scope="module")
 def rows(seven):
-    return {
-        (s.row.formulation, s.row.variant, s.row.model): s.row for s in map(summarise, seven)
-    }
+    return {(row.formulation, row.variant, row.model): row for row in map(row_of, seven)}
 
 
 def test_each_formulation_is_there_on_both_models(rows):
@@ -56,7 +55,7 @@ def test_each_formulation_is_there_on_both_models(rows):
 def test_unit_revolute_7r(rows):
     residual = rows["residual", "", "unit-revolute"]
     assert (residual.solved, residual.reached_best, residual.distinct_optima) == (6, 6, 1)
-    assert residual.objective == pytest.approx(0.0568265457, abs=1e-9)
+    assert residual.merit == pytest.approx(0.0568265457, abs=1e-9)
     assert residual.worst_case_sigma == pytest.approx(0.51986, abs=1e-5)
     max_min = rows["max-min", "", "unit-revolute"]
     assert max_min.worst_case_sigma == pytest.approx(0.571482968, abs=1e-8)
@@ -69,8 +68,8 @@ def test_isotropic_unit_revolute_7r_is_infeasible_with_its_least_violation(rows)
     row = rows["isotropy", "", "unit-revolute"]
     assert row.verdict == "proved infeasible"
     assert (row.solved, row.reached_best, row.distinct_optima) == (0, 0, 0)
-    assert json.loads(row.status_counts) == {"Infeasible_Problem_Detected": 6}
-    assert np.isnan(row.objective)
+    assert row.status_counts == {"Infeasible_Problem_Detected": 6}
+    assert np.isnan(row.merit)
     assert np.isnan(row.worst_case_sigma)
     assert 0.05 < row.violation < 1
     assert 0.0568265 < row.isotropy_defect < 1
@@ -79,9 +78,9 @@ def test_isotropic_unit_revolute_7r_is_infeasible_with_its_least_violation(rows)
 def test_infeasible_is_called_proved_only_where_it_is():
     """6 revolute joints and one prismatic of norm 1 have other traces above and below."""
     each = Setup("isotropy", "lever-revolute-each")
-    assert summarise(outcome(each, starts=4)).row.verdict == "proved infeasible"
+    assert row_of(outcome(each, starts=4)).verdict == "proved infeasible"
     impossible = Setup("isotropy", "unit-revolute:6,prismatic:1")
-    assert summarise(outcome(impossible, starts=4)).row.verdict == "infeasible"
+    assert row_of(outcome(impossible, starts=4)).verdict == "infeasible"
 
 
 def test_free_lever_arms_reach_other_optima(rows):
@@ -98,9 +97,9 @@ def test_every_row_has_a_certified_bound_that_it_respects(rows):
         if row.verdict == "proved infeasible":
             assert row.certificate == "exact proof"
         elif formulation == "residual":
-            assert 0 <= row.certified_bound <= row.objective
+            assert 0 <= row.certified_bound <= row.merit
         else:
-            assert row.objective <= row.certified_bound <= row.sigma_bound
+            assert row.merit <= row.certified_bound <= row.sigma_bound
         assert np.isnan(row.numerical_bound) or model == "unit-revolute"
     residual = rows["residual", "", "unit-revolute"]
     assert residual.certified_gap_percent < 2
@@ -125,7 +124,7 @@ def test_a_solver_that_claims_success_is_not_believed(seven):
     assert len(found.reached) == 6
     first, *others = found.records
     broken = replace(first, merit=first.merit - 1e-3)
-    row = summarise(replace(found, records=(broken, *others))).row
+    row = row_of(replace(found, records=(broken, *others)))
     assert (row.solved, row.reached_best) == (6, 5)
 
 
@@ -142,15 +141,16 @@ def test_an_outcome_tells_itself(seven):
 
 
 def test_starts_that_ran_out_of_iterations_are_not_called_infeasible():
-    row = summarise(outcome(Setup("isotropy", "unit-revolute"), options={"max_iter": 2})).row
+    row = row_of(outcome(Setup("isotropy", "unit-revolute"), options={"max_iter": 2}))
     assert row.verdict == "not solved"
-    assert json.loads(row.status_counts) == {"Maximum_Iterations_Exceeded": 6}
+    assert row.status_counts == {"Maximum_Iterations_Exceeded": 6}
 
 
 def plain(outcomes):
     """The table without its times."""
-    frame = table([summarise(o).row for o in outcomes])
-    times = [column for column in frame if column.startswith(("seconds", "relative_cost"))]
+    frame = Table(Row, list(map(row_of, outcomes))).frame()
+    times = [column for column in frame if column.startswith(("cpu_seconds", "relative_cost"))]
+    assert len(times) == 3
     return frame.drop(columns=times).to_csv()
 
 
@@ -162,35 +162,40 @@ def test_same_seed_any_workers_identical_tables(seven):
             assert a.jacobian.tobytes() == b.jacobian.tobytes()
 
 
-def test_cost_is_relative_to_the_default_encoding(seven):
-    frame = table([summarise(o).row for o in seven]).set_index(
-        ["formulation", "variant", "model"]
-    )
-    cost = frame["relative_cost"]
-    assert cost["max-min", "", "unit-revolute"] == 1
-    one = frame.loc["max-min", "one factor per failure", "unit-revolute"]
-    default = frame.loc["max-min", "", "unit-revolute"]
-    assert one["relative_cost"] == one["seconds_per_success"] / default["seconds_per_success"]
-    assert np.isnan(cost["isotropy", "", "unit-revolute"])
+@pytest.fixture
+def run_already(seven, monkeypatch):
+    """The study, whose outcomes are there."""
+    found = {o.setup: o for o in seven}
+    monkeypatch.setattr(study_module, "run", lambda setup, **_: found[setup])
+    return study(7)
 
 
-def test_files_say_what_the_rows_say(seven, tmp_path):
-    summaries = [summarise(o) for o in seven]
-    write(summaries, tmp_path, seed=0, complete=True)
+def test_cost_is_relative_to_the_default_encoding(run_already, tmp_path):
+    found = run_already.run(tmp_path, Effort()).rows
+    rows = {(row.formulation, row.variant, row.model): row for row in found}
+    assert rows["max-min", "", "unit-revolute"].relative_cost == 1
+    one = rows["max-min", "one factor per failure", "unit-revolute"]
+    default = rows["max-min", "", "unit-revolute"].cpu_seconds_per_success
+    assert one.relative_cost == one.cpu_seconds_per_success / default
+    assert np.isnan(rows["isotropy", "", "unit-revolute"].relative_cost)
+
+
+def test_files_say_what_the_rows_say(seven, run_already, tmp_path):
+    run_already.run(tmp_path, Effort())
     with (tmp_path / "comparison.csv").open(encoding="utf-8") as file:
         lines = list(csv.DictReader(file))
     required = {
         *("formulation", "model", "joints", "task_dimension", "starts", "solved"),
-        *("reached_best", "objective", "worst_case_sigma", "sigma_bound", "gap_percent"),
+        *("reached_best", "merit", "worst_case_sigma", "sigma_bound", "gap_percent"),
         *("condition_number", "isotropy_defect", "distinct_optima", "iterations_median"),
-        *("seconds_per_start", "status_counts", "certified_bound", "certificate"),
+        *("cpu_seconds_per_start", "status_counts", "certified_bound", "certificate"),
     }
     assert required <= set(lines[0])
-    assert len(lines) == len(summaries)
+    assert len(lines) == len(seven)
     entries = json.loads((tmp_path / "jacobians.json").read_text())
-    for line, entry, one in zip(lines, entries, summaries, strict=True):
+    for line, entry, one in zip(lines, entries, seven, strict=True):
         jacobian = np.array(entry["jacobian"])
-        np.testing.assert_array_equal(jacobian, one.record.jacobian)
+        np.testing.assert_array_equal(jacobian, one.best.jacobian)
         if line["verdict"] == "solved":
             sigma = measures.worst_case_sigma(jacobian)
             assert float(line["worst_case_sigma"]) == pytest.approx(sigma, abs=1e-12)
@@ -199,10 +204,11 @@ def test_files_say_what_the_rows_say(seven, tmp_path):
         assert text in page
 
 
-def test_the_summary_shows_no_negative_zero():
-    one = summarise(outcome(Setup("max-min", "free"), joints=3, task_dimension=2, starts=2)).row
-    shown = summary([one]).to_csv(io.StringIO())
-    assert "-0.00" not in str(shown)
+def test_the_table_shows_no_negative_zero():
+    one = row_of(outcome(Setup("max-min", "free"), joints=3, task_dimension=2, starts=2))
+    table = Table(Row, [replace(one, gap_percent=-1e-9)])
+    assert "| 0.00 " in table.markdown()
+    assert "-0.00" not in table.markdown() + table.terminal()
 
 
 @pytest.mark.parametrize(

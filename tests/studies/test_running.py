@@ -1,41 +1,46 @@
-"""Studies run one after another: whole folders or nothing, and nobody stops the others."""
+"""Studies run one after another: whole folders or nothing, and none stops the others."""
+
+from dataclasses import dataclass
 
 import pytest
 
-from formulations.studies.running import State, run_all
-from formulations.studies.studies import STUDIES, chosen
-from formulations.studies.study import Effort, Study
+from formulations.studies.running import STUDIES, State, chosen, run_all
+from formulations.studies.study import Effort, Part, Study
 from nlp.errors import FileError, InputError
 
 
-def study(name, run):
+def study(name, compute, **settings):
     return Study(
         name=name,
         title="",
         page="page.md",
-        table="table.csv",
+        template="page.md.j2",
+        tables={"table": Row},
         command="",
         takes="",
-        long=False,
-        run=run,
-        finding=lambda _: "",
+        compute=compute,
+        **settings,
     )
 
 
-def writes(text, complaint=""):
-    def run(folder, effort):
-        (folder / "table.csv").write_text(f"{text} {effort.seed}")
-        return complaint
+@dataclass(frozen=True)
+class Row:
+    text: str
 
-    return run
+
+def writes(text):
+    def compute(effort, folder):
+        yield Part([Row(f"{text} {effort.seed}")])
+
+    return compute
 
 
 def raises(error):
-    def run(folder, effort):
-        (folder / "table.csv").write_text("half")
+    def compute(effort, folder):
+        yield Part([Row("half")])
         raise error
 
-    return run
+    return compute
 
 
 def states(outcomes):
@@ -59,7 +64,7 @@ def test_a_study_that_fails_stops_no_other_and_leaves_its_folder_alone(tmp_path)
     assert outcomes[0].reason == "matplotlib is missing; allowed: installed."
     assert outcomes[1].reason == "ZeroDivisionError: of all things"
     assert (tmp_path / "second" / "table.csv").read_text() == "before"
-    assert (tmp_path / "third" / "table.csv").read_text() == "new 5"
+    assert (tmp_path / "third" / "table.csv").read_text() == "text\nnew 5\n"
     assert sorted(path.name for path in tmp_path.iterdir()) == ["second", "third"]
 
 
@@ -80,11 +85,12 @@ def test_what_a_study_does_not_compute_again_stays(tmp_path):
     (tmp_path / "one" / "table.csv").write_text("before")
     list(run_all([study("one", writes("new"))], tmp_path, Effort()))
     assert (tmp_path / "one" / "long.json").read_text() == "took hours"
-    assert (tmp_path / "one" / "table.csv").read_text() == "new 0"
+    assert (tmp_path / "one" / "table.csv").read_text() == "text\nnew 0\n"
 
 
 def test_a_study_may_write_and_complain(tmp_path):
-    one = study("one", writes("new", "a row is an unexplained mismatch"))
+    complaint = "a row is an unexplained mismatch"
+    one = study("one", writes("new"), complain=lambda rows: complaint if rows else "")
     [outcome] = run_all([one], tmp_path, Effort())
     assert outcome.state is State.QUESTIONED
     assert "mismatch" in outcome.reason
@@ -97,7 +103,8 @@ def test_a_run_killed_while_renaming_loses_nothing(tmp_path):
     (tmp_path / ".one.part").mkdir()
     (tmp_path / ".one.part" / "half.csv").write_text("half")
     list(run_all([study("one", writes("new"))], tmp_path, Effort()))
-    assert sorted(p.name for p in (tmp_path / "one").iterdir()) == ["long.json", "table.csv"]
+    names = ["long.json", "page.md", "table.csv"]
+    assert sorted(p.name for p in (tmp_path / "one").iterdir()) == names
     assert [path.name for path in tmp_path.iterdir()] == ["one"]
 
 

@@ -16,6 +16,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from formulations.catalogue import arm, formulation
+from formulations.files.table import HIDDEN, column
 from formulations.joints.arm import Arm
 from formulations.joints.kinds import NotInModelError
 from formulations.solving.outcome import REACHED_BEST
@@ -53,18 +54,18 @@ class Row:
         Why it was not run, or stopped early, if so.
     """
 
-    formulation: str
-    joints: int
+    formulation: str = field(metadata=HIDDEN)
+    joints: int = field(metadata=HIDDEN)
     peer: str
     settings: str
-    asked: int
+    asked: int = field(metadata=column("of"))
     starts: int
     success: int
     near: int
-    cpu_seconds_per_start: float
-    cpu_seconds_per_success: float
-    relative: float
-    setup_seconds: float
+    cpu_seconds_per_start: float = field(metadata=column("CPU ms per start", scale=1e3))
+    cpu_seconds_per_success: float = field(metadata=column("CPU ms per success", scale=1e3))
+    relative: float = field(metadata=column("relative to default"))
+    setup_seconds: float = field(metadata=column("set-up s"))
     note: str
 
 

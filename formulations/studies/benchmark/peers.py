@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from formulations import max_min, residual
-from formulations.files.provenance import versions
 from formulations.joints.arm import Arm
 from formulations.solving.setup import solver_options
 from formulations.studies.benchmark import (
@@ -72,8 +71,3 @@ PEERS: Sequence[Peer] = (
     *pymanopt_residual.PEERS,
     *scipy_peers.MAX_MIN,
 )
-
-
-def packages() -> list[str]:
-    """Return the peers' packages and versions."""
-    return [versions([name]) for name in ("scipy", "jax", "pymanopt")]

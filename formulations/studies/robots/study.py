@@ -1,46 +1,169 @@
-"""The survey of robots that exist as a study."""
+"""The best postures of arms that exist, side by side, as a study."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
+from dataclasses import dataclass, field
 from pathlib import Path
 
-from formulations.files.rows import read_rows
-from formulations.robots.posture import Search
-from formulations.studies.robots.finding import finding
-from formulations.studies.robots.report import write
-from formulations.studies.robots.survey import SurveyRow, survey
-from formulations.studies.robots.survey_arms import ARMS
-from formulations.studies.study import Effort, Study
+from formulations.files.table import HIDDEN, column
+from formulations.robots.posture import (
+    FatalFailureError,
+    Posture,
+    Search,
+    best_posture,
+    fatal_failures,
+)
+from formulations.robots.robot_assessment import best_7r
+from formulations.studies.robots.survey_arms import ARMS, SurveyArm
+from formulations.studies.study import Effort, Part, Study
+from nlp.errors import InputError
+from nlp.native import deferred_interrupt
 
-TABLE = "robots.csv"
 STARTS = 200
 
 
-def study() -> Study:
-    """Return the survey."""
+@dataclass(frozen=True)
+class Row:
+    """One arm: the columns of ``robots.csv``; NaN where a column does not apply.
+
+    Attributes
+    ----------
+    arm, package, file, tip, task
+        What was searched; see `SurveyArm`.
+    joints, prismatic, task_dimension
+        n, how many of them are prismatic, and m.
+    characteristic_length
+        ℓ at the posture, in metres: the default one, see `robot_arm`.
+    worst_case_sigma, worst_case_joint, equally_bad
+        Eq. (5) at the best posture found, in units of ℓ; a joint whose failure it is, and
+        the number of joints of which that is true.
+    sigma_bound, percent_of_bound
+        The bound (6) at the same ‖J‖_F.
+    percent_of_best_7r
+        Of the best that seven revolute joints are known to reach in six dimensions, `best_7r`,
+        both in units of ℓ; arms with more joints may pass it. NaN in other dimensions.
+    mid_range_sigma
+        Worst case midway between the limits.
+    fatal_failures
+        Joints whose failure is fatal at every posture tried; no search is made then.
+    at_limits
+        Joints at a limit.
+    starts, reached_best, status_counts
+        Of the search.
+    configuration
+        The posture, radians and metres by joint.
+    """
+
+    arm: str
+    package: str = field(metadata=HIDDEN)
+    file: str = field(metadata=HIDDEN)
+    tip: str = field(metadata=HIDDEN)
+    task: str
+    joints: int
+    prismatic: int = field(metadata=HIDDEN)
+    task_dimension: int = field(metadata=HIDDEN)
+    characteristic_length: float = field(metadata=column("ℓ (m)", ".3f"))
+    worst_case_sigma: float = field(metadata=column("worst-case σ", ".5f"))
+    worst_case_joint: str = field(metadata=column("worst failure", lambda row: _worst(row)))
+    equally_bad: int = field(metadata=column("as bad"))
+    sigma_bound: float = field(metadata=HIDDEN)
+    percent_of_bound: float = field(metadata=column("% of the bound", ".2f"))
+    percent_of_best_7r: float = field(metadata=column("% of the best 7R", ".2f"))
+    mid_range_sigma: float = field(metadata=column("σ at mid-range", ".5f"))
+    fatal_failures: str = field(metadata=HIDDEN)
+    at_limits: str = field(metadata=column("at a limit", empty="–"))
+    starts: int
+    reached_best: int
+    status_counts: Mapping[str, int] = field(metadata=HIDDEN)
+    configuration: Mapping[str, float] = field(metadata=HIDDEN)
+
+
+def study(only: str | None = None) -> Study:
+    """Return the study of the arms, or of those with a text in their name.
+
+    Raises
+    ------
+    InputError
+        If no name has it.
+    """
+    arms = [one for one in ARMS if only is None or only.lower() in one.name.lower()]
+    if not arms:
+        names = ", ".join(dict.fromkeys(one.name for one in ARMS))
+        raise InputError("--only", only, f"part of one of {names}")
+
+    def compute(effort: Effort, _: Path) -> Iterator[Part]:
+        search = Search(
+            starts=effort.starts_or(STARTS),
+            seed=effort.seed,
+            workers=effort.workers,
+            progress=effort.bars,
+        )
+        for one in arms:
+            effort.progress(f"{one.name}, {one.task}")
+            posture: Posture | None = None
+            with suppress(FatalFailureError):
+                posture = best_posture(one.arm(), search)
+            with deferred_interrupt():  # until the row is written
+                row = row_of(one, posture)
+                if posture is None:
+                    yield Part(rows=[row])
+                    continue
+                entry = {"arm": one.name, "variant": one.task, **posture.to_dict()}
+                yield Part(rows=[row], entries=[entry], complete=posture.complete)
+
     return Study(
         name="robots",
         title="the best postures of arms that exist",
         page="robots.md",
-        table=TABLE,
+        template="robots.md.j2",
+        tables={"robots": Row},
         command="lockedjoint robots --out results/robots",
         takes="up to a quarter of an hour, and packages of robots",
+        compute=compute,
         long=True,
-        run=_run,
-        finding=lambda folder: finding(read_rows(folder / TABLE, SurveyRow)),
+        entries="postures.json",
+        settings={"best_7r": best_7r()},
+        # A missing package is better known at once than after an hour.
+        check=lambda: [one.arm() for one in arms],
     )
 
 
-def _run(folder: Path, effort: Effort) -> str:
-    for one in ARMS:
-        one.arm()  # a missing package is better known now than after minutes
-    search = Search(starts=effort.starts_or(STARTS), seed=effort.seed, workers=effort.workers)
-    found = []
-    for one in ARMS:
-        effort.progress(f"{one.name}, {one.task}")
-        surveyed = survey(one, search)
-        if surveyed.posture is not None and not surveyed.posture.complete:
-            raise KeyboardInterrupt
-        found.append(surveyed)
-    write(found, folder, effort.seed, complete=True)
-    return ""
+def row_of(one: SurveyArm, found: Posture | None) -> Row:
+    """Return an arm and its best posture as a row; without a posture, its fatal failures."""
+    arm = one.arm()
+    m, n = arm.shape
+    nan = float("nan")
+    at = None if found is None else found.assessment
+    fatal = fatal_failures(arm) if found is None else ()
+    sigma = at.worst_case_sigma if at else 0.0
+    return Row(
+        arm=one.name,
+        package=one.package,
+        file=one.file,
+        tip=one.tip,
+        task=one.task,
+        joints=n,
+        prismatic=sum(arm.chain.prismatic),
+        task_dimension=m,
+        characteristic_length=at.characteristic_length if at else nan,
+        worst_case_sigma=sigma,
+        worst_case_joint=at.worst_case_joints[0] if at else fatal[0],
+        equally_bad=at.equally_bad if at else len(fatal),
+        sigma_bound=at.sigma_bound if at else nan,
+        percent_of_bound=at.percent_of_bound if at else 0.0,
+        percent_of_best_7r=100 * sigma / best_7r() if m == 6 else nan,
+        mid_range_sigma=found.mid_range_sigma if found else 0.0,
+        fatal_failures=", ".join(fatal),
+        at_limits=", ".join(at.at_limits) if at else "",
+        starts=found.starts if found else 0,
+        reached_best=found.reached_best if found else 0,
+        status_counts=dict(found.status_counts) if found else {},
+        configuration=dict(at.configuration) if at else {},
+    )
+
+
+def _worst(row: Row) -> str:
+    fatal = row.fatal_failures
+    return f"{fatal}: fatal at every posture" if fatal else row.worst_case_joint

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 
-from formulations.files.rows import read_rows
+from formulations.files.table import read_rows
 from formulations.robots.chain_between import chain_between
 from formulations.robots.read_urdf import read_urdf
 from formulations.robots.robot_arm import RobotArm, Task

@@ -1,0 +1,195 @@
+"""Tables of rows: one definition of the columns for CSV, Markdown, LaTeX, terminal and JSON.
+
+A row is a frozen dataclass of texts, numbers and mappings. Its fields are the columns of the
+CSV file. How a field is shown is declared with the field, by the metadata that `column` returns
+or `HIDDEN`; a field without either is shown under its own name.
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import Field, dataclass, fields
+from enum import StrEnum
+from pathlib import Path
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, Generic, TypeVar, get_origin, get_type_hints
+
+from nlp.errors import FileError
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from _typeshed import DataclassInstance
+
+    Line = TypeVar("Line", bound=DataclassInstance)
+else:
+    Line = TypeVar("Line")
+
+_DASH = "–"
+
+
+@dataclass(frozen=True)
+class Column:
+    """How a field is shown.
+
+    Attributes
+    ----------
+    heading
+        In place of the field's name.
+    form
+        Format specification of a number, or a function that makes the cell from the row.
+    scale
+        What a number is multiplied with before it is shown: 1000 shows seconds as ms.
+    empty
+        What is shown in place of an empty text or a count of 0; None to show them as they
+        are. NaN is always shown as a dash.
+    brief
+        Whether the column is in the terminal's table.
+    shown
+        Whether the column is in any table but the CSV and the JSON.
+    """
+
+    heading: str = ""
+    form: str | Callable[[Any], str] = ".3g"
+    scale: float = 1.0
+    empty: str | None = None
+    brief: bool = False
+    shown: bool = True
+
+    def cell(self, row: object, name: str) -> str:
+        """Return the text of a row's field."""
+        if callable(self.form):
+            return self.form(row)
+        value = getattr(row, name)
+        if self.empty is not None and not value:
+            return self.empty
+        if isinstance(value, float):
+            return _DASH if value != value else format(self.scale * value, self.form)  # NaN
+        return str(_stored(value))
+
+
+def column(
+    heading: str = "",
+    form: str | Callable[[Any], str] = ".3g",
+    *,
+    scale: float = 1.0,
+    empty: str | None = None,
+    brief: bool = False,
+) -> Mapping[str, Column]:
+    """Return the metadata of a dataclass field that is shown as a `Column` says; see there."""
+    return {"column": Column(heading, form, scale, empty, brief)}
+
+
+#: Metadata of a dataclass field that is in the CSV and the JSON only.
+HIDDEN: Mapping[str, Column] = MappingProxyType({"column": Column(shown=False)})
+
+
+@dataclass(frozen=True)
+class Table(Generic[Line]):
+    """Rows of one kind, and the forms in which they are written.
+
+    Attributes
+    ----------
+    kind
+        The rows' dataclass.
+    rows
+        The rows, in order.
+    """
+
+    kind: type[Line]
+    rows: Sequence[Line]
+
+    def frame(self) -> pd.DataFrame:
+        """Return all columns as a DataFrame; mappings as JSON."""
+        import pandas as pd
+
+        names = [one.name for one in fields(self.kind)]
+        lines = [[_stored(getattr(row, name)) for name in names] for row in self.rows]
+        return pd.DataFrame(lines, columns=names)
+
+    def csv(self) -> str:
+        """Return all columns, numbers with every digit, NaN as an empty cell."""
+        return self.frame().to_csv(index=False, lineterminator="\n")
+
+    def plain(self) -> list[dict[str, Any]]:
+        """Return the rows as plain values for JSON, None in place of NaN."""
+        names = [one.name for one in fields(self.kind)]
+        return [{name: _plain(getattr(row, name)) for name in names} for row in self.rows]
+
+    def markdown(self) -> str:
+        """Return the columns to read as a Markdown table."""
+        return self._written("pipe", lambda text: text.replace("|", "\\|"))
+
+    def terminal(self) -> str:
+        """Return the columns that fit on a screen, or all to read if none is marked brief."""
+        return self._written("pipe", brief=True)
+
+    def latex(self) -> str:
+        """Return the columns to read as a LaTeX tabular with the rules of booktabs."""
+        return self._written("latex_booktabs")
+
+    def _written(
+        self, style: str, escape: Callable[[str], str] = str, brief: bool = False
+    ) -> str:
+        from tabulate import tabulate
+
+        columns = {one.name: _column(one) for one in fields(self.kind)}
+        some = brief and any(one.brief for one in columns.values())
+        columns = {k: one for k, one in columns.items() if (one.brief if some else one.shown)}
+        cells = [[escape(one.cell(row, k)) for k, one in columns.items()] for row in self.rows]
+        heads = [one.heading or k.replace("_", " ") for k, one in columns.items()]
+        return str(tabulate(cells, heads, tablefmt=style, disable_numparse=True))
+
+
+def read_rows(path: Path, kind: type[Line]) -> list[Line]:
+    """Read a CSV file whose columns are, among others, the fields of a dataclass.
+
+    Parameters
+    ----------
+    path
+        The file.
+    kind
+        A dataclass of texts, numbers, mappings and enumerated texts.
+
+    Raises
+    ------
+    FileError
+        If the file cannot be read, a column is missing or a cell is not of its type.
+    """
+    types = get_type_hints(kind)
+    readers = {one.name: _reader(types[one.name]) for one in fields(kind)}
+    try:
+        with path.open(encoding="utf-8", newline="") as file:
+            return [
+                kind(**{name: read(line[name]) for name, read in readers.items()})
+                for line in csv.DictReader(file)
+            ]
+    except OSError:
+        raise FileError("table", str(path), "a file that can be read") from None
+    except (KeyError, ValueError, TypeError, csv.Error):
+        allowed = f"a table with the columns of this version's {kind.__module__}"
+        raise FileError("table", str(path), allowed) from None
+
+
+def _column(one: Field[Any]) -> Column:
+    found: Column = one.metadata.get("column", Column())
+    return found
+
+
+def _reader(kind: Any) -> Callable[[str], Any]:
+    if kind is float:
+        return lambda text: float(text or "nan")  # an empty cell is NaN, as it was written
+    if get_origin(kind) is Mapping:
+        return json.loads
+    return kind if kind is int or issubclass(kind, StrEnum) else str
+
+
+def _plain(value: object) -> object:
+    if isinstance(value, float):
+        return None if value != value else float(value)
+    return dict(value) if isinstance(value, Mapping) else value
+
+
+def _stored(value: object) -> object:
+    return json.dumps(value) if isinstance(value, Mapping) else value

@@ -1,0 +1,216 @@
+"""All formulations from common starts, side by side in one table."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from math import isnan
+from pathlib import Path
+
+import numpy as np
+
+from formulations import measures
+from formulations.catalogue import arm, certified_bound, models_of, numerical_bound
+from formulations.files.table import HIDDEN, column
+from formulations.measures.canonical import distinct
+from formulations.solving.outcome import Outcome
+from formulations.solving.record import Record
+from formulations.solving.setup import setups
+from formulations.studies.study import Effort, Part, Study
+from nlp.native import deferred_interrupt
+from nlp.options import check_options
+
+STARTS = 100
+NAN = float("nan")
+
+
+@dataclass(frozen=True)
+class Row:
+    """One setup's outcome: the columns of ``comparison.csv``; NaN where one does not apply.
+
+    Attributes
+    ----------
+    formulation, variant, model, joints, task_dimension, verdict, starts
+        What was run, and `Outcome.verdict`; `starts` counts those that ended.
+    solved
+        Starts at which Ipopt said that it succeeded.
+    reached_best
+        Starts whose answer, checked from J alone, is within `REACHED_BEST` of the best.
+    merit
+        What the formulation optimises, recomputed from the best J: ½‖JJᵀ − (T/m)I‖² for the
+        residual, the worst-case singular value for the other two.
+    certified_bound, certified_gap_percent, certificate
+        What is proved about the merit for every Jacobian of the model, how far the merit is
+        from it in percent of the bound, and the kind of proof
+        (`formulations.bounds.certified`).
+    numerical_bound, numerical_gap_percent
+        The same, checked in floating point only, where such a bound is on record.
+    worst_case_sigma, sigma_bound, gap_percent
+        Eq. (5) for the best J, the bound (6) at the model's largest ‖J‖_F, and the gap in
+        percent of the bound.
+    condition_number, isotropy_defect
+        Of the best J; if nothing passed the check, of the least violation found.
+    violation
+        Largest violation of any constraint there.
+    distinct_optima
+        Classes among the starts that reached the best, modulo frame, phase, order and signs.
+    iterations_median, cpu_seconds_per_start, cpu_seconds_per_success
+        Processor time, with the drawing of the start, without building the solver.
+    relative_cost
+        Processor time per success over that of the same formulation and model without a
+        variant.
+    status_counts
+        Ipopt's return statuses and how often each came.
+    """
+
+    formulation: str = field(metadata=column(brief=True))
+    variant: str = field(metadata=column(brief=True))
+    model: str = field(metadata=column(brief=True))
+    joints: int = field(metadata=HIDDEN)
+    task_dimension: int = field(metadata=HIDDEN)
+    verdict: str
+    starts: int
+    solved: int
+    reached_best: int = field(
+        metadata=column(form=lambda row: f"{row.reached_best}/{row.starts}", brief=True)
+    )
+    merit: float = field(metadata=column(form=".7g", brief=True))
+    certified_bound: float = field(metadata=column(form=lambda row: _bound(row), brief=True))
+    certified_gap_percent: float = field(metadata=column("gap %", "z.2f", brief=True))
+    certificate: str
+    numerical_bound: float = field(metadata=column(form=".7g"))
+    numerical_gap_percent: float = field(metadata=column("numerical gap %", "z.2f"))
+    worst_case_sigma: float = field(metadata=column("worst-case σ", ".7f"))
+    sigma_bound: float = field(metadata=HIDDEN)
+    gap_percent: float = field(metadata=column("below eq. (6) %", "z.2f"))
+    condition_number: float = field(metadata=HIDDEN)
+    isotropy_defect: float
+    violation: float = field(metadata=HIDDEN)
+    distinct_optima: int = field(metadata=column("optima"))
+    iterations_median: float = field(metadata=column("iterations", "g"))
+    cpu_seconds_per_start: float = field(metadata=HIDDEN)
+    cpu_seconds_per_success: float = field(
+        metadata=column("CPU ms per success", scale=1e3, brief=True)
+    )
+    relative_cost: float
+    status_counts: Mapping[str, int] = field(metadata=HIDDEN)
+
+
+def study(
+    joints: int = 7,
+    task_dimension: int = 6,
+    options: Mapping[str, object] | None = None,
+    compiled: bool = False,
+) -> Study:
+    """Return the comparison on the two column models of a task dimension.
+
+    Parameters
+    ----------
+    joints, task_dimension
+        n and m.
+    options
+        Of Ipopt, over the formulations' own.
+    compiled
+        Whether the problems' functions are compiled first.
+    """
+
+    def check() -> None:
+        check_options(options or {})
+        for model in models_of(task_dimension):
+            arm(model, joints, task_dimension)
+
+    def compute(effort: Effort, _: Path) -> Iterator[Part]:
+        plain: dict[tuple[str, str], Row] = {}
+        for setup in setups(task_dimension):
+            effort.progress(" ".join((setup.formulation, setup.model, setup.variant)))
+            outcome = effort.solve(
+                setup, joints, task_dimension, STARTS, options=options, compiled=compiled
+            )
+            with deferred_interrupt():  # until the row is written
+                row = row_of(outcome, plain.get((setup.formulation, setup.model)))
+                if not setup.variant:
+                    plain[setup.formulation, setup.model] = row
+                entry = _entry(row, outcome.best)
+                yield Part(rows=[row], entries=[entry], complete=outcome.complete)
+
+    name, option = ("comparison", "") if joints == 7 else (f"comparison_{joints}r", "--joints ")
+    return Study(
+        name=name,
+        title=f"the three formulations on {joints}R, from common starts",
+        page="comparison.md",
+        template="comparison.md.j2",
+        tables={"comparison": Row},
+        command=f"lockedjoint compare {option and f'{option}{joints} '}--out results/{name}",
+        takes="under a minute",
+        compute=compute,
+        entries="jacobians.json",
+        check=check,
+    )
+
+
+def row_of(outcome: Outcome, default: Row | None = None) -> Row:
+    """Return an outcome of at least one record as a row.
+
+    Parameters
+    ----------
+    outcome
+        Of a setup.
+    default
+        The row of the same formulation and model without a variant; None if this is it.
+    """
+    setup, records = outcome.setup, outcome.records
+    m, n = outcome.arm.shape
+    best, shown = outcome.reached, outcome.best
+    sigma, merit = (shown.worst_case_sigma, shown.merit) if best else (NAN, NAN)
+    bound = measures.sigma_bound(m, n, outcome.arm.largest_trace, setup.locked)
+    seconds = sum(record.cpu_seconds for record in records)
+    per_success = seconds / len(best) if best else NAN
+    unit = default.cpu_seconds_per_success if default else per_success
+    proved = certified_bound(setup.formulation, outcome.arm, setup.locked)
+    checked = numerical_bound(setup.formulation, outcome.arm, setup.locked)
+    return Row(
+        formulation=setup.formulation,
+        variant=setup.variant,
+        model=setup.model,
+        joints=n,
+        task_dimension=m,
+        verdict=outcome.verdict,
+        starts=len(records),
+        solved=outcome.succeeded,
+        reached_best=len(best),
+        merit=merit,
+        certified_bound=proved.value,
+        certified_gap_percent=proved.gap_percent(merit),
+        certificate=proved.kind,
+        numerical_bound=checked.value if checked else NAN,
+        numerical_gap_percent=checked.gap_percent(merit) if checked else NAN,
+        worst_case_sigma=sigma,
+        sigma_bound=bound,
+        gap_percent=measures.gap_percent(sigma, bound),
+        condition_number=shown.condition_number,
+        isotropy_defect=shown.isotropy_defect,
+        violation=shown.violation,
+        distinct_optima=len(distinct([record.jacobian for record in best])) if best else 0,
+        iterations_median=float(np.median([record.status.iterations for record in records])),
+        cpu_seconds_per_start=seconds / len(records),
+        cpu_seconds_per_success=per_success,
+        relative_cost=per_success / unit,
+        status_counts=outcome.status_counts,
+    )
+
+
+def _entry(row: Row, record: Record) -> dict[str, object]:
+    """Return the row's Jacobian at full precision, with what it is."""
+    names = ("formulation", "variant", "model", "verdict")
+    return {
+        **{name: getattr(row, name) for name in names},
+        "seed": record.seed,
+        "start": record.index,
+        "worst_case_sigma": record.worst_case_sigma,
+        "isotropy_defect": record.isotropy_defect,
+        "jacobian": record.jacobian.tolist(),
+    }
+
+
+def _bound(row: Row) -> str:
+    return row.certificate if isnan(row.certified_bound) else f"{row.certified_bound:.7g}"

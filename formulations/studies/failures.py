@@ -1,0 +1,226 @@
+"""Several and unequal failures: the best found beside the bound, over a list of cases."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from formulations import max_min, measures
+from formulations.bounds import unequal_failures
+from formulations.files.table import Table, column
+from formulations.measures.canonical import distinct
+from formulations.measures.failure_model import FailureModel
+from formulations.measures.unequal_failures import expected_sigma, possible_worst_case_sigma
+from formulations.solving.outcome import Outcome
+from formulations.solving.setup import Setup
+from formulations.studies.study import Effort, Part, Study
+from formulations.unequal_max_min import Goal, default_encoding, merit
+from nlp.arrays import FloatArray
+from nlp.native import deferred_interrupt
+
+STARTS = 100
+
+
+@dataclass(frozen=True)
+class Case:
+    """One row of the study.
+
+    Attributes
+    ----------
+    setup
+        Max-min on a column model.
+    joints, task_dimension
+        n and m.
+    failing
+        Which joints may fail, in words.
+    """
+
+    setup: Setup
+    joints: int
+    task_dimension: int
+    failing: str = "all alike"
+
+
+# Model, m, n, k. The planar 4R with two failures is the paper's α = π/4 (after eq. 17).
+_SEVERAL = (
+    ("free-mean", 2, 4, 2),
+    ("free-mean", 2, 5, 2),
+    ("free-mean", 2, 5, 3),
+    ("free-mean", 3, 5, 2),
+    ("free-mean", 3, 6, 2),
+    ("free-mean", 3, 6, 3),
+    ("unit-revolute", 6, 8, 2),
+    ("unit-revolute", 6, 9, 2),
+    ("unit-revolute", 6, 9, 3),
+    ("unit-revolute", 6, 10, 2),
+)
+# Three, two and two joints, in the ratio 2 : 4 : 1.
+_MIXED = (0.1, 0.1, 0.1, 0.2, 0.2, 0.05, 0.05)
+
+
+def several() -> tuple[Case, ...]:
+    """Return the cases of k > 1 alike joints, with the encodings that have a chance there.
+
+    With no column to spare, principal minors lose most starts, and on six rows random starts
+    lose most of what residual minima find.
+    """
+    cases = []
+    for model, m, n, k in _SEVERAL:
+        tight = n - m - k == 0
+        minima = tight and model == "unit-revolute"
+        for encoding in ("shared-factor",) if tight else ("shared-factor", "principal-minors"):
+            setup = Setup(
+                max_min.NAME, model, encoding=encoding, from_residual_minima=minima, locked=k
+            )
+            cases.append(Case(setup, n, m))
+    return tuple(cases)
+
+
+def unequal() -> tuple[Case, ...]:
+    """Return the cases of unequal failures, one joint at a time."""
+    never = {"joint 0 never": 1, "joints 0, 1 never": 2, "joints 0, 1, 2 never": 3}
+    spared = [
+        _unequal("unit-revolute", 6, FailureModel.equally_likely(7, never=range(count)), words)
+        for words, count in never.items()
+    ]
+    alike, mixed = FailureModel.equally_likely(7), FailureModel(_MIXED)
+    planar = FailureModel((0.1, 0.2, 0.1, 0.1))
+    ratios, twice = "in the ratio 2:2:2:4:4:1:1", "joint 1 twice as likely"
+    return (
+        *spared,
+        _unequal("unit-revolute", 6, alike, "all alike", "expected"),
+        _unequal("unit-revolute", 6, mixed, ratios),
+        _unequal("unit-revolute", 6, mixed, ratios, "expected"),
+        _unequal("free", 2, planar, twice),
+        _unequal("free", 2, planar, twice, "expected"),
+    )
+
+
+def _unequal(
+    model: str, task_dimension: int, failures: FailureModel, words: str, goal: Goal = "worst"
+) -> Case:
+    setup = Setup(
+        max_min.NAME,
+        model,
+        encoding=default_encoding(failures, goal),
+        locked=failures.locked,
+        failures=failures,
+        goal=goal,
+    )
+    return Case(setup, failures.joints, task_dimension, words)
+
+
+@dataclass(frozen=True)
+class Row:
+    """One case's outcome: the columns of ``failures.csv``; NaN where nothing passed the check.
+
+    Attributes
+    ----------
+    model, task_dimension, joints, locked, failing, goal, encoding, starts_from, starts
+        What was run.
+    solved, reached_best
+        Starts at which Ipopt said that it succeeded, and whose answer, checked, is the best.
+    merit, bound, gap_percent
+        What is maximised, its bound, and the gap between them in percent of the bound.
+    worst_case_sigma, expected_sigma
+        Over the failures that can happen, of the same Jacobian.
+    distinct_optima
+        Classes among the starts that reached the best where all joints are alike; 0 elsewhere.
+    iterations_median, cpu_seconds_per_start
+        Processor time, with the drawing of the start, without building the solver.
+    """
+
+    model: str
+    task_dimension: int = field(metadata=column("m"))
+    joints: int = field(metadata=column("n"))
+    locked: int = field(metadata=column("k"))
+    failing: str
+    goal: str
+    encoding: str
+    starts_from: str = field(metadata=column("from"))
+    starts: int
+    solved: int
+    reached_best: int
+    merit: float = field(metadata=column("best", ".7f"))
+    bound: float = field(metadata=column(form=".7f"))
+    gap_percent: float = field(metadata=column("gap %", "z.2f"))
+    worst_case_sigma: float = field(metadata=column("worst σ", ".5f"))
+    expected_sigma: float = field(metadata=column("expected σ", ".5f"))
+    distinct_optima: int = field(metadata=column("optima", empty="–"))
+    iterations_median: float = field(metadata=column("iterations", "g"))
+    cpu_seconds_per_start: float = field(metadata=column("CPU ms per start", scale=1e3))
+
+
+def study() -> Study:
+    """Return the study of failures."""
+    return Study(
+        name="failures",
+        title="several joints locked at once, joints that never fail, unequal probabilities",
+        page="failures.md",
+        template="failures.md.j2",
+        tables={"failures": Row},
+        command="lockedjoint failures --out results/failures",
+        takes="three minutes",
+        compute=_compute,
+        entries="jacobians.json",
+    )
+
+
+def _compute(effort: Effort, _: Path) -> Iterator[Part]:
+    for case in (*several(), *unequal()):
+        arm = f"{case.setup.model} {case.task_dimension}×{case.joints}"
+        effort.progress(f"{arm}, {case.setup.locked} locked, {case.failing}")
+        outcome = effort.solve(case.setup, case.joints, case.task_dimension, STARTS)
+        with deferred_interrupt():  # until the row is written
+            row = row_of(case, outcome)
+            [plain] = Table(Row, [row]).plain()
+            entry = {**plain, "jacobian": outcome.best.jacobian.tolist()}
+            yield Part(rows=[row], entries=[entry], complete=outcome.complete)
+
+
+def row_of(case: Case, outcome: Outcome) -> Row:
+    """Return an outcome of at least one record as a row, measured from the Jacobian alone."""
+    setup, records = case.setup, outcome.records
+    best, jacobian = outcome.reached, outcome.best.jacobian
+    n, k = case.joints, setup.locked
+    failures = setup.failures or FailureModel.equally_likely(n, k)
+    alike = setup.failures is None
+    found = merit(jacobian, failures, setup.goal) if best else float("nan")
+    bound = _bound(case, outcome, jacobian)
+    return Row(
+        model=setup.model,
+        task_dimension=case.task_dimension,
+        joints=n,
+        locked=k,
+        failing=case.failing,
+        goal=setup.goal,
+        encoding=setup.encoding,
+        starts_from="residual minima" if setup.from_residual_minima else "random",
+        starts=len(records),
+        solved=outcome.succeeded,
+        reached_best=len(best),
+        merit=found,
+        bound=bound,
+        gap_percent=measures.gap_percent(found, bound),
+        worst_case_sigma=possible_worst_case_sigma(jacobian, failures),
+        expected_sigma=expected_sigma(jacobian, failures),
+        distinct_optima=len(distinct([one.jacobian for one in best])) if best and alike else 0,
+        iterations_median=float(np.median([one.status.iterations for one in records])),
+        cpu_seconds_per_start=float(np.mean([one.cpu_seconds for one in records])),
+    )
+
+
+def _bound(case: Case, outcome: Outcome, jacobian: FloatArray) -> float:
+    setup, m = case.setup, case.task_dimension
+    if setup.failures is None:
+        trace = outcome.arm.largest_trace
+        return measures.sigma_bound(m, case.joints, trace, setup.locked)
+    norms = np.sum(jacobian**2, axis=0).tolist()
+    bounds = {
+        "worst": unequal_failures.weighted_worst_bound,
+        "expected": unequal_failures.expected_bound,
+    }
+    return bounds[setup.goal](m, norms, setup.failures)

@@ -1,0 +1,124 @@
+"""Markdown pages: templates in ``templates``, filled from the rows of tables."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from decimal import ROUND_CEILING, ROUND_FLOOR, Decimal
+from functools import lru_cache
+from itertools import groupby
+from math import isnan
+from typing import Any
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from tabulate import tabulate
+
+from formulations.files.provenance import header, versions
+from formulations.files.table import Table
+
+# Below this an isotropy defect, or a residual, is the solver's tolerance and not a number.
+NOTHING = 1e-6
+# A gap below this, in percent, is none.
+CLOSED = 1e-4
+
+
+def page(template: str, values: Mapping[str, object]) -> str:
+    """Return a template, filled."""
+    return _environment().get_template(template).render(values)
+
+
+def block(template: str, name: str, values: Mapping[str, object]) -> str:
+    """Return one block of a template, filled."""
+    found = _environment().get_template(template)
+    return "".join(found.blocks[name](found.new_context(dict(values))))
+
+
+def prose(text: str) -> str:
+    """Return a text as one line: templates break lines where they like."""
+    return " ".join(text.split())
+
+
+def bullets(text: str) -> str:
+    """Return the paragraphs of a text, separated by empty lines, as a Markdown list."""
+    return "\n".join(f"- {one}" for one in map(prose, _paragraphs(text)))
+
+
+def listed(text: str, separator: str) -> str:
+    """Return the lines of a text that are not empty, joined by a separator."""
+    return separator.join(line.strip() for line in text.splitlines() if line.strip())
+
+
+def rounded_down(number: float, digits: int = 5) -> str:
+    """Return a number with so many decimals that is not above it: still a lower bound."""
+    return str(Decimal(number).quantize(Decimal(1).scaleb(-digits), ROUND_FLOOR))
+
+
+def rounded_up(number: float, digits: int = 5) -> str:
+    """Return a number with so many decimals that is not below it: still an upper bound."""
+    return str(Decimal(number).quantize(Decimal(1).scaleb(-digits), ROUND_CEILING))
+
+
+def known(rows: Iterable[Any], name: str) -> list[Any]:
+    """Return the rows whose field of that name is not NaN."""
+    return [row for row in rows if getattr(row, name) == getattr(row, name)]
+
+
+def groups(rows: Iterable[Any], *names: str) -> list[tuple[tuple[Any, ...], list[Any]]]:
+    """Return the rows by the values of some fields, in the order of first appearance."""
+    found: dict[tuple[Any, ...], list[Any]] = {}
+    for row in rows:
+        found.setdefault(tuple(getattr(row, name) for name in names), []).append(row)
+    return list(found.items())
+
+
+def by(rows: Iterable[Any], key: str, value: str) -> dict[Any, Any]:
+    """Return one field of the rows by another."""
+    return {getattr(row, key): getattr(row, value) for row in rows}
+
+
+def table(rows: Sequence[Any]) -> str:
+    """Return rows of one kind as a Markdown table; empty if there are none."""
+    return Table(type(rows[0]), rows).markdown() if rows else ""
+
+
+def aligned(text: str) -> str:
+    """Return lines of cells between bars as a Markdown table, headed by the first line."""
+    heads, *lines = (line.split(" | ") for line in text.splitlines() if line.strip())
+    return tabulate(lines, heads, tablefmt="pipe", disable_numparse=True)
+
+
+def _paragraphs(text: str) -> list[str]:
+    runs = groupby(text.splitlines(), key=lambda line: bool(line.strip()))
+    return ["\n".join(lines) for full, lines in runs if full]
+
+
+@lru_cache(maxsize=1)
+def _environment() -> Environment:
+    made = Environment(
+        loader=PackageLoader("formulations.studies"),
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+        autoescape=False,  # Markdown, of our own numbers
+    )
+    made.filters |= {
+        "aligned": aligned,
+        "bullets": bullets,
+        "by": by,
+        "form": format,
+        "groups": groups,
+        "known": known,
+        "listed": listed,
+        "prose": prose,
+        "rounded_down": rounded_down,
+        "rounded_up": rounded_up,
+        "table": table,
+    }
+    made.tests["nan"] = isnan
+    made.globals |= {
+        "CLOSED": CLOSED,
+        "NOTHING": NOTHING,
+        "header": header,
+        "versions": versions,
+    }
+    return made

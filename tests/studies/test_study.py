@@ -1,0 +1,137 @@
+"""A study is run part by part: files after every part, and what is done outlives Ctrl-C."""
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+from jinja2 import UndefinedError
+
+from formulations.studies import pages
+from formulations.studies.study import Effort, Part, Study
+from nlp.errors import FileError, InputError
+
+
+@dataclass(frozen=True)
+class Row:
+    """A number."""
+
+    number: int
+
+
+@dataclass(frozen=True)
+class Other:
+    """A row of another table."""
+
+    name: str
+
+
+def study(*parts, then=None, **settings):
+    """A study with the page of failures' header and rows, whose finding is empty."""
+
+    def compute(effort, folder):
+        yield from parts
+        if then is not None:
+            raise then
+
+    return Study(
+        name="numbers",
+        title="numbers",
+        page="page.md",
+        template="page.md.j2",
+        tables={"numbers": Row, "others": Other},
+        command="",
+        takes="",
+        compute=compute,
+        **settings,
+    )
+
+
+def numbers(folder):
+    return (folder / "numbers.csv").read_text().split()[1:]
+
+
+INCOMPLETE = "not all rows are here"
+
+
+def test_files_are_written_after_every_part_and_in_the_end(tmp_path):
+    seen = []
+
+    def each(part):
+        page = (tmp_path / "page.md").read_text()
+        seen.append((numbers(tmp_path), INCOMPLETE in page))
+
+    one = study(
+        Part([Row(1)], entries=[{"a": 1}], files={"x.json": b"{}"}),
+        Part([Row(2), Other("b")], entries=[{"a": 2}]),
+        entries="entries.json",
+    )
+    result = one.run(tmp_path, Effort(seed=5), each)
+    assert seen == [(["1"], True), (["1", "2"], True)]
+    assert (result.complete, result.complaint) == (True, "")
+    assert result.rows == (Row(1), Row(2), Other("b"))
+    page = (tmp_path / "page.md").read_text()
+    assert INCOMPLETE not in page
+    assert "- seed: 5" in page
+    assert json.loads((tmp_path / "entries.json").read_text()) == [{"a": 1}, {"a": 2}]
+    assert one.files == ("numbers.csv", "page.md", "entries.json")
+    names = {"numbers.csv", "others.csv", "page.md", "entries.json", "x.json"}
+    assert {path.name for path in tmp_path.iterdir()} == names
+    assert one.read(tmp_path) == {"numbers": [Row(1), Row(2)], "others": [Other("b")]}
+
+
+def test_rows_may_take_the_place_of_the_latest(tmp_path):
+    parts = [Part([Row(1)]), Part([Row(2), Row(3)]), Part([Row(4), Row(5)], replaces=2)]
+    assert study(*parts).run(tmp_path, Effort()).rows == (Row(1), Row(4), Row(5))
+    assert numbers(tmp_path) == ["1", "4", "5"]
+
+
+def test_ctrl_c_keeps_what_is_done_and_the_page_says_so(tmp_path):
+    result = study(Part([Row(1)]), then=KeyboardInterrupt()).run(tmp_path, Effort())
+    assert not result.complete
+    assert numbers(tmp_path) == ["1"]
+    assert INCOMPLETE in (tmp_path / "page.md").read_text()
+
+
+def test_a_part_with_starts_missing_is_the_last(tmp_path):
+    parts = [Part([Row(1)]), Part([Row(2)], complete=False), Part([Row(3)])]
+    result = study(*parts).run(tmp_path, Effort())
+    assert not result.complete
+    assert numbers(tmp_path) == ["1", "2"]
+    assert INCOMPLETE in (tmp_path / "page.md").read_text()
+
+
+def test_a_study_that_cannot_be_run_writes_nothing(tmp_path):
+    def check():
+        raise InputError("package", "missing", "installed")
+
+    with pytest.raises(InputError):
+        study(Part([Row(1)]), check=check).run(tmp_path / "new", Effort())
+    assert not (tmp_path / "new").exists()
+
+
+def test_a_complaint_is_made_of_the_rows(tmp_path):
+    one = study(Part([Row(1)]), complain=lambda rows: f"{len(rows)} is odd")
+    assert one.run(tmp_path, Effort()).complaint == "1 is odd"
+
+
+def test_a_table_of_another_version_is_refused(tmp_path):
+    (tmp_path / "numbers.csv").write_text("digits\n1\n")
+    with pytest.raises(FileError):
+        study().read(tmp_path)
+
+
+def test_every_template_refuses_what_is_not_there():
+    names = {path.name for path in (Path(pages.__file__).parent / "templates").iterdir()}
+    assert len(names) == 10
+    for name in names:
+        with pytest.raises(UndefinedError):
+            pages.page(name, {})
+
+
+@pytest.mark.parametrize(
+    ("text", "shown"),
+    [("", ""), ("a\n  b\n", "- a b"), ("\n\na\n\n \nb\nc\n\n", "- a\n- b c")],
+)
+def test_bullets_are_paragraphs(text, shown):
+    assert pages.bullets(text) == shown
