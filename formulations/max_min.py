@@ -89,7 +89,7 @@ def build(arm: ColumnModel, locked: int = 1, encoding: str = "shared-factor") ->
         sense=SENSE,
         constraints=(*arm.constraints(variables), *encoded.constraints),
         lower=np.concatenate([least, [floor], encoded.lower]),
-        upper=np.concatenate([largest, [np.inf], encoded.upper]),
+        upper=np.concatenate([largest, np.full(1 + encoded.lower.size, np.inf)]),
         outputs={"jacobian": jacobian},
         lift=lift,
     )
