@@ -31,8 +31,8 @@ from formulations.bounds.so3_moments.representations.row_sectors import (
     without_repetition,
 )
 from formulations.bounds.so3_moments.representations.wigner import random_rotations
+from nlp.arrays import one_blas_thread
 from nlp.errors import InputError
-from nlp.native import one_blas_thread
 
 _HOW_CHECKED = (
     "sum-of-squares identity at fresh random configurations, multipliers made positive "
@@ -89,7 +89,7 @@ def residual_preset(name: str) -> Preset:
     return RESIDUAL_PRESETS[name]
 
 
-@one_blas_thread
+@one_blas_thread()
 def residual_bound(
     preset: str = "fast",
     joints: int = 7,

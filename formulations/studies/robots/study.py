@@ -19,7 +19,7 @@ from formulations.robots.robot_assessment import best_7r
 from formulations.studies.robots.survey_arms import ARMS, SurveyArm
 from formulations.studies.study import Effort, Part, Study
 from nlp.errors import InputError
-from nlp.native import deferred_interrupt
+from nlp.solver import deferred_interrupt
 
 STARTS = 200
 
