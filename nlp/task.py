@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import pickle
 import threading
 import time
@@ -15,7 +16,7 @@ import cloudpickle
 import numpy as np
 from threadpoolctl import ThreadpoolController
 
-from nlp.arrays import FloatArray, whole_number
+from nlp.arrays import FloatArray
 from nlp.errors import InputError, WorkerError
 from nlp.options import check_options
 from nlp.problem import Problem, Sense
@@ -96,11 +97,10 @@ class Task(Generic[T]):
 
 @dataclass(frozen=True, eq=False)
 class Done(Generic[T]):
-    """A start that ended: the judge's result, and what a progress bar shows."""
+    """A start that ended; its objective is NaN if the solver did not succeed."""
 
     index: int
     result: T
-    success: bool
     sense: Sense
     objective: float
 
@@ -149,24 +149,6 @@ class Chunk:
     label: int = 0
 
 
-def seed_of(rng: int | np.integer[Any] | np.random.Generator) -> int:
-    """Return the seed that `rng` stands for, so that start k is a function of it and k alone.
-
-    Parameters
-    ----------
-    rng
-        A seed, a whole number of at least 0; or a generator, from which one number is drawn.
-
-    Raises
-    ------
-    InputError
-        If it is neither.
-    """
-    if isinstance(rng, np.random.Generator):
-        return int(rng.integers(2**63))
-    return whole_number("rng", rng, 0)
-
-
 def generator(seed: int, index: int) -> np.random.Generator:
     """Return the random generator of start `index` of a study with this `seed`."""
     return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(index,)))
@@ -207,8 +189,8 @@ def run_start(solver: Solver, task: Task[T], seed: int, index: int) -> Done[T]:
     began = time.process_time()
     solution = solver.solve(task.sample(generator(seed, index)))
     run = Run(seed, index, solution, time.process_time() - began)
-    success = solution.status.success
-    return Done(index, task.judge(run), success, solution.sense, solution.objective)
+    objective = solution.objective if solution.status.success else math.nan
+    return Done(index, task.judge(run), solution.sense, objective)
 
 
 def _run_or_lose(solver: Solver, task: Task[Any], seed: int, index: int) -> Done[Any] | Lost:

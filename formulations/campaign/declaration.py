@@ -34,6 +34,7 @@ from formulations.catalogue import arm, formulation
 from formulations.solving.setup import Setup, solver_options
 from nlp.arrays import whole_number
 from nlp.errors import FileError, InputError, LockedJointError
+from nlp.files import read_bytes
 from nlp.store_schema import Value
 from nlp.task import Task
 
@@ -152,11 +153,9 @@ def read(path: Path) -> Declaration:
         If a key is unknown or missing, or a value, a combination of values or a solver
         option is not allowed.
     """
+    raw = read_bytes(path, "campaign file")
     try:
-        content = tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as reason:
-        why = (reason.strerror or str(reason)).lower()
-        raise FileError("campaign file", str(path), f"a file to read ({why})") from None
+        content = tomllib.loads(raw.decode())
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as reason:
         raise FileError("campaign file", str(path), f"TOML ({reason})") from None
     return declaration(content)
