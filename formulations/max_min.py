@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import lru_cache
+from itertools import combinations
 from types import MappingProxyType
 
 import casadi as ca
@@ -25,7 +26,7 @@ from formulations.joints.arm import Arm
 from formulations.joints.column_model import ColumnModel
 from nlp.arrays import FloatArray, whole_number
 from nlp.errors import InputError
-from nlp.matrix_inequality import ENCODINGS, column_sets
+from nlp.matrix_inequality import ENCODINGS
 from nlp.options import OptionValue
 from nlp.problem import Problem, Sense
 from nlp.solver import Solver
@@ -73,7 +74,8 @@ def build(arm: ColumnModel, locked: int = 1, encoding: str = "shared-factor") ->
     jacobian = arm.matrix(variables)
     # Every feasible t ≥ floor has λ_min(JJᵀ − tI) ≥ t/(n − m): see measures.sigma_bound.
     pivot = float(np.sqrt(floor / (n - m)))
-    encoded = ENCODINGS[encoding](jacobian, level, column_sets(n, locked), pivot)
+    deleted = list(combinations(range(n), locked))
+    encoded = ENCODINGS[encoding](jacobian, level, deleted, pivot)
 
     def lift(point: FloatArray) -> FloatArray:
         numeric = arm.jacobian(point)

@@ -49,10 +49,9 @@ def as_floats(argument: str, value: npt.ArrayLike) -> FloatArray:
 
 def whole_number(argument: str, value: object, lowest: int) -> int:
     """Return `value` if it is an integer of at least `lowest`; InputError otherwise."""
-    whole = isinstance(value, (int, np.integer)) and not isinstance(value, bool)
-    if not whole or int(value) < lowest:  # type: ignore[call-overload]
-        raise InputError(argument, value, f"a whole number of at least {lowest}")
-    return int(value)  # type: ignore[call-overload,no-any-return]
+    if isinstance(value, int | np.integer) and not isinstance(value, bool) and value >= lowest:
+        return int(value)
+    raise InputError(argument, value, f"a whole number of at least {lowest}")
 
 
 def finite_or_none(value: float | None) -> float | None:

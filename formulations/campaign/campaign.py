@@ -1,4 +1,4 @@
-"""A campaign as a TOML file declares it: a grid of cells, checked whole before any work.
+"""A campaign: a grid of cells that a TOML file declares, checked whole, then run.
 
 ::
 
@@ -20,24 +20,29 @@
 
 from __future__ import annotations
 
-import json
+import os
 import tomllib
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
-from functools import partial
+from contextlib import closing
+from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
 from typing import Any
 
-from formulations.campaign.records import Kept, keep
-from formulations.catalogue import arm, formulation
-from formulations.solving.setup import Setup, solver_options
+from tqdm import tqdm
+
+from formulations.campaign.records import Cell
+from formulations.catalogue import formulation
+from formulations.solving.setup import Setup
 from nlp.arrays import whole_number
 from nlp.errors import FileError, InputError, LockedJointError
 from nlp.files import read_bytes
-from nlp.store_schema import Value
-from nlp.task import Task
+from nlp.spread import Pool, spread
+from nlp.store import Store
+from nlp.task import Chunk, packed
 
+# Starts of a chunk: enough that sending it costs little, few enough to run again.
+CHUNK = 20
 REQUIRED = ("starts", "formulations", "models", "joints")
 # Keys that a cell has too, and keys of lists: of settings that a setup has too, and others.
 _OF_CELLS = ("seed", "solver", "compiled", "options")
@@ -56,82 +61,6 @@ _LISTS = {
     "locked": int,
 }
 _KINDS = {str: "strings", int: "whole numbers", bool: "true or false"}
-
-
-@dataclass(frozen=True)
-class Cell:
-    """One problem and how it is solved: all that decides its records.
-
-    Attributes
-    ----------
-    setup
-        The formulation on its column model.
-    joints, task_dimension
-        n and m.
-    seed
-        Seed of the starts.
-    options
-        Solver options, over the formulation's own.
-    solver, compiled
-        See `nlp.solver.Solver`.
-
-    Raises
-    ------
-    InputError
-        If the setup has a failure model, which the settings of a cell do not contain.
-    """
-
-    setup: Setup
-    joints: int
-    task_dimension: int
-    seed: int = 0
-    options: Mapping[str, object] = field(default_factory=dict)
-    solver: str = "ipopt"
-    compiled: bool = False
-
-    def __post_init__(self) -> None:
-        if self.setup.failures is not None:
-            # Cells with different failure models would have the same settings.
-            raise InputError("failure model", "given", "left out in a campaign")
-
-    def task(self) -> Task[Kept]:
-        """Return what workers do at each start.
-
-        Raises
-        ------
-        InputError
-            If the arm, a setting or an option is not allowed.
-        """
-        one = self.setup
-        built = arm(one.model, self.joints, self.task_dimension)
-        return Task(
-            one.build(self.joints, self.task_dimension),
-            one.sample(built),
-            self._all_options(),
-            partial(keep, arm=built, merit=one.merit(), locked=one.locked),
-            self.solver,
-            self.compiled,
-        )
-
-    def settings(self) -> dict[str, Value]:
-        """Return what identifies this cell in a store."""
-        one, stated = self.setup, formulation(self.setup.formulation)
-        return {
-            "formulation": one.formulation,
-            "model": one.model,
-            "joints": self.joints,
-            "task_dimension": self.task_dimension,
-            "locked": one.locked,
-            "encoding": one.encoding if "encoding" in stated.SETTINGS else "",
-            "from_residual_minima": int(one.from_residual_minima),
-            "solver": self.solver,
-            "compiled": int(self.compiled),
-            "options": json.dumps(self._all_options(), sort_keys=True),
-            "seed": self.seed,
-        }
-
-    def _all_options(self) -> Mapping[str, object]:
-        return solver_options(self.setup.formulation, self.solver, self.options)
 
 
 @dataclass(frozen=True)
@@ -180,8 +109,13 @@ def declaration(content: Mapping[str, Any]) -> Declaration:
     seed = whole_number("seed", content.get("seed", 0), 0)
     cells = _cells({**content, "seed": seed})
     unique = {tuple(cell.settings().items()): cell for cell in cells}
-    for cell in unique.values():
-        _check(cell)
+    for cell in unique.values():  # every error is found before hours of work
+        try:
+            cell.task().solver()
+        except LockedJointError as error:
+            one = f"{cell.setup.formulation} on {cell.joints} joints {cell.setup.model}"
+            allowed = "combinations that can all be stated"
+            raise InputError(f"{one} in the campaign file", str(error), allowed) from None
     return Declaration(tuple(unique.values()), starts)
 
 
@@ -196,11 +130,87 @@ def _cells(content: Mapping[str, Any]) -> Iterator[Cell]:
             yield Cell(setup, n, m, **shared)
 
 
-def _check(cell: Cell) -> None:
-    """Build the cell's problem, so that every error is found before hours of work."""
-    try:
-        cell.task().solver()
-    except LockedJointError as error:
-        one = cell.setup
-        where = f"{one.formulation} on {cell.joints} joints {one.model} in the campaign file"
-        raise InputError(where, str(error), "combinations that can all be stated") from None
+@dataclass(frozen=True)
+class Report:
+    """How a campaign stands.
+
+    Attributes
+    ----------
+    asked, added, missing
+        Records that were asked for, that this run added, and that are still missing.
+    lost
+        Cell, start and reason of those that raised an exception, ended their process or
+        exceeded the time limit.
+    """
+
+    asked: int
+    added: int
+    missing: int
+    lost: tuple[tuple[Cell, int, str], ...]
+
+
+def run(
+    declared: Declaration,
+    store: Store,
+    pool: Pool,
+    time_limit: float | None = None,
+    chunk: int = CHUNK,
+    progress: bool = False,
+) -> Report:
+    """Solve every start that has no record yet, and keep the records as they arrive.
+
+    Parameters
+    ----------
+    declared
+        The campaign.
+    store
+        Where its records are, open for writing.
+    pool
+        The workers.
+    time_limit
+        Seconds that a chunk may take; if it takes longer, its worker is killed.
+    chunk
+        Starts that a worker is sent, and that one transaction keeps, at once.
+    progress
+        Whether to show a bar, where standard error is a terminal.
+
+    Returns
+    -------
+    Report
+        If the user interrupted with Ctrl-C, `missing` says how much is left.
+    """
+    cells = {store.cell(cell.settings()): cell for cell in declared.cells}
+    added, lost = 0, list[tuple[Cell, int, str]]()
+    chunks = _chunks(store, cells, declared.starts, chunk)
+    before = _missing(store, cells, declared.starts)
+    hidden = not (progress and os.isatty(2))
+    with (
+        closing(spread(chunks, pool, time_limit)) as arrivals,
+        tqdm(total=before, desc="campaign", disable=hidden, dynamic_ncols=True) as bar,
+    ):
+        try:
+            for arrival in arrivals:
+                label = arrival.chunk.label
+                lost += [(cells[label], one.index, one.why) for one in arrival.lost]
+                if arrival.results:
+                    made = arrival.results[0].result.environment  # one chunk, one process
+                    records = [(one.index, one.result.values) for one in arrival.results]
+                    store.add(label, records, made)
+                    added += len(records)
+                bar.update(len(arrival.results) + len(arrival.lost))
+        except KeyboardInterrupt:
+            pass  # what is kept is kept, and the report says that it is not all
+    missing = _missing(store, cells, declared.starts)
+    return Report(len(cells) * declared.starts, added, missing, tuple(lost))
+
+
+def _chunks(store: Store, cells: Mapping[int, Cell], starts: int, size: int) -> Iterator[Chunk]:
+    for number, cell in cells.items():
+        payload = packed(cell.task())
+        for gap in store.missing(number, starts):
+            for first in range(0, len(gap), size):
+                yield Chunk(payload, cell.seed, gap[first : first + size], number)
+
+
+def _missing(store: Store, cells: Mapping[int, Cell], starts: int) -> int:
+    return sum(len(gap) for number in cells for gap in store.missing(number, starts))
