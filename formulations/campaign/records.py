@@ -25,7 +25,22 @@ from nlp.solution import Solution
 from nlp.store_schema import Kind, Schema, Value
 from nlp.task import Run, Task
 
-# Each value of a record: its kind, and where it comes from.
+# Each setting of a cell and each value of a record: its kind, and where it comes from.
+_SETTINGS: Mapping[str, tuple[Kind, Callable[[Cell], Value]]] = MappingProxyType(
+    {
+        "formulation": ("TEXT", lambda cell: cell.setup.formulation),
+        "model": ("TEXT", lambda cell: cell.setup.model),
+        "joints": ("INTEGER", lambda cell: cell.joints),
+        "task_dimension": ("INTEGER", lambda cell: cell.task_dimension),
+        "locked": ("INTEGER", lambda cell: cell.setup.locked),
+        "encoding": ("TEXT", lambda cell: cell.encoding),
+        "from_residual_minima": ("INTEGER", lambda cell: int(cell.setup.from_residual_minima)),
+        "solver": ("TEXT", lambda cell: cell.solver),
+        "compiled": ("INTEGER", lambda cell: int(cell.compiled)),
+        "options": ("TEXT", lambda cell: json.dumps(cell.all_options, sort_keys=True)),
+        "seed": ("INTEGER", lambda cell: cell.seed),
+    }
+)
 _VALUES: Mapping[str, tuple[Kind, Callable[[Record, Solution], Value]]] = MappingProxyType(
     {
         "status": ("TEXT", lambda record, _: record.status.return_status),
@@ -53,19 +68,7 @@ TIMES = ("solver_cpu_seconds", "solver_wall_seconds", "cpu_seconds")
 SCHEMA = Schema(
     application=0x6C6A7331,
     version=2,
-    settings={
-        "formulation": "TEXT",
-        "model": "TEXT",
-        "joints": "INTEGER",
-        "task_dimension": "INTEGER",
-        "locked": "INTEGER",
-        "encoding": "TEXT",
-        "from_residual_minima": "INTEGER",
-        "solver": "TEXT",
-        "compiled": "INTEGER",
-        "options": "TEXT",
-        "seed": "INTEGER",
-    },
+    settings={name: kind for name, (kind, _) in _SETTINGS.items()},
     values={name: kind for name, (kind, _) in _VALUES.items()},
     migrations={
         # Version 1 did not keep whether the functions ran compiled: it is not known.
@@ -123,7 +126,7 @@ class Cell:
         return Task(
             one.build(self.joints, self.task_dimension),
             one.sample(built),
-            self._all_options(),
+            self.all_options,
             partial(keep, arm=built, merit=one.merit(), locked=one.locked),
             self.solver,
             self.compiled,
@@ -131,22 +134,17 @@ class Cell:
 
     def settings(self) -> dict[str, Value]:
         """Return what identifies this cell in a store."""
-        one, stated = self.setup, formulation(self.setup.formulation)
-        return {
-            "formulation": one.formulation,
-            "model": one.model,
-            "joints": self.joints,
-            "task_dimension": self.task_dimension,
-            "locked": one.locked,
-            "encoding": one.encoding if "encoding" in stated.SETTINGS else "",
-            "from_residual_minima": int(one.from_residual_minima),
-            "solver": self.solver,
-            "compiled": int(self.compiled),
-            "options": json.dumps(self._all_options(), sort_keys=True),
-            "seed": self.seed,
-        }
+        return {name: read(self) for name, (_, read) in _SETTINGS.items()}
 
-    def _all_options(self) -> Mapping[str, object]:
+    @property
+    def encoding(self) -> str:
+        """Encoding of the eigenvalue constraints; empty for a formulation without a choice."""
+        one = self.setup
+        return one.encoding if "encoding" in formulation(one.formulation).SETTINGS else ""
+
+    @property
+    def all_options(self) -> Mapping[str, object]:
+        """Solver options, those of the formulation included."""
         return solver_options(self.setup.formulation, self.solver, self.options)
 
 
