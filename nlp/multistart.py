@@ -23,7 +23,7 @@ from nlp.errors import WorkerError
 from nlp.problem import Problem
 from nlp.processes import Processes
 from nlp.spread import spread
-from nlp.task import Chunk, Done, Run, Task, generator, packed, run_start
+from nlp.task import Chunk, Done, Run, Task, generator, packed, run_start, seed_of
 
 __all__ = ["Run", "Study", "Task", "default_workers", "generator", "multistart"]
 
@@ -110,9 +110,7 @@ def multistart(
         Whatever `build`, `sample` or `judge` raises.
     """
     starts = whole_number("starts", starts, 1)
-    if isinstance(rng, np.random.Generator):
-        rng = int(rng.integers(2**63))
-    seed = whole_number("rng", rng, 0)
+    seed = seed_of(rng)
     workers = whole_number("workers", workers, 1)
     task: Task[T] = Task(
         build, sample, options or {}, judge or _unjudged, solver, compiled, allow_files

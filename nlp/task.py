@@ -16,7 +16,7 @@ import cloudpickle
 import numpy as np
 from threadpoolctl import ThreadpoolController
 
-from nlp.arrays import FloatArray
+from nlp.arrays import FloatArray, whole_number
 from nlp.errors import InputError, WorkerError
 from nlp.options import check_options
 from nlp.problem import Problem, Sense
@@ -147,6 +147,24 @@ class Chunk:
     seed: int
     indices: Sequence[int]
     label: int = 0
+
+
+def seed_of(rng: int | np.integer[Any] | np.random.Generator) -> int:
+    """Return the seed that `rng` stands for, so that start k is a function of it and k alone.
+
+    Parameters
+    ----------
+    rng
+        A seed, a whole number of at least 0; or a generator, from which one number is drawn.
+
+    Raises
+    ------
+    InputError
+        If it is neither.
+    """
+    if isinstance(rng, np.random.Generator):
+        return int(rng.integers(2**63))
+    return whole_number("rng", rng, 0)
 
 
 def generator(seed: int, index: int) -> np.random.Generator:
