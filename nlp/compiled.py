@@ -64,8 +64,8 @@ def _compile(code: bytes, command: Sequence[str]) -> Path:
     key = "\0".join([ca.CasadiMeta.version(), *command]).encode() + b"\0" + code
     library = folder / f"{hashlib.sha256(key).hexdigest()[:32]}.so"
     folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-    if not library.exists():
-        with tempfile.TemporaryDirectory(dir=folder) as scratch:
+    with tempfile.TemporaryDirectory(dir=folder) as scratch:
+        if not library.exists():
             source, built = Path(scratch, "callbacks.c"), Path(scratch, "callbacks.so")
             source.write_bytes(code)
             build = [*command, "-o", str(built), str(source), "-lm"]

@@ -78,11 +78,11 @@ class Solver:
         self.compiled = library is not None
         lower = [problem.lower, *(constraint.lower for constraint in problem.constraints)]
         upper = [problem.upper, *(constraint.upper for constraint in problem.constraints)]
-        self._bounds = np.stack([np.concatenate(lower), np.concatenate(upper)])
+        bounds = np.stack([np.concatenate(lower), np.concatenate(upper)])
+        self._bounds = np.split(bounds, [problem.size], axis=1)  # of variables, of constraints
         self._shape = x.sparsity()
         # Converted once: on small problems the conversion is felt at every start.
-        parts = np.split(self._bounds, [problem.size], axis=1)
-        limits = [ca.DM(side) for part in parts for side in part]
+        limits = [ca.DM(side) for part in self._bounds for side in part]
         zeros = (ca.DM.zeros(problem.size), ca.DM.zeros(g.numel()))
         self._arguments = [ca.DM(), *limits, *zeros]
         self._evaluation = Evaluation(x, [problem.objective, g, *problem.outputs.values()])
@@ -123,7 +123,7 @@ class Solver:
             status=self._status(cpu, wall),
             variables=x,
             objective=float(objective[0, 0]),
-            violation=self._violation(np.concatenate([x, g.ravel()])),
+            violation=max(map(_excess, (x, g.ravel()), self._bounds)),
             outputs=dict(zip(problem.outputs, outputs, strict=True)),
             multipliers=self._multipliers(_dense(multipliers)),
             compiled=self.compiled,
@@ -143,13 +143,6 @@ class Solver:
             cpu_seconds=cpu,
             wall_seconds=wall,
         )
-
-    def _violation(self, values: FloatArray) -> float:
-        """Largest distance of variables and constraints outside their bounds; NaN if one is."""
-        lower, upper = self._bounds
-        with np.errstate(invalid="ignore"):  # infinite values without bounds
-            outside = np.maximum(lower - values, values - upper)
-        return float(np.max(outside, initial=0.0))
 
     def _multipliers(self, stacked: FloatArray) -> dict[str, FloatArray]:
         constraints = self.problem.constraints
@@ -216,3 +209,10 @@ def _last(stats: Mapping[str, Mapping[str, list[float]]], name: str) -> float:
 def _dense(column: ca.DM) -> FloatArray:
     # Several times faster than DM's own conversion to an array.
     return np.array(column.nonzeros(), dtype=np.float64)
+
+
+def _excess(values: FloatArray, bounds: FloatArray) -> float:
+    """Largest distance outside the bounds, shape (2, size); NaN if a value is NaN."""
+    lower, upper = bounds
+    with np.errstate(invalid="ignore"):  # infinite values without bounds
+        return float(np.max(np.maximum(lower - values, values - upper), initial=0.0))
