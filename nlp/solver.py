@@ -123,7 +123,12 @@ class Solver:
             status=self._status(cpu, wall),
             variables=x,
             objective=float(objective[0, 0]),
-            violation=max(map(_excess, (x, g.ravel()), self._bounds)),
+            # Not the built-in max, which may pass over NaN.
+            violation=float(
+                np.max(
+                    [_excess(*one) for one in zip((x, g.ravel()), self._bounds, strict=True)]
+                )
+            ),
             outputs=dict(zip(problem.outputs, outputs, strict=True)),
             multipliers=self._multipliers(_dense(multipliers)),
             compiled=self.compiled,
