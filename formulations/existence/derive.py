@@ -63,7 +63,7 @@ def squared_polynomials() -> tuple[Polynomial, Polynomial]:
     """
     p1 = symmetrised(TABLEAU, Monomial(w=((0, 1), (2, 3)), wbar=((0, 1),)))
     p2 = symmetrised(TABLEAU, Monomial(w=((0, 1), (2, 3)), wbar=((0, 2),)))
-    return p1, combined([(Fraction(3), p1), (Fraction(1), p2)])
+    return p1, combined([(3, p1), (1, p2)])
 
 
 def symmetrised(tableau: Tableau, monomial: Monomial) -> Polynomial:
