@@ -18,7 +18,7 @@ from formulations.existence.relaxation.linear_moments import (
     LinearMoments,
     solve_moment_equations,
 )
-from formulations.existence.relaxation.margin import Margin, moment_limits, solve_margin
+from formulations.existence.relaxation.margin import Margin, solve_margin
 from formulations.existence.relaxation.moment_matrix import (
     MomentBlock,
     class_tables,
@@ -169,9 +169,8 @@ def existence_relaxation(
     margin: Margin | None = None
     alone: list[Margin] = []
     if blocks:
-        limits = moment_limits(moments)
         margin, *alone = (
-            solve_margin(chosen, limits, solver=solver, options=options)
+            solve_margin(chosen, moments.limits(), solver=solver, options=options)
             for chosen in (blocks, *((block,) for block in blocks))
         )
     clock.append(time.perf_counter())
