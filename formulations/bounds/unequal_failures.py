@@ -166,7 +166,7 @@ def _norms(norms_squared: Sequence[float], failures: FailureModel) -> FloatArray
 
 @dataclass(frozen=True)
 class FailureAssessment:
-    """Measures of `failure_measures`, as plain numbers.
+    """The measures of unequal failures and their bounds, as plain numbers.
 
     Attributes
     ----------
@@ -220,7 +220,6 @@ def assess_failures(
     weighted, joints = weighted_worst_case(matrix, failures)
     m, norms = matrix.shape[0], np.sum(matrix**2, axis=0).tolist()
     known = probabilities_known
-    overall = overall_expected_sigma(matrix, failures) if known else None
     return FailureAssessment(
         failure_probabilities=list(failures.probabilities) if known else None,
         never_failing_joints=[i for i, p in enumerate(failures.probabilities) if p == 0],
@@ -231,6 +230,6 @@ def assess_failures(
         weighted_worst_bound=weighted_worst_bound(m, norms, failures),
         expected_sigma=expected_sigma(matrix, failures),
         expected_bound=expected_bound(m, norms, failures),
-        overall_expected_sigma=overall,
+        overall_expected_sigma=overall_expected_sigma(matrix, failures) if known else None,
         covered_probability=covered_probability(failures) if known else None,
     )

@@ -21,7 +21,6 @@ from typing import TypeAlias
 from formulations.existence.certificate import Certificate, Multiplier, Square, Term
 from formulations.existence.equations import (
     Frame,
-    Multiple,
     Polynomial,
     class_sums,
     collected,
@@ -50,8 +49,16 @@ def derive() -> Certificate:
     return Certificate(
         joints=SEVEN_REVOLUTE.joints,
         constant=-remainder[ONE],
-        squares=tuple(_square(*pair) for pair in zip(weights, squares, strict=True)),
-        multipliers=tuple(_multiplier(*item) for item in sorted(quotients.items())),
+        squares=tuple(
+            Square(weight, tuple(Term(c, m.w, m.wbar) for m, c in sorted(square.items())))
+            for weight, square in zip(weights, squares, strict=True)
+        ),
+        multipliers=tuple(
+            Multiplier(c, equation.kind, equation.place, monomial.w, monomial.wbar)
+            for (equation, monomial), c in sorted(
+                ((multiple.equation, multiple.monomial), c) for multiple, c in quotients.items()
+            )
+        ),
     )
 
 
@@ -117,13 +124,3 @@ def cancelling_weights(p: Polynomial, q: Polynomial) -> tuple[Fraction, Fraction
     numerators = [abs(slope) * lcm(*(s.denominator for s in slopes)) for slope in slopes]
     common = gcd(*(numerator.numerator for numerator in numerators))
     return numerators[1] / common, numerators[0] / common
-
-
-def _square(weight: Fraction, polynomial: Polynomial) -> Square:
-    terms = sorted(polynomial.items())
-    return Square(weight, tuple(Term(value, m.w, m.wbar) for m, value in terms))
-
-
-def _multiplier(multiple: Multiple, coefficient: Fraction) -> Multiplier:
-    equation, monomial = multiple.equation, multiple.monomial
-    return Multiplier(coefficient, equation.kind, equation.place, monomial.w, monomial.wbar)

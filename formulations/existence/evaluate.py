@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from fractions import Fraction
 from itertools import permutations
+from math import prod
 
 import numpy as np
 from numpy.typing import NDArray
@@ -99,9 +100,5 @@ def _multiplier(
 
 def _monomial(w: Pairs, wbar: Pairs, matrices: GaussianIntegers) -> GaussianIntegers:
     """Return a product of entries, for each of the matrices."""
-    result = np.ones(len(matrices), dtype=complex)
-    for i, j in w:
-        result *= matrices[:, i, j]
-    for i, j in wbar:
-        result *= matrices[:, i, j].conj()
-    return result
+    factors = [matrices[:, i, j] for i, j in w] + [matrices[:, i, j].conj() for i, j in wbar]
+    return prod(factors, start=np.ones(len(matrices), dtype=complex))

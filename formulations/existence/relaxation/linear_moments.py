@@ -14,7 +14,7 @@ from fractions import Fraction
 import numpy as np
 
 from formulations.existence.equations import Frame, Polynomial, solved_for, substituted
-from formulations.existence.graphs import ONE, Monomial, classes
+from formulations.existence.graphs import ONE, Monomial, by_degree, classes
 from nlp.arrays import FloatArray
 
 
@@ -117,12 +117,8 @@ def eliminate(equations: Iterable[Polynomial]) -> dict[Monomial, Polynomial]:
     for equation in equations:
         rest = substituted(equation, solved)
         if rest:
-            last = max(rest, key=_by_degree)
+            last = max(rest, key=by_degree)
             solved[last] = solved_for(last, rest)
-    for last in sorted(solved, key=_by_degree):
+    for last in sorted(solved, key=by_degree):
         solved[last] = substituted(solved[last], solved)
     return solved
-
-
-def _by_degree(graph: Monomial) -> tuple[int, Monomial]:
-    return graph.degree, graph
