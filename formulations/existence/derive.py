@@ -54,10 +54,8 @@ def derive() -> Certificate:
             for weight, square in zip(weights, squares, strict=True)
         ),
         multipliers=tuple(
-            Multiplier(c, equation.kind, equation.place, monomial.w, monomial.wbar)
-            for (equation, monomial), c in sorted(
-                ((multiple.equation, multiple.monomial), c) for multiple, c in quotients.items()
-            )
+            Multiplier(c, m.equation.kind, m.equation.place, m.monomial.w, m.monomial.wbar)
+            for m, c in sorted(quotients.items())
         ),
     )
 
