@@ -31,7 +31,7 @@ def measure(
     failure probabilities or joints that never fail also the expected dexterity and the
     probability-weighted worst case.
     """
-    from formulations.bounds.failure_assessment import assess_failures
+    from formulations.bounds.unequal_failures import assess_failures
     from formulations.commands.failure_options import failure_model
     from formulations.commands.text import as_text
     from formulations.files.jacobians import read_jacobians

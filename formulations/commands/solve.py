@@ -74,7 +74,7 @@ def solve(
     as_json: Json = False,
 ) -> None:
     """Solve one formulation from random starts and measure the best answer."""
-    from formulations.bounds.failure_assessment import assess_failures
+    from formulations.bounds.unequal_failures import assess_failures
     from formulations.commands.failure_options import failure_model
     from formulations.commands.text import as_text
     from formulations.measures.assessment import assess

@@ -6,7 +6,7 @@ import time
 from dataclasses import replace
 from math import sqrt
 
-from formulations.bounds.best_known import best_known
+from formulations.bounds.certified import best_known
 from formulations.bounds.so3_moments.fixed_worst_case import (
     Conditions,
     exclude_worst_case,

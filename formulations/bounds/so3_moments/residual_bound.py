@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from formulations.bounds.best_known import best_known
+from formulations.bounds.certified import best_known
 from formulations.bounds.so3_moments.blocks.sampled_blocks import sector_families
 from formulations.bounds.so3_moments.global_bound import GlobalBound
 from formulations.bounds.so3_moments.relaxation import (

@@ -14,7 +14,7 @@ from math import inf, nextafter
 
 import numpy as np
 
-from formulations.bounds.best_known import best_known
+from formulations.bounds.certified import best_known
 from formulations.bounds.so3_moments.blocks.enclosed_squares import (
     SAFETY,
     enclosed_block,
