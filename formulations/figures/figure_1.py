@@ -13,11 +13,10 @@ from formulations import measures
 from formulations.figures.picture import Picture, Request
 from formulations.figures.planar import angles, draw_on_circle, optima, turned
 from formulations.files.figure import LABEL, TITLE, styled
-from formulations.realise.family import every
+from formulations.realise.family import distinct, every, symmetries
 from formulations.realise.from_jacobian import realise
 from formulations.realise.links import link_lengths
 from formulations.realise.manipulator import Manipulator
-from formulations.realise.symmetry import distinct, symmetries
 from nlp.arrays import FloatArray
 
 WIDTH, HEIGHT = 7.4, 7.8

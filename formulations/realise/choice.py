@@ -2,28 +2,32 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import combinations
 from math import factorial
 
 import numpy as np
 
+from formulations.realise.chain import BoolArray, IntArray
 from formulations.realise.criteria import CRITERIA, Criterion, Sampling, criterion
 from formulations.realise.family import (
     Arrangements,
-    IntArray,
     count,
+    distinct,
     every,
     family,
-    search,
+    flippable,
+    symmetries,
 )
 from formulations.realise.manipulator import Manipulator
-from formulations.realise.symmetry import distinct, symmetries
 from nlp.arrays import FloatArray, whole_number
 
 # All arrangements are tried up to this number: 8! orders fit, and 6!·2⁶ with flips.
 EXHAUSTIVE = 50_000
 SHORTLIST = 200
+# Random arrangements that the local search starts from.
+STARTS = 32
 # Values closer than this, relative, are a tie.
 TIE = 1e-9
 
@@ -169,3 +173,57 @@ def _tied(costs: FloatArray) -> IntArray:
     least = float(np.min(costs))
     slack = TIE * abs(least) if np.isfinite(least) else 0.0
     return np.asarray(np.flatnonzero(costs <= least + slack))
+
+
+def search(
+    manipulator: Manipulator,
+    cost: Callable[[Arrangements], FloatArray],
+    seed: int,
+    keep: int,
+    starts: int = STARTS,
+) -> Arrangements:
+    """Return the `keep` cheapest arrangements seen, the cheapest first.
+
+    Steepest descent from random arrangements: each step tries every exchange of two joints,
+    every move of one joint to another place and every flip, and takes the best, until none is
+    better. A heuristic: the best arrangement of all need not be among those seen.
+    """
+    free = flippable(manipulator)
+    rng = np.random.default_rng(seed)
+    seen: dict[tuple[tuple[int, ...], tuple[bool, ...]], float] = {}
+    for _ in range(starts):
+        order = rng.permutation(manipulator.joints)
+        flips = (rng.integers(2, size=len(order)) == 1) & free[order]
+        here = Arrangements(order[None], flips[None])
+        value = float(cost(here)[0])
+        while True:
+            near = _neighbours(here, free)
+            values = cost(near)
+            for row, turned, one in zip(near.orders, near.flips, values, strict=True):
+                seen[tuple(row.tolist()), tuple(turned.tolist())] = float(one)
+            best = int(np.argmin(values))
+            if values[best] >= value - 1e-12 * abs(value):
+                seen[tuple(here.orders[0].tolist()), tuple(here.flips[0].tolist())] = value
+                break
+            here, value = near[[best]], float(values[best])
+    cheapest = sorted(seen, key=lambda key: (seen[key], key))[:keep]
+    orders, turns = zip(*cheapest, strict=True)
+    return Arrangements(np.array(orders, dtype=np.int64), np.array(turns, dtype=bool))
+
+
+def _neighbours(here: Arrangements, free: BoolArray) -> Arrangements:
+    order, flip = here.orders[0], here.flips[0]
+    n = len(order)
+    places = [np.arange(n)]
+    for i, j in combinations(range(n), 2):
+        exchanged = np.arange(n)
+        exchanged[[i, j]] = j, i
+        places.append(exchanged)
+        for source, target in ((i, j), (j, i)):
+            places.append(np.insert(np.delete(np.arange(n), source), target, source))
+    moved = np.array(places)
+    turnable = np.flatnonzero(free[order])
+    turned = np.tile(flip, (len(turnable), 1))
+    turned[np.arange(len(turnable)), turnable] ^= True
+    same = np.tile(order, (len(turnable), 1))
+    return Arrangements(np.vstack([order[moved], same]), np.vstack([flip[moved], turned]))

@@ -19,8 +19,7 @@ import numpy.typing as npt
 
 from formulations.joints.joint import NotInModelError
 from formulations.measures.jacobian import as_jacobian
-from formulations.realise.manipulator import Manipulator
-from formulations.realise.task import Task
+from formulations.realise.manipulator import Manipulator, Task
 from nlp.arrays import FloatArray, as_floats, finite_vector
 from nlp.errors import InputError
 
@@ -102,8 +101,7 @@ def deviation(manipulator: Manipulator, jacobian: npt.ArrayLike, length: float =
     """
     wanted = manipulator.task.embed(as_jacobian(jacobian))[:, list(manipulator.columns)]
     wanted[:3] *= length
-    rows = list(manipulator.task.rows)
-    wanted, found = wanted[rows], manipulator.jacobian()
+    wanted, found = wanted[manipulator.task.rows], manipulator.jacobian()
     signs = np.where(np.sum(wanted * found, axis=0) < 0, -1.0, 1.0)
     return float(np.max(np.abs(found - signs * wanted)))
 
