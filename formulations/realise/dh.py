@@ -147,13 +147,13 @@ def common_normals(chain: Chain) -> Normals:
     for k in range(n):
         axis, point = directions[..., k, :], points[..., k, :]
         if k == n - 1:
-            feet = _through(_nearest(tip, axis, point), tip, before, scale)
+            feet = [*_through(_nearest(tip, axis, point), tip, before, scale)]
         else:
             other, place = directions[..., k + 1, :], points[..., k + 1, :]
             parallel = _through(here, _nearest(here, other, place), before, scale)
             skew = _skew(axis, point, other, place, scale)
             turned = np.linalg.norm(np.cross(axis, other), axis=-1)[..., None] > PARALLEL
-            feet = tuple(np.where(turned, a, b) for a, b in zip(skew, parallel, strict=True))
+            feet = [np.where(turned, a, b) for a, b in zip(skew, parallel, strict=True)]
         start[..., k, :], end[..., k, :], across[..., k, :] = feet
         here, before = end[..., k, :], across[..., k, :]
     return Normals(start, end, across)
