@@ -82,7 +82,7 @@ def levels(sigmas: pd.Series) -> list[tuple[float, int]]:
 
 
 def _solved(request: Request) -> pd.DataFrame:
-    rows = [
+    return pd.DataFrame(
         {
             "problem": " ".join(name.split()),
             "label": name,
@@ -94,8 +94,7 @@ def _solved(request: Request) -> pd.DataFrame:
         }
         for name, setup in PROBLEMS
         for record in solved(setup, request).records
-    ]
-    return pd.DataFrame(rows)
+    )
 
 
 def stored(path: Path) -> pd.DataFrame:

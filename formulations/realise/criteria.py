@@ -106,14 +106,9 @@ def worst_cases(jacobians: FloatArray) -> FloatArray:
     return np.concatenate(parts).reshape(lead)
 
 
-def _total_length(members: Family, _: Sampling) -> FloatArray:
-    """Sum of the lengths of the links."""
-    return np.asarray(link_lengths(members.points, members.end_effector).sum(axis=-1))
-
-
-def _largest_link(members: Family, _: Sampling) -> FloatArray:
-    """Length of the longest link."""
-    return np.asarray(link_lengths(members.points, members.end_effector).max(axis=-1))
+def _links(members: Family, _: Sampling, reduce: Callable[..., FloatArray]) -> FloatArray:
+    """Sum, or largest, of the lengths of the links."""
+    return np.asarray(reduce(link_lengths(members.points, members.end_effector), axis=-1))
 
 
 def _dh_length(members: Family, _: Sampling) -> FloatArray:
@@ -158,8 +153,8 @@ def _in_workspace(members: Family, sampling: Sampling) -> FloatArray:
 
 
 _ALL = (
-    Criterion("total-length", _total_length),
-    Criterion("largest-link", _largest_link),
+    Criterion("total-length", partial(_links, reduce=np.sum)),
+    Criterion("largest-link", partial(_links, reduce=np.max)),
     Criterion("dh-length", _dh_length),
     Criterion("clearance", _clearance, True),
     Criterion("reach", _reach, True, True),
