@@ -9,6 +9,7 @@ from types import MappingProxyType
 
 import numpy as np
 
+from formulations.joints.joint import check_length
 from formulations.realise.dh import common_normals
 from formulations.realise.family import Family
 from formulations.realise.links import clearance, link_lengths
@@ -43,8 +44,7 @@ class Sampling:
     def __post_init__(self) -> None:
         whole_number("seed", self.seed, 0)
         whole_number("samples", self.samples, 1)
-        if not 0 < self.radius < np.inf:
-            raise InputError("radius", self.radius, "a finite number above 0")
+        check_length("radius", self.radius)
 
     def near(self, joints: int) -> FloatArray:
         """Displacements uniform in the ball of the radius, shape (samples, joints)."""
@@ -118,11 +118,6 @@ def _dh_length(members: Family, _: Sampling) -> FloatArray:
     return np.asarray((normals.lengths + offsets).sum(axis=-1))
 
 
-def _clearance(members: Family, _: Sampling) -> FloatArray:
-    """Smallest distance between links that share no joint."""
-    return clearance(members.points, members.end_effector)
-
-
 def _reach(members: Family, sampling: Sampling) -> FloatArray:
     """Largest sampled distance from the first joint to the end effector."""
     moved = members.displaced(_in_workspace(members, sampling))
@@ -156,7 +151,7 @@ _ALL = (
     Criterion("total-length", partial(_links, reduce=np.sum)),
     Criterion("largest-link", partial(_links, reduce=np.max)),
     Criterion("dh-length", _dh_length),
-    Criterion("clearance", _clearance, True),
+    Criterion("clearance", lambda arms, _: clearance(arms.points, arms.end_effector), True),
     Criterion("reach", _reach, True, True),
     # After the worst failure, and before any.
     Criterion("neighbourhood", partial(_neighbourhood, measure=worst_cases), True, True),
