@@ -42,17 +42,16 @@ _SETTINGS: Mapping[str, object] = MappingProxyType(
         "axes.titlelocation": "left",
         "axes.titlesize": TITLE,
         "axes.titlecolor": INK,
-        **{
-            f"{axis}tick.{name}": value
-            for axis in "xy"
-            for name, value in (
-                ("color", GREY),
-                ("labelcolor", INK),
-                ("labelsize", SMALL),
-                ("major.width", 0.6),
-                ("major.size", 3.0),
-            )
-        },
+        "xtick.color": GREY,
+        "ytick.color": GREY,
+        "xtick.labelcolor": INK,
+        "ytick.labelcolor": INK,
+        "xtick.labelsize": SMALL,
+        "ytick.labelsize": SMALL,
+        "xtick.major.width": 0.6,
+        "ytick.major.width": 0.6,
+        "xtick.major.size": 3.0,
+        "ytick.major.size": 3.0,
         "figure.constrained_layout.use": True,
     }
 )
