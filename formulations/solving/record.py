@@ -101,7 +101,7 @@ def judge(run: Run, arm: Arm, merit: Callable[[FloatArray], float], locked: int 
     solution = run.solution
     jacobian = solution.outputs["jacobian"]
     finite = bool(np.all(np.isfinite(jacobian)))
-    usable = finite and _in_model(arm, jacobian)
+    usable = finite and in_model(arm, jacobian)
     value = merit(jacobian) if usable else np.nan
     nan = float("nan")
     return Record(
@@ -118,7 +118,8 @@ def judge(run: Run, arm: Arm, merit: Callable[[FloatArray], float], locked: int 
     )
 
 
-def _in_model(arm: Arm, jacobian: FloatArray) -> bool:
+def in_model(arm: Arm, jacobian: FloatArray) -> bool:
+    """Whether every column is one that the joint there can contribute."""
     try:
         arm.variables(jacobian)
     except NotInModelError:
