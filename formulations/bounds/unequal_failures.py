@@ -1,25 +1,13 @@
 """Bounds where some joints never fail, or fail less often than others.
 
-**Some never fail.** Of n columns let s belong to joints that may fail (S), r = n − s to joints
-that never do, and let M − J_F J_Fᵀ ⪰ tI for every set F of k joints in S. Choose a subspace Q
-of dimension ρ = min(r, m) that contains the r columns; on its complement, of dimension
-m' = m − ρ, only S is left, so `several_failures` applies there: with τ the share of T = tr JJᵀ
-in the complement, τ ≥ t m'/y, y the least averaged root of s columns in m' dimensions. The mean
-trace in Q, over all F, gives T − τ − (k/s)(T_S − τ) ≥ ρt with T_S = Σ_{f∈S} ‖j_f‖². Together
+Of n columns let s belong to joints that may fail (S), r = n − s to joints that never do. With
+ρ = min(r, m), m' = m − ρ, T = ‖J‖_F², T_S = Σ_{f∈S} ‖j_f‖² and y the least averaged root of s
+columns in m' dimensions, k locked joints leave at most
 
     t ≤ T/(ρ + m'/y),
-    t ≤ (T − (k/s) T_S)/(ρ + (1 − k/s) m'/y),       t ≤ T_S y/m'  (if m' > 0),
+    t ≤ (T − (k/s) T_S)/(ρ + (1 − k/s) m'/y),       t ≤ T_S y/m'  (if m' > 0).
 
-the first for any T_S between τ and T. With r = 0 the first is the bound for k failures; with
-r ≥ m the second, (T − (k/s) T_S)/m, is attained where all columns in S are parallel.
-
-**Unequal weights.** Let σ_F ≥ w_F √t. For every set S of joints the least weight w of k joints
-in S gives w²t ≤ the bound above, all other joints counted as never failing; the a likeliest
-joints, for each a, are the sets worth trying.
-
-**Expectations.** The j joints whose failures leave most have all σ_f ≥ σ_(j), so σ_(j)² is at
-most the bound B_j with S those j joints, and Σ q_f σ_f ≤ Σ q_(j) √B_j, both in descending
-order. For k > 1, σ_F is at most the mean of σ_f over f in F. Valid, but not sharp.
+docs/several_failures.md derives this, and from it the bounds for unequal probabilities.
 """
 
 from __future__ import annotations

@@ -152,7 +152,7 @@ def eigenvalue_bound(task_dimension: int, joints: int, trace: float, locked: int
     rank-one downdate condition j_fᵀ(JJᵀ − tI)⁻¹j_f ≤ 1 over f gives
     tr((JJᵀ − tI)⁻¹) ≤ (n − m)/t, and convexity the rest. For k joints t ≤ (T/m)y with y the
     least entry of `averaged_spectrum` of the identity, derived in
-    `formulations.bounds.closed_form`; zero where fewer than m joints are left.
+    docs/several_failures.md; zero where fewer than m joints are left.
 
     Parameters
     ----------
