@@ -166,13 +166,9 @@ def overall_expected_sigma(jacobian: npt.ArrayLike, failures: FailureModel) -> f
 
 def covered_probability(failures: FailureModel) -> float:
     """Probability that at most k joints fail."""
-    return float(
-        sum(
-            _probability_of(joints, failures)
-            for count in range(failures.locked + 1)
-            for joints in combinations(failures.fallible, count)
-        )
-    )
+    counts = range(failures.locked + 1)
+    covered = [one for count in counts for one in combinations(failures.fallible, count)]
+    return float(sum(_probability_of(joints, failures) for joints in covered))
 
 
 def possible_sigmas(
@@ -189,10 +185,9 @@ def possible_sigmas(
     m, n = matrix.shape
     if n - failures.locked < m:
         return dict.fromkeys(combinations(failures.fallible, failures.locked), 0.0)
-    return {
-        joints: float(np.linalg.svd(np.delete(matrix, joints, axis=1), compute_uv=False)[-1])
-        for joints in combinations(failures.fallible, failures.locked)
-    }
+    sets = list(combinations(failures.fallible, failures.locked))
+    kept = np.array([np.delete(matrix, joints, axis=1) for joints in sets])
+    return dict(zip(sets, np.linalg.svd(kept, compute_uv=False)[:, -1].tolist(), strict=True))
 
 
 def _matching(jacobian: npt.ArrayLike, failures: FailureModel) -> FloatArray:
