@@ -19,22 +19,12 @@ from formulations.joints.joint import (
     TOLERANCE,
     Budget,
     Joint,
-    NotInModelError,
     check_budget,
     check_length,
     check_revolute,
     outside,
 )
 from nlp.arrays import FloatArray, whole_number
-
-__all__ = [
-    "FreeColumn",
-    "Joint",
-    "LeverRevolute",
-    "NotInModelError",
-    "Prismatic",
-    "UnitRevolute",
-]
 
 
 @dataclass(frozen=True)

@@ -177,7 +177,7 @@ def _closed_form_row(k: int, print_error: float, corrected_error: float) -> Row:
 def _equations(jacobian: FloatArray) -> FloatArray:
     """Left-hand sides of eqs. (23)–(43) from J alone, shape (21,)."""
     deviation = jacobian @ jacobian.T - jacobian.shape[1] / 3 * np.eye(6)
-    return deviation[tuple(np.transpose(pairs(6)))]
+    return np.asarray(deviation[tuple(np.transpose(pairs(6)))])
 
 
 def _values(arm: Arm, forms: Forms, points: list[FloatArray]) -> FloatArray:

@@ -10,7 +10,7 @@ import numpy as np
 
 from formulations import measures
 from formulations.joints.arm import Arm
-from formulations.joints.kinds import NotInModelError
+from formulations.joints.joint import NotInModelError
 from nlp.arrays import FloatArray
 from nlp.multistart import Run
 from nlp.solution import FEASIBLE, Status
