@@ -13,7 +13,7 @@ from __future__ import annotations
 import casadi as ca
 
 from formulations.joints.arm import Arm
-from formulations.joints.column_model import ColumnModel
+from formulations.joints.joint import ColumnModel
 from formulations.joints.kinds import UnitRevolute
 from nlp.errors import InputError
 

@@ -9,8 +9,8 @@ from typing import Protocol, TypeVar
 from formulations import isotropy, max_min, residual
 from formulations.bounds.certified import Bound
 from formulations.joints.arm import Arm
-from formulations.joints.column_model import ColumnModel
-from formulations.joints.kinds import FreeColumn, Joint, LeverRevolute, Prismatic, UnitRevolute
+from formulations.joints.joint import ColumnModel, Joint
+from formulations.joints.kinds import FreeColumn, LeverRevolute, Prismatic, UnitRevolute
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
 from nlp.options import OptionValue

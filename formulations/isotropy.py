@@ -35,7 +35,7 @@ from formulations.isotropy_equations import (
     residuals,
 )
 from formulations.joints.arm import Arm
-from formulations.joints.column_model import ColumnModel
+from formulations.joints.joint import ColumnModel
 from nlp.arrays import FloatArray
 from nlp.options import OptionValue
 from nlp.problem import Constraint, Problem, Sense

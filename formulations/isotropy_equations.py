@@ -5,7 +5,7 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 
-from formulations.joints.column_model import ColumnModel
+from formulations.joints.joint import ColumnModel
 from nlp.arrays import FloatArray
 
 # A row is redundant when what is left of it, relative to its size, is below this.

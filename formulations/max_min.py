@@ -23,7 +23,7 @@ import numpy as np
 from formulations import measures, residual
 from formulations.bounds.certified import Bound, largest_worst_case
 from formulations.joints.arm import Arm
-from formulations.joints.column_model import ColumnModel
+from formulations.joints.joint import ColumnModel
 from nlp.arrays import FloatArray, whole_number
 from nlp.errors import InputError
 from nlp.matrix_inequality import ENCODINGS

@@ -25,7 +25,7 @@ from formulations import appendix, measures
 from formulations.bounds.certified import Bound, least_residual
 from formulations.isotropy_equations import residuals
 from formulations.joints.arm import Arm
-from formulations.joints.column_model import ColumnModel
+from formulations.joints.joint import ColumnModel
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
 from nlp.options import OptionValue

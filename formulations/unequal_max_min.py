@@ -28,7 +28,7 @@ import numpy as np
 from formulations import max_min, measures
 from formulations.joints.arm import Arm
 from formulations.measures import unequal_failures
-from formulations.measures.failure_model import FailureModel
+from formulations.measures.unequal_failures import FailureModel
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
 from nlp.matrix_inequality import ENCODINGS, Encoding

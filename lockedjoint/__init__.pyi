@@ -28,7 +28,7 @@ from formulations.measures.assessment import Assessment as Assessment
 from formulations.measures.assessment import assess as assess
 from formulations.measures.canonical import canonical_form as canonical_form
 from formulations.measures.canonical import distinct as distinct
-from formulations.measures.failure_model import FailureModel as FailureModel
+from formulations.measures.unequal_failures import FailureModel as FailureModel
 
 # Robots: from a Jacobian to a robot, and from a robot to its Jacobian.
 from formulations.realise.choice import choose as choose

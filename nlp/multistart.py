@@ -46,6 +46,12 @@ class Study(Generic[T]):
     results: tuple[T, ...]
     complete: bool
 
+    def all_results(self) -> tuple[T, ...]:
+        """Return the results; KeyboardInterrupt if the user interrupted the study."""
+        if not self.complete:
+            raise KeyboardInterrupt
+        return self.results
+
 
 def _unjudged(run: Run) -> Any:
     return run

@@ -12,6 +12,8 @@ from nlp.problem import Sense
 SUCCESS = "Solve_Succeeded"
 ACCEPTABLE = "Solved_To_Acceptable_Level"
 INFEASIBLE = "Infeasible_Problem_Detected"
+# Largest violation of a constraint, in the units of the constraint, at a feasible point.
+FEASIBLE = 1e-6
 
 
 @dataclass(frozen=True)
@@ -86,6 +88,11 @@ class Solution:
     outputs: Mapping[str, FloatArray]
     multipliers: Mapping[str, FloatArray]
     compiled: bool = False
+
+    @property
+    def feasible(self) -> bool:
+        """Whether no constraint or bound is violated by more than `FEASIBLE`."""
+        return self.violation <= FEASIBLE
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain values for tables and JSON, the status among them by its own name."""

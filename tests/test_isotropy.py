@@ -7,7 +7,7 @@ import pytest
 
 from formulations import isotropy, measures
 from formulations.catalogue import arm
-from formulations.joints.kinds import NotInModelError
+from formulations.joints.joint import NotInModelError
 from nlp.multistart import multistart
 
 

@@ -185,7 +185,7 @@ def planted(root, files):
 
 
 SOLVING = "formulations/solving/start.py"
-MEASURE = "formulations/measures/jacobian.py"
+MEASURE = "formulations/measures/assessment.py"
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ from scipy.optimize import differential_evolution
 from formulations import max_min, unequal_max_min
 from formulations.bounds import unequal_failures
 from formulations.catalogue import arm
-from formulations.measures.failure_model import FailureModel
+from formulations.measures.unequal_failures import FailureModel
 from nlp.errors import InputError
 from nlp.matrix_inequality import ENCODINGS
 from nlp.multistart import multistart

@@ -20,8 +20,8 @@ import numpy as np
 import numpy.typing as npt
 
 from formulations import measures
-from formulations.measures.failure_model import FailureModel
 from formulations.measures.unequal_failures import (
+    FailureModel,
     covered_probability,
     expected_sigma,
     overall_expected_sigma,

@@ -9,7 +9,7 @@ import typer
 from nlp.errors import InputError
 
 if TYPE_CHECKING:
-    from formulations.measures.failure_model import FailureModel
+    from formulations.measures.unequal_failures import FailureModel
 
 Probabilities = Annotated[
     str | None,
@@ -43,7 +43,7 @@ def failure_model(
     """
     if probabilities is None and never_fails is None:
         return None
-    from formulations.measures.failure_model import FailureModel
+    from formulations.measures.unequal_failures import FailureModel
 
     never = _whole_numbers(never_fails) if never_fails is not None else []
     if probabilities is None:

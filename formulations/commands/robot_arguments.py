@@ -16,8 +16,8 @@ from nlp.files import read_bytes
 
 if TYPE_CHECKING:
     from formulations.robots.chain import Chain
+    from formulations.robots.read_urdf import RobotTree
     from formulations.robots.robot_arm import RobotArm
-    from formulations.robots.tree import RobotTree
     from nlp.arrays import FloatArray
 
 File = Annotated[Path, typer.Argument(metavar="URDF", help="The robot, a URDF file.")]

@@ -10,7 +10,7 @@ from types import MappingProxyType
 import numpy as np
 import numpy.typing as npt
 
-from formulations.measures.jacobian import as_jacobian
+from formulations.measures import as_jacobian
 from nlp.arrays import FloatArray
 from nlp.errors import FileError, InputError
 

@@ -77,13 +77,8 @@ class Arm:
 
     def symbols(self) -> ca.SX:
         """Symbols of all joints' parameters, joint after joint, shape (size, 1)."""
-        return ca.vertcat(
-            *(
-                ca.SX.sym(f"{name}{i + 1}")
-                for i, joint in enumerate(self.joints)
-                for name in joint.parameters
-            )
-        )
+        named = [f"{name}{i}" for i, j in enumerate(self.joints, 1) for name in j.parameters]
+        return ca.vertcat(*map(ca.SX.sym, named))
 
     def matrix(self, variables: ca.SX) -> ca.SX:
         """Symbolic Jacobian, shape (m, n)."""
@@ -95,20 +90,16 @@ class Arm:
 
         Bounds are one row per joint, or one row on the mean square.
         """
-        parts = self._split(variables)
-        held = [j.equations(p) for j, p in zip(self.joints, parts, strict=True)]
-        equations = ca.vertcat(*held)
+        parts = list(zip(self.joints, self._split(variables), strict=True))
+        equations = ca.vertcat(*(joint.equations(part) for joint, part in parts))
         constraints = []
         if equations.numel():
             constraints.append(Constraint("joint equations", equations, 0.0, 0.0))
         for kind in dict.fromkeys(self.joints):
-            squares = [
-                square
-                for joint, part in zip(self.joints, parts, strict=True)
-                if joint == kind and (square := joint.extent_squared(part)) is not None
-            ]
-            if squares:
-                constraints.append(_extent_constraint(kind, squares))
+            squares = [kind.extent_squared(part) for joint, part in parts if joint == kind]
+            limited = [square for square in squares if square is not None]
+            if limited:
+                constraints.append(_extent_constraint(kind, limited))
         return tuple(constraints)
 
     def jacobian(self, variables: npt.ArrayLike) -> FloatArray:

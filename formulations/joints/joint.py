@@ -1,17 +1,24 @@
-"""What a column model must say of one kind of joint, and the checks that kinds share."""
+"""What a formulation needs to know of an arm, and an arm of a joint, to state columns of J.
+
+`formulations.joints.arm.Arm` is one `ColumnModel`: joints to be designed, each with parameters
+of its own. `formulations.robots.robot_arm.RobotArm` is another: a robot that exists, with joint
+angles as variables. The formulations are stated for any of them.
+"""
 
 from __future__ import annotations
 
 import math
 import operator
 from abc import ABC, abstractmethod
-from typing import ClassVar, Literal
+from typing import ClassVar, Literal, Protocol
 
 import casadi as ca
 import numpy as np
+import numpy.typing as npt
 
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
+from nlp.problem import Constraint
 
 # Bound each joint's own extent, or the mean of the squared extents of all such joints.
 Budget = Literal["each", "mean"]
@@ -20,6 +27,47 @@ TOLERANCE = 1e-6
 
 class NotInModelError(InputError):
     """A Jacobian with a column that its joint cannot contribute."""
+
+
+class ColumnModel(Protocol):
+    """Columns of a Jacobian as functions of variables; frozen and hashable."""
+
+    def __hash__(self) -> int: ...
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """(m, n): task dimension and number of joints."""
+
+    @property
+    def size(self) -> int:
+        """Number of variables."""
+
+    @property
+    def bounds(self) -> tuple[FloatArray, FloatArray]:
+        """Least and largest values of the variables, each of shape (size,)."""
+
+    @property
+    def fixed_trace(self) -> float | None:
+        """‖J‖_F² where every Jacobian of the model has the same; None otherwise."""
+
+    @property
+    def description(self) -> str:
+        """What the joints are, in a few words, for messages."""
+
+    def symbols(self) -> ca.SX:
+        """Symbols of the variables, shape (size, 1)."""
+
+    def matrix(self, variables: ca.SX) -> ca.SX:
+        """Symbolic Jacobian, shape (m, n)."""
+
+    def constraints(self, variables: ca.SX) -> tuple[Constraint, ...]:
+        """Return what must hold of the variables besides their bounds."""
+
+    def jacobian(self, variables: npt.ArrayLike) -> FloatArray:
+        """Return the Jacobian at numeric variables, shape (m, n)."""
+
+    def sample(self, rng: np.random.Generator) -> FloatArray:
+        """Draw variables at random."""
 
 
 class Joint(ABC):
@@ -51,11 +99,6 @@ class Joint(ABC):
     @abstractmethod
     def largest_norm_squared(self) -> float:
         """Largest ‖j‖², or largest mean of ‖j‖² where the bound is on the mean."""
-
-    @property
-    def rotation_squared(self) -> float | None:
-        """‖ω‖², where the kind fixes it."""
-        return None
 
     @abstractmethod
     def column(self, parameters: ca.SX) -> ca.SX:

@@ -7,6 +7,7 @@ velocity above rotational velocity, as in eq. (21).
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import atan2, cos, hypot, sin
 from typing import ClassVar
@@ -14,33 +15,16 @@ from typing import ClassVar
 import casadi as ca
 import numpy as np
 
-from formulations.joints.directions import (
-    direction_angles,
-    in_ball,
-    numeric_frame,
-    symbolic_frame,
-    uniform_direction,
-)
 from formulations.joints.joint import (
     TOLERANCE,
     Budget,
     Joint,
-    NotInModelError,
     check_budget,
     check_length,
     check_revolute,
     outside,
 )
 from nlp.arrays import FloatArray, whole_number
-
-__all__ = [
-    "FreeColumn",
-    "Joint",
-    "LeverRevolute",
-    "NotInModelError",
-    "Prismatic",
-    "UnitRevolute",
-]
 
 
 @dataclass(frozen=True)
@@ -50,17 +34,16 @@ class UnitRevolute(Joint):
     parameters: ClassVar[tuple[str, ...]] = ("alpha", "beta", "gamma")
     dimension: ClassVar[int] = 6
     largest_norm_squared: ClassVar[float] = 2.0
-    rotation_squared: ClassVar[float] = 1.0
 
     def column(self, parameters: ca.SX) -> ca.SX:
         """Eq. (21)."""
         alpha, beta, gamma = ca.vertsplit(parameters)
-        first, second, axis = symbolic_frame(alpha, beta)
+        first, second, axis = _symbolic_frame(alpha, beta)
         return ca.vertcat(ca.cos(gamma) * first + ca.sin(gamma) * second, axis)
 
     def sample(self, rng: np.random.Generator, count: int) -> FloatArray:
         """Uniform on SO(3)."""
-        alpha, beta = uniform_direction(rng, count)
+        alpha, beta = _uniform_direction(rng, count)
         return np.column_stack([alpha, beta, rng.uniform(-np.pi, np.pi, count)])
 
     def invert(self, column: FloatArray) -> FloatArray:
@@ -69,7 +52,7 @@ class UnitRevolute(Joint):
         x, y, z, *axis = column.tolist()
         if abs(hypot(x, y, z) - 1) > TOLERANCE:
             raise outside(column, "linear velocity of norm 1 (unit revolute joint)")
-        alpha, beta = direction_angles(axis)
+        alpha, beta = _direction_angles(axis)
         sin_a, cos_a, sin_b, cos_b = sin(alpha), cos(alpha), sin(beta), cos(beta)
         along_first = sin_b * (cos_a * x + sin_a * y) - cos_b * z
         along_second = sin_a * x - cos_a * y
@@ -95,7 +78,6 @@ class LeverRevolute(Joint):
     budget: Budget = "mean"
     parameters: ClassVar[tuple[str, ...]] = ("vx", "vy", "vz", "wx", "wy", "wz")
     dimension: ClassVar[int] = 6
-    rotation_squared: ClassVar[float] = 1.0
 
     def __post_init__(self) -> None:
         check_length("length", self.length)
@@ -126,9 +108,9 @@ class LeverRevolute(Joint):
 
     def sample(self, rng: np.random.Generator, count: int) -> FloatArray:
         """Directions uniform; lever arms uniform in the ball that the bound describes."""
-        alpha, beta = uniform_direction(rng, count)
-        levers = self.length * in_ball(rng, count, 2, self.budget)
-        first, second, axis = numeric_frame(alpha, beta)
+        alpha, beta = _uniform_direction(rng, count)
+        levers = self.length * _in_ball(rng, count, 2, self.budget)
+        first, second, axis = _numeric_frame(alpha, beta)
         return np.column_stack([levers[:, :1] * first + levers[:, 1:] * second, axis])
 
     def invert(self, column: FloatArray) -> FloatArray:
@@ -146,7 +128,6 @@ class Prismatic(Joint):
     speed: float = 1.0
     parameters: ClassVar[tuple[str, ...]] = ("alpha", "beta")
     dimension: ClassVar[int] = 6
-    rotation_squared: ClassVar[float] = 0.0
 
     def __post_init__(self) -> None:
         check_length("speed", self.speed)
@@ -159,11 +140,11 @@ class Prismatic(Joint):
     def column(self, parameters: ca.SX) -> ca.SX:
         """Column (v; 0), the direction of v as that of ω in eq. (21)."""
         alpha, beta = ca.vertsplit(parameters)
-        return ca.vertcat(self.speed * symbolic_frame(alpha, beta)[2], ca.SX.zeros(3))
+        return ca.vertcat(self.speed * _symbolic_frame(alpha, beta)[2], ca.SX.zeros(3))
 
     def sample(self, rng: np.random.Generator, count: int) -> FloatArray:
         """Uniform on the sphere of directions."""
-        return np.column_stack(uniform_direction(rng, count))
+        return np.column_stack(_uniform_direction(rng, count))
 
     def invert(self, column: FloatArray) -> FloatArray:
         """Angles of the direction."""
@@ -171,7 +152,7 @@ class Prismatic(Joint):
             raise outside(column, "no rotational velocity (prismatic joint)")
         if abs(np.linalg.norm(column[:3]) - self.speed) > TOLERANCE:
             raise outside(column, f"linear velocity of norm {self.speed:g} (prismatic joint)")
-        return np.array(direction_angles(column[:3]))
+        return np.array(_direction_angles(column[:3]))
 
 
 @dataclass(frozen=True)
@@ -236,3 +217,43 @@ class FreeColumn(Joint):
         if self.budget == "each" and abs(np.linalg.norm(column) - self.norm) > TOLERANCE:
             raise outside(column, f"a norm of {self.norm:g}")
         return column.copy()
+
+
+def _symbolic_frame(alpha: ca.SX, beta: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
+    """Right-handed frame (e₁, e₂, ω): v = cosγ e₁ + sinγ e₂ in eq. (21)."""
+    sin_a, cos_a, sin_b, cos_b = ca.sin(alpha), ca.cos(alpha), ca.sin(beta), ca.cos(beta)
+    first = ca.vertcat(cos_a * sin_b, sin_a * sin_b, -cos_b)
+    second = ca.vertcat(sin_a, -cos_a, 0)
+    return first, second, ca.vertcat(cos_a * cos_b, sin_a * cos_b, sin_b)
+
+
+def _numeric_frame(
+    alpha: FloatArray, beta: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Rows of such frames at numeric angles, each of shape (count, 3)."""
+    sin_a, cos_a, sin_b, cos_b = np.sin(alpha), np.cos(alpha), np.sin(beta), np.cos(beta)
+    first = np.column_stack([cos_a * sin_b, sin_a * sin_b, -cos_b])
+    second = np.column_stack([sin_a, -cos_a, np.zeros_like(alpha)])
+    return first, second, np.column_stack([cos_a * cos_b, sin_a * cos_b, sin_b])
+
+
+def _uniform_direction(rng: np.random.Generator, count: int) -> tuple[FloatArray, FloatArray]:
+    """Angles (α, β) of `count` directions, uniform on the sphere; radians."""
+    alpha = rng.uniform(-np.pi, np.pi, count)
+    return alpha, np.arcsin(rng.uniform(-1.0, 1.0, count))
+
+
+def _in_ball(rng: np.random.Generator, count: int, size: int, budget: Budget) -> FloatArray:
+    """Uniform points of the unit ball: one in each joint's plane, or one of them all."""
+    points = rng.standard_normal((count, size))
+    if budget == "each":
+        radii = rng.uniform(size=(count, 1)) ** (1 / size)
+        return np.asarray(radii * points / np.linalg.norm(points, axis=1, keepdims=True))
+    radius = np.sqrt(count) * rng.uniform() ** (1 / (count * size))
+    return np.asarray(radius * points / np.linalg.norm(points))
+
+
+def _direction_angles(direction: Sequence[float] | FloatArray) -> tuple[float, float]:
+    """Angles (α, β) of a direction: ω = (cosα cosβ, sinα cosβ, sinβ)."""
+    x, y, z = direction
+    return atan2(y, x), atan2(z, hypot(x, y))

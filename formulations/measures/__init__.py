@@ -1,62 +1,276 @@
-"""The independent judge: what a Jacobian is worth, from the matrix alone (NumPy only).
+"""Failure tolerance of a Jacobian, from the matrix alone (Section 2, eqs. 3–11 and 15).
 
-The measures of one Jacobian, in `jacobian`, are offered here: ``measures.worst_case_sigma(J)``.
+The independent judge of every solution: plain NumPy, no solver, no model of the joints.
+Jacobians are arrays of shape (m, n) with n > m; joints are counted from 0.
 """
 
-from formulations.measures.jacobian import (
-    WorstCase as WorstCase,
-)
-from formulations.measures.jacobian import (
-    as_jacobian as as_jacobian,
-)
-from formulations.measures.jacobian import (
-    averaged_spectrum as averaged_spectrum,
-)
-from formulations.measures.jacobian import (
-    condition_number as condition_number,
-)
-from formulations.measures.jacobian import (
-    eigenvalue_bound as eigenvalue_bound,
-)
-from formulations.measures.jacobian import (
-    gap_percent as gap_percent,
-)
-from formulations.measures.jacobian import (
-    is_optimally_failure_tolerant as is_optimally_failure_tolerant,
-)
-from formulations.measures.jacobian import (
-    isotropy_defect as isotropy_defect,
-)
-from formulations.measures.jacobian import (
-    locked_singular_values as locked_singular_values,
-)
-from formulations.measures.jacobian import (
-    manipulability as manipulability,
-)
-from formulations.measures.jacobian import (
-    null_space_contributions as null_space_contributions,
-)
-from formulations.measures.jacobian import (
-    range_contributions as range_contributions,
-)
-from formulations.measures.jacobian import (
-    relative_manipulability as relative_manipulability,
-)
-from formulations.measures.jacobian import (
-    residual_sum_of_squares as residual_sum_of_squares,
-)
-from formulations.measures.jacobian import (
-    sigma_bound as sigma_bound,
-)
-from formulations.measures.jacobian import (
-    singular_values as singular_values,
-)
-from formulations.measures.jacobian import (
-    trace as trace,
-)
-from formulations.measures.jacobian import (
-    worst_case as worst_case,
-)
-from formulations.measures.jacobian import (
-    worst_case_sigma as worst_case_sigma,
-)
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+import numpy.typing as npt
+
+from nlp.arrays import FloatArray, as_floats, whole_number
+from nlp.errors import InputError
+
+# Failures tie when they leave the same to this share of it, or of the largest entry of J.
+TIE = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class WorstCase:
+    """The worst set of locked joints.
+
+    Attributes
+    ----------
+    sigma
+        Smallest singular value that is left (eq. 5).
+    joints
+        The locked joints that leave it, counted from 0; the first such set on a tie.
+    sets
+        Every set of locked joints that leaves no more than that, to a relative `TIE`.
+    direction
+        End-effector direction that suffers most when `joints` lock, a unit vector of shape
+        (m,) (eq. 15), its largest entry positive.
+    """
+
+    sigma: float
+    joints: tuple[int, ...]
+    sets: tuple[tuple[int, ...], ...]
+    direction: FloatArray
+
+    def to_dict(self) -> dict[str, object]:
+        """Return plain values for tables and JSON."""
+        return {
+            "sigma": self.sigma,
+            "joints": list(self.joints),
+            "sets": [list(joints) for joints in self.sets],
+            "direction": self.direction.tolist(),
+        }
+
+
+def as_jacobian(jacobian: npt.ArrayLike, name: str = "jacobian") -> FloatArray:
+    """Return the array as a Jacobian of floats.
+
+    Raises
+    ------
+    InputError
+        If it is not two-dimensional, has NaN or infinity, or no more columns than rows.
+    """
+    matrix = as_floats(name, jacobian)
+    if matrix.ndim != 2 or 0 in matrix.shape:
+        raise InputError(name, f"of shape {matrix.shape}", "a matrix, one column per joint")
+    if not np.all(np.isfinite(matrix)):
+        raise InputError(name, "a matrix with NaN or infinity", "finite numbers only")
+    m, n = matrix.shape
+    if n <= m:
+        allowed = "more columns (joints) than rows (task dimensions)"
+        raise InputError(name, f"of shape {m}×{n}", allowed)
+    return matrix
+
+
+def singular_values(jacobian: npt.ArrayLike) -> FloatArray:
+    """Singular values in descending order, shape (m,) (eqs. 3–4)."""
+    return np.asarray(np.linalg.svd(as_jacobian(jacobian), compute_uv=False))
+
+
+def condition_number(jacobian: npt.ArrayLike) -> float:
+    """σ₁/σ_m; infinity for a singular Jacobian."""
+    values = singular_values(jacobian)
+    return float(values[0] / values[-1]) if values[-1] > 0 else float("inf")
+
+
+def manipulability(jacobian: npt.ArrayLike) -> float:
+    """√det(JJᵀ), the product of the singular values (Yoshikawa, 1985)."""
+    return float(np.prod(singular_values(jacobian)))
+
+
+def locked_singular_values(jacobian: npt.ArrayLike, locked: int = 1) -> FloatArray:
+    """Smallest singular value after each set of `locked` joints locks (eq. 5).
+
+    Returns
+    -------
+    numpy.ndarray
+        Shape (C(n, locked),), sets in lexicographic order; zero where fewer than m
+        columns are left.
+    """
+    matrix = as_jacobian(jacobian)
+    kept = np.array([np.delete(matrix, one, axis=1) for one in locked_sets(matrix, locked)])
+    if kept.shape[2] < kept.shape[1]:
+        return np.zeros(len(kept))
+    return np.asarray(np.linalg.svd(kept, compute_uv=False)[:, -1])
+
+
+def worst_case_sigma(jacobian: npt.ArrayLike, locked: int = 1) -> float:
+    """Worst case over sets of locked joints of the smallest singular value (eq. 5)."""
+    return float(np.min(locked_singular_values(jacobian, locked)))
+
+
+def worst_case(jacobian: npt.ArrayLike, locked: int = 1) -> WorstCase:
+    """Worst set of `locked` joints, and the direction that it hurts most (eqs. 5 and 15)."""
+    matrix = as_jacobian(jacobian)
+    sets, sigmas = locked_sets(matrix, locked), locked_singular_values(matrix, locked)
+    worst = int(np.argmin(sigmas))
+    limit = sigmas[worst] + TIE * max(float(sigmas[worst]), float(np.max(np.abs(matrix))))
+    tied = tuple(one for one, sigma in zip(sets, sigmas, strict=True) if sigma <= limit)
+    direction = weakest_direction(np.delete(matrix, sets[worst], axis=1))
+    return WorstCase(float(sigmas[worst]), sets[worst], tied, direction)
+
+
+def weakest_direction(matrix: FloatArray) -> FloatArray:
+    """Left singular vector of the smallest singular value, its largest entry positive."""
+    direction = np.linalg.svd(matrix)[0][:, -1]
+    return np.asarray(direction * np.sign(direction[np.argmax(np.abs(direction))]))
+
+
+def range_contributions(jacobian: npt.ArrayLike) -> FloatArray:
+    """R_i, each joint's share in the range of Jᵀ, shape (n,) (eq. 9)."""
+    matrix = as_jacobian(jacobian)
+    _, values, rows = np.linalg.svd(matrix, full_matrices=False)
+    rank = int(np.sum(values > values[0] * max(matrix.shape) * np.finfo(float).eps))
+    return np.asarray(np.sum(rows[:rank] ** 2, axis=0))
+
+
+def null_space_contributions(jacobian: npt.ArrayLike) -> FloatArray:
+    """N_i = 1 − R_i, each joint's share in the null space, shape (n,) (eqs. 10–11)."""
+    return 1.0 - range_contributions(jacobian)
+
+
+def sigma_bound(task_dimension: int, joints: int, trace: float, locked: int = 1) -> float:
+    """Upper bound on the worst case after any `locked` joints lock (eq. 6, for every J).
+
+    For one joint it is √(T(n − m)/(mn)), T = ‖J‖_F²; with T = mσ² this is σ√((n − m)/n). It
+    is the root of `eigenvalue_bound`.
+    """
+    return float(np.sqrt(eigenvalue_bound(task_dimension, joints, trace, locked)))
+
+
+def eigenvalue_bound(task_dimension: int, joints: int, trace: float, locked: int = 1) -> float:
+    """Upper bound on t, the least eigenvalue of J_F̄J_F̄ᵀ over all sets F of `locked` joints.
+
+    For one joint t ≤ T(n − m)/(mn), the square of eq. (6). It needs no isotropy: summing the
+    rank-one downdate condition j_fᵀ(JJᵀ − tI)⁻¹j_f ≤ 1 over f gives
+    tr((JJᵀ − tI)⁻¹) ≤ (n − m)/t, and convexity the rest. For k joints t ≤ (T/m)y with y the
+    least entry of `averaged_spectrum` of the identity, derived in
+    docs/several_failures.md; zero where fewer than m joints are left.
+
+    Parameters
+    ----------
+    task_dimension, joints
+        m and n, n > m.
+    trace
+        T = ‖J‖_F², in the squared units of J.
+    locked
+        How many joints lock at once, k.
+
+    Raises
+    ------
+    InputError
+        If a number is out of range.
+    """
+    m = whole_number("task dimension", task_dimension, 1)
+    n = whole_number("joints", joints, m + 1)
+    k = whole_number("locked joints", locked, 1)
+    if not (np.isfinite(trace) and trace >= 0):
+        raise InputError("trace", trace, "a finite number of at least 0")
+    if k > n - m:
+        return 0.0
+    if k == 1:
+        return trace * (n - m) / (m * n)
+    return float(trace / m * averaged_spectrum(np.ones(m), n, k)[0])
+
+
+def averaged_spectrum(eigenvalues: npt.ArrayLike, joints: int, locked: int = 1) -> FloatArray:
+    """Roots of the mean of det(xI − J_F̄J_F̄ᵀ) over all sets F of `locked` joints, ascending.
+
+    They depend on the eigenvalues λ of JJᵀ alone. Averaged over one of n columns the
+    characteristic polynomial is that of Λ − rrᵀ/n, r_i = √λ_i; further columns likewise.
+
+    Parameters
+    ----------
+    eigenvalues
+        Those of JJᵀ, shape (m,), at least 0.
+    joints
+        Number n of columns, above m.
+    locked
+        How many joints lock at once, at most n − m.
+    """
+    values = as_floats("eigenvalues", eigenvalues)
+    n = whole_number("joints", joints, values.size + 1)
+    if whole_number("locked joints", locked, 1) > n - values.size:
+        raise InputError("locked joints", locked, f"at most {n - values.size}")
+    for removed in range(locked):
+        roots = np.sqrt(np.maximum(values, 0.0))
+        rest = np.diag(values) - np.outer(roots, roots) / (n - removed)
+        values = np.asarray(np.linalg.eigvalsh(rest), dtype=np.float64)
+    return np.maximum(values, 0.0)
+
+
+def trace(jacobian: npt.ArrayLike) -> float:
+    """T = ‖J‖_F² = tr JJᵀ."""
+    return float(np.sum(as_jacobian(jacobian) ** 2))
+
+
+def gap_percent(found: float, bound: float) -> float:
+    """100·|bound − found|/bound: how far a value is from its bound, in percent of the bound.
+
+    NaN where the bound is 0 and the value is not, as a percentage says nothing there.
+    """
+    if bound == 0:
+        return 0.0 if found == 0 else float("nan")
+    return 100.0 * abs(bound - found) / abs(bound)
+
+
+def isotropy_defect(jacobian: npt.ArrayLike) -> float:
+    """½‖JJᵀ − (T/m)I‖_F², zero exactly for isotropic J; the same in every frame."""
+    return 0.5 * float(np.sum(_deviation(as_jacobian(jacobian)) ** 2))
+
+
+def residual_sum_of_squares(jacobian: npt.ArrayLike) -> float:
+    """fᵀf: squares of the m(m + 1)/2 distinct entries of JJᵀ − (T/m)I (eqs. 23–43).
+
+    Each off-diagonal counts once, so the value depends on the frame; its minimum over
+    frames is `isotropy_defect`.
+    """
+    deviation = _deviation(as_jacobian(jacobian))
+    return float(np.sum(deviation[np.triu_indices(deviation.shape[0])] ** 2))
+
+
+def relative_manipulability(jacobian: npt.ArrayLike, locked: int = 1) -> FloatArray:
+    """Manipulability after each set of joints locks, over that before; NaN if it was 0."""
+    matrix = as_jacobian(jacobian)
+    sets, before = locked_sets(matrix, locked), manipulability(matrix)
+    if before == 0:
+        return np.full(len(sets), np.nan)
+    if locked > matrix.shape[1] - matrix.shape[0]:
+        return np.zeros(len(sets))
+    kept = np.array([np.delete(matrix, one, axis=1) for one in sets])
+    return np.asarray(np.prod(np.linalg.svd(kept, compute_uv=False), axis=1) / before)
+
+
+def is_optimally_failure_tolerant(jacobian: npt.ArrayLike, tolerance: float = 1e-6) -> bool:
+    """Whether J is isotropic with columns of equal norm, to a relative tolerance (Section 2).
+
+    Both JJᵀ = (T/m)I and ‖j_i‖² = T/n may be off by at most `tolerance`·T/m in any entry.
+    """
+    matrix = as_jacobian(jacobian)
+    m, n = matrix.shape
+    size = trace(matrix)
+    norms = np.sum(matrix**2, axis=0)
+    error = max(np.max(np.abs(_deviation(matrix))), np.max(np.abs(norms - size / n)))
+    return bool(size > 0 and error <= tolerance * size / m)
+
+
+def _deviation(matrix: FloatArray) -> FloatArray:
+    gram = matrix @ matrix.T
+    return np.asarray(gram - np.trace(gram) / gram.shape[0] * np.eye(gram.shape[0]))
+
+
+def locked_sets(matrix: FloatArray, locked: int) -> list[tuple[int, ...]]:
+    """Return every set of `locked` joints in lexicographic order; InputError if too many."""
+    n = matrix.shape[1]
+    if whole_number("locked joints", locked, 1) >= n:
+        raise InputError("locked joints", locked, f"fewer than the {n} joints")
+    return list(combinations(range(n), locked))

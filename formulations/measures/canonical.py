@@ -1,42 +1,26 @@
 """One representative of each Jacobian modulo frame, phase, order and signs (Section 3).
 
-Two Jacobians are the same manipulator Jacobian when they differ by a rotation or reflection
-of the task frame, the order of the joints and the signs of their axes; for unit revolute
-joints also by a common phase, (v, ω) → (cosθ v − sinθ ω, sinθ v + cosθ ω), and by the mirror
-image (v, −ω). All of it acts on the joints' inner products only by relabelling, signs,
-phase and conjugation, so a canonical order of the inner products gives a canonical J.
+The joints are named one by one, such that the inner products with those named before are
+largest. A canonical order of the inner products gives a canonical J; see `symmetry`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
-from formulations.measures.jacobian import as_jacobian
-from formulations.measures.joint_order import (
-    Symmetry,
-    canonical_order,
-    inner_products,
-    mirror_image,
-)
+from formulations.measures import as_jacobian
+from formulations.measures.symmetry import Symmetry, inner_products, mirror_image, symmetry_of
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
 
-__all__ = ["Symmetry", "canonical_form", "distinct", "symmetry_of"]
-
-
-def symmetry_of(jacobian: npt.ArrayLike, tolerance: float = 1e-6) -> Symmetry:
-    """Return the largest symmetry that the columns allow: by their shape, from J alone."""
-    matrix = as_jacobian(jacobian)
-    if matrix.shape[0] != 6:
-        return Symmetry.FRAME
-    velocity, axis = matrix[:3], matrix[3:]
-    if np.max(np.abs(np.sum(velocity * axis, axis=0))) > tolerance:
-        return Symmetry.FRAME
-    gap = np.sum(velocity**2, axis=0) - np.sum(axis**2, axis=0)
-    return Symmetry.UNIT_REVOLUTE if np.max(np.abs(gap)) <= tolerance else Symmetry.REVOLUTE
+# Inner products closer than this count as equal when joints are put in order.
+TIE = 1e-4
+# Orders kept side by side while they are tied; only highly symmetric Jacobians need many.
+_WIDTH = 512
 
 
 def canonical_form(jacobian: npt.ArrayLike, symmetry: Symmetry | None = None) -> FloatArray:
@@ -82,10 +66,12 @@ def distinct(
     groups: list[list[int]] = []
     known: list[FloatArray] = []
     if symmetry is None:
-        symmetry = _common_symmetry(jacobians)
+        allowed = {symmetry_of(jacobian) for jacobian in jacobians}
+        symmetry = next((one for one in Symmetry if one in allowed), None)
     for position, jacobian in enumerate(jacobians):
         matrix, symmetry = _checked(jacobian, symmetry)
-        products = _products(_arranged(matrix, symmetry), symmetry)
+        kernels = inner_products(_arranged(matrix, symmetry), symmetry)
+        products = np.concatenate([kernels.real, kernels.imag])
         scale = float(np.sum(matrix**2)) / matrix.shape[1]
         near = [np.max(np.abs(products - other)) <= tolerance * scale for other in known]
         if any(near):
@@ -94,14 +80,6 @@ def distinct(
             known.append(products)
             groups.append([position])
     return groups
-
-
-def _common_symmetry(jacobians: Sequence[npt.ArrayLike]) -> Symmetry:
-    found = {symmetry_of(jacobian) for jacobian in jacobians}
-    for symmetry in (Symmetry.FRAME, Symmetry.REVOLUTE):
-        if symmetry in found:
-            return symmetry
-    return Symmetry.UNIT_REVOLUTE
 
 
 def _checked(jacobian: npt.ArrayLike, symmetry: Symmetry | None) -> tuple[FloatArray, Symmetry]:
@@ -122,11 +100,6 @@ def _arranged(matrix: FloatArray, symmetry: Symmetry) -> FloatArray:
         return arranged
     z = (arranged[:3] + 1j * arranged[3:]) * np.exp(1j * order.phase)
     return np.asarray(np.vstack([z.real, z.imag]))
-
-
-def _products(matrix: FloatArray, symmetry: Symmetry) -> FloatArray:
-    kernels = inner_products(matrix, symmetry)
-    return np.concatenate([kernels.real, kernels.imag])
 
 
 def _in_canonical_frame(matrix: FloatArray, symmetry: Symmetry) -> FloatArray:
@@ -153,3 +126,69 @@ def _frame(vectors: FloatArray) -> FloatArray:
         basis = np.array(chosen).reshape(len(chosen), size)
         chosen += list(np.linalg.svd(basis)[2][len(chosen) :])
     return np.array(chosen).T
+
+
+@dataclass(frozen=True, eq=False)
+class Order:
+    """A partial order of the joints: who comes next, with which sign, in which phase."""
+
+    joints: tuple[int, ...]
+    signs: tuple[float, ...]
+    mirrored: bool
+    phase: float | None
+
+
+def canonical_order(matrix: FloatArray, symmetry: Symmetry) -> Order:
+    """Order the joints so that their inner products, read in turn, are largest."""
+    mirrors = (False,) if symmetry is Symmetry.FRAME else (False, True)
+    kernels = {
+        m: inner_products(mirror_image(matrix) if m else matrix, symmetry) for m in mirrors
+    }
+    scale = float(np.sum(matrix**2)) / matrix.shape[1] or 1.0
+    phased = symmetry is Symmetry.UNIT_REVOLUTE
+    tied = [Order((), (), mirrored, None) for mirrored in mirrors]
+    for _ in range(matrix.shape[1]):
+        candidates = [
+            found
+            for order in tied
+            for found in _extended(order, kernels[order.mirrored], phased, scale)
+        ]
+        tied = _largest(candidates, TIE * scale)[:_WIDTH]
+    return tied[0]
+
+
+def _extended(
+    order: Order, kernels: npt.NDArray[np.complex128], phased: bool, scale: float
+) -> Iterator[tuple[list[float], Order]]:
+    """All ways to name one more joint, each with the numbers it is judged by."""
+    for joint in range(kernels.shape[1]):
+        if joint in order.joints:
+            continue
+        joints = (*order.joints, joint)
+        for sign in (1.0, -1.0) if order.joints else (1.0,):
+            signs = (*order.signs, sign)
+            row = np.array(signs) * sign * kernels[:, joints, joint]
+            phase = order.phase
+            if phased:
+                phase = _phase(phase, row[-1], scale)
+                # Without a phase yet these are too small to tell one; they say nothing.
+                row[-1] *= 0.0 if phase is None else np.exp(2j * phase)
+            numbers = np.concatenate([row.real, row.imag]).T.ravel().tolist()
+            yield numbers, replace(order, joints=joints, signs=signs, phase=phase)
+
+
+def _phase(known: float | None, row: npt.NDArray[np.complex128], scale: float) -> float | None:
+    """Return the phase that makes the first inner product z_iᵀz_j that is not 0 positive."""
+    if known is not None:
+        return known
+    large = row[np.abs(row) > 1e-2 * scale]
+    return float(-np.angle(large[0]) / 2) if large.size else None
+
+
+def _largest(candidates: list[tuple[list[float], Order]], tie: float) -> list[Order]:
+    numbers = np.array([row for row, _ in candidates])
+    left = np.arange(len(candidates))
+    for k in range(numbers.shape[1]):
+        column = numbers[left, k]
+        left = left[column >= column.max() - tie]
+    return [candidates[k][1] for k in left]

@@ -18,7 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from formulations.joints.joint import NotInModelError, check_length
-from formulations.measures.jacobian import as_jacobian
+from formulations.measures import as_jacobian
 from formulations.realise.manipulator import Manipulator, Task
 from nlp.arrays import FloatArray, as_floats, finite_vector
 from nlp.errors import InputError

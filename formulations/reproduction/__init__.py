@@ -9,6 +9,7 @@ own.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from itertools import chain
 
 from formulations.reproduction import (
     canonical,
@@ -41,19 +42,18 @@ def iterate(seed: int = 0, starts: int = 100) -> Iterator[Row]:
     InputError
         If a number is out of range; at once, before any row.
     """
-    return _rows(whole_number("seed", seed, 0), whole_number("starts", starts, 1))
+    seed, starts = whole_number("seed", seed, 0), whole_number("starts", starts, 1)
+    return chain(
+        definition.rows(seed),
+        planar.rows(seed),
+        canonical.rows(seed),
+        rotational.rows(seed),
+        seven_joints.rows(seed, starts),
+        seven_joints_worst_case.rows(seed),
+        eight_joints.rows(seed, min(starts, 50)),
+    )
 
 
 def has_mismatch(rows: Iterable[Row]) -> bool:
     """Whether any row differs from the paper without an explanation."""
     return any(row.verdict is Verdict.MISMATCH for row in rows)
-
-
-def _rows(seed: int, starts: int) -> Iterator[Row]:
-    yield from definition.rows(seed)
-    yield from planar.rows(seed)
-    yield from canonical.rows(seed)
-    yield from rotational.rows(seed)
-    yield from seven_joints.rows(seed, starts)
-    yield from seven_joints_worst_case.rows(seed)
-    yield from eight_joints.rows(seed, min(starts, 50))

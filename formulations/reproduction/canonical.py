@@ -24,12 +24,14 @@ from formulations.reproduction.row import (
     ROUNDING,
     Row,
     Verdict,
+    claim,
     compared,
     farthest,
     holds,
     shown,
     shown_error,
     shown_range,
+    within,
 )
 from formulations.reproduction.searches import search
 from nlp.arrays import FloatArray
@@ -49,7 +51,7 @@ def rows(seed: int = 0) -> Iterator[Row]:
 def positional_rows(matrix: FloatArray = reference.POSITIONAL_4R) -> Iterator[Row]:
     """Rows of eqs. (18) and (19); `matrix` is Vᵀ, shape (4, 4)."""
     error = float(np.max(np.abs(matrix @ matrix.T - np.eye(4))))
-    yield Row("(18)", "VᵀV = I", "orthogonal", shown_error(error), holds(error <= ROUNDING))
+    yield within("(18)", "VᵀV = I", "orthogonal", error)
     jacobian = matrix[:3]
     unit = jacobian / np.linalg.norm(jacobian, axis=0)
     cosines = (unit.T @ unit)[np.triu_indices(4, 1)]
@@ -98,12 +100,12 @@ def _simplex_row(jacobian: FloatArray) -> Row:
         measures.worst_case_sigma(reference.simplex_jacobian(k)) / np.sqrt(1 / (k + 1))
         for k in range(1, 13)
     ]
-    return Row(
+    return claim(
         "(20)",
         "the same pattern for m = 1, …, 12, n = m + 1: worst case over √((n−m)/n)",
         "a task space of any dimension",
         farthest(1)(shares),
-        holds(error <= ROUNDING and max(abs(s - 1) for s in shares) <= ROUNDING),
+        error <= ROUNDING and max(abs(s - 1) for s in shares) <= ROUNDING,
         f"regular simplex; for m = {m}, n = {n} the print {shown_error(error)}",
     )
 
@@ -113,26 +115,21 @@ def _screw_row(jacobian: FloatArray) -> Row:
     pitch = np.abs(np.sum(velocity * axis, axis=0))
     turning = np.linalg.norm(axis, axis=0)
     revolute = (turning > ROUNDING) & (pitch <= ROUNDING)
-    screws = int(np.sum(pitch > ROUNDING))
-    sliding = int(np.sum(turning <= ROUNDING))
-    return Row(
-        "after (20)",
-        "columns of (20) that a revolute joint can contribute",
-        "none: arbitrary screws",
-        str(int(np.sum(revolute))),
-        holds(not np.any(revolute)),
-        f"{screws} columns are screws with v·ω ≠ 0, {sliding} have ω = 0",
-    )
+    screws, sliding = np.sum(pitch > ROUNDING), np.sum(turning <= ROUNDING)
+    quantity = "columns of (20) that a revolute joint can contribute"
+    paper, ours = "none: arbitrary screws", np.sum(revolute)
+    note = f"{screws} columns are screws with v·ω ≠ 0, {sliding} have ω = 0"
+    return claim("after (20)", quantity, paper, ours, not np.any(revolute), note)
 
 
 def _premultiplied_row(jacobian: FloatArray, seed: int) -> Row:
     rng = np.random.default_rng(seed)
     before = measures.locked_singular_values(jacobian)
-    turns = [np.linalg.qr(rng.standard_normal((6, 6)))[0] for _ in range(100)]
+    turns = np.linalg.qr(rng.standard_normal((100, 6, 6)))[0]
     after = [measures.locked_singular_values(turn @ jacobian) for turn in turns]
     change = float(np.max(np.abs(np.array(after) - before)))
-    quantity, verdict = "change of fσ_6 under UJ, U orthogonal", holds(change <= ROUNDING)
-    return Row("after (20)", quantity, "none", shown_error(change), verdict, "100 random U")
+    quantity = "change of fσ_6 under UJ, U orthogonal"
+    return within("after (20)", quantity, "none", change, "100 random U")
 
 
 def rotation(jacobian: FloatArray = reference.CANONICAL_6X7) -> Problem:

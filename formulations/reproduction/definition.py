@@ -11,11 +11,12 @@ from formulations.reproduction import reference
 from formulations.reproduction.row import (
     ROUNDING,
     Row,
+    claim,
     compared,
     farthest,
-    holds,
     shown,
     shown_error,
+    within,
 )
 from nlp.arrays import FloatArray
 
@@ -47,51 +48,30 @@ def rows(seed: int = 0) -> Iterator[Row]:
 def _bound_row(which: str, matrices: list[FloatArray], note: str) -> Row:
     largest = max(_share_of_bound(matrix) for matrix in matrices)
     quantity = f"largest worst case over its bound, {which}"
-    verdict = holds(largest <= 1 + ROUNDING)
-    return Row("(6)", quantity, "at most 1", shown(largest), verdict, note)
+    return claim("(6)", quantity, "at most 1", shown(largest), largest <= 1 + ROUNDING, note)
 
 
 def _equal_norms_row(matrices: list[FloatArray]) -> Row:
-    errors = [
-        measures.locked_singular_values(matrix) ** 2
-        - np.maximum(1 - np.sum(matrix**2, axis=0), 0)
-        for matrix in matrices
-    ]
-    error = float(np.max(np.abs(np.concatenate(errors))))
-    return Row(
-        "Sec. 2",
-        "equality in (6) for all f is the same as columns of equal norm",
-        "equivalent",
-        f"fσ_m² = σ² − ‖j_f‖² {shown_error(error)}",
-        holds(error <= ROUNDING),
-        "random isotropic J with σ = 1; the squares ‖j_f‖² add up to mσ²",
-    )
+    squares = np.concatenate([measures.locked_singular_values(j) ** 2 for j in matrices])
+    left = np.concatenate([np.maximum(1 - np.sum(j**2, axis=0), 0) for j in matrices])
+    error = float(np.max(np.abs(squares - left)))
+    quantity = "equality in (6) for all f is the same as columns of equal norm"
+    ours = f"fσ_m² = σ² − ‖j_f‖² {shown_error(error)}"
+    note = "random isotropic J with σ = 1; the squares ‖j_f‖² add up to mσ²"
+    return claim("Sec. 2", quantity, "equivalent", ours, error <= ROUNDING, note)
 
 
 def _contribution_rows(matrices: list[FloatArray]) -> Iterator[Row]:
     """R_i and N_i from the two parts of V, without the functions of `measures`."""
-    squares = [np.linalg.svd(matrix)[2] ** 2 for matrix in matrices]
-    tops = [np.sum(s[: len(j)], axis=0) for s, j in zip(squares, matrices, strict=True)]
-    bottoms = [np.sum(s[len(j) :], axis=0) for s, j in zip(squares, matrices, strict=True)]
-    known = [measures.range_contributions(matrix) for matrix in matrices]
-    error = float(np.max(np.abs(np.concatenate(tops) - np.concatenate(known))))
-    yield Row(
-        "(7)–(9)",
-        "R_i from the upper m rows of Vᵀ",
-        "‖j_i‖² of the orthonormal rows",
-        shown_error(error),
-        holds(error <= ROUNDING),
-        "Vᵀ partitioned after row m, against the measure computed from J",
-    )
-    yield compared(
-        "(10)–(11)",
-        "R_i + N_i",
-        "1",
-        1,
-        np.concatenate(tops) + np.concatenate(bottoms),
-        "R_i from the upper, N_i from the lower rows of Vᵀ, the one farthest from 1",
-        show=farthest(1),
-    )
+    squares = [np.split(np.linalg.svd(j)[2] ** 2, [len(j)]) for j in matrices]
+    tops = np.concatenate([np.sum(top, axis=0) for top, _ in squares])
+    bottoms = np.concatenate([np.sum(bottom, axis=0) for _, bottom in squares])
+    known = np.concatenate([measures.range_contributions(j) for j in matrices])
+    quantity, paper = "R_i from the upper m rows of Vᵀ", "‖j_i‖² of the orthonormal rows"
+    note = "Vᵀ partitioned after row m, against the measure computed from J"
+    yield within("(7)–(9)", quantity, paper, float(np.max(np.abs(tops - known))), note)
+    note = "R_i from the upper, N_i from the lower rows of Vᵀ, the one farthest from 1"
+    yield compared("(10)–(11)", "R_i + N_i", "1", 1, tops + bottoms, note, show=farthest(1))
 
 
 def _share_of_bound(matrix: FloatArray) -> float:

@@ -19,15 +19,7 @@ from formulations.reproduction.printed import (
     product_slack,
     singular_value_slack,
 )
-from formulations.reproduction.row import (
-    Row,
-    Verdict,
-    compared,
-    farthest,
-    holds,
-    shown,
-    shown_range,
-)
+from formulations.reproduction.row import Row, claim, compared, farthest, shown, shown_range
 from formulations.reproduction.searches import search
 from formulations.reproduction.solution_family import (
     fills_tangent_space,
@@ -45,6 +37,7 @@ _TOLERANCE = 1e-9
 # A minimum of the sum of squares that is this close has converged to a solution.
 _CONVERGED = 1e-6
 _DISTINCT = 1e-3
+_FAMILIES = "entire families"
 
 
 def rows(
@@ -85,9 +78,9 @@ def _printed_rows(printed: FloatArray) -> Iterator[Row]:
     slack = product_slack(printed)
     quantity = "singular values of the printed matrix"
     paper = f"√(8/3) = {shown(reference.SIGMA_8R)}"
-    ours, verdict = shown_range(measures.singular_values(printed)), holds(deviation <= slack)
+    ours = shown_range(measures.singular_values(printed))
     note = f"largest entry of JJᵀ − (8/3)I {deviation:.1e}; rounded entries allow {slack:.1e}"
-    yield Row("(47)", quantity, paper, ours, verdict, note)
+    yield claim("(47)", quantity, paper, ours, deviation <= slack, note)
     sigmas, expected = measures.locked_singular_values(printed), reference.WORST_CASE_8R
     slack = singular_value_slack(printed)
     quantity, paper = "fσ_6 of the printed matrix", f"√(2/3) = {shown(expected)}"
@@ -100,9 +93,9 @@ def _exact_row(printed: FloatArray) -> Row:
     quantity = "distance of the printed matrix to an exactly isotropic one, any entry"
     paper = "isotropic as designed"
     try:
-        angles = solve_near(ARM, ARM.variables(nearest_unit_revolute(printed)))
+        angles = _exact(printed)
     except InputError as reason:
-        return Row("(47)", quantity, paper, "none", Verdict.MISMATCH, str(reason))
+        return claim("(47)", quantity, paper, "none", False, str(reason))
     exact = ARM.jacobian(angles)
     moved = float(np.max(np.abs(aligned(exact, printed) - printed)))
     tolerant = measures.is_optimally_failure_tolerant(exact, _TOLERANCE)
@@ -112,42 +105,35 @@ def _exact_row(printed: FloatArray) -> Row:
         f"the equations are flat here (slope {slope:.2f} at least), so that what rounding "
         f"leaves in JJᵀ allows {slack:.1e}"
     )
-    ours = f"at most {moved:.1e}"
-    return Row("(47)", quantity, paper, ours, holds(tolerant and moved <= slack), note)
+    ours, true = f"at most {moved:.1e}", tolerant and moved <= slack
+    return claim("(47)", quantity, paper, ours, true, note)
+
+
+def _exact(printed: FloatArray) -> FloatArray:
+    """Angles of the solution next to a printed one; InputError if there is none."""
+    return solve_near(ARM, ARM.variables(nearest_unit_revolute(printed)))
 
 
 def _value_rows(matrices: list[FloatArray]) -> Iterator[Row]:
     note = f"own solutions, polished; the value farthest from the paper's, to {_TOLERANCE:.0e}"
-    for equation, quantity, form, expected, measure in (
-        ("(48)", "singular values", "√(8/3)", reference.SIGMA_8R, measures.singular_values),
-        (
-            "(49)",
-            "fσ_6 for f = 1, …, 8",
-            "√(2/3)",
-            reference.WORST_CASE_8R,
-            measures.locked_singular_values,
-        ),
-    ):
-        paper, show = f"{form} = {shown(expected)}", farthest(expected)
-        values = np.concatenate([measure(matrix) for matrix in matrices])
-        yield compared(equation, quantity, paper, expected, values, note, _TOLERANCE, show)
+    expected, paper = reference.SIGMA_8R, f"√(8/3) = {shown(reference.SIGMA_8R)}"
+    values, show = [measures.singular_values(j) for j in matrices], farthest(expected)
+    quantity = "singular values"
+    yield compared("(48)", quantity, paper, expected, values, note, _TOLERANCE, show)
+    expected, paper = reference.WORST_CASE_8R, f"√(2/3) = {shown(reference.WORST_CASE_8R)}"
+    values, show = [measures.locked_singular_values(j) for j in matrices], farthest(expected)
+    quantity = "fσ_6 for f = 1, …, 8"
+    yield compared("(49)", quantity, paper, expected, values, note, _TOLERANCE, show)
 
 
 def _convergence_row(joints: int, found: list[Solution], equation: str, paper: str) -> Row:
-    tolerant = [
-        measures.is_optimally_failure_tolerant(solution.outputs["jacobian"], _CONVERGED)
-        for solution in found
-    ]
-    iterations = [solution.status.iterations for solution in found]
-    return Row(
-        equation,
-        f"{joints}R: random starts that end at an optimally failure-tolerant J",
-        paper,
-        f"{sum(tolerant)} of {len(found)}",
-        holds(2 * sum(tolerant) > len(found)),
-        f"to {_CONVERGED:.0e}, agrees if most do; {int(np.median(iterations))} iterations in "
-        "the median",
-    )
+    matrices = [solution.outputs["jacobian"] for solution in found]
+    tolerant = sum(measures.is_optimally_failure_tolerant(j, _CONVERGED) for j in matrices)
+    median = int(np.median([solution.status.iterations for solution in found]))
+    quantity = f"{joints}R: random starts that end at an optimally failure-tolerant J"
+    note = f"to {_CONVERGED:.0e}, agrees if most do; {median} iterations in the median"
+    ours, most = f"{tolerant} of {len(found)}", 2 * tolerant > len(found)
+    return claim(equation, quantity, paper, ours, most, note)
 
 
 def family_rows(
@@ -165,54 +151,50 @@ def family_rows(
         How many further optima are found along the curve.
     """
     try:
-        start = solve_near(ARM, ARM.variables(nearest_unit_revolute(printed)))
+        start = _exact(printed)
     except InputError as reason:
-        quantity, paper = "solutions near the printed one", "entire families"
-        yield Row("after (46)", quantity, paper, "none", Verdict.MISMATCH, str(reason))
+        quantity = "solutions near the printed one"
+        yield claim("after (46)", quantity, _FAMILIES, "none", False, str(reason))
         return
     size = local_dimension(ARM, start)
     filled = fills_tangent_space(ARM, start)
-    yield Row(
+    yield claim(
         "after (46)",
         "dimension of the family of 8R optima around (47)",
-        "entire families",
+        _FAMILIES,
         f"{size.family} = {size.angles} angles − {size.symmetries} symmetries − "
         f"{size.equations} equations",
-        holds(size.family >= 1 and filled),
+        size.family >= 1 and filled,
         "ranks at the exact solution next to (47); solutions of the same rank were found in "
         f"{'every' if filled else 'not every'} tangent direction. Of 18 equations only "
         f"{size.equations} are independent here",
     )
     yield _curve_row(start, steps)
     sizes = Counter(local_dimension(ARM, point).family for point in optima)
-    yield Row(
-        "after (46)",
-        f"dimensions of the families around {len(optima)} own 8R optima",
-        "entire families",
-        ", ".join(f"{dimension} for {count}" for dimension, count in sorted(sizes.items())),
-        holds(min(sizes) >= 1),
+    quantity = f"dimensions of the families around {len(optima)} own 8R optima"
+    ours = ", ".join(f"{dimension} for {count}" for dimension, count in sorted(sizes.items()))
+    note = (
         "by rank; 18 independent equations leave two dimensions, a third where their "
-        "derivatives are dependent",
+        "derivatives are dependent"
     )
+    yield claim("after (46)", quantity, _FAMILIES, ours, min(sizes) >= 1, note)
 
 
 def _curve_row(start: FloatArray, steps: int) -> Row:
     try:
         points = trace_family(ARM, start, steps)
     except InputError as reason:
-        return Row("after (46)", "a curve", "exists", "none", Verdict.MISMATCH, str(reason))
+        return claim("after (46)", "a curve", "exists", "none", False, str(reason))
     matrices = [ARM.jacobian(point) for point in points]
     classes = len(distinct(matrices, tolerance=_DISTINCT))
-    tolerant = all(
-        measures.is_optimally_failure_tolerant(matrix, _TOLERANCE) for matrix in matrices
-    )
+    tolerant = all(measures.is_optimally_failure_tolerant(j, _TOLERANCE) for j in matrices)
     sigmas = [measures.worst_case_sigma(matrix) for matrix in matrices]
-    return Row(
+    return claim(
         "after (46)",
         f"distinct Jacobians among {len(matrices)} along a curve of 8R optima from (47)",
-        "entire families",
-        str(classes),
-        holds(tolerant and classes == len(matrices)),
+        _FAMILIES,
+        classes,
+        tolerant and classes == len(matrices),
         f"each optimally failure tolerant to {_TOLERANCE:.0e}; fσ_6 farthest from √(2/3): "
         f"{farthest(reference.WORST_CASE_8R)(sigmas)}; inner products of any two differ by "
         f"more than {_DISTINCT:.0e}",

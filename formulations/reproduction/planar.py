@@ -17,12 +17,13 @@ from formulations.reproduction.row import (
     ROUNDING,
     SOLVER,
     Row,
+    claim,
     compared,
     equal,
     farthest,
     holds,
     shown,
-    shown_error,
+    within,
 )
 from formulations.reproduction.searches import optima, search
 from nlp.arrays import FloatArray
@@ -101,7 +102,7 @@ def _configuration_row(jacobian: FloatArray) -> Row:
 def _cosines(jacobian: FloatArray) -> list[float]:
     cosines = []
     for f in range(jacobian.shape[1]):
-        weakest = np.linalg.svd(np.delete(jacobian, f, axis=1))[0][:, -1]
+        weakest = measures.weakest_direction(np.delete(jacobian, f, axis=1))
         cosines.append(float(abs(weakest @ jacobian[:, f]) / np.linalg.norm(jacobian[:, f])))
     return cosines
 
@@ -111,8 +112,8 @@ def _worst_row() -> Row:
     isotropic = np.ptp(measures.singular_values(IDLE_JOINT)) <= ROUNDING
     idle = max(abs(s - reference.PLANAR_3R_WORST) for s in others) <= ROUNDING
     note = f"exhibit J = [0 1 0; 0 0 1], isotropic, joint 1 idle; 1σ_2 = {shown(first)}"
-    verdict = holds(bool(isotropic and idle))
-    return Row("Fig. 2", "worst index: 2σ_2 and 3σ_2", "0", shown(others), verdict, note)
+    quantity, true = "worst index: 2σ_2 and 3σ_2", bool(isotropic and idle)
+    return claim("Fig. 2", quantity, "0", shown(others), true, note)
 
 
 def _best(joints: int, locked: int, seed: int, starts: int) -> list[FloatArray]:
@@ -130,24 +131,18 @@ def four_joint_rows(
     members = [whole[:2] for whole in wholes]
     error = float(max(np.max(np.abs(v.T @ v - np.eye(4))) for v in wholes))
     quantity, note = "VᵀV = I for every α", f"{len(_GRID)} values of α"
-    verdict = holds(error <= ROUNDING)
-    yield Row("(16)", quantity, "orthogonal", shown_error(error), verdict, note)
+    yield within("(16)", quantity, "orthogonal", error, note)
     classes = len(distinct(members[:45], tolerance=1e-3))
     quantity = "distinct Jacobians among 45 values of α"
     note = (
         "modulo frame, order and signs; α over one eighth of a turn, beyond which they repeat"
     )
-    yield Row("(16)", quantity, "a family", str(classes), holds(classes == 45), note)
+    yield claim("(16)", quantity, "a family", classes, classes == 45, note)
     sigma = reference.PLANAR_4R_SIGMA
-    yield compared(
-        "(17)",
-        "fσ_2 for all f and α",
-        f"√(1/2) = {shown(sigma)}",
-        sigma,
-        np.concatenate([measures.locked_singular_values(matrix) for matrix in members]),
-        "the value farthest from the paper's",
-        show=farthest(sigma),
-    )
+    sigmas = np.concatenate([measures.locked_singular_values(matrix) for matrix in members])
+    quantity, paper = "fσ_2 for all f and α", f"√(1/2) = {shown(sigma)}"
+    note = "the value farthest from the paper's"
+    yield compared("(17)", quantity, paper, sigma, sigmas, note, show=farthest(sigma))
     yield from _double_failure_rows(seed, starts, family)
 
 
@@ -161,7 +156,6 @@ def _double_failure_rows(seed: int, starts: int, family: Family) -> Iterator[Row
     note = "search over α in [0, 2π) for the best worst case of two failures, in units of π/4"
     ours = f"{shown(found / (np.pi / 4))}, times π/4"
     yield Row("after (17)", "α optimal for double failures", _ODD, ours, verdict, note)
-
     at_best, at_zero = worst(float(expected[0])), worst(0.0)
     answers = _best(4, 2, seed, starts)
     attained = max(measures.worst_case_sigma(matrix, 2) for matrix in answers)
@@ -177,12 +171,13 @@ def _double_failure_rows(seed: int, starts: int, family: Family) -> Iterator[Row
     quantity = "optimum for two failures, found over all planar 4R by max-min"
     ours = f"(16) at α = π/4 from {len(best)} of {starts} starts" if same else "another J"
     note = "canonical forms agree modulo frame, order and signs"
-    yield Row("after (17)", quantity, _ODD, ours, holds(same), note)
+    yield claim("after (17)", quantity, _ODD, ours, same, note)
     quantity = "worst case of two failures at α = 0"
-    verdict = holds(abs(at_zero) <= ROUNDING < at_best)
-    ours = shown(max(at_zero, 0.0) if at_zero > ROUNDING else 0.0)
+    ours = shown(at_zero if at_zero > ROUNDING else 0.0)
     note = "single failures do not tell α = 0 from the optimum, double failures do"
-    yield Row("after (17)", quantity, "not optimal", ours, verdict, note)
+    yield claim(
+        "after (17)", quantity, "not optimal", ours, at_zero <= ROUNDING < at_best, note
+    )
 
 
 def best_parameters(objective: Callable[[float], float]) -> FloatArray:

@@ -18,14 +18,14 @@ from formulations.joints.kinds import UnitRevolute
 from formulations.reproduction import reference
 from formulations.reproduction.printed import column_error
 from formulations.reproduction.row import (
-    ROUNDING,
     Row,
     Verdict,
+    claim,
     compared,
-    holds,
     misprint,
     shown,
     shown_error,
+    within,
 )
 from formulations.reproduction.solution_family import symmetry_directions
 from nlp.arrays import FloatArray
@@ -41,11 +41,14 @@ def rows(seed: int = 0) -> Iterator[Row]:
     rng = np.random.default_rng(seed)
     arm = Arm.of(UnitRevolute(), 7)
     point = arm.sample(rng)
-    yield _column_row(arm, rng)
+    error = column_error(np.hstack([arm.jacobian(arm.sample(rng)) for _ in range(20)]))
+    quantity, paper = "v·ω = 0 and |v| = |ω|", "by construction, both of norm 1"
+    note = "140 random columns; '−1/ω' in the scan is the dashed line of the partition"
+    yield within("(21)", quantity, paper, error, note)
     yield _missing_zero_row(rng)
     yield _row_names_row(arm.jacobian(point))
     joints = (7, 8, 12)
-    norms = [np.sqrt((Arm.of(UnitRevolute(), n).fixed_trace or np.nan) / 6) for n in joints]
+    norms = [np.sqrt(Arm.of(UnitRevolute(), n).largest_trace / 6) for n in joints]
     expected = [np.sqrt(n / 3) for n in joints]
     quantity, paper = "row norm of an isotropic J, n = 7, 8, 12", f"√(n/3) = {shown(expected)}"
     note = "from tr JJᵀ = 2n shared by six rows"
@@ -53,18 +56,6 @@ def rows(seed: int = 0) -> Iterator[Row]:
     yield from _count_rows(arm)
     yield _dependent_angles_row(arm, point)
     yield from appendix_rows(seed)
-
-
-def _column_row(arm: Arm, rng: np.random.Generator) -> Row:
-    error = column_error(np.hstack([arm.jacobian(arm.sample(rng)) for _ in range(20)]))
-    return Row(
-        "(21)",
-        "v·ω = 0 and |v| = |ω|",
-        "by construction, both of norm 1",
-        shown_error(error),
-        holds(error <= ROUNDING),
-        "140 random columns; '−1/ω' in the scan is the dashed line of the partition",
-    )
 
 
 def second_vector_errors(rng: np.random.Generator) -> FloatArray:
@@ -77,12 +68,9 @@ def second_vector_errors(rng: np.random.Generator) -> FloatArray:
     sin_a, cos_a, sin_b, cos_b = np.sin(alpha), np.cos(alpha), np.sin(beta), np.cos(beta)
     first = np.array([cos_a * sin_b, sin_a * sin_b, -cos_b])
     axis = np.array([cos_a * cos_b, sin_a * cos_b, sin_b])
-    errors = []
-    for place in range(3):
-        second = np.insert(np.array([sin_a, -cos_a]), place, 0.0, axis=0)
-        products = [np.sum(second * other, axis=0) for other in (first, axis)]
-        errors.append(float(np.max(np.sum(np.abs(products), axis=0))))
-    return np.array(errors)
+    seconds = [np.insert(np.array([sin_a, -cos_a]), k, 0.0, axis=0) for k in range(3)]
+    products = [[np.sum(second * one, axis=0) for one in (first, axis)] for second in seconds]
+    return np.asarray(np.max(np.sum(np.abs(products), axis=1), axis=1))
 
 
 def _missing_zero_row(rng: np.random.Generator) -> Row:
@@ -104,34 +92,29 @@ def _row_names_row(jacobian: FloatArray) -> Row:
     # By eq. (21) all |ω_i| = 1: the squares of the last three rows add up to n.
     wrong, right = (abs(float(np.sum(j[3:] ** 2)) - n) for j in (as_printed, jacobian))
     rank = int(np.sum(measures.singular_values(as_printed) > 1e-9))
-    return Row(
-        "(22)",
-        "last row of J",
-        "ω_yᵀ, as the row above it",
-        "ω_zᵀ",
-        misprint(wrong, right),
-        f"with ω_yᵀ twice Σ|ω_i|² = n fails, and J of rank {rank} is never isotropic",
-    )
+    paper, verdict = "ω_yᵀ, as the row above it", misprint(wrong, right)
+    note = f"with ω_yᵀ twice Σ|ω_i|² = n fails, and J of rank {rank} is never isotropic"
+    return Row("(22)", "last row of J", paper, "ω_zᵀ", verdict, note)
 
 
 def _count_rows(arm: Arm) -> Iterator[Row]:
     variables = arm.symbols()
     values = sampled(arm, variables, residuals(arm, variables))
     norms, products = (_function_rank(part) for part in (values[:, :6], values[:, 6:]))
-    expected = reference.INDEPENDENT_NORM_EQUATIONS
+    expected, others = (
+        reference.INDEPENDENT_NORM_EQUATIONS,
+        reference.INDEPENDENT_ORTHOGONALITY_EQUATIONS,
+    )
+    quantity = "independent of the 6 norm equations"
     note = "rank of the equations as functions of the angles"
-    quantity, verdict = "independent of the 6 norm equations", holds(norms == expected)
-    yield Row("(23)–(28)", quantity, str(expected), str(norms), verdict, note)
-    expected = reference.INDEPENDENT_ORTHOGONALITY_EQUATIONS
-    quantity, verdict = "independent of the 15 others", holds(products == expected)
-    note = "f_9 + f_14 + f_18 = Σ v·ω = 0 always"
-    yield Row("(29)–(43)", quantity, str(expected), str(products), verdict, note)
-    expected += reference.INDEPENDENT_NORM_EQUATIONS
-    together = len(independent_rows(arm))
-    verdict = holds(together == expected == _function_rank(values))
-    quantity = "independent equations in all"
+    yield claim("(23)–(28)", quantity, str(expected), norms, norms == expected, note)
+    quantity, note = "independent of the 15 others", "f_9 + f_14 + f_18 = Σ v·ω = 0 always"
+    yield claim("(29)–(43)", quantity, str(others), products, products == others, note)
+    together, true = len(independent_rows(arm)), expected + others == _function_rank(values)
     note = "4 + 14; modulo the frame and phase 17 angles are left to meet them"
-    yield Row("(23)–(43)", quantity, str(expected), str(together), verdict, note)
+    true = true and together == expected + others
+    quantity = "independent equations in all"
+    yield claim("(23)–(43)", quantity, str(expected + others), together, true, note)
 
 
 def _function_rank(values: FloatArray) -> int:
@@ -150,15 +133,11 @@ def _dependent_angles_row(arm: Arm, point: FloatArray) -> Row:
         measures.singular_values(arm.jacobian(point + step * direction)) - before
         for direction in directions
     ]
-    still = float(np.max(np.abs(moved))) <= 1e3 * step**2
-    return Row(
-        "after (43)",
-        "directions of the 21 angles that change no singular value",
-        "angles not independent",
-        f"{gauge}, so 21 − {gauge} = {21 - gauge} angles matter",
-        holds(gauge > 0 and still),
-        "rotations of the frame and the common phase",
-    )
+    true = gauge > 0 and float(np.max(np.abs(moved))) <= 1e3 * step**2
+    quantity = "directions of the 21 angles that change no singular value"
+    ours = f"{gauge}, so 21 − {gauge} = {21 - gauge} angles matter"
+    note = "rotations of the frame and the common phase"
+    return claim("after (43)", quantity, "angles not independent", ours, true, note)
 
 
 def appendix_rows(
@@ -181,30 +160,24 @@ def appendix_rows(
 
 def _closed_form_row(k: int, print_error: float, corrected_error: float) -> Row:
     i, j = pairs(6)[k]
-    product = f"{ROW_NAMES[i]}ᵀ{ROW_NAMES[j]}"
-    entry = product if i != j else f"{product} − n/3"
+    entry = f"{ROW_NAMES[i]}ᵀ{ROW_NAMES[j]}" + (" − n/3" if i == j else "")
     verdict = misprint(print_error, corrected_error)
     note = "printed with the opposite sign; 7/3 stands for n/3" if i == j else ""
     equation, quantity = f"({23 + k})", f"f_{k + 1} = {entry}, closed form"
+    paper, ours = "as printed in the Appendix", f"equal {shown_error(print_error)}"
     if k + 1 == appendix.MISPRINTED and verdict is not Verdict.AGREES:
-        return Row(
-            equation,
-            quantity,
-            "Σ −sinβ cosβ cosγ",
-            "Σ −sinα cos²β cosγ",
-            verdict,
+        paper, ours = "Σ −sinβ cosβ cosγ", "Σ −sinα cos²β cosγ"
+        note = (
             f"the print repeats f_18 and is off by up to {print_error:.2g}; ours equals J's "
-            f"entry {shown_error(corrected_error)}",
+            f"entry {shown_error(corrected_error)}"
         )
-    ours = f"equal {shown_error(print_error)}"
-    return Row(equation, quantity, "as printed in the Appendix", ours, verdict, note)
+    return Row(equation, quantity, paper, ours, verdict, note)
 
 
 def _equations(jacobian: FloatArray) -> FloatArray:
     """Left-hand sides of eqs. (23)–(43) from J alone, shape (21,)."""
-    n = jacobian.shape[1]
-    deviation = jacobian @ jacobian.T - n / 3 * np.eye(6)
-    return np.array([deviation[i, j] for i, j in pairs(6)])
+    deviation = jacobian @ jacobian.T - jacobian.shape[1] / 3 * np.eye(6)
+    return np.asarray(deviation[tuple(np.transpose(pairs(6)))])
 
 
 def _values(arm: Arm, forms: Forms, points: list[FloatArray]) -> FloatArray:

@@ -112,11 +112,36 @@ def compared(
     )
 
 
+def within(equation: str, quantity: str, paper: str, error: float, note: str = "") -> Row:
+    """Return the row of an exact statement: our error is to be at most `ROUNDING`."""
+    return claim(equation, quantity, paper, shown_error(error), error <= ROUNDING, note)
+
+
+def claim(
+    equation: str, quantity: str, paper: str, ours: object, true: bool, note: str = ""
+) -> Row:
+    """Return the row of a claim that is true or not."""
+    return Row(equation, quantity, paper, str(ours), holds(true), note)
+
+
+def to_last_digit(
+    equation: str,
+    quantity: str,
+    paper: Decimal,
+    exact: float,
+    from_print: float | None = None,
+    note: str = "",
+) -> Row:
+    """Return the row of a number printed with decimals; see `printed_digits`."""
+    verdict = printed_digits(paper, exact, from_print)
+    return Row(equation, quantity, str(paper), shown(exact), verdict, note)
+
+
 def farthest(expected: float) -> Callable[[npt.ArrayLike], str]:
     """Return what shows, of many values, only the one farthest from the expected value."""
 
     def show(values: npt.ArrayLike) -> str:
-        numbers = np.asarray(values, dtype=float)
+        numbers = np.ravel(np.asarray(values, dtype=float))
         return shown(numbers[np.argmax(np.abs(numbers - expected))])
 
     return show

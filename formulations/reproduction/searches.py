@@ -11,9 +11,6 @@ from nlp.multistart import multistart
 from nlp.problem import Problem
 from nlp.solution import Solution
 
-# Largest violation of a constraint at a point that counts as feasible.
-_FEASIBLE = 1e-6
-
 
 def search(
     build: Callable[[], Problem],
@@ -37,9 +34,7 @@ def search(
         If the user interrupted: shares of an unfinished search would be wrong.
     """
     study = multistart(build, sample, starts=starts, rng=seed, options=options)
-    if not study.complete:
-        raise KeyboardInterrupt
-    return [run.solution for run in study.results]
+    return [run.solution for run in study.all_results()]
 
 
 def optima(solutions: list[Solution]) -> list[FloatArray]:
@@ -47,5 +42,5 @@ def optima(solutions: list[Solution]) -> list[FloatArray]:
     return [
         solution.outputs["jacobian"]
         for solution in solutions
-        if solution.status.acceptable and solution.violation <= _FEASIBLE
+        if solution.status.acceptable and solution.feasible
     ]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from decimal import Decimal
 from functools import partial
 
@@ -25,11 +26,12 @@ from formulations.reproduction.printed import (
 from formulations.reproduction.row import (
     Row,
     Verdict,
+    claim,
     compared,
-    holds,
     printed_digits,
     shown,
     shown_error,
+    to_last_digit,
 )
 from formulations.reproduction.searches import optima, search
 from nlp.arrays import FloatArray
@@ -66,12 +68,11 @@ def rows(
     values = np.array([measures.residual_sum_of_squares(matrix) for matrix in found])
     least = float(values.min())
     note = f"{starts} random starts, the Appendix's equations (f_17 corrected)"
-    verdict = printed_digits(minimum, least)
-    yield Row("before (44)", "least fᵀf of a 7R", str(minimum), shown(least), verdict, note)
+    yield to_last_digit("before (44)", "least fᵀf of a 7R", minimum, least, note=note)
     reached = int(np.sum(values <= least + 1e-9))
     quantity, ours = "random starts that end at this value", f"{reached} of {starts}"
     paper = "all of several thousand"
-    yield Row("before (44)", quantity, paper, ours, holds(reached == starts))
+    yield claim("before (44)", quantity, paper, ours, reached == starts)
     yield _columns_row(printed)
     yield _printed_minimum_row(printed, least, minimum)
     yield _same_manipulator_row(printed, found[0])
@@ -85,7 +86,7 @@ def _columns_row(printed: FloatArray) -> Row:
     ours = f"off by at most {error:.1e}"
     note = f"rounded entries allow {slack:.1e}"
     quantity = "columns of rotational joints: |v| = |ω| = 1, v·ω = 0"
-    return Row("(44)", quantity, "by (21)", ours, holds(error <= slack), note)
+    return claim("(44)", quantity, "by (21)", ours, bool(error <= slack), note)
 
 
 def _printed_minimum_row(printed: FloatArray, least: float, minimum: Decimal) -> Row:
@@ -131,16 +132,15 @@ def least_sum_of_squares(jacobian: FloatArray, starts: int = 5, seed: int = 0) -
 
 
 def _same_manipulator_row(printed: FloatArray, ours: FloatArray) -> Row:
-    quantity = "the same manipulator Jacobian as ours, refined from the print"
     exact = refined(printed)
     same = len(distinct([exact, ours], tolerance=1e-5)) == 1
     moved = float(np.max(np.abs(aligned(exact, printed) - printed)))
-    return Row(
+    return claim(
         "(44)",
-        quantity,
+        "the same manipulator Jacobian as ours, refined from the print",
         "a typical Jacobian",
         f"{'the same' if same else 'another'}, entries within {moved:.1e}",
-        holds(same and moved <= _ENTRY),
+        same and moved <= _ENTRY,
         "modulo frame, phase, order and signs; beyond rounding (5e-5) the rest is the "
         f"paper's own convergence, allowed {_ENTRY:.0e}",
     )
@@ -156,27 +156,20 @@ def _singular_value_rows(
     paper = ", ".join(str(value) for value in singular_values)
     yield compared("(44)", "singular values", paper, exact, from_print, note, slack)
     for k, paper_value in enumerate(singular_values):
-        verdict = printed_digits(paper_value, exact[k], from_print[k])
-        note = _rounding_note(verdict, exact[k], from_print[k])
-        yield Row("(45)", f"σ_{k + 1}", str(paper_value), shown(exact[k]), verdict, note)
+        row = to_last_digit("(45)", f"σ_{k + 1}", paper_value, exact[k], from_print[k])
+        if row.verdict is Verdict.ROUNDED:
+            row = replace(row, note=_rounding_note(exact[k], from_print[k]))
+        yield row
     spread = float(np.max(np.ptp(spectra, axis=0)))
     classes = len(distinct(found, tolerance=1e-5))
-    yield Row(
-        "(45)",
-        "the same for all solutions",
-        "common to all",
-        f"spread {shown_error(spread, 1e-6)}; distinct Jacobians: {classes}",
-        holds(spread <= 1e-6),
-        "modulo frame, phase, order and signs",
-    )
-    paper_value, sigma = reference.ISOTROPIC_SIGMA_7R, float(np.sqrt(7 / 3))
-    verdict = printed_digits(paper_value, sigma)
-    yield Row("after (45)", "σ = √(n/3)", str(paper_value), shown(sigma), verdict)
+    quantity, note = "the same for all solutions", "modulo frame, phase, order and signs"
+    ours = f"spread {shown_error(spread, 1e-6)}; distinct Jacobians: {classes}"
+    yield claim("(45)", quantity, "common to all", ours, spread <= 1e-6, note)
+    sigma = float(np.sqrt(7 / 3))
+    yield to_last_digit("after (45)", "σ = √(n/3)", reference.ISOTROPIC_SIGMA_7R, sigma)
 
 
-def _rounding_note(verdict: Verdict, exact: float, from_print: float) -> str:
-    if verdict is not Verdict.ROUNDED:
-        return ""
+def _rounding_note(exact: float, from_print: float) -> str:
     return (
         f"last digit: the exact value rounds to {exact:.4f}, that of (44), {from_print:.6f}, "
         f"to {from_print:.4f}; rounded to {exact:.5f} first and then again it is the print"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from decimal import Decimal
 from functools import partial
 
@@ -11,14 +12,7 @@ import numpy as np
 from formulations import isotropy, max_min, measures
 from formulations.existence.theorem import excludes
 from formulations.reproduction import reference
-from formulations.reproduction.row import (
-    Row,
-    Verdict,
-    holds,
-    improvement,
-    printed_digits,
-    shown,
-)
+from formulations.reproduction.row import Row, Verdict, holds, improvement, shown, to_last_digit
 from formulations.reproduction.searches import optima, search
 from formulations.reproduction.seven_joints import ARM, refined
 from nlp.arrays import FloatArray
@@ -37,25 +31,18 @@ def rows(
 ) -> Iterator[Row]:
     """Rows of eq. (46), of its improvement, and of the search for an optimal 7R."""
     exact = refined(printed)
-    yield _worst_case_row(printed, exact, worst_case)
+    value, from_print = (measures.worst_case_sigma(matrix) for matrix in (exact, printed))
+    quantity = "smallest singular value after the worst failure"
+    note = f"{shown(from_print)} is that of the rounded matrix (44)"
+    yield to_last_digit("(46)", quantity, worst_case, value, from_print, note)
     yield _worst_joint_row(printed, exact)
-    verdict = printed_digits(reference.OPTIMAL_SIGMA_7R, BOUND)
-    paper = str(reference.OPTIMAL_SIGMA_7R)
-    yield Row("after (46)", "optimum √(1/3)", paper, shown(BOUND), verdict)
-    poorer = measures.gap_percent(measures.worst_case_sigma(exact), BOUND)
-    verdict = printed_digits(reference.POORER_PERCENT_7R, poorer)
+    yield to_last_digit("after (46)", "optimum √(1/3)", reference.OPTIMAL_SIGMA_7R, BOUND)
+    poorer, percent = measures.gap_percent(value, BOUND), reference.POORER_PERCENT_7R
     quantity = "percent by which (46) is poorer than the optimum"
-    yield Row("after (46)", quantity, "approximately 10", shown(poorer), verdict)
+    row = to_last_digit("after (46)", quantity, percent, poorer)
+    yield replace(row, paper=f"approximately {percent}")
     yield _improvement_row(exact, seed, starts)
     yield _existence_row(seed, starts)
-
-
-def _worst_case_row(printed: FloatArray, exact: FloatArray, worst_case: Decimal) -> Row:
-    value, from_print = (measures.worst_case_sigma(matrix) for matrix in (exact, printed))
-    verdict = printed_digits(worst_case, value, from_print)
-    note = f"{shown(from_print)} is that of the rounded matrix (44)"
-    quantity = "smallest singular value after the worst failure"
-    return Row("(46)", quantity, str(worst_case), shown(value), verdict, note)
 
 
 def _worst_joint_row(printed: FloatArray, exact: FloatArray) -> Row:

@@ -12,6 +12,7 @@ them, the derivatives of the 18 are dependent and the family has three dimension
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -63,12 +64,8 @@ class LocalDimension:
 
 def local_dimension(arm: Arm, angles: npt.ArrayLike) -> LocalDimension:
     """Return the dimensions around a solution; angles in radians, shape (3n,)."""
-    point = finite_vector("angles", angles, arm.size)
-    _, derivative = _equations(arm, point)
-    ranks = [
-        int(np.linalg.matrix_rank(matrix, tol=_RANK_TOLERANCE))
-        for matrix in (derivative, symmetry_directions(arm, point))
-    ]
+    matrices = (_equations(arm, angles)[1], symmetry_directions(arm, angles))
+    ranks = (int(np.linalg.matrix_rank(one, tol=_RANK_TOLERANCE)) for one in matrices)
     return LocalDimension(arm.size, *ranks)
 
 
@@ -77,8 +74,7 @@ def least_slope(arm: Arm, angles: npt.ArrayLike) -> float:
 
     Angles whose equations are off by r can be r/slope from a solution, to first order.
     """
-    point = finite_vector("angles", angles, arm.size)
-    values = np.linalg.svd(_equations(arm, point)[1], compute_uv=False)
+    values = np.linalg.svd(_equations(arm, angles)[1], compute_uv=False)
     return float(np.min(values[values > _RANK_TOLERANCE]))
 
 
@@ -89,7 +85,7 @@ def fills_tangent_space(arm: Arm, angles: npt.ArrayLike, step: float = 1e-3) -> 
     `step`, in radians, goes both ways along each tangent direction; if solutions fill the
     tangent space, a correction of the order of its square reaches one, of the same rank.
     """
-    point = finite_vector("angles", angles, arm.size)
+    point = _point(arm, angles)
     expected = local_dimension(arm, point)
     for direction in _family_directions(arm, point):
         for sign in (1.0, -1.0):
@@ -98,17 +94,16 @@ def fills_tangent_space(arm: Arm, angles: npt.ArrayLike, step: float = 1e-3) -> 
                 found = solve_near(arm, predicted)
             except InputError:
                 return False
-            if np.linalg.norm(found - predicted) > 10 * step**2:
-                return False
-            if local_dimension(arm, found) != expected:
+            far = np.linalg.norm(found - predicted) > 10 * step**2
+            if far or local_dimension(arm, found) != expected:
                 return False
     return True
 
 
 def symmetry_directions(arm: Arm, angles: npt.ArrayLike) -> FloatArray:
     """Angle velocities of the three rotations of the frame and of the phase, shape (4, 3n)."""
-    point = finite_vector("angles", angles, arm.size)
-    jacobian, derivative = (np.array(part) for part in _jacobian_function(arm)(point))
+    evaluated = _with_derivative(arm, Arm.matrix)(_point(arm, angles))
+    jacobian, derivative = map(np.array, evaluated)
     velocity, axis = jacobian[:3], jacobian[3:]
     motions = [
         np.vstack([np.cross(unit, part, axisb=0).T for part in (velocity, axis)])
@@ -128,7 +123,7 @@ def solve_near(arm: Arm, angles: npt.ArrayLike) -> FloatArray:
     InputError
         If they lead to none.
     """
-    start = finite_vector("angles", angles, arm.size)
+    start = _point(arm, angles)
     for cutoff in _CUTOFFS:
         point = start
         for _ in range(_CORRECTIONS):
@@ -171,16 +166,11 @@ def trace_family(
         raise InputError("angles", "an isolated solution", "a member of a family")
     direction = np.ones(arm.size)
     for _ in range(steps):
-        direction = _along_family(arm, points[-1], direction)
+        free = _family_directions(arm, points[-1])
+        tangent = free.T @ (free @ direction)
+        direction = tangent / np.linalg.norm(tangent)
         points.append(solve_near(arm, points[-1] + length * direction))
     return points
-
-
-def _along_family(arm: Arm, point: FloatArray, direction: FloatArray) -> FloatArray:
-    """Unit vector of the family nearest to `direction`."""
-    free = _family_directions(arm, point)
-    tangent = free.T @ (free @ direction)
-    return np.asarray(tangent / np.linalg.norm(tangent))
 
 
 def _family_directions(arm: Arm, point: FloatArray) -> FloatArray:
@@ -191,20 +181,19 @@ def _family_directions(arm: Arm, point: FloatArray) -> FloatArray:
     return np.asarray(vectors[int(np.sum(values > _RANK_TOLERANCE)) :])
 
 
-def _equations(arm: Arm, point: FloatArray) -> tuple[FloatArray, FloatArray]:
-    values, derivative = _equations_function(arm)(point)
+def _equations(arm: Arm, angles: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
+    values, derivative = _with_derivative(arm, residuals)(_point(arm, angles))
     return np.array(values).ravel(), np.array(derivative)
 
 
-@lru_cache(maxsize=8)
-def _equations_function(arm: Arm) -> ca.Function:
+@lru_cache(maxsize=16)
+def _with_derivative(arm: Arm, state: Callable[[Arm, ca.SX], ca.SX]) -> ca.Function:
+    """Numeric function of the angles: an expression, and its derivative."""
     angles = arm.symbols()
-    equations = residuals(arm, angles)
-    return ca.Function("equations", [angles], [equations, ca.jacobian(equations, angles)])
+    expression = state(arm, angles)
+    derivative = ca.jacobian(ca.vec(expression), angles)
+    return ca.Function("with_derivative", [angles], [expression, derivative])
 
 
-@lru_cache(maxsize=8)
-def _jacobian_function(arm: Arm) -> ca.Function:
-    angles = arm.symbols()
-    matrix = arm.matrix(angles)
-    return ca.Function("jacobian", [angles], [matrix, ca.jacobian(ca.vec(matrix), angles)])
+def _point(arm: Arm, angles: npt.ArrayLike) -> FloatArray:
+    return finite_vector("angles", angles, arm.size)

@@ -17,7 +17,7 @@ from formulations.robots.chain import (
     listed,
     rotation,
 )
-from formulations.robots.tree import MOVING, RobotError, RobotTree
+from formulations.robots.read_urdf import MOVING, RobotError, RobotTree
 from nlp.arrays import FloatArray, finite_vector
 from nlp.errors import InputError
 

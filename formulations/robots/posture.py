@@ -12,9 +12,9 @@ import numpy as np
 
 from formulations import catalogue, isotropy, max_min, measures, residual
 from formulations.isotropy_equations import independent_rows
+from formulations.robots.read_urdf import RobotError
 from formulations.robots.robot_arm import RobotArm
 from formulations.robots.robot_assessment import RobotAssessment, assess
-from formulations.robots.tree import RobotError
 from formulations.solving.outcome import REACHED_BEST
 from nlp.arrays import FloatArray
 from nlp.errors import InputError

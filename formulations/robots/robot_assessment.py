@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import combinations
 
 import numpy as np
 import numpy.typing as npt
@@ -223,12 +222,11 @@ def reachable_sigma(arm: RobotArm, jacobian: FloatArray) -> float:
 
 def _failures(arm: RobotArm, matrix: FloatArray, locked: int) -> tuple[Failure, ...]:
     """Every failure, in ascending order of the singular value that it leaves."""
-    sigmas = measures.locked_singular_values(matrix, locked)  # checks the number, too
-    sets = list(combinations(range(matrix.shape[1]), locked))
+    sets = measures.locked_sets(matrix, locked)
+    sigmas = measures.locked_singular_values(matrix, locked)
     failures = []
     for k in np.argsort(sigmas, kind="stable"):
-        direction = np.linalg.svd(np.delete(matrix, sets[k], axis=1))[0][:, -1]
-        direction = direction * np.sign(direction[np.argmax(np.abs(direction))])
+        direction = measures.weakest_direction(np.delete(matrix, sets[k], axis=1))
         named = dict(zip(arm.task.directions, direction.tolist(), strict=True))
         joints = tuple(arm.chain.names[joint] for joint in sets[k])
         failures.append(Failure(joints, float(sigmas[k]), named))

@@ -10,13 +10,10 @@ import numpy as np
 
 from formulations import measures
 from formulations.joints.arm import Arm
-from formulations.joints.kinds import NotInModelError
+from formulations.joints.joint import NotInModelError
 from nlp.arrays import FloatArray
 from nlp.multistart import Run
-from nlp.solution import Status
-
-# Largest violation of a constraint, in the units of the constraint, at a feasible point.
-FEASIBLE = 1e-6
+from nlp.solution import FEASIBLE, Status
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,7 +11,7 @@ import numpy as np
 from formulations import isotropy, max_min, residual, unequal_max_min
 from formulations.catalogue import arm, formulation, models_of
 from formulations.joints.arm import Arm
-from formulations.measures.failure_model import FailureModel
+from formulations.measures.unequal_failures import FailureModel
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
 from nlp.problem import Problem

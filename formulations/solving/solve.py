@@ -8,7 +8,7 @@ from functools import partial
 import numpy as np
 
 from formulations.catalogue import arm
-from formulations.measures.failure_model import FailureModel
+from formulations.measures.unequal_failures import FailureModel
 from formulations.solving.outcome import Outcome
 from formulations.solving.record import judge
 from formulations.solving.setup import Setup, solver_options

@@ -15,7 +15,6 @@ import numpy as np
 from formulations import isotropy, max_min, measures, residual, trade_off
 from formulations.joints.arm import Arm
 from formulations.joints.joint import NotInModelError
-from formulations.solving.record import FEASIBLE
 from nlp.arrays import FloatArray, whole_number
 from nlp.options import OptionValue
 from nlp.problem import Problem
@@ -157,7 +156,7 @@ def _solved(
     for start in starts:
         solution = solver.solve(start)
         matrix = solution.outputs["jacobian"]
-        if not (solution.status.acceptable and solution.violation <= FEASIBLE):
+        if not (solution.status.acceptable and solution.feasible):
             continue
         try:
             arm.variables(matrix)

@@ -12,8 +12,11 @@ from formulations import max_min, measures
 from formulations.bounds import unequal_failures
 from formulations.files.table import Table, column
 from formulations.measures.canonical import distinct
-from formulations.measures.failure_model import FailureModel
-from formulations.measures.unequal_failures import expected_sigma, possible_worst_case_sigma
+from formulations.measures.unequal_failures import (
+    FailureModel,
+    expected_sigma,
+    possible_worst_case_sigma,
+)
 from formulations.solving.outcome import Outcome
 from formulations.solving.setup import Setup
 from formulations.studies.study import Effort, Part, Study

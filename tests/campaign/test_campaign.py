@@ -14,7 +14,7 @@ import pytest
 from formulations import measures
 from formulations.campaign.campaign import Declaration, declaration, run
 from formulations.campaign.records import SCHEMA, TIMES, Cell, jacobian_of
-from formulations.measures.failure_model import FailureModel
+from formulations.measures.unequal_failures import FailureModel
 from formulations.solving.setup import Setup
 from nlp.errors import FileError, InputError
 from nlp.processes import Processes

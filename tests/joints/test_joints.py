@@ -7,10 +7,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from formulations.joints.arm import Arm
+from formulations.joints.joint import NotInModelError
 from formulations.joints.kinds import (
     FreeColumn,
     LeverRevolute,
-    NotInModelError,
     Prismatic,
     UnitRevolute,
 )

@@ -7,7 +7,8 @@ from hypothesis import strategies as st
 
 from formulations.joints.arm import Arm
 from formulations.joints.kinds import FreeColumn, LeverRevolute, UnitRevolute
-from formulations.measures.canonical import Symmetry, canonical_form, distinct, symmetry_of
+from formulations.measures.canonical import canonical_form, distinct
+from formulations.measures.symmetry import Symmetry, symmetry_of
 from nlp.errors import InputError
 
 ARMS = {

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from formulations.measures.failure_model import FailureModel
+from formulations.measures.unequal_failures import FailureModel
 from nlp.errors import InputError
 
 probabilities = st.lists(

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from formulations import measures
 from formulations.bounds.unequal_failures import assess_failures, expected_bound, fallible_bound
 from formulations.measures import unequal_failures
-from formulations.measures.failure_model import FailureModel
+from formulations.measures.unequal_failures import FailureModel
 from nlp.errors import InputError
 
 

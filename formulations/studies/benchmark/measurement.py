@@ -18,7 +18,7 @@ from threadpoolctl import threadpool_limits
 from formulations.catalogue import arm, formulation
 from formulations.files.table import HIDDEN, column
 from formulations.joints.arm import Arm
-from formulations.joints.kinds import NotInModelError
+from formulations.joints.joint import NotInModelError
 from formulations.solving.outcome import REACHED_BEST
 from formulations.studies.benchmark.peer import NotRunError, Peer, Run
 from nlp.arrays import FloatArray

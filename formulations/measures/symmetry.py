@@ -1,27 +1,76 @@
-"""Jacobians classified one after another, by numbers that no symmetry changes.
+"""What leaves a Jacobian the same, and numbers of it that no symmetry changes.
 
-Sorted moduli of the joints' inner products, and sorted products of three in a cycle, do not
-depend on frame, phase, order, signs and mirror image, and change by no more than the inner
-products do: Jacobians of one class have equal numbers, and others belong to other classes. They
-are compared instead of canonical forms, which take milliseconds each.
+Two Jacobians are the same manipulator Jacobian when they differ by a rotation or reflection
+of the task frame, the order of the joints and the signs of their axes; for unit revolute
+joints also by a common phase, (v, ω) → (cosθ v − sinθ ω, sinθ v + cosθ ω), and by the mirror
+image (v, −ω). All of it acts on the joints' inner products only by relabelling, signs, phase
+and conjugation. `invariants` do not depend on these and change by no more than the inner
+products do: Jacobians of one class have equal numbers, and others belong to other classes.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from enum import Enum
 from functools import lru_cache
 from itertools import combinations
 
 import numpy as np
 import numpy.typing as npt
 
-from formulations.measures.joint_order import Symmetry, inner_products
+from formulations.measures import as_jacobian
 from nlp.arrays import FloatArray
 
 # Largest difference of inner products, relative to ‖J‖_F²/n, within a class.
 TOLERANCE = 1e-3
 # Classes that are distinguished: where optima come in families every start has its own.
 MOST = 1000
+
+
+class Symmetry(Enum):
+    """What leaves a Jacobian the same.
+
+    FRAME: J → UJ for any orthogonal U (planar, positional, general screws).
+    REVOLUTE: rows are (v; ω), one rotation acts on both, and the mirror image.
+    UNIT_REVOLUTE: the same, and the common phase of v and ω.
+    """
+
+    FRAME = "frame"
+    REVOLUTE = "revolute"
+    UNIT_REVOLUTE = "unit-revolute"
+
+
+def symmetry_of(jacobian: npt.ArrayLike, tolerance: float = 1e-6) -> Symmetry:
+    """Return the largest symmetry that the columns allow: by their shape, from J alone."""
+    matrix = as_jacobian(jacobian)
+    if matrix.shape[0] != 6:
+        return Symmetry.FRAME
+    velocity, axis = matrix[:3], matrix[3:]
+    if np.max(np.abs(np.sum(velocity * axis, axis=0))) > tolerance:
+        return Symmetry.FRAME
+    gap = np.sum(velocity**2, axis=0) - np.sum(axis**2, axis=0)
+    return Symmetry.UNIT_REVOLUTE if np.max(np.abs(gap)) <= tolerance else Symmetry.REVOLUTE
+
+
+def inner_products(matrix: FloatArray, symmetry: Symmetry) -> npt.NDArray[np.complex128]:
+    """Inner products of the joints that no frame changes, shape (kinds, n, n).
+
+    The last kind, z_iᵀz_j for unit revolute joints, turns with twice the phase.
+    """
+    if symmetry is Symmetry.FRAME:
+        return np.array([matrix.T @ matrix], dtype=np.complex128)
+    velocity, axis = matrix[:3], matrix[3:]
+    if symmetry is Symmetry.REVOLUTE:
+        cross = velocity.T @ axis
+        kinds = [velocity.T @ velocity, axis.T @ axis, cross, cross.T]
+        return np.array(kinds, dtype=np.complex128)
+    z = velocity + 1j * axis
+    return np.array([z.conj().T @ z, z.T @ z])
+
+
+def mirror_image(matrix: FloatArray) -> FloatArray:
+    """(v, −ω): the mirror image of a spatial arm, signs aside."""
+    return np.vstack([matrix[:3], -matrix[3:]])
 
 
 @dataclass(eq=False)
