@@ -14,7 +14,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from itertools import combinations
 from types import MappingProxyType
 from typing import Protocol
 
@@ -176,11 +175,6 @@ ENCODINGS: Mapping[str, Encode] = MappingProxyType(
         "positive-factor-per-deletion": partial(factor_per_deletion, least=0.0),
     }
 )
-
-
-def column_sets(columns: int, size: int) -> tuple[tuple[int, ...], ...]:
-    """All sets of `size` out of `columns` columns, counted from 0, in order."""
-    return tuple(combinations(range(columns), size))
 
 
 def _triangular(name: str, size: int) -> tuple[ca.SX, ca.SX]:
