@@ -101,8 +101,7 @@ def judge(run: Run, arm: Arm, merit: Callable[[FloatArray], float], locked: int 
     solution = run.solution
     jacobian = solution.outputs["jacobian"]
     finite = bool(np.all(np.isfinite(jacobian)))
-    usable = finite and _in_model(arm, jacobian)
-    value = merit(jacobian) if usable else np.nan
+    value = merit(jacobian) if in_model(arm, jacobian) else np.nan
     nan = float("nan")
     return Record(
         seed=run.seed,
@@ -118,7 +117,10 @@ def judge(run: Run, arm: Arm, merit: Callable[[FloatArray], float], locked: int 
     )
 
 
-def _in_model(arm: Arm, jacobian: FloatArray) -> bool:
+def in_model(arm: Arm, jacobian: FloatArray) -> bool:
+    """Return whether J is one of the arm's Jacobians; False for NaN and infinity."""
+    if not np.all(np.isfinite(jacobian)):
+        return False
     try:
         arm.variables(jacobian)
     except NotInModelError:

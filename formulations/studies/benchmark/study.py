@@ -93,7 +93,7 @@ def study(sizes: Sequence[int] = SIZES, time_limit: float = TIME_LIMIT) -> Study
     """
 
     def compute(effort: Effort, _: Path) -> Iterator[Part]:
-        starts = effort.starts_or(STARTS)
+        starts = effort.starts or STARTS
         for size in sizes:
             few = starts if size <= _SMALL else max(1, starts // 5)
             for (_,), same in groups(peers.PEERS, "formulation"):

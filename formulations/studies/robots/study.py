@@ -95,7 +95,7 @@ def study(only: str | None = None) -> Study:
 
     def compute(effort: Effort, _: Path) -> Iterator[Part]:
         search = Search(
-            starts=effort.starts_or(STARTS),
+            starts=effort.starts or STARTS,
             seed=effort.seed,
             workers=effort.workers,
             progress=effort.bars,
