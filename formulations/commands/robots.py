@@ -30,6 +30,6 @@ def robots(
     robots.md and postures.json into the output folder after every arm; Ctrl-C keeps what is
     done.
     """
-    from formulations.studies.robots.study import study
+    from formulations.studies.robots import study
 
     run_study(study(only), out, as_json, seed=seed, starts=starts, workers=workers, bars=True)
