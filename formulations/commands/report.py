@@ -60,7 +60,11 @@ def report(
     effort = Effort(seed, starts, workers or default_workers(), progress)
     outcomes: list[Outcome] = []
     written = (State.MADE, State.QUESTIONED)
-    for outcome in run_all(studies, out, effort, _begin):
+
+    def begin(study: Study) -> None:
+        typer.echo(f"{study.name}: takes {study.takes}", err=True)
+
+    for outcome in run_all(studies, out, effort, begin):
         outcomes.append(outcome)
         progress("")
         name, reason = outcome.study.name, outcome.reason and f": {outcome.reason}"
@@ -77,10 +81,6 @@ def report(
         raise typer.Exit(QUESTIONED)
 
 
-def _begin(study: Study) -> None:
-    typer.echo(f"{study.name}: takes {study.takes}", err=True)
-
-
 def _show(outcomes: list[Outcome], out: Path, as_json: bool) -> None:
     from formulations.studies.running import STUDIES
 
@@ -88,15 +88,7 @@ def _show(outcomes: list[Outcome], out: Path, as_json: bool) -> None:
     left = [study for study in STUDIES.values() if study.name not in ran]
     if as_json:
         found = {
-            "studies": [
-                {
-                    "study": one.study.name,
-                    "state": one.state,
-                    "reason": one.reason,
-                    "seconds": one.seconds,
-                }
-                for one in outcomes
-            ],
+            "studies": [{**vars(one), "study": one.study.name} for one in outcomes],
             "left_out": [
                 {"study": study.name, "takes": study.takes, "command": study.command}
                 for study in left

@@ -63,11 +63,8 @@ class Target:
         """Return whether a ratio meets the target, in words."""
         if isnan(ratio):
             return "not measured"
-        return (
-            "met"
-            if (ratio <= self.limit if self.at_most else ratio >= self.limit)
-            else "missed"
-        )
+        met = ratio <= self.limit if self.at_most else ratio >= self.limit
+        return "met" if met else "missed"
 
 
 _MINIMA = "from residual minima at least 10 times classical"
