@@ -74,18 +74,8 @@ class BoundRow(Source):
 class RelaxationRow(Source):
     """The columns of ``relaxations.csv``, after the source: the existence question relaxed.
 
-    Attributes
-    ----------
-    order, joints
-        Of the relaxation; n.
-    classes, equations, rank, free_moments, largest_block
-        Its size.
-    margin, proved
-        Largest possible smallest eigenvalue, and what the multipliers prove of it.
-    verdict, infeasible_alone
-        What follows, and the blocks that are infeasible by themselves.
-    seconds
-        Wall time.
+    Headings say what the columns are; the blocks in `infeasible_alone` are infeasible by
+    themselves, and `seconds` is wall time.
     """
 
     order: int
@@ -172,7 +162,7 @@ def _residual(effort: Effort, preset: str, rigorous: bool = False) -> Mapping[st
 def _max_min(effort: Effort, preset: str, rigorous: bool = False) -> Mapping[str, Any]:
     from formulations.bounds.so3_moments.max_min_bound import max_min_bound
 
-    settings = {"seed": effort.seed, "progress": effort.progress}
+    settings: dict[str, Any] = {"seed": effort.seed, "progress": effort.progress}
     return max_min_bound(preset, 7, rigorous=rigorous, **settings).to_dict()
 
 
