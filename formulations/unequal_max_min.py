@@ -79,7 +79,8 @@ def build(
         If a name is unknown, the model is of another number of joints, k exceeds the
         redundancy, or no configuration that was tried has a merit above zero.
     """
-    encoding = encoding or default_encoding(failures, goal)
+    if encoding is None:
+        encoding = default_encoding(failures, goal)
     if encoding not in ENCODINGS:
         raise InputError("encoding", encoding, "one of " + ", ".join(ENCODINGS))
     attained = attained_merit(arm, failures, goal)

@@ -1,12 +1,15 @@
-"""Array types, and the checks that let only finite arrays of the right shape through."""
+"""Arrays: their type, checks of shape and finiteness, one thread for their linear algebra."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import TypeAlias
 
 import numpy as np
 import numpy.typing as npt
+from threadpoolctl import threadpool_limits
 
 from nlp.errors import InputError
 
@@ -46,12 +49,22 @@ def as_floats(argument: str, value: npt.ArrayLike) -> FloatArray:
 
 def whole_number(argument: str, value: object, lowest: int) -> int:
     """Return `value` if it is an integer of at least `lowest`; InputError otherwise."""
-    whole = isinstance(value, (int, np.integer)) and not isinstance(value, bool)
-    if not whole or int(value) < lowest:  # type: ignore[call-overload]
-        raise InputError(argument, value, f"a whole number of at least {lowest}")
-    return int(value)  # type: ignore[call-overload,no-any-return]
+    if isinstance(value, int | np.integer) and not isinstance(value, bool) and value >= lowest:
+        return int(value)
+    raise InputError(argument, value, f"a whole number of at least {lowest}")
 
 
 def finite_or_none(value: float | None) -> float | None:
     """Return a number as a float, or None where there is none or it is not finite."""
     return float(value) if value is not None and math.isfinite(value) else None
+
+
+@contextmanager
+def one_blas_thread() -> Iterator[None]:
+    """Run linear algebra on one thread, within a block or as a decorator in a function.
+
+    Matrices here are small: more threads would only wait for one another. The limit ends with
+    the block; libraries that are loaded within it are not limited.
+    """
+    with threadpool_limits(limits=1, user_api="blas"):
+        yield

@@ -103,11 +103,20 @@ class DaskCluster:
         self._client.close()
 
     def _settle(self, future: Future[Outcomes], task: Any) -> None:
+        """Pass on what came of a chunk, its errors as `nlp.spread.Pool` has them."""
+        from distributed import KilledWorker
+        from distributed.client import FutureCancelledError
+
         with suppress(InvalidStateError):  # cancelled, or too late
             try:
                 outcomes = task.result()
+            except (KilledWorker, FutureCancelledError) as error:
+                future.set_exception(BrokenExecutor(str(error)))
+            except ModuleNotFoundError as error:
+                said = f"The cluster's workers lack a module: {error}."
+                future.set_exception(WorkerError(said))
             except Exception as error:
-                future.set_exception(_translated(error))
+                future.set_exception(error)
             else:
                 future.set_result(outcomes)
 
@@ -141,15 +150,3 @@ def _run(topic: str, payload: bytes, seed: int, indices: Sequence[int]) -> Outco
     worker = get_worker()
     worker.log_event(topic, worker.get_current_task())
     return run_chunk(payload, seed, indices)
-
-
-def _translated(error: Exception) -> Exception:
-    """Return the error as `nlp.spread.Pool` has it."""
-    from distributed import KilledWorker
-    from distributed.client import FutureCancelledError
-
-    if isinstance(error, (KilledWorker, FutureCancelledError)):
-        return BrokenExecutor(str(error))
-    if isinstance(error, ModuleNotFoundError):
-        return WorkerError(f"The cluster's workers lack a module: {error}.")
-    return error

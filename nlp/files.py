@@ -28,14 +28,13 @@ def prepare_folder(folder: Path, name: str = "output folder") -> Path:
     return folder
 
 
-def read_bytes(path: Path) -> bytes:
+def read_bytes(path: Path, name: str = "file") -> bytes:
     """Return the content of a file; FileError if it cannot be read."""
     try:
         return path.read_bytes()
     except OSError as reason:
-        raise FileError(
-            "file", str(path), f"a file that can be read ({_why(reason)})"
-        ) from None
+        allowed = f"a file that can be read ({_why(reason)})"
+        raise FileError(name, str(path), allowed) from None
 
 
 def write_text(path: Path, text: str) -> None:

@@ -5,8 +5,9 @@ Given an m×n matrix A of expressions, a level t and a family of column sets F, 
     λ_min(A Aᵀ − A_F A_Fᵀ) ≥ t     for every F in the family                      (*)
 
 without ever differentiating an eigenvalue, which has no derivative where eigenvalues repeat.
-Each encoding is a function with one signature; all introduce auxiliary variables, which the
-encoding's `lift` computes from a numeric A.
+Each encoding is a function of A, the symbol t, the column sets F, and the least ``pivot`` that
+any diagonal entry of a factor of A Aᵀ − tI may be held above. All introduce auxiliary
+variables, which the encoding's `lift` computes from a numeric A.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from types import MappingProxyType
-from typing import Protocol
+from typing import TypeAlias
 
 import casadi as ca
 import numpy as np
@@ -48,23 +49,8 @@ class Encoding:
     constraints: tuple[Constraint, ...]
     lift: Callable[[FloatArray, float], FloatArray]
 
-    @property
-    def upper(self) -> FloatArray:
-        """Upper bounds of the auxiliary symbols, all infinite, shape (size,)."""
-        return np.full(self.lower.size, np.inf)
 
-
-class Encode(Protocol):
-    """Signature shared by all encodings.
-
-    Parameters are the m×n matrix A, the symbol t, the column sets F, and the least
-    ``pivot`` that any diagonal entry of a factor of A Aᵀ − tI may be held above.
-    """
-
-    def __call__(
-        self, matrix: ca.SX, level: ca.SX, deleted: Sequence[tuple[int, ...]], pivot: float
-    ) -> Encoding:
-        """Encode (*)."""
+Encode: TypeAlias = Callable[[ca.SX, ca.SX, Sequence[tuple[int, ...]], float], Encoding]
 
 
 def shared_factor(
@@ -79,21 +65,19 @@ def shared_factor(
     """
     m = matrix.shape[0]
     entries, factor = _triangular("L", m)
-    gram = matrix @ matrix.T - level * ca.SX.eye(m)
     whitened = _forward_substitution(factor, matrix)
     singles = [columns[0] for columns in deleted if len(columns) == 1]
     several = [columns for columns in deleted if len(columns) > 1]
     small = [_triangular(f"C{k}", len(columns)) for k, columns in enumerate(several)]
 
-    constraints = [Constraint("shared factor", _lower_part(gram - factor @ factor.T), 0.0, 0.0)]
+    constraints = [_factorised("shared factor", _shifted(matrix, level), factor)]
     if singles:
         lengths = ca.vertcat(*(ca.sumsqr(whitened[:, f]) for f in singles))
         constraints.append(Constraint("deleted column", lengths, -np.inf, 1.0))
     for columns, (_, root) in zip(several, small, strict=True):
         part = whitened[:, list(columns)]
-        gap = ca.SX.eye(len(columns)) - part.T @ part - root @ root.T
-        name = "deleted columns " + ",".join(map(str, columns))
-        constraints.append(Constraint(name, _lower_part(gap), 0.0, 0.0))
+        gap = ca.SX.eye(len(columns)) - part.T @ part
+        constraints.append(_factorised(_name(columns), gap, root))
 
     def lift(numeric: FloatArray, t: float) -> FloatArray:
         root = _factor(numeric @ numeric.T - t * np.eye(m))
@@ -119,14 +103,13 @@ def principal_minors(
     """
     m, n = matrix.shape
     entries, factor = _triangular("L", m)
-    gram = matrix @ matrix.T - level * ca.SX.eye(m)
     whitened = _forward_substitution(factor, matrix)
     left = ca.SX.eye(n) - whitened.T @ whitened
     parts = {columns[:size] for columns in deleted for size in range(1, len(columns) + 1)}
     parts |= {(column,) for columns in deleted for column in columns}
     minors = ca.vertcat(*(ca.det(left[list(part), list(part)]) for part in sorted(parts)))
     constraints = (
-        Constraint("shared factor", _lower_part(gram - factor @ factor.T), 0.0, 0.0),
+        _factorised("shared factor", _shifted(matrix, level), factor),
         Constraint("principal minors", minors, 0.0, np.inf),
     )
 
@@ -154,9 +137,7 @@ def factor_per_deletion(
     constraints = []
     for columns, (_, factor) in zip(deleted, factors, strict=True):
         kept = matrix[:, [i for i in range(n) if i not in columns]]
-        gap = kept @ kept.T - level * ca.SX.eye(m) - factor @ factor.T
-        name = "deleted columns " + ",".join(map(str, columns))
-        constraints.append(Constraint(name, _lower_part(gap), 0.0, 0.0))
+        constraints.append(_factorised(_name(columns), _shifted(kept, level), factor))
 
     def lift(numeric: FloatArray, t: float) -> FloatArray:
         kept = [np.delete(numeric, columns, axis=1) for columns in deleted]
@@ -180,26 +161,29 @@ ENCODINGS: Mapping[str, Encode] = MappingProxyType(
 def _triangular(name: str, size: int) -> tuple[ca.SX, ca.SX]:
     """Symbols, row by row, and the lower triangular matrix that they fill."""
     symbols = ca.SX.sym(name, size * (size + 1) // 2)
-    factor = ca.SX.zeros(size, size)
-    for k, (i, j) in enumerate(_lower_indices(size)):
-        factor[i, j] = symbols[k]
-    return symbols, factor
+    return symbols, ca.SX(ca.Sparsity.upper(size), symbols).T
 
 
-def _lower_indices(size: int) -> list[tuple[int, int]]:
-    return [(i, j) for i in range(size) for j in range(i + 1)]
+def _shifted(matrix: ca.SX, level: ca.SX) -> ca.SX:
+    return matrix @ matrix.T - level * ca.SX.eye(matrix.shape[0])
 
 
-def _lower_part(matrix: ca.SX) -> ca.SX:
-    return ca.vertcat(*(matrix[i, j] for i, j in _lower_indices(matrix.shape[0])))
+def _factorised(name: str, gram: ca.SX, factor: ca.SX) -> Constraint:
+    """State that a symmetric matrix is L Lᵀ, by its lower part, row by row."""
+    gap = ca.densify(gram - factor @ factor.T)
+    return Constraint(name, ca.triu(gap.T).nz[:], 0.0, 0.0)
+
+
+def _name(columns: tuple[int, ...]) -> str:
+    return "deleted columns " + ",".join(map(str, columns))
 
 
 def _packed(factor: FloatArray) -> FloatArray:
-    return np.array([factor[i, j] for i, j in _lower_indices(factor.shape[0])])
+    return factor[np.tril_indices(len(factor))]
 
 
 def _diagonal_bounds(size: int, least: float) -> FloatArray:
-    return np.array([least if i == j else -np.inf for i, j in _lower_indices(size)])
+    return _packed(np.where(np.eye(size), least, -np.inf))
 
 
 def _forward_substitution(factor: ca.SX, matrix: ca.SX) -> ca.SX:

@@ -15,11 +15,10 @@ from typing import Any, Generic
 
 import joblib
 import numpy as np
-from threadpoolctl import threadpool_limits
 from tqdm import tqdm
 from typing_extensions import TypeVar
 
-from nlp.arrays import FloatArray, whole_number
+from nlp.arrays import FloatArray, one_blas_thread, whole_number
 from nlp.errors import WorkerError
 from nlp.problem import Problem
 from nlp.processes import Processes
@@ -135,7 +134,7 @@ def multistart(
                 done += batch
                 for one in batch:
                     pick = np.fmin if one.sense == "minimise" else np.fmax  # over NaN, too
-                    best = float(pick(best, _number(one, figure)))
+                    best = float(pick(best, figure(one.result) if figure else one.objective))
                 if not math.isnan(best):
                     bar.set_postfix_str(f"best {best:.8g}", refresh=False)
                 bar.update(len(batch))
@@ -147,7 +146,7 @@ def multistart(
 
 def _in_turn(task: Task[T], seed: int, starts: int) -> Generator[list[Done[T]], None, None]:
     solver = task.solver()
-    with threadpool_limits(limits=1, user_api="blas"):
+    with one_blas_thread():
         for index in range(starts):
             yield [run_start(solver, task, seed, index)]
 
@@ -156,19 +155,10 @@ def _spread(
     task: Task[T], seed: int, starts: int, workers: int
 ) -> Generator[list[Done[T]], None, None]:
     payload = packed(task)
-    size = max(1, min(CHUNK, -(-starts // workers)))
-    chunks = (
-        Chunk(payload, seed, range(first, min(first + size, starts)))
-        for first in range(0, starts, size)
-    )
+    size = min(CHUNK, -(-starts // workers))
+    chunks = (Chunk(payload, seed, range(starts)[k : k + size]) for k in range(0, starts, size))
     with closing(spread(chunks, Processes(workers))) as arrivals:
         for arrival in arrivals:
             for lost in arrival.lost:
                 raise lost.error or WorkerError(f"Start {lost.index} {lost.why}.")
             yield arrival.results
-
-
-def _number(one: Done[T], figure: Callable[[T], float] | None) -> float:
-    if figure is not None:
-        return figure(one.result)
-    return one.objective if one.success else math.nan

@@ -40,15 +40,11 @@ FILE_OPTIONS: Mapping[str, frozenset[str]] = {
     "fatrop": frozenset(),
 }
 
-_KINDS: Mapping[str, type[OptionValue]] = {
-    "is_int()": int,
-    "is_double()": float,
-    "is_string()": str,
-}
-_IN_WORDS: Mapping[type[OptionValue], str] = {
-    int: "an integer of 32 bits",
-    float: "a real number",
-    str: "a text",
+# Kinds of options of Ipopt, by the word that CasADi's message has for them.
+_KINDS: Mapping[str, tuple[type[OptionValue], str]] = {
+    "is_int()": (int, "an integer of 32 bits"),
+    "is_double()": (float, "a real number"),
+    "is_string()": (str, "a text"),
 }
 _LARGEST = 2**31 - 1
 
@@ -105,11 +101,8 @@ def _fatrop_option(name: str, value: object) -> OptionValue:
 
 
 def _ipopt_option(name: str, value: object) -> OptionValue:
-    kind = _kind(name)
-    if kind is None:
-        allowed = "the name of an option in Ipopt's option reference"
-        raise SolverOptionError("Ipopt option", name, allowed)
-    given, words = _typed(value, kind), _IN_WORDS[kind]
+    kind, words = _kind(name)
+    given = _typed(value, kind)
     # No option takes an empty text in place of one of its settings: Ipopt then lists them.
     asked = "" if given is None and kind is str else given
     refused = "" if asked is None else _refusal(name, asked, words)
@@ -135,13 +128,17 @@ def _typed(value: object, kind: type[OptionValue]) -> OptionValue | None:
 
 
 @lru_cache(maxsize=256)
-def _kind(name: str) -> type[OptionValue] | None:
-    """Type of an option of Ipopt, None if there is none of this name.
+def _kind(name: str) -> tuple[type[OptionValue], str]:
+    """Type of an option of Ipopt, also in words; SolverOptionError if there is no such option.
 
     No option takes a dictionary, and CasADi names the type that it wants instead.
     """
     error, _ = _trial(name, {})
-    return next((kind for word, kind in _KINDS.items() if word in error), None)
+    for word, kind in _KINDS.items():
+        if word in error:
+            return kind
+    allowed = "the name of an option in Ipopt's option reference"
+    raise SolverOptionError("Ipopt option", name, allowed)
 
 
 @lru_cache(maxsize=256)

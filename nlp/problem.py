@@ -36,15 +36,8 @@ class Constraint:
     upper: FloatArray | float
 
     def __post_init__(self) -> None:
-        rows = self.expression.numel()
         object.__setattr__(self, "expression", ca.vec(self.expression))
-        for side in ("lower", "upper"):
-            object.__setattr__(self, side, _bounds(self.name, getattr(self, side), rows))
-        _check_order(self.name, np.asarray(self.lower), np.asarray(self.upper))
-
-
-def _same(point: FloatArray) -> FloatArray:
-    return point
+        _check_bounds(self, self.expression.numel(), (self.name, self.name, self.name))
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,7 +79,7 @@ class Problem:
     lower: FloatArray | float = -np.inf
     upper: FloatArray | float = np.inf
     outputs: Mapping[str, ca.SX] = field(default_factory=dict)
-    lift: Callable[[FloatArray], FloatArray] = _same
+    lift: Callable[[FloatArray], FloatArray] = lambda point: point
 
     def __post_init__(self) -> None:
         if self.sense not in ("minimise", "maximise"):
@@ -96,9 +89,7 @@ class Problem:
         if not self.objective.is_scalar():
             shape = f"an expression of shape {self.objective.shape}"
             raise InputError("objective", shape, "a scalar expression")
-        object.__setattr__(self, "lower", _bounds("lower", self.lower, self.size))
-        object.__setattr__(self, "upper", _bounds("upper", self.upper, self.size))
-        _check_order("variables", np.asarray(self.lower), np.asarray(self.upper))
+        _check_bounds(self, self.size, ("lower", "upper", "variables"))
         object.__setattr__(self, "outputs", MappingProxyType(dict(self.outputs)))
         self._check_symbols()
 
@@ -154,23 +145,22 @@ class Evaluation:
         return [column.T.copy() for column in self._columns]
 
 
-def _bounds(name: str, value: FloatArray | float, size: int) -> FloatArray:
-    bounds = np.asarray(value, dtype=np.float64)
-    if bounds.ndim == 0:
-        bounds = np.full(size, float(bounds))
-    if bounds.shape != (size,):
-        raise InputError(f"bounds of {name}", f"of shape {bounds.shape}", f"shape ({size},)")
-    if np.any(np.isnan(bounds)):
-        raise InputError(f"bounds of {name}", "NaN", "numbers, or infinity for no bound")
-    bounds = bounds.copy()
-    bounds.setflags(write=False)
-    return bounds
-
-
-def _check_order(name: str, lower: FloatArray, upper: FloatArray) -> None:
-    crossed = np.flatnonzero(lower > upper)
-    if crossed.size:
-        k = int(crossed[0])
-        raise InputError(
-            f"bounds of {name}", f"[{lower[k]:g}, {upper[k]:g}] in row {k}", "lower <= upper"
-        )
+def _check_bounds(stated: Constraint | Problem, size: int, names: Sequence[str]) -> None:
+    """Make both bounds read-only vectors; the names are those of lower, upper and the pair."""
+    for side, name in zip(("lower", "upper"), names, strict=False):
+        bounds = np.array(getattr(stated, side), dtype=np.float64)
+        if bounds.ndim == 0:
+            bounds = np.full(size, bounds)
+        if bounds.shape != (size,):
+            raise InputError(
+                f"bounds of {name}", f"of shape {bounds.shape}", f"shape ({size},)"
+            )
+        if np.any(np.isnan(bounds)):
+            allowed = "numbers, or infinity for no bound"
+            raise InputError(f"bounds of {name}", "NaN", allowed)
+        bounds.setflags(write=False)
+        object.__setattr__(stated, side, bounds)
+    lower, upper = np.asarray(stated.lower), np.asarray(stated.upper)
+    for k in np.flatnonzero(lower > upper):
+        pair = f"[{lower[k]:g}, {upper[k]:g}] in row {k}"
+        raise InputError(f"bounds of {names[-1]}", pair, "lower <= upper")

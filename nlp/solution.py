@@ -89,13 +89,10 @@ class Solution:
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain values for tables and JSON, the status among them by its own name."""
-        arrays = {
-            name: {key: value.tolist() for key, value in getattr(self, name).items()}
-            for name in ("outputs", "multipliers")
-        }
         return {
             **vars(self),
             "status": self.status.to_dict(),
             "variables": self.variables.tolist(),
-            **arrays,
+            "outputs": {name: value.tolist() for name, value in self.outputs.items()},
+            "multipliers": {name: value.tolist() for name, value in self.multipliers.items()},
         }

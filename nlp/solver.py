@@ -7,8 +7,12 @@ the same iterations take a third of the time.
 
 from __future__ import annotations
 
+import signal
+import threading
 import time
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from types import FrameType
 from typing import Any
 
 import casadi as ca
@@ -18,7 +22,6 @@ import numpy.typing as npt
 from nlp.arrays import FloatArray, finite_vector
 from nlp.compiled import compiled_callbacks
 from nlp.errors import InputError
-from nlp.native import deferred_interrupt
 from nlp.options import QUIET, check_options
 from nlp.problem import Evaluation, Problem
 from nlp.solution import SUCCESS, Solution, Status
@@ -73,17 +76,15 @@ class Solver:
         if library is not None:
             self._solver = ca.nlpsol("solver", name, str(library), settings)
         self.compiled = library is not None
-        none = np.zeros(0)
-        lower = np.concatenate([none, *(np.asarray(c.lower) for c in problem.constraints)])
-        upper = np.concatenate([none, *(np.asarray(c.upper) for c in problem.constraints)])
-        bounds = (np.asarray(problem.lower), np.asarray(problem.upper), lower, upper)
-        self._limits = (_limits(*bounds[:2]), _limits(*bounds[2:]))
+        lower = [problem.lower, *(constraint.lower for constraint in problem.constraints)]
+        upper = [problem.upper, *(constraint.upper for constraint in problem.constraints)]
+        bounds = np.stack([np.concatenate(lower), np.concatenate(upper)])
+        self._bounds = np.split(bounds, [problem.size], axis=1)  # of variables, of constraints
         self._shape = x.sparsity()
         # Converted once: on small problems the conversion is felt at every start.
-        self._arguments = [
-            *(ca.DM(), *(ca.DM(bound) for bound in bounds)),
-            *(ca.DM.zeros(problem.size), ca.DM.zeros(g.numel())),
-        ]
+        limits = [ca.DM(side) for part in self._bounds for side in part]
+        zeros = (ca.DM.zeros(problem.size), ca.DM.zeros(g.numel()))
+        self._arguments = [ca.DM(), *limits, *zeros]
         self._evaluation = Evaluation(x, [problem.objective, g, *problem.outputs.values()])
 
     def solve(self, start: npt.ArrayLike) -> Solution:
@@ -116,14 +117,18 @@ class Solver:
         cpu, wall = time.process_time() - cpu, time.perf_counter() - wall
         x = _dense(found)
         objective, g, *outputs = self._evaluation(x)
-        variables, rows = self._limits
         return Solution(
             problem=problem.name,
             sense=problem.sense,
             status=self._status(cpu, wall),
             variables=x,
             objective=float(objective[0, 0]),
-            violation=max(_excess(x, variables), _excess(g.ravel(), rows)),
+            # Not the built-in max, which may pass over NaN.
+            violation=float(
+                np.max(
+                    [_excess(*one) for one in zip((x, g.ravel()), self._bounds, strict=True)]
+                )
+            ),
             outputs=dict(zip(problem.outputs, outputs, strict=True)),
             multipliers=self._multipliers(_dense(multipliers)),
             compiled=self.compiled,
@@ -151,6 +156,40 @@ class Solver:
         return {block.name: part for block, part in zip(constraints, parts, strict=False)}
 
 
+@contextmanager
+def deferred_interrupt() -> Iterator[None]:
+    """Hold a first Ctrl-C back until the block ends; a second one acts at once.
+
+    CasADi swallows the KeyboardInterrupt raised in its callbacks: Ipopt stops with one of
+    several statuses, and the caller's loop would go on as if nothing had been pressed.
+    Where another handler than Python's own is in place, it is left alone.
+
+    Raises
+    ------
+    KeyboardInterrupt
+        After the block, if the user interrupted during it.
+    """
+    ours = threading.current_thread() is threading.main_thread()
+    if not ours or signal.getsignal(signal.SIGINT) is not signal.default_int_handler:
+        yield
+        return
+    pressed = False
+
+    def hold(number: int, frame: FrameType | None) -> None:
+        nonlocal pressed
+        if pressed:
+            signal.default_int_handler(number, frame)
+        pressed = True
+
+    signal.signal(signal.SIGINT, hold)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+    if pressed:
+        raise KeyboardInterrupt
+
+
 def solve(
     problem: Problem, start: npt.ArrayLike, options: Mapping[str, object] | None = None
 ) -> Solution:
@@ -172,21 +211,13 @@ def _last(stats: Mapping[str, Mapping[str, list[float]]], name: str) -> float:
     return float(history[-1]) if history else float("nan")
 
 
-def _limits(lower: FloatArray, upper: FloatArray) -> tuple[FloatArray, FloatArray] | None:
-    """Return the bounds, None where there are none."""
-    return None if np.all(np.isinf(lower)) and np.all(np.isinf(upper)) else (lower, upper)
-
-
 def _dense(column: ca.DM) -> FloatArray:
     # Several times faster than DM's own conversion to an array.
     return np.array(column.nonzeros(), dtype=np.float64)
 
 
-def _excess(values: FloatArray, limits: tuple[FloatArray, FloatArray] | None) -> float:
-    """Largest distance outside the bounds; NaN if a value is NaN."""
-    if not values.size:
-        return 0.0
-    if limits is None:
-        return 0.0 if np.isfinite(values).all() else float("nan")
-    lower, upper = limits
-    return float(np.max(np.maximum(np.maximum(lower - values, values - upper), 0.0)))
+def _excess(values: FloatArray, bounds: FloatArray) -> float:
+    """Largest distance outside the bounds, shape (2, size); NaN if a value is NaN."""
+    lower, upper = bounds
+    with np.errstate(invalid="ignore"):  # infinite values without bounds
+        return float(np.max(np.maximum(lower - values, values - upper), initial=0.0))

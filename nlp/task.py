@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import pickle
 import threading
 import time
@@ -96,11 +97,10 @@ class Task(Generic[T]):
 
 @dataclass(frozen=True, eq=False)
 class Done(Generic[T]):
-    """A start that ended: the judge's result, and what a progress bar shows."""
+    """A start that ended; its objective is NaN if the solver did not succeed."""
 
     index: int
     result: T
-    success: bool
     sense: Sense
     objective: float
 
@@ -207,8 +207,8 @@ def run_start(solver: Solver, task: Task[T], seed: int, index: int) -> Done[T]:
     began = time.process_time()
     solution = solver.solve(task.sample(generator(seed, index)))
     run = Run(seed, index, solution, time.process_time() - began)
-    success = solution.status.success
-    return Done(index, task.judge(run), success, solution.sense, solution.objective)
+    objective = solution.objective if solution.status.success else math.nan
+    return Done(index, task.judge(run), solution.sense, objective)
 
 
 def _run_or_lose(solver: Solver, task: Task[Any], seed: int, index: int) -> Done[Any] | Lost:

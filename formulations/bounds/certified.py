@@ -97,19 +97,37 @@ def _on_record(
 ) -> Bound | None:
     if set(arm.joints) != {UnitRevolute()}:
         return None
-    found = [
-        one
-        for one in _record()
-        if (one["quantity"], one["kind"]) == (quantity, kind)
-        and one["joints"] == len(arm.joints)
-    ]
+    sought = {"quantity": quantity, "kind": kind, "joints": len(arm.joints)}
+    found = [one for one in _stored("record.json") if sought.items() <= one.items()]
     if not found:
         return None
     best = sharpest(found, key=lambda one: float(one["bound"]))
     return Bound(float(best["bound"]), f"{kind} ({best['preset']})")
 
 
-@lru_cache(maxsize=1)
-def _record() -> tuple[dict[str, Any], ...]:
-    content = (files("formulations.bounds") / "record.json").read_text("utf-8")
-    return tuple(json.loads(content))
+def best_known(quantity: str, model: str, joints: int) -> float | None:
+    """Return the best known value of a quantity in six task dimensions.
+
+    Parameters
+    ----------
+    quantity
+        ``residual``, the smallest ½‖JJᵀ − (n/3)I‖_F²; or ``max-min``, the largest worst-case
+        singular value, eq. (5), when one joint locks.
+    model
+        Column model, a name in `formulations.catalogue.MODELS`.
+    joints
+        Number of joints n.
+
+    Returns
+    -------
+    float or None
+        The value, ``found`` ones rounded as the file has them; None if none is recorded.
+    """
+    sought = {"quantity": quantity, "model": model, "joints": joints}
+    found = (one for one in _stored("best_known.json") if sought.items() <= one.items())
+    return next((float(one["value"]) for one in found), None)
+
+
+@lru_cache
+def _stored(name: str) -> tuple[dict[str, Any], ...]:
+    return tuple(json.loads((files("formulations.bounds") / name).read_text("utf-8")))

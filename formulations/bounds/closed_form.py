@@ -37,7 +37,7 @@ is 1 − m/n − √(m(n−m)/(n−1))/n, which equiangular tight frames attain,
 two erasures (Holmes and Paulsen, 2004): three rows and the six diagonals of the icosahedron,
 six rows and sixteen columns.
 
-Both are `formulations.measures.eigenvalue_bound`.
+Where only the trace is known the bound is `formulations.measures.eigenvalue_bound`.
 """
 
 from __future__ import annotations
@@ -45,42 +45,8 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+from nlp.arrays import whole_number
 from nlp.errors import InputError
-
-
-def largest_eigenvalue_bound(
-    joints: int, task_dimension: int, *, trace: float | None = None
-) -> float:
-    """Return the largest possible t: the square of the right-hand side of eq. (6).
-
-    Parameters
-    ----------
-    joints
-        Number n of columns of J.
-    task_dimension
-        Number m of rows of J, less than n.
-    trace
-        tr JJᵀ, the sum of the squared column norms, in the squared units of J. By default m,
-        which is σ = 1 for an isotropic J.
-
-    Returns
-    -------
-    float
-        t = (trace/m)(n − m)/n: no J, isotropic or not, keeps JJᵀ − j_f j_fᵀ ⪰ τI for every f
-        with a larger τ.
-
-    Raises
-    ------
-    InputError
-        Unless 1 ≤ m < n and the trace is positive and finite.
-
-    Notes
-    -----
-    Maciejewski and Roberts (1995), eq. (6), with σ² = trace/m; there J is assumed isotropic.
-    """
-    check_dimensions(joints, task_dimension)
-    total = check_trace("trace", task_dimension if trace is None else trace)
-    return total / task_dimension * (joints - task_dimension) / joints
 
 
 def block_trace_bound(joints: int, sizes: Sequence[int], traces: Sequence[float]) -> float:
@@ -108,33 +74,21 @@ def block_trace_bound(joints: int, sizes: Sequence[int], traces: Sequence[float]
     """
     if len(sizes) != len(traces) or not sizes or min(sizes) < 1:
         raise InputError("sizes", list(sizes), "one positive size for each trace")
-    check_dimensions(joints, sum(sizes))
+    redundancy = whole_number("joints", joints, sum(sizes) + 1) - sum(sizes)
     means = [
-        check_trace("traces", trace) / size for size, trace in zip(sizes, traces, strict=True)
+        positive("traces", trace) / size for trace, size in zip(traces, sizes, strict=True)
     ]
-    redundancy = joints - sum(sizes)
     low, high = 0.0, min(means)
     # f(t) = t Σ m_B/(mean_B − t) rises from 0 to infinity, so bisection cannot miss the root.
     while low < (middle := 0.5 * (low + high)) < high:
-        spent = middle * sum(
-            size / (mean - middle) for size, mean in zip(sizes, means, strict=True)
-        )
+        shares = (size / (mean - middle) for size, mean in zip(sizes, means, strict=True))
+        spent = middle * sum(shares)
         low, high = (middle, high) if spent < redundancy else (low, middle)
     return high
 
 
-def check_dimensions(joints: int, task_dimension: int) -> None:
-    """Raise InputError unless 1 ≤ m < n: without redundancy no joint may be locked."""
-    if task_dimension < 1:
-        raise InputError("task_dimension", task_dimension, "an integer of at least 1")
-    if joints <= task_dimension:
-        raise InputError(
-            "joints", joints, f"an integer above the task dimension {task_dimension}"
-        )
-
-
-def check_trace(argument: str, value: float) -> float:
-    """Return a trace as a float; raise InputError unless it is positive and finite."""
+def positive(argument: str, value: float) -> float:
+    """Return a number as a float; raise InputError unless it is positive and finite."""
     if not (math.isfinite(value) and value > 0):
         raise InputError(argument, value, "a positive finite number")
     return float(value)

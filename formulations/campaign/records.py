@@ -1,4 +1,4 @@
-"""The columns of a study on disk, and a run as one of its records.
+"""The columns of a study on disk: the settings of a cell, and a run as one of its records.
 
 The Jacobian is kept as little-endian eight-byte floats, row after row: exact, in a third of the
 space that exact decimal digits would take. Its shape is in the settings.
@@ -6,22 +6,41 @@ space that exact decimal digits would take. Its shape is in the settings.
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from functools import lru_cache
+from dataclasses import dataclass, field
+from functools import lru_cache, partial
 from types import MappingProxyType
 
 import numpy as np
 
+from formulations.catalogue import arm, formulation
 from formulations.files.provenance import provenance
 from formulations.joints.arm import Arm
 from formulations.solving.record import Record, judge
+from formulations.solving.setup import Setup, solver_options
 from nlp.arrays import FloatArray
-from nlp.multistart import Run
+from nlp.errors import InputError
 from nlp.solution import Solution
 from nlp.store_schema import Kind, Schema, Value
+from nlp.task import Run, Task
 
-# Each value of a record: its kind, and where it comes from.
+# Each setting of a cell and each value of a record: its kind, and where it comes from.
+_SETTINGS: Mapping[str, tuple[Kind, Callable[[Cell], Value]]] = MappingProxyType(
+    {
+        "formulation": ("TEXT", lambda cell: cell.setup.formulation),
+        "model": ("TEXT", lambda cell: cell.setup.model),
+        "joints": ("INTEGER", lambda cell: cell.joints),
+        "task_dimension": ("INTEGER", lambda cell: cell.task_dimension),
+        "locked": ("INTEGER", lambda cell: cell.setup.locked),
+        "encoding": ("TEXT", lambda cell: cell.encoding),
+        "from_residual_minima": ("INTEGER", lambda cell: int(cell.setup.from_residual_minima)),
+        "solver": ("TEXT", lambda cell: cell.solver),
+        "compiled": ("INTEGER", lambda cell: int(cell.compiled)),
+        "options": ("TEXT", lambda cell: json.dumps(cell.all_options, sort_keys=True)),
+        "seed": ("INTEGER", lambda cell: cell.seed),
+    }
+)
 _VALUES: Mapping[str, tuple[Kind, Callable[[Record, Solution], Value]]] = MappingProxyType(
     {
         "status": ("TEXT", lambda record, _: record.status.return_status),
@@ -49,25 +68,84 @@ TIMES = ("solver_cpu_seconds", "solver_wall_seconds", "cpu_seconds")
 SCHEMA = Schema(
     application=0x6C6A7331,
     version=2,
-    settings={
-        "formulation": "TEXT",
-        "model": "TEXT",
-        "joints": "INTEGER",
-        "task_dimension": "INTEGER",
-        "locked": "INTEGER",
-        "encoding": "TEXT",
-        "from_residual_minima": "INTEGER",
-        "solver": "TEXT",
-        "compiled": "INTEGER",
-        "options": "TEXT",
-        "seed": "INTEGER",
-    },
+    settings={name: kind for name, (kind, _) in _SETTINGS.items()},
     values={name: kind for name, (kind, _) in _VALUES.items()},
     migrations={
         # Version 1 did not keep whether the functions ran compiled: it is not known.
         1: ("ALTER TABLE record ADD COLUMN ran_compiled INTEGER",),
     },
 )
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One problem and how it is solved: all that decides its records.
+
+    Attributes
+    ----------
+    setup
+        The formulation on its column model.
+    joints, task_dimension
+        n and m.
+    seed
+        Seed of the starts.
+    options
+        Solver options, over the formulation's own.
+    solver, compiled
+        See `nlp.solver.Solver`.
+
+    Raises
+    ------
+    InputError
+        If the setup has a failure model, which the settings of a cell do not contain.
+    """
+
+    setup: Setup
+    joints: int
+    task_dimension: int
+    seed: int = 0
+    options: Mapping[str, object] = field(default_factory=dict)
+    solver: str = "ipopt"
+    compiled: bool = False
+
+    def __post_init__(self) -> None:
+        if self.setup.failures is not None:
+            # Cells with different failure models would have the same settings.
+            raise InputError("failure model", "given", "left out in a campaign")
+
+    def task(self) -> Task[Kept]:
+        """Return what workers do at each start.
+
+        Raises
+        ------
+        InputError
+            If the arm, a setting or an option is not allowed.
+        """
+        one = self.setup
+        built = arm(one.model, self.joints, self.task_dimension)
+        return Task(
+            one.build(self.joints, self.task_dimension),
+            one.sample(built),
+            self.all_options,
+            partial(keep, arm=built, merit=one.merit(), locked=one.locked),
+            self.solver,
+            self.compiled,
+        )
+
+    def settings(self) -> dict[str, Value]:
+        """Return what identifies this cell in a store."""
+        return {name: read(self) for name, (_, read) in _SETTINGS.items()}
+
+    @property
+    def encoding(self) -> str:
+        """Encoding of the eigenvalue constraints; empty for a formulation without a choice."""
+        one = self.setup
+        return one.encoding if "encoding" in formulation(one.formulation).SETTINGS else ""
+
+    @property
+    def all_options(self) -> Mapping[str, object]:
+        """Solver options, those of the formulation included."""
+        return solver_options(self.setup.formulation, self.solver, self.options)
 
 
 @dataclass(frozen=True)

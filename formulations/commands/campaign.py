@@ -57,8 +57,7 @@ def campaign(
     may be declared meanwhile. Exit status 1 if starts were lost because they raised an
     exception, ended their process or exceeded the time limit.
     """
-    from formulations.campaign.declaration import read
-    from formulations.campaign.execution import run
+    from formulations.campaign.campaign import read, run
     from formulations.campaign.records import SCHEMA
     from nlp.store import Store
 

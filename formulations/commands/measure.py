@@ -37,7 +37,7 @@ def measure(
     failure probabilities or joints that never fail also the expected dexterity and the
     probability-weighted worst case.
     """
-    from formulations.bounds.failure_assessment import assess_failures
+    from formulations.bounds.unequal_failures import assess_failures
     from formulations.files.jacobians import read_jacobians
     from formulations.measures.assessment import assess
 

@@ -76,7 +76,7 @@ def solve(
     as_json: Json = False,
 ) -> None:
     """Solve one formulation from random starts and measure the best answer."""
-    from formulations.bounds.failure_assessment import assess_failures
+    from formulations.bounds.unequal_failures import assess_failures
     from formulations.measures.assessment import assess
     from formulations.solving.solve import solve as solve_from_many_starts
     from formulations.unequal_max_min import checked_goal

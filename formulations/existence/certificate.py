@@ -107,10 +107,8 @@ class Certificate:
         numbers = [self.constant, *(square.weight for square in self.squares)]
         numbers += [term.coefficient for square in self.squares for term in square.terms]
         numbers += [multiplier.coefficient for multiplier in self.multipliers]
-        common = 1
-        for number in numbers:
-            common = lcm(common, number.denominator)
-            _require(common <= COMMON_DENOMINATOR, "the denominators have no small multiple")
+        common = lcm(*(number.denominator for number in numbers))
+        _require(common <= COMMON_DENOMINATOR, "the denominators have no small multiple")
 
     def write(self, path: Path | str) -> None:
         """Write the JSON file, whole or not at all.

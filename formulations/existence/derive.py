@@ -21,7 +21,6 @@ from typing import TypeAlias
 from formulations.existence.certificate import Certificate, Multiplier, Square, Term
 from formulations.existence.equations import (
     Frame,
-    Multiple,
     Polynomial,
     class_sums,
     collected,
@@ -50,8 +49,14 @@ def derive() -> Certificate:
     return Certificate(
         joints=SEVEN_REVOLUTE.joints,
         constant=-remainder[ONE],
-        squares=tuple(_square(*pair) for pair in zip(weights, squares, strict=True)),
-        multipliers=tuple(_multiplier(*item) for item in sorted(quotients.items())),
+        squares=tuple(
+            Square(weight, tuple(Term(c, m.w, m.wbar) for m, c in sorted(square.items())))
+            for weight, square in zip(weights, squares, strict=True)
+        ),
+        multipliers=tuple(
+            Multiplier(c, m.equation.kind, m.equation.place, m.monomial.w, m.monomial.wbar)
+            for m, c in sorted(quotients.items())
+        ),
     )
 
 
@@ -63,7 +68,7 @@ def squared_polynomials() -> tuple[Polynomial, Polynomial]:
     """
     p1 = symmetrised(TABLEAU, Monomial(w=((0, 1), (2, 3)), wbar=((0, 1),)))
     p2 = symmetrised(TABLEAU, Monomial(w=((0, 1), (2, 3)), wbar=((0, 2),)))
-    return p1, combined([(Fraction(3), p1), (Fraction(1), p2)])
+    return p1, combined([(3, p1), (1, p2)])
 
 
 def symmetrised(tableau: Tableau, monomial: Monomial) -> Polynomial:
@@ -117,13 +122,3 @@ def cancelling_weights(p: Polynomial, q: Polynomial) -> tuple[Fraction, Fraction
     numerators = [abs(slope) * lcm(*(s.denominator for s in slopes)) for slope in slopes]
     common = gcd(*(numerator.numerator for numerator in numerators))
     return numerators[1] / common, numerators[0] / common
-
-
-def _square(weight: Fraction, polynomial: Polynomial) -> Square:
-    terms = sorted(polynomial.items())
-    return Square(weight, tuple(Term(value, m.w, m.wbar) for m, value in terms))
-
-
-def _multiplier(multiple: Multiple, coefficient: Fraction) -> Multiplier:
-    equation, monomial = multiple.equation, multiple.monomial
-    return Multiplier(coefficient, equation.kind, equation.place, monomial.w, monomial.wbar)

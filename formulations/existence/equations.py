@@ -16,29 +16,50 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
 from itertools import combinations_with_replacement
-from typing import TypeAlias
+from typing import TypeAlias, TypeVar
 
 from formulations.existence.certificate import Kind
 from formulations.existence.graphs import ONE, Monomial, canonical, coloured_graphs
 
 Polynomial: TypeAlias = Mapping[Monomial, Fraction]
+Key = TypeVar("Key")
 
 # Number of factors W minus number of factors conj(W) in each equation.
 CHARGE: dict[Kind, int] = {"row-sum": 1, "square": 2, "tight-frame": 0}
 _INDICES: dict[Kind, int] = {"row-sum": 1, "square": 2, "tight-frame": 2}
 
 
-def collected(terms: Iterable[tuple[Monomial, Fraction]]) -> Polynomial:
+def collected(terms: Iterable[tuple[Key, Fraction]]) -> dict[Key, Fraction]:
     """Add up terms and drop those that cancel."""
-    total: dict[Monomial, Fraction] = {}
-    for monomial, coefficient in terms:
-        total[monomial] = total.get(monomial, Fraction(0)) + coefficient
-    return {monomial: value for monomial, value in total.items() if value}
+    total: dict[Key, Fraction] = {}
+    for key, coefficient in terms:
+        total[key] = total.get(key, Fraction(0)) + coefficient
+    return {key: value for key, value in total.items() if value}
 
 
-def combined(parts: Iterable[tuple[Fraction, Polynomial]]) -> Polynomial:
-    """Return the linear combination Σ factor · polynomial."""
-    return collected((m, factor * value) for factor, part in parts for m, value in part.items())
+def combined(
+    parts: Iterable[tuple[Fraction | int, Mapping[Key, Fraction]]],
+) -> dict[Key, Fraction]:
+    """Return the linear combination Σ factor · part, e.g. of polynomials."""
+    return collected(
+        (key, factor * value) for factor, part in parts for key, value in part.items()
+    )
+
+
+def solved_for(monomial: Monomial, polynomial: Polynomial) -> Polynomial:
+    """Return what a monomial equals where a polynomial that contains it is zero."""
+    scale = -1 / polynomial[monomial]
+    return {m: scale * value for m, value in polynomial.items() if m != monomial}
+
+
+def substituted(polynomial: Polynomial, values: Mapping[Monomial, Polynomial]) -> Polynomial:
+    """Replace the monomials that have values until none of them is left."""
+    while polynomial.keys() & values.keys():
+        polynomial = combined(
+            (value, values.get(monomial, {monomial: Fraction(1)}))
+            for monomial, value in polynomial.items()
+        )
+    return polynomial
 
 
 def times(monomial: Monomial, polynomial: Polynomial) -> Polynomial:

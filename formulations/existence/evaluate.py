@@ -12,17 +12,12 @@ from __future__ import annotations
 
 from fractions import Fraction
 from itertools import permutations
+from math import prod
 
 import numpy as np
 from numpy.typing import NDArray
 
-from formulations.existence.certificate import (
-    JOINTS,
-    Certificate,
-    Multiplier,
-    Pairs,
-    Square,
-)
+from formulations.existence.certificate import JOINTS, Certificate, Multiplier, Pairs, Square
 
 GaussianIntegers = NDArray[np.complex128]
 
@@ -80,23 +75,19 @@ def _defect(certificate: Certificate, w: GaussianIntegers) -> Fraction:
     orders = np.array(list(permutations(range(JOINTS))))
     permuted = w[orders[:, :, None], orders[:, None, :]]
     equations = _left_hand_sides(permuted)
-    total = Fraction(0)
-    for square in certificate.squares:
-        total += _square(square, permuted)
-    for multiplier in certificate.multipliers:
-        total -= _multiplier(multiplier, permuted, equations[multiplier.kind])
-    return total / len(orders) + certificate.constant
+    squares = sum(_square(square, permuted) for square in certificate.squares)
+    multiples = sum(
+        _multiplier(m, permuted, equations[m.kind]) for m in certificate.multipliers
+    )
+    return Fraction(squares - multiples) / len(orders) + certificate.constant
 
 
 def _square(square: Square, w: GaussianIntegers) -> Fraction:
     """Return weight · Σ |p|² over all orders, from the real inner products of its terms."""
     values = np.stack([_monomial(term.w, term.wbar, w) for term in square.terms])
-    products = (values @ values.conj().T).real
-    total = Fraction(0)
-    for a, row in zip(square.terms, products, strict=True):
-        for b, inner in zip(square.terms, row, strict=True):
-            total += a.coefficient * b.coefficient * int(inner)
-    return square.weight * total
+    products = (values @ values.conj().T).real.astype(int).astype(object)
+    coefficients = np.array([term.coefficient for term in square.terms], dtype=object)
+    return Fraction(square.weight * (coefficients @ products @ coefficients))
 
 
 def _multiplier(
@@ -109,9 +100,5 @@ def _multiplier(
 
 def _monomial(w: Pairs, wbar: Pairs, matrices: GaussianIntegers) -> GaussianIntegers:
     """Return a product of entries, for each of the matrices."""
-    result = np.ones(len(matrices), dtype=complex)
-    for i, j in w:
-        result *= matrices[:, i, j]
-    for i, j in wbar:
-        result *= matrices[:, i, j].conj()
-    return result
+    factors = [matrices[:, i, j] for i, j in w] + [matrices[:, i, j].conj() for i, j in wbar]
+    return prod(factors, start=np.ones(len(matrices), dtype=complex))

@@ -101,7 +101,12 @@ def classes(joints: int, order: int, *, loops: bool = False) -> tuple[Monomial, 
         for edges in range(order + 1)
         for graph in coloured_graphs(joints, edges, edges, loops)
     }
-    return tuple(sorted(found, key=lambda graph: (graph.degree, graph)))
+    return tuple(sorted(found, key=by_degree))
+
+
+def by_degree(graph: Monomial) -> tuple[int, Monomial]:
+    """Order classes: number of edges, then any fixed order; 1 comes first."""
+    return graph.degree, graph
 
 
 @cache
@@ -115,19 +120,14 @@ def coloured_graphs(
         mirrored = coloured_graphs(joints, wbar, w, loops)
         found = {canonical(graph.conjugate(), swap_colours=False) for graph in mirrored}
     else:
+        choose = combinations_with_replacement if loops else combinations
+        # Unused joints are equivalent, so two of them are enough.
         found = {
             canonical(graph * Monomial(w=(edge,)), swap_colours=False)
             for graph in coloured_graphs(joints, w - 1, wbar, loops)
-            for edge in _new_edges(graph, joints, loops)
+            for edge in choose(range(min(joints, len(graph.vertices) + 2)), 2)
         }
     return tuple(sorted(found))
-
-
-def _new_edges(graph: Monomial, joints: int, loops: bool) -> Iterator[tuple[int, int]]:
-    """Give every pair of joints; unused joints are equivalent, so two of them are enough."""
-    candidates = range(min(joints, len(graph.vertices) + 2))
-    choose = combinations_with_replacement if loops else combinations
-    return choose(candidates, 2)
 
 
 @lru_cache(maxsize=100_000)
@@ -139,11 +139,8 @@ def _canonical(monomial: Monomial) -> Monomial:
     have the same least leaf.
     """
     vertices = monomial.vertices
-    neighbours = _neighbours(monomial)
-    return min(
-        monomial.relabel(dict(zip(vertices, names, strict=True)))
-        for names in _labellings(neighbours, [0] * len(vertices))
-    )
+    leaves = _labellings(_neighbours(monomial), [0] * len(vertices))
+    return min(monomial.relabel(dict(zip(vertices, names, strict=True))) for names in leaves)
 
 
 def _neighbours(monomial: Monomial) -> Neighbours:

@@ -14,7 +14,14 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import TypeAlias
 
-from formulations.existence.equations import Frame, Multiple, Polynomial, combined
+from formulations.existence.equations import (
+    Frame,
+    Multiple,
+    Polynomial,
+    combined,
+    solved_for,
+    substituted,
+)
 from formulations.existence.graphs import ONE, Monomial
 
 Combination: TypeAlias = Mapping[Multiple, Fraction]
@@ -71,17 +78,18 @@ class Rewriting:
             ``polynomial = Σ quotient · averaged multiple + remainder``, where the remainder
             holds only classes that no equation reaches: 1 and the free moments.
         """
-        quotients, remainder = _eliminated(_rewrite(polynomial, self.rewritten), self.relations)
+        quotients, remainder = _eliminated(
+            substituted(polynomial, self.rewritten), self.relations
+        )
         used = [(-value, self.averaged[multiple]) for multiple, value in quotients.items()]
-        rest = combined([(Fraction(1), polynomial), (Fraction(-1), remainder), *used])
-        total = dict(quotients)
+        rest = combined([(1, polynomial), (-1, remainder), *used])
+        direct: dict[Multiple, Fraction] = {}
         for graph, multiple in reversed(self.rules.items()):
             if graph in rest:
-                factor = rest[graph] / self.averaged[multiple][graph]
-                total[multiple] = total.get(multiple, Fraction(0)) + factor
-                rest = combined([(Fraction(1), rest), (-factor, self.averaged[multiple])])
+                direct[multiple] = rest[graph] / self.averaged[multiple][graph]
+                rest = combined([(1, rest), (-direct[multiple], self.averaged[multiple])])
         assert not rest, "what the relations leave must vanish by the rules"
-        return {multiple: value for multiple, value in total.items() if value}, remainder
+        return combined([(1, quotients), (1, direct)]), remainder
 
 
 def rewriting(frame: Frame, order: int) -> Rewriting:
@@ -93,14 +101,14 @@ def rewriting(frame: Frame, order: int) -> Rewriting:
     rules = {graph: first[graph] for graph in sorted(first, key=size)}
     rewritten: dict[Monomial, Polynomial] = {}
     for graph, multiple in rules.items():
-        rule = averaged[multiple]
-        equal = {other: -value / rule[graph] for other, value in rule.items() if other != graph}
-        rewritten[graph] = _rewrite(equal, rewritten)
+        rewritten[graph] = substituted(solved_for(graph, averaged[multiple]), rewritten)
     relations: dict[Monomial, Relation] = {}
     for multiple, polynomial in averaged.items():
-        relation = _relation(multiple, _rewrite(polynomial, rewritten), relations)
-        if relation.polynomial:
-            relations[leading(relation.polynomial)] = relation
+        quotients, rest = _eliminated(substituted(polynomial, rewritten), relations)
+        if rest:
+            scale = 1 / rest[leading(rest)]
+            origin = combined([(scale, {multiple: Fraction(1)}), (-scale, quotients)])
+            relations[leading(rest)] = Relation(combined([(scale, rest)]), origin)
     return Rewriting(averaged, rules, rewritten, relations)
 
 
@@ -115,40 +123,18 @@ def _simplest_first(frame: Frame, order: int) -> dict[Multiple, Polynomial]:
     return dict(sorted(((m, p) for m, p in averaged.items() if p), key=complexity))
 
 
-def _rewrite(polynomial: Polynomial, rewritten: Mapping[Monomial, Polynomial]) -> Polynomial:
-    """Apply rules, given by what they make of each class, until none applies."""
-    return combined(
-        (value, rewritten.get(graph, {graph: Fraction(1)}))
-        for graph, value in polynomial.items()
-    )
-
-
-def _relation(
-    multiple: Multiple, polynomial: Polynomial, known: Mapping[Monomial, Relation]
-) -> Relation:
-    """Return what of a rewritten multiple does not follow from the relations already known."""
-    quotients, remainder = _eliminated(polynomial, known)
-    scale = 1 / remainder[leading(remainder)] if remainder else Fraction(1)
-    origin = {used: -scale * value for used, value in quotients.items()}
-    return Relation(
-        {graph: scale * value for graph, value in remainder.items()},
-        {**origin, multiple: scale},
-    )
-
-
 def _eliminated(
     polynomial: Polynomial, relations: Mapping[Monomial, Relation]
 ) -> tuple[Combination, Polynomial]:
     """Subtract relations from a polynomial in irreducible classes, largest class first."""
-    quotients: dict[Multiple, Fraction] = {}
+    used: list[tuple[Fraction, Combination]] = []
     remainder = polynomial
     while reachable := remainder.keys() & relations.keys():
         graph = max(reachable, key=size)
         factor, relation = remainder[graph], relations[graph]
-        remainder = combined([(Fraction(1), remainder), (-factor, relation.polynomial)])
-        for multiple, value in relation.origin.items():
-            quotients[multiple] = quotients.get(multiple, Fraction(0)) + factor * value
-    return {multiple: value for multiple, value in quotients.items() if value}, remainder
+        used.append((factor, relation.origin))
+        remainder = combined([(1, remainder), (-factor, relation.polynomial)])
+    return combined(used), remainder
 
 
 def leading(polynomial: Polynomial) -> Monomial:

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from scipy.optimize import minimize_scalar
 
 from formulations import max_min, measures
-from formulations.bounds.best_known import best_known
+from formulations.bounds.certified import best_known
 from formulations.robots.robot_arm import RobotArm
 from nlp.arrays import FloatArray
 

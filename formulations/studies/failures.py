@@ -19,7 +19,7 @@ from formulations.solving.setup import Setup
 from formulations.studies.study import Effort, Part, Study
 from formulations.unequal_max_min import Goal, default_encoding, merit
 from nlp.arrays import FloatArray
-from nlp.native import deferred_interrupt
+from nlp.solver import deferred_interrupt
 
 STARTS = 100
 

@@ -8,8 +8,7 @@ import pandas as pd
 import pytest
 
 from formulations import measures
-from formulations.bounds.best_known import best_known
-from formulations.bounds.certified import Bound
+from formulations.bounds.certified import Bound, best_known
 from formulations.catalogue import arm, certified_bound, numerical_bound
 from formulations.joints.arm import Arm
 from formulations.joints.kinds import LeverRevolute, Prismatic, UnitRevolute

@@ -10,7 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from formulations.bounds.closed_form import block_trace_bound, largest_eigenvalue_bound
+from formulations.bounds.closed_form import block_trace_bound
+from formulations.measures import eigenvalue_bound
 from nlp.errors import InputError
 
 
@@ -24,16 +25,14 @@ def test_the_canonical_planar_jacobian_attains_the_bound() -> None:
     # Maciejewski and Roberts (1995), eqs. (12) and (14).
     a, b, c = math.sqrt(2 / 3), math.sqrt(1 / 6), math.sqrt(1 / 2)
     printed = np.array([[-a, b, b], [0.0, -c, c]])
-    assert largest_eigenvalue_bound(3, 2) == pytest.approx(1 / 3, rel=1e-15)
+    assert eigenvalue_bound(2, 3, 2) == pytest.approx(1 / 3, rel=1e-15)
     assert worst_eigenvalue(printed) == pytest.approx(1 / 3, rel=1e-14)
 
 
 def test_printed_values_for_seven_and_eight_joints() -> None:
     # Eqs. (46) and (49): sqrt(1/3) and sqrt(2/3) for unit revolute joints, tr JJᵀ = 2n.
-    assert math.sqrt(largest_eigenvalue_bound(7, 6, trace=14)) == pytest.approx(
-        0.57735, abs=1e-5
-    )
-    assert largest_eigenvalue_bound(8, 6, trace=16) == pytest.approx(2 / 3, rel=1e-15)
+    assert math.sqrt(eigenvalue_bound(6, 7, 14)) == pytest.approx(0.57735, abs=1e-5)
+    assert eigenvalue_bound(6, 8, 16) == pytest.approx(2 / 3, rel=1e-15)
 
 
 @given(st.integers(1, 6), st.integers(1, 5), st.integers(0, 2**32 - 1), st.floats(0.0, 3.0))
@@ -41,7 +40,7 @@ def test_no_jacobian_beats_the_bound(m: int, extra: int, seed: int, spread: floa
     rng = np.random.default_rng(seed)
     scales = np.exp(spread * rng.standard_normal((m, 1)))
     jacobian = scales * rng.standard_normal((m, m + extra))
-    bound = largest_eigenvalue_bound(m + extra, m, trace=float(np.sum(jacobian**2)))
+    bound = eigenvalue_bound(m, m + extra, float(np.sum(jacobian**2)))
     assert worst_eigenvalue(jacobian) <= bound * (1 + 1e-12)
 
 
@@ -56,20 +55,20 @@ def test_unequal_blocks_solve_their_equation() -> None:
     assert 3 / (28 / 3 - t) + 3 / (7 / 3 - t) == pytest.approx(1 / t, rel=1e-12)
     # A block that is free of charge leaves the bound of the other one with 7 joints.
     assert block_trace_bound(7, (3, 3), (1e12, 7)) == pytest.approx(
-        largest_eigenvalue_bound(4, 3, trace=7), rel=1e-9
+        eigenvalue_bound(3, 4, 7), rel=1e-9
     )
 
 
 @pytest.mark.parametrize(
     ("joints", "task_dimension", "trace", "argument"),
-    [(6, 6, 1.0, "joints"), (7, 0, 1.0, "task_dimension"), (7, 6, 0.0, "trace")]
+    [(6, 6, 1.0, "joints"), (7, 0, 1.0, "task dimension")]
     + [(7, 6, bad, "trace") for bad in (-1.0, math.nan, math.inf)],
 )
 def test_bad_input_is_named(
     joints: int, task_dimension: int, trace: float, argument: str
 ) -> None:
     with pytest.raises(InputError) as caught:
-        largest_eigenvalue_bound(joints, task_dimension, trace=trace)
+        eigenvalue_bound(task_dimension, joints, trace)
     assert caught.value.argument == argument
 
 
@@ -77,3 +76,9 @@ def test_bad_input_is_named(
 def test_blocks_must_match(sizes: tuple[int, ...], traces: tuple[float, ...]) -> None:
     with pytest.raises(InputError, match="one positive size for each trace"):
         block_trace_bound(7, sizes, traces)
+
+
+@pytest.mark.parametrize(("joints", "trace"), [(6, 1.0), (7, 0.0), (7, -1.0), (7, math.nan)])
+def test_blocks_need_redundancy_and_positive_traces(joints: int, trace: float) -> None:
+    with pytest.raises(InputError, match="joints is 6" if joints == 6 else "traces is"):
+        block_trace_bound(joints, (3, 3), (1.0, trace))

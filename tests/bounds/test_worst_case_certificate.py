@@ -10,14 +10,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from formulations.bounds.worst_case.certificate import (
-    Matrix,
     WorstCaseMultipliers,
     check_multipliers,
 )
 from formulations.bounds.worst_case.problem import LinearFact, WorstCase, free_columns
+from nlp.arrays import FloatArray
 
 
-def optimal(n: int, m: int) -> tuple[Matrix, float, float]:
+def optimal(n: int, m: int) -> tuple[FloatArray, float, float]:
     """Return Z, μ and ν of eq. (6), by hand: μ = m/(n − m)², Z₁₂ = −I/(n − m), ν = 1/m."""
     redundancy = n - m
     identity = np.eye(m)

@@ -12,9 +12,8 @@ import psutil
 import pytest
 
 from formulations import measures
-from formulations.campaign.declaration import Cell, Declaration, declaration
-from formulations.campaign.execution import run
-from formulations.campaign.records import SCHEMA, TIMES, jacobian_of
+from formulations.campaign.campaign import Declaration, declaration, run
+from formulations.campaign.records import SCHEMA, TIMES, Cell, jacobian_of
 from formulations.measures.failure_model import FailureModel
 from formulations.solving.setup import Setup
 from nlp.errors import FileError, InputError

@@ -13,8 +13,7 @@ import typer.testing
 
 from formulations import measures
 from formulations.campaign import tables
-from formulations.campaign.declaration import declaration
-from formulations.campaign.execution import run
+from formulations.campaign.campaign import declaration, run
 from formulations.campaign.records import SCHEMA
 from formulations.campaign.tables import frame, grouped, optima
 from formulations.commands.app import app

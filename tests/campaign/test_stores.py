@@ -8,9 +8,8 @@ from pathlib import Path
 import pytest
 import typer.testing
 
-from formulations.campaign.declaration import Cell, Declaration, declaration
-from formulations.campaign.execution import run
-from formulations.campaign.records import SCHEMA, TIMES
+from formulations.campaign.campaign import Declaration, declaration, run
+from formulations.campaign.records import SCHEMA, TIMES, Cell
 from formulations.commands.app import app
 from formulations.solving.setup import Setup
 from nlp.errors import FileError, InputError

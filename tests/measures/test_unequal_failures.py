@@ -10,8 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from formulations import measures
-from formulations.bounds.failure_assessment import assess_failures
-from formulations.bounds.unequal_failures import expected_bound, fallible_bound
+from formulations.bounds.unequal_failures import assess_failures, expected_bound, fallible_bound
 from formulations.measures import unequal_failures
 from formulations.measures.failure_model import FailureModel
 from nlp.errors import InputError
@@ -164,7 +163,7 @@ def test_refuses_a_model_of_other_joints():
 
 def test_the_judge_of_unequal_failures_needs_no_solver():
     script = (
-        "import formulations.bounds.failure_assessment, sys;"
+        "import formulations.bounds.unequal_failures, sys;"
         "sys.exit(len({'casadi', 'cvxpy', 'pandas'} & set(sys.modules)))"
     )
     assert subprocess.run([sys.executable, "-c", script], check=False).returncode == 0

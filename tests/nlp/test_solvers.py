@@ -125,3 +125,16 @@ def test_refuses_unknown_solvers_and_options(arguments, said):
 
 def task_by(solver, options, is_compiled=False):
     return Task(rosenbrock, None, options, None, solver, is_compiled)
+
+
+def test_a_constraint_that_is_not_a_number_is_a_violation_that_is_not():
+    """Log of a negative number at a start that stays where it is: NaN, not 0."""
+    x = ca.SX.sym("x")
+    problem = Problem(
+        name="nan",
+        variables=x,
+        objective=x**2,
+        constraints=(Constraint("log", ca.log(-1 - x**2), -np.inf, np.inf),),
+    )
+    solution = Solver(problem, {"max_iter": 1}).solve([1.0])
+    assert np.isnan(solution.violation)

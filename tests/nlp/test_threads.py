@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
 
+from nlp.arrays import one_blas_thread
 from nlp.multistart import multistart
-from nlp.native import one_blas_thread
 from nlp.problem import Problem
 from nlp.task import Task, packed, run_chunk
 
@@ -48,5 +48,6 @@ def test_chunks_are_whoever_runs_them():
 
 
 def test_the_decorator_limits_and_lets_go():
-    assert one_blas_thread(threads)() == {1}
-    assert one_blas_thread(threads).__doc__ == threads.__doc__
+    limited = one_blas_thread()(threads)
+    assert limited() == {1}
+    assert limited.__doc__ == threads.__doc__

@@ -6,7 +6,7 @@ import time
 from dataclasses import replace
 from math import sqrt
 
-from formulations.bounds.best_known import best_known
+from formulations.bounds.certified import best_known
 from formulations.bounds.so3_moments.fixed_worst_case import (
     Conditions,
     exclude_worst_case,
@@ -20,8 +20,8 @@ from formulations.bounds.so3_moments.representations.row_sectors import (
 )
 from formulations.bounds.so3_moments.residual_bound import RESIDUAL_PRESETS, residual_bound
 from formulations.bounds.so3_moments.rigorous_residual import rigorous_residual_bound
+from nlp.arrays import one_blas_thread
 from nlp.errors import InputError
-from nlp.native import one_blas_thread
 
 _HOW_CHECKED = "closed form from a lower bound on the residual, which was checked so: "
 LOCALISED = "localised"
@@ -50,7 +50,7 @@ CONDITIONS = Conditions(
 _ROUNDING = 1e-12
 
 
-@one_blas_thread
+@one_blas_thread()
 def max_min_bound(
     preset: str = "fast",
     joints: int = 7,

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from formulations.bounds.best_known import best_known
+from formulations.bounds.certified import best_known
 from formulations.bounds.so3_moments.blocks.sampled_blocks import sector_families
 from formulations.bounds.so3_moments.global_bound import GlobalBound
 from formulations.bounds.so3_moments.relaxation import (
@@ -31,8 +31,8 @@ from formulations.bounds.so3_moments.representations.row_sectors import (
     without_repetition,
 )
 from formulations.bounds.so3_moments.representations.wigner import random_rotations
+from nlp.arrays import one_blas_thread
 from nlp.errors import InputError
-from nlp.native import one_blas_thread
 
 _HOW_CHECKED = (
     "sum-of-squares identity at fresh random configurations, multipliers made positive "
@@ -89,7 +89,7 @@ def residual_preset(name: str) -> Preset:
     return RESIDUAL_PRESETS[name]
 
 
-@one_blas_thread
+@one_blas_thread()
 def residual_bound(
     preset: str = "fast",
     joints: int = 7,

@@ -14,7 +14,7 @@ from math import inf, nextafter
 
 import numpy as np
 
-from formulations.bounds.best_known import best_known
+from formulations.bounds.certified import best_known
 from formulations.bounds.so3_moments.blocks.enclosed_squares import (
     SAFETY,
     enclosed_block,
@@ -43,9 +43,8 @@ from formulations.bounds.so3_moments.representations.wigner import (
     random_rotations,
 )
 from formulations.bounds.so3_moments.residual_bound import residual_preset
-from nlp.arrays import FloatArray
+from nlp.arrays import FloatArray, one_blas_thread
 from nlp.errors import InputError
-from nlp.native import one_blas_thread
 
 _DEGREE = 12
 _POINTS = 560
@@ -82,7 +81,7 @@ class DefectBound:
     defect: float
 
 
-@one_blas_thread
+@one_blas_thread()
 def rigorous_residual_bound(
     preset: str = "fast", joints: int = 7, *, seed: int = 0, progress: Progress = silent
 ) -> GlobalBound:

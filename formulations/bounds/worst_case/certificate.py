@@ -19,16 +19,14 @@ tr B ≤ n − 2m + s m, so s ≥ (d + λ(n − 2m))/(1 − λ m).
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from formulations.bounds.worst_case.problem import LinearFact, WorstCase
-from nlp.arrays import finite_or_none
-
-Matrix: TypeAlias = NDArray[np.float64]
+from nlp.arrays import FloatArray, finite_or_none
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +43,7 @@ class WorstCaseMultipliers:
         ν_k, of the trace limit first and of the facts in their order.
     """
 
-    matrix: Matrix
+    matrix: FloatArray
     redundancy: float
     facts: tuple[float, ...]
 
@@ -80,17 +78,6 @@ class WorstCaseCertificate:
         return {name: finite_or_none(value) for name, value in vars(self).items()}
 
 
-def scaled_facts(problem: WorstCase) -> tuple[LinearFact, ...]:
-    """Return the trace limit and the facts of a problem, scaled so that the limit is m."""
-    m = problem.task_dimension
-    limit = LinearFact("trace", np.eye(m), float(m), "at most")
-    scaled = [
-        LinearFact(fact.name, fact.matrix, fact.value / problem.unit, fact.relation)
-        for fact in problem.facts
-    ]
-    return (limit, *scaled)
-
-
 def check_multipliers(
     problem: WorstCase, multipliers: WorstCaseMultipliers
 ) -> WorstCaseCertificate:
@@ -103,21 +90,26 @@ def check_multipliers(
     multipliers
         Any numbers of the right shapes; they need not be optimal or even feasible.
     """
-    m = problem.task_dimension
-    facts = scaled_facts(problem)
+    m, facts, mu = problem.task_dimension, problem.scaled_facts(), multipliers.redundancy
     z = 0.5 * (multipliers.matrix + multipliers.matrix.T)
-    nu = np.array(multipliers.facts)
-    residual = _residual(z, multipliers.redundancy, nu, facts)
-    dual_value = _dual_value(problem, z, multipliers.redundancy)
+    nu, matrices = np.array(multipliers.facts), np.stack([fact.matrix for fact in facts])
+    at_most = np.array([fact.relation == "at most" for fact in facts])
+    violations = [
+        np.abs(z[:m, :m] - mu * np.eye(m)).max(),
+        np.abs(z[m:, m:] - np.tensordot(nu, matrices, axes=1)).max(),
+        abs(_total(nu, facts) - 1.0),
+        max(0.0, -mu, *-nu[at_most]),
+    ]
+    residual, dual_value = float(max(violations)), _dual_value(problem, z, mu)
 
-    nu = np.where([fact.relation == "at most" for fact in facts], np.maximum(nu, 0.0), nu)
-    total = float(sum(v * fact.value for v, fact in zip(nu, facts, strict=True)))
+    nu = np.where(at_most, np.maximum(nu, 0.0), nu)
+    total = _total(nu, facts)
     if not (math.isfinite(total) and total > 0 and np.isfinite(z).all()):
         return WorstCaseCertificate(dual_value, residual, -math.inf, -math.inf)
     nu, z = nu / total, z / total
     mu = max(float(np.trace(z[:m, :m])) / m, 0.0)
     z[:m, :m] = mu * np.eye(m)
-    z[m:, m:] = _combination(nu, facts)
+    z[m:, m:] = np.tensordot(nu, matrices, axes=1)
     smallest = float(np.linalg.eigvalsh(z)[0])
     # Rounding in eigvalsh is of the order of the machine precision times the norm.
     shortfall = min(smallest - 2 * m * np.finfo(float).eps * float(np.linalg.norm(z)), 0.0)
@@ -126,26 +118,11 @@ def check_multipliers(
     return WorstCaseCertificate(dual_value, residual, smallest, proved)
 
 
-def _combination(nu: NDArray[np.float64], facts: tuple[LinearFact, ...]) -> Matrix:
-    matrices = np.stack([fact.matrix for fact in facts])
-    return np.tensordot(nu, matrices, axes=1)
+def _total(nu: Iterable[float], facts: Iterable[LinearFact]) -> float:
+    return float(sum(v * fact.value for v, fact in zip(nu, facts, strict=True)))
 
 
-def _residual(
-    z: Matrix, mu: float, nu: NDArray[np.float64], facts: tuple[LinearFact, ...]
-) -> float:
-    m = facts[0].matrix.shape[0]
-    signs = [v for v, fact in zip(nu, facts, strict=True) if fact.relation == "at most"]
-    gaps = [
-        np.abs(z[:m, :m] - mu * np.eye(m)).max(),
-        np.abs(z[m:, m:] - _combination(nu, facts)).max(),
-        abs(sum(v * fact.value for v, fact in zip(nu, facts, strict=True)) - 1.0),
-        max(0.0, -mu, *(-v for v in signs)),
-    ]
-    return float(max(gaps))
-
-
-def _dual_value(problem: WorstCase, z: Matrix, mu: float) -> float:
+def _dual_value(problem: WorstCase, z: FloatArray, mu: float) -> float:
     m = problem.task_dimension
     linear = np.trace(z[m:, m:]) - 2.0 * np.trace(z[:m, m:])
     return float(linear - mu * (problem.joints - m))

@@ -6,17 +6,16 @@ A fact about M = JJᵀ is ⟨A, M⟩ = b or ⟨A, M⟩ ≤ b for every Jacobian 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
 from formulations import measures
-from formulations.bounds.closed_form import block_trace_bound, check_dimensions, check_trace
+from formulations.bounds.closed_form import block_trace_bound, positive
+from nlp.arrays import FloatArray, whole_number
 from nlp.errors import InputError
 
-Matrix: TypeAlias = NDArray[np.float64]
 Relation: TypeAlias = Literal["equal", "at most"]
 
 
@@ -37,15 +36,13 @@ class LinearFact:
     """
 
     name: str
-    matrix: Matrix
+    matrix: FloatArray
     value: float
     relation: Relation
 
     def __post_init__(self) -> None:
         matrix = np.array(self.matrix, dtype=float)
-        if matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1]:
-            raise InputError("matrix", matrix.shape, "a square matrix")
-        if not (np.isfinite(matrix).all() and (matrix == matrix.T).all()):
+        if not (np.isfinite(matrix).all() and np.array_equal(matrix, matrix.T)):
             raise InputError("matrix", self.name, "a finite symmetric matrix")
         if not math.isfinite(self.value):
             raise InputError("value", self.value, "a finite number")
@@ -85,17 +82,23 @@ class WorstCase:
     closed_form: float | None = None
 
     def __post_init__(self) -> None:
-        check_dimensions(self.joints, self.task_dimension)
-        check_trace("trace", self.trace)
+        m = whole_number("task dimension", self.task_dimension, 1)
+        whole_number("joints", self.joints, m + 1)
+        positive("trace", self.trace)
         for fact in self.facts:
-            if fact.matrix.shape[0] != self.task_dimension:
-                allowed = f"matrices with {self.task_dimension} rows"
-                raise InputError("facts", fact.matrix.shape, allowed)
+            if fact.matrix.shape != (m, m):
+                raise InputError("facts", fact.matrix.shape, f"matrices with {m} rows")
 
     @property
     def unit(self) -> float:
         """The scale of eigenvalues: trace/m, the largest possible mean eigenvalue of JJᵀ."""
         return self.trace / self.task_dimension
+
+    def scaled_facts(self) -> tuple[LinearFact, ...]:
+        """Return the trace limit and the facts, scaled so that the limit is m."""
+        m = self.task_dimension
+        limit = LinearFact("trace", np.eye(m), float(m), "at most")
+        return limit, *(replace(fact, value=fact.value / self.unit) for fact in self.facts)
 
 
 def free_columns(joints: int, task_dimension: int, *, trace: float | None = None) -> WorstCase:
@@ -140,7 +143,7 @@ def revolute_arm(joints: int, *, lever_arm: float = 1.0) -> WorstCase:
     InputError
         Unless n > 6 and ℓ is positive and finite.
     """
-    linear = joints * check_trace("lever_arm", lever_arm) ** 2
+    linear = joints * positive("lever_arm", lever_arm) ** 2
     closed_form = block_trace_bound(joints, (3, 3), (linear, joints))
     cross = np.kron(np.array([[0.0, 0.5], [0.5, 0.0]]), np.eye(3))
     facts = (

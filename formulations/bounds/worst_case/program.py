@@ -20,9 +20,8 @@ from formulations.bounds.worst_case.certificate import (
     WorstCaseCertificate,
     WorstCaseMultipliers,
     check_multipliers,
-    scaled_facts,
 )
-from formulations.bounds.worst_case.problem import LinearFact, WorstCase
+from formulations.bounds.worst_case.problem import WorstCase
 from nlp.arrays import finite_or_none
 from nlp.conic import run
 
@@ -64,68 +63,35 @@ class SdpBound:
         """Upper bound on the measure (5), in the units of J."""
         return math.sqrt(self.eigenvalue_bound)
 
-    @property
-    def primal_eigenvalue(self) -> float | None:
-        """The t that the solver reports, unchecked, in the squared units of J."""
-        return self._unscaled(self.primal_value)
-
-    @property
-    def dual_eigenvalue(self) -> float | None:
-        """The t of the solver's multipliers, unchecked, in the squared units of J."""
-        return self._unscaled(None if self.certificate is None else self.certificate.dual_value)
-
-    def _unscaled(self, value: float | None) -> float | None:
-        scaled = finite_or_none(value)
-        return self.problem.unit / scaled if scaled is not None and scaled > 0 else None
-
     def to_dict(self) -> dict[str, Any]:
         """Return plain values for tables and JSON; None stands for a bound that is infinite."""
-        closed_form = self.problem.closed_form
-        certificate, multipliers = self.certificate, self.multipliers
+        problem, certificate, multipliers = self.problem, self.certificate, self.multipliers
+        closed_form = problem.closed_form
         return {
             "kind": "numerical",
-            "joints": self.problem.joints,
-            "task_dimension": self.problem.task_dimension,
-            "trace": self.problem.trace,
-            "facts": [fact.name for fact in self.problem.facts],
+            "joints": problem.joints,
+            "task_dimension": problem.task_dimension,
+            "trace": problem.trace,
+            "facts": [fact.name for fact in problem.facts],
             "eigenvalue_bound": finite_or_none(self.eigenvalue_bound),
             "singular_value_bound": finite_or_none(self.singular_value_bound),
             "closed_form_eigenvalue_bound": closed_form,
-            "closed_form_singular_value_bound": (
-                None if closed_form is None else math.sqrt(closed_form)
-            ),
-            "primal_eigenvalue": self.primal_eigenvalue,
-            "dual_eigenvalue": self.dual_eigenvalue,
-            "certificate": None if certificate is None else certificate.to_dict(),
-            "multipliers": None if multipliers is None else multipliers.to_dict(),
+            "closed_form_singular_value_bound": closed_form and math.sqrt(closed_form),
+            # What the solver reports, unchecked, of the primal and of the dual program.
+            "primal_eigenvalue": self._eigenvalue(self.primal_value),
+            "dual_eigenvalue": None
+            if certificate is None
+            else self._eigenvalue(certificate.dual_value),
+            "certificate": certificate and certificate.to_dict(),
+            "multipliers": multipliers and multipliers.to_dict(),
             "solver": self.solver,
             "status": self.status,
             "seconds": self.seconds,
         }
 
-
-@dataclass(frozen=True, eq=False)
-class _Program:
-    """The program in cvxpy, with the constraints whose multipliers are read afterwards."""
-
-    program: cp.Problem
-    semidefinite: cp.Constraint
-    redundancy: cp.Constraint
-    facts: tuple[cp.Constraint, ...]
-
-
-def _program(problem: WorstCase) -> _Program:
-    """State the bound in cvxpy, without solving it."""
-    n, m = problem.joints, problem.task_dimension
-    inverse_t = cp.Variable(name="scaled 1/t")
-    matrix = cp.Variable((m, m), symmetric=True, name="M/t")
-    y = cp.Variable((m, m), symmetric=True, name="Y")
-    identity = np.eye(m)
-    semidefinite = cp.bmat([[y, identity], [identity, matrix - identity]]) >> 0
-    redundancy = cp.trace(y) <= n - m
-    facts = tuple(_stated(fact, matrix, inverse_t) for fact in scaled_facts(problem))
-    program = cp.Problem(cp.Minimize(inverse_t), [semidefinite, redundancy, *facts])
-    return _Program(program, semidefinite, redundancy, facts)
+    def _eigenvalue(self, scaled: float | None) -> float | None:
+        value = finite_or_none(scaled)
+        return self.problem.unit / value if value is not None and value > 0 else None
 
 
 def solve_worst_case(
@@ -146,15 +112,21 @@ def solve_worst_case(
         Also when the solver fails: see its `status`.
     """
     began = time.perf_counter()
-    stated = _program(problem)
-    status = run(stated.program, solver, options)
-    multipliers = _multipliers(stated)
-    certificate = None if multipliers is None else check_multipliers(problem, multipliers)
-    proved = -math.inf if certificate is None else certificate.proved_value
+    program = _program(problem)
+    status = run(program, solver, options)
+    values = [constraint.dual_value for constraint in program.constraints]
+    multipliers, certificate, proved = None, None, -math.inf
+    if all(value is not None for value in values):
+        matrix, redundancy, *facts = values
+        multipliers = WorstCaseMultipliers(
+            np.array(matrix), float(redundancy), tuple(map(float, facts))
+        )
+        certificate = check_multipliers(problem, multipliers)
+        proved = certificate.proved_value
     return SdpBound(
         problem=problem,
         eigenvalue_bound=problem.unit / proved if proved > 0 else math.inf,
-        primal_value=finite_or_none(stated.program.value),
+        primal_value=finite_or_none(program.value),
         multipliers=multipliers,
         certificate=certificate,
         solver=solver,
@@ -163,17 +135,15 @@ def solve_worst_case(
     )
 
 
-def _stated(fact: LinearFact, matrix: cp.Variable, inverse_t: cp.Variable) -> cp.Constraint:
-    left = cp.sum(cp.multiply(fact.matrix, matrix))
-    right = inverse_t * fact.value
-    return left == right if fact.relation == "equal" else left <= right
-
-
-def _multipliers(stated: _Program) -> WorstCaseMultipliers | None:
-    values = [c.dual_value for c in (stated.semidefinite, stated.redundancy, *stated.facts)]
-    if any(value is None for value in values):
-        return None
-    matrix, redundancy, *facts = values
-    return WorstCaseMultipliers(
-        np.array(matrix), float(redundancy), tuple(float(value) for value in facts)
-    )
+def _program(problem: WorstCase) -> cp.Problem:
+    """State the program; its constraints are in the order of the multipliers."""
+    n, m, identity = problem.joints, problem.task_dimension, np.eye(problem.task_dimension)
+    inverse_t = cp.Variable(name="scaled 1/t")
+    matrix = cp.Variable((m, m), symmetric=True, name="M/t")
+    y = cp.Variable((m, m), symmetric=True, name="Y")
+    constraints = [cp.bmat([[y, identity], [identity, matrix - identity]]) >> 0]
+    constraints.append(cp.trace(y) <= n - m)
+    for fact in problem.scaled_facts():
+        left, right = cp.sum(cp.multiply(fact.matrix, matrix)), inverse_t * fact.value
+        constraints.append(left == right if fact.relation == "equal" else left <= right)
+    return cp.Problem(cp.Minimize(inverse_t), constraints)

@@ -10,15 +10,12 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
-from formulations.existence.equations import Frame, Polynomial
-from formulations.existence.graphs import Monomial, classes
-
-Row: TypeAlias = dict[int, Fraction]
+from formulations.existence.equations import Frame, Polynomial, solved_for, substituted
+from formulations.existence.graphs import ONE, Monomial, by_degree, classes
+from nlp.arrays import FloatArray
 
 
 @dataclass(frozen=True)
@@ -40,8 +37,8 @@ class LinearMoments:
     free
         The classes whose moments are free.
     solution
-        For each class the coefficients of 1 and of the free moments. Empty if no moments
-        satisfy the equations.
+        Each class as a combination of 1 and the free ones. Empty if no moments satisfy the
+        equations.
     """
 
     frame: Frame
@@ -50,17 +47,27 @@ class LinearMoments:
     equations: int
     rank: int
     free: tuple[Monomial, ...]
-    solution: Mapping[Monomial, tuple[Fraction, ...]]
+    solution: Mapping[Monomial, Polynomial]
 
     @property
     def consistent(self) -> bool:
         """Whether any moments satisfy the equations."""
         return bool(self.solution)
 
-    def coefficients(self) -> NDArray[np.float64]:
+    def coefficients(self) -> FloatArray:
         """Return the solution as floats: a row per class, a column for 1 and each free one."""
-        rows = [[float(v) for v in self.solution[graph]] for graph in self.classes]
-        return np.array(rows).reshape(len(self.classes), 1 + len(self.free))
+        known = (ONE, *self.free)
+        return np.array(
+            [[float(self.solution[g].get(k, 0)) for k in known] for g in self.classes]
+        )
+
+    def limits(self) -> FloatArray:
+        """Return limits Y_k of the absolute values of the free moments of every solution.
+
+        The tight-frame equation (i, i) is Σ_j |W_ij|² = 2 P_ii, so |W_ij|² ≤ 2 P_ii.
+        """
+        square = 2 * float(self.frame.projector(0, 0))
+        return np.array([square ** len(graph.w) for graph in self.free])
 
 
 def solve_moment_equations(frame: Frame, order: int) -> LinearMoments:
@@ -74,74 +81,44 @@ def solve_moment_equations(frame: Frame, order: int) -> LinearMoments:
         Largest number of edges of each colour.
     """
     graphs = classes(frame.joints, order, loops=frame.diagonal)
-    number = {graph: place for place, graph in enumerate(graphs)}
-    equations = _averaged_equations(frame, order)
-    rows = [{number[graph]: value for graph, value in terms.items()} for terms in equations]
+    averaged = (frame.averaged(multiple) for multiple in frame.multiples(order))
+    equations = {frozenset(terms.items()): terms for terms in averaged if terms}
     # Short equations first keep the rows of the elimination short.
-    solved = eliminate(sorted(rows, key=len))
-    consistent = 0 not in solved
-    free = [c for c in range(1, len(graphs)) if c not in solved] if consistent else []
-    solution = {}
-    if consistent:
-        for graph, c in number.items():
-            row = solved.get(c, {c: Fraction(1)})
-            solution[graph] = tuple(row.get(k, Fraction(0)) for k in (0, *free))
+    solved = eliminate(sorted(equations.values(), key=len))
+    consistent = ONE not in solved
+    free = [graph for graph in graphs[1:] if graph not in solved] if consistent else []
+    solution = {graph: solved.get(graph, {graph: Fraction(1)}) for graph in graphs}
     return LinearMoments(
         frame=frame,
         order=order,
         classes=graphs,
         equations=len(equations),
-        rank=len(solved.keys() - {0}),
-        free=tuple(graphs[c] for c in free),
-        solution=solution,
+        rank=len(solved.keys() - {ONE}),
+        free=tuple(free),
+        solution=solution if consistent else {},
     )
 
 
-def _averaged_equations(frame: Frame, order: int) -> list[Polynomial]:
-    """Return the distinct linear equations between class moments: each sum is zero."""
-    averaged = (frame.averaged(multiple) for multiple in frame.multiples(order))
-    distinct = dict.fromkeys(tuple(sorted(terms.items())) for terms in averaged if terms)
-    return [dict(terms) for terms in distinct]
-
-
-def eliminate(rows: Iterable[Mapping[int, Fraction]]) -> dict[int, Row]:
-    """Solve the equations Σ_c row[c]·x_c = 0 in which x_0 = 1, the last unknowns first.
+def eliminate(equations: Iterable[Polynomial]) -> dict[Monomial, Polynomial]:
+    """Solve linear equations between monomials, those of the highest degree first.
 
     Parameters
     ----------
-    rows
-        Coefficients of the unknowns, by number; unknown 0 is the constant 1.
+    equations
+        The polynomials that are zero.
 
     Returns
     -------
     dict
-        For every determined unknown, its value as a combination of x_0 and the undetermined
-        unknowns. It has the key 0 exactly if the equations imply x_0 = 0, a contradiction.
+        For every determined monomial, its value as a combination of the undetermined ones. It
+        has the key 1 exactly if the equations imply 1 = 0, a contradiction.
     """
-    leading: dict[int, Row] = {}
-    for given in rows:
-        row = dict(given)
-        while row:
-            last = max(row)
-            if last not in leading:
-                scale = row.pop(last)
-                # Kept solved for its last unknown: x_last = Σ leading[last][c]·x_c.
-                leading[last] = {c: -value / scale for c, value in row.items()}
-                break
-            _add(row, leading[last], row.pop(last))
-    solved: dict[int, Row] = {}
-    for last in sorted(leading):
-        solved[last] = {}
-        for c, value in leading[last].items():
-            _add(solved[last], solved.get(c, {c: Fraction(1)}), value)
+    solved: dict[Monomial, Polynomial] = {}
+    for equation in equations:
+        rest = substituted(equation, solved)
+        if rest:
+            last = max(rest, key=by_degree)
+            solved[last] = solved_for(last, rest)
+    for last in sorted(solved, key=by_degree):
+        solved[last] = substituted(solved[last], solved)
     return solved
-
-
-def _add(row: Row, other: Mapping[int, Fraction], factor: Fraction) -> None:
-    """Add a multiple of another row in place, and drop what cancels."""
-    for c, value in other.items():
-        total = row.get(c, 0) + factor * value
-        if total:
-            row[c] = Fraction(total)
-        else:
-            row.pop(c, None)

@@ -16,19 +16,14 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, TypeAlias
+from typing import Any
 
 import cvxpy as cp
 import numpy as np
-from numpy.typing import NDArray
 
-from formulations.existence.relaxation.linear_moments import LinearMoments
 from formulations.existence.relaxation.moment_matrix import MomentBlock
-from nlp.arrays import finite_or_none
+from nlp.arrays import FloatArray, finite_or_none
 from nlp.conic import run
-
-Vector: TypeAlias = NDArray[np.float64]
-Matrix: TypeAlias = NDArray[np.float64]
 
 # Relative rounding of the blocks, which are products of bases with errors of about 1e-12.
 _ROUNDING = 1e-10
@@ -91,33 +86,14 @@ class Margin:
 
     value: float | None
     status: str
-    free: Vector | None
-    multipliers: tuple[Matrix, ...] | None
+    free: FloatArray | None
+    multipliers: tuple[FloatArray, ...] | None
     certificate: MarginCertificate
-
-
-def _stated(
-    blocks: Sequence[MomentBlock],
-) -> tuple[cp.Problem, list[cp.Variable], list[cp.Constraint]]:
-    """State, without solving: maximise s ≤ 1 subject to B_b(y) − sI ⪰ 0 for all blocks.
-
-    Returns the program, the free moments y and the constraints of the blocks.
-    """
-    margin = cp.Variable(name="margin")
-    free = [cp.Variable() for _ in blocks[0].matrices[1:]]
-    semidefinite = [
-        sum((y * b for y, b in zip(free, block.matrices[1:], strict=True)), block.matrices[0])
-        - margin * np.eye(block.size)
-        >> 0
-        for block in blocks
-    ]
-    program = cp.Problem(cp.Maximize(margin), [*semidefinite, margin <= 1])
-    return program, free, semidefinite
 
 
 def solve_margin(
     blocks: Sequence[MomentBlock],
-    limits: Vector,
+    limits: FloatArray,
     *,
     solver: str = "CLARABEL",
     options: Mapping[str, Any] | None = None,
@@ -129,15 +105,25 @@ def solve_margin(
     blocks
         The blocks, at least one.
     limits
-        Limits of the absolute values of the free moments, from `moment_limits`.
+        Limits of the absolute values of the free moments, from `LinearMoments.limits`.
     solver, options
         Conic solver known to cvxpy, and its own options.
     """
-    program, unknowns, semidefinite = _stated(blocks)
+    margin = cp.Variable(name="margin")
+    unknowns = [cp.Variable() for _ in blocks[0].matrices[1:]]
+    semidefinite = [
+        sum(
+            (y * b for y, b in zip(unknowns, block.matrices[1:], strict=True)),
+            block.matrices[0],
+        )
+        - margin * np.eye(block.size)
+        >> 0
+        for block in blocks
+    ]
+    program = cp.Problem(cp.Maximize(margin), [*semidefinite, margin <= 1])
     status = run(program, solver, options)
     value = finite_or_none(program.value)
-    values = [y.value for y in unknowns]
-    free = None if value is None else np.array(values, dtype=float).ravel()
+    free = None if value is None else np.array([y.value for y in unknowns], dtype=float).ravel()
     duals = [constraint.dual_value for constraint in semidefinite]
     multipliers = None
     if all(dual is not None for dual in duals):
@@ -149,25 +135,11 @@ def solve_margin(
     return Margin(value, status, free, multipliers, certificate)
 
 
-def moment_limits(moments: LinearMoments) -> Vector:
-    """Return limits Y_k of the free moments of every solution.
-
-    The tight-frame equation (i, i) is Σ_j |W_ij|² = 2 P_ii, so |W_ij|² ≤ 2 P_ii.
-
-    Parameters
-    ----------
-    moments
-        Solution of the moment equations.
-    """
-    square = 2 * float(moments.frame.projector(0, 0))
-    return np.array([square ** len(graph.w) for graph in moments.free])
-
-
 def check_margin(
     blocks: Sequence[MomentBlock],
-    limits: Vector,
-    free: Vector | None,
-    multipliers: Sequence[Matrix] | None,
+    limits: FloatArray,
+    free: FloatArray | None,
+    multipliers: Sequence[FloatArray] | None,
 ) -> MarginCertificate:
     """Return what free moments attain and multipliers prove, wherever they come from.
 
@@ -207,7 +179,7 @@ def check_margin(
     return MarginCertificate(attained, proved, float(leftover.max(initial=0.0)), smallest)
 
 
-def _positive_part(matrix: Matrix) -> Matrix:
+def _positive_part(matrix: FloatArray) -> FloatArray:
     values, vectors = np.linalg.eigh(matrix)
-    positive: Matrix = (vectors * np.maximum(values, 0.0)) @ vectors.T
+    positive: FloatArray = (vectors * np.maximum(values, 0.0)) @ vectors.T
     return positive

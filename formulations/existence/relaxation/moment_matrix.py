@@ -10,10 +10,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import permutations
-from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
 from formulations.existence.graphs import Monomial
 from formulations.existence.relaxation.numbered_monomials import (
@@ -23,9 +21,8 @@ from formulations.existence.relaxation.numbered_monomials import (
 )
 from formulations.existence.relaxation.row_bases import RowBasis
 from formulations.existence.relaxation.tableaux import Shape
+from nlp.arrays import FloatArray
 from nlp.errors import InputError
-
-Matrix: TypeAlias = NDArray[np.float64]
 
 # Pieces large enough to keep the number of matrix products small, and memory below 50 MB.
 _ENTRIES_AT_ONCE = 2_000_000
@@ -48,20 +45,23 @@ class MomentBlock:
     charge: int
     shape: Shape
     copies: int
-    matrices: Matrix
+    matrices: FloatArray
 
     @property
     def size(self) -> int:
         """Number of rows."""
         return int(self.matrices.shape[1])
 
-    def at(self, free: NDArray[np.float64]) -> Matrix:
+    def at(self, free: FloatArray) -> FloatArray:
         """Return the block at given free moments."""
         return np.tensordot(np.concatenate([[1.0], free]), self.matrices, axes=1)
 
 
 def moment_blocks(
-    bases: Sequence[RowBasis], sector: RowSector, tables: Sequence[Integers], moments: Matrix
+    bases: Sequence[RowBasis],
+    sector: RowSector,
+    tables: Sequence[Integers],
+    moments: FloatArray,
 ) -> list[MomentBlock]:
     """Return the blocks of one charge.
 
@@ -79,18 +79,18 @@ def moment_blocks(
     kept = [basis for basis in bases if basis.rows.shape[1]]
     together = np.hstack([basis.rows for basis in kept])
     projected = _projected(sector, tables, moments, together)
-    ends = np.cumsum([0] + [basis.rows.shape[1] for basis in kept])
-    blocks = []
-    for basis, start, end in zip(kept, ends, ends[1:], strict=False):
-        matrices = projected[:, start:end, start:end]
-        symmetric = 0.5 * (matrices + matrices.transpose(0, 2, 1))
-        blocks.append(MomentBlock(basis.charge, basis.shape, basis.copies, symmetric))
+    symmetric = 0.5 * (projected + projected.transpose(0, 2, 1))
+    blocks, end = [], 0
+    for basis in kept:
+        start, end = end, end + basis.rows.shape[1]
+        matrices = symmetric[:, start:end, start:end]
+        blocks.append(MomentBlock(sector.charge, basis.shape, basis.copies, matrices))
     return blocks
 
 
 def _projected(
-    sector: RowSector, tables: Sequence[Integers], moments: Matrix, basis: Matrix
-) -> Matrix:
+    sector: RowSector, tables: Sequence[Integers], moments: FloatArray, basis: FloatArray
+) -> FloatArray:
     """Return basisᵀ·M_k·basis, shape (K, r, r), for the K moment matrices M_k.
 
     M_k is given by its class moments, column k of `moments`; `basis` has shape (length, r).

@@ -120,7 +120,7 @@ class RowSector:
 
     def offset(self, p: int, q: int) -> int:
         """Return the number of the first monomial of a type."""
-        return sum(self.size(*other) for other in self.types[: self.types.index((p, q))])
+        return sum(self.size(*other) for other in self.types if other < (p, q))
 
     @property
     def length(self) -> int:

@@ -18,7 +18,7 @@ from formulations.existence.relaxation.linear_moments import (
     LinearMoments,
     solve_moment_equations,
 )
-from formulations.existence.relaxation.margin import Margin, moment_limits, solve_margin
+from formulations.existence.relaxation.margin import Margin, solve_margin
 from formulations.existence.relaxation.moment_matrix import (
     MomentBlock,
     class_tables,
@@ -158,10 +158,16 @@ def existence_relaxation(
     The equations are those of Maciejewski and Roberts (1995), eqs. (23)–(43), with the columns
     scaled so that JJᵀ = I.
     """
-    frame = _frame(order, joints, task_dimension, diagonal)
+    even = joints - joints % 2
+    if order not in (1, 2, 3):
+        raise InputError("order", order, "1, 2, 3")
+    if joints not in range(2, 8):
+        raise InputError("joints", joints, "an integer from 2 to 7")
+    if task_dimension not in (None, even):
+        raise InputError("task_dimension", task_dimension, f"{even}, for {joints} joints")
     check_solver(solver)
     clock = [time.perf_counter()]
-    moments = solve_moment_equations(frame, order)
+    moments = solve_moment_equations(Frame(joints, even, diagonal), order)
     clock.append(time.perf_counter())
     with threadpool_limits(limits=1, user_api="blas"):  # many small matrices: threads only wait
         blocks, doubt = _blocks(moments) if moments.consistent else ((), 0.0)
@@ -169,26 +175,14 @@ def existence_relaxation(
     margin: Margin | None = None
     alone: list[Margin] = []
     if blocks:
-        limits = moment_limits(moments)
         margin, *alone = (
-            solve_margin(chosen, limits, solver=solver, options=options)
+            solve_margin(chosen, moments.limits(), solver=solver, options=options)
             for chosen in (blocks, *((block,) for block in blocks))
         )
     clock.append(time.perf_counter())
     times = (end - start for start, end in pairwise(clock))
     seconds = dict(zip(("equations", "blocks", "solver"), times, strict=True))
     return ExistenceRelaxation(moments, blocks, margin, tuple(alone), doubt, solver, seconds)
-
-
-def _frame(order: int, joints: int, task_dimension: int | None, diagonal: bool) -> Frame:
-    if order not in (1, 2, 3):
-        raise InputError("order", order, "1, 2, 3")
-    if joints not in range(2, 8):
-        raise InputError("joints", joints, "an integer from 2 to 7")
-    even = joints - joints % 2
-    if task_dimension not in (None, even):
-        raise InputError("task_dimension", task_dimension, f"{even}, for {joints} joints")
-    return Frame(joints, even, diagonal)
 
 
 def _blocks(moments: LinearMoments) -> tuple[tuple[MomentBlock, ...], float]:

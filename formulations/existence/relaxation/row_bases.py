@@ -12,10 +12,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import combinations
-from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
 from formulations.existence.equations import CHARGE, Frame, Polynomial, times
 from formulations.existence.graphs import Monomial
@@ -26,9 +24,8 @@ from formulations.existence.relaxation.tableaux import (
     partitions,
     row_reading_contents,
 )
+from nlp.arrays import FloatArray
 from nlp.errors import InputError
-
-Matrix: TypeAlias = NDArray[np.float64]
 
 # Weights of X_2, X_3, … for which Σ w_k X_k has another eigenvalue on every standard tableau.
 _PRIMES = (2, 3, 5, 7, 11, 13, 17, 19, 23)
@@ -43,8 +40,6 @@ class RowBasis:
 
     Parameters
     ----------
-    charge
-        Number of factors W minus number of factors conj(W).
     shape
         The partition that names the representation of the symmetric group.
     copies
@@ -56,10 +51,9 @@ class RowBasis:
         if the number of rows is certain.
     """
 
-    charge: int
     shape: Shape
     copies: int
-    rows: Matrix
+    rows: FloatArray
     doubt: float
 
 
@@ -83,12 +77,12 @@ def row_bases(sector: RowSector, frame: Frame) -> list[RowBasis]:
     ends = np.cumsum([basis.shape[1] for basis in bases.values()])[:-1]
     parts = np.split(stacked, ends, axis=1)
     return [
-        _without(sector.charge, shape, basis, part)
+        _without(shape, basis, part)
         for (shape, basis), part in zip(bases.items(), parts, strict=True)
     ]
 
 
-def _without(charge: int, shape: Shape, basis: Matrix, vanishing: Matrix) -> RowBasis:
+def _without(shape: Shape, basis: FloatArray, vanishing: FloatArray) -> RowBasis:
     """Return the part of a basis that is orthogonal to vanishing rows given in it."""
     copies = basis.shape[1]
     padded = np.vstack([vanishing, np.zeros((copies, copies))])
@@ -96,10 +90,10 @@ def _without(charge: int, shape: Shape, basis: Matrix, vanishing: Matrix) -> Row
     rank = int((singular > _RANK_TOLERANCE).sum())
     dropped = float(singular[rank:].max(initial=0.0))
     kept = float(singular[:rank].min(initial=np.inf))
-    return RowBasis(charge, shape, copies, basis @ vectors[rank:].T, dropped / kept)
+    return RowBasis(shape, copies, basis @ vectors[rank:].T, dropped / kept)
 
 
-def adapted_rows(sector: RowSector) -> dict[Shape, Matrix]:
+def adapted_rows(sector: RowSector) -> dict[Shape, FloatArray]:
     """Return for each shape an orthonormal basis of the eigenspace of one of its tableaux.
 
     Parameters
@@ -125,9 +119,9 @@ def adapted_rows(sector: RowSector) -> dict[Shape, Matrix]:
         swap[[i, j]] = j, i
     weights = np.sqrt(_PRIMES[: joints - 1])
     # The transposition (i j), i < j, is part of X_{j+1}, counted from 1.
-    swap_weights = np.array([weights[j - 1] for _, j in pairs])
+    swap_weights = [weights[j - 1] for _, j in pairs]
     wanted = _eigenvalues(joints, weights)
-    found: dict[Shape, list[Matrix]] = {shape: [] for shape in wanted}
+    found: dict[Shape, list[FloatArray]] = {shape: [] for shape in wanted}
     for p, q in sector.types:
         images = sector.images(p, q, swaps)
         for orbit in _orbits(images):
@@ -144,7 +138,7 @@ def adapted_rows(sector: RowSector) -> dict[Shape, Matrix]:
     return {shape: basis for shape, basis in bases.items() if basis.shape[1]}
 
 
-def _eigenvalues(joints: int, weights: NDArray[np.float64]) -> dict[Shape, float]:
+def _eigenvalues(joints: int, weights: FloatArray) -> dict[Shape, float]:
     """Return the eigenvalue of Σ w_k X_k for one tableau of each shape."""
     spectrum = np.sort([np.dot(weights, contents) for contents in all_contents(joints)])
     if np.diff(spectrum).min(initial=np.inf) < _SMALLEST_GAP:

@@ -7,27 +7,30 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from formulations.existence.equations import Frame
+from formulations.existence.graphs import ONE, Monomial
 from formulations.existence.relaxation.linear_moments import (
     eliminate,
     solve_moment_equations,
 )
 
+X = [ONE, *(Monomial(((0, c),)) for c in range(1, 9))]
 
-def rows_of(matrix: list[list[int]]) -> list[dict[int, Fraction]]:
-    return [{c: Fraction(v) for c, v in enumerate(row) if v} for row in matrix]
+
+def rows_of(matrix: list[list[int]]) -> list[dict[Monomial, Fraction]]:
+    return [{X[c]: Fraction(v) for c, v in enumerate(row) if v} for row in matrix]
 
 
 def test_a_small_system_by_hand() -> None:
     # x3 = 2·x1 + 1 and 3·x2 = x1, twice.
     result = eliminate(rows_of([[1, 2, 0, -1], [0, 1, -3, 0], [1, 3, -3, -1]]))
     assert result == {
-        2: {1: Fraction(1, 3)},
-        3: {0: Fraction(1), 1: Fraction(2)},
+        X[2]: {X[1]: Fraction(1, 3)},
+        X[3]: {ONE: Fraction(1), X[1]: Fraction(2)},
     }
 
 
 def test_a_contradiction_is_found_and_does_not_count_as_rank() -> None:
-    assert eliminate(rows_of([[1, 1, 1], [2, 1, 1]])).keys() == {0, 2}
+    assert eliminate(rows_of([[1, 1, 1], [2, 1, 1]])).keys() == {ONE, X[2]}
     moments = solve_moment_equations(Frame(3, 2), 1)
     assert not moments.consistent
     assert moments.rank == len(moments.classes) - 1
@@ -44,10 +47,11 @@ def test_solutions_satisfy_every_equation_exactly(seed: int, height: int, width:
     # A planted solution: the constant is chosen to fit.
     augmented = np.column_stack([-matrix @ unknowns, matrix])
     result = eliminate(rows_of(augmented.tolist()))
-    assert 0 not in result
+    assert ONE not in result
     assert len(result) == np.linalg.matrix_rank(matrix)
-    values = {c: Fraction(int(v)) for c, v in enumerate(unknowns, start=1)} | {0: Fraction(1)}
-    for free in set(values) - set(result) - {0}:
+    values = {X[c]: Fraction(int(v)) for c, v in enumerate(unknowns, start=1)}
+    values[ONE] = Fraction(1)
+    for free in set(values) - set(result) - {ONE}:
         values[free] = Fraction(int(rng.integers(-9, 10)), 7)
     for c, row in result.items():
         assert set(row) <= set(values) - set(result)

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from formulations.existence.equations import Frame
 from formulations.existence.relaxation.linear_moments import solve_moment_equations
-from formulations.existence.relaxation.margin import check_margin, moment_limits, solve_margin
+from formulations.existence.relaxation.margin import check_margin, solve_margin
 from formulations.existence.relaxation.moment_matrix import MomentBlock
 
 NONE = np.zeros(0)
@@ -78,7 +78,7 @@ def test_the_solver_meets_its_certificate(seed: int) -> None:
 def test_limits_are_powers_of_the_diagonal_of_the_projector() -> None:
     # |W_ij|² ≤ 2 P_ii = 2 for a square isotropic Jacobian and 12/7 for seven joints.
     square = solve_moment_equations(Frame(6, 6), 2)
-    assert set(moment_limits(square)) == {2.0 ** len(graph.w) for graph in square.free}
+    assert set(square.limits()) == {2.0 ** len(graph.w) for graph in square.free}
     kept = solve_moment_equations(Frame(7, 6, diagonal=True), 1)
-    assert moment_limits(kept).tolist() == [12 / 7] * len(kept.free)
+    assert kept.limits().tolist() == [12 / 7] * len(kept.free)
     assert len(kept.free) > 0

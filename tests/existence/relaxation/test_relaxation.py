@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from formulations.existence.relaxation import relaxation
-from formulations.existence.relaxation.margin import check_margin, moment_limits, solve_margin
+from formulations.existence.relaxation.margin import check_margin, solve_margin
 from formulations.existence.relaxation.relaxation import (
     ExistenceRelaxation,
     existence_relaxation,
@@ -78,14 +78,14 @@ def test_without_the_infeasible_blocks_order_3_is_feasible(
     order_3: ExistenceRelaxation,
 ) -> None:
     others = [block for block in order_3.blocks if block.charge != 1]
-    margin = solve_margin(others, moment_limits(order_3.moments))
+    margin = solve_margin(others, order_3.moments.limits())
     assert margin.certificate.feasible
 
 
 def test_perturbed_multipliers_prove_no_more_than_the_truth(
     order_3: ExistenceRelaxation,
 ) -> None:
-    margin, limits = order_3.margin, moment_limits(order_3.moments)
+    margin, limits = order_3.margin, order_3.moments.limits()
     assert margin is not None
     assert margin.multipliers is not None
     rng = np.random.default_rng(0)

@@ -13,7 +13,6 @@ from formulations.existence.relaxation.linear_moments import (
     LinearMoments,
     solve_moment_equations,
 )
-from formulations.existence.relaxation.margin import moment_limits
 from formulations.existence.relaxation.moment_matrix import class_tables
 from formulations.existence.relaxation.numbered_monomials import EdgeMultisets, Integers
 from formulations.existence.relaxation.relaxation import (
@@ -41,7 +40,7 @@ def assert_solved_by(
     free = np.array([by_class[graph] for graph in moments.free])
     predicted = moments.coefficients() @ np.concatenate([[1.0], free])
     np.testing.assert_allclose(predicted, values, atol=1e-9)
-    assert (np.abs(free) <= moment_limits(moments)).all()
+    assert (np.abs(free) <= moments.limits()).all()
     return free
 
 
