@@ -86,6 +86,12 @@ Tolerance = Annotated[
 Out = Annotated[
     Path, typer.Option(metavar="DIR", help="Folder for the files; made if missing.")
 ]
+Pick = Annotated[
+    int | None,
+    typer.Option(
+        parser=whole(0), metavar="K", help="Which Jacobian of the file, counted from 0."
+    ),
+]
 Json = Annotated[bool, typer.Option("--json", help="Print JSON instead of text.")]
 Ipopt = Annotated[
     list[str] | None,

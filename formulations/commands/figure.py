@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from formulations.commands.arguments import Json, Seed, Workers, progress, whole
+from formulations.commands.arguments import Json, Pick, Seed, Workers, progress, whole
 from formulations.commands.output import as_text
 from nlp.errors import InputError
 
@@ -38,12 +38,7 @@ def figure(
             show_default="solved for",
         ),
     ] = None,
-    pick: Annotated[
-        int | None,
-        typer.Option(
-            parser=whole(0), metavar="K", help="Which Jacobian of the file, counted from 0."
-        ),
-    ] = None,
+    pick: Pick = None,
     store: Annotated[
         Path | None,
         typer.Option(metavar="DB", help="optima: show the starts of this campaign."),

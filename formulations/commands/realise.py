@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from formulations.commands.arguments import Json, Seed, positive, whole
+from formulations.commands.arguments import Json, Pick, Seed, positive, whole
 from formulations.commands.output import as_text
 from nlp.errors import InputError
 
@@ -91,12 +91,7 @@ def realise(
             help="How far a column may be from one that a joint can contribute.",
         ),
     ] = 1e-6,
-    pick: Annotated[
-        int | None,
-        typer.Option(
-            parser=whole(0), metavar="K", help="Which Jacobian of the file, counted from 0."
-        ),
-    ] = None,
+    pick: Pick = None,
     seed: Seed = 0,
     samples: Annotated[
         int,

@@ -6,20 +6,33 @@ four of them different manipulators: all are drawn.
 
 from __future__ import annotations
 
+from functools import partial
+from typing import TYPE_CHECKING
+
 import numpy as np
 import pandas as pd
 
-from formulations import measures
-from formulations.figures.picture import Picture, Request
-from formulations.figures.planar import angles, draw_on_circle, optima, turned
-from formulations.files.figure import LABEL, TITLE, styled
-from formulations.realise.family import every
+from formulations import max_min, measures
+from formulations.figures.picture import Picture, Request, reached
+from formulations.files.figure import LABEL, PALE, TITLE, styled
+from formulations.joints.arm import Arm
+from formulations.joints.kinds import FreeColumn
+from formulations.realise.drawing import draw
+from formulations.realise.family import distinct, every, symmetries
 from formulations.realise.from_jacobian import realise
 from formulations.realise.links import link_lengths
 from formulations.realise.manipulator import Manipulator
-from formulations.realise.symmetry import distinct, symmetries
+from formulations.solving.outcome import Outcome
+from formulations.solving.record import judge
+from formulations.solving.setup import Setup
 from nlp.arrays import FloatArray
+from nlp.multistart import multistart
 
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+# Half the width of a panel, in radii of the circle that joints sit on.
+ROOM = 1.22
 WIDTH, HEIGHT = 7.4, 7.8
 
 
@@ -54,6 +67,68 @@ def printed_form(matrix: FloatArray) -> FloatArray:
     around = np.mod(angles(signed) - np.pi, 2 * np.pi)
     around[0] = 0.0
     return np.asarray(signed[:, np.argsort(around)])
+
+
+def optima(joints: int, request: Request, locked: int = 1) -> list[FloatArray]:
+    """Return the planar Jacobians of the starts that reached the best worst case, tr JJᵀ = 2.
+
+    Raises
+    ------
+    NothingFoundError
+        If no start led to a Jacobian that passes the gate.
+    KeyboardInterrupt
+        If the user interrupted.
+    """
+    request.progress(f"max-min, planar {joints}R, {locked} locked")
+    arm = Arm.of(FreeColumn(2, norm=float(np.sqrt(2 / joints)), budget="mean"), joints)
+    setup = Setup(max_min.NAME, "free-mean", locked=locked)
+    study = multistart(
+        partial(max_min.build, arm, locked),
+        arm.sample,
+        starts=request.starts,
+        rng=request.seed,
+        options=max_min.OPTIONS,
+        judge=partial(judge, arm=arm, merit=setup.merit(), locked=locked),
+    )
+    if not study.complete:
+        raise KeyboardInterrupt
+    outcome = Outcome(setup, arm, study.results, study.complete)
+    return [record.jacobian for record in reached(outcome)]
+
+
+def turned(matrix: FloatArray, direction: float) -> FloatArray:
+    """Return the Jacobian in the frame in which its first column has this direction.
+
+    The direction is an angle in radians, from x towards y.
+    """
+    angle = direction - np.arctan2(matrix[1, 0], matrix[0, 0])
+    c, s = np.cos(angle), np.sin(angle)
+    return np.asarray(np.array([[c, -s], [s, c]]) @ matrix)
+
+
+def angles(matrix: FloatArray) -> FloatArray:
+    """Angles of the columns from x towards y, in radians, shape (n,)."""
+    return np.asarray(np.arctan2(matrix[1], matrix[0]))
+
+
+def draw_on_circle(
+    axes: Axes, arm: Manipulator, columns: bool = True, weight: float = 1.0
+) -> None:
+    """Draw an arm, and the circle about the end effector on which its joints sit.
+
+    Joints are numbered from 1. Columns of one norm put all joints at one distance; the panel
+    shows no more than the circle, so that all panels have one scale. See `draw`.
+    """
+    labels = [str(i + 1) for i in range(arm.joints)]
+    draw(arm, axes, labels=labels, columns=columns, weight=weight)
+    away = arm.points[:, :2] - arm.end_effector[:2]
+    radius = float(np.max(np.linalg.norm(away, axis=1)))
+    turn = np.linspace(0, 2 * np.pi, 181)
+    x, y = arm.end_effector[:2]
+    circle = x + radius * np.cos(turn), y + radius * np.sin(turn)
+    axes.plot(*circle, color=PALE, lw=0.6, zorder=0)
+    half = ROOM * radius
+    axes.set(xlim=(x - half, x + half), ylim=(y - half, y + half))
 
 
 def _row(arm: Manipulator) -> dict[str, object]:

@@ -17,10 +17,11 @@ from formulations.campaign.records import SCHEMA
 from formulations.campaign.tables import SETTINGS, differing, frame
 from formulations.figures.picture import NothingFoundError, Picture, Request, solved
 from formulations.files.figure import BLUE, PALE, SMALL, TITLE, beside, styled, without_frame
+from formulations.solving.record import FEASIBLE
 from formulations.solving.setup import Setup
 from nlp.arrays import FloatArray
 from nlp.errors import FileError
-from nlp.solution import SUCCESS
+from nlp.solution import ACCEPTABLE, SUCCESS
 from nlp.store import Store
 
 if TYPE_CHECKING:
@@ -36,6 +37,9 @@ UNIT, LEVER = "unit lever arms", "free lever arms"
 # Of a store: settings that every label names, and the length of a line beside a histogram.
 ALWAYS_NAMED = ("formulation", "model", "joints")
 LONGEST = 42
+# What is shown of a start, and the columns of the table in their order.
+SHOWN = ("start", "status", "worst_case_sigma", "isotropy_defect")
+COLUMNS = ("problem", "label", *SHOWN[:2], "counted", *SHOWN[2:])
 PROBLEMS = (
     (f"residual, {UNIT}", Setup(residual.NAME, "unit-revolute")),
     (f"max-min, {UNIT}", Setup(max_min.NAME, "unit-revolute")),
@@ -78,7 +82,7 @@ def levels(sigmas: pd.Series) -> list[tuple[float, int]]:
 
 
 def _solved(request: Request) -> pd.DataFrame:
-    rows = [
+    return pd.DataFrame(
         {
             "problem": " ".join(name.split()),
             "label": name,
@@ -90,8 +94,7 @@ def _solved(request: Request) -> pd.DataFrame:
         }
         for name, setup in PROBLEMS
         for record in solved(setup, request).records
-    ]
-    return pd.DataFrame(rows)
+    )
 
 
 def stored(path: Path) -> pd.DataFrame:
@@ -102,24 +105,17 @@ def stored(path: Path) -> pd.DataFrame:
     FileError
         If it is no store of a campaign, or holds no records yet.
     """
-    measured = ("start", "status", "valid", "worst_case_sigma", "isotropy_defect")
     with Store(path, SCHEMA) as store:
-        records = frame(store, columns=[*SETTINGS, *measured])
+        records = frame(store, columns=[*SETTINGS, *SHOWN, "valid", "violation"])
     if records.empty:
         raise FileError("--store", str(path), "a store with records")
     named = differing(records, ALWAYS_NAMED, ALWAYS_NAMED)
     labels = records[list(SETTINGS)].apply(_label, axis=1, named=named)
-    return pd.DataFrame(
-        {
-            "problem": labels.str.split().str.join(" "),
-            "label": labels,
-            "start": records["start"],
-            "status": records["status"],
-            "counted": (records["status"] == SUCCESS) & (records["valid"] == 1),
-            "worst_case_sigma": records["worst_case_sigma"],
-            "isotropy_defect": records["isotropy_defect"],
-        }
-    )
+    # The gate, `Record.trusted`, in the words of the store.
+    feasible = (records["valid"] == 1) & (records["violation"] <= FEASIBLE)
+    counted = records["status"].isin([SUCCESS, ACCEPTABLE]) & feasible
+    table = records[list(SHOWN)].assign(label=labels, counted=counted)
+    return table.assign(problem=labels.str.split().str.join(" "))[list(COLUMNS)]
 
 
 def _label(settings: pd.Series, named: list[str]) -> str:

@@ -57,11 +57,9 @@ class Picture:
 
     def rows(self) -> list[dict[str, object]]:
         """Return the table's rows as plain values; None for missing ones."""
-        columns = [self.table[name].tolist() for name in self.table.columns]
-        return [
-            {str(k): None if v != v else v for k, v in zip(self.table, row, strict=True)}  # NaN
-            for row in zip(*columns, strict=True)
-        ]
+        plain = self.table.astype(object)
+        rows = plain.where(plain.notna(), None).to_dict("records")
+        return [{str(name): value for name, value in row.items()} for row in rows]
 
 
 class NothingFoundError(LockedJointError):

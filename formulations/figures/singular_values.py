@@ -16,8 +16,8 @@ from formulations.catalogue import certified_bound
 from formulations.figures.picture import Picture, Request, best
 from formulations.files.figure import BLUE, INK, VERMILION, beside, styled, without_frame
 from formulations.joints.arm import Arm
-from formulations.joints.joint import NotInModelError
 from formulations.joints.kinds import UnitRevolute
+from formulations.solving.record import in_model
 from formulations.solving.setup import Setup
 from nlp.arrays import FloatArray
 
@@ -59,8 +59,8 @@ def bounds(matrix: FloatArray) -> list[tuple[str, float]]:
     m, n = matrix.shape
     plain = measures.sigma_bound(m, n, measures.trace(matrix))
     found = [("bound (6)", plain)]
-    if m == 6 and _is_unit_revolute(matrix):
-        certified = certified_bound(max_min.NAME, Arm.of(UnitRevolute(), n)).value
+    if m == 6 and in_model(arm := Arm.of(UnitRevolute(), n), matrix):
+        certified = certified_bound(max_min.NAME, arm).value
         if certified < plain - SAME:
             found.append((CERTIFIED, certified))
     return found
@@ -75,14 +75,6 @@ def _jacobians(request: Request) -> Sequence[tuple[str, FloatArray]]:
     ]
 
 
-def _is_unit_revolute(matrix: FloatArray) -> bool:
-    try:
-        Arm.of(UnitRevolute(), matrix.shape[1]).variables(matrix)
-    except NotInModelError:
-        return False
-    return True
-
-
 def _values(matrix: FloatArray) -> list[FloatArray]:
     """Singular values before, then after each failure; as many as there are rows."""
     left = [np.delete(matrix, f, axis=1) for f in range(matrix.shape[1])]
@@ -91,7 +83,7 @@ def _values(matrix: FloatArray) -> list[FloatArray]:
 
 
 def _table(title: str, matrix: FloatArray) -> pd.DataFrame:
-    rows = [
+    return pd.DataFrame(
         {
             "jacobian": title or "given",
             "locked_joint": None if place == 0 else place - 1,
@@ -101,8 +93,7 @@ def _table(title: str, matrix: FloatArray) -> pd.DataFrame:
         }
         for place, values in enumerate(_values(matrix))
         for k, value in enumerate(values)
-    ]
-    return pd.DataFrame(rows)
+    )
 
 
 def _draw(upper: Axes, lower: Axes, title: str, matrix: FloatArray) -> None:

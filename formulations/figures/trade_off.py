@@ -29,10 +29,11 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 WIDTH, HEIGHT = 7.4, 4.8
-MODELS = {"unit-revolute": "unit lever arms", "lever-revolute": "free lever arms"}
-# Which side of its curve a name stands on.
-SIDES = {"unit-revolute": (1, -1), "lever-revolute": (-1, 1)}
-COLOURS = {"unit-revolute": BLUE, "lever-revolute": VERMILION}
+# Of each curve: its name, its colour, and which side of it the name stands on, in points.
+MODELS = {
+    "unit-revolute": ("unit lever arms", BLUE, (9, -5)),
+    "lever-revolute": ("free lever arms", VERMILION, (-9, 5)),
+}
 POINTS = 12
 
 
@@ -82,23 +83,21 @@ def _curve(model: str, request: Request, points: int) -> pd.DataFrame:
     )
     if len(found) < 2:
         raise NothingFoundError(f"No start on {model} passes the check; ask for more starts.")
-    rows = [
+    return pd.DataFrame(
         {"model": model, **point.to_dict(), "jacobian": json.dumps(point.jacobian.tolist())}
         for point in found
-    ]
-    return pd.DataFrame(rows)
+    )
 
 
 def _draw(axes: Axes, model: str, table: pd.DataFrame) -> None:
     x, y = distance(table["isotropy_defect"]), table["worst_case_sigma"].to_numpy()
-    colour = COLOURS[model]
+    name, colour, side = MODELS[model]
     axes.plot(x, y, color=colour, lw=1.4)
     axes.plot(x[1:-1], y[1:-1], "o", ms=3, color=colour)
     axes.plot(x[[0, -1]], y[[0, -1]], "o", ms=6, color=colour, mec="white", mew=1)
     first = {"isotropy": "exactly isotropic", "residual": "residual minimum"}
     start = first[str(table["statement"].iloc[0])]
-    k, (across, up) = len(x) // 2, SIDES[model]
+    k = len(x) // 2
     beside(axes, (x[0], y[0]), f"{start} {y[0]:.5f}", (9, -4), color=colour)
     beside(axes, (x[-1], y[-1]), f"max-min {y[-1]:.5f}", (8, 0), color=colour)
-    by = (9 * across, 5 * up)
-    beside(axes, (x[k], y[k]), MODELS[model], by, color=colour, fontsize=TITLE)
+    beside(axes, (x[k], y[k]), name, side, color=colour, fontsize=TITLE)

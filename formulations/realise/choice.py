@@ -2,28 +2,32 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
 from math import factorial
 
 import numpy as np
 
+from formulations.realise.chain import BoolArray, IntArray
 from formulations.realise.criteria import CRITERIA, Criterion, Sampling, criterion
 from formulations.realise.family import (
     Arrangements,
-    IntArray,
     count,
+    distinct,
     every,
     family,
-    search,
+    flippable,
+    symmetries,
 )
 from formulations.realise.manipulator import Manipulator
-from formulations.realise.symmetry import distinct, symmetries
-from nlp.arrays import FloatArray, whole_number
+from nlp.arrays import FloatArray, finite_or_none, whole_number
 
 # All arrangements are tried up to this number: 8! orders fit, and 6!·2⁶ with flips.
 EXHAUSTIVE = 50_000
 SHORTLIST = 200
+# Random arrangements that the local search starts from.
+STARTS = 32
 # Values closer than this, relative, are a tie.
 TIE = 1e-9
 
@@ -61,13 +65,10 @@ class Choice:
 
     def to_dict(self) -> dict[str, object]:
         """Return everything but the manipulator, as plain values; None for infinite ones."""
-        names = ("order", "flips", "criterion", "method", "arrangements", "distinct")
-        return {
-            **{name: getattr(self, name) for name in names},
-            "order": list(self.order),
-            "flips": list(self.flips),
-            "criteria": {k: v if np.isfinite(v) else None for k, v in self.values.items()},
-        }
+        own = {k: v for k, v in vars(self).items() if k not in ("manipulator", "values")}
+        values = {name: finite_or_none(value) for name, value in self.values.items()}
+        lists = {"order": list(self.order), "flips": list(self.flips)}
+        return own | lists | {"criteria": values}
 
 
 def choose(
@@ -114,7 +115,8 @@ def choose(
     tied = _tied(costs(wanted, candidates))
     best = int(tied[_tied(costs(CRITERIA["clearance"], candidates[tied]))[0]])
     order, flips = candidates.orders[best].tolist(), candidates.flips[best].tolist()
-    return _chosen(manipulator, order, flips, name, method, sampling)
+    choice = given(manipulator, order, flips, sampling)
+    return replace(choice, criterion=name, method=method)
 
 
 def given(
@@ -130,10 +132,20 @@ def given(
     InputError
         If it is none; see `Manipulator.arranged`.
     """
-    n = manipulator.joints
-    order = range(n) if order is None else order
-    flips = [False] * n if flips is None else flips
-    return _chosen(manipulator, order, flips, None, "given", sampling or Sampling())
+    n, sampling = manipulator.joints, sampling or Sampling()
+    order = tuple(range(n) if order is None else order)
+    flips = (False,) * n if flips is None else tuple(flips)
+    chosen, group = manipulator.arranged(order, flips), symmetries(manipulator)
+    return Choice(
+        manipulator=chosen,
+        order=order,
+        flips=flips,
+        criterion=None,
+        method="given",
+        arrangements=factorial(n) << n,
+        distinct=None if group is None else count(manipulator) // len(group),
+        values=evaluate(chosen, sampling),
+    )
 
 
 def evaluate(manipulator: Manipulator, sampling: Sampling | None = None) -> dict[str, float]:
@@ -143,29 +155,61 @@ def evaluate(manipulator: Manipulator, sampling: Sampling | None = None) -> dict
     return {name: float(one.evaluate(own, how)[0]) for name, one in CRITERIA.items()}
 
 
-def _chosen(
-    manipulator: Manipulator,
-    order: Sequence[int],
-    flips: Sequence[bool],
-    name: str | None,
-    method: str,
-    sampling: Sampling,
-) -> Choice:
-    chosen = manipulator.arranged(order, flips)
-    group = symmetries(manipulator)
-    return Choice(
-        manipulator=chosen,
-        order=tuple(order),
-        flips=tuple(flips),
-        criterion=name,
-        method=method,
-        arrangements=factorial(manipulator.joints) << manipulator.joints,
-        distinct=None if group is None else count(manipulator) // len(group),
-        values=evaluate(chosen, sampling),
-    )
-
-
 def _tied(costs: FloatArray) -> IntArray:
     least = float(np.min(costs))
     slack = TIE * abs(least) if np.isfinite(least) else 0.0
     return np.asarray(np.flatnonzero(costs <= least + slack))
+
+
+def search(
+    manipulator: Manipulator,
+    cost: Callable[[Arrangements], FloatArray],
+    seed: int,
+    keep: int,
+    starts: int = STARTS,
+) -> Arrangements:
+    """Return the `keep` cheapest arrangements seen, the cheapest first.
+
+    Steepest descent from random arrangements: each step tries every exchange of two joints,
+    every move of one joint to another place and every flip, and takes the best, until none is
+    better. A heuristic: the best arrangement of all need not be among those seen.
+    """
+    free = flippable(manipulator)
+    rng = np.random.default_rng(seed)
+    seen: dict[tuple[tuple[int, ...], tuple[bool, ...]], float] = {}
+    for _ in range(starts):
+        order = rng.permutation(manipulator.joints)
+        flips = (rng.integers(2, size=len(order)) == 1) & free[order]
+        here = Arrangements(order[None], flips[None])
+        while True:
+            near = _neighbours(here, free)
+            values = cost(near)
+            rows = zip(near.orders.tolist(), near.flips.tolist(), strict=True)
+            keys = ((tuple(row), tuple(turned)) for row, turned in rows)
+            seen.update(zip(keys, values.tolist(), strict=True))
+            best, own = int(np.argmin(values)), float(values[0])
+            if values[best] >= own - 1e-12 * abs(own):
+                break
+            here = near[[best]]
+    cheapest = sorted(seen, key=lambda key: (seen[key], key))[:keep]
+    orders, turns = zip(*cheapest, strict=True)
+    return Arrangements(np.array(orders, dtype=np.int64), np.array(turns, dtype=bool))
+
+
+def _neighbours(here: Arrangements, free: BoolArray) -> Arrangements:
+    """Return an arrangement itself, and then all that one step leads to."""
+    order, flip = here.orders[0], here.flips[0]
+    n = len(order)
+    places = [np.arange(n)]
+    for i, j in combinations(range(n), 2):
+        exchanged = np.arange(n)
+        exchanged[[i, j]] = j, i
+        places.append(exchanged)
+        for source, target in ((i, j), (j, i)):
+            places.append(np.insert(np.delete(np.arange(n), source), target, source))
+    moved = np.array(places)
+    turnable = np.flatnonzero(free[order])
+    turned = np.tile(flip, (len(turnable), 1))
+    turned[np.arange(len(turnable)), turnable] ^= True
+    same = np.tile(order, (len(turnable), 1))
+    return Arrangements(np.vstack([order[moved], same]), np.vstack([flip[moved], turned]))

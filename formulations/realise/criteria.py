@@ -9,10 +9,10 @@ from types import MappingProxyType
 
 import numpy as np
 
+from formulations.joints.joint import check_length
 from formulations.realise.dh import common_normals
 from formulations.realise.family import Family
 from formulations.realise.links import clearance, link_lengths
-from formulations.realise.motion import Motion, jacobians, move
 from nlp.arrays import FloatArray, whole_number
 from nlp.errors import InputError
 
@@ -44,8 +44,7 @@ class Sampling:
     def __post_init__(self) -> None:
         whole_number("seed", self.seed, 0)
         whole_number("samples", self.samples, 1)
-        if not 0 < self.radius < np.inf:
-            raise InputError("radius", self.radius, "a finite number above 0")
+        check_length("radius", self.radius)
 
     def near(self, joints: int) -> FloatArray:
         """Displacements uniform in the ball of the radius, shape (samples, joints)."""
@@ -107,31 +106,22 @@ def worst_cases(jacobians: FloatArray) -> FloatArray:
     return np.concatenate(parts).reshape(lead)
 
 
-def _total_length(members: Family, _: Sampling) -> FloatArray:
-    """Sum of the lengths of the links."""
-    return np.asarray(link_lengths(members.points, members.end_effector).sum(axis=-1))
-
-
-def _largest_link(members: Family, _: Sampling) -> FloatArray:
-    """Length of the longest link."""
-    return np.asarray(link_lengths(members.points, members.end_effector).max(axis=-1))
+def _links(members: Family, _: Sampling, reduce: Callable[..., FloatArray]) -> FloatArray:
+    """Sum, or largest, of the lengths of the links."""
+    return np.asarray(reduce(link_lengths(members.points, members.end_effector), axis=-1))
 
 
 def _dh_length(members: Family, _: Sampling) -> FloatArray:
     """Sum of common normals and offsets: a and |d| of the Denavit–Hartenberg table."""
-    normals = common_normals(members.directions, members.points, members.end_effector)
+    normals = common_normals(members)
     offsets = np.abs(normals.offsets(members.directions))
     return np.asarray((normals.lengths + offsets).sum(axis=-1))
 
 
-def _clearance(members: Family, _: Sampling) -> FloatArray:
-    """Smallest distance between links that share no joint."""
-    return clearance(members.points, members.end_effector)
-
-
 def _reach(members: Family, sampling: Sampling) -> FloatArray:
     """Largest sampled distance from the first joint to the end effector."""
-    away = _in_workspace(members, sampling).end_effector - members.points[:, None, 0]
+    moved = members.displaced(_in_workspace(members, sampling))
+    away = moved.end_effector - members.points[:, None, 0]
     return np.asarray(np.linalg.norm(away, axis=-1).max(axis=-1))
 
 
@@ -139,59 +129,37 @@ def _neighbourhood(
     members: Family, sampling: Sampling, measure: Callable[[FloatArray], FloatArray]
 ) -> FloatArray:
     """Least value of a measure over sampled displacements near q = 0."""
-    near = _moved(members, sampling.near(members.prismatic.shape[1])[None])
-    return np.asarray(measure(_task_jacobians(members, near)).min(axis=-1))
+    near = sampling.near(members.prismatic.shape[1])[None]
+    return np.asarray(measure(members.jacobians(near)).min(axis=-1))
 
 
 def _workspace(
     members: Family, sampling: Sampling, measure: Callable[[FloatArray], FloatArray]
 ) -> FloatArray:
     """Mean of a measure over sampled configurations."""
-    moved = _in_workspace(members, sampling)
-    return np.asarray(measure(_task_jacobians(members, moved)).mean(axis=-1))
+    moved = members.jacobians(_in_workspace(members, sampling))
+    return np.asarray(measure(moved).mean(axis=-1))
 
 
-def _in_workspace(members: Family, sampling: Sampling) -> Motion:
+def _in_workspace(members: Family, sampling: Sampling) -> FloatArray:
     """Turn revolute joints by up to ±π, move prismatic ones by up to ± the size."""
     share = sampling.anywhere(members.prismatic.shape[1])
-    return _moved(members, share * np.where(members.prismatic, members.size, np.pi)[:, None])
+    return share * np.where(members.prismatic, members.size, np.pi)[:, None]
 
 
-def _moved(members: Family, displacements: FloatArray) -> Motion:
-    return move(
-        members.directions[:, None],
-        members.points[:, None],
-        members.prismatic[:, None],
-        members.end_effector,
-        displacements,
-    )
-
-
-def _task_jacobians(members: Family, moved: Motion) -> FloatArray:
-    return jacobians(moved, members.prismatic[:, None])[..., list(members.rows), :]
-
-
-CRITERIA: Mapping[str, Criterion] = MappingProxyType(
-    {
-        one.name: one
-        for one in (
-            Criterion("total-length", _total_length),
-            Criterion("largest-link", _largest_link),
-            Criterion("dh-length", _dh_length),
-            Criterion("clearance", _clearance, True),
-            Criterion("reach", _reach, True, True),
-            # After the worst failure, and before any.
-            Criterion(
-                "neighbourhood", partial(_neighbourhood, measure=worst_cases), True, True
-            ),
-            Criterion(
-                "neighbourhood-before", partial(_neighbourhood, measure=smallest), True, True
-            ),
-            Criterion("workspace", partial(_workspace, measure=worst_cases), True, True),
-            Criterion("workspace-before", partial(_workspace, measure=smallest), True, True),
-        )
-    }
+_ALL = (
+    Criterion("total-length", partial(_links, reduce=np.sum)),
+    Criterion("largest-link", partial(_links, reduce=np.max)),
+    Criterion("dh-length", _dh_length),
+    Criterion("clearance", lambda arms, _: clearance(arms.points, arms.end_effector), True),
+    Criterion("reach", _reach, True, True),
+    # After the worst failure, and before any.
+    Criterion("neighbourhood", partial(_neighbourhood, measure=worst_cases), True, True),
+    Criterion("neighbourhood-before", partial(_neighbourhood, measure=smallest), True, True),
+    Criterion("workspace", partial(_workspace, measure=worst_cases), True, True),
+    Criterion("workspace-before", partial(_workspace, measure=smallest), True, True),
 )
+CRITERIA: Mapping[str, Criterion] = MappingProxyType({one.name: one for one in _ALL})
 
 
 def criterion(name: str) -> Criterion:

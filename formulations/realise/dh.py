@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import StrEnum
 
 import numpy as np
 
+from formulations.realise.chain import BoolArray, Chain
 from formulations.realise.manipulator import Manipulator, kind_names
-from formulations.realise.motion import BoolArray
 from nlp.arrays import FloatArray
 
 # Axes whose directions differ by less count as parallel: their common normal is not unique.
@@ -56,20 +55,18 @@ class DenavitHartenberg:
     base: FloatArray
     tool: FloatArray
 
-    def rows(self) -> Iterator[tuple[str, float, float, float, float]]:
-        """Give the rows one by one: kind of the joint, θ, d, a, α."""
-        columns = [column.tolist() for column in (self.theta, self.d, self.a, self.alpha)]
-        return zip(kind_names(self.prismatic), *columns, strict=True)
+    def rows(self) -> list[dict[str, object]]:
+        """Return the rows as plain values: number and kind of the joint, θ, d, a, α."""
+        names = ("joint", "kind", "theta", "d", "a", "alpha")
+        numbers = (column.tolist() for column in (self.theta, self.d, self.a, self.alpha))
+        rows = enumerate(zip(kind_names(self.prismatic), *numbers, strict=True))
+        return [dict(zip(names, (i, *row), strict=True)) for i, row in rows]
 
     def to_dict(self) -> dict[str, object]:
         """Return the table row by row, and both transforms, as plain values."""
-        names = ("kind", "theta", "d", "a", "alpha")
         return {
             "convention": str(self.convention),
-            "rows": [
-                {"joint": i, **dict(zip(names, row, strict=True))}
-                for i, row in enumerate(self.rows())
-            ],
+            "rows": self.rows(),
             "base": self.base.tolist(),
             "tool": self.tool.tolist(),
         }
@@ -87,7 +84,7 @@ def denavit_hartenberg(
     of the end effector are lost as that distance grows, as in any such table.
     """
     axes, n = manipulator.directions, manipulator.joints
-    normals = common_normals(axes, manipulator.points, manipulator.end_effector)
+    normals = common_normals(manipulator)
     across = normals.direction
     before = np.vstack([across[:1], across[:-1]])
     after = np.vstack([axes[1:], axes[-1:]])
@@ -133,33 +130,24 @@ class Normals:
         return np.asarray(np.sum((self.start - before) * directions, axis=-1))
 
 
-def common_normals(
-    directions: FloatArray, points: FloatArray, end_effector: FloatArray
-) -> Normals:
-    """Return the common normals along a chain.
+def common_normals(chain: Chain) -> Normals:
+    """Return the common normals along a chain, or along many at once.
 
     Of parallel axes, the normal through the end of the previous one is taken (for the first
     axis, through its point), so that the offset is 0. Of intersecting axes, the normal has
     length 0 and the direction of the vector product of the axes. Of coincident axes, it
     keeps the direction of the previous one.
-
-    Parameters
-    ----------
-    directions, points
-        Axes in order, shape (…, n, 3); leading dimensions are many chains at once.
-    end_effector
-        Shape (3,).
     """
+    directions, points, tip = chain.directions, chain.points, chain.end_effector
     n = directions.shape[-2]
-    scale = float(np.max(np.linalg.norm(points - end_effector, axis=-1))) or 1.0
+    scale = float(np.max(np.linalg.norm(points - tip, axis=-1))) or 1.0
     start, end, across = (np.empty(directions.shape) for _ in range(3))
     here = points[..., 0, :]
     before = _any_orthogonal(directions[..., 0, :])
     for k in range(n):
         axis, point = directions[..., k, :], points[..., k, :]
         if k == n - 1:
-            foot = _nearest(end_effector, axis, point)
-            feet = [*_through(foot, end_effector, before, scale)]
+            feet = [*_through(_nearest(tip, axis, point), tip, before, scale)]
         else:
             other, place = directions[..., k + 1, :], points[..., k + 1, :]
             parallel = _through(here, _nearest(here, other, place), before, scale)

@@ -1,22 +1,30 @@
-"""The manipulators that share one Jacobian: orders and flips, all of them or by a search."""
+"""The manipulators that share one Jacobian: orders and flips, and which are the same.
+
+Two arrangements are identical when a rigid motion of space carries the axes of the one, in
+their order, to those of the other and leaves the end effector where it is. Axes are lines: they
+have no sense. A mirror image is another manipulator. Such motions permute the axes (and, where
+axes may be reflected through the end effector, their reflections), so they form a finite group
+G; no member but the identity leaves any arrangement as it is, hence the number of distinct
+manipulators is the number of arrangements divided by |G|.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from itertools import combinations, permutations, product
+from itertools import permutations, product
 from math import factorial
 
 import numpy as np
 import numpy.typing as npt
 
-from formulations.realise.manipulator import Manipulator
-from formulations.realise.motion import BoolArray
+from formulations.realise.chain import BoolArray, Chain, IntArray
+from formulations.realise.manipulator import Manipulator, Task
 from nlp.arrays import FloatArray
 
-IntArray = npt.NDArray[np.int64]
-# Random arrangements that the local search starts from.
-STARTS = 32
+# Lengths and cosines closer than this, relative to the manipulator's size, count as equal.
+EQUAL = 1e-6
+# Images of the first few axes: to which axis, and the signs of its place and direction.
+_Part = tuple[tuple[int, int, int], ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,35 +51,34 @@ class Arrangements:
 
 
 @dataclass(frozen=True, eq=False)
-class Family:
-    """Manipulators side by side: N of them, with n joints each.
+class Family(Chain):
+    """Manipulators side by side: N chains of n joints each, and one end effector.
 
-    Attributes
+    Parameters
     ----------
-    directions, points
-        Axes and where joints sit, shape (N, n, 3).
-    prismatic
-        Shape (N, n).
-    end_effector
-        Shape (3,), common to all.
-    rows
-        Rows of (v; ω) that the task needs.
-    size
-        The `Manipulator.size` of the manipulator they came from.
+    directions, points, prismatic, end_effector
+        See `Chain`; one leading dimension, of length N, but shape (3,) of the end effector.
+    task, size
+        Those of the manipulator they came from.
     """
 
-    directions: FloatArray
-    points: FloatArray
-    prismatic: BoolArray
-    end_effector: FloatArray
-    rows: tuple[int, ...]
+    task: Task
     size: float
+
+    def displaced(self, displacements: FloatArray) -> Chain:
+        """Return all chains at all displacements, shape (N or 1, samples, n)."""
+        axes = self.directions[:, None], self.points[:, None], self.prismatic[:, None]
+        return Chain(*axes, self.end_effector).moved(displacements)[0]
+
+    def jacobians(self, displacements: FloatArray) -> FloatArray:
+        """Return the rows of their Jacobians that the task needs, (N, samples, m, n)."""
+        return self.displaced(displacements).velocities()[..., self.task.rows, :]
 
 
 def family(manipulator: Manipulator, arrangements: Arrangements) -> Family:
     """Return the geometry of all arrangements of a manipulator."""
-    axes = manipulator.rearranged(arrangements.orders, arrangements.flips)
-    return Family(*axes, manipulator.end_effector, manipulator.task.rows, manipulator.size)
+    chains = manipulator.rearranged(arrangements.orders, arrangements.flips)
+    return Family(**vars(chains), task=manipulator.task, size=manipulator.size)
 
 
 def flippable(manipulator: Manipulator) -> BoolArray:
@@ -102,55 +109,85 @@ def every(manipulator: Manipulator) -> Arrangements:
     return Arrangements(repeated, np.take_along_axis(tiled, repeated, axis=1))
 
 
-def search(
-    manipulator: Manipulator,
-    cost: Callable[[Arrangements], FloatArray],
-    seed: int,
-    keep: int,
-    starts: int = STARTS,
-) -> Arrangements:
-    """Return the `keep` cheapest arrangements seen, the cheapest first.
+def symmetries(manipulator: Manipulator, limit: int = 5_000) -> Arrangements | None:
+    """Return the group G, or None if the search for it passes `limit` partial members.
 
-    Steepest descent from random arrangements: each step tries every exchange of two joints,
-    every move of one joint to another place and every flip, and takes the best, until none is
-    better. A heuristic: the best arrangement of all need not be among those seen.
+    A member carries axis i to axis ``orders[i]``, or to its reflection where ``flips[i]``.
     """
-    free = flippable(manipulator)
-    rng = np.random.default_rng(seed)
-    seen: dict[tuple[tuple[int, ...], tuple[bool, ...]], float] = {}
-    for _ in range(starts):
-        order = rng.permutation(manipulator.joints)
-        flips = (rng.integers(2, size=len(order)) == 1) & free[order]
-        here = Arrangements(order[None], flips[None])
-        value = float(cost(here)[0])
-        while True:
-            near = _neighbours(here, free)
-            values = cost(near)
-            for row, turned, one in zip(near.orders, near.flips, values, strict=True):
-                seen[tuple(row.tolist()), tuple(turned.tolist())] = float(one)
-            best = int(np.argmin(values))
-            if values[best] >= value - 1e-12 * abs(value):
-                seen[tuple(here.orders[0].tolist()), tuple(here.flips[0].tolist())] = value
-                break
-            here, value = near[[best]], float(values[best])
-    cheapest = sorted(seen, key=lambda key: (seen[key], key))[:keep]
-    orders, turns = zip(*cheapest, strict=True)
-    return Arrangements(np.array(orders, dtype=np.int64), np.array(turns, dtype=bool))
+    places, axes = _places(manipulator) / manipulator.size, manipulator.directions
+    kind = manipulator.prismatic + 2 * flippable(manipulator)
+    found: list[_Part] = [()]
+    for _ in range(manipulator.joints):
+        found = [more for part in found for more in _extended(part, places, axes, kind)]
+        if len(found) > limit:
+            return None
+    members = {
+        tuple((image, place < 0) for image, place, _ in part)
+        for part in found
+        if _is_rotation(part, places, axes)
+    }
+    listed = np.array(sorted((*zip(*one, strict=True),) for one in members))
+    return Arrangements(listed[:, 0].astype(np.int64), listed[:, 1].astype(bool))
 
 
-def _neighbours(here: Arrangements, free: BoolArray) -> Arrangements:
-    order, flip = here.orders[0], here.flips[0]
-    n = len(order)
-    places = [np.arange(n)]
-    for i, j in combinations(range(n), 2):
-        exchanged = np.arange(n)
-        exchanged[[i, j]] = j, i
-        places.append(exchanged)
-        for source, target in ((i, j), (j, i)):
-            places.append(np.insert(np.delete(np.arange(n), source), target, source))
-    moved = np.array(places)
-    turnable = np.flatnonzero(free[order])
-    turned = np.tile(flip, (len(turnable), 1))
-    turned[np.arange(len(turnable)), turnable] ^= True
-    same = np.tile(order, (len(turnable), 1))
-    return Arrangements(np.vstack([order[moved], same]), np.vstack([flip[moved], turned]))
+def distinct(arrangements: Arrangements, group: Arrangements | None) -> Arrangements:
+    """Return one arrangement of each set of identical ones: the first, lexicographically.
+
+    Without a group, as `symmetries` has it for too many members, all arrangements are kept.
+    """
+    if group is None:
+        return arrangements
+    left, own = arrangements, _code(arrangements.orders, arrangements.flips)
+    for images, flips in zip(group.orders, group.flips, strict=True):
+        turned = left.flips ^ flips[left.orders]
+        first = own <= _code(images[left.orders], turned)
+        left, own = left[first], own[first]
+    return left
+
+
+def _places(manipulator: Manipulator) -> FloatArray:
+    """Offsets of axes from the end effector; of a prismatic joint only the direction counts."""
+    away = manipulator.points - manipulator.end_effector
+    along = np.sum(away * manipulator.directions, axis=1, keepdims=True)
+    nearest = away - along * manipulator.directions
+    return np.where(manipulator.prismatic[:, None], 0.0, nearest)
+
+
+def _extended(part: _Part, places: FloatArray, axes: FloatArray, kind: IntArray) -> list[_Part]:
+    """All choices of the next axis' image that keep distances and angles."""
+    new = len(part)
+    taken = {image for image, _, _ in part}
+    before = np.vstack([places[: new + 1], axes[: new + 1]])
+    # Only inner products with the new axis can be new.
+    pair = [new, 2 * new + 1]
+    found = []
+    for image in range(len(axes)):
+        if image in taken or kind[image] != kind[new]:
+            continue
+        for place, sense in product((1, -1) if kind[new] > 1 else (1,), (1, -1)):
+            longer = (*part, (image, place, sense))
+            after = _carried(longer, places, axes)
+            change = after @ after[pair].T - before @ before[pair].T
+            if np.abs(change).max() < EQUAL:
+                found.append(longer)
+    return found
+
+
+def _carried(part: _Part, places: FloatArray, axes: FloatArray) -> FloatArray:
+    """Places and then directions of the images, shape (2k, 3) for k axes."""
+    images, place_signs, senses = np.array(part).T
+    return np.vstack([place_signs[:, None] * places[images], senses[:, None] * axes[images]])
+
+
+def _is_rotation(part: _Part, places: FloatArray, axes: FloatArray) -> bool:
+    """Whether a proper rotation does it: the best one, by the singular value method."""
+    before, after = np.vstack([places, axes]), _carried(part, places, axes)
+    left, _, right = np.linalg.svd(after.T @ before)
+    proper = left @ np.diag([1.0, 1.0, np.linalg.det(left @ right)]) @ right
+    return bool(np.max(np.abs(before @ proper.T - after)) < 10 * EQUAL)
+
+
+def _code(orders: IntArray, flips: BoolArray) -> IntArray:
+    n = orders.shape[1]
+    powers = (2 * n) ** np.arange(n - 1, -1, -1, dtype=np.int64)
+    return np.asarray((2 * orders + flips) @ powers)

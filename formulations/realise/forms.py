@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+import numpy as np
 from tabulate import tabulate
 
 from formulations import measures
@@ -13,7 +14,6 @@ from formulations.realise.dh import Convention, DenavitHartenberg, denavit_harte
 from formulations.realise.drawing import render
 from formulations.realise.manipulator import Manipulator
 from formulations.realise.write_urdf import urdf
-from nlp.arrays import FloatArray
 from nlp.errors import InputError
 
 FORMS = ("axes", "dh", "urdf", "figure")
@@ -85,17 +85,10 @@ def _convention(name: str) -> Convention:
 
 def _axes_text(manipulator: Manipulator) -> str:
     """Return the axes as a table: direction, and the point where the joint sits."""
-    axes = zip(
-        manipulator.columns,
-        manipulator.kinds,
-        manipulator.directions,
-        manipulator.points,
-        strict=True,
-    )
-    rows = [
-        [i, column, kind[0].upper(), *direction, *point]
-        for i, (column, kind, direction, point) in enumerate(axes)
-    ]
+    kinds = [kind[0].upper() for kind in manipulator.kinds]
+    axes = np.hstack([manipulator.directions, manipulator.points]).tolist()
+    joints = enumerate(zip(manipulator.columns, kinds, axes, strict=True))
+    rows = [[i, column, kind, *axis] for i, (column, kind, axis) in joints]
     names = ["joint", "column", "kind", *(f"axis {c}" for c in "xyz"), *"xyz"]
     tip = "  ".join(f"{value:{_DIGITS}}" for value in manipulator.end_effector)
     return f"{_table(rows, names)}\n\nend effector  {tip}"
@@ -103,17 +96,16 @@ def _axes_text(manipulator: Manipulator) -> str:
 
 def _dh_text(table: DenavitHartenberg) -> str:
     """Return the Denavit–Hartenberg table, and the base and tool transforms."""
-    rows = [[i, kind[0].upper(), *numbers] for i, (kind, *numbers) in enumerate(table.rows())]
+    rows = [[*(row | {"kind": str(row["kind"])[0].upper()}).values()] for row in table.rows()]
     names = ["joint", "kind", "theta", "d", "a", "alpha"]
     if table.convention is Convention.MODIFIED:
         names[4:] = ["a before", "alpha before"]
-    parts = [f"{table.convention} convention", _table(rows, names)]
-    parts += [f"base\n{_matrix(table.base)}", f"tool\n{_matrix(table.tool)}"]
-    return "\n\n".join(parts)
-
-
-def _matrix(pose: FloatArray) -> str:
-    return str(tabulate(pose.tolist(), tablefmt="plain", floatfmt=_DIGITS))
+    base, tool = (
+        tabulate(pose.tolist(), tablefmt="plain", floatfmt=_DIGITS)
+        for pose in (table.base, table.tool)
+    )
+    convention = f"{table.convention} convention"
+    return "\n\n".join([convention, _table(rows, names), f"base\n{base}", f"tool\n{tool}"])
 
 
 def _table(rows: Sequence[Sequence[object]], names: Sequence[str]) -> str:

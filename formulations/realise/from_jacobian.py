@@ -17,10 +17,9 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from formulations.joints.joint import NotInModelError
+from formulations.joints.joint import NotInModelError, check_length
 from formulations.measures.jacobian import as_jacobian
-from formulations.realise.manipulator import Manipulator
-from formulations.realise.task import Task
+from formulations.realise.manipulator import Manipulator, Task
 from nlp.arrays import FloatArray, as_floats, finite_vector
 from nlp.errors import InputError
 
@@ -71,26 +70,25 @@ def realise(
     """
     matrix = as_jacobian(jacobian)
     chosen = Task.of(matrix.shape[0], task)
-    scale = _positive("length", length)
-    close = _positive("tolerance", tolerance)
+    check_length("length", length)
+    check_length("tolerance", tolerance)
     columns = chosen.embed(matrix)
-    columns[:3] *= scale
+    columns[:3] *= length
     _check_size(columns[:3])
     tip = finite_vector("end effector", end_effector, 3)
-    prismatic = _prismatic(columns, chosen, kinds, close)
+    prismatic = _prismatic(columns, chosen, kinds, tolerance)
     given = _given(directions, chosen, matrix.shape[1])
-    axes = np.empty((matrix.shape[1], 3))
-    offsets = np.empty((matrix.shape[1], 3))
+    axes, offsets = np.empty((2, matrix.shape[1], 3))
     for i in range(matrix.shape[1]):
         velocity, spin = columns[:3, i], columns[3:, i]
         if prismatic[i]:
-            axes[i] = _slide(i, velocity, spin, close)
+            axes[i] = _slide(i, velocity, spin, tolerance)
             offsets[i] = -axes[i]
         else:
             wanted = None if given is None else given[i]
-            axes[i] = _direction(i, velocity, spin, chosen, wanted, close)
-            lever = np.cross(axes[i], velocity)
-            offsets[i] = -axes[i] if chosen is Task.ROTATIONAL else lever
+            axes[i] = _direction(i, velocity, spin, chosen, wanted, tolerance)
+            turning = chosen is Task.ROTATIONAL
+            offsets[i] = -axes[i] if turning else np.cross(axes[i], velocity)
     return Manipulator(axes, tip + offsets, prismatic, tip, chosen)
 
 
@@ -102,8 +100,7 @@ def deviation(manipulator: Manipulator, jacobian: npt.ArrayLike, length: float =
     """
     wanted = manipulator.task.embed(as_jacobian(jacobian))[:, list(manipulator.columns)]
     wanted[:3] *= length
-    rows = list(manipulator.task.rows)
-    wanted, found = wanted[rows], manipulator.jacobian()
+    wanted, found = wanted[manipulator.task.rows], manipulator.jacobian()
     signs = np.where(np.sum(wanted * found, axis=0) < 0, -1.0, 1.0)
     return float(np.max(np.abs(found - signs * wanted)))
 
@@ -192,13 +189,6 @@ def _check_size(velocities: FloatArray) -> None:
     if sizes.size and not (np.min(sizes) >= SMALLEST and np.max(sizes) <= LARGEST):
         shown = f"entries from {np.min(sizes):.3g} to {np.max(sizes):.3g} in size"
         raise InputError("linear velocity", shown, f"0, or {SMALLEST:g} to {LARGEST:g}")
-
-
-def _positive(name: str, value: float) -> float:
-    number = float(as_floats(name, value))
-    if not 0 < number < np.inf:
-        raise InputError(name, value, "a finite number above 0")
-    return number
 
 
 def _outside(i: int, part: FloatArray, allowed: str) -> NotInModelError:

@@ -14,7 +14,6 @@ from itertools import combinations
 import numpy as np
 
 from formulations.realise.manipulator import Manipulator
-from formulations.realise.motion import BoolArray
 from nlp.arrays import FloatArray
 
 SWEEPS = 200
@@ -107,6 +106,6 @@ def _to(point: FloatArray, start: FloatArray, end: FloatArray) -> FloatArray:
     """Distance from a point to a segment."""
     span = end - start
     square = np.sum(span**2, axis=-1, keepdims=True)
-    nonzero: BoolArray = square > 0
-    part = np.sum((point - start) * span, axis=-1, keepdims=True) / np.where(nonzero, square, 1)
+    part = np.sum((point - start) * span, axis=-1, keepdims=True)
+    part = part / np.where(square > 0, square, 1)
     return np.asarray(np.linalg.norm(point - start - np.clip(part, 0, 1) * span, axis=-1))

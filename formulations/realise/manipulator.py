@@ -1,15 +1,15 @@
-"""A manipulator: joints in order, each with an axis, and an end effector."""
+"""A manipulator: joints in order, each with an axis, and an end effector with a task."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from enum import StrEnum
 
 import numpy as np
 import numpy.typing as npt
 
-from formulations.realise.motion import BoolArray, Motion, jacobians, move
-from formulations.realise.task import Task
+from formulations.realise.chain import BoolArray, Chain, IntArray
 from nlp.arrays import FloatArray, as_floats
 from nlp.errors import InputError
 
@@ -19,25 +19,80 @@ DIGITS = 1e-9
 
 def kind_names(prismatic: BoolArray) -> list[str]:
     """Return ``revolute`` or ``prismatic`` for each joint, shape (n,)."""
-    return ["prismatic" if one else "revolute" for one in prismatic]
+    return ["prismatic" if slides else "revolute" for slides in prismatic]
+
+
+class Task(StrEnum):
+    """Rows of the full Jacobian (v; ω) that a task needs.
+
+    PLANAR: (vx, vy). POSITIONAL: (vx, vy, vz). PLANAR_POSE: (vx, vy, ωz).
+    ROTATIONAL: (ωx, ωy, ωz). SPATIAL: all six. Of tasks with as many rows, the first one is
+    the default.
+    """
+
+    PLANAR = "planar"
+    POSITIONAL = "positional"
+    PLANAR_POSE = "planar-pose"
+    ROTATIONAL = "rotational"
+    SPATIAL = "spatial"
+
+    @property
+    def rows(self) -> list[int]:
+        """Rows of the 6×n Jacobian, counted from 0."""
+        return {
+            Task.PLANAR: [0, 1],
+            Task.POSITIONAL: [0, 1, 2],
+            Task.PLANAR_POSE: [0, 1, 5],
+            Task.ROTATIONAL: [3, 4, 5],
+            Task.SPATIAL: [0, 1, 2, 3, 4, 5],
+        }[self]
+
+    @property
+    def in_plane(self) -> bool:
+        """Whether all joints move the end effector in the xy-plane."""
+        return self in (Task.PLANAR, Task.PLANAR_POSE)
+
+    @property
+    def free_directions(self) -> bool:
+        """Whether a column leaves the direction of a revolute axis open, or its sign."""
+        return self in (Task.PLANAR, Task.POSITIONAL)
+
+    def embed(self, jacobian: FloatArray) -> FloatArray:
+        """Return the six rows (v; ω) of the columns, zero where the task has no row."""
+        full = np.zeros((6, jacobian.shape[1]))
+        full[self.rows] = jacobian
+        return full
+
+    @classmethod
+    def of(cls, rows: int, name: str | None = None) -> Task:
+        """Return the task of a Jacobian with so many rows, by its name or the default one.
+
+        Raises
+        ------
+        InputError
+            If there is no such task, or it has another number of rows.
+        """
+        fitting = [task for task in cls if len(task.rows) == rows]
+        if not fitting:
+            raise InputError("jacobian", f"of {rows} rows", "2, 3 or 6 rows")
+        if name is None:
+            return fitting[0]
+        if name not in fitting:
+            allowed = f"{' or '.join(fitting)} for a Jacobian of {rows} rows"
+            raise InputError("task", name, allowed)
+        return cls(name)
 
 
 @dataclass(frozen=True, eq=False)
-class Manipulator:
+class Manipulator(Chain):
     """A serial manipulator in the configuration q = 0 in which it was designed.
 
     The frame is that of the Jacobian. Joint i moves all that follows it.
 
     Parameters
     ----------
-    directions
-        Unit directions of the axes, shape (n, 3), the joint at the base first.
-    points
-        The point of each axis where the joint sits, shape (n, 3).
-    prismatic
-        Which joints are prismatic, shape (n,).
-    end_effector
-        Its position p, shape (3,).
+    directions, points, prismatic, end_effector
+        See `Chain`; without leading dimensions.
     task
         Which rows of (v; ω) the manipulator is for.
     columns
@@ -49,10 +104,6 @@ class Manipulator:
         If shapes do not agree, an entry is not finite, or a direction has not norm 1.
     """
 
-    directions: FloatArray
-    points: FloatArray
-    prismatic: BoolArray
-    end_effector: FloatArray
     task: Task = Task.SPATIAL
     columns: tuple[int, ...] = ()
 
@@ -65,20 +116,22 @@ class Manipulator:
                 raise InputError(name, f"of shape {value.shape}", "one row of 3 per joint")
             if not np.all(np.isfinite(value)):
                 raise InputError(name, "with NaN or infinity", "finite numbers only")
-            value.setflags(write=False)
-            object.__setattr__(self, name, value)
+            self._set(name, value)
         norms = np.linalg.norm(self.directions, axis=1)
         if np.max(np.abs(norms - 1)) > DIGITS:
             raise InputError("norms of the directions", norms.tolist(), "1")
-        slide = np.array(self.prismatic, dtype=bool)
-        if slide.shape != (n,):
-            raise InputError("prismatic", f"of shape {slide.shape}", f"shape ({n},)")
-        slide.setflags(write=False)
-        object.__setattr__(self, "prismatic", slide)
+        slides = np.array(self.prismatic, dtype=bool)
+        if slides.shape != (n,):
+            raise InputError("prismatic", f"of shape {slides.shape}", f"shape ({n},)")
+        self._set("prismatic", slides)
         columns = tuple(int(c) for c in self.columns) or tuple(range(n))
         if sorted(columns) != list(range(n)):
             raise InputError("columns", columns, f"each of 0 to {n - 1} once")
         object.__setattr__(self, "columns", columns)
+
+    def _set(self, name: str, value: npt.NDArray[np.generic]) -> None:
+        value.setflags(write=False)
+        object.__setattr__(self, name, value)
 
     @property
     def joints(self) -> int:
@@ -125,62 +178,48 @@ class Manipulator:
         flipped = np.zeros(self.joints, dtype=bool) if flips is None else np.asarray(flips)
         if flipped.shape != (self.joints,):
             raise InputError("flips", f"of shape {flipped.shape}", f"shape ({self.joints},)")
-        directions, points, prismatic = self.rearranged(np.array(chosen), flipped)
         columns = tuple(self.columns[i] for i in chosen)
-        return replace(
-            self, directions=directions, points=points, prismatic=prismatic, columns=columns
-        )
+        chain = self.rearranged(np.array(chosen), flipped)
+        return replace(self, **vars(chain), columns=columns)
 
-    def rearranged(
-        self, orders: npt.NDArray[np.int64], flips: BoolArray
-    ) -> tuple[FloatArray, FloatArray, BoolArray]:
-        """Return directions, points and `prismatic` of many arrangements, unchecked.
-
-        Orders and flips of shape (…, n), as in `arranged`; shapes (…, n, 3) twice, (…, n).
-        """
+    def rearranged(self, orders: IntArray, flips: BoolArray) -> Chain:
+        """Return many arrangements, unchecked: orders and flips as in `arranged`, (…, n)."""
         prismatic, points = self.prismatic[orders], self.points[orders]
         reflected = flips & ~prismatic & self.task.free_directions
         points = np.where(reflected[..., None], 2 * self.end_effector - points, points)
         directions = np.where(flips[..., None], -1.0, 1.0) * self.directions[orders]
-        return directions, points, prismatic
-
-    def move(self, displacements: npt.ArrayLike | None = None) -> Motion:
-        """Return axes and end effector at q, shape (…, n); at q = 0 if left out."""
-        q = np.zeros(self.joints) if displacements is None else self._checked(displacements)
-        return move(self.directions, self.points, self.prismatic, self.end_effector, q)
+        return Chain(directions, points, prismatic, self.end_effector)
 
     def pose(self, displacements: npt.ArrayLike | None = None) -> FloatArray:
         """Return the pose of the end effector at q, (…, 4, 4); no rotation at q = 0."""
-        moved = self.move(displacements)
-        pose = np.zeros((*moved.end_effector.shape[:-1], 4, 4))
-        pose[..., :3, :3] = moved.rotations[..., -1, :, :]
-        pose[..., :3, 3], pose[..., 3, 3] = moved.end_effector, 1.0
+        chain, turn = self.moved(self._checked(displacements))
+        pose = np.zeros((*turn.shape[:-2], 4, 4))
+        pose[..., :3, :3] = turn
+        pose[..., :3, 3], pose[..., 3, 3] = chain.end_effector, 1.0
         return pose
 
     def full_jacobian(self, displacements: npt.ArrayLike | None = None) -> FloatArray:
-        """Return (v; ω) at q, shape (…, 6, n), in the frame of the base."""
-        return jacobians(self.move(displacements), self.prismatic)
+        """Return (v; ω) at q, shape (…, 6, n), in the frame of the base; q = 0 if left out."""
+        return self.moved(self._checked(displacements))[0].velocities()
 
     def jacobian(self, displacements: npt.ArrayLike | None = None) -> FloatArray:
         """Return the rows of `full_jacobian` that the task needs, shape (…, m, n)."""
-        return self.full_jacobian(displacements)[..., list(self.task.rows), :]
+        return self.full_jacobian(displacements)[..., self.task.rows, :]
 
     def to_dict(self) -> dict[str, object]:
         """Return the axes joint by joint, and the end effector, as plain values."""
-        joints = [
-            {
-                "joint": i,
-                "column": self.columns[i],
-                "kind": self.kinds[i],
-                "direction": self.directions[i].tolist(),
-                "point": self.points[i].tolist(),
-            }
-            for i in range(self.joints)
-        ]
-        tip = self.end_effector.tolist()
-        return {"task": self.task.value, "end_effector": tip, "joints": joints}
+        names = ("joint", "column", "kind", "direction", "point")
+        axes = self.directions.tolist(), self.points.tolist()
+        joints = zip(range(self.joints), self.columns, self.kinds, *axes, strict=True)
+        return {
+            "task": self.task.value,
+            "end_effector": self.end_effector.tolist(),
+            "joints": [dict(zip(names, joint, strict=True)) for joint in joints],
+        }
 
-    def _checked(self, displacements: npt.ArrayLike) -> FloatArray:
+    def _checked(self, displacements: npt.ArrayLike | None) -> FloatArray:
+        if displacements is None:
+            return np.zeros(self.joints)
         q = as_floats("displacements", displacements)
         if not q.shape or q.shape[-1] != self.joints or not np.all(np.isfinite(q)):
             allowed = f"finite numbers, {self.joints} per configuration"

@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from xml.etree import ElementTree as Tree
 
 import numpy as np
+import numpy.typing as npt
 
 from formulations.realise.manipulator import Manipulator
 from nlp.arrays import FloatArray
@@ -37,23 +38,21 @@ def urdf(manipulator: Manipulator, name: str = "lockedjoint") -> str:
         Tree.SubElement(Tree.SubElement(robot, "material", name=label), "color", rgba=colour)
     places = np.vstack([np.zeros(3), manipulator.points, manipulator.end_effector])
     base = Tree.SubElement(robot, "link", name="base")
-    sizes = {"radius": [2 * JOINT_RADIUS * size], "length": [0.25 * JOINT_LENGTH * size]}
-    _body(base, "joint", places[1], manipulator.directions[0], "cylinder", **sizes)
+    foot = {"radius": 2 * JOINT_RADIUS * size, "length": 0.25 * JOINT_LENGTH * size}
+    _body(base, "joint", places[1], manipulator.directions[0], "cylinder", **foot)
+    side, height = 2 * JOINT_RADIUS * size, JOINT_LENGTH * size
+    box, pin = {"size": [side, side, height]}, {"radius": JOINT_RADIUS * size, "length": height}
     for i in range(n):
         link = Tree.SubElement(robot, "link", name=f"link{i}")
         axis, span = manipulator.directions[i], places[i + 2] - places[i + 1]
         length = float(np.linalg.norm(span))
-        if manipulator.prismatic[i]:
-            side = 2 * JOINT_RADIUS * size
-            _body(link, "joint", _ORIGIN, axis, "box", size=[side, side, JOINT_LENGTH * size])
-        else:
-            sizes = {"radius": [JOINT_RADIUS * size], "length": [JOINT_LENGTH * size]}
-            _body(link, "joint", _ORIGIN, axis, "cylinder", **sizes)
+        shape, sizes = ("box", box) if manipulator.prismatic[i] else ("cylinder", pin)
+        _body(link, "joint", _ORIGIN, axis, shape, **sizes)
         if length > 0:
-            sizes = {"radius": [LINK_RADIUS * size], "length": [length]}
+            sizes = {"radius": LINK_RADIUS * size, "length": length}
             _body(link, "link", span / 2, span / length, "cylinder", **sizes)
     tip = Tree.SubElement(robot, "link", name="tip")
-    _body(tip, "tip", _ORIGIN, np.array([0.0, 0.0, 1.0]), "sphere", radius=[TIP_RADIUS * size])
+    _body(tip, "tip", _ORIGIN, np.array([0.0, 0.0, 1.0]), "sphere", radius=TIP_RADIUS * size)
     names = ["base", *(f"link{i}" for i in range(n)), "tip"]
     for i in range(n):
         kind = manipulator.kinds[i]
@@ -83,7 +82,7 @@ def _body(
     centre: FloatArray,
     axis: FloatArray,
     shape: str,
-    **sizes: Sequence[float],
+    **sizes: npt.ArrayLike,
 ) -> None:
     """Add a body that can be seen; the z-axis of its shape lies along `axis`."""
     visual = Tree.SubElement(link, "visual")
@@ -95,5 +94,5 @@ def _body(
     Tree.SubElement(geometry, shape, {name: _numbers(size) for name, size in sizes.items()})
 
 
-def _numbers(values: Sequence[float] | FloatArray) -> str:
-    return " ".join(repr(float(value)) for value in values)
+def _numbers(values: npt.ArrayLike) -> str:
+    return " ".join(map(repr, np.ravel(values).astype(float).tolist()))

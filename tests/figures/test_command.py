@@ -2,11 +2,14 @@
 
 import csv
 import json
+import sqlite3
 import sys
+from contextlib import closing
 
 import pytest
 
 from formulations.__main__ import main
+from formulations.figures import optima
 
 
 @pytest.fixture
@@ -89,3 +92,26 @@ def test_a_campaign_is_shown(lockedjoint, planar):
     assert len(problems) == 3
     assert "max-min, 4 × free encoding shared-factor" in problems
     assert "residual, 4 × free" in problems
+
+
+def test_stored_starts_are_counted_by_the_gate(lockedjoint, planar):
+    """As `Record.trusted`: acceptable answers count, those that violate a constraint do not."""
+    (planar / "study.toml").write_text(
+        'starts = 4\nformulations = ["residual"]\nmodels = ["free"]\njoints = [4]\n'
+        "task_dimensions = [3]\n",
+        encoding="utf-8",
+    )
+    assert lockedjoint("campaign", "study.toml", "--store", "s.db", "--workers", "1")[0] == 0
+    assert optima.stored(planar / "s.db")["counted"].all()
+    with closing(sqlite3.connect(planar / "s.db")) as store, store:
+        for start, change in enumerate(
+            (
+                "status = 'Solved_To_Acceptable_Level'",
+                "status = 'Maximum_Iterations_Exceeded'",
+                "violation = 1e-3",
+                "valid = 0",
+            )
+        ):
+            store.execute(f"UPDATE record SET {change} WHERE start = {start}")
+    table = optima.stored(planar / "s.db").set_index("start")
+    assert table["counted"].to_dict() == {0: True, 1: False, 2: False, 3: False}

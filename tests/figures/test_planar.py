@@ -8,8 +8,8 @@ import pytest
 
 from formulations import max_min
 from formulations.figures import figure_1, figure_3
+from formulations.figures.figure_1 import optima, turned
 from formulations.figures.picture import NothingFoundError, Request
-from formulations.figures.planar import optima, turned
 from formulations.files.figure import content
 from formulations.realise.from_jacobian import realise
 from formulations.reproduction import reference

@@ -6,13 +6,12 @@ import numpy as np
 import pytest
 
 from formulations import measures
-from formulations.realise.choice import choose, evaluate, given
+from formulations.realise.choice import choose, evaluate, given, search
 from formulations.realise.criteria import CRITERIA, Sampling, smallest, worst_cases
 from formulations.realise.dh import denavit_hartenberg
-from formulations.realise.family import every, family, search
+from formulations.realise.family import distinct, every, family, symmetries
 from formulations.realise.from_jacobian import realise
 from formulations.realise.links import link_lengths
-from formulations.realise.symmetry import distinct, symmetries
 from formulations.reproduction import reference
 from nlp.errors import InputError
 

@@ -8,8 +8,7 @@ from scipy.spatial.transform import Rotation
 from formulations import measures
 from formulations.realise.dh import Convention, denavit_hartenberg
 from formulations.realise.from_jacobian import realise
-from formulations.realise.manipulator import Manipulator
-from formulations.realise.task import Task
+from formulations.realise.manipulator import Manipulator, Task
 from formulations.reproduction import reference
 
 both = pytest.mark.parametrize("convention", list(Convention))

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from formulations.realise.manipulator import Manipulator
-from formulations.realise.task import Task
+from formulations.realise.manipulator import Manipulator, Task
 from nlp.errors import InputError
 
 

@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from formulations.realise.family import count, every, family
+from formulations.realise.family import count, distinct, every, family, symmetries
 from formulations.realise.from_jacobian import realise
-from formulations.realise.symmetry import distinct, symmetries
 from formulations.reproduction import reference
 
 
@@ -63,7 +62,7 @@ def test_axes_turned_about_a_line_are_a_cyclic_group():
 def test_members_are_rigid_motions(arm):
     group = symmetries(arm)
     tip = arm.end_effector
-    for images, flips in zip(group.images, group.flips, strict=True):
+    for images, flips in zip(group.orders, group.flips, strict=True):
         other = arm.arranged(images, flips)
         np.testing.assert_array_equal(other.prismatic, arm.prismatic)
         turns = ~arm.prismatic

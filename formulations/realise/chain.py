@@ -1,0 +1,81 @@
+"""Chains of joints, moved by the product of exponentials in NumPy.
+
+Arrays broadcast over leading dimensions, so that many chains move at once through many
+displacements. Displacements q are radians for revolute joints, the unit of length for
+prismatic ones; q = 0 is the configuration in which axes are given.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from nlp.arrays import FloatArray
+
+BoolArray = npt.NDArray[np.bool_]
+IntArray = npt.NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class Chain:
+    """Joints in order, the one at the base first, and an end effector.
+
+    Parameters
+    ----------
+    directions
+        Unit directions of the axes, shape (…, n, 3).
+    points
+        The point of each axis where the joint sits, shape (…, n, 3).
+    prismatic
+        Which joints are prismatic, shape (…, n).
+    end_effector
+        Its position p, shape (…, 3).
+    """
+
+    directions: FloatArray
+    points: FloatArray
+    prismatic: BoolArray
+    end_effector: FloatArray
+
+    def moved(self, displacements: FloatArray) -> tuple[Chain, FloatArray]:
+        """Return the chain at q, shape (…, n), and how its last link has turned, (…, 3, 3)."""
+        shape = np.broadcast_shapes(self.prismatic.shape, displacements.shape)
+        turn = np.broadcast_to(np.eye(3), (*shape[:-1], 3, 3))
+        shift = np.zeros((*shape[:-1], 3))
+        directions, points = np.empty((*shape, 3)), np.empty((*shape, 3))
+        for i in range(shape[-1]):
+            axis, point = self.directions[..., i, :], self.points[..., i, :]
+            slides, q = self.prismatic[..., i], displacements[..., i]
+            here, away = _turned(turn, axis), _turned(turn, point)
+            directions[..., i, :], points[..., i, :] = here, away + shift
+            turn = turn @ rotation(axis, np.where(slides, 0.0, q))
+            # A revolute joint leaves its own point where it is, a prismatic one shifts it.
+            travel = np.where(slides, q, 0.0)[..., None] * here
+            shift = points[..., i, :] - _turned(turn, point) + travel
+        tip = _turned(turn, self.end_effector) + shift
+        return Chain(directions, points, self.prismatic, tip), turn
+
+    def velocities(self) -> FloatArray:
+        """Return the Jacobian (v; ω), reference point the end effector, shape (…, 6, n)."""
+        slides = self.prismatic[..., None]
+        lever = self.end_effector[..., None, :] - self.points
+        linear = np.where(slides, self.directions, np.cross(self.directions, lever))
+        angular = np.where(slides, 0.0, self.directions)
+        return np.moveaxis(np.concatenate([linear, angular], axis=-1), -2, -1)
+
+
+def rotation(axis: FloatArray, angle: FloatArray) -> FloatArray:
+    """Rotate about unit axes (…, 3) by angles (…), Rodrigues' formula; (…, 3, 3)."""
+    x, y, z = np.moveaxis(axis, -1, 0)
+    zero = np.zeros_like(x)
+    cross = np.stack([zero, -z, y, z, zero, -x, -y, x, zero], axis=-1)
+    cross = cross.reshape((*axis.shape[:-1], 3, 3))
+    sine = np.sin(angle)[..., None, None]
+    versine = 2 * (np.sin(angle / 2) ** 2)[..., None, None]  # 1 − cos, exact for small angles
+    return np.asarray(np.eye(3) + sine * cross + versine * (cross @ cross))
+
+
+def _turned(turn: FloatArray, vector: FloatArray) -> FloatArray:
+    return np.asarray((turn @ vector[..., None])[..., 0])
