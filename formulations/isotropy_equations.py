@@ -48,7 +48,7 @@ def independent_rows(arm: ColumnModel) -> list[int]:
     for k in range(values.shape[1]):
         rest = _remainder(values[:, k], basis)
         if np.linalg.norm(rest) > _RANK_TOLERANCE * np.linalg.norm(values[:, k]):
-            basis.append(_normalised(rest))
+            basis.append(rest / np.linalg.norm(rest))
             rows.append(k)
     return rows
 
@@ -86,7 +86,3 @@ def _remainder(vector: FloatArray, basis: list[FloatArray]) -> FloatArray:
         for direction in basis:
             vector = vector - (direction @ vector) * direction
     return vector
-
-
-def _normalised(vector: FloatArray) -> FloatArray:
-    return np.asarray(vector / np.linalg.norm(vector))

@@ -7,26 +7,26 @@
                the joints' own bounds
 
 At the optimum √t is the worst-case smallest singular value after any k joints lock. The
-eigenvalue constraints are stated smoothly by one of `nlp.matrix_inequality`'s encodings.
+eigenvalue constraints are stated smoothly by one of `nlp.matrix_inequality`'s encodings: this
+is `unequal_max_min` where all joints fail alike.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import lru_cache
-from itertools import combinations
 from types import MappingProxyType
 
-import casadi as ca
 import numpy as np
 
-from formulations import measures, residual
+from formulations import measures, residual, unequal_max_min
 from formulations.bounds.certified import Bound, largest_worst_case
 from formulations.joints.arm import Arm
 from formulations.joints.joint import ColumnModel
+from formulations.measures.unequal_failures import FailureModel
 from nlp.arrays import FloatArray, whole_number
 from nlp.errors import InputError
-from nlp.matrix_inequality import ENCODINGS
 from nlp.options import OptionValue
 from nlp.problem import Problem, Sense
 from nlp.solver import Solver
@@ -44,8 +44,6 @@ OPTIONS: Mapping[str, OptionValue] = MappingProxyType(
         "fast_step_computation": "yes",
     }
 )
-# The level starts at most at this share of what keeps the start's own factor regular.
-_LEVEL_SHARE = 0.5
 
 
 def build(arm: ColumnModel, locked: int = 1, encoding: str = "shared-factor") -> Problem:
@@ -66,55 +64,11 @@ def build(arm: ColumnModel, locked: int = 1, encoding: str = "shared-factor") ->
         If the encoding is unknown, k is out of range, or no configuration that was tried
         keeps full rank after k joints lock.
     """
-    if encoding not in ENCODINGS:
-        raise InputError("encoding", encoding, "one of " + ", ".join(ENCODINGS))
-    m, n = arm.shape
-    floor = attained_level(arm, locked)
-    variables, level = arm.symbols(), ca.SX.sym("t")
-    jacobian = arm.matrix(variables)
-    # Every feasible t ≥ floor has λ_min(JJᵀ − tI) ≥ t/(n − m): see measures.sigma_bound.
-    pivot = float(np.sqrt(floor / (n - m)))
-    deleted = list(combinations(range(n), locked))
-    encoded = ENCODINGS[encoding](jacobian, level, deleted, pivot)
-
-    def lift(point: FloatArray) -> FloatArray:
-        numeric = arm.jacobian(point)
-        reach = _LEVEL_SHARE * measures.singular_values(numeric)[-1] ** 2
-        t = min(max(measures.worst_case_sigma(numeric, locked) ** 2, floor), reach)
-        return np.concatenate([point, [t], encoded.lift(numeric, t)])
-
-    least, largest = arm.bounds
-    return Problem(
-        name=NAME,
-        variables=ca.vertcat(variables, level, encoded.variables),
-        objective=ca.log(level),
-        sense=SENSE,
-        constraints=(*arm.constraints(variables), *encoded.constraints),
-        lower=np.concatenate([least, [floor], encoded.lower]),
-        upper=np.concatenate([largest, np.full(1 + encoded.lower.size, np.inf)]),
-        outputs={"jacobian": jacobian},
-        lift=lift,
-    )
-
-
-def attained_level(arm: ColumnModel, locked: int = 1, samples: int = 100) -> float:
-    """Return a level t that some configuration of the arm attains: half of the best sampled.
-
-    Raises
-    ------
-    InputError
-        If no sampled configuration keeps full rank after `locked` joints lock.
-    """
     m, n = arm.shape
     if whole_number("locked joints", locked, 1) > n - m:
         raise InputError("locked joints", locked, f"at most the degree of redundancy, {n - m}")
-    rng = np.random.default_rng(1995)
-    configurations = (arm.jacobian(arm.sample(rng)) for _ in range(samples))
-    best = max(measures.worst_case_sigma(matrix, locked) for matrix in configurations)
-    if best < 1e-6:
-        allowed = f"joints that can keep full rank after any {locked} lock"
-        raise InputError("arm", f"of {arm.description}", allowed)
-    return 0.5 * best**2
+    alike = FailureModel.equally_likely(n, locked)
+    return replace(unequal_max_min.build(arm, alike, "worst", encoding), name=NAME)
 
 
 def merit(jacobian: FloatArray, locked: int = 1) -> float:

@@ -48,13 +48,9 @@ def build(arm: Arm, defect: float) -> Problem:
     if not 0 < defect < np.inf:
         raise InputError("isotropy defect", defect, "a finite number above 0")
     problem = max_min.build(arm)
-    deviation = _isotropy_defect(arm, problem)
+    stated = residual.build(arm)  # of ½‖JJᵀ − (T/m)I‖_F², in the arm's variables
+    own = problem.variables[: arm.size]
+    deviation = ca.substitute(stated.objective, stated.variables, own)
     # Divided by ε, so that the solver's tolerance is relative.
     limit = Constraint("isotropy defect", deviation / defect, -np.inf, 1.0)
     return replace(problem, name=NAME, constraints=(*problem.constraints, limit))
-
-
-def _isotropy_defect(arm: Arm, problem: Problem) -> ca.SX:
-    """½‖JJᵀ − (T/m)I‖_F² in the problem's own variables, the arm's first."""
-    stated = residual.build(arm)
-    return ca.substitute(stated.objective, stated.variables, problem.variables[: arm.size])

@@ -7,7 +7,7 @@ Over the sets F of k joints that can fail, P(F) their shares and w_F = P(F)/max 
 
 and the joints' own bounds. The first maximises the probability-weighted worst case
 min_F σ_F/w_F, the second the expected dexterity Σ P(F) σ_F. With equal probabilities and every
-joint fallible the first is `max_min`, problem for problem.
+joint fallible the first is `max_min`, which is built here too.
 
 Sets of one level share the factors of an encoding: one group per distinct weight for the
 first, one per set for the second. At an optimum of the expectation that gives a joint up,
@@ -25,8 +25,8 @@ from typing import Literal, cast, get_args
 import casadi as ca
 import numpy as np
 
-from formulations import max_min, measures
-from formulations.joints.arm import Arm
+from formulations import measures
+from formulations.joints.joint import ColumnModel
 from formulations.measures import unequal_failures
 from formulations.measures.unequal_failures import FailureModel
 from nlp.arrays import FloatArray
@@ -39,6 +39,7 @@ Sets = tuple[tuple[int, ...], ...]
 # Where JJᵀ − tI may be singular at the optimum its factor stays this share of √t away from it:
 # what is lost of t is the square.
 _NEARLY_SINGULAR = 1e-4
+# The level starts at most at this share of what keeps the start's own factor regular.
 _LEVEL_SHARE = 0.5
 
 
@@ -54,7 +55,7 @@ class _Levels:
 
 
 def build(
-    arm: Arm,
+    arm: ColumnModel,
     failures: FailureModel,
     goal: Goal = "worst",
     encoding: str | None = None,
@@ -78,7 +79,8 @@ def build(
         If a name is unknown, the model is of another number of joints, k exceeds the
         redundancy, or no configuration that was tried has a merit above zero.
     """
-    encoding = encoding or default_encoding(failures, goal)
+    if encoding is None:
+        encoding = default_encoding(failures, goal)
     if encoding not in ENCODINGS:
         raise InputError("encoding", encoding, "one of " + ", ".join(ENCODINGS))
     attained = attained_merit(arm, failures, goal)
@@ -86,17 +88,19 @@ def build(
     jacobian = arm.matrix(variables)
     state = _worst if goal == "worst" else _expected
     levels = state(jacobian, failures, attained, encoding)
-    lowers = [np.full(arm.size, -np.inf), levels.lower, *(one.lower for one in levels.encoded)]
+    least, largest = arm.bounds
+    lower = np.concatenate([least, levels.lower, *(one.lower for one in levels.encoded)])
     return Problem(
-        name=f"{max_min.NAME}, {goal}",
+        name=f"max-min, {goal}",
         variables=ca.vertcat(variables, levels.symbols, *(e.variables for e in levels.encoded)),
         objective=levels.objective,
-        sense=max_min.SENSE,
+        sense="maximise",
         constraints=(
             *arm.constraints(variables),
             *(constraint for one in levels.encoded for constraint in one.constraints),
         ),
-        lower=np.concatenate(lowers),
+        lower=lower,
+        upper=np.append(largest, np.full(lower.size - largest.size, np.inf)),
         outputs={"jacobian": jacobian},
         lift=_lift(arm, levels),
     )
@@ -122,7 +126,7 @@ def merit(jacobian: FloatArray, failures: FailureModel, goal: Goal = "worst") ->
 
 
 def attained_merit(
-    arm: Arm, failures: FailureModel, goal: Goal = "worst", samples: int = 100
+    arm: ColumnModel, failures: FailureModel, goal: Goal = "worst", samples: int = 100
 ) -> float:
     """Return the best merit of some configurations drawn at random.
 
@@ -140,7 +144,7 @@ def attained_merit(
     best = max(merit(matrix, failures, goal) for matrix in drawn)
     if best < 1e-6:
         allowed = "joints that can keep full rank after those that may fail lock"
-        raise InputError("arm", f"of {n} joints", allowed)
+        raise InputError("arm", f"of {arm.description}", allowed)
     return best
 
 
@@ -191,7 +195,7 @@ def _expected(
     return _Levels(symbols, np.zeros(len(shares)), objective, encoded, start)
 
 
-def _lift(arm: Arm, levels: _Levels) -> Callable[[FloatArray], FloatArray]:
+def _lift(arm: ColumnModel, levels: _Levels) -> Callable[[FloatArray], FloatArray]:
     def lift(point: FloatArray) -> FloatArray:
         numeric = arm.jacobian(point)
         own, squares = levels.start(numeric)
@@ -216,7 +220,8 @@ def _pivot(
     """Return what every diagonal entry of a factor of JJᵀ − w²tI may be held above.
 
     If w < 1, JJᵀ ⪰ tI for the likeliest failures' sake leaves (1 − w²)t; if every joint is
-    in a set of weight 1, `max_min` says what is left; else JJᵀ − tI may be singular.
+    in a set of weight 1, λ_min(JJᵀ − tI) ≥ t/(n − m), see `measures.sigma_bound`; else
+    JJᵀ − tI may be singular.
     """
     m, n = shape
     nearly = _NEARLY_SINGULAR * np.sqrt(floor)

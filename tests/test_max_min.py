@@ -5,11 +5,12 @@ from functools import partial
 import numpy as np
 import pytest
 
-from formulations import max_min, measures, residual
+from formulations import max_min, measures, residual, unequal_max_min
 from formulations.catalogue import arm
 from formulations.joints.arm import Arm
 from formulations.joints.kinds import LeverRevolute, Prismatic
 from formulations.measures.canonical import distinct
+from formulations.measures.unequal_failures import FailureModel
 from formulations.reproduction.reference import planar_4r
 from nlp.errors import InputError
 from nlp.matrix_inequality import ENCODINGS
@@ -124,8 +125,8 @@ def test_the_level_is_the_worst_case_squared():
 
 def test_the_floor_is_attained():
     """What bounds the level below must lie below something that exists."""
-    floor = max_min.attained_level(UNIT_7R)
-    assert 0 < floor < BEST_7R**2
+    attained = unequal_max_min.attained_merit(UNIT_7R, FailureModel.equally_likely(7))
+    assert 0 < attained < BEST_7R
 
 
 @pytest.mark.parametrize(

@@ -30,7 +30,7 @@ from formulations.studies.comparison import Row as ComparisonRow
 from formulations.studies.failures import Row as FailureRow
 from formulations.studies.front_page import formulation_table, learned, read_all
 from formulations.studies.pages import groups
-from formulations.studies.robots.study import Row as RobotRow
+from formulations.studies.robots import Row as RobotRow
 from formulations.studies.running import STUDIES
 from formulations.studies.study import Effort
 

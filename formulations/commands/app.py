@@ -2,29 +2,32 @@
 
 from __future__ import annotations
 
+from importlib import import_module
 from typing import Annotated
 
 import typer
 
-from formulations.commands.assess import assess
-from formulations.commands.benchmark import benchmark
-from formulations.commands.bound import bound
-from formulations.commands.campaign import campaign
-from formulations.commands.compare import compare
-from formulations.commands.failures import failures
-from formulations.commands.figure import figure
-from formulations.commands.join import join
-from formulations.commands.measure import measure
-from formulations.commands.posture import posture
-from formulations.commands.prove import prove
-from formulations.commands.realise import realise
-from formulations.commands.report import report
-from formulations.commands.reproduce import reproduce
-from formulations.commands.robots import robots
-from formulations.commands.show import show
-from formulations.commands.solve import solve
-from formulations.commands.verify import verify
-
+# In the order in which the help lists them; each is the function of its name in its file.
+COMMANDS = (
+    "compare",
+    "reproduce",
+    "solve",
+    "measure",
+    "realise",
+    "assess",
+    "posture",
+    "robots",
+    "bound",
+    "prove",
+    "verify",
+    "campaign",
+    "join",
+    "show",
+    "figure",
+    "benchmark",
+    "failures",
+    "report",
+)
 app = typer.Typer(
     name="lockedjoint",
     add_completion=False,
@@ -32,27 +35,8 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 96},
 )
-for command in (
-    compare,
-    reproduce,
-    solve,
-    measure,
-    realise,
-    assess,
-    posture,
-    robots,
-    bound,
-    prove,
-    verify,
-    campaign,
-    join,
-    show,
-    figure,
-    benchmark,
-    failures,
-    report,
-):
-    app.command()(command)
+for name in COMMANDS:
+    app.command()(getattr(import_module(f"formulations.commands.{name}"), name))
 
 
 def _print_version(wanted: bool) -> None:

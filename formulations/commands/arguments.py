@@ -5,11 +5,16 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, TypeVar
 
 import typer
 
-from nlp.errors import SolverOptionError
+from nlp.errors import InputError, SolverOptionError
+
+if TYPE_CHECKING:
+    from formulations.measures.unequal_failures import FailureModel
+
+T = TypeVar("T")
 
 
 def whole(lowest: int) -> Callable[[str], int]:
@@ -105,6 +110,25 @@ Compiled = Annotated[
     ),
 ]
 
+Probabilities = Annotated[
+    str | None,
+    typer.Option(
+        "--failure-probabilities",
+        metavar="P,…",
+        help="Each joint's probability of failure, 0 for never; or one number for all.",
+        show_default=False,
+    ),
+]
+NeverFails = Annotated[
+    str | None,
+    typer.Option(
+        "--never-fails",
+        metavar="JOINT,…",
+        help="Joints that never fail, counted from 0.",
+        show_default=False,
+    ),
+]
+
 
 def ipopt_options(settings: Sequence[str] | None) -> dict[str, object]:
     """Read ``NAME=VALUE`` settings; numbers become numbers.
@@ -130,3 +154,38 @@ def _number(text: str) -> str | int | float:
         except ValueError:
             continue
     return text
+
+
+def failure_model(
+    probabilities: str | None, never_fails: str | None, joints: int, locked: int
+) -> FailureModel | None:
+    """Return the failure model that the two options describe; None if neither is given.
+
+    Raises
+    ------
+    InputError
+        If there is not one probability per joint, or a number is not allowed.
+    """
+    if probabilities is None and never_fails is None:
+        return None
+    from formulations.measures.unequal_failures import FailureModel
+
+    words = "joints counted from 0, separated by commas"
+    never = _numbers(never_fails, int, "joints that never fail", words)
+    if probabilities is None:
+        return FailureModel.equally_likely(joints, locked, never)
+    words = "numbers separated by commas"
+    values = _numbers(probabilities, float, "failure probabilities", words)
+    if len(values) == 1:
+        values *= joints
+    if len(values) != joints:
+        allowed = f"{joints} numbers, one for each joint, or one for all"
+        raise InputError("failure probabilities", probabilities, allowed)
+    return FailureModel(tuple(values)).sparing(never, locked)
+
+
+def _numbers(text: str | None, kind: Callable[[str], T], name: str, allowed: str) -> list[T]:
+    try:
+        return [kind(part) for part in text.split(",")] if text is not None else []
+    except ValueError:
+        raise InputError(name, text, allowed) from None

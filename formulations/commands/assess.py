@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Annotated
 
@@ -10,7 +9,7 @@ import typer
 
 from formulations.commands import robot_arguments as robot
 from formulations.commands.arguments import Json, Locked
-from formulations.commands.text import as_text
+from formulations.commands.output import as_text, show
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -52,16 +51,15 @@ def assess(
     By default joints without limits are at 0.
     """
     from formulations.robots.robot_assessment import assess as assess_robot
-    from nlp.files import prepare_folder, write_text
+    from nlp.files import prepare_folder
 
     arm = robot.arm(file, tip, base, point, task, frame, length, held)
     found = assess_robot(arm, robot.read_configuration(configuration, arm.chain), locked)
-    content = json.dumps({"model": found.robot, **asdict(found)}, indent=1)
     if out is not None:
         prepare_folder(out.parent, "folder of --out")
-        write_text(out, content + "\n")
     source = "midway between the limits" if configuration is None else "as given"
-    typer.echo(content if as_json else robot_text(found, {}, source))
+    plain = {"model": found.robot, **asdict(found)}
+    show(plain, as_json, lambda _: robot_text(found, {}, source), out)
 
 
 def robot_text(found: RobotAssessment, above: Mapping[str, object], source: str) -> str:

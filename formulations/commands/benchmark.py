@@ -16,7 +16,7 @@ from formulations.commands.arguments import (
     progress,
     whole,
 )
-from formulations.commands.study import run_study
+from formulations.commands.output import run_study
 
 
 def benchmark(
@@ -44,13 +44,14 @@ def benchmark(
     benchmark.md after every round, so that Ctrl-C keeps what is done.
     """
     from formulations.studies.benchmark.study import growth, study, targets
-    from formulations.studies.study import Effort
 
     run_study(
         study(_sizes(joints), time_limit),
         out,
-        Effort(seed, starts, progress=progress),
         as_json,
+        seed=seed,
+        starts=starts,
+        progress=progress,
         text=lambda rows: f"{growth(rows)}\n\n{targets(rows)}",
     )
 

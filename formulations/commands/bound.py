@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Mapping
 from enum import StrEnum
 from typing import Annotated, Any
@@ -17,7 +16,7 @@ from formulations.commands.arguments import (
     positive,
     progress,
 )
-from formulations.commands.text import as_text
+from formulations.commands.output import as_text, show
 from nlp.errors import InputError
 
 UNDECIDED = 1
@@ -126,7 +125,7 @@ def bound(
         text = _without_multipliers
     else:
         plain = _unit_revolute(quantity, joints, preset, rigorous, seed, solver)
-    typer.echo(json.dumps(plain, indent=1) if as_json else text(plain))
+    show(plain, as_json, text)
     if plain.get("verdict") == "undecided" or plain.get("singular_value_bound", 0) is None:
         raise typer.Exit(UNDECIDED)
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -10,11 +9,11 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from formulations.commands.arguments import Json, Workers, positive, whole
+from formulations.commands.output import INTERRUPTED, show
 
 if TYPE_CHECKING:
     from nlp.spread import Pool
 
-INTERRUPTED = 130
 INCOMPLETE = 1
 
 
@@ -78,13 +77,11 @@ def campaign(
             {**cell.settings(), "start": start, "why": why} for cell, start, why in report.lost
         ],
     }
-    if as_json:
-        typer.echo(json.dumps(found, indent=1))
-    else:
-        typer.echo(
-            f"{report.asked - report.missing} of {report.asked} records of "
-            f"{len(declared.cells)} cells are in {store}, {report.added} of them new."
-        )
+    text = (
+        f"{report.asked - report.missing} of {report.asked} records of "
+        f"{len(declared.cells)} cells are in {store}, {report.added} of them new."
+    )
+    show(found, as_json, lambda _: text)
     if report.lost:
         for cell, start, why in report.lost:
             name = f"{cell.setup.formulation} {cell.setup.model} n={cell.joints}"

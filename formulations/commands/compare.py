@@ -16,7 +16,7 @@ from formulations.commands.arguments import (
     Workers,
     ipopt_options,
 )
-from formulations.commands.study import run_study
+from formulations.commands.output import run_study
 
 
 def compare(
@@ -39,14 +39,15 @@ def compare(
     output folder after every row; Ctrl-C keeps what is done.
     """
     from formulations.studies.comparison import study
-    from formulations.studies.study import Effort
-    from nlp.multistart import default_workers
 
     run_study(
         study(joints, task_dimension, ipopt_options(ipopt), compiled),
         out,
-        Effort(seed, starts, workers or default_workers(), bars=True),
         as_json,
+        seed=seed,
+        starts=starts,
+        workers=workers,
+        bars=True,
         note="merit: ½‖JJᵀ − (T/m)I‖² for residual, worst-case σ for the others; bound: "
         "proved for every such arm.",
     )

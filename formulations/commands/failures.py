@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from formulations.commands.arguments import Json, Out, Seed, Starts, Workers
-from formulations.commands.study import run_study
+from formulations.commands.output import run_study
 
 
 def failures(
@@ -23,8 +23,5 @@ def failures(
     failures.md and jacobians.json after every row; Ctrl-C keeps what is done.
     """
     from formulations.studies.failures import study
-    from formulations.studies.study import Effort
-    from nlp.multistart import default_workers
 
-    effort = Effort(seed, starts, workers or default_workers(), bars=True)
-    run_study(study(), out, effort, as_json)
+    run_study(study(), out, as_json, seed=seed, starts=starts, workers=workers, bars=True)

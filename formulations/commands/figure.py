@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from formulations.commands.arguments import Json, Pick, Seed, Workers, progress, whole
-from formulations.commands.text import as_text
+from formulations.commands.output import as_text
 from nlp.errors import InputError
 
 

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from formulations.commands.arguments import Json
+from formulations.commands.output import show
 
 
 def join(
@@ -40,4 +40,4 @@ def join(
             if not as_json:
                 typer.echo(f"{added} records of {other} are new, {known} were there already.")
     if as_json:
-        typer.echo(json.dumps({"store": str(store), "joined": joined}, indent=1))
+        show({"store": str(store), "joined": joined}, as_json)

@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from formulations.commands.arguments import Json, Locked, Tolerance
-from formulations.commands.failure_options import NeverFails, Probabilities
+from formulations.commands.arguments import (
+    Json,
+    Locked,
+    NeverFails,
+    Probabilities,
+    Tolerance,
+    failure_model,
+)
+from formulations.commands.output import as_text, show
 
 
 def measure(
@@ -32,8 +38,6 @@ def measure(
     probability-weighted worst case.
     """
     from formulations.bounds.unequal_failures import assess_failures
-    from formulations.commands.failure_options import failure_model
-    from formulations.commands.text import as_text
     from formulations.files.jacobians import read_jacobians
     from formulations.measures.assessment import assess
 
@@ -46,7 +50,5 @@ def measure(
             known = failure_probabilities is not None
             values |= assess_failures(matrix, model, probabilities_known=known).to_dict()
         found.append(values)
-    if as_json:
-        typer.echo(json.dumps(found if len(found) > 1 else found[0], indent=1))
-        return
-    typer.echo("\n\n".join(as_text(one) for one in found))
+    text = "\n\n".join(as_text(one) for one in found)
+    show(found if len(found) > 1 else found[0], as_json, lambda _: text)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from typing import Annotated
 
 import typer
@@ -18,6 +17,7 @@ from formulations.commands.arguments import (
     ipopt_options,
 )
 from formulations.commands.assess import robot_text
+from formulations.commands.output import INTERRUPTED, show
 
 
 def posture(
@@ -47,7 +47,7 @@ def posture(
     a failure. `assess --configuration FILE` reads what --out writes.
     """
     from formulations.robots.posture import Search, best_posture
-    from nlp.files import prepare_folder, write_text
+    from nlp.files import prepare_folder
     from nlp.multistart import default_workers
 
     arm = robot.arm(file, tip, base, point, task, frame, length, held)
@@ -56,15 +56,13 @@ def posture(
     if out is not None:
         prepare_folder(out.parent, "folder of --out")
     found = best_posture(arm, search)
-    content = json.dumps(found.to_dict(), indent=1)
-    if out is not None:
-        write_text(out, content + "\n")
     how = {
         "formulation": formulation,
         "starts": f"{found.starts} (seed {seed}), best reached by {found.reached_best}",
         "status counts": found.status_counts,
         "midway sigma": found.mid_range_sigma,
     }
-    typer.echo(content if as_json else robot_text(found.assessment, how, "the best found"))
+    text = robot_text(found.assessment, how, "the best found")
+    show(found.to_dict(), as_json, lambda _: text, out)
     if not found.complete:
-        raise typer.Exit(130)
+        raise typer.Exit(INTERRUPTED)

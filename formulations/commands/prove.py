@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
 from formulations.commands.arguments import Json
+from formulations.commands.output import show
 
 
 def prove(
@@ -33,7 +33,7 @@ def prove(
     prepare_folder(out.parent, "folder of --out")
     certificate = derive()
     certificate.write(out)
-    found = {
+    found: dict[str, Any] = {
         "file": str(out),
         "joints": certificate.joints,
         "constant": f"-{certificate.constant}",
@@ -41,15 +41,11 @@ def prove(
         "terms": [len(square.terms) for square in certificate.squares],
         "multipliers": len(certificate.multipliers),
     }
-    if as_json:
-        typer.echo(json.dumps(found, indent=1))
-    else:
-        squares = " + ".join(
-            f"{square.weight} |p{k}|²" for k, square in enumerate(certificate.squares, 1)
-        )
-        typer.echo(
-            f"For every optimally failure-tolerant 7R Jacobian, averaged over joint orders,\n\n"
-            f"    {squares} = {found['constant']} < 0,\n\n"
-            f"so there is none. The identity has {found['multipliers']} multipliers of the "
-            f"equations;\nall of it is in {out}."
-        )
+    squares = " + ".join(f"{weight} |p{k}|²" for k, weight in enumerate(found["weights"], 1))
+    text = (
+        f"For every optimally failure-tolerant 7R Jacobian, averaged over joint orders,\n\n"
+        f"    {squares} = {found['constant']} < 0,\n\n"
+        f"so there is none. The identity has {found['multipliers']} multipliers of the "
+        f"equations;\nall of it is in {out}."
+    )
+    show(found, as_json, lambda _: text)

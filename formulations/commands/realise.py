@@ -10,7 +10,7 @@ from typing import Annotated
 import typer
 
 from formulations.commands.arguments import Json, Pick, Seed, positive, whole
-from formulations.commands.text import as_text
+from formulations.commands.output import as_text
 from nlp.errors import InputError
 
 

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from formulations.commands.arguments import Json, Out, Seed, Workers, progress, whole
-from formulations.commands.study import INTERRUPTED, QUESTIONED
+from formulations.commands.output import INTERRUPTED, QUESTIONED, show
 
 if TYPE_CHECKING:
     from formulations.studies.running import Outcome
@@ -61,9 +60,16 @@ def report(
     effort = Effort(seed, starts, workers or default_workers(), progress)
     outcomes: list[Outcome] = []
     written = (State.MADE, State.QUESTIONED)
-    for outcome in run_all(studies, out, effort, _begin):
+
+    def begin(study: Study) -> None:
+        typer.echo(f"{study.name}: takes {study.takes}", err=True)
+
+    for outcome in run_all(studies, out, effort, begin):
         outcomes.append(outcome)
-        _end(outcome)
+        progress("")
+        name, reason = outcome.study.name, outcome.reason and f": {outcome.reason}"
+        sentence = f"{name}: {outcome.state} in {outcome.seconds:.0f} s{reason}"
+        typer.echo(sentence, err=True)
         made = {one.study.name for one in outcomes if one.state in written}
         failed = {o.study.name: o.reason for o in outcomes if o.state not in written}
         write_text(out / PAGE, front_page(out, seed, made, failed))
@@ -75,17 +81,6 @@ def report(
         raise typer.Exit(QUESTIONED)
 
 
-def _begin(study: Study) -> None:
-    typer.echo(f"{study.name}: takes {study.takes}", err=True)
-
-
-def _end(outcome: Outcome) -> None:
-    progress("")
-    reason = f": {outcome.reason}" if outcome.reason else ""
-    said = f"{outcome.study.name}: {outcome.state} in {outcome.seconds:.0f} s{reason}"
-    typer.echo(said, err=True)
-
-
 def _show(outcomes: list[Outcome], out: Path, as_json: bool) -> None:
     from formulations.studies.running import STUDIES
 
@@ -93,21 +88,13 @@ def _show(outcomes: list[Outcome], out: Path, as_json: bool) -> None:
     left = [study for study in STUDIES.values() if study.name not in ran]
     if as_json:
         found = {
-            "studies": [
-                {
-                    "study": one.study.name,
-                    "state": one.state,
-                    "reason": one.reason,
-                    "seconds": one.seconds,
-                }
-                for one in outcomes
-            ],
+            "studies": [{**vars(one), "study": one.study.name} for one in outcomes],
             "left_out": [
                 {"study": study.name, "takes": study.takes, "command": study.command}
                 for study in left
             ],
         }
-        typer.echo(json.dumps(found, indent=1))
+        show(found, as_json)
         return
     typer.echo(f"Written to {out}: README.md and the folders of the studies made.")
     for study in left:

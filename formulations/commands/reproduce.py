@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import typer
 
 from formulations.commands.arguments import Json, Out, Seed, Starts
-from formulations.commands.study import run_study
+from formulations.commands.output import run_study
 
 if TYPE_CHECKING:
     from formulations.studies.study import Part
@@ -27,9 +27,8 @@ def reproduce(
     reproduction.md after every row. Exit status 1 if any row is an unexplained mismatch.
     """
     from formulations.studies.reproduction import study
-    from formulations.studies.study import Effort
 
-    run_study(study(), out, Effort(seed, starts), as_json, text=lambda _: "", each=_print)
+    run_study(study(), out, as_json, seed=seed, starts=starts, text=lambda _: "", each=_print)
 
 
 def _print(part: Part) -> None:

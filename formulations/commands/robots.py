@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from formulations.commands.arguments import Json, Out, Seed, Starts, Workers
-from formulations.commands.study import run_study
+from formulations.commands.output import run_study
 
 
 def robots(
@@ -30,9 +30,6 @@ def robots(
     robots.md and postures.json into the output folder after every arm; Ctrl-C keeps what is
     done.
     """
-    from formulations.studies.robots.study import study
-    from formulations.studies.study import Effort
-    from nlp.multistart import default_workers
+    from formulations.studies.robots import study
 
-    effort = Effort(seed, starts, workers or default_workers(), bars=True)
-    run_study(study(only), out, effort, as_json)
+    run_study(study(only), out, as_json, seed=seed, starts=starts, workers=workers, bars=True)

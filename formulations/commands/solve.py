@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -14,13 +13,16 @@ from formulations.commands.arguments import (
     Joints,
     Json,
     Locked,
+    NeverFails,
+    Probabilities,
     Seed,
     Starts,
     TaskDimension,
     Workers,
+    failure_model,
     ipopt_options,
 )
-from formulations.commands.failure_options import NeverFails, Probabilities
+from formulations.commands.output import INTERRUPTED, as_text, show
 
 
 def solve(
@@ -75,12 +77,10 @@ def solve(
 ) -> None:
     """Solve one formulation from random starts and measure the best answer."""
     from formulations.bounds.unequal_failures import assess_failures
-    from formulations.commands.failure_options import failure_model
-    from formulations.commands.text import as_text
     from formulations.measures.assessment import assess
     from formulations.solving.solve import solve as solve_from_many_starts
     from formulations.unequal_max_min import checked_goal
-    from nlp.files import prepare_folder, write_text
+    from nlp.files import prepare_folder
 
     failures = failure_model(failure_probabilities, never_fails, joints, locked)
     if out is not None:
@@ -104,7 +104,7 @@ def solve(
         progress=True,
     )
     if not outcome.records:
-        raise typer.Exit(130)
+        raise typer.Exit(INTERRUPTED)
     shown = outcome.best
     found = {
         "formulation": formulation,
@@ -123,14 +123,11 @@ def solve(
         unequal = assess_failures(shown.jacobian, failures, probabilities_known=known)
         found |= {"goal": goal, **unequal.to_dict()}
     found["jacobian"] = shown.jacobian.tolist()
-    if out is not None:
-        write_text(out, json.dumps(found, indent=1) + "\n")
-    if as_json:
-        typer.echo(json.dumps(found, indent=1))
-    else:
-        rows = "\n".join("  ".join(f"{x: .9f}" for x in line) for line in shown.jacobian)
-        flat = {name: value for name, value in found.items() if name != "jacobian"}
-        flat["verdict"] = outcome.summary
-        typer.echo(f"{as_text(flat)}\n\njacobian\n{rows}")
+    show(found, as_json, lambda plain: _text({**plain, "verdict": outcome.summary}), out)
     if not outcome.complete:
-        raise typer.Exit(130)
+        raise typer.Exit(INTERRUPTED)
+
+
+def _text(found: dict[str, Any]) -> str:
+    rows = "\n".join("  ".join(f"{x: .9f}" for x in line) for line in found.pop("jacobian"))
+    return f"{as_text(found)}\n\njacobian\n{rows}"

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from formulations.commands.arguments import Json, whole
-from formulations.commands.text import as_text
+from formulations.commands.output import show
 
 
 def verify(
@@ -57,4 +56,4 @@ def verify(
         "averages_that_cancelled": report.monomials,
         "random_matrices": samples,
     }
-    typer.echo(json.dumps(found, indent=1) if as_json else as_text(found))
+    show(found, as_json)

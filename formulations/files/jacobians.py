@@ -13,6 +13,7 @@ import numpy.typing as npt
 from formulations.measures import as_jacobian
 from nlp.arrays import FloatArray
 from nlp.errors import FileError, InputError
+from nlp.files import read_bytes
 
 Named = tuple[str, FloatArray]
 
@@ -36,12 +37,7 @@ def read_jacobians(path: Path) -> list[Named]:
     reader = _READERS.get(path.suffix.lower())
     if reader is None:
         raise FileError("file", str(path), "a name that ends in " + ", ".join(_READERS))
-    try:
-        content = path.read_bytes()
-    except OSError as reason:
-        why = (reason.strerror or str(reason)).lower()
-        raise FileError("file", str(path), f"a file that can be read ({why})") from None
-    if not content.strip():
+    if not read_bytes(path).strip():
         raise FileError("file", str(path), "a file that is not empty")
     return [(name, as_jacobian(matrix, str(path))) for name, matrix in reader(path)]
 

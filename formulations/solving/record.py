@@ -98,8 +98,7 @@ def judge(run: Run, arm: Arm, merit: Callable[[FloatArray], float], locked: int 
     solution = run.solution
     jacobian = solution.outputs["jacobian"]
     finite = bool(np.all(np.isfinite(jacobian)))
-    usable = finite and in_model(arm, jacobian)
-    value = merit(jacobian) if usable else np.nan
+    value = merit(jacobian) if in_model(arm, jacobian) else np.nan
     nan = float("nan")
     return Record(
         seed=run.seed,
@@ -116,7 +115,9 @@ def judge(run: Run, arm: Arm, merit: Callable[[FloatArray], float], locked: int 
 
 
 def in_model(arm: Arm, jacobian: FloatArray) -> bool:
-    """Whether every column is one that the joint there can contribute."""
+    """Return whether J is one of the arm's Jacobians; False for NaN and infinity."""
+    if not np.all(np.isfinite(jacobian)):
+        return False
     try:
         arm.variables(jacobian)
     except NotInModelError:

@@ -1,29 +1,27 @@
 """The trade-off between isotropy and worst case as a curve, from `isotropy` to `max_min`.
 
 Each point is the best of several starts and of the optima of its neighbours on the curve.
-Whatever a solver says, a Jacobian counts by what it is: of the arm's model, its isotropy
-defect within the limit, its worst case measured by singular values.
+A Jacobian counts if it passes the gate `Record.trusted` and its isotropy defect is within the
+limit.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from formulations import isotropy, max_min, measures, residual, trade_off
 from formulations.joints.arm import Arm
-from formulations.joints.joint import NotInModelError
+from formulations.solving.record import judge
 from nlp.arrays import FloatArray, whole_number
-from nlp.options import OptionValue
-from nlp.problem import Problem
+from nlp.multistart import Run
 from nlp.solver import Solver
 from nlp.task import generator
 
 # By how much of the limit a defect may pass it.
 _SLACK = 1e-6
-Progress = Callable[[str], None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +62,7 @@ def curve(
     points: int = 10,
     starts: int = 5,
     seed: int = 0,
-    progress: Progress = lambda _: None,
+    progress: Callable[[str], None] = lambda _: None,
 ) -> tuple[Point, ...]:
     """Return the curve, from the most isotropic Jacobian of the arm to the best worst case.
 
@@ -83,17 +81,22 @@ def curve(
     seed
         Of the starts.
     progress
-        Is told what is being solved.
+        Is called with what is being solved, in a few words.
     """
     count = whole_number("points", points, 2)
     drawn = [arm.sample(generator(seed, k)) for k in range(whole_number("starts", starts, 1))]
     progress("isotropy")
-    first = _best(arm, isotropy.NAME, isotropy.build(arm), isotropy.OPTIONS, drawn)
-    if first is None:
-        first = _most_isotropic(arm, drawn)
+    scale = arm.largest_trace / arm.shape[0]
+    solver = Solver(isotropy.build(arm), isotropy.OPTIONS)
+    first = _solved(arm, isotropy.NAME, isotropy.TOLERANCE * scale**2, solver, drawn)
+    if not first:
+        solver = Solver(residual.build(arm), residual.OPTIONS)
+        minima = _solved(arm, residual.NAME, np.inf, solver, drawn)
+        first = sorted(minima, key=lambda one: one.isotropy_defect)[:1]
     progress("max-min")
-    last = _best(arm, max_min.NAME, max_min.build(arm), max_min.OPTIONS, drawn)
-    ends = [one for one in (first, last) if one is not None]
+    solver = Solver(max_min.build(arm), max_min.OPTIONS)
+    last = _solved(arm, max_min.NAME, np.inf, solver, drawn)
+    ends = [_better(*points) for points in (first, last) if points]
     if len(ends) < 2 or not ends[0].isotropy_defect < ends[1].isotropy_defect:
         return tuple(ends)
     low, high = (one.isotropy_defect for one in ends)
@@ -107,7 +110,7 @@ def _between(
     drawn: list[FloatArray],
     first: Point,
     last: Point,
-    progress: Progress,
+    progress: Callable[[str], None],
 ) -> list[Point]:
     """Solve from left to right, then once more from the right neighbours' optima."""
     solvers, found = [], []
@@ -129,47 +132,19 @@ def _between(
     return found
 
 
-def _best(
-    arm: Arm,
-    statement: str,
-    problem: Problem,
-    options: Mapping[str, OptionValue],
-    drawn: list[FloatArray],
-) -> Point | None:
-    scale = arm.largest_trace / arm.shape[0]
-    limit = isotropy.TOLERANCE * scale**2 if statement == isotropy.NAME else np.inf
-    solver = Solver(problem, options)
-    found = list(_solved(arm, statement, limit, solver, drawn))
-    return _better(*found) if found else None
-
-
-def _most_isotropic(arm: Arm, drawn: list[FloatArray]) -> Point | None:
-    solver = Solver(residual.build(arm), residual.OPTIONS)
-    found = list(_solved(arm, residual.NAME, np.inf, solver, drawn))
-    return min(found, key=lambda one: one.isotropy_defect) if found else None
-
-
 def _solved(
     arm: Arm, statement: str, limit: float, solver: Solver, starts: list[FloatArray]
-) -> Iterator[Point]:
-    """Yield what starts lead to, as far as it passes the gate of `Record.trusted`."""
-    for start in starts:
-        solution = solver.solve(start)
-        matrix = solution.outputs["jacobian"]
-        if not (solution.status.acceptable and solution.feasible):
-            continue
-        try:
-            arm.variables(matrix)
-        except NotInModelError:
-            continue
-        defect, sigma = _measured(matrix)
-        if defect <= limit * (1 + _SLACK):
-            yield Point(statement, limit, defect, sigma, matrix)
+) -> list[Point]:
+    """Return what starts lead to, as far as it passes the gate and is within the limit."""
+    points = []
+    for k, start in enumerate(starts):
+        run = Run(index=k, seed=0, solution=solver.solve(start), cpu_seconds=0.0)
+        found = judge(run, arm, measures.worst_case_sigma)
+        defect = found.isotropy_defect
+        if found.trusted and defect <= limit * (1 + _SLACK):
+            points.append(Point(statement, limit, defect, found.merit, found.jacobian))
+    return points
 
 
 def _better(*points: Point) -> Point:
     return max(points, key=lambda one: one.worst_case_sigma)
-
-
-def _measured(matrix: FloatArray) -> tuple[float, float]:
-    return measures.isotropy_defect(matrix), measures.worst_case_sigma(matrix)

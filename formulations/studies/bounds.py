@@ -74,18 +74,8 @@ class BoundRow(Source):
 class RelaxationRow(Source):
     """The columns of ``relaxations.csv``, after the source: the existence question relaxed.
 
-    Attributes
-    ----------
-    order, joints
-        Of the relaxation; n.
-    classes, equations, rank, free_moments, largest_block
-        Its size.
-    margin, proved
-        Largest possible smallest eigenvalue, and what the multipliers prove of it.
-    verdict, infeasible_alone
-        What follows, and the blocks that are infeasible by themselves.
-    seconds
-        Wall time.
+    Headings say what the columns are; the blocks in `infeasible_alone` are infeasible by
+    themselves, and `seconds` is wall time.
     """
 
     order: int
@@ -151,9 +141,8 @@ def _worst_case(_: Effort, lever_arm: float | None = None) -> Mapping[str, Any]:
     from formulations.bounds.worst_case.problem import free_columns, revolute_arm
     from formulations.bounds.worst_case.program import solve_worst_case
 
-    if lever_arm is None:
-        return solve_worst_case(free_columns(7, 6)).to_dict()
-    return solve_worst_case(revolute_arm(7, lever_arm=lever_arm)).to_dict()
+    arm = free_columns(7, 6) if lever_arm is None else revolute_arm(7, lever_arm=lever_arm)
+    return solve_worst_case(arm).to_dict()
 
 
 def _existence(_: Effort, order: int) -> Mapping[str, Any]:
@@ -173,10 +162,8 @@ def _residual(effort: Effort, preset: str, rigorous: bool = False) -> Mapping[st
 def _max_min(effort: Effort, preset: str, rigorous: bool = False) -> Mapping[str, Any]:
     from formulations.bounds.so3_moments.max_min_bound import max_min_bound
 
-    found = max_min_bound(
-        preset, 7, rigorous=rigorous, seed=effort.seed, progress=effort.progress
-    )
-    return found.to_dict()
+    settings: dict[str, Any] = {"seed": effort.seed, "progress": effort.progress}
+    return max_min_bound(preset, 7, rigorous=rigorous, **settings).to_dict()
 
 
 #: What the study computes, as ``lockedjoint bound --json`` prints it, by the file it goes to.
@@ -249,7 +236,11 @@ def _worst_case_row(plain: Mapping[str, Any], source: Source) -> BoundRow:
 
 
 def _relaxation_row(plain: Mapping[str, Any], source: Source) -> RelaxationRow:
-    alone = [block for block in plain["blocks"] if block["infeasible_alone"]]
+    alone = [
+        f"({','.join(map(str, block['representation']))}) of charge {block['charge']}"
+        for block in plain["blocks"]
+        if block["infeasible_alone"]
+    ]
     sizes = ("order", "joints", "classes", "equations", "rank", "largest_block")
     return RelaxationRow(
         **vars(source),
@@ -257,18 +248,13 @@ def _relaxation_row(plain: Mapping[str, Any], source: Source) -> RelaxationRow:
         free_moments=len(plain["free_moments"]),
         margin=_number(plain["margin"]),
         proved=_number((plain["certificate"] or {}).get("proved")),
-        infeasible_alone=", ".join(_shape(block) for block in alone),
+        infeasible_alone=", ".join(alone),
         seconds=sum(plain["seconds"].values()),
     )
 
 
 def _same(plain: Mapping[str, Any], *names: str) -> dict[str, Any]:
     return {name: plain[name] for name in names}
-
-
-def _shape(block: Mapping[str, Any]) -> str:
-    shape = ",".join(str(part) for part in block["representation"])
-    return f"({shape}) of charge {block['charge']}"
 
 
 def _number(value: float | None) -> float:

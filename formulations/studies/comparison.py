@@ -14,7 +14,6 @@ from formulations.catalogue import arm, certified_bound, models_of, numerical_bo
 from formulations.files.table import HIDDEN, column
 from formulations.measures.canonical import distinct
 from formulations.solving.outcome import Outcome
-from formulations.solving.record import Record
 from formulations.solving.setup import setups
 from formulations.studies.study import Effort, Part, Study
 from nlp.options import check_options
@@ -22,6 +21,8 @@ from nlp.solver import deferred_interrupt
 
 STARTS = 100
 NAN = float("nan")
+# What names a Jacobian in the file of them.
+_NAMES = ("formulation", "variant", "model", "verdict")
 
 
 @dataclass(frozen=True)
@@ -130,7 +131,15 @@ def study(
                 row = row_of(outcome, plain.get((setup.formulation, setup.model)))
                 if not setup.variant:
                     plain[setup.formulation, setup.model] = row
-                entry = _entry(row, outcome.best)
+                best = outcome.best
+                entry = {
+                    **{name: getattr(row, name) for name in _NAMES},
+                    "seed": best.seed,
+                    "start": best.index,
+                    "worst_case_sigma": best.worst_case_sigma,
+                    "isotropy_defect": best.isotropy_defect,
+                    "jacobian": best.jacobian.tolist(),
+                }
                 yield Part(rows=[row], entries=[entry], complete=outcome.complete)
 
     name, option = ("comparison", "") if joints == 7 else (f"comparison_{joints}r", "--joints ")
@@ -197,19 +206,6 @@ def row_of(outcome: Outcome, default: Row | None = None) -> Row:
         relative_cost=per_success / unit,
         status_counts=outcome.status_counts,
     )
-
-
-def _entry(row: Row, record: Record) -> dict[str, object]:
-    """Return the row's Jacobian at full precision, with what it is."""
-    names = ("formulation", "variant", "model", "verdict")
-    return {
-        **{name: getattr(row, name) for name in names},
-        "seed": record.seed,
-        "start": record.index,
-        "worst_case_sigma": record.worst_case_sigma,
-        "isotropy_defect": record.isotropy_defect,
-        "jacobian": record.jacobian.tolist(),
-    }
 
 
 def _bound(row: Row) -> str:

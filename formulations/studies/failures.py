@@ -122,8 +122,6 @@ class Row:
 
     Attributes
     ----------
-    model, task_dimension, joints, locked, failing, goal, encoding, starts_from, starts
-        What was run.
     solved, reached_best
         Starts at which Ipopt said that it succeeded, and whose answer, checked, is the best.
     merit, bound, gap_percent

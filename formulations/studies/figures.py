@@ -51,7 +51,7 @@ def study() -> Study:
 def _compute(effort: Effort, _: Path) -> Iterator[Part]:
     for name, kind in FIGURES.items():
         effort.progress(name)
-        starts = effort.starts_or(kind.starts)
+        starts = effort.starts or kind.starts
         request = Request(starts=starts, seed=effort.seed, workers=effort.workers)
         picture = kind.make(request)
         numbers = picture.table.to_csv(index=False, lineterminator="\n")

@@ -39,7 +39,8 @@ def prose(text: str) -> str:
 
 def bullets(text: str) -> str:
     """Return the paragraphs of a text, separated by empty lines, as a Markdown list."""
-    return "\n".join(f"- {one}" for one in map(prose, _paragraphs(text)))
+    runs = groupby(text.splitlines(), key=lambda line: bool(line.strip()))
+    return "\n".join(f"- {prose(' '.join(lines))}" for full, lines in runs if full)
 
 
 def listed(text: str, separator: str) -> str:
@@ -84,11 +85,6 @@ def aligned(text: str) -> str:
     """Return lines of cells between bars as a Markdown table, headed by the first line."""
     heads, *lines = (line.split(" | ") for line in text.splitlines() if line.strip())
     return tabulate(lines, heads, tablefmt="pipe", disable_numparse=True)
-
-
-def _paragraphs(text: str) -> list[str]:
-    runs = groupby(text.splitlines(), key=lambda line: bool(line.strip()))
-    return ["\n".join(lines) for full, lines in runs if full]
 
 
 @lru_cache(maxsize=1)

@@ -27,6 +27,6 @@ def study() -> Study:
 
 
 def _compute(effort: Effort, _: Path) -> Iterator[Part]:
-    for row in iterate(effort.seed, effort.starts_or(STARTS)):
+    for row in iterate(effort.seed, effort.starts or STARTS):
         effort.progress(f"{row.equation} {row.quantity}")
         yield Part(rows=[row])

@@ -10,9 +10,16 @@ from enum import StrEnum
 from pathlib import Path
 from types import MappingProxyType
 
-from formulations.studies import bounds, comparison, existence, failures, figures, reproduction
+from formulations.studies import (
+    bounds,
+    comparison,
+    existence,
+    failures,
+    figures,
+    reproduction,
+    robots,
+)
 from formulations.studies.benchmark import study as benchmark
-from formulations.studies.robots import study as robots
 from formulations.studies.study import Effort, Study
 from nlp.errors import FileError, InputError, LockedJointError
 from nlp.files import prepare_folder

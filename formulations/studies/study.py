@@ -43,10 +43,6 @@ class Effort:
     progress: Callable[[str], None] = lambda _: None
     bars: bool = False
 
-    def starts_or(self, usual: int) -> int:
-        """Return the number of starts, `usual` if none was asked for."""
-        return self.starts or usual
-
     def solve(
         self, setup: Setup, joints: int, task_dimension: int, usual: int, **settings: Any
     ) -> Outcome:
@@ -68,7 +64,7 @@ class Effort:
             setup,
             joints=joints,
             task_dimension=task_dimension,
-            starts=self.starts_or(usual),
+            starts=self.starts or usual,
             seed=self.seed,
             workers=self.workers,
             progress=self.bars,

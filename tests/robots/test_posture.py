@@ -18,8 +18,7 @@ from formulations.robots.posture import (
 )
 from formulations.robots.robot_arm import RobotArm, Task
 from formulations.robots.robot_assessment import assess
-from formulations.studies.robots.study import row_of
-from formulations.studies.robots.survey_arms import ARMS, SurveyArm
+from formulations.studies.robots import ARMS, SurveyArm, row_of
 from nlp.errors import InputError
 
 RESULTS = Path(__file__).parents[2] / "results" / "robots"

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from formulations import measures
 from formulations.robots.chain_between import chain_between
 from formulations.robots.robot_arm import RobotArm, Task
-from formulations.studies.robots.survey_arms import ARMS
+from formulations.studies.robots import ARMS
 from nlp.errors import InputError
 
 SEEDS = st.integers(0, 2**32 - 1)

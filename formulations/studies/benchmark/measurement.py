@@ -7,9 +7,7 @@ import tempfile
 import time
 import warnings
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
 from dataclasses import dataclass, field
-from typing import TypeAlias
 from unittest import mock
 
 import numpy as np
@@ -18,15 +16,14 @@ from threadpoolctl import threadpool_limits
 from formulations.catalogue import arm, formulation
 from formulations.files.table import HIDDEN, column
 from formulations.joints.arm import Arm
-from formulations.joints.joint import NotInModelError
 from formulations.solving.outcome import REACHED_BEST
+from formulations.solving.record import in_model
 from formulations.studies.benchmark.peer import NotRunError, Peer, Run
 from nlp.arrays import FloatArray
 from nlp.task import generator
 
 # Answers within `REACHED_BEST` of the best of all peers are successes; within this, near.
 NEAR = 1e-3
-Progress: TypeAlias = Callable[[str], None]
 # Peers take turns, so that any other load on the machine affects all of them alike.
 _ROUNDS = 4
 
@@ -100,7 +97,7 @@ def measure(
     starts: int,
     seed: int,
     time_limit: float = np.inf,
-    progress: Progress | None = None,
+    progress: Callable[[str], None] = lambda _: None,
 ) -> Iterator[list[Row]]:
     """Yield a row for each peer as it stands, after each round of turns.
 
@@ -118,12 +115,15 @@ def measure(
     progress
         Called with a sentence that says what is being done.
     """
-    progress = progress or (lambda _: None)
     built = arm("unit-revolute", joints)
     points = np.array([built.sample(generator(seed, index)) for index in range(starts)])
     batch = -(-starts // _ROUNDS)
-    with _fresh_cache():
-        trials = []
+    trials = []
+    # Without a cache everything is compiled anew: set-up times include compilation.
+    with (
+        tempfile.TemporaryDirectory() as cache,
+        mock.patch.dict(os.environ, XDG_CACHE_HOME=cache),
+    ):
         for peer in peers:
             progress(f"{peer.formulation} {joints}R, setting up: {peer.name}")
             trials.append(_set_up(peer, built, batch, points[:1]))
@@ -131,9 +131,8 @@ def measure(
     with threadpool_limits(1):
         for first in range(0, starts, batch):
             for trial in trials:
-                progress(
-                    f"{trial.peer.formulation} {joints}R, start {first}: {trial.peer.name}"
-                )
+                peer = trial.peer
+                progress(f"{peer.formulation} {joints}R, start {first}: {peer.name}")
                 _take_turn(trial, built, points[first : first + batch], batch, time_limit)
             yield _rows(trials, joints, starts, time_limit)
 
@@ -180,11 +179,7 @@ def _as_many(trial: _Trial, left: int, time_limit: float) -> int:
 
 def _merit(peer: Peer, built: Arm, jacobian: FloatArray) -> float:
     """Return the merit, from J alone; NaN if J is not one of the arm's."""
-    if not np.all(np.isfinite(jacobian)):
-        return float("nan")
-    try:
-        built.variables(jacobian)
-    except NotInModelError:
+    if not in_model(built, jacobian):
         return float("nan")
     return formulation(peer.formulation).merit(jacobian)
 
@@ -202,30 +197,21 @@ def _rows(trials: Sequence[_Trial], joints: int, asked: int, time_limit: float) 
         if trial.run is not None and trial.seconds >= time_limit and starts < asked:
             note = f"stopped after {time_limit:g} s"
         success = trial.within(best, REACHED_BEST)
-        row = Row(
-            formulation=trial.peer.formulation,
-            joints=joints,
-            peer=trial.peer.name,
-            settings=trial.peer.settings,
-            asked=asked,
-            starts=starts,
-            success=success,
-            near=trial.within(best, NEAR),
-            cpu_seconds_per_start=trial.per(starts),
-            cpu_seconds_per_success=trial.per(success),
-            relative=trial.per(success) / unit,
-            setup_seconds=trial.setup,
-            note=note,
+        rows.append(
+            Row(
+                formulation=trial.peer.formulation,
+                joints=joints,
+                peer=trial.peer.name,
+                settings=trial.peer.settings,
+                asked=asked,
+                starts=starts,
+                success=success,
+                near=trial.within(best, NEAR),
+                cpu_seconds_per_start=trial.per(starts),
+                cpu_seconds_per_success=trial.per(success),
+                relative=trial.per(success) / unit,
+                setup_seconds=trial.setup,
+                note=note,
+            )
         )
-        rows.append(row)
     return rows
-
-
-@contextmanager
-def _fresh_cache() -> Iterator[None]:
-    """Compile everything anew, so that set-up times include compilation."""
-    with (
-        tempfile.TemporaryDirectory() as folder,
-        mock.patch.dict(os.environ, XDG_CACHE_HOME=folder),
-    ):
-        yield

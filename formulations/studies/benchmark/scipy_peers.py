@@ -28,6 +28,7 @@ from nlp.arrays import FloatArray
 
 _POWERS = (4.0, 16.0, 64.0, 256.0, 1024.0, 4096.0)
 _MOST, _TOLERANCE = 500, 1e-10
+_FTOL = f"ftol {_TOLERANCE:g}"
 
 
 def _least_squares(arm: Arm, batch: int, method: str) -> Run:  # noqa: ARG001
@@ -120,19 +121,14 @@ RESIDUAL = (
         )
         for method in ("trf", "lm")
     ),
-    Peer(
-        "scipy SLSQP",
-        residual.NAME,
-        _residual_slsqp,
-        f"analytic gradient, ftol {_TOLERANCE:g}",
-    ),
+    Peer("scipy SLSQP", residual.NAME, _residual_slsqp, f"analytic gradient, {_FTOL}"),
 )
 MAX_MIN = (
     Peer(
         "scipy SLSQP, eigenvalues as constraints",
         max_min.NAME,
         _max_min_slsqp,
-        f"analytic derivatives, ftol {_TOLERANCE:g}, at most {_MOST} steps",
+        f"analytic derivatives, {_FTOL}, at most {_MOST} steps",
     ),
     Peer(
         "Schatten smoothing, scipy L-BFGS",

@@ -63,11 +63,8 @@ class Target:
         """Return whether a ratio meets the target, in words."""
         if isnan(ratio):
             return "not measured"
-        return (
-            "met"
-            if (ratio <= self.limit if self.at_most else ratio >= self.limit)
-            else "missed"
-        )
+        met = ratio <= self.limit if self.at_most else ratio >= self.limit
+        return "met" if met else "missed"
 
 
 _MINIMA = "from residual minima at least 10 times classical"
@@ -93,7 +90,7 @@ def study(sizes: Sequence[int] = SIZES, time_limit: float = TIME_LIMIT) -> Study
     """
 
     def compute(effort: Effort, _: Path) -> Iterator[Part]:
-        starts = effort.starts_or(STARTS)
+        starts = effort.starts or STARTS
         for size in sizes:
             few = starts if size <= _SMALL else max(1, starts // 5)
             for (_,), same in groups(peers.PEERS, "formulation"):

@@ -1,0 +1,111 @@
+"""What commands print: values as lines or JSON, a study's rows; and their exit status."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import typer
+
+from formulations.commands.arguments import progress as show_progress
+from nlp.files import write_text
+
+if TYPE_CHECKING:
+    from formulations.studies.study import Part, Study
+
+INTERRUPTED, QUESTIONED = 130, 1
+
+
+def as_text(values: Mapping[str, object]) -> str:
+    """Return one line per value, names aligned."""
+    width = max(len(name) for name in values)
+    return "\n".join(
+        f"{name.replace('_', ' '):<{width}}  {shown(value)}" for name, value in values.items()
+    )
+
+
+def shown(value: object) -> str:
+    """Return a value as a reader wants it: yes or no, nine digits, entries side by side."""
+    if value is None:
+        return "–"
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, float):
+        return f"{value:.9g}"
+    if isinstance(value, Mapping):
+        return ", ".join(f"{name} {shown(entry)}" for name, entry in value.items())
+    if isinstance(value, (list, tuple)):
+        return "  ".join(shown(entry) for entry in value)
+    return str(value)
+
+
+def show(
+    found: Any, as_json: bool, text: Callable[[Any], str] = as_text, out: Path | None = None
+) -> None:
+    """Print what was found as JSON or as a text; write the JSON to `out` if it is given."""
+    content = json.dumps(found, indent=1)
+    if out is not None:
+        write_text(out, content + "\n")
+    typer.echo(content if as_json else text(found))
+
+
+def run_study(
+    study: Study,
+    out: Path,
+    as_json: bool,
+    *,
+    seed: int,
+    starts: int,
+    workers: int | None = 1,
+    progress: Callable[[str], None] = lambda _: None,
+    bars: bool = False,
+    text: Callable[[Sequence[Any]], str] | None = None,
+    note: str = "",
+    each: Callable[[Part], object] = lambda _: None,
+) -> None:
+    """Run a study into a folder and print what was found.
+
+    Parameters
+    ----------
+    study
+        What is run.
+    out
+        The folder, made if missing.
+    as_json
+        Whether JSON is printed, and nothing else.
+    seed, starts, workers, progress, bars
+        How it is run, see `formulations.studies.study.Effort`; no `workers` for all cores.
+    text
+        What is printed of the rows in the end; by default their table for the terminal.
+    note
+        A sentence below that.
+    each
+        Is called with every part as soon as it is written.
+
+    Raises
+    ------
+    typer.Exit
+        With status 130 if the user interrupted, 1 if something is wrong with what was found.
+    """
+    from formulations.files.table import Table
+    from formulations.studies.study import Effort
+    from nlp.multistart import default_workers
+
+    effort = Effort(seed, starts, workers or default_workers(), progress, bars)
+    result = study.run(out, effort, (lambda _: None) if as_json else each)
+    show_progress("")
+    table: Table[Any] = Table(next(iter(study.tables.values())), result.rows)
+    if as_json:
+        show({"complete": result.complete, "rows": table.plain()}, as_json)
+    elif result.rows:
+        typer.echo(table.terminal() if text is None else text(result.rows))
+        typer.echo(f"\n{note}" if note else "")
+        typer.echo(f"Written to {out}: {', '.join(study.files)}")
+    if not result.complete:
+        typer.echo("Interrupted: what was done is kept, the rest is missing.", err=True)
+        raise typer.Exit(INTERRUPTED)
+    if result.complaint:
+        typer.echo(f"Wrong: {result.complaint}.", err=True)
+        raise typer.Exit(QUESTIONED)

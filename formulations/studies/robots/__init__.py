@@ -1,1 +1,0 @@
-"""Arms that exist: the best posture of each, and how much of what is possible it is."""
