@@ -17,11 +17,10 @@ from formulations.campaign.records import SCHEMA
 from formulations.campaign.tables import SETTINGS, differing, frame
 from formulations.figures.picture import NothingFoundError, Picture, Request, solved
 from formulations.files.figure import BLUE, PALE, SMALL, TITLE, beside, styled, without_frame
-from formulations.solving.record import FEASIBLE
 from formulations.solving.setup import Setup
 from nlp.arrays import FloatArray
 from nlp.errors import FileError
-from nlp.solution import ACCEPTABLE, SUCCESS
+from nlp.solution import ACCEPTABLE, FEASIBLE, SUCCESS
 from nlp.store import Store
 
 if TYPE_CHECKING:
