@@ -90,9 +90,7 @@ def optima(joints: int, request: Request, locked: int = 1) -> list[FloatArray]:
         options=max_min.OPTIONS,
         judge=partial(judge, arm=arm, merit=setup.merit(), locked=locked),
     )
-    if not study.complete:
-        raise KeyboardInterrupt
-    outcome = Outcome(setup, arm, study.results, study.complete)
+    outcome = Outcome(setup, arm, study.all_results(), study.complete)
     return [record.jacobian for record in reached(outcome)]
 
 
