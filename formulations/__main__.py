@@ -1,7 +1,5 @@
 """Entry point of ``lockedjoint`` and of ``python -m formulations``."""
 
-from __future__ import annotations
-
 import sys
 
 import typer

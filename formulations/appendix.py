@@ -8,8 +8,6 @@ Three remarks on the print:
 - Their 7/3 is n/3 for the paper's n = 7; here it is n/3.
 """
 
-from __future__ import annotations
-
 import casadi as ca
 
 from formulations.joints.arm import Arm

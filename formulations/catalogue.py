@@ -1,7 +1,5 @@
 """The formulations and column models by name: where a new one is listed."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
 from typing import Protocol, TypeVar

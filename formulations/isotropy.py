@@ -12,8 +12,6 @@ the second line is eq. (5) without any eigenvalue. Where all columns have one fi
 is fixed too and only the question whether the equations can be met remains.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 from types import MappingProxyType

@@ -1,7 +1,5 @@
 """The isotropy equations JJᵀ = (T/m)I, row by row (Section 4, eqs. 22–43)."""
 
-from __future__ import annotations
-
 import casadi as ca
 import numpy as np
 

@@ -11,8 +11,6 @@ eigenvalue constraints are stated smoothly by one of `nlp.matrix_inequality`'s e
 is `unequal_max_min` where all joints fail alike.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import lru_cache

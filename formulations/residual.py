@@ -14,8 +14,6 @@ For unit revolute joints the equations are there twice: derived from JJᵀ, and 
 forms of the Appendix. They are the same functions of the angles.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
 

@@ -12,8 +12,6 @@ That is `max_min` with one more constraint. A large ε gives max-min; ε → 0 g
 ask `isotropy`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 

@@ -15,8 +15,6 @@ s_f = 0, the constraint s_f² ≤ λ_min has no multiplier: Ipopt slows down the
 as any, is judged from J alone.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType

@@ -14,8 +14,6 @@ lockedjoint`` loads neither CasADi nor cvxpy. What is listed keeps its name and 
 docs/versions.md promises.
 """
 
-from __future__ import annotations
-
 import ast
 from importlib import import_module
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Arrays: their type, checks of shape and finiteness, one thread for their linear algebra."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from contextlib import contextmanager

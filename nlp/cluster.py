@@ -1,7 +1,5 @@
 """Workers of a Dask cluster, through the same call as processes here."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Sequence
 from concurrent.futures import BrokenExecutor, Future, InvalidStateError

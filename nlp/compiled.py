@@ -5,8 +5,6 @@ name made from the C code, the compiler's command and CasADi's version. Any proc
 the same functions again uses it.
 """
 
-from __future__ import annotations
-
 import hashlib
 import os
 import shlex

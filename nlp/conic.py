@@ -1,7 +1,5 @@
 """Run a conic solver through cvxpy and keep the status that it reports."""
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Mapping
 from typing import Any

@@ -1,7 +1,5 @@
 """Files read and written whole, or not at all."""
 
-from __future__ import annotations
-
 import os
 import tempfile
 from contextlib import suppress

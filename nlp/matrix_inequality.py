@@ -10,8 +10,6 @@ any diagonal entry of a factor of A Aᵀ − tI may be held above. All introduce
 variables, which the encoding's `lift` computes from a numeric A.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial

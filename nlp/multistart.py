@@ -4,8 +4,6 @@ Start k of seed s is the same on every machine and with any number of workers: i
 from a generator of its own, and no solve depends on another.
 """
 
-from __future__ import annotations
-
 import math
 import os
 from collections.abc import Callable, Generator, Mapping

@@ -1,7 +1,5 @@
 """The options of the solvers, checked before any start runs."""
 
-from __future__ import annotations
-
 import io
 import json
 import subprocess

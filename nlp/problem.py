@@ -1,7 +1,5 @@
 """A nonlinear program, stated symbolically, and the values of its expressions at a point."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType

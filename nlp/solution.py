@@ -1,7 +1,5 @@
 """The answer of a solver: its own status, and what was recomputed at its point."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any

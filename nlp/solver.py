@@ -5,8 +5,6 @@ written for small blocks, where Ipopt's is sparse and general: on problems of te
 the same iterations take a third of the time.
 """
 
-from __future__ import annotations
-
 import signal
 import threading
 import time

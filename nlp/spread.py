@@ -1,7 +1,5 @@
 """Chunks spread over workers that may die or hang; every start comes back once, or is lost."""
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Generator, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, wait

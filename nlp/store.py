@@ -6,8 +6,6 @@ start of a cell. Floats are eight-byte floats in the file, so they come back bit
 which SQL does not have, is kept as NULL. The caller's `Schema` lists the columns.
 """
 
-from __future__ import annotations
-
 import math
 import sqlite3
 from collections.abc import Collection, Iterator, Mapping, Sequence

@@ -1,7 +1,5 @@
 """The columns of a store, the SQL statements that follow from them, and conditions on them."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Mapping, Sequence

@@ -1,7 +1,5 @@
 """What is done at every start, and chunks of starts as workers are sent them."""
 
-from __future__ import annotations
-
 import math
 import pickle
 import threading

@@ -6,8 +6,6 @@ that take minutes come from the record that the package carries; the commands th
 again are in results/bounds. Each formulation's ``bound`` picks what applies to its merit.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from dataclasses import dataclass

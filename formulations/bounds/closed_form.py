@@ -12,8 +12,6 @@ Where only the trace is known the bound is `formulations.measures.eigenvalue_bou
 it for several locked joints too: docs/several_failures.md derives that.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 

@@ -10,8 +10,6 @@ columns in m' dimensions, k locked joints leave at most
 docs/several_failures.md derives this, and from it the bounds for unequal probabilities.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass

@@ -18,8 +18,6 @@
     max_iter = 1000
 """
 
-from __future__ import annotations
-
 import os
 import tomllib
 from collections.abc import Iterator, Mapping

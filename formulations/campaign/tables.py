@@ -4,8 +4,6 @@ Groups and levels are computed in SQL by the store, which sorts on the disk: mem
 grow with the number of records.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator, Sequence
 from itertools import groupby, islice

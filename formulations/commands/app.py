@@ -1,7 +1,5 @@
 """The command line ``lockedjoint``: names the commands; each is a file in `commands`."""
 
-from __future__ import annotations
-
 from importlib import import_module
 from typing import Annotated
 

@@ -1,7 +1,5 @@
 """``lockedjoint benchmark``: this library beside its peers, in one run."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated
 

@@ -1,7 +1,5 @@
 """``lockedjoint bound``: how good any answer could be."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from enum import StrEnum
 from typing import Annotated, Any

@@ -1,7 +1,5 @@
 """``lockedjoint compare``: all formulations from common starts, in one table."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from formulations.commands.arguments import (

@@ -1,7 +1,5 @@
 """``lockedjoint failures``: several and unequal failures, the best found beside the bound."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from formulations.commands.arguments import Json, Out, Seed, Starts, Workers

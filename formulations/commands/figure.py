@@ -1,7 +1,5 @@
 """``lockedjoint figure``: figures of what is computed."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Annotated

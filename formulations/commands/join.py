@@ -1,7 +1,5 @@
 """``lockedjoint join``: stores of one study from several machines become one store."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated
 

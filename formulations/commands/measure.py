@@ -1,7 +1,5 @@
 """``lockedjoint measure``: how failure tolerant the Jacobian in a file is."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated
 

@@ -1,7 +1,5 @@
 """``lockedjoint posture``: the most failure-tolerant posture of a robot."""
 
-from __future__ import annotations
-
 from typing import Annotated
 
 import typer

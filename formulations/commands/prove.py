@@ -1,7 +1,5 @@
 """``lockedjoint prove``: derive the certificate that no optimal 7R Jacobian exists."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated, Any
 

@@ -1,7 +1,5 @@
 """``lockedjoint realise``: from a Jacobian to a robot."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """``lockedjoint robots``: the best postures of arms that ship in Python packages."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated
 

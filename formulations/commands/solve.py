@@ -1,7 +1,5 @@
 """``lockedjoint solve``: one formulation on one arm."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated, Any
 

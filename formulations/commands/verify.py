@@ -1,7 +1,5 @@
 """``lockedjoint verify``: check a certificate by polynomial expansion alone."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated
 

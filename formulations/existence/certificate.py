@@ -10,8 +10,6 @@ tight-frame (i, j): (W conj(W) + conj(W) W)_ij − 4(δ_ij − 1/7). `formulatio
 decides whether that holds (docs/nonexistence.md, section 5).
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterable
 from dataclasses import dataclass

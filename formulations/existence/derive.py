@@ -10,8 +10,6 @@ and the quotients of the division are the multipliers (docs/nonexistence.md, sec
 Everything is computed from the definitions in rational arithmetic; no result is stored.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from fractions import Fraction
 from itertools import chain, permutations, product, zip_longest

@@ -10,8 +10,6 @@ W = ZᵀZ. With P = JᵀJ the equations are (docs/nonexistence.md, section 2)
 and W_ii = 0, which every unit revolute joint obeys, is built in unless `diagonal` is kept.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from fractions import Fraction

@@ -8,8 +8,6 @@ without rounding; the rational coefficients are applied last. This module uses n
 derivation nor the verification.
 """
 
-from __future__ import annotations
-
 from fractions import Fraction
 from itertools import permutations
 from math import prod

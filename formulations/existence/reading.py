@@ -5,8 +5,6 @@ anything is built, so that no file takes long to read. The reader checks the str
 JSON text; the records check the rest.
 """
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Callable

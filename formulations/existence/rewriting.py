@@ -7,8 +7,6 @@ The first multiple with a given leading class becomes its *rule*; all others, on
 are *relations* among the few classes without a rule, a small linear system over the rationals.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from fractions import Fraction

@@ -4,8 +4,6 @@ The package includes a certificate, the one that `derive` finds, byte for byte. 
 at the first call, so the answer rests on the verification, not on the file.
 """
 
-from __future__ import annotations
-
 from functools import lru_cache
 from importlib.resources import as_file, files
 

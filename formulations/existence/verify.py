@@ -26,8 +26,6 @@ This module shares no mathematics with the derivation: it imports only the recor
 certificate.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator
 from dataclasses import asdict, dataclass
 from fractions import Fraction

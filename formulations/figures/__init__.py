@@ -1,7 +1,5 @@
 """Figures of what is computed: one per file, and the list of them by name."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType

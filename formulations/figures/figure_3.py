@@ -4,8 +4,6 @@ Max-min for one locked joint ends anywhere on the family, for two at odd multipl
 member that is drawn was solved for, and its α measured.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 

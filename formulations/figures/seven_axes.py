@@ -4,8 +4,6 @@ A revolute joint with |v| = |ω| = 1 has its axis at the distance 1 from the end
 tangent of the unit sphere about it. The order of the joints does not matter here.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 

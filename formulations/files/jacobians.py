@@ -1,7 +1,5 @@
 """Jacobians from files: CSV, NPY or JSON."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable, Mapping
 from pathlib import Path

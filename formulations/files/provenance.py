@@ -1,7 +1,5 @@
 """Where a table came from: command, versions, machine and date, for its header."""
 
-from __future__ import annotations
-
 import platform
 import shlex
 import sys

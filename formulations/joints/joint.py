@@ -5,8 +5,6 @@ of its own. `formulations.robots.robot_arm.RobotArm` is another: a robot that ex
 angles as variables. The formulations are stated for any of them.
 """
 
-from __future__ import annotations
-
 import math
 import operator
 from abc import ABC, abstractmethod

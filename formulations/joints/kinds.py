@@ -5,8 +5,6 @@ length in the unit of the linear velocity rows. Columns of spatial joints are (v
 velocity above rotational velocity, as in eq. (21).
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import atan2, cos, hypot, sin

@@ -4,8 +4,6 @@ The independent judge of every solution: plain NumPy, no solver, no model of the
 Jacobians are arrays of shape (m, n) with n > m; joints are counted from 0.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from itertools import combinations
 

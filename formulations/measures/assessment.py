@@ -1,7 +1,5 @@
 """All measures of one Jacobian, as one plain record."""
 
-from __future__ import annotations
-
 from dataclasses import asdict, dataclass
 
 import numpy.typing as npt

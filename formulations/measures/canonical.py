@@ -4,8 +4,6 @@ The joints are named one by one, such that the inner products with those named b
 largest. A canonical order of the inner products gives a canonical J; see `symmetry`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 

@@ -8,8 +8,6 @@ and conjugation. `invariants` do not depend on these and change by no more than 
 products do: Jacobians of one class have equal numbers, and others belong to other classes.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from enum import Enum
 from functools import lru_cache

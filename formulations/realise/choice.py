@@ -1,7 +1,5 @@
 """Choose one of the manipulators that share a Jacobian."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations

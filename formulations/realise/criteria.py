@@ -1,7 +1,5 @@
 """By what to choose among the manipulators of one Jacobian: the catalogue of criteria."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial

@@ -1,7 +1,5 @@
 """Denavit–Hartenberg parameters, standard and modified, from the common normals of the axes."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from enum import StrEnum
 

@@ -1,7 +1,5 @@
 """The forms a manipulator can be written in: axes, Denavit–Hartenberg, URDF, figure."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 

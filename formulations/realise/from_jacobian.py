@@ -12,8 +12,6 @@ Rotational tasks: axes pass through p. These, and prismatic joints, of which onl
 matters, sit one unit of length from p, at p − ω or p − v.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import numpy.typing as npt
 

@@ -6,8 +6,6 @@ sit. What lies before the first joint is the base and no link. Arrays broadcast 
 dimensions.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import combinations
 

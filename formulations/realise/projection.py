@@ -1,7 +1,5 @@
 """Views of a manipulator: parallel projections onto a plane, NumPy only."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from itertools import product
 

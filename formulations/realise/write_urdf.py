@@ -5,8 +5,6 @@ origins are differences of points and axes are the directions themselves: no ang
 rounded. Numbers are written with every digit.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from xml.etree import ElementTree as Tree
 

@@ -6,8 +6,6 @@ and the Appendix. Equations that only define something, (1)–(5) and (8), have 
 own.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator
 from itertools import chain
 

@@ -11,8 +11,6 @@ lever arms would not help: |ω_i| = 1 for every revolute joint, so JJᵀ = σ²I
 columns of equal norm have norm² 6σ²/n = 2, which leaves |v_i| = 1.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import casadi as ca

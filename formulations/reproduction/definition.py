@@ -1,7 +1,5 @@
 """Section 2: the bound on the worst case, and what each joint contributes, eqs. (6)–(11)."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

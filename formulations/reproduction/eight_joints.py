@@ -1,7 +1,5 @@
 """Section 4, 8R and more: eqs. (47)–(49), how readily optima are found, and their families."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Iterator
 from functools import partial

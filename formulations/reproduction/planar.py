@@ -1,7 +1,5 @@
 """Section 3, planar arms: 3R with eqs. (12)–(15) and Figs. 1 and 2, 4R with (16) and (17)."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from functools import partial
 

@@ -3,8 +3,6 @@
 Tolerances are derived from the number of printed decimals, not chosen.
 """
 
-from __future__ import annotations
-
 from decimal import ROUND_HALF_UP, Decimal
 
 import numpy as np

@@ -8,8 +8,6 @@ evaluated; numbers printed with decimals are `Decimal`, so that it stays known h
 decimals were printed.
 """
 
-from __future__ import annotations
-
 from decimal import Decimal
 from typing import Final
 

@@ -3,8 +3,6 @@
 The Appendix prints f_1 … f_21; they are compared to eqs. (23)–(43), computed from J.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from functools import partial
 

@@ -3,8 +3,6 @@
 Each function that returns a `Verdict` states what agreement takes, and what it is otherwise.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from decimal import Decimal

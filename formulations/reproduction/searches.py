@@ -1,7 +1,5 @@
 """Many starts for one row; an interrupted search gives no row at all."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 
 import numpy as np

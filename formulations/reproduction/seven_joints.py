@@ -1,7 +1,5 @@
 """Section 4, 7R: the residual minimum and the nearly optimal Jacobian, eqs. (44)–(45)."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 from decimal import Decimal

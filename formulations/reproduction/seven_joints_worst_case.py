@@ -1,7 +1,5 @@
 """Section 4, 7R after a failure: eq. (46), how far it can be improved, and Section 5."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 from decimal import Decimal

@@ -10,8 +10,6 @@ for 8R. That is a lower bound: on most of the solutions that random starts find,
 them, the derivatives of the 18 are dependent and the family has three dimensions.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache

@@ -1,7 +1,5 @@
 """The joints between two links of a robot, as one chain of motions, and its Jacobian."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TypeAlias

@@ -1,7 +1,5 @@
 """The most failure-tolerant posture of a robot within its joints' limits."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field

@@ -1,7 +1,5 @@
 """How failure tolerant a robot is at one configuration, and how that depends on ℓ."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """One start, solved and judged: the solver's own account beside what J itself says."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any

@@ -1,7 +1,5 @@
 """What is run: a formulation on a column model, with its settings and the failures."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial

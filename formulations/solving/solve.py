@@ -1,7 +1,5 @@
 """One formulation on one arm from many starts: the main entry point of the library."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from functools import partial
 

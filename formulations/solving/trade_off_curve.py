@@ -5,8 +5,6 @@ A Jacobian counts if it passes the gate `Record.trusted` and its isotropy defect
 limit.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 

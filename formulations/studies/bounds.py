@@ -1,7 +1,5 @@
 """The bounds as a study: JSON files as the command prints them, and tables made from them."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields

@@ -1,7 +1,5 @@
 """All formulations from common starts, side by side in one table."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from math import isnan

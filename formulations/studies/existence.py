@@ -1,7 +1,5 @@
 """The existence proof as a study: the certificate, derived and verified, and its figures."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Several and unequal failures: the best found beside the bound, over a list of cases."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path

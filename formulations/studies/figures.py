@@ -1,7 +1,5 @@
 """The figures as a study: each drawn anew, with the numbers that it shows beside it."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path

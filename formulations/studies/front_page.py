@@ -1,7 +1,5 @@
 """``README.md`` in front of the results, made from the tables in their folders."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Mapping, Sequence
 from functools import partial
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Markdown pages: templates in ``templates``, filled from the rows of tables."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from decimal import ROUND_CEILING, ROUND_FLOOR, Decimal
 from functools import lru_cache

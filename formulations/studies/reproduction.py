@@ -1,7 +1,5 @@
 """The reproduction of the paper as a study."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The best postures of arms that exist, side by side, as a study."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field

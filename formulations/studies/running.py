@@ -1,7 +1,5 @@
 """The studies by name, and how several are run: each folder is replaced whole or not at all."""
 
-from __future__ import annotations
-
 import shutil
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence

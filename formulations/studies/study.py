@@ -1,7 +1,5 @@
 """A study: a generator of rows, and what makes one folder of the results from them."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field

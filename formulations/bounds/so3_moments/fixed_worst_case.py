@@ -10,8 +10,6 @@ blocks of low degree; and localisers of J_f J_fᵀ − tI. If positive semidefin
 Σ tr X = 1 make Σ ⟨X, B(x)⟩ equal to a negative number for all x, t is not reached.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from math import inf, isfinite, nextafter, sqrt
 

@@ -1,7 +1,5 @@
 """An upper bound on the worst case of every unit revolute Jacobian after one locked joint."""
 
-from __future__ import annotations
-
 import time
 from dataclasses import replace
 from math import sqrt

@@ -1,7 +1,5 @@
 """The steps that all bounds share: sample the blocks, solve the program, collect evidence."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass

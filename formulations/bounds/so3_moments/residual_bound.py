@@ -5,8 +5,6 @@ conjugation, the order and the signs of the columns it stays as it is, so a boun
 among averaged sums of squares: a moment relaxation (Lasserre, 2001) reduced by symmetry.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any

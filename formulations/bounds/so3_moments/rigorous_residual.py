@@ -6,8 +6,6 @@ space has a known dimension, so f is known by its values at as many points: with
 errors of these values, |f| ≤ δ everywhere, and ρ = b + s̄ + f ≥ b − δ.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from math import inf, nextafter

@@ -16,8 +16,6 @@ negative λ = λ_min(Z) that results is accounted for: ⟨Z, B⟩ ≥ λ tr B, a
 tr B ≤ n − 2m + s m, so s ≥ (d + λ(n − 2m))/(1 − λ m).
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass

@@ -3,8 +3,6 @@
 A fact about M = JJᵀ is ⟨A, M⟩ = b or ⟨A, M⟩ ≤ b for every Jacobian of a column model.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, replace
 from typing import Literal, TypeAlias

@@ -5,8 +5,6 @@ trace of JJᵀ is known, the optimum is eq. (6); with more linear facts the same
 bounds that have no closed form.
 """
 
-from __future__ import annotations
-
 import math
 import time
 from collections.abc import Mapping

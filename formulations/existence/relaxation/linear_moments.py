@@ -5,8 +5,6 @@ classes of graphs. Solved over the rationals, so that a rank is exact, they give
 a combination of 1 and a few free moments.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from fractions import Fraction

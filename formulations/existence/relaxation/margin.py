@@ -11,8 +11,6 @@ allowance for the rounding errors of the blocks themselves is added first. cvxpy
 X_b; what they prove is checked in plain NumPy.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

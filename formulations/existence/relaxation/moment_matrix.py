@@ -5,8 +5,6 @@ of edges (1771 of three edges on seven joints) but millions of pairs of them, so
 matrix is never stored.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import permutations

@@ -5,8 +5,6 @@ common phase of W makes moments vanish unless both colours occur equally often, 
 moment matrix of different charge do not meet: a `RowSector` has the monomials of one charge.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import combinations, combinations_with_replacement

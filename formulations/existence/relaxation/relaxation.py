@@ -3,8 +3,6 @@
 A relaxation: `infeasible` excludes such Jacobians (numerically), `feasible` proves nothing.
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass

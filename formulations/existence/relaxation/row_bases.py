@@ -7,8 +7,6 @@ as the representation has copies. On the rows that are orthogonal to the equatio
 matrix of a true solution is positive semidefinite and may be definite.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import combinations

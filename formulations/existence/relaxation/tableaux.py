@@ -5,8 +5,6 @@ X_k = Σ_{i<k} (i k), k = 2…n, commute, and each standard tableau names one jo
 eigenvalue of X_k is the content (column minus row) of the box in which k stands.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from math import factorial, prod
 from typing import TypeAlias

@@ -1,7 +1,5 @@
 """The floor: Levenberg–Marquardt for the residual written out in C, without any library."""
 
-from __future__ import annotations
-
 import ctypes
 from functools import partial
 from importlib import resources

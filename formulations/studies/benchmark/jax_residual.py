@@ -1,7 +1,5 @@
 """JAX on the residual: Levenberg–Marquardt and damped Newton, all starts of a batch at once."""
 
-from __future__ import annotations
-
 from functools import partial
 from typing import Any
 

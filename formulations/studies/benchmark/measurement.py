@@ -1,7 +1,5 @@
 """Peers measured on the same starts in turn, their answers checked from J alone."""
 
-from __future__ import annotations
-
 import os
 import tempfile
 import time

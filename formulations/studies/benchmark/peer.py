@@ -1,7 +1,5 @@
 """What a solver that takes part in the benchmark must offer."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TypeAlias

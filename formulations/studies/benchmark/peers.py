@@ -1,7 +1,5 @@
 """All peers, this library first; a new one is one file and one line here."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from formulations import max_min, residual

@@ -1,7 +1,5 @@
 """Pymanopt on the residual: trust regions on SO(3)ⁿ, analytic gradient and Hessian."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from formulations import residual

@@ -13,8 +13,6 @@ growing p, each from the previous answer: Schatten norms of the inverses replace
 eigenvalues. For p → ∞ it is −log of the smallest eigenvalue of all.
 """
 
-from __future__ import annotations
-
 from functools import partial
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The benchmark beside other solvers as a study: processor time, the targets, the growth."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from math import isnan

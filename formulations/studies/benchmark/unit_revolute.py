@@ -4,8 +4,6 @@ Eq. (21) and the isotropy equations as one would write them by hand, with analyt
 derivatives. Their sum of squares is ½ ‖JJᵀ − (n/3) I‖_F²: diagonal entries are weighted by √½.
 """
 
-from __future__ import annotations
-
 from typing import Any, TypeAlias
 
 import numpy as np

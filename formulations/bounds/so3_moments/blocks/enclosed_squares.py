@@ -14,8 +14,6 @@ differs from its average over permutations, which is invariant and not negative,
 ℓe(2a + ℓe).
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import sqrt

@@ -14,8 +14,6 @@ where d_b is the number of tableaux, and B_b ⪰ 0. So
     |f(x)| ≤ |c| Σ_sectors τ max_b ‖T_b‖/d_b   for every configuration x.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

@@ -9,8 +9,6 @@ arbitrary polynomials there are far fewer rows: blocks of scalar rows are multip
 numbers j_fᵀ M^k (J_f J_fᵀ − tI) M^l j_f.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

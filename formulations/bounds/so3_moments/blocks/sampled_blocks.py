@@ -5,8 +5,6 @@ keeping to a sector, conjugation by the real part, the order of the joints by ch
 carry odd m and summing over tableaux.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from itertools import combinations
 from typing import Protocol, TypeAlias

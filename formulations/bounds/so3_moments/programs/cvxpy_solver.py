@@ -1,7 +1,5 @@
 """Solve a moment program with a general conic solver, through cvxpy."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

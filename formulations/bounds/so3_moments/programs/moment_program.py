@@ -12,8 +12,6 @@ A margin program has the largest s with every block ⪰ sI as its solution; s is
 the conditions cannot all be met.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

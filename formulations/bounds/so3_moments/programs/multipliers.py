@@ -7,8 +7,6 @@ subtracted from the bound. That is numerical evidence, no proof: between the con
 nothing is known.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 
 import numpy as np

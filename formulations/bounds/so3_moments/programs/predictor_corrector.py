@@ -13,8 +13,6 @@ where K = sym(dX dS S⁻¹) of the predictor (μ = 0, K = 0) corrects for the pr
 1997; Mehrotra, 1992).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 

@@ -4,8 +4,6 @@ Permutations of the joints with odd m and of the rest give shapes and tableaux; 
 is 0, conjugation splits what belongs to a shape into even and odd.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import prod

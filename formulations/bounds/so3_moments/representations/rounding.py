@@ -9,8 +9,6 @@ A configuration is a list of quaternions whose entries are doubles; its rotation
 the exactly normalised quaternions.
 """
 
-from __future__ import annotations
-
 from math import sqrt
 
 from formulations.bounds.so3_moments.representations.permuted_rows import PermutedRows

@@ -6,8 +6,6 @@ second, m, to the phase (v + iω → e^{−iθ}(v + iω) multiplies D^l_{Mm} by 
 Condon–Shortley phases throughout.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from fractions import Fraction
 from functools import cache

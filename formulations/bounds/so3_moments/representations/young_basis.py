@@ -9,8 +9,6 @@ T' being T with i and i + 1 exchanged. So averages over all permutations follow 
 the average of |(U_T a)ᵀφ|² over permutations of the joints is that over all T.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from functools import cache
 from itertools import product
