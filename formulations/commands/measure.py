@@ -46,7 +46,7 @@ def measure(
         model = failure_model(failure_probabilities, never_fails, joints, locked)
         if model is not None:
             known = failure_probabilities is not None
-            values |= assess_failures(matrix, model, probabilities_known=known).to_dict()
+            values |= assess_failures(matrix, model, probabilities_known=known)
         found.append(values)
     text = "\n\n".join(as_text(one) for one in found)
     show(found if len(found) > 1 else found[0], as_json, lambda _: text)

@@ -119,7 +119,7 @@ def solve(
     if failures is not None:
         known = failure_probabilities is not None
         unequal = assess_failures(shown.jacobian, failures, probabilities_known=known)
-        found |= {"goal": goal, **unequal.to_dict()}
+        found |= {"goal": goal, **unequal}
     found["jacobian"] = shown.jacobian.tolist()
     show(found, as_json, lambda plain: _text({**plain, "verdict": outcome.summary}), out)
     if not outcome.complete:

@@ -109,9 +109,9 @@ def test_no_jacobian_beats_the_bounds(case):
     jacobian, failures = case
     found = assess_failures(jacobian, failures)
     slack = 1e-9 * np.linalg.norm(jacobian)
-    assert found.possible_worst_sigma <= found.possible_worst_bound + slack
-    assert found.weighted_worst_sigma <= found.weighted_worst_bound * (1 + 1e-9) + slack
-    assert found.expected_sigma <= found.expected_bound + slack
+    assert found["possible_worst_sigma"] <= found["possible_worst_bound"] + slack
+    assert found["weighted_worst_sigma"] <= found["weighted_worst_bound"] * (1 + 1e-9) + slack
+    assert found["expected_sigma"] <= found["expected_bound"] + slack
 
 
 @given(cases())
@@ -139,15 +139,15 @@ def test_enough_joints_that_never_fail_attain_it():
     level, columns = 4.0, np.array([[1.0, 1.0, 1.0], [0.0, 0.0, 0.0]])
     jacobian = np.column_stack([columns, np.diag([np.sqrt(level - 2), np.sqrt(level)])])
     found = assess_failures(jacobian, FailureModel.equally_likely(5, never=(3, 4)))
-    assert found.possible_worst_sigma == pytest.approx(np.sqrt(level))
-    assert found.possible_worst_bound == pytest.approx(np.sqrt(level))
+    assert found["possible_worst_sigma"] == pytest.approx(np.sqrt(level))
+    assert found["possible_worst_bound"] == pytest.approx(np.sqrt(level))
 
 
 def test_probabilities_that_mean_nothing_are_not_reported():
     jacobian, model = np.ones((1, 3)), FailureModel.equally_likely(3)
     found = assess_failures(jacobian, model, probabilities_known=False)
-    assert (found.failure_probabilities, found.overall_expected_sigma) == (None, None)
-    assert assess_failures(jacobian, model).covered_probability == pytest.approx(0.5)
+    assert (found["failure_probabilities"], found["overall_expected_sigma"]) == (None, None)
+    assert assess_failures(jacobian, model)["covered_probability"] == pytest.approx(0.5)
 
 
 def test_refuses_a_model_of_other_joints():
