@@ -9,7 +9,7 @@ from functools import partial
 from typing import Any
 
 from nlp.errors import InputError, WorkerError
-from nlp.spread import SET_UP
+from nlp.processes import SET_UP
 from nlp.task import Chunk, Outcomes, run_chunk
 
 _PATIENCE = 15.0  # seconds to wait for the scheduler and a first worker

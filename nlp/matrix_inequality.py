@@ -11,9 +11,8 @@ variables, which the encoding's `lift` computes from a numeric A.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
-from types import MappingProxyType
 from typing import TypeAlias
 
 import casadi as ca
@@ -100,21 +99,14 @@ def principal_minors(
     and loses most starts where they leave a square matrix of six rows.
     """
     m, n = matrix.shape
-    entries, factor = _triangular("L", m)
-    whitened = _forward_substitution(factor, matrix)
+    shared = shared_factor(matrix, level, (), pivot)
+    whitened = _forward_substitution(_lower(m, shared.variables), matrix)
     left = ca.SX.eye(n) - whitened.T @ whitened
     parts = {columns[:size] for columns in deleted for size in range(1, len(columns) + 1)}
     parts |= {(column,) for columns in deleted for column in columns}
     minors = ca.vertcat(*(ca.det(left[list(part), list(part)]) for part in sorted(parts)))
-    constraints = (
-        _factorised("shared factor", _shifted(matrix, level), factor),
-        Constraint("principal minors", minors, 0.0, np.inf),
-    )
-
-    def lift(numeric: FloatArray, t: float) -> FloatArray:
-        return _packed(_factor(numeric @ numeric.T - t * np.eye(m)))
-
-    return Encoding(entries, _diagonal_bounds(m, pivot), tuple(constraints), lift)
+    rows = Constraint("principal minors", minors, 0.0, np.inf)
+    return replace(shared, constraints=(*shared.constraints, rows))
 
 
 def factor_per_deletion(
@@ -146,20 +138,22 @@ def factor_per_deletion(
     return Encoding(variables, lower, tuple(constraints), lift)
 
 
-ENCODINGS: Mapping[str, Encode] = MappingProxyType(
-    {
-        "shared-factor": shared_factor,
-        "principal-minors": principal_minors,
-        "factor-per-deletion": factor_per_deletion,
-        "positive-factor-per-deletion": partial(factor_per_deletion, least=0.0),
-    }
-)
+ENCODINGS: Mapping[str, Encode] = {
+    "shared-factor": shared_factor,
+    "principal-minors": principal_minors,
+    "factor-per-deletion": factor_per_deletion,
+    "positive-factor-per-deletion": partial(factor_per_deletion, least=0.0),
+}
 
 
 def _triangular(name: str, size: int) -> tuple[ca.SX, ca.SX]:
     """Symbols, row by row, and the lower triangular matrix that they fill."""
     symbols = ca.SX.sym(name, size * (size + 1) // 2)
-    return symbols, ca.SX(ca.Sparsity.upper(size), symbols).T
+    return symbols, _lower(size, symbols)
+
+
+def _lower(size: int, entries: ca.SX) -> ca.SX:
+    return ca.SX(ca.Sparsity.upper(size), entries).T
 
 
 def _shifted(matrix: ca.SX, level: ca.SX) -> ca.SX:

@@ -14,7 +14,7 @@ from contextlib import ExitStack, suppress
 from functools import partial
 from multiprocessing.context import SpawnContext, SpawnProcess
 from types import ModuleType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import cloudpickle
 from pebble import ProcessExpired, ProcessPool
@@ -29,6 +29,9 @@ _ONE_THREAD = {
     f"{library}_NUM_THREADS": "1"
     for library in ("OMP", "OPENBLAS", "MKL", "BLIS", "VECLIB_MAXIMUM", "NUMEXPR")
 }
+
+# Seconds that building a solver may take, where there is a time limit for its starts.
+SET_UP = 60.0
 
 _KEPT = 10.0  # seconds that a process without work waits for more
 _PER_CORE = 8  # processes; more would only exhaust the machine's memory
@@ -141,8 +144,6 @@ class Processes:
     def _schedule(
         self, pool: ProcessPool, chunk: Chunk, limit: float | None
     ) -> Future[Outcomes]:
-        from nlp.spread import SET_UP
-
         call = (chunk.payload, chunk.seed, chunk.indices)
         set_up = None if limit is None else max(limit, SET_UP)
         try:
@@ -210,10 +211,7 @@ def _run(payload: bytes, seed: int, indices: Sequence[int]) -> bytes:
     """Run a chunk; return its outcomes, or the exception that building its solver raised."""
     from nlp.task import portable, run_chunk
 
-    outcome: Any
     try:
-        outcome = run_chunk(payload, seed, indices)
+        return bytes(cloudpickle.dumps(run_chunk(payload, seed, indices)))
     except Exception as error:
-        outcome = portable(error)
-    content: bytes = cloudpickle.dumps(outcome)
-    return content
+        return bytes(cloudpickle.dumps(portable(error)))

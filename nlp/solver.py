@@ -76,11 +76,11 @@ class Solver:
         self.compiled = library is not None
         lower = [problem.lower, *(constraint.lower for constraint in problem.constraints)]
         upper = [problem.upper, *(constraint.upper for constraint in problem.constraints)]
-        bounds = np.stack([np.concatenate(lower), np.concatenate(upper)])
-        self._bounds = np.split(bounds, [problem.size], axis=1)  # of variables, of constraints
+        self._bounds = np.stack([np.concatenate(lower), np.concatenate(upper)])
         self._shape = x.sparsity()
         # Converted once: on small problems the conversion is felt at every start.
-        limits = [ca.DM(side) for part in self._bounds for side in part]
+        parts = np.split(self._bounds, [problem.size], axis=1)  # of variables, of constraints
+        limits = [ca.DM(side) for part in parts for side in part]
         zeros = (ca.DM.zeros(problem.size), ca.DM.zeros(g.numel()))
         self._arguments = [ca.DM(), *limits, *zeros]
         self._evaluation = Evaluation(x, [problem.objective, g, *problem.outputs.values()])
@@ -121,12 +121,7 @@ class Solver:
             status=self._status(cpu, wall),
             variables=x,
             objective=float(objective[0, 0]),
-            # Not the built-in max, which may pass over NaN.
-            violation=float(
-                np.max(
-                    [_excess(*one) for one in zip((x, g.ravel()), self._bounds, strict=True)]
-                )
-            ),
+            violation=_excess(np.concatenate([x, g.ravel()]), self._bounds),
             outputs=dict(zip(problem.outputs, outputs, strict=True)),
             multipliers=self._multipliers(_dense(multipliers)),
             compiled=self.compiled,

@@ -1,7 +1,7 @@
 """Chunks spread over workers that may die or hang; every start comes back once, or is lost."""
 
 from collections import deque
-from collections.abc import Generator, Iterable, Iterator
+from collections.abc import Generator, Iterable
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, wait
 from dataclasses import dataclass, replace
 from typing import Any, Protocol
@@ -12,9 +12,6 @@ from nlp.task import Chunk, Done, Lost, Outcomes
 # How often a start may end its worker or exceed the time limit, as the only start of its chunk,
 # before it is lost.
 ATTEMPTS = 2
-
-# Seconds that building a solver may take, where there is a time limit for its starts.
-SET_UP = 60.0
 
 _PULSE = 0.5  # seconds between two looks at the workers
 
@@ -97,12 +94,29 @@ def spread(
     WorkerError
         If there is no worker and none can be had.
     """
-    waiting = iter(chunks)
+    waiting = map(_Trial, chunks)
     again: deque[_Trial] = deque()
     flight: dict[Future[Outcomes], _Trial] = {}
+
+    def fill() -> None:
+        while len(flight) < max(1, pool.size):
+            alone = again or any(trial.again for trial in flight.values())
+            if alone and flight and not pool.isolated:
+                return
+            trial = again.popleft() if again else next(waiting, None)
+            if trial is None:
+                return
+            try:
+                flight[pool.submit(trial.chunk, time_limit)] = trial
+            except WorkerError:
+                if not flight:
+                    raise
+                again.appendleft(trial)  # for one of those that there are
+                return
+
     try:
         while True:
-            _fill(flight, again, waiting, pool, time_limit)
+            fill()
             if not flight:
                 return
             ended, _ = wait(flight, timeout=_PULSE, return_when=FIRST_COMPLETED)
@@ -112,33 +126,6 @@ def spread(
     finally:
         for future in flight:
             future.cancel()
-
-
-def _fill(
-    flight: dict[Future[Outcomes], _Trial],
-    again: deque[_Trial],
-    waiting: Iterator[Chunk],
-    pool: Pool,
-    time_limit: float | None,
-) -> None:
-    while len(flight) < max(1, pool.size):
-        alone = again or any(trial.again for trial in flight.values())
-        if alone and flight and not pool.isolated:
-            return
-        if again:
-            trial = again.popleft()
-        else:
-            chunk = next(waiting, None)
-            if chunk is None:
-                return
-            trial = _Trial(chunk)
-        try:
-            flight[pool.submit(trial.chunk, time_limit)] = trial
-        except WorkerError:
-            if not flight:
-                raise
-            again.appendleft(trial)  # for one of those that there are
-            return
 
 
 def _landed(

@@ -9,9 +9,9 @@ which SQL does not have, is kept as NULL. The caller's `Schema` lists the column
 import math
 import sqlite3
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from contextlib import closing, contextmanager
+from contextlib import AbstractContextManager, closing, contextmanager
 from pathlib import Path
-from typing import Any, Self, TypeAlias
+from typing import Any, TypeAlias
 
 from nlp.errors import FileError, InputError
 from nlp.store_schema import Condition, Schema, Value
@@ -22,7 +22,7 @@ Row: TypeAlias = dict[str, Any]
 _BUSY_SECONDS = 60.0
 
 
-class Store:
+class Store(AbstractContextManager["Store", None]):
     """An open store; use it in a ``with`` block, or close it.
 
     Parameters
@@ -60,9 +60,6 @@ class Store:
             self._database.close()
             raise
 
-    def __enter__(self) -> Self:
-        return self
-
     def __exit__(self, *_: object) -> None:
         self.close()
 
@@ -73,9 +70,6 @@ class Store:
 
     def cell(self, settings: Mapping[str, Value]) -> int:
         """Return the number of the cell with these settings, made if there is none yet."""
-        if set(settings) != set(self.schema.settings):
-            allowed = ", ".join(self.schema.settings)
-            raise InputError("settings", sorted(settings), allowed)
         with self._transaction():
             return self._number("cell", settings)
 
@@ -128,23 +122,25 @@ class Store:
         InputError
             If both have a record of one start with different values; nothing is added.
         """
-        with Store(other, self.schema):  # refuses what is not a store of this version
-            pass
+        Store(other, self.schema).close()  # refuses what is not a store of this version
         if other.samefile(self.path):
             raise FileError("store to join", str(other), "another file than the store itself")
         with self._clear():
             uri = f"{other.absolute().as_uri()}?mode=ro"
             self._database.execute("ATTACH DATABASE ? AS other", (uri,))
+        values = ", ".join(self.schema.values)
         try:
             with self._transaction():
                 for statement in self.schema.additions():
                     self._database.execute(statement)
                 self._refuse_conflicts(other, apart_from)
                 added = self._database.execute(
-                    "INSERT INTO main.record "
-                    f"(cell, start, environment, {', '.join(self.schema.values)}) "
-                    f"SELECT * FROM ({self.schema.theirs()}) "
-                    "WHERE true ORDER BY cell, start ON CONFLICT (cell, start) DO NOTHING"
+                    f"INSERT INTO main.record (cell, start, environment, {values}) "
+                    f"SELECT cell.id, start, environment.id, {values} "
+                    f"FROM ({self.schema.records('other')}) "
+                    f"JOIN main.cell AS cell USING ({', '.join(self.schema.settings)}) "
+                    "JOIN main.environment AS environment USING (environment) "
+                    "WHERE true ORDER BY 1, 2 ON CONFLICT (cell, start) DO NOTHING"
                 ).rowcount
                 theirs = self._value("SELECT count(*) FROM other.record")
         finally:
@@ -154,28 +150,29 @@ class Store:
     def _refuse_conflicts(self, other: Path, apart_from: Collection[str]) -> None:
         compared = [name for name in self.schema.values if name not in apart_from]
         differ = " OR ".join(f"ours.{name} IS NOT theirs.{name}" for name in compared) or "0"
+        identity = (*self.schema.settings, "start")
         conflict = self._database.execute(
-            f"SELECT {', '.join(self.schema.settings)}, start FROM main.record AS ours "
-            f"JOIN ({self.schema.theirs()}) AS theirs USING (cell, start) "
-            f"JOIN main.cell AS cell ON cell.id = ours.cell WHERE {differ} LIMIT 1"
+            f"SELECT {', '.join(identity)} FROM ({self.schema.records()}) AS ours "
+            f"JOIN ({self.schema.records('other')}) AS theirs "
+            f"USING ({', '.join(identity)}) WHERE {differ} LIMIT 1"
         ).fetchone()
         if conflict is not None:
-            pairs = zip((*self.schema.settings, "start"), conflict, strict=True)
+            pairs = zip(identity, conflict, strict=True)
             record = ", ".join(f"{name}={value}" for name, value in pairs)
             allowed = "records equal to those that are there already, where starts are the same"
             raise InputError(f"record of {record}", f"another one in {other}", allowed)
 
     def missing(self, cell: int, starts: int) -> list[range]:
         """Return the starts below `starts` without a record, as ranges in order."""
-        gaps: list[range] = []
-        expected = 0
-        select = "SELECT start FROM record WHERE cell = ? AND start < ? ORDER BY start"
-        with self._clear(), closing(self._database.execute(select, (cell, starts))) as found:
-            for (start,) in found:
-                if start > expected:
-                    gaps.append(range(expected, start))
-                expected = start + 1
-        return [*gaps, range(expected, starts)] if expected < starts else gaps
+        select = (
+            "SELECT first, start FROM "
+            "(SELECT start, lag(start, 1, -1) OVER (ORDER BY start) + 1 AS first FROM "
+            "(SELECT start FROM record WHERE cell = ? AND start < ? UNION ALL SELECT ?)) "
+            "WHERE first < start ORDER BY start"
+        )
+        with self._clear():
+            found = self._database.execute(select, (cell, starts, starts)).fetchall()
+        return [range(*gap) for gap in found]
 
     def rows(
         self, conditions: Sequence[Condition] = (), columns: Sequence[str] | None = None

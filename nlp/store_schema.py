@@ -69,13 +69,13 @@ class Schema:
             f"PRAGMA user_version = {self.version}",
         ]
 
-    def records(self) -> str:
-        """Return the SELECT of all records with the number and settings of their ``cell``."""
+    def records(self, store: str = "main") -> str:
+        """Return the SELECT of a store's records with number and settings of their ``cell``."""
         listed = ", ".join([*self.settings, "start", *self.values])
         return (
             f"SELECT record.cell AS cell, {listed}, environment.environment AS environment "
-            "FROM record JOIN cell ON cell.id = record.cell "
-            "JOIN environment ON environment.id = record.environment"
+            f"FROM {store}.record AS record JOIN {store}.cell AS cell ON cell.id = record.cell "
+            f"JOIN {store}.environment AS environment ON environment.id = record.environment"
         )
 
     def additions(self) -> list[str]:
@@ -86,16 +86,6 @@ class Schema:
             "WHERE true ORDER BY id ON CONFLICT DO NOTHING"
             for table, columns in (("cell", settings), ("environment", "environment"))
         ]
-
-    def theirs(self) -> str:
-        """Return the SELECT of the other store's records, with our cells and environments."""
-        return (
-            f"SELECT ours.id AS cell, start, made.id AS environment, {', '.join(self.values)} "
-            "FROM other.record AS record JOIN other.cell AS cell ON cell.id = record.cell "
-            f"JOIN main.cell AS ours USING ({', '.join(self.settings)}) "
-            "JOIN other.environment AS source ON source.id = record.environment "
-            "JOIN main.environment AS made ON made.environment = source.environment"
-        )
 
 
 @dataclass(frozen=True)

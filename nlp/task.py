@@ -173,11 +173,10 @@ def generator(seed: int, index: int) -> np.random.Generator:
 def packed(task: Task[Any]) -> bytes:
     """Return the task in a form that travels; InputError if it has none."""
     try:
-        content: bytes = cloudpickle.dumps(task)  # takes functions of a script or notebook
+        return bytes(cloudpickle.dumps(task))  # takes functions of a script or notebook
     except (pickle.PicklingError, AttributeError, TypeError) as reason:
         allowed = "functions that can be sent to other processes"
         raise InputError("build, sample or judge", str(reason), allowed) from None
-    return content
 
 
 def run_chunk(payload: bytes, seed: int, indices: Sequence[int]) -> Outcomes:

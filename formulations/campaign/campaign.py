@@ -42,21 +42,16 @@ from nlp.task import Chunk, packed
 # Starts of a chunk: enough that sending it costs little, few enough to run again.
 CHUNK = 20
 REQUIRED = ("starts", "formulations", "models", "joints")
-# Keys that a cell has too, and keys of lists: of settings that a setup has too, and others.
+# Keys that a cell has too, and keys of lists: what is in them, and the setting that it is.
 _OF_CELLS = ("seed", "solver", "compiled", "options")
-_OF_SETUPS = {
-    "encodings": "encoding",
-    "from_residual_minima": "from_residual_minima",
-    "locked": "locked",
-}
 _LISTS = {
-    "formulations": str,
-    "models": str,
-    "joints": int,
-    "task_dimensions": int,
-    "encodings": str,
-    "from_residual_minima": bool,
-    "locked": int,
+    "formulations": (str, "formulation"),
+    "models": (str, "model"),
+    "joints": (int, "joints"),
+    "task_dimensions": (int, "task_dimension"),
+    "encodings": (str, "encoding"),
+    "from_residual_minima": (bool, "from_residual_minima"),
+    "locked": (int, "locked"),
 }
 _KINDS = {str: "strings", int: "whole numbers", bool: "true or false"}
 
@@ -97,7 +92,7 @@ def declaration(content: Mapping[str, Any]) -> Declaration:
     for key in REQUIRED:
         if key not in content:
             raise InputError("campaign file", f"without {key}", "all of " + ", ".join(REQUIRED))
-    for key, kind in _LISTS.items():
+    for key, (kind, _) in _LISTS.items():
         entries = content.get(key, [kind()])
         if not isinstance(entries, list) or {type(one) for one in entries} != {kind}:
             raise InputError(key, entries, f"a list of {_KINDS[kind]}, not empty")
@@ -119,7 +114,7 @@ def declaration(content: Mapping[str, Any]) -> Declaration:
 
 def _cells(content: Mapping[str, Any]) -> Iterator[Cell]:
     shared = {key: content[key] for key in _OF_CELLS if key in content}
-    variants = {name: content[key] for key, name in _OF_SETUPS.items() if key in content}
+    variants = {name: content[key] for key, (_, name) in _LISTS.items() if key in content}
     sizes = list(product(content["joints"], content.get("task_dimensions", [6])))
     for name, model in product(content["formulations"], content["models"]):
         taken = [one for one in variants if one in formulation(name).SETTINGS]
@@ -191,8 +186,8 @@ def run(
                 label = arrival.chunk.label
                 lost += [(cells[label], one.index, one.why) for one in arrival.lost]
                 if arrival.results:
-                    made = arrival.results[0].result.environment  # one chunk, one process
-                    records = [(one.index, one.result.values) for one in arrival.results]
+                    made = arrival.results[0].result["environment"]  # one chunk, one process
+                    records = [(one.index, one.result) for one in arrival.results]
                     store.add(label, records, made)
                     added += len(records)
                 bar.update(len(arrival.results) + len(arrival.lost))

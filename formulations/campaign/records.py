@@ -10,7 +10,6 @@ import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache, partial
-from types import MappingProxyType
 
 import numpy as np
 
@@ -26,42 +25,38 @@ from nlp.store_schema import Kind, Schema, Value
 from nlp.task import Run, Task
 
 # Each setting of a cell and each value of a record: its kind, and where it comes from.
-_SETTINGS: Mapping[str, tuple[Kind, Callable[[Cell], Value]]] = MappingProxyType(
-    {
-        "formulation": ("TEXT", lambda cell: cell.setup.formulation),
-        "model": ("TEXT", lambda cell: cell.setup.model),
-        "joints": ("INTEGER", lambda cell: cell.joints),
-        "task_dimension": ("INTEGER", lambda cell: cell.task_dimension),
-        "locked": ("INTEGER", lambda cell: cell.setup.locked),
-        "encoding": ("TEXT", lambda cell: cell.encoding),
-        "from_residual_minima": ("INTEGER", lambda cell: int(cell.setup.from_residual_minima)),
-        "solver": ("TEXT", lambda cell: cell.solver),
-        "compiled": ("INTEGER", lambda cell: int(cell.compiled)),
-        "options": ("TEXT", lambda cell: json.dumps(cell.all_options, sort_keys=True)),
-        "seed": ("INTEGER", lambda cell: cell.seed),
-    }
-)
-_VALUES: Mapping[str, tuple[Kind, Callable[[Record, Solution], Value]]] = MappingProxyType(
-    {
-        "status": ("TEXT", lambda record, _: record.status.return_status),
-        "iterations": ("INTEGER", lambda record, _: record.status.iterations),
-        "primal_infeasibility": ("REAL", lambda record, _: record.status.primal_infeasibility),
-        "dual_infeasibility": ("REAL", lambda record, _: record.status.dual_infeasibility),
-        "barrier": ("REAL", lambda record, _: record.status.barrier),
-        "objective": ("REAL", lambda _, solution: solution.objective),
-        "violation": ("REAL", lambda record, _: record.violation),
-        "valid": ("INTEGER", lambda record, _: int(record.valid)),
-        "merit": ("REAL", lambda record, _: record.merit),
-        "worst_case_sigma": ("REAL", lambda record, _: record.worst_case_sigma),
-        "condition_number": ("REAL", lambda record, _: record.condition_number),
-        "isotropy_defect": ("REAL", lambda record, _: record.isotropy_defect),
-        "jacobian": ("BLOB", lambda record, _: record.jacobian.astype("<f8").tobytes()),
-        "ran_compiled": ("INTEGER", lambda _, solution: int(solution.compiled)),
-        "solver_cpu_seconds": ("REAL", lambda record, _: record.status.cpu_seconds),
-        "solver_wall_seconds": ("REAL", lambda record, _: record.status.wall_seconds),
-        "cpu_seconds": ("REAL", lambda record, _: record.cpu_seconds),
-    }
-)
+_SETTINGS: Mapping[str, tuple[Kind, Callable[[Cell], Value]]] = {
+    "formulation": ("TEXT", lambda cell: cell.setup.formulation),
+    "model": ("TEXT", lambda cell: cell.setup.model),
+    "joints": ("INTEGER", lambda cell: cell.joints),
+    "task_dimension": ("INTEGER", lambda cell: cell.task_dimension),
+    "locked": ("INTEGER", lambda cell: cell.setup.locked),
+    "encoding": ("TEXT", lambda cell: cell.encoding),
+    "from_residual_minima": ("INTEGER", lambda cell: int(cell.setup.from_residual_minima)),
+    "solver": ("TEXT", lambda cell: cell.solver),
+    "compiled": ("INTEGER", lambda cell: int(cell.compiled)),
+    "options": ("TEXT", lambda cell: json.dumps(cell.all_options, sort_keys=True)),
+    "seed": ("INTEGER", lambda cell: cell.seed),
+}
+_VALUES: Mapping[str, tuple[Kind, Callable[[Record, Solution], Value]]] = {
+    "status": ("TEXT", lambda record, _: record.status.return_status),
+    "iterations": ("INTEGER", lambda record, _: record.status.iterations),
+    "primal_infeasibility": ("REAL", lambda record, _: record.status.primal_infeasibility),
+    "dual_infeasibility": ("REAL", lambda record, _: record.status.dual_infeasibility),
+    "barrier": ("REAL", lambda record, _: record.status.barrier),
+    "objective": ("REAL", lambda _, solution: solution.objective),
+    "violation": ("REAL", lambda record, _: record.violation),
+    "valid": ("INTEGER", lambda record, _: int(record.valid)),
+    "merit": ("REAL", lambda record, _: record.merit),
+    "worst_case_sigma": ("REAL", lambda record, _: record.worst_case_sigma),
+    "condition_number": ("REAL", lambda record, _: record.condition_number),
+    "isotropy_defect": ("REAL", lambda record, _: record.isotropy_defect),
+    "jacobian": ("BLOB", lambda record, _: record.jacobian.astype("<f8").tobytes()),
+    "ran_compiled": ("INTEGER", lambda _, solution: int(solution.compiled)),
+    "solver_cpu_seconds": ("REAL", lambda record, _: record.status.cpu_seconds),
+    "solver_wall_seconds": ("REAL", lambda record, _: record.status.wall_seconds),
+    "cpu_seconds": ("REAL", lambda record, _: record.cpu_seconds),
+}
 TIMES = ("solver_cpu_seconds", "solver_wall_seconds", "cpu_seconds")
 # Raise the version with any change of the columns, and add the statements that bring a store
 # of the version before to it; a study may have cost weeks.
@@ -113,7 +108,7 @@ class Cell:
             # Cells with different failure models would have the same settings.
             raise InputError("failure model", "given", "left out in a campaign")
 
-    def task(self) -> Task[Kept]:
+    def task(self) -> Task[dict[str, Value]]:
         """Return what workers do at each start.
 
         Raises
@@ -148,22 +143,16 @@ class Cell:
         return solver_options(self.setup.formulation, self.solver, self.options)
 
 
-@dataclass(frozen=True)
-class Kept:
-    """The values of a record, and what it was made with."""
-
-    values: Mapping[str, Value]
-    environment: str
-
-
-def keep(run: Run, arm: Arm, merit: Callable[[FloatArray], float], locked: int = 1) -> Kept:
-    """Judge a run in the process that ran it, and return what the store keeps of it.
+def keep(
+    run: Run, arm: Arm, merit: Callable[[FloatArray], float], locked: int = 1
+) -> dict[str, Value]:
+    """Judge a run in the process that ran it; return its values and ``environment``.
 
     See `formulations.solving.record.judge` for the parameters.
     """
     record = judge(run, arm, merit, locked)
     values = {name: read(record, run.solution) for name, (_, read) in _VALUES.items()}
-    return Kept(values, _environment())
+    return {**values, "environment": _environment()}
 
 
 def jacobian_of(raw: bytes, task_dimension: int, joints: int) -> FloatArray:

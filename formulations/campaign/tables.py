@@ -141,7 +141,7 @@ def grouped(
     for name in cells["formulation"].unique():
         formulation(name)  # refuses a store of formulations that are not known here
     # All that are known: cells may have been added since the last statement.
-    minimised = [name for name in FORMULATIONS if _is_minimised(name)]
+    minimised = [name for name, one in FORMULATIONS.items() if one.SENSE == "minimise"]
     select = _GROUPS.format(by=", ".join(by), minimised=", ".join("?" * len(minimised)))
     rows = store.query(select, conditions, [REACHED_BEST, *minimised])
     table = pd.DataFrame(rows, columns=["cell", *_MEASURED])
@@ -198,7 +198,7 @@ def optima(store: Store, conditions: Sequence[Condition] = ()) -> pd.DataFrame:
 def _optima(store: Store, conditions: Sequence[Condition], problem: Row) -> Iterator[Row]:
     ended = {"status": SUCCESS, "valid": 1, **problem}
     conditions = [*conditions, *(Condition(name, "=", value) for name, value in ended.items())]
-    sign = 1 if _is_minimised(problem["formulation"]) else -1
+    sign = 1 if formulation(problem["formulation"]).SENSE == "minimise" else -1
     rows = store.query(_LEVELS, conditions, [REACHED_BEST, sign, LEVELS])
     m, n = problem["task_dimension"], problem["joints"]
     symmetry = _symmetry(arm(problem["model"], n, m))
@@ -217,10 +217,6 @@ def _optima(store: Store, conditions: Sequence[Condition], problem: Row) -> Iter
                 "of_starts": starts,
                 "canonical_form": json.dumps(canonical_form(one.jacobian, symmetry).tolist()),
             }
-
-
-def _is_minimised(name: str) -> bool:
-    return formulation(name).SENSE == "minimise"
 
 
 def _symmetry(built: Arm) -> Symmetry:
