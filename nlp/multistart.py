@@ -38,7 +38,8 @@ class Study(Generic[T]):
     results
         One entry per start that ended: its `Run`, or what the judge made of it.
     complete
-        Whether all starts that were asked for ended.
+        Whether all starts that were asked for ended and the user did not interrupt: a Ctrl-C
+        after the last start is answered, too.
     """
 
     results: tuple[T, ...]
@@ -132,7 +133,7 @@ def multistart(
         dynamic_ncols=True,
     )
     with closing(batches), bar:
-        best = math.nan
+        best, interrupted = math.nan, False
         try:
             for batch in batches:
                 done += batch
@@ -143,9 +144,11 @@ def multistart(
                     bar.set_postfix_str(f"best {best:.8g}", refresh=False)
                 bar.update(len(batch))
         except KeyboardInterrupt:
-            pass  # what is done is kept, and `complete` says that it is not all
+            interrupted = True  # what is done is kept
     done.sort(key=lambda one: one.index)
-    return Study(tuple(one.result for one in done), complete=len(done) == starts)
+    return Study(
+        tuple(one.result for one in done), complete=len(done) == starts and not interrupted
+    )
 
 
 def _in_turn(task: Task[T], seed: int, starts: int) -> Generator[list[Done[T]], None, None]:

@@ -179,3 +179,25 @@ def test_points_solve_the_problem():
     study = multistart(rosenbrock, sample, starts=10)
     for run in study.results:
         np.testing.assert_allclose(run.solution.variables, [1, 1], atol=1e-6)
+
+
+def test_ctrl_c_after_the_last_start_is_answered():
+    """The results are all there, and the study still says that the user interrupted."""
+    seen = []
+
+    def judge(run):
+        seen.append(run.index)
+        if len(seen) == 3:
+            raise KeyboardInterrupt
+        return run.index
+
+    study = multistart(rosenbrock, sample, starts=3, judge=judge)
+    assert (study.results, study.complete) == ((0, 1), False)
+
+    def figure(index):
+        if index == 2:
+            raise KeyboardInterrupt
+        return float(index)
+
+    study = multistart(rosenbrock, sample, starts=3, judge=lambda run: run.index, figure=figure)
+    assert (study.results, study.complete) == ((0, 1, 2), False)
