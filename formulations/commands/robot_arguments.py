@@ -16,7 +16,6 @@ from nlp.files import read_bytes
 
 if TYPE_CHECKING:
     from formulations.robots.chain import Chain
-    from formulations.robots.read_urdf import RobotTree
     from formulations.robots.robot_arm import RobotArm
     from nlp.arrays import FloatArray
 
@@ -90,6 +89,7 @@ def arm(
     held: list[str] | None,
 ) -> RobotArm:
     """Read the robot and return the arm; InputError if anything is wrong with it."""
+    from formulations.robots.chain import listed
     from formulations.robots.chain_between import chain_between
     from formulations.robots.read_urdf import read_urdf
     from formulations.robots.robot_arm import RobotArm, Task
@@ -100,19 +100,12 @@ def arm(
         raise InputError("--point", point, "three numbers X,Y,Z, in metres")
     locked = pairs(held or [], "--held")
     tree = read_urdf(file)
-    links = chain_between(tree, _tip(tree, tip), base, locked, offset)
-    return RobotArm(links, directions, length)
-
-
-def _tip(tree: RobotTree, tip: str | None) -> str:
-    from formulations.robots.chain import listed
-
-    if tip is not None:
-        return tip
-    if len(tree.leaves) > 1:
+    if tip is None and len(tree.leaves) > 1:
         allowed = f"a link of {tree.name}; its last ones are {listed(tree.leaves)}"
         raise InputError("--tip", "missing", allowed)
-    return tree.leaves[0]
+    tip = tree.leaves[0] if tip is None else tip
+    links = chain_between(tree, tip, base, locked, offset)
+    return RobotArm(links, directions, length)
 
 
 def read_configuration(text: str | None, chain: Chain) -> FloatArray:

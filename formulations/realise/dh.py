@@ -89,15 +89,13 @@ def denavit_hartenberg(
     theta = _angles(before, across, axes)
     d = normals.offsets(axes)
     a, alpha = normals.lengths, _angles(axes, after, across)
-    tip = np.eye(4)
-    tip[:3, 3] = manipulator.end_effector
     if convention is Convention.STANDARD:
         last = _frame(across[-1], axes[-1], manipulator.end_effector)
     else:
         last = _frame(across[-1], axes[-1], normals.start[-1])
         a, alpha = np.append(0.0, a[: n - 1]), np.append(0.0, alpha[: n - 1])
     base = _frame(across[0], axes[0], normals.start[0])
-    tool = _inverse(last) @ tip
+    tool = _inverse(last) @ manipulator.pose()
     return DenavitHartenberg(convention, theta, d, a, alpha, manipulator.prismatic, base, tool)
 
 

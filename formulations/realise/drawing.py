@@ -18,7 +18,6 @@ from formulations.files.figure import (
     PALE,
     PAPER,
     VERMILION,
-    content,
     figure_class,
 )
 from formulations.realise.manipulator import Manipulator
@@ -55,17 +54,6 @@ def figure(manipulator: Manipulator) -> Figure:
     for axes, one in zip(drawn.subplots(1, len(views), squeeze=False)[0], views, strict=True):
         draw(manipulator, axes, one)
     return drawn
-
-
-def render(manipulator: Manipulator, kind: str = "svg") -> bytes:
-    """Return the drawing as the content of a file; the same bytes each time.
-
-    Raises
-    ------
-    InputError
-        If the kind is not svg, png or pdf, or matplotlib is not installed.
-    """
-    return content(figure(manipulator), kind)
 
 
 def draw(

@@ -7,9 +7,10 @@ import numpy as np
 from tabulate import tabulate
 
 from formulations import measures
+from formulations.files.figure import content
 from formulations.realise.choice import Choice
 from formulations.realise.dh import Convention, DenavitHartenberg, denavit_hartenberg
-from formulations.realise.drawing import render
+from formulations.realise.drawing import figure
 from formulations.realise.manipulator import Manipulator
 from formulations.realise.write_urdf import urdf
 from nlp.errors import InputError
@@ -43,7 +44,7 @@ def write_down(manipulator: Manipulator, form: str, convention: str, figure_kind
     if form == "urdf":
         return urdf(manipulator).encode()
     if form == "figure":
-        return render(manipulator, figure_kind)
+        return content(figure(manipulator), figure_kind)
     raise InputError("--to", form, "one of " + ", ".join(FORMS))
 
 

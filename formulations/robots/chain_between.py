@@ -64,7 +64,11 @@ def chain_between(
     offset[:3, 3] = finite_vector("point", np.asarray(point), 3)
 
     driven = {joint.name: _driven(tree, joint) for joint in path if joint.type in MOVING}
-    _check_held(held, [driver for _, driver, _, _ in driven.values()])
+    known = {driver.name: driver.limit for _, driver, _, _ in driven.values()}
+    for name, value in held.items():
+        if name not in known:
+            raise InputError("held joint", name, "one of " + listed(list(known)))
+        check_limits(name, value, known[name].lower, known[name].upper)
     free = {
         name: one for name, one in driven.items() if one[1].name not in held and one[2] != 0.0
     }
@@ -120,14 +124,14 @@ def _path(tree: RobotTree, tip: str, base: str | None) -> tuple[Joint, ...]:
 
 def _driven(tree: RobotTree, joint: Joint) -> _Driven:
     """Return a joint, the joint that drives it, and by which multiplier and offset."""
+    joints = {one.name: one for one in tree.joints}
     driver, multiplier, offset, seen = joint, 1.0, 0.0, {joint.name}
     while driver.mimic is not None:
         follower, mimic = driver.name, driver.mimic
-        try:
-            driver = tree.joint(mimic.joint)
-        except KeyError:
+        if mimic.joint not in joints:
             allowed = "the name of another joint"
-            raise RobotError(f"<mimic> of joint {follower}", mimic.joint, allowed) from None
+            raise RobotError(f"<mimic> of joint {follower}", mimic.joint, allowed)
+        driver = joints[mimic.joint]
         if driver.name in seen:
             allowed = "mimicry that ends at a joint with a drive of its own"
             raise RobotError(f"<mimic> of joint {follower}", "circular", allowed)
@@ -162,14 +166,6 @@ def _displacement(joint: Joint, value: float) -> FloatArray:
     else:
         pose[:3, :3] = np.array(ca.evalf(rotation(joint.axis, value)))
     return pose
-
-
-def _check_held(held: Mapping[str, float], drivers: Sequence[Joint]) -> None:
-    known = {driver.name: driver for driver in drivers}
-    for name, value in held.items():
-        if name not in known:
-            raise InputError("held joint", name, "one of " + listed(list(known)))
-        check_limits(name, value, known[name].limit.lower, known[name].limit.upper)
 
 
 def _frozen(matrix: FloatArray) -> Transform:

@@ -4,6 +4,7 @@ from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field
 from functools import partial
+from itertools import compress
 from types import MappingProxyType
 
 import numpy as np
@@ -169,10 +170,7 @@ def fatal_failures(arm: RobotArm) -> tuple[str, ...]:
     left = [
         measures.locked_singular_values(arm.jacobian(arm.sample(rng))) for _ in range(_PROBES)
     ]
-    most = np.max(left, axis=0)
-    return tuple(
-        name for name, sigma in zip(arm.chain.names, most, strict=True) if sigma < _FATAL
-    )
+    return tuple(compress(arm.chain.names, np.max(left, axis=0) < _FATAL))
 
 
 def _check(arm: RobotArm, search: Search) -> None:
@@ -232,20 +230,16 @@ def _promising_start(rng: np.random.Generator, arm: RobotArm, locked: int) -> Fl
 
 
 def _judge(run: Run, arm: RobotArm, search: Search) -> _Candidate:
-    """Measure the posture that a start led to, moved to within the limits."""
+    """Measure the posture that a start led to, moved to within the limits or one turn."""
     point = run.solution.variables[: arm.size]
     merit = sigma = float("nan")
     if np.all(np.isfinite(point)):
-        point = np.clip(_within_one_turn(arm, point), *arm.bounds)
+        lower, upper = arm.bounds
+        endless = ~np.isfinite(lower) & ~np.isfinite(upper) & ~np.array(arm.chain.prismatic)
+        turned = np.where(endless, (point + np.pi) % (2 * np.pi) - np.pi, point)
+        point = np.clip(turned, lower, upper)
         matrix = arm.jacobian(point)
         merit = catalogue.formulation(search.formulation).merit(matrix, search.locked)
         sigma = measures.worst_case_sigma(matrix, search.locked)
     merit = merit if np.isfinite(merit) else float("nan")
     return _Candidate(run.solution.status.return_status, merit, sigma, point)
-
-
-def _within_one_turn(arm: RobotArm, point: FloatArray) -> FloatArray:
-    """Positions of joints without limits in [−π, π)."""
-    lower, upper = arm.bounds
-    endless = ~np.isfinite(lower) & ~np.isfinite(upper) & ~np.array(arm.chain.prismatic)
-    return np.where(endless, (point + np.pi) % (2 * np.pi) - np.pi, point)

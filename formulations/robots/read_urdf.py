@@ -7,7 +7,6 @@ before yourdfpy parses the file, so that it can be neither missing nor wrong.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from graphlib import CycleError, TopologicalSorter
 from io import BytesIO
@@ -60,8 +59,11 @@ class RobotTree:
     joints: tuple[Joint, ...]
 
     def __post_init__(self) -> None:
-        _check_unique("link", self.links)
-        _check_unique("joint", [joint.name for joint in self.joints])
+        named = [("link", link) for link in self.links]
+        named += [("joint", joint.name) for joint in self.joints]
+        for (kind, name), count in Counter(named).items():
+            if count > 1:
+                raise RobotError(f"{kind} {name}", f"there {count} times", "every name once")
         for joint in self.joints:
             for side, link in (("parent", joint.parent), ("child", joint.child)):
                 if link not in self.links:
@@ -72,29 +74,23 @@ class RobotTree:
     @property
     def root(self) -> str:
         """The link that is no joint's child."""
-        return self._links_without(joint.child for joint in self.joints)[0]
+        children = {joint.child for joint in self.joints}
+        return next(link for link in self.links if link not in children)
 
     @property
     def leaves(self) -> tuple[str, ...]:
         """Links that are no joint's parent."""
-        return self._links_without(joint.parent for joint in self.joints)
-
-    def joint(self, name: str) -> Joint:
-        """Return a joint by name; KeyError if there is none."""
-        return {joint.name: joint for joint in self.joints}[name]
+        parents = {joint.parent for joint in self.joints}
+        return tuple(link for link in self.links if link not in parents)
 
     def path(self, tip: str) -> tuple[Joint, ...]:
         """Joints from the root to a link, in order."""
         above = {joint.child: joint for joint in self.joints}
-        reversed_path = []
+        path: list[Joint] = []
         while tip in above:
-            reversed_path.append(above[tip])
-            tip = above[tip].parent
-        return tuple(reversed(reversed_path))
-
-    def _links_without(self, excluded: Iterable[str]) -> tuple[str, ...]:
-        names = set(excluded)
-        return tuple(link for link in self.links if link not in names)
+            path.insert(0, above[tip])
+            tip = path[0].parent
+        return tuple(path)
 
 
 def read_urdf(path: Path) -> RobotTree:
@@ -232,12 +228,6 @@ def _axis(joint: Joint) -> FloatArray:
         allowed = "three numbers, finite and not all zero"
         raise InputError(f"axis of joint {joint.name}", shown, allowed)
     return np.asarray(axis / length)
-
-
-def _check_unique(kind: str, names: Sequence[str]) -> None:
-    for name, count in Counter(names).items():
-        if count > 1:
-            raise RobotError(f"{kind} {name}", f"there {count} times", "every name once")
 
 
 def _check_tree(tree: RobotTree) -> None:

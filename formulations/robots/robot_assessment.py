@@ -1,6 +1,7 @@
 """How failure tolerant a robot is at one configuration, and how that depends on ℓ."""
 
 from dataclasses import dataclass
+from itertools import compress
 
 import numpy as np
 import numpy.typing as npt
@@ -145,6 +146,8 @@ def assess(arm: RobotArm, configuration: npt.ArrayLike, locked: int = 1) -> Robo
     chain = arm.chain
     point = chain.within_limits(np.asarray(configuration, dtype=float))
     matrix, length = arm.jacobian(point), arm.length_at(point)
+    lower, upper = arm.bounds
+    near = np.minimum(point - lower, upper - point) < _AT_LIMIT
     failures = _failures(arm, matrix, locked)
     values = measures.singular_values(matrix)
     worst = failures[0]
@@ -159,7 +162,7 @@ def assess(arm: RobotArm, configuration: npt.ArrayLike, locked: int = 1) -> Robo
         frame=arm.task.frame,
         held=dict(chain.held),
         configuration=dict(zip(chain.names, point.tolist(), strict=True)),
-        at_limits=_at_limits(arm, point),
+        at_limits=tuple(compress(chain.names, near)),
         characteristic_length=length,
         locked=locked,
         worst_case_sigma=worst.sigma,
@@ -229,12 +232,6 @@ def _failures(arm: RobotArm, matrix: FloatArray, locked: int) -> tuple[Failure, 
         joints = tuple(arm.chain.names[joint] for joint in sets[k])
         failures.append(Failure(joints, float(sigmas[k]), named))
     return tuple(failures)
-
-
-def _at_limits(arm: RobotArm, point: FloatArray) -> tuple[str, ...]:
-    lower, upper = arm.bounds
-    near = np.minimum(point - lower, upper - point) < _AT_LIMIT
-    return tuple(name for name, is_near in zip(arm.chain.names, near, strict=True) if is_near)
 
 
 def _percent(sigma: float, best: float) -> float:

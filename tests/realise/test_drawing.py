@@ -6,7 +6,8 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from formulations.realise.drawing import draw, figure, render
+from formulations.files.figure import content
+from formulations.realise.drawing import draw, figure
 from formulations.realise.from_jacobian import realise
 from formulations.realise.projection import PLAN, View, clear_views
 from formulations.reproduction import reference
@@ -22,9 +23,9 @@ def planar():
     ("kind", "start"), [("svg", b"<?xml"), ("png", b"\x89PNG"), ("pdf", b"%PDF")]
 )
 def test_formats_and_the_same_bytes_again(planar, kind, start):
-    content = render(planar, kind)
-    assert content.startswith(start)
-    assert content == render(planar, kind)
+    written = content(figure(planar), kind)
+    assert written.startswith(start)
+    assert written == content(figure(planar), kind)
 
 
 def test_every_kind_of_arm_is_drawn_with_its_joints_named(arm):
@@ -84,7 +85,7 @@ def test_the_chosen_views_are_clearer_than_most(optimum):
 
 def test_bad_kinds_and_a_missing_matplotlib(planar, monkeypatch):
     with pytest.raises(InputError, match="kind of figure is gif; allowed: svg, png, pdf"):
-        render(planar, "gif")
+        content(figure(planar), "gif")
     monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
     with pytest.raises(InputError, match=r"pip install lockedjoint\[figures\]"):
-        render(planar)
+        content(figure(planar), "svg")
