@@ -57,7 +57,7 @@ def closed_forms(variables: ca.SX, as_printed: bool = False) -> ca.SX:
 def residuals(arm: ColumnModel, variables: ca.SX) -> ca.SX:
     """f_1 … f_21 with the signs of eqs. (23)–(43), f_17 corrected, shape (21, 1).
 
-    The same functions as `isotropy_residuals.residuals`, written as in the Appendix.
+    The same functions as `isotropy_equations.residuals`, written as in the Appendix.
 
     Raises
     ------

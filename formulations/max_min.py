@@ -12,7 +12,7 @@ is `unequal_max_min` where all joints fail alike.
 """
 
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from types import MappingProxyType
 
@@ -79,17 +79,17 @@ def bound(arm: Arm, locked: int = 1, certified: bool = True) -> Bound | None:
     return largest_worst_case(arm, locked, certified)
 
 
+@dataclass(frozen=True)
 class ResidualMinimum:
     """Draws starts for `build` that are residual minima reached from random starts.
 
-    Parameters
+    Attributes
     ----------
     arm
         The joints.
     """
 
-    def __init__(self, arm: ColumnModel) -> None:
-        self.arm = arm
+    arm: ColumnModel
 
     def __call__(self, rng: np.random.Generator) -> FloatArray:
         """Draw variables of the arm at random and minimise the residual from there."""

@@ -148,10 +148,9 @@ def attained_merit(
 
 def checked_goal(goal: str) -> Goal:
     """Return the value if it is a `Goal`; InputError otherwise."""
-    for known in get_args(Goal):
-        if goal == known:
-            return cast(Goal, known)
-    raise InputError("goal", goal, "one of " + ", ".join(get_args(Goal)))
+    if goal not in get_args(Goal):
+        raise InputError("goal", goal, "one of " + ", ".join(get_args(Goal)))
+    return cast(Goal, goal)
 
 
 def _worst(jacobian: ca.SX, failures: FailureModel, attained: float, encoding: str) -> _Levels:

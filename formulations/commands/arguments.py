@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 import typer
 
@@ -34,6 +34,11 @@ def whole(lowest: int) -> Callable[[str], int]:
     return whole_number
 
 
+def whole_option(lowest: int, metavar: str, words: str, **settings: Any) -> Any:
+    """Return an option that takes whole numbers of at least `lowest`."""
+    return typer.Option(parser=whole(lowest), metavar=metavar, help=words, **settings)
+
+
 def progress(sentence: str) -> None:
     """Show what is being done, on a terminal's standard error."""
     if sys.stderr.isatty():
@@ -51,30 +56,14 @@ def positive(text: str) -> float:
     return number
 
 
-Joints = Annotated[
-    int, typer.Option(parser=whole(2), metavar="N", help="Number of joints n, above m.")
-]
-TaskDimension = Annotated[
-    int, typer.Option(parser=whole(1), metavar="M", help="Number of task dimensions m.")
-]
-Starts = Annotated[
-    int, typer.Option(parser=whole(1), metavar="K", help="Random starts of each row.")
-]
-Seed = Annotated[
-    int,
-    typer.Option(
-        parser=whole(0), metavar="S", help="Seed; start k of a seed is the same everywhere."
-    ),
-]
+Joints = Annotated[int, whole_option(2, "N", "Number of joints n, above m.")]
+TaskDimension = Annotated[int, whole_option(1, "M", "Number of task dimensions m.")]
+Starts = Annotated[int, whole_option(1, "K", "Random starts of each row.")]
+Seed = Annotated[int, whole_option(0, "S", "Seed; start k of a seed is the same everywhere.")]
 Workers = Annotated[
-    int | None,
-    typer.Option(
-        parser=whole(1), metavar="W", help="Worker processes.", show_default="all cores"
-    ),
+    int | None, whole_option(1, "W", "Worker processes.", show_default="all cores")
 ]
-Locked = Annotated[
-    int, typer.Option(parser=whole(1), metavar="K", help="How many joints lock at once.")
-]
+Locked = Annotated[int, whole_option(1, "K", "How many joints lock at once.")]
 Tolerance = Annotated[
     float,
     typer.Option(
@@ -87,10 +76,7 @@ Out = Annotated[
     Path, typer.Option(metavar="DIR", help="Folder for the files; made if missing.")
 ]
 Pick = Annotated[
-    int | None,
-    typer.Option(
-        parser=whole(0), metavar="K", help="Which Jacobian of the file, counted from 0."
-    ),
+    int | None, whole_option(0, "K", "Which Jacobian of the file, counted from 0.")
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print JSON instead of text.")]
 Ipopt = Annotated[

@@ -5,15 +5,7 @@ from typing import Annotated
 
 import typer
 
-from formulations.commands.arguments import (
-    Json,
-    Out,
-    Seed,
-    Starts,
-    positive,
-    progress,
-    whole,
-)
+from formulations.commands.arguments import Json, Out, Seed, Starts, positive, progress, whole
 from formulations.commands.output import run_study
 
 

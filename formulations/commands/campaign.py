@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from formulations.commands.arguments import Json, Workers, positive, whole
+from formulations.commands.arguments import Json, Workers, positive, whole_option
 from formulations.commands.output import INTERRUPTED, show
 
 if TYPE_CHECKING:
@@ -42,10 +42,8 @@ def campaign(
     ] = 3600.0,
     chunk: Annotated[
         int,
-        typer.Option(
-            parser=whole(10),
-            metavar="K",
-            help="Starts that a worker is sent at once; more of them on a large cluster.",
+        whole_option(
+            10, "K", "Starts that a worker is sent at once; more of them on a large cluster."
         ),
     ] = 20,
     as_json: Json = False,

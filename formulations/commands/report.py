@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from formulations.commands.arguments import Json, Out, Seed, Workers, progress, whole
+from formulations.commands.arguments import Json, Out, Seed, Workers, progress, whole_option
 from formulations.commands.output import INTERRUPTED, QUESTIONED, show
 
 if TYPE_CHECKING:
@@ -30,10 +30,10 @@ def report(
     ] = False,
     starts: Annotated[
         int | None,
-        typer.Option(
-            parser=whole(1),
-            metavar="K",
-            help="Random starts of each row.",
+        whole_option(
+            1,
+            "K",
+            "Random starts of each row.",
             show_default="as many as each study's own command makes",
         ),
     ] = None,

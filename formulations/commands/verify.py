@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from formulations.commands.arguments import Json, whole
+from formulations.commands.arguments import Json, whole_option
 from formulations.commands.output import show
 
 
@@ -20,10 +20,10 @@ def verify(
     ] = None,
     samples: Annotated[
         int,
-        typer.Option(
-            parser=whole(0),
-            metavar="K",
-            help="Also evaluate the identity, exactly and over all 5040 joint orders, at K "
+        whole_option(
+            0,
+            "K",
+            "Also evaluate the identity, exactly and over all 5040 joint orders, at K "
             "random matrices that violate every equation.",
         ),
     ] = 0,

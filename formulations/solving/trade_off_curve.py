@@ -46,13 +46,8 @@ class Point:
 
     def to_dict(self) -> dict[str, object]:
         """Return plain values; None for no limit."""
-        return {
-            "statement": self.statement,
-            "limit": self.limit if np.isfinite(self.limit) else None,
-            "isotropy_defect": self.isotropy_defect,
-            "worst_case_sigma": self.worst_case_sigma,
-            "jacobian": self.jacobian.tolist(),
-        }
+        limit = self.limit if np.isfinite(self.limit) else None
+        return {**vars(self), "limit": limit, "jacobian": self.jacobian.tolist()}
 
 
 def curve(

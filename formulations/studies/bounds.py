@@ -8,6 +8,12 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
+from formulations.bounds.so3_moments.max_min_bound import max_min_bound
+from formulations.bounds.so3_moments.residual_bound import residual_bound
+from formulations.bounds.so3_moments.rigorous_residual import rigorous_residual_bound
+from formulations.bounds.worst_case.problem import free_columns, revolute_arm
+from formulations.bounds.worst_case.program import solve_worst_case
+from formulations.existence.relaxation.relaxation import existence_relaxation
 from formulations.files.provenance import provenance, versions
 from formulations.files.table import HIDDEN, column
 from formulations.measures import gap_percent
@@ -72,8 +78,19 @@ class BoundRow(Source):
 class RelaxationRow(Source):
     """The columns of ``relaxations.csv``, after the source: the existence question relaxed.
 
-    Headings say what the columns are; the blocks in `infeasible_alone` are infeasible by
-    themselves, and `seconds` is wall time.
+    Attributes
+    ----------
+    order, joints
+        Order of the relaxation, and n.
+    classes, equations, rank, free_moments, largest_block
+        Sizes of the semidefinite program; see the columns' headings.
+    margin, proved, verdict
+        The largest smallest eigenvalue of the blocks, the upper bound of it that the checked
+        multipliers prove (NaN without them), and what follows.
+    infeasible_alone
+        The blocks that are infeasible by themselves.
+    seconds
+        Wall time.
     """
 
     order: int
@@ -135,48 +152,29 @@ def command(plain: Mapping[str, Any]) -> str:
     return " ".join([*words, "--json"])
 
 
-def _worst_case(_: Effort, lever_arm: float | None = None) -> Mapping[str, Any]:
-    from formulations.bounds.worst_case.problem import free_columns, revolute_arm
-    from formulations.bounds.worst_case.program import solve_worst_case
-
-    arm = free_columns(7, 6) if lever_arm is None else revolute_arm(7, lever_arm=lever_arm)
-    return solve_worst_case(arm).to_dict()
-
-
-def _existence(_: Effort, order: int) -> Mapping[str, Any]:
-    from formulations.existence.relaxation.relaxation import existence_relaxation
-
-    return existence_relaxation(order, 7, task_dimension=6).to_dict()
-
-
-def _residual(effort: Effort, preset: str, rigorous: bool = False) -> Mapping[str, Any]:
-    from formulations.bounds.so3_moments.residual_bound import residual_bound
-    from formulations.bounds.so3_moments.rigorous_residual import rigorous_residual_bound
-
-    bound = rigorous_residual_bound if rigorous else residual_bound
+def _unit_revolute(bound: Callable[..., Any], preset: str, effort: Effort) -> Any:
     return bound(preset, 7, seed=effort.seed, progress=effort.progress).to_dict()
-
-
-def _max_min(effort: Effort, preset: str, rigorous: bool = False) -> Mapping[str, Any]:
-    from formulations.bounds.so3_moments.max_min_bound import max_min_bound
-
-    settings: dict[str, Any] = {"seed": effort.seed, "progress": effort.progress}
-    return max_min_bound(preset, 7, rigorous=rigorous, **settings).to_dict()
 
 
 #: What the study computes, as ``lockedjoint bound --json`` prints it, by the file it goes to.
 RUNS: Mapping[str, Callable[[Effort], Mapping[str, Any]]] = MappingProxyType(
     {
-        "worst_case_7_6.json": _worst_case,
-        "worst_case_7r_lever_arm_1.json": partial(_worst_case, lever_arm=1.0),
-        "existence_order_2.json": partial(_existence, order=2),
-        "existence_order_3.json": partial(_existence, order=3),
-        "residual_fast.json": partial(_residual, preset="fast"),
-        "residual_compact.json": partial(_residual, preset="compact"),
-        "residual_tight.json": partial(_residual, preset="tight"),
-        "residual_compact_rigorous.json": partial(_residual, preset="compact", rigorous=True),
-        "max_min_compact_rigorous.json": partial(_max_min, preset="compact", rigorous=True),
-        "max_min_localised.json": partial(_max_min, preset="localised"),
+        "worst_case_7_6.json": lambda _: solve_worst_case(free_columns(7, 6)).to_dict(),
+        "worst_case_7r_lever_arm_1.json": lambda _: solve_worst_case(
+            revolute_arm(7, lever_arm=1.0)
+        ).to_dict(),
+        "existence_order_2.json": lambda _: existence_relaxation(2, task_dimension=6).to_dict(),
+        "existence_order_3.json": lambda _: existence_relaxation(3, task_dimension=6).to_dict(),
+        "residual_fast.json": partial(_unit_revolute, residual_bound, "fast"),
+        "residual_compact.json": partial(_unit_revolute, residual_bound, "compact"),
+        "residual_tight.json": partial(_unit_revolute, residual_bound, "tight"),
+        "residual_compact_rigorous.json": partial(
+            _unit_revolute, rigorous_residual_bound, "compact"
+        ),
+        "max_min_compact_rigorous.json": partial(
+            _unit_revolute, partial(max_min_bound, rigorous=True), "compact"
+        ),
+        "max_min_localised.json": partial(_unit_revolute, max_min_bound, "localised"),
     }
 )
 

@@ -54,18 +54,9 @@ def _compute(effort: Effort, _: Path) -> Iterator[Part]:
         picture = kind.make(request)
         numbers = picture.table.to_csv(index=False, lineterminator="\n")
         files = {f"{name}.svg": content(picture.figure, "svg"), f"{name}.csv": numbers.encode()}
-        yield Part(rows=[_row(name, starts, len(picture.table))], files=files)
-
-
-def _row(name: str, starts: int, lines: int) -> FigureRow:
-    where = f"results/figures/{name}"
-    command = f"lockedjoint figure {name} --out {where}.svg --data {where}.csv"
-    usual = FIGURES[name].starts == starts
-    return FigureRow(
-        figure=name,
-        file=f"{name}.svg",
-        data=f"{name}.csv",
-        lines=lines,
-        starts=starts,
-        command=command if usual else f"{command} --starts {starts}",
-    )
+        where = f"results/figures/{name}"
+        command = f"lockedjoint figure {name} --out {where}.svg --data {where}.csv"
+        if starts != kind.starts:
+            command += f" --starts {starts}"
+        row = FigureRow(name, f"{name}.svg", f"{name}.csv", len(picture.table), starts, command)
+        yield Part(rows=[row], files=files)

@@ -102,11 +102,7 @@ def finding_in(study: Study, out: Path) -> str:
 
 
 def _values(tables: Rows) -> dict[str, Any]:
-    return {
-        **tables,
-        "plain": partial(plain, tables["comparison"]),
-        "sharpest": sharpest,
-    }
+    return {**tables, "plain": partial(plain, tables["comparison"]), "sharpest": sharpest}
 
 
 def _date(study: Study, out: Path) -> str:

@@ -95,24 +95,8 @@ def _environment() -> Environment:
         keep_trailing_newline=True,
         autoescape=False,  # Markdown, of our own numbers
     )
-    made.filters |= {
-        "aligned": aligned,
-        "bullets": bullets,
-        "by": by,
-        "form": format,
-        "groups": groups,
-        "known": known,
-        "listed": listed,
-        "prose": prose,
-        "rounded_down": rounded_down,
-        "rounded_up": rounded_up,
-        "table": table,
-    }
+    own = (aligned, bullets, by, groups, known, listed, prose, rounded_down, rounded_up, table)
+    made.filters.update({one.__name__: one for one in own}, form=format)
     made.tests["nan"] = isnan
-    made.globals |= {
-        "CLOSED": CLOSED,
-        "NOTHING": NOTHING,
-        "header": header,
-        "versions": versions,
-    }
+    made.globals.update(CLOSED=CLOSED, NOTHING=NOTHING, header=header, versions=versions)
     return made

@@ -17,8 +17,7 @@ from formulations import measures
 from formulations.catalogue import arm
 from formulations.commands.app import app
 from formulations.studies.benchmark import unit_revolute as hand
-from formulations.studies.benchmark.measurement import Row, measure
-from formulations.studies.benchmark.peer import NotRunError, Peer, each
+from formulations.studies.benchmark.measurement import NotRunError, Peer, Row, each, measure
 from formulations.studies.benchmark.peers import PEERS
 from formulations.studies.benchmark.study import growth, targets
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from formulations import residual
 from formulations.joints.arm import Arm
-from formulations.studies.benchmark.peer import NotRunError, Peer, Run, each
+from formulations.studies.benchmark.measurement import NotRunError, Peer, Run, each
 from nlp.arrays import FloatArray
 from nlp.compiled import shared_library
 

@@ -8,7 +8,7 @@ import numpy as np
 from formulations import residual
 from formulations.joints.arm import Arm
 from formulations.studies.benchmark import unit_revolute as hand
-from formulations.studies.benchmark.peer import Peer, Run
+from formulations.studies.benchmark.measurement import Peer, Run
 
 _STEPS, _GRADIENT = 300, 1e-7
 

@@ -1,4 +1,4 @@
-"""Peers measured on the same starts in turn, their answers checked from J alone."""
+"""What a peer of the benchmark offers; peers measured in turn, answers checked from J alone."""
 
 import os
 import tempfile
@@ -6,6 +6,7 @@ import time
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
+from typing import TypeAlias
 from unittest import mock
 
 import numpy as np
@@ -16,7 +17,6 @@ from formulations.files.table import HIDDEN, column
 from formulations.joints.arm import Arm
 from formulations.solving.outcome import REACHED_BEST
 from formulations.solving.record import in_model
-from formulations.studies.benchmark.peer import NotRunError, Peer, Run
 from nlp.arrays import FloatArray
 from nlp.task import generator
 
@@ -24,6 +24,47 @@ from nlp.task import generator
 NEAR = 1e-3
 # Peers take turns, so that any other load on the machine affects all of them alike.
 _ROUNDS = 4
+# From starts, shape (K, size of the arm), to Jacobians, shape (K, m, n).
+Run: TypeAlias = Callable[[FloatArray], FloatArray]
+
+
+class NotRunError(Exception):
+    """A peer that cannot be run here; its message says why in a few words."""
+
+
+@dataclass(frozen=True)
+class Peer:
+    """A way to solve one statement on unit revolute joints.
+
+    Attributes
+    ----------
+    name
+        As the table shows it.
+    formulation
+        What it solves: ``residual`` or ``max-min``.
+    prepare
+        ``prepare(arm, batch)`` sets up for an arm and batches of that many starts; its time
+        is reported separately. Raises NotRunError, or ImportError where a package is missing.
+    settings
+        How it is set up, in words.
+    batched
+        Whether it only takes batches of the size it was set up for.
+    """
+
+    name: str
+    formulation: str
+    prepare: Callable[[Arm, int], Run]
+    settings: str = ""
+    batched: bool = False
+
+
+def each(one: Callable[[FloatArray], FloatArray], shape: tuple[int, int]) -> Run:
+    """Return a function that runs starts one after another."""
+
+    def run(starts: FloatArray) -> FloatArray:
+        return np.array([one(start) for start in starts]).reshape(-1, *shape)
+
+    return run
 
 
 @dataclass(frozen=True)
@@ -161,7 +202,11 @@ def _take_turn(
         began = time.process_time()
         jacobians = trial.solve(given)
         trial.seconds += time.process_time() - began
-        trial.merits += [_merit(trial.peer, built, matrix) for matrix in jacobians[:wanted]]
+        merit = formulation(trial.peer.formulation).merit
+        trial.merits += [
+            merit(matrix) if in_model(built, matrix) else float("nan")
+            for matrix in jacobians[:wanted]
+        ]
         done += wanted
 
 
@@ -175,19 +220,10 @@ def _as_many(trial: _Trial, left: int, time_limit: float) -> int:
     return max(1, min(left, int((time_limit - trial.seconds) / max(each, 1e-9))))
 
 
-def _merit(peer: Peer, built: Arm, jacobian: FloatArray) -> float:
-    """Return the merit, from J alone; NaN if J is not one of the arm's."""
-    if not in_model(built, jacobian):
-        return float("nan")
-    return formulation(peer.formulation).merit(jacobian)
-
-
 def _rows(trials: Sequence[_Trial], joints: int, asked: int, time_limit: float) -> list[Row]:
     everything = [merit for trial in trials for merit in trial.merits if np.isfinite(merit)]
-    best = float("nan")
-    if everything:
-        sense = formulation(trials[0].peer.formulation).SENSE
-        best = min(everything) if sense == "minimise" else max(everything)
+    sense = formulation(trials[0].peer.formulation).SENSE
+    best = (min if sense == "minimise" else max)(everything, default=float("nan"))
     unit = trials[0].per(trials[0].within(best, REACHED_BEST))
     rows = []
     for trial in trials:

@@ -5,13 +5,8 @@ from collections.abc import Sequence
 from formulations import max_min, residual
 from formulations.joints.arm import Arm
 from formulations.solving.setup import solver_options
-from formulations.studies.benchmark import (
-    floor,
-    jax_residual,
-    pymanopt_residual,
-    scipy_peers,
-)
-from formulations.studies.benchmark.peer import Peer, Run, each
+from formulations.studies.benchmark import floor, jax_residual, pymanopt_residual, scipy_peers
+from formulations.studies.benchmark.measurement import Peer, Run, each
 from nlp.arrays import FloatArray
 from nlp.solver import Solver
 

@@ -5,7 +5,7 @@ import numpy as np
 from formulations import residual
 from formulations.joints.arm import Arm
 from formulations.studies.benchmark import unit_revolute as hand
-from formulations.studies.benchmark.peer import Peer, Run, each
+from formulations.studies.benchmark.measurement import Peer, Run, each
 from nlp.arrays import FloatArray
 
 

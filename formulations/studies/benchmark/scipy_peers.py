@@ -21,7 +21,7 @@ from scipy.optimize import least_squares, minimize
 from formulations import max_min, residual
 from formulations.joints.arm import Arm
 from formulations.studies.benchmark import unit_revolute as hand
-from formulations.studies.benchmark.peer import NotRunError, Peer, Run, each
+from formulations.studies.benchmark.measurement import NotRunError, Peer, Run, each
 from nlp.arrays import FloatArray
 
 _POWERS = (4.0, 16.0, 64.0, 256.0, 1024.0, 4096.0)
