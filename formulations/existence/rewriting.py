@@ -23,22 +23,9 @@ from formulations.existence.equations import (
 from formulations.existence.graphs import ONE, Monomial
 
 Combination: TypeAlias = Mapping[Multiple, Fraction]
-
-
-@dataclass(frozen=True)
-class Relation:
-    """A polynomial in irreducible classes that the equations make zero, and its derivation.
-
-    Parameters
-    ----------
-    polynomial
-        Scaled so that its leading coefficient is 1.
-    origin
-        The combination of multiples which rewrites to `polynomial`.
-    """
-
-    polynomial: Polynomial
-    origin: Combination
+# A polynomial in irreducible classes that the equations make zero, its leading coefficient 1,
+# and the combination of multiples that rewrites to it.
+Relation: TypeAlias = tuple[Polynomial, Combination]
 
 
 @dataclass(frozen=True)
@@ -106,7 +93,7 @@ def rewriting(frame: Frame, order: int) -> Rewriting:
         if rest:
             scale = 1 / rest[leading(rest)]
             origin = combined([(scale, {multiple: Fraction(1)}), (-scale, quotients)])
-            relations[leading(rest)] = Relation(combined([(scale, rest)]), origin)
+            relations[leading(rest)] = combined([(scale, rest)]), origin
     return Rewriting(averaged, rules, rewritten, relations)
 
 
@@ -129,9 +116,9 @@ def _eliminated(
     remainder = polynomial
     while reachable := remainder.keys() & relations.keys():
         graph = max(reachable, key=size)
-        factor, relation = remainder[graph], relations[graph]
-        used.append((factor, relation.origin))
-        remainder = combined([(1, remainder), (-factor, relation.polynomial)])
+        factor, (relation, origin) = remainder[graph], relations[graph]
+        used.append((factor, origin))
+        remainder = combined([(1, remainder), (-factor, relation)])
     return combined(used), remainder
 
 

@@ -15,6 +15,7 @@ from math import inf, isfinite, nextafter, sqrt
 
 import numpy as np
 
+from formulations.bounds.closed_form import positive
 from formulations.bounds.so3_moments.blocks.localisers import KrylovLocaliser, ScaledBlocks
 from formulations.bounds.so3_moments.blocks.sampled_blocks import BlockFamily, sector_families
 from formulations.bounds.so3_moments.global_bound import Evidence
@@ -57,31 +58,6 @@ class Conditions:
     krylov: tuple[RowSector, ...] = ()
 
 
-@dataclass(frozen=True)
-class Exclusion:
-    """Whether a worst case is excluded, and how that was checked.
-
-    Parameters
-    ----------
-    t
-        The squared worst case.
-    margin
-        Upper bound on the largest s with every block ⪰ sI, after the check; negative if t is
-        excluded.
-    evidence
-        The program, its solution and the check at fresh configurations.
-    """
-
-    t: float
-    margin: float
-    evidence: Evidence
-
-    @property
-    def excluded(self) -> bool:
-        """Whether t is excluded, numerically."""
-        return self.margin < 0
-
-
 def condition_families(conditions: Conditions, joints: int, t: float) -> list[BlockFamily]:
     """Return the blocks that are positive semidefinite wherever the worst case is σ² ≥ t."""
     limit = largest_residual(joints, t)
@@ -105,7 +81,7 @@ def exclude_worst_case(
     *,
     seed: int = 0,
     progress: Progress = silent,
-) -> Exclusion:
+) -> tuple[float, Evidence]:
     """Try to show that no unit revolute Jacobian has a worst case σ² ≥ t.
 
     Parameters
@@ -120,6 +96,12 @@ def exclude_worst_case(
         Seed of the configurations.
     progress
         Receives a short message at each step.
+
+    Returns
+    -------
+    margin, evidence
+        Upper bound on the largest s with every block ⪰ sI, after the check; t is excluded,
+        numerically, if it is negative. And the program, its solution and the check.
     """
     rng = np.random.default_rng(seed)
     families = condition_families(conditions, joints, t)
@@ -130,12 +112,10 @@ def exclude_worst_case(
     fresh = random_rotations(rng, FRESH, joints)
     # 0 − bound = Σ ⟨X, B(x)⟩ for all x.
     identity = replace(solved.sampled, objective=np.zeros(solved.sampled.moments))
-    bound, evidence = solved.checked(identity, _zero, fresh, _HOW_CHECKED, unit_trace=True)
-    return Exclusion(t, -bound, evidence)
-
-
-def _zero(rotations: FloatArray) -> FloatArray:
-    return np.zeros(len(rotations))
+    bound, evidence = solved.checked(
+        identity, lambda where: np.zeros(len(where)), fresh, _HOW_CHECKED, unit_trace=True
+    )
+    return -bound, evidence
 
 
 def largest_residual(joints: int, t: float) -> float:
@@ -154,9 +134,7 @@ def largest_residual(joints: int, t: float) -> float:
     has at most two positive roots. So p eigenvalues are (6−p)y above the mean and the others
     py below it, p = 1 … 5, and y is where the condition holds with equality.
     """
-    if not (isfinite(t) and t > 0):
-        raise InputError("t", t, "a positive finite number")
-    mean, limit = joints / 3 - t, (joints - 6) / t
+    mean, limit = joints / 3 - positive("t", t), (joints - 6) / t
     if mean <= 0 or 6 / mean > limit:
         return -inf
     return max(3 * p * (6 - p) * _largest_spread(p, mean, limit) ** 2 for p in range(1, 6))

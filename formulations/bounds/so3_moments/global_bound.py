@@ -1,45 +1,13 @@
 """A bound that holds for every unit revolute Jacobian, and the evidence for it."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any, Literal, TypeAlias
 
 from formulations import measures
-from formulations.bounds.so3_moments.programs.moment_program import MomentProgram
 
 Quantity: TypeAlias = Literal["residual", "max-min"]
 Kind: TypeAlias = Literal["numerical", "rigorous", "closed form"]
-
-
-@dataclass(frozen=True)
-class ProgramSize:
-    """How large a moment program is.
-
-    Parameters
-    ----------
-    moments
-        Dimension of the span of its functions.
-    blocks
-        Number of blocks.
-    largest_block
-        Rows of the largest.
-    svec
-        Number of distinct entries of all blocks.
-    """
-
-    moments: int
-    blocks: int
-    largest_block: int
-    svec: int
-
-    @staticmethod
-    def of(program: MomentProgram) -> ProgramSize:
-        """Return the size of a program."""
-        sizes = program.sizes
-        svec = sum(size * (size + 1) // 2 for size in sizes)
-        return ProgramSize(program.moments, len(sizes), max(sizes, default=0), svec)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,7 +17,7 @@ class Evidence:
     Parameters
     ----------
     size
-        Size of the moment program, or None if there is none.
+        Of the moment program, see `MomentProgram.size`, or None if there is none.
     solver, status, iterations
         The solver, its status and its number of iterations; all empty without a program.
     dual_residual
@@ -65,7 +33,7 @@ class Evidence:
         Wall time of each phase.
     """
 
-    size: ProgramSize | None = None
+    size: Mapping[str, int] | None = None
     solver: str = ""
     status: str = ""
     iterations: int | None = None

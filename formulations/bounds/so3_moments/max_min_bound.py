@@ -35,8 +35,8 @@ _SQUARES = [
     *(RowSector(6, c, 0, 6) for c in (0, 2)),
 ]
 CONDITIONS = Conditions(
-    plain=without_repetition([*RESIDUAL_PRESETS["low"].sectors, *_SQUARES]),
-    scaled=RESIDUAL_PRESETS["low"].sectors,
+    plain=without_repetition([*RESIDUAL_PRESETS["low"], *_SQUARES]),
+    scaled=RESIDUAL_PRESETS["low"],
     krylov=tuple(
         RowSector(k, c, spin, 4, locked)
         for k, locked in ((0, 0), (2, 0), (1, 1))
@@ -120,13 +120,16 @@ def max_min_bound(
 
 def _localised(joints: int, best: float | None, seed: int, progress: Progress) -> GlobalBound:
     """Return the root of the squared worst case if it is excluded, else the bound (6)."""
-    found = exclude_worst_case(EXCLUDED, CONDITIONS, joints, seed=seed, progress=progress)
-    squared = found.t if found.excluded else (joints - 6) / 3
-    evidence = replace(
-        found.evidence,
-        how_checked=found.evidence.how_checked if found.excluded else "not excluded; eq. (6)",
-        check={"excluded": found.t, "margin": found.margin, **found.evidence.check},
+    margin, evidence = exclude_worst_case(
+        EXCLUDED, CONDITIONS, joints, seed=seed, progress=progress
     )
-    kind: Kind = "numerical" if found.excluded else "closed form"
+    excluded = margin < 0
+    squared = EXCLUDED if excluded else (joints - 6) / 3
+    evidence = replace(
+        evidence,
+        how_checked=evidence.how_checked if excluded else "not excluded; eq. (6)",
+        check={"excluded": EXCLUDED, "margin": margin, **evidence.check},
+    )
+    kind: Kind = "numerical" if excluded else "closed form"
     bound = sqrt(squared) + _ROUNDING
     return GlobalBound("max-min", joints, LOCALISED, kind, bound, best, **vars(evidence))

@@ -8,7 +8,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from formulations.bounds.so3_moments.blocks.sampled_blocks import BlockFamily
-from formulations.bounds.so3_moments.global_bound import Evidence, ProgramSize
+from formulations.bounds.so3_moments.global_bound import Evidence
 from formulations.bounds.so3_moments.programs.moment_program import (
     ConicOutcome,
     MomentProgram,
@@ -140,7 +140,7 @@ class SolvedRelaxation:
         """Return the evidence, with the time since the solver as that of the last phase."""
         residual = None if multipliers is None else self.program.dual_residual(multipliers)
         return Evidence(
-            size=ProgramSize.of(self.sampled),
+            size=self.sampled.size,
             solver=self.solver,
             status=self.outcome.status,
             iterations=self.outcome.iterations,
@@ -191,10 +191,10 @@ def solve_relaxation(
     sampled = sampled_program(families, joints, rng, progress)
     program = adapt(sampled)
     clock.append(time.perf_counter())
-    size = ProgramSize.of(sampled)
+    size = sampled.size
     progress(
-        f"solving with {solver}: {size.moments} moments, {size.blocks} blocks, the largest "
-        f"{size.largest_block}"
+        f"solving with {solver}: {size['moments']} moments, {size['blocks']} blocks, the "
+        f"largest {size['largest_block']}"
     )
     if solver == PREDICTOR_CORRECTOR:
         outcome = solve_with_predictor_corrector(program, gap=gap, progress=progress)

@@ -6,7 +6,6 @@ among averaged sums of squares: a moment relaxation (Lasserre, 2001) reduced by 
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -38,44 +37,26 @@ _HOW_CHECKED = (
 )
 
 
-@dataclass(frozen=True)
-class Preset:
-    """A choice of rows.
-
-    Parameters
-    ----------
-    sectors
-        The row sectors.
-    solver
-        The solver that suits its size.
-    """
-
-    sectors: tuple[RowSector, ...]
-    solver: str = PREDICTOR_CORRECTOR
-
-
 def _with_degree_4(*sectors: RowSector) -> tuple[RowSector, ...]:
     return without_repetition([*degree_sectors(4, range(3)), *sectors])
 
 
 # Rows of degree below 6 give no more than 0 for seven joints; total spin 1 is needed.
-RESIDUAL_PRESETS: Mapping[str, Preset] = {
-    "low": Preset(_with_degree_4(), "CLARABEL"),
-    "fast": Preset(
-        _with_degree_4(
-            *(RowSector(k, c, 0, 6) for k in (0, 4, 6) for c in (0, 2)),
-            *(RowSector(k, c, 1, 6) for k in (0, 6) for c in (0, 2)),
-        )
+RESIDUAL_PRESETS: Mapping[str, tuple[RowSector, ...]] = {
+    "low": _with_degree_4(),
+    "fast": _with_degree_4(
+        *(RowSector(k, c, 0, 6) for k in (0, 4, 6) for c in (0, 2)),
+        *(RowSector(k, c, 1, 6) for k in (0, 6) for c in (0, 2)),
     ),
-    "compact": Preset(
-        _with_degree_4(RowSector(2, 0, 0, 6), RowSector(6, 0, 0, 6), RowSector(2, 0, 1, 6))
+    "compact": _with_degree_4(
+        RowSector(2, 0, 0, 6), RowSector(6, 0, 0, 6), RowSector(2, 0, 1, 6)
     ),
-    "tight": Preset(_with_degree_4(*degree_sectors(6, range(2)))),
+    "tight": _with_degree_4(*degree_sectors(6, range(2))),
 }
 
 
-def residual_preset(name: str) -> Preset:
-    """Return a preset of the residual bound by its name.
+def residual_preset(name: str) -> tuple[RowSector, ...]:
+    """Return the rows of a preset of the residual bound.
 
     Raises
     ------
@@ -106,8 +87,8 @@ def residual_bound(
     joints
         Number n of joints, 6 to 9.
     solver
-        ``"predictor-corrector"`` or a conic solver known to cvxpy; by default that of
-        the preset.
+        ``"predictor-corrector"`` or a conic solver known to cvxpy; by default
+        ``"CLARABEL"`` for ``"low"`` and the predictor–corrector method for larger presets.
     options
         The conic solver's own options.
     seed
@@ -131,15 +112,15 @@ def residual_bound(
     The residual is that of Maciejewski and Roberts (1995), Section 4, in a form that does not
     depend on the frame.
     """
-    choice = residual_preset(preset)
+    sectors = residual_preset(preset)
     check_joints(joints)
     rng = np.random.default_rng(seed)
-    families = sector_families(choice.sectors, joints)
+    families = sector_families(sectors, joints)
     solved = solve_relaxation(
         families,
         joints,
         rng,
-        solver=solver or choice.solver,
+        solver=solver or ("CLARABEL" if preset == "low" else PREDICTOR_CORRECTOR),
         options=options,
         progress=progress,
     )

@@ -7,7 +7,6 @@ errors of these values, |f| ≤ δ everywhere, and ρ = b + s̄ + f ≥ b − δ
 """
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
 from math import inf, nextafter
 
 import numpy as np
@@ -54,31 +53,6 @@ _HOW_CHECKED = (
 )
 
 
-@dataclass(frozen=True)
-class DefectBound:
-    """The parts of a bound on |f| = |ρ − b − s̄| over all configurations.
-
-    Parameters
-    ----------
-    largest_value
-        The largest |f| computed at the points.
-    largest_error
-        The largest bound on its error there.
-    amplification
-        How much larger f may be elsewhere, per unit of root mean square at the points.
-    basis_defect
-        How far the matrix of values may be from its assumed inverse; below 1/2.
-    defect
-        The bound δ on |f|.
-    """
-
-    largest_value: float
-    largest_error: float
-    amplification: float
-    basis_defect: float
-    defect: float
-
-
 @one_blas_thread()
 def rigorous_residual_bound(
     preset: str = "fast", joints: int = 7, *, seed: int = 0, progress: Progress = silent
@@ -111,20 +85,20 @@ def rigorous_residual_bound(
     NoBasisError
         If the points do not determine all invariants.
     """
-    choice = residual_preset(preset)
+    sectors = residual_preset(preset)
     check_joints(joints)
     rng = np.random.default_rng(seed)
-    families = sector_families(choice.sectors, joints)
+    families = sector_families(sectors, joints)
     solved = solve_relaxation(families, joints, rng, gap=_GAP, progress=progress)
     multipliers = refined_multipliers(solved.program, solved.multipliers)
     progress("bounding the difference of the two sides over all configurations")
     rotations = random_rotations(rng, _POINTS, joints)
     claimed = solved.program.dual_value(multipliers)
     details = bound_defect(families, multipliers, claimed, rotations, progress=progress)
-    bound = max(0.0, nextafter(claimed - details.defect, -inf))
+    bound = max(0.0, nextafter(claimed - details["defect"], -inf))
     evidence = solved.evidence(
         _HOW_CHECKED,
-        {"claimed_bound": claimed, **asdict(details)},
+        {"claimed_bound": claimed, **details},
         multipliers,
         float(min(np.linalg.eigvalsh(x)[0] for x in multipliers)),
         phase="proof",
@@ -142,8 +116,8 @@ def bound_defect(
     degree: int = _DEGREE,
     spanning: str = "compact",
     progress: Progress = silent,
-) -> DefectBound:
-    """Bound |ρ − claimed − s̄| over all configurations.
+) -> dict[str, float]:
+    """Bound |f| = |ρ − claimed − s̄| over all configurations.
 
     Parameters
     ----------
@@ -161,6 +135,14 @@ def bound_defect(
         Preset whose blocks span all invariants of that degree.
     progress
         Receives a short message at each step.
+
+    Returns
+    -------
+    dict
+        ``largest_value``, the largest |f| computed at the points, and ``largest_error``, the
+        largest bound on its error there; ``amplification``, how much larger f may be
+        elsewhere, per unit of root mean square at the points; ``basis_defect``, how far the
+        matrix of values may be from its assumed inverse, below 1/2; and ``defect``, δ ≥ |f|.
 
     Raises
     ------
@@ -186,20 +168,20 @@ def bound_defect(
         sums += part
         errors += wrong
     progress(f"proving a basis of the {dimension} invariants of degree {degree}")
-    spanned = sector_families(residual_preset(spanning).sectors, joints)
+    spanned = sector_families(residual_preset(spanning), joints)
     basis = invariant_basis(spanned, rotations, dimension)
     residuals = residual_values(rotations)
     values = residuals - claimed - sums
     errors += residual_error(rotations)
     errors += gamma(len(families) + 4) * (residuals + abs(claimed) + sums)
     errors *= SAFETY
-    return DefectBound(
-        largest_value=float(np.abs(values).max()),
-        largest_error=float(errors.max()),
-        amplification=basis.amplification,
-        basis_defect=basis.defect,
-        defect=basis.largest_value(values, errors),
-    )
+    return {
+        "largest_value": float(np.abs(values).max()),
+        "largest_error": float(errors.max()),
+        "amplification": basis.amplification,
+        "basis_defect": basis.defect,
+        "defect": basis.largest_value(values, errors),
+    }
 
 
 def residual_error(rotations: FloatArray) -> FloatArray:

@@ -264,7 +264,7 @@ def test_isotropic_8r_stays_feasible(isotropic_8r: FloatArray, so3: SimpleNamesp
 
 
 def test_presets_and_arguments_are_checked() -> None:
-    fast = RESIDUAL_PRESETS["fast"].sectors
+    fast = RESIDUAL_PRESETS["fast"]
     assert RowSector(4, 2, 0, 6) in fast
     assert RowSector(4, 2, 0, 4) not in fast
     with pytest.raises(InputError, match="fast"):

@@ -176,8 +176,8 @@ def test_the_defect_covers_a_claim_that_is_too_large(
     def defect(constant: float, scale: float) -> float:
         scaled = [scale * x for x in multipliers]
         bounds = bound_defect(low, scaled, constant, points, degree=8, spanning="low")
-        assert bounds.basis_defect < 0.5
-        return bounds.defect
+        assert bounds["basis_defect"] < 0.5
+        return bounds["defect"]
 
     assert -1e-3 < claimed < 0
     assert defect(claimed, 1.0) < 1e-5

@@ -57,6 +57,18 @@ class MomentProgram:
         """Numbers of rows of the blocks."""
         return tuple(block.shape[1] for block in self.blocks)
 
+    @property
+    def size(self) -> dict[str, int]:
+        """Numbers of moments, blocks, rows of the largest, and distinct entries of all."""
+        svec = sum(size * (size + 1) // 2 for size in self.sizes)
+        largest = max(self.sizes, default=0)
+        return {
+            "moments": self.moments,
+            "blocks": len(self.sizes),
+            "largest_block": largest,
+            "svec": svec,
+        }
+
     def dual_value(self, multipliers: Sequence[FloatArray]) -> float:
         """Return ρ_0 − Σ ⟨X, B_0⟩."""
         products = sum(
