@@ -146,13 +146,14 @@ class Evaluation:
 def _check_bounds(stated: Constraint | Problem, size: int, names: Sequence[str]) -> None:
     """Make both bounds read-only vectors; the names are those of lower, upper and the pair."""
     for side, name in zip(("lower", "upper"), names, strict=False):
-        bounds, of = np.array(getattr(stated, side), dtype=np.float64), f"bounds of {name}"
+        bounds = np.array(getattr(stated, side), dtype=np.float64)
+        argument = f"bounds of {name}"
         if bounds.ndim == 0:
             bounds = np.full(size, bounds)
         if bounds.shape != (size,):
-            raise InputError(of, f"of shape {bounds.shape}", f"shape ({size},)")
+            raise InputError(argument, f"of shape {bounds.shape}", f"shape ({size},)")
         if np.any(np.isnan(bounds)):
-            raise InputError(of, "NaN", "numbers, or infinity for no bound")
+            raise InputError(argument, "NaN", "numbers, or infinity for no bound")
         bounds.setflags(write=False)
         object.__setattr__(stated, side, bounds)
     lower, upper = np.asarray(stated.lower), np.asarray(stated.upper)

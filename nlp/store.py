@@ -53,12 +53,11 @@ class Store(AbstractContextManager["Store", None]):
                 timeout=_BUSY_SECONDS,
                 isolation_level=None,  # transactions are those of `_transaction` only
             )
-        try:
-            with self._clear():
+            try:
                 self._prepare(writable)
-        except BaseException:
-            self._database.close()
-            raise
+            except BaseException:
+                self._database.close()
+                raise
 
     def __exit__(self, *_: object) -> None:
         self.close()
