@@ -12,6 +12,8 @@ from threadpoolctl import threadpool_limits
 from nlp.errors import InputError
 
 FloatArray: TypeAlias = npt.NDArray[np.float64]
+# Where randomness comes from: a seed, a whole number of at least 0, or a generator.
+Rng: TypeAlias = int | np.random.Generator
 
 
 def finite_vector(argument: str, value: npt.ArrayLike, size: int) -> FloatArray:

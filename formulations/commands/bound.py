@@ -167,11 +167,11 @@ def _unit_revolute(
             raise InputError("--solver", solver, "none with --rigorous")
         check_solver(solver, "predictor-corrector")
     if quantity is Quantity.MAX_MIN:
-        found = max_min_bound(preset, joints, rigorous=rigorous, seed=seed, progress=progress)
+        found = max_min_bound(preset, joints, rigorous=rigorous, rng=seed, progress=progress)
     elif rigorous:
-        found = rigorous_residual_bound(preset, joints, seed=seed, progress=progress)
+        found = rigorous_residual_bound(preset, joints, rng=seed, progress=progress)
     else:
-        found = residual_bound(preset, joints, solver=solver, seed=seed, progress=progress)
+        found = residual_bound(preset, joints, solver=solver, rng=seed, progress=progress)
     return found.to_dict()
 
 

@@ -3,14 +3,13 @@
 from collections.abc import Mapping
 from functools import partial
 
-import numpy as np
-
 from formulations.catalogue import arm
 from formulations.measures.unequal_failures import FailureModel
 from formulations.solving.outcome import Outcome
 from formulations.solving.record import judge
 from formulations.solving.setup import Setup, solver_options
 from formulations.unequal_max_min import Goal, default_encoding
+from nlp.arrays import Rng
 from nlp.multistart import default_workers, multistart
 from nlp.task import seed_of
 
@@ -22,7 +21,7 @@ def solve(
     task_dimension: int = 6,
     *,
     starts: int = 100,
-    rng: int | np.random.Generator = 0,
+    rng: Rng = 0,
     workers: int | None = None,
     locked: int = 1,
     failures: FailureModel | None = None,

@@ -153,7 +153,7 @@ def command(plain: Mapping[str, Any]) -> str:
 
 
 def _unit_revolute(bound: Callable[..., Any], preset: str, effort: Effort) -> Any:
-    return bound(preset, 7, seed=effort.seed, progress=effort.progress).to_dict()
+    return bound(preset, 7, rng=effort.seed, progress=effort.progress).to_dict()
 
 
 #: What the study computes, as ``lockedjoint bound --json`` prints it, by the file it goes to.

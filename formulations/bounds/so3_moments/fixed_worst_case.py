@@ -29,7 +29,7 @@ from formulations.bounds.so3_moments.relaxation import (
 )
 from formulations.bounds.so3_moments.representations.row_sectors import RowSector
 from formulations.bounds.so3_moments.representations.wigner import random_rotations
-from nlp.arrays import FloatArray
+from nlp.arrays import FloatArray, Rng
 from nlp.errors import InputError
 
 _GAP = 1e-8
@@ -79,7 +79,7 @@ def exclude_worst_case(
     conditions: Conditions,
     joints: int,
     *,
-    seed: int = 0,
+    rng: Rng = 0,
     progress: Progress = silent,
 ) -> tuple[float, Evidence]:
     """Try to show that no unit revolute Jacobian has a worst case σ² ≥ t.
@@ -92,8 +92,8 @@ def exclude_worst_case(
         The conditions to use.
     joints
         Number n of joints, at least 7.
-    seed
-        Seed of the configurations.
+    rng
+        Seed of the configurations, or a generator.
     progress
         Receives a short message at each step.
 
@@ -103,13 +103,13 @@ def exclude_worst_case(
         Upper bound on the largest s with every block ⪰ sI, after the check; t is excluded,
         numerically, if it is negative. And the program, its solution and the check.
     """
-    rng = np.random.default_rng(seed)
+    generator = np.random.default_rng(rng)
     families = condition_families(conditions, joints, t)
     solved = solve_relaxation(
-        families, joints, rng, adapt=margin_program, gap=_GAP, progress=progress
+        families, joints, generator, adapt=margin_program, gap=_GAP, progress=progress
     )
     progress("checking the identity at fresh configurations")
-    fresh = random_rotations(rng, FRESH, joints)
+    fresh = random_rotations(generator, FRESH, joints)
     # 0 − bound = Σ ⟨X, B(x)⟩ for all x.
     identity = replace(solved.sampled, objective=np.zeros(solved.sampled.moments))
     bound, evidence = solved.checked(

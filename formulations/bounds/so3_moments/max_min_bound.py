@@ -18,7 +18,7 @@ from formulations.bounds.so3_moments.representations.row_sectors import (
 )
 from formulations.bounds.so3_moments.residual_bound import RESIDUAL_PRESETS, residual_bound
 from formulations.bounds.so3_moments.rigorous_residual import rigorous_residual_bound
-from nlp.arrays import one_blas_thread
+from nlp.arrays import Rng, one_blas_thread
 from nlp.errors import InputError
 
 _HOW_CHECKED = "closed form from a lower bound on the residual, which was checked so: "
@@ -54,7 +54,7 @@ def max_min_bound(
     joints: int = 7,
     *,
     rigorous: bool = False,
-    seed: int = 0,
+    rng: Rng = 0,
     progress: Progress = silent,
 ) -> GlobalBound:
     """Bound the worst case (5) of all unit revolute Jacobians from above.
@@ -73,7 +73,7 @@ def max_min_bound(
         can be 0 and the bound is that of eq. (6); nothing is computed then.
     rigorous
         Start from a proved bound on the residual.
-    seed, progress
+    rng, progress
         As in `residual_bound`.
 
     Returns
@@ -102,9 +102,9 @@ def max_min_bound(
             "max-min", joints, preset, "closed form", bound, best, how_checked="eq. (6)"
         )
     if preset == LOCALISED:
-        return _localised(joints, best, seed, progress)
+        return _localised(joints, best, rng, progress)
     lower_bound = rigorous_residual_bound if rigorous else residual_bound
-    residual = lower_bound(preset, joints, seed=seed, progress=progress)
+    residual = lower_bound(preset, joints, rng=rng, progress=progress)
     start = time.perf_counter()
     limit = worst_case_limit(joints, residual.bound) + _ROUNDING
     return replace(
@@ -118,10 +118,10 @@ def max_min_bound(
     )
 
 
-def _localised(joints: int, best: float | None, seed: int, progress: Progress) -> GlobalBound:
+def _localised(joints: int, best: float | None, rng: Rng, progress: Progress) -> GlobalBound:
     """Return the root of the squared worst case if it is excluded, else the bound (6)."""
     margin, evidence = exclude_worst_case(
-        EXCLUDED, CONDITIONS, joints, seed=seed, progress=progress
+        EXCLUDED, CONDITIONS, joints, rng=rng, progress=progress
     )
     excluded = margin < 0
     squared = EXCLUDED if excluded else (joints - 6) / 3

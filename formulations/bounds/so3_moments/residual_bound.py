@@ -28,7 +28,7 @@ from formulations.bounds.so3_moments.representations.row_sectors import (
     without_repetition,
 )
 from formulations.bounds.so3_moments.representations.wigner import random_rotations
-from nlp.arrays import one_blas_thread
+from nlp.arrays import Rng, one_blas_thread
 from nlp.errors import InputError
 
 _HOW_CHECKED = (
@@ -75,7 +75,7 @@ def residual_bound(
     *,
     solver: str | None = None,
     options: Mapping[str, Any] | None = None,
-    seed: int = 0,
+    rng: Rng = 0,
     progress: Progress = silent,
 ) -> GlobalBound:
     """Bound ½‖JJᵀ − (n/3)I‖_F² of all unit revolute Jacobians from below.
@@ -91,8 +91,8 @@ def residual_bound(
         ``"CLARABEL"`` for ``"low"`` and the predictor–corrector method for larger presets.
     options
         The conic solver's own options.
-    seed
-        Seed of the sampled and of the fresh configurations.
+    rng
+        Seed of the sampled and of the fresh configurations, or a generator.
     progress
         Receives a short message at each step.
 
@@ -114,12 +114,12 @@ def residual_bound(
     """
     sectors = residual_preset(preset)
     check_joints(joints)
-    rng = np.random.default_rng(seed)
+    generator = np.random.default_rng(rng)
     families = sector_families(sectors, joints)
     solved = solve_relaxation(
         families,
         joints,
-        rng,
+        generator,
         solver=solver or ("CLARABEL" if preset == "low" else PREDICTOR_CORRECTOR),
         options=options,
         progress=progress,
@@ -128,7 +128,7 @@ def residual_bound(
         bound, evidence = 0.0, solved.evidence("nothing to check: ρ ≥ 0")
     else:
         progress("checking the identity at fresh configurations")
-        fresh = random_rotations(rng, FRESH, joints)
+        fresh = random_rotations(generator, FRESH, joints)
         bound, evidence = solved.checked(solved.sampled, residual_values, fresh, _HOW_CHECKED)
         bound = max(0.0, bound)
     best = best_known("residual", "unit-revolute", joints)

@@ -40,7 +40,7 @@ from formulations.bounds.so3_moments.representations.wigner import (
     random_rotations,
 )
 from formulations.bounds.so3_moments.residual_bound import residual_preset
-from nlp.arrays import FloatArray, one_blas_thread
+from nlp.arrays import FloatArray, Rng, one_blas_thread
 from nlp.errors import InputError
 
 _DEGREE = 12
@@ -55,7 +55,11 @@ _HOW_CHECKED = (
 
 @one_blas_thread()
 def rigorous_residual_bound(
-    preset: str = "fast", joints: int = 7, *, seed: int = 0, progress: Progress = silent
+    preset: str = "fast",
+    joints: int = 7,
+    *,
+    rng: Rng = 0,
+    progress: Progress = silent,
 ) -> GlobalBound:
     """Prove a lower bound on ½‖JJᵀ − (n/3)I‖_F² of all unit revolute Jacobians.
 
@@ -65,8 +69,8 @@ def rigorous_residual_bound(
         ``"fast"``, ``"compact"`` or ``"tight"``: where the sum of squares comes from.
     joints
         Number n of joints, 6 to 9.
-    seed
-        Seed of the configurations.
+    rng
+        Seed of the configurations, or a generator.
     progress
         Receives a short message at each step.
 
@@ -87,12 +91,12 @@ def rigorous_residual_bound(
     """
     sectors = residual_preset(preset)
     check_joints(joints)
-    rng = np.random.default_rng(seed)
+    generator = np.random.default_rng(rng)
     families = sector_families(sectors, joints)
-    solved = solve_relaxation(families, joints, rng, gap=_GAP, progress=progress)
+    solved = solve_relaxation(families, joints, generator, gap=_GAP, progress=progress)
     multipliers = refined_multipliers(solved.program, solved.multipliers)
     progress("bounding the difference of the two sides over all configurations")
-    rotations = random_rotations(rng, _POINTS, joints)
+    rotations = random_rotations(generator, _POINTS, joints)
     claimed = solved.program.dual_value(multipliers)
     details = bound_defect(families, multipliers, claimed, rotations, progress=progress)
     bound = max(0.0, nextafter(claimed - details["defect"], -inf))
