@@ -20,7 +20,7 @@ from formulations.measures.canonical import canonical_form
 from formulations.measures.symmetry import Classes, Symmetry
 from formulations.solving.outcome import REACHED_BEST
 from nlp.errors import InputError
-from nlp.solution import SUCCESS
+from nlp.solution import ACCEPTABLE, FEASIBLE, SUCCESS
 from nlp.store import Row, Store
 from nlp.store_schema import Condition
 
@@ -36,6 +36,8 @@ LISTED = 10
 LEVELS = 100
 _FOUND = ("level", "merit", "worst_case_sigma", "classes", "reached", "of_starts")
 
+# The gate of `Record.trusted`: only what passes it reaches the best, or is it.
+_TRUSTED = f"status IN ('{SUCCESS}', '{ACCEPTABLE}') AND valid AND violation <= {FEASIBLE!r}"
 _PROBLEM = ", ".join(PROBLEM)
 _REACHED = "count(*) FILTER (WHERE reached)"
 _BEST = "CASE WHEN min(problem) = max(problem) THEN max({}) FILTER (WHERE best) END"
@@ -65,7 +67,9 @@ FROM (
     FROM (
         SELECT chosen.cell, start, problem, same, status, iterations, valid, cpu_seconds,
             merit, worst_case_sigma, isotropy_defect,
-            CASE WHEN formulation IN ({{minimised}}) THEN merit ELSE -merit END AS cost
+            CASE WHEN {_TRUSTED} THEN
+                CASE WHEN formulation IN ({{minimised}}) THEN merit ELSE -merit END
+            END AS cost
         FROM chosen JOIN (
             SELECT cell, dense_rank() OVER (ORDER BY {_PROBLEM}) AS problem,
                 dense_rank() OVER (ORDER BY {{by}}) AS same
@@ -198,6 +202,7 @@ def optima(store: Store, conditions: Sequence[Condition] = ()) -> pd.DataFrame:
 def _optima(store: Store, conditions: Sequence[Condition], problem: Row) -> Iterator[Row]:
     ended = {"status": SUCCESS, "valid": 1, **problem}
     conditions = [*conditions, *(Condition(name, "=", value) for name, value in ended.items())]
+    conditions.append(Condition("violation", "<=", FEASIBLE))
     sign = 1 if formulation(problem["formulation"]).SENSE == "minimise" else -1
     rows = store.query(_LEVELS, conditions, [REACHED_BEST, sign, LEVELS])
     m, n = problem["task_dimension"], problem["joints"]

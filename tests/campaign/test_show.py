@@ -104,6 +104,23 @@ def test_groups_of_answers_that_fail_the_check(path, tmp_path):
     assert (second["reached_best"], second["merit"]) == (2, 2.0)
 
 
+@pytest.mark.parametrize(
+    "fault", [{"status": "Maximum_Iterations_Exceeded"}, {"violation": 1e-3}, {"valid": 0}]
+)
+def test_what_does_not_pass_the_gate_is_never_the_best(path, tmp_path, fault):
+    """A merit that looks better, of a start that did not converge or is not feasible."""
+    kept = by_hand(path, formulation="max-min", encoding="shared-factor")[0]
+    values = {k: v for k, v in kept.items() if k in SCHEMA.values}
+    better = {**values, **fault, "merit": values["merit"] + 1.0}
+    with Store(tmp_path / "s.db", SCHEMA, writable=True) as store:
+        cell = store.cell({k: kept[k] for k in SCHEMA.settings})
+        store.add(cell, [(0, values), (1, better)], "v")
+        [line] = grouped(store).to_dict("records")
+        found = optima(store)
+    assert (line["starts"], line["reached_best"], line["merit"]) == (2, 1, values["merit"])
+    assert found["merit"].tolist() == [values["merit"]]
+
+
 def test_groups_of_several_problems_have_no_best(path):
     with Store(path, SCHEMA) as store:
         table = grouped(store, by=["formulation"])
