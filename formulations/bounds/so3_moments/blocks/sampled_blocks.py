@@ -187,15 +187,25 @@ def coupled_with(
     reachable
         Total spins that are still of use.
     """
+    products = {
+        before: values[:, :, :, None] * factor[:, None, :] for before, values in coupled.items()
+    }
+    return recoupled(products, spin, reachable)
+
+
+def recoupled(products: Coupled, spin: int, reachable: range) -> Coupled:
+    """Return products of spins l and `spin`, (ways, configurations, 2l+1, 2·spin+1), coupled.
+
+    For each total spin so far `products` holds one array; `reachable` as in `coupled_with`.
+    """
     grown: dict[int, list[ComplexArray]] = {}
-    for before, values in coupled.items():
-        products = values[:, :, :, None] * factor[:, None, :]
-        products = products.reshape(*products.shape[:2], -1)
+    for before, values in products.items():
+        shape = values.shape[:2]
+        both = values.reshape(*shape, -1).view(float).reshape(*shape, -1, 2)
         for target in range(abs(before - spin), before + spin + 1):
             if target in reachable:
                 table = coupling(before, spin, target).reshape(-1, 2 * target + 1)
-                both = products.view(float).reshape(*products.shape, 2)
-                part = np.empty((*products.shape[:2], 2 * target + 1), dtype=complex)
+                part = np.empty((*shape, 2 * target + 1), dtype=complex)
                 part.real, part.imag = both[..., 0] @ table, both[..., 1] @ table
                 grown.setdefault(target, []).append(part)
     return {target: np.concatenate(parts) for target, parts in grown.items()}
