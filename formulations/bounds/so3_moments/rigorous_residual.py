@@ -17,10 +17,8 @@ from formulations.bounds.so3_moments.blocks.enclosed_squares import (
     enclosed_block,
     enclosed_sums,
 )
-from formulations.bounds.so3_moments.blocks.invariants import (
-    invariant_basis,
-    invariant_dimension,
-)
+from formulations.bounds.so3_moments.blocks.invariant_basis import invariant_basis
+from formulations.bounds.so3_moments.blocks.invariants import invariant_dimension
 from formulations.bounds.so3_moments.blocks.sampled_blocks import SectorBlocks, sector_families
 from formulations.bounds.so3_moments.global_bound import GlobalBound
 from formulations.bounds.so3_moments.programs.multipliers import (
@@ -34,7 +32,13 @@ from formulations.bounds.so3_moments.relaxation import (
     silent,
     solve_relaxation,
 )
-from formulations.bounds.so3_moments.representations.rounding import ROTATION_ENTRY, gamma
+from formulations.bounds.so3_moments.representations.rounding import (
+    EXTENDED_UNIT,
+    ROTATION_ENTRY,
+    UNIT,
+    gamma,
+    require_extended_precision,
+)
 from formulations.bounds.so3_moments.representations.wigner import (
     jacobians_of,
     random_rotations,
@@ -44,9 +48,9 @@ from nlp.arrays import FloatArray, Rng, one_blas_thread
 from nlp.errors import InputError
 
 _DEGREE = 12
-_POINTS = 560
+_CANDIDATES, _POINTS = 1000, 600
 # Multipliers well inside of the cone can be made to satisfy the equations to the last digits.
-_GAP = 1e-6
+_GAP = 3e-8
 _HOW_CHECKED = (
     "sum of squares by construction; its difference from the residual is an invariant of "
     "degree 12, bounded everywhere by its values at as many points, all rounding bounded"
@@ -89,6 +93,7 @@ def rigorous_residual_bound(
     NoBasisError
         If the points do not determine all invariants.
     """
+    require_extended_precision()
     sectors = residual_preset(preset)
     check_joints(joints)
     generator = np.random.default_rng(rng)
@@ -96,9 +101,11 @@ def rigorous_residual_bound(
     solved = solve_relaxation(families, joints, generator, gap=_GAP, progress=progress)
     multipliers = refined_multipliers(solved.program, solved.multipliers)
     progress("bounding the difference of the two sides over all configurations")
-    rotations = random_rotations(generator, _POINTS, joints)
+    candidates = random_rotations(generator, _CANDIDATES, joints, extended=True)
     claimed = solved.program.dual_value(multipliers)
-    details = bound_defect(families, multipliers, claimed, rotations, progress=progress)
+    details = bound_defect(
+        families, multipliers, claimed, candidates, points=_POINTS, progress=progress
+    )
     bound = max(0.0, nextafter(claimed - details["defect"], -inf))
     evidence = solved.evidence(
         _HOW_CHECKED,
@@ -115,10 +122,10 @@ def bound_defect(
     families: Sequence[SectorBlocks],
     multipliers: Sequence[FloatArray],
     claimed: float,
-    rotations: FloatArray,
+    candidates: FloatArray,
     *,
     degree: int = _DEGREE,
-    spanning: str = "compact",
+    points: int | None = None,
     progress: Progress = silent,
 ) -> dict[str, float]:
     """Bound |f| = |ρ − claimed − s̄| over all configurations.
@@ -131,12 +138,12 @@ def bound_defect(
         X of each block. Only a factor of each is used, so they need not be semidefinite.
     claimed
         The constant b.
-    rotations
-        The points at which everything is evaluated, (points, n, 3, 3).
+    candidates
+        Rotations in extended precision, (candidates, n, 3, 3).
     degree
         Twice the largest degree of the rows, at least 4.
-    spanning
-        Preset whose blocks span all invariants of that degree.
+    points
+        How many candidates to keep, those that determine the invariants best; all by default.
     progress
         Receives a short message at each step.
 
@@ -159,8 +166,9 @@ def bound_defect(
     for sector in (family.sector for family in families):
         if 2 * sector.degree > degree:
             raise InputError("families", sector, f"rows of degree at most {degree // 2}")
-    joints = rotations.shape[1]
-    dimension = invariant_dimension(joints, degree)
+    dimension = invariant_dimension(candidates.shape[1], degree)
+    progress(f"proving a basis of the {dimension} invariants of degree {degree}")
+    basis, rotations = invariant_basis(candidates, degree, dimension, points)
     sums, errors = np.zeros(len(rotations)), np.zeros(len(rotations))
     remaining = iter(multipliers)
     for number, family in enumerate(families, start=1):
@@ -171,10 +179,7 @@ def bound_defect(
         part, wrong = enclosed_sums(family, enclosed, rotations)
         sums += part
         errors += wrong
-    progress(f"proving a basis of the {dimension} invariants of degree {degree}")
-    spanned = sector_families(residual_preset(spanning), joints)
-    basis = invariant_basis(spanned, rotations, dimension)
-    residuals = residual_values(rotations)
+    residuals = residual_values(rotations).astype(float)
     values = residuals - claimed - sums
     errors += residual_error(rotations)
     errors += gamma(len(families) + 4) * (residuals + abs(claimed) + sums)
@@ -191,16 +196,17 @@ def bound_defect(
 def residual_error(rotations: FloatArray) -> FloatArray:
     """Return a bound on the rounding error of the residual at each point.
 
-    The entries of J are off by `ROTATION_ENTRY`, those of JJᵀ by the sum over the columns, and
-    a square by twice the entry times that.
+    The entries of J are off by `ROTATION_ENTRY` units, those of JJᵀ by the sum over the columns,
+    and a square by twice the entry times that.
     """
     jacobians = jacobians_of(rotations)
     joints = jacobians.shape[-1]
-    entry = joints * (2.1 * ROTATION_ENTRY + 1.1 * gamma(joints + 4))
+    unit = EXTENDED_UNIT if rotations.dtype == np.longdouble else UNIT
+    entry = joints * (2.1 * ROTATION_ENTRY * unit + 1.1 * gamma(joints + 4, unit))
     gram = jacobians @ jacobians.swapaxes(-1, -2) - joints / 3 * np.eye(6)
     size = np.sqrt(np.sum(gram**2, axis=(-1, -2)))
     whole = 6.0 * entry
-    return np.asarray(SAFETY * (size * whole + whole**2 + gamma(40) * size**2))
+    return np.asarray(SAFETY * (size * whole + whole**2 + gamma(40, unit) * size**2), float)
 
 
 def _root(multiplier: FloatArray) -> FloatArray:

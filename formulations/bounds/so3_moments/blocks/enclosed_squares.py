@@ -8,10 +8,12 @@ the rounded U_T L. Then
 for any A_T. Over rotations of the frame, phase, conjugation and signs s is invariant
 exactly, since φ stands for the exact rows; over permutations only if A obeys Young's
 orthogonal form exactly: P A_T = Σ A_T' Y_{T'T} for exchanges P of neighbours. If the two sides
-differ by E with |Eᵀφ| ≤ e, an exchange changes |Aᵀφ| by at most e, and a permutation of k and
-of n − k joints takes at most ℓ = k(k−1)/2 + (n−k)(n−k−1)/2 exchanges: with a = |Aᵀφ|, a²
-differs from its average over permutations, which is invariant and not negative, by at most
-ℓe(2a + ℓe).
+differ by E with |Eᵀφ| ≤ e, an exchange changes a = |Aᵀφ| by at most e, and a permutation of k
+and of n − k joints takes as many exchanges as it has inversions: on average half of the largest
+number, ℓ = k(k−1)/2 + (n−k)(n−k−1)/2. So a² differs from its average over permutations, which is
+invariant and not negative, by at most ℓe(a + ℓe).
+
+|φ| of each set of labels is computed at the configuration; permutations do not change it.
 """
 
 from collections.abc import Sequence
@@ -45,8 +47,8 @@ class EnclosedBlock:
     ----------
     parts
         Number of a set of labels and A_T there, shape (tableaux, plain rows, columns).
-    difference
-        Bound e on |Eᵀφ| for all configurations.
+    differences
+        Bounds on ‖E‖ for each exchange and each set of labels of `parts`.
     exchanges
         Number ℓ of exchanges that make any permutation.
     scale
@@ -54,14 +56,23 @@ class EnclosedBlock:
     """
 
     parts: tuple[tuple[int, FloatArray], ...]
-    difference: float
+    differences: FloatArray
     exchanges: int
     scale: int
 
-    def asymmetry(self, norm: FloatArray) -> FloatArray:
-        """Return a bound on how far |Aᵀφ|² is from its average, for |Aᵀφ| up to `norm`."""
-        step = self.exchanges * self.difference
-        return np.asarray(SAFETY * step * (2 * norm + step))
+    def asymmetry(self, norm: FloatArray, plain_norms: FloatArray) -> FloatArray:
+        """Return a bound on how far |Aᵀφ|² is from its average.
+
+        Parameters
+        ----------
+        norm
+            Bound on |Aᵀφ|, (configurations,).
+        plain_norms
+            Bounds on |φ| of each set of labels of the sector, (sets, configurations).
+        """
+        used = plain_norms[[number for number, _ in self.parts]]
+        step = self.exchanges * np.max(self.differences @ used, axis=0, initial=0.0)
+        return np.asarray(SAFETY * step * (norm + step))
 
 
 def enclosed_block(
@@ -75,22 +86,22 @@ def enclosed_block(
     parts = tuple(merged.items())
     rows = [family.rows[number] for number, _ in parts]
     exchanges = sum(len(place) * (len(place) - 1) // 2 for place in rows[0].places)
-    difference = _exchange_difference(rows, [a for _, a in parts], block)
+    differences = _exchange_differences(rows, [a for _, a in parts], block)
     return EnclosedBlock(
-        parts, difference, exchanges, (2 * family.sector.spin + 1) * block.tableaux
+        parts, differences, exchanges, (2 * family.sector.spin + 1) * block.tableaux
     )
 
 
-def _exchange_difference(
+def _exchange_differences(
     rows: Sequence[PermutedRows], parts: Sequence[FloatArray], block: AdaptedRows
-) -> float:
-    """Return a bound on |Eᵀφ|, E = P A_T − Σ A_T' Y_{T'T}, for all exchanges and φ."""
+) -> FloatArray:
+    """Return bounds on ‖E‖, E = P A_T − Σ A_T' Y_{T'T}, for all exchanges P and sets."""
     places = rows[0].places
     form = young_form(block.shapes, places)
-    worst = 0.0
-    for joint in (joint for place in places for joint in place[:-1]):
-        total = 0.0
-        for entry, a in zip(rows, parts, strict=True):
+    neighbours = [joint for place in places for joint in place[:-1]]
+    found = np.zeros((len(neighbours), len(rows)))
+    for row, joint in zip(found, neighbours, strict=True):
+        for column, (entry, a) in enumerate(zip(rows, parts, strict=True)):
             exchange = entry.exchange(joint)
             rounding = exchange_error(entry) + sqrt(entry.ways) * gamma(entry.ways + 4)
             difference = exchange @ a
@@ -98,12 +109,10 @@ def _exchange_difference(
                 difference[number] -= a[number] / distance
                 if abs(distance) > 1:
                     difference[number] -= sqrt(1 - 1 / distance**2) * a[goal]
-            size = float(np.linalg.norm(a))
             # An exchange has at most `ways` entries in a row.
-            norm = float(np.linalg.norm(difference)) + (rounding + 12 * UNIT) * size
-            total += norm * sqrt(len(entry.assignments))
-        worst = max(worst, total)
-    return worst * SAFETY
+            size = float(np.linalg.norm(a))
+            row[column] = float(np.linalg.norm(difference)) + (rounding + 12 * UNIT) * size
+    return found * SAFETY
 
 
 def enclosed_sums(
@@ -120,25 +129,45 @@ def enclosed_sums(
     mistakes = [product_error(family, block) for block in blocks]
     for order in orders:
         plain = family.plain_values(wigner, order)
-        for block, mistake in zip(blocks, mistakes, strict=True):
-            squares, wrong = _block_sum(block, plain, mistake, count)
+        norms = plain_norms(family, plain)
+        for block, (fixed, relative) in zip(blocks, mistakes, strict=True):
+            squares, wrong = _block_sum(block, plain, fixed + relative @ norms, count)
             weight = 1.0 / (len(orders) * block.scale)
             total += weight * squares
-            errors += weight * (wrong + block.asymmetry(np.sqrt(squares + wrong)))
+            errors += weight * (wrong + block.asymmetry(np.sqrt(squares + wrong), norms))
     # Weights and sums of positive numbers over blocks and orders.
     return total, SAFETY * (errors + gamma(len(orders) * len(blocks) + 8) * total)
 
 
-def product_error(family: SectorBlocks, block: EnclosedBlock) -> float:
-    """Return a bound on the Euclidean norm of the error of Aᵀφ for one order."""
-    wrong = 0.0
+def plain_norms(family: SectorBlocks, plain: Sequence[FloatArray]) -> FloatArray:
+    """Return bounds on |φ| of each set of labels, (sets, configurations)."""
+    count = max(values.shape[1] for values in plain)
+    norms = [
+        np.broadcast_to(np.sqrt(np.sum(values**2, axis=(0, 2))), count)
+        + sqrt(len(rows.assignments)) * row_error(rows)
+        for values, rows in zip(plain, family.rows, strict=True)
+    ]
+    return SAFETY * np.array(norms)
+
+
+def product_error(family: SectorBlocks, block: EnclosedBlock) -> tuple[float, FloatArray]:
+    """Bound the Euclidean norm of the error of Aᵀφ for one order, see `_block_sum`.
+
+    Returns
+    -------
+    fixed
+        From the errors of φ.
+    relative
+        From the products: to be multiplied by |φ| of each set of labels of the sector.
+    """
+    fixed, relative = 0.0, np.zeros(len(family.rows))
     for number, a in block.parts:
         rows = family.rows[number]
         flat = a.transpose(1, 0, 2).reshape(a.shape[1], -1)
+        fixed += _norm(flat) * row_error(rows) * sqrt(len(rows.assignments))
         products = gamma(a.shape[1] + len(block.parts) + 1)
-        size = _norm(flat) * row_error(rows) + 1.1 * _norm(np.abs(flat)) * products
-        wrong += size * sqrt(len(rows.assignments))
-    return SAFETY * wrong
+        relative[number] += 1.1 * _norm(np.abs(flat)) * products
+    return SAFETY * fixed, SAFETY * relative
 
 
 def _norm(matrix: FloatArray) -> float:
@@ -148,7 +177,7 @@ def _norm(matrix: FloatArray) -> float:
 
 
 def _block_sum(
-    block: EnclosedBlock, plain: Sequence[FloatArray], wrong: float, count: int
+    block: EnclosedBlock, plain: Sequence[FloatArray], wrong: FloatArray, count: int
 ) -> tuple[FloatArray, FloatArray]:
     """Return Σ_T |A_Tᵀφ|² and a bound on its error, of one order."""
     components = plain[0].shape[2]
@@ -157,7 +186,9 @@ def _block_sum(
         values = np.tile(plain[number], (1, count // plain[number].shape[1], 1))
         flat = a.transpose(0, 2, 1).reshape(-1, a.shape[1])
         found = found + flat @ values.reshape(len(values), -1)
-    squared = np.sum(found.reshape(-1, count, components) ** 2, axis=(0, 2))
-    terms = found.shape[0] * components
-    error = 2 * np.sqrt(squared) * wrong + wrong**2 + gamma(terms + 2) * squared
+    # Squares are added up in extended precision: at most 2¹¹ terms for one more unit.
+    squares = found.reshape(-1, count, components) ** 2
+    squared = np.sum(squares, axis=(0, 2), dtype=np.longdouble).astype(float)
+    units = 4 + found.shape[0] * components // 2**11
+    error = 2 * np.sqrt(squared) * wrong + wrong**2 + gamma(units) * squared
     return squared, SAFETY * error

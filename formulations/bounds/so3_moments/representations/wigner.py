@@ -3,13 +3,14 @@
 A unit revolute joint, eq. (21), is a rotation R that takes the axes x, y, z to v, ω and v × ω.
 D^l is its matrix on spin l, components from −l to l. The first index belongs to the frame, the
 second, m, to the phase (v + iω → e^{−iθ}(v + iω) multiplies D^l_{Mm} by e^{−imθ}).
-Condon–Shortley phases throughout.
+Condon–Shortley phases throughout. From rotations in extended precision (``numpy.longdouble``)
+everything here is computed in extended precision, and only the end rounded to double.
 """
 
 from collections.abc import Sequence
 from fractions import Fraction
 from functools import cache
-from math import comb, copysign, sqrt
+from math import comb, copysign, isqrt, sqrt
 from typing import TypeAlias
 
 import numpy as np
@@ -19,15 +20,20 @@ from nlp.arrays import FloatArray
 
 ComplexArray: TypeAlias = NDArray[np.complex128]
 
-# Columns: the spherical unit vectors e_{−1}, e_0, e_{+1}.
-_SPHERICAL = np.array(
-    [[1 / sqrt(2), 0, -1 / sqrt(2)], [-1j / sqrt(2), 0, -1j / sqrt(2)], [0, 1, 0]]
-)
+# Columns: the spherical unit vectors e_{−1}, e_0, e_{+1}, times √2.
+_SPHERICAL = np.array([[1, 0, -1], [-1j, 0, -1j], [0, np.sqrt(np.longdouble(2)), 0]])
 
 
-def random_rotations(rng: np.random.Generator, count: int, joints: int) -> FloatArray:
-    """Return uniformly distributed rotation matrices, shape (count, joints, 3, 3)."""
+def random_rotations(
+    rng: np.random.Generator, count: int, joints: int, *, extended: bool = False
+) -> FloatArray:
+    """Return uniformly distributed rotation matrices, shape (count, joints, 3, 3).
+
+    In extended precision if `extended`: the same rotations with smaller errors.
+    """
     quaternions = rng.standard_normal((count, joints, 4))
+    if extended:
+        quaternions = quaternions.astype(np.longdouble)
     w, x, y, z = np.moveaxis(quaternions, -1, 0)
     rows = [
         [w * w + x * x - y * y - z * z, 2 * (x * y - w * z), 2 * (x * z + w * y)],
@@ -49,15 +55,18 @@ def wigner_matrices(rotations: FloatArray, largest: int) -> list[ComplexArray]:
 
     D^{l+1} is a block of D^l ⊗ D^1 in the coupled basis.
     """
-    one = _SPHERICAL.conj().T @ rotations @ _SPHERICAL
-    found = [np.ones((*rotations.shape[:-2], 1, 1), dtype=complex), one]
+    extended = rotations.dtype == np.longdouble
+    spherical = _SPHERICAL if extended else _SPHERICAL.astype(complex)
+    one = spherical.conj().T @ rotations @ spherical / 2
+    found = [np.ones((*rotations.shape[:-2], 1, 1), dtype=one.dtype), one]
     for spin in range(1, largest):
         size = 3 * (2 * spin + 1)
-        table = coupling(spin, 1, spin + 1).reshape(size, -1)
+        given = extended_coupling(spin, 1, spin + 1) if extended else coupling(spin, 1, spin + 1)
+        table = given.reshape(size, -1)
         products = found[spin][..., :, None, :, None] * one[..., None, :, None, :]
         together = products.reshape(*rotations.shape[:-2], size, size)
         found.append(table.T @ (together @ table))
-    return found[: largest + 1]
+    return [matrices.astype(complex) for matrices in found[: largest + 1]]
 
 
 @cache
@@ -67,18 +76,43 @@ def coupling(first: int, second: int, total: int) -> FloatArray:
     Each entry is the correctly rounded square root of an exact rational, to within two units
     in the last place.
     """
-    table = np.zeros((2 * first + 1, 2 * second + 1, 2 * total + 1))
+    return _table(first, second, total, float)
+
+
+@cache
+def extended_coupling(first: int, second: int, total: int) -> FloatArray:
+    """Return the same in extended precision, to within two units in its last place."""
+    return _table(first, second, total, np.longdouble)
+
+
+def _table(first: int, second: int, total: int, kind: type) -> FloatArray:
+    table = np.zeros((2 * first + 1, 2 * second + 1, 2 * total + 1), dtype=kind)
     if abs(first - second) <= total <= first + second:
         for a in range(-first, first + 1):
             for b in range(max(-second, -total - a), min(second, total - a) + 1):
-                value = _coefficient(first, a, second, b, total)
-                table[first + a, second + b, total + a + b] = value
+                square, sign = _coefficient(first, a, second, b, total)
+                root = sqrt(square) if kind is float else _extended_root(square)
+                table[first + a, second + b, total + a + b] = copysign(1.0, sign) * root
     table.flags.writeable = False
     return table
 
 
-def _coefficient(first: int, a: int, second: int, b: int, total: int) -> float:
-    """Return one Clebsch–Gordan coefficient by Racah's formula, written with binomials."""
+def _extended_root(square: Fraction) -> np.longdouble:
+    """Return √square, 0 ≤ square ≤ 1, in extended precision."""
+    if square == 0:
+        return np.longdouble(0)
+    shift = 64 + (square.denominator // square.numerator).bit_length() // 2
+    digits = isqrt((square.numerator << 2 * shift) // square.denominator)
+    # At most 66 bits: two parts that are exact.
+    high, low = divmod(digits, 2**32)
+    return np.ldexp(np.longdouble(high) * 2**32 + np.longdouble(low), -shift)
+
+
+def _coefficient(first: int, a: int, second: int, b: int, total: int) -> tuple[Fraction, int]:
+    """Return the square of a Clebsch–Gordan coefficient, and its sign as that of an integer.
+
+    By Racah's formula, written with binomials.
+    """
     lost = first + second - total
     series = sum(
         (-1) ** k
@@ -94,7 +128,7 @@ def _coefficient(first: int, a: int, second: int, b: int, total: int) -> float:
         * comb(2 * second, second - b)
         * comb(2 * total, total - a - b),
     )
-    return copysign(sqrt(norm * series**2), series)
+    return norm * series**2, series
 
 
 @cache
@@ -112,17 +146,19 @@ def coupled_tensors(spins: tuple[int, ...], total: int) -> FloatArray:
     -------
     numpy.ndarray
         Shape (ways, 2l_1+1, …, 2l_p+1, 2L+1). For each way and each component of L a tensor of
-        norm 1. Changing the sign of all components multiplies it by (−1)^(Σ l_i − L).
+        norm 1, in extended precision. Changing the sign of all components multiplies it by
+        (−1)^(Σ l_i − L).
     """
     if not spins:
         return np.ones((1, 1)) if total == 0 else np.zeros((0, 2 * total + 1))
-    partial: dict[int, list[FloatArray]] = {spins[0]: [np.eye(2 * spins[0] + 1)]}
+    unit = np.eye(2 * spins[0] + 1, dtype=np.longdouble)
+    partial: dict[int, list[FloatArray]] = {spins[0]: [unit]}
     for position, spin in enumerate(spins[1:], start=1):
         rest = sum(spins[position + 1 :])
         grown: dict[int, list[FloatArray]] = {}
         for reached, tensors in partial.items():
             for target in range(abs(reached - spin), min(reached + spin, total + rest) + 1):
-                table = coupling(reached, spin, target)
+                table = extended_coupling(reached, spin, target)
                 grown.setdefault(target, []).extend(
                     np.tensordot(tensor, table, axes=1) for tensor in tensors
                 )
@@ -146,14 +182,16 @@ def axis_exchange(spins: Sequence[int], total: int, order: Sequence[int]) -> Flo
     -------
     numpy.ndarray
         Orthogonal matrix X, (ways, ways): reordered tensor b = Σ_c X[c, b] · tensor c of the
-        reordered spins.
+        reordered spins. Computed in extended precision, then rounded.
     """
     given = coupled_tensors(tuple(spins), total)
     if list(order) == list(range(len(order))):
         return np.eye(len(given))
     goal = coupled_tensors(tuple(spins[q] for q in order), total)
     moved = given.transpose(0, *(1 + q for q in order), given.ndim - 1)
-    # Every component of L gives the same overlaps; the highest one is enough.
-    return np.asarray(
-        goal[..., -1].reshape(len(goal), -1) @ moved[..., -1].reshape(len(moved), -1).T
-    )
+    # Every component of L gives the same overlaps; the highest one is enough. The other
+    # components add up to it: most entries are 0.
+    first = goal[..., -1].reshape(len(goal), -1)
+    second = moved[..., -1].reshape(len(moved), -1)
+    filled = first.any(axis=0) | second.any(axis=0)
+    return np.asarray(first[:, filled] @ second[:, filled].T, dtype=float)
