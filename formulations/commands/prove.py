@@ -1,11 +1,11 @@
-"""``lockedjoint prove``: derive the certificate that no optimal 7R Jacobian exists."""
+"""``lockedjoint prove``: for which n optimally failure-tolerant nR Jacobians exist."""
 
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from formulations.commands.arguments import Json
+from formulations.commands.arguments import Json, whole_option
 from formulations.commands.output import show
 
 
@@ -13,22 +13,46 @@ def prove(
     out: Annotated[
         Path, typer.Option(metavar="FILE", help="Where to write the certificate (JSON).")
     ] = Path("certificate.json"),
+    joints: Annotated[
+        int, whole_option(1, "N", "Number of revolute joints: 7, or 8 to 1000.")
+    ] = 7,
     as_json: Json = False,
 ) -> None:
-    """Prove that no optimally failure-tolerant 7R Jacobian exists.
+    """Prove that an optimally failure-tolerant nR Jacobian exists, or for n = 7 that none does.
 
-    Derives, in exact rational arithmetic and from the definitions alone, polynomials whose
-    weighted squares would sum to a negative constant if such a Jacobian existed, and writes
-    them with every multiplier that is needed to check this. Every run writes the same bytes.
+    Seven joints: derives, in exact rational arithmetic and from the definitions alone,
+    polynomials whose weighted squares would sum to a negative constant if such a Jacobian
+    existed, and writes them with every multiplier that is needed to check this. Eight and
+    more: writes the exact columns of such a Jacobian, for 8 to 13 joints, and beyond that
+    how many isotropic six-joint arms stand beside them. Every run writes the same bytes.
     Check the file with `lockedjoint verify`.
     """
-    from formulations.existence.derive import derive
+    from formulations.existence.rings import exact_jacobian
     from nlp.errors import FileError
-    from nlp.files import prepare_folder
+    from nlp.files import prepare_folder, write_text
 
+    existence = None if joints == 7 else exact_jacobian(joints)
     if out.is_dir():
         raise FileError("--out", str(out), "a file to write to, not a folder")
     prepare_folder(out.parent, "folder of --out")
+    if existence is None:
+        _prove_nonexistence(out, as_json)
+        return
+    write_text(out, existence.to_json())
+    columns, arms = len(existence.columns), existence.six_joint_arms
+    sizes = {"joints": joints, "columns": columns, "six_joint_arms": arms}
+    beside = f"\nbeside {arms} isotropic six-joint arms" if arms else ""
+    text = (
+        f"Optimally failure-tolerant {joints}R Jacobians exist: the {columns} exact columns\n"
+        f"in {out}{beside} satisfy J Jᵀ = ({joints}/3) I with |v| = |ω| = 1."
+    )
+    show({"file": str(out), **sizes}, as_json, lambda _: text)
+
+
+def _prove_nonexistence(out: Path, as_json: bool) -> None:
+    """Derive and write the certificate for seven joints."""
+    from formulations.existence.derive import derive
+
     certificate = derive()
     certificate.write(out)
     found: dict[str, Any] = {
