@@ -29,7 +29,7 @@ def verify(
     ] = 0,
     as_json: Json = False,
 ) -> None:
-    """Verify a certificate: no optimally failure-tolerant 7R exists, or one of n ≥ 8 joints does.
+    """Verify that no optimally failure-tolerant 7R Jacobian exists, or that an nR does, n ≥ 8.
 
     Expands the polynomials, or multiplies out the columns, in exact arithmetic, in code that
     shares nothing with the derivation. Exit status 0 if the proof holds, 1 if it does not, 2

@@ -74,7 +74,7 @@ def exact_jacobian(joints: int) -> ExactJacobian:
     arms, beyond = divmod(joints - 8, 6)
     m, along = _ring(8 + beyond)
     half, one = Fraction(1, 2), Fraction(1)
-    under = {
+    under: dict[str, _Number] = {
         "√2": [(Fraction(2), ())],
         "A": [(along / 2, ())],  # A = a/√2
         "B": [(1 - along, ())],  # B = √2 b
@@ -103,8 +103,8 @@ def exact_jacobian(joints: int) -> ExactJacobian:
         return tuple((x, tuple(sorted(names.index(name) for name in r))) for x, r in number)
 
     roots = tuple(plain(under[name]) for name in names)
-    exact = tuple(tuple(plain(entry) for entry in column) for column in columns)
-    return ExactJacobian(joints, arms, roots, exact)
+    exact = (tuple(plain(entry) for entry in column) for column in columns)
+    return ExactJacobian(joints, arms, roots, tuple(exact))
 
 
 def _ring(joints: int) -> tuple[int, Fraction]:
