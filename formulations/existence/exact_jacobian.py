@@ -30,7 +30,8 @@ from typing import TypeAlias
 from formulations.existence.certificate import CertificateError, shown
 
 MOST_JOINTS = 1000
-MOST_COLUMNS, MOST_ROOTS, MOST_TERMS = 13, 6, 4
+MOST_COLUMNS, MOST_ROOTS = 13, 6
+MOST_TERMS, MOST_TERMS_UNDER_A_ROOT, LARGEST_INTEGER = 4, 2, 10**12
 _BITS = 96  # of the enclosures of the roots
 
 Number: TypeAlias = tuple[tuple[Fraction, tuple[int, ...]], ...]  # coefficient, roots
@@ -75,11 +76,11 @@ class ExactJacobian:
         _require(found == self.joints, f"the columns are {found}, the joints {self.joints}")
         _require(len(self.roots) <= MOST_ROOTS, f"there are more than {MOST_ROOTS} roots")
         for place, number in enumerate(self.roots):
-            _require_number(number, place)
+            _require_number(number, place, MOST_TERMS_UNDER_A_ROOT)
         for column in self.columns:
             _require(len(column) == 6, f"a column of {len(column)} entries has not six")
             for number in column:
-                _require_number(number, len(self.roots))
+                _require_number(number, len(self.roots), MOST_TERMS)
 
     def to_json(self) -> str:
         """Return the JSON text, one column a line."""
@@ -167,11 +168,14 @@ def _require_positive(squares: list[Value]) -> None:
         high.append(Fraction(isqrt(int(most * 4**_BITS)) + 1, 2**_BITS))
 
 
-def _require_number(number: Number, roots: int) -> None:
+def _require_number(number: Number, roots: int, most_terms: int) -> None:
     """Refuse a number that is too long or uses other roots than the first ones."""
-    _require(len(number) <= MOST_TERMS, f"a number of more than {MOST_TERMS} terms")
+    terms = len(number)
+    _require(terms <= most_terms, f"a number of {terms} terms has more than {most_terms}")
     for coefficient, used in number:
         _require(isinstance(coefficient, Fraction), f"{shown(coefficient)} is not a Fraction")
+        larger = max(abs(coefficient.numerator), coefficient.denominator)
+        _require(larger <= LARGEST_INTEGER, f"{larger} is larger than {LARGEST_INTEGER}")
         for root in used:
             known = type(root) is int and 0 <= root < roots
             _require(known, f"root {shown(root)} is not one of the {roots} before")

@@ -151,7 +151,7 @@ def _distinct_keys(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 
 def _short_integer(digits: str) -> int:
     if len(digits) > DIGITS:
-        raise CertificateError(f"an integer of {len(digits)} digits is not a joint.")
+        raise CertificateError(f"an integer of {len(digits)} digits is too long.")
     return int(digits)
 
 

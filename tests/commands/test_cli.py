@@ -153,6 +153,25 @@ def test_prove_then_verify(lockedjoint, tmp_path):
     assert json.loads(verified.stdout)["verdict"].startswith("proved")
 
 
+def test_prove_existence_then_verify(lockedjoint, tmp_path):
+    for joints, columns in ((8, 8), (20, 8)):
+        proved = lockedjoint("prove", "--joints", joints, "--out", "p/c.json", cwd=tmp_path)
+        assert f"Optimally failure-tolerant {joints}R Jacobians exist" in proved.stdout
+        verified = lockedjoint("verify", "p/c.json", "--json", cwd=tmp_path)
+        found = json.loads(verified.stdout)
+        assert (
+            found["verdict"]
+            == f"proved: an optimally failure-tolerant {joints}R Jacobian exists"
+        )
+        assert (found["joints"], found["columns"]) == (joints, columns)
+    forged = (tmp_path / "p" / "c.json").read_text().replace('"1/2"', '"1/3"')
+    (tmp_path / "forged.json").write_text(forged)
+    refused = lockedjoint("verify", "forged.json", cwd=tmp_path)
+    assert (refused.returncode, refused.stdout) == (1, "")
+    sampled = lockedjoint("verify", "p/c.json", "--samples", 1, cwd=tmp_path)
+    assert (sampled.returncode, sampled.stdout) == (2, "")
+
+
 def test_verify_tells_invalid_from_unreadable(lockedjoint, tmp_path):
     certificate = (ROOT / "results" / "existence" / "certificate.json").read_text()
     (tmp_path / "wrong.json").write_text(certificate.replace("33248", "33249"))
@@ -237,6 +256,9 @@ def test_reproduce_writes_every_row(lockedjoint, tmp_path):
         ("bound", "--quantity", "max-min", "--solver", "CLARABEL"),
         ("bound", "--lever-arm", "1", "--trace", "3"),
         ("prove", "--out", "{folder}"),
+        ("prove", "--joints", "6"),
+        ("prove", "--joints", "1001"),
+        ("prove", "--joints", "9", "--out", "{folder}"),
         ("prove", "--out", "{file}/a.json"),
         ("reproduce", "--starts", "0"),
         ("reproduce", "--out", "{file}"),
