@@ -53,7 +53,7 @@ def study() -> Study:
     """Return the existence proofs."""
     return Study(
         name="existence",
-        title="for which n optimally failure-tolerant nR Jacobians exist, proved exactly",
+        title="for which n optimally failure-tolerant nR Jacobians exist, in exact arithmetic",
         page="README.md",
         template="existence.md.j2",
         tables={"existence": Fact, "optimal": OptimalRow},

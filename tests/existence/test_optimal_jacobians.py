@@ -276,6 +276,35 @@ def test_false_certificates_are_refused(
     require_one_sentence(refused.value)
 
 
+def isotropic(condition: str) -> ExactJacobian:
+    """Return twelve columns with J Jᵀ = 4I that violate this condition alone."""
+    one: Number = ((Fraction(1), ()),)
+    long, short = ((Fraction(1), (0,)),), ((Fraction(1), (1,)),)  # √(3/2) and √(1/2)
+    columns = []
+    for place in range(3):
+        for shift, other in ((1, long), (2, short)):
+            for sign in (1, -1):
+                column: list[Number] = [()] * 6
+                v, w = {"v·ω": (one, one), "|v|²": (other, one), "|ω|²": (one, other)}[
+                    condition
+                ]
+                column[place] = v
+                along = place if condition == "v·ω" else (place + shift) % 3
+                column[3 + along] = tuple((sign * c, roots) for c, roots in w)
+                columns.append(tuple(column))
+    under = (((Fraction(3, 2), ()),), ((Fraction(1, 2), ()),))
+    return ExactJacobian(12, 0, under, tuple(columns))
+
+
+@pytest.mark.parametrize("condition", ["|v|²", "|ω|²", "v·ω"])
+def test_isotropic_columns_that_are_not_unit_revolute_are_refused(condition: str) -> None:
+    certificate = isotropic(condition)
+    jacobian = np.array(numeric(certificate), float)
+    assert abs(jacobian @ jacobian.T - 4 * np.eye(6)).max() < 1e-12
+    with pytest.raises(CertificateError, match=re.escape(f"{condition} of column 0")):
+        verify_existence(certificate)
+
+
 @pytest.mark.parametrize("name", TRUE)
 def test_true_certificates_pass(name: str, document: dict[str, Any], tmp_path: Path) -> None:
     certificate = judged(document, TRUE[name], tmp_path)
