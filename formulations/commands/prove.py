@@ -41,10 +41,10 @@ def prove(
     write_text(out, existence.to_json())
     columns, arms = len(existence.columns), existence.six_joint_arms
     sizes = {"joints": joints, "columns": columns, "six_joint_arms": arms}
-    beside = f"\nbeside {arms} isotropic six-joint arms" if arms else ""
+    beside = f" beside {arms} isotropic six-joint arms" if arms else ""
     text = (
-        f"Optimally failure-tolerant {joints}R Jacobians exist: the {columns} exact columns\n"
-        f"in {out}{beside} satisfy J Jᵀ = ({joints}/3) I with |v| = |ω| = 1."
+        f"Optimally failure-tolerant {joints}R Jacobians exist: {columns} exact columns{beside}\n"
+        f"satisfy J Jᵀ = ({joints}/3) I with |v| = |ω| = 1. They are in {out}."
     )
     show({"file": str(out), **sizes}, as_json, lambda _: text)
 
