@@ -43,8 +43,8 @@ def prove(
     sizes = {"joints": joints, "columns": columns, "six_joint_arms": arms}
     beside = f" beside {arms} isotropic six-joint arms" if arms else ""
     text = (
-        f"Optimally failure-tolerant {joints}R Jacobians exist: {columns} exact columns{beside}\n"
-        f"satisfy J Jᵀ = ({joints}/3) I with |v| = |ω| = 1. They are in {out}."
+        f"Optimally failure-tolerant {joints}R Jacobians exist: {columns} exact columns"
+        f"{beside}\nsatisfy J Jᵀ = ({joints}/3) I with |v| = |ω| = 1. They are in {out}."
     )
     show({"file": str(out), **sizes}, as_json, lambda _: text)
 
