@@ -33,12 +33,16 @@ Record optimally_failure_tolerant (n : nat) (J : matrix) (s : R) : Prop := {
     dot 6 (column J i) (column J i) = dot 6 (column J j) (column J j)
 }.
 
+Definition exists_optimal (n : nat) :=
+  exists J s, revolute n J /\ optimally_failure_tolerant n J s.
+
 (** Whichever joint f is locked, sigma_6^2 >= t remains. Here sigma_6^2 is the smallest squared
     singular value of the 6 x (n-1) matrix J_f that is J without column f, and so the minimum of
     |J_f^T x|^2 over the vectors x of norm 1. *)
 Definition worst_case_at_least (n : nat) (J : matrix) (t : R) := forall f x, (f < n)%nat ->
   t * dot 6 x x
-  <= sum (seq 0 n) (fun i => if Nat.eqb i f then 0 else dot 6 (column J i) x * dot 6 (column J i) x).
+  <= sum (seq 0 n) (fun i =>
+       if Nat.eqb i f then 0 else dot 6 (column J i) x * dot 6 (column J i) x).
 
 (** The squared Frobenius norm of J, which is 6 sigma^2 in the notation of eq. (6) of the paper *)
 Definition squared_norm (n : nat) (J : matrix) :=
