@@ -1,5 +1,6 @@
-(** Written by `lockedjoint prove --to coq` from the certificate; all numbers are multiplied by
-    15435, the product of their denominators that is needed. *)
+(** Written by `lockedjoint prove --to coq`. The constant, the weights and the coefficients of
+    the multipliers are those of the certificate times 15435; those of tight-frame equations
+    are divided by 7, because Checker.v multiplies these equations by 7. *)
 From Coq Require Import ZArith List.
 Import ListNotations.
 From Lockedjoint Require Import Checker.
