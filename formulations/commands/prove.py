@@ -46,7 +46,7 @@ def prove(
     if to not in ("json", "coq"):
         raise InputError("--to", to, "json or coq")
     if to == "coq" and joints != 7:
-        raise InputError("--joints", joints, "7 with --to coq: for others the proof in Coq needs no data")
+        raise InputError("--joints", joints, "7 with --to coq; others need no data file")
     existence = None if joints == 7 else exact_jacobian(joints)
     out = out or Path("Data.v" if to == "coq" else "certificate.json")
     if out.is_dir():
