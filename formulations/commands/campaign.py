@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from formulations.commands.arguments import Json, Workers, positive, whole_option
-from formulations.commands.output import INTERRUPTED, show
+from formulations.commands.output import INTERRUPTED, refuse_damage, show
 
 if TYPE_CHECKING:
     from nlp.spread import Pool
@@ -62,9 +62,10 @@ def campaign(
     declared = read(file)
     with (
         closing(_pool(workers, scheduler)) as pool,
-        Store(store, SCHEMA, writable=True) as study,
+        Store(store, SCHEMA, writable=True, salvage=True) as study,
     ):
         report = run(declared, study, pool, time_limit, chunk, progress=True)
+        damaged = study.damaged
     found = {
         "store": str(store),
         "cells": len(declared.cells),
@@ -88,6 +89,7 @@ def campaign(
     if report.missing:
         typer.echo("Interrupted: run the same command again to go on.", err=True)
         raise typer.Exit(INTERRUPTED)
+    refuse_damage({store: damaged})
 
 
 def _pool(workers: int | None, scheduler: str | None) -> Pool:
