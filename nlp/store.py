@@ -463,7 +463,9 @@ class Store(AbstractContextManager["Store", None]):
         try:
             yield
         except sqlite3.Error as reason:
-            damaged = _code(reason) in _DAMAGE or _was_ours(self.path)
+            code = _code(reason)
+            no_database = code == sqlite3.SQLITE_NOTADB and _was_ours(self.path)
+            damaged = code in _DAMAGE or no_database
             kind = StoreError if damaged else FileError
             raise kind("store", str(self.path), _advice(reason)) from None
 

@@ -15,6 +15,7 @@ from formulations.solving.setup import Setup
 from nlp.errors import FileError, InputError
 from nlp.processes import Processes, end_idle_processes
 from nlp.store import Store
+from nlp.store_schema import condition
 
 # Made by version 0.1.0 as of November 2026: two cells of planar 3R, four starts each.
 OLD = Path(__file__).parent / "stores" / "version_1.db"
@@ -42,9 +43,16 @@ def old(tmp_path):
     return Path(shutil.copy(OLD, tmp_path / "old.db"))
 
 
-def test_an_old_store_is_not_read_as_if_it_were_new(old):
-    with pytest.raises(FileError, match="is 1; allowed: version 2; run its campaign again"):
-        Store(old, SCHEMA)
+def test_an_old_store_is_shown_and_joined_as_it_is(old, tmp_path):
+    before = old.read_bytes()
+    assert command("show", old).exit_code == 0
+    said = command("show", old, "--check").output
+    assert said == "8 records of an older version, without checksums; the file is whole.\n"
+    done = command("join", tmp_path / "new.db", old)
+    assert done.output.startswith("8 records of"), done.output
+    assert command("show", tmp_path / "new.db", "--check").output == "8 records, all intact.\n"
+    assert rows(tmp_path / "new.db") == rows(old)
+    assert old.read_bytes() == before
 
 
 def test_an_old_store_keeps_every_record_and_goes_on(old):
@@ -83,14 +91,15 @@ def test_a_study_split_over_machines_is_joined(tmp_path):
 
 
 def test_a_contradiction_between_machines_is_named(tmp_path):
-    for name in ("a", "b"):
+    for name in "ab":
         with Store(tmp_path / f"{name}.db", SCHEMA, writable=True) as store:
             run(declaration({**PLANAR, "starts": 3}), store, Processes(1))
-    database = sqlite3.connect(tmp_path / "b.db")
-    with database:
-        database.execute("UPDATE record SET merit = merit + 1e-15 WHERE start = 2")
-    database.close()
-    done = command("join", tmp_path / "a.db", tmp_path / "b.db")
+    with Store(tmp_path / "b.db", SCHEMA) as store:
+        row = next(store.rows([condition(SCHEMA, "start=2")]))
+    with Store(tmp_path / "c.db", SCHEMA, writable=True) as store:
+        cell = store.cell({name: row[name] for name in SCHEMA.settings})
+        store.add(cell, [(2, {**row, "merit": row["merit"] + 1e-15})], row["environment"])
+    done = command("join", tmp_path / "a.db", tmp_path / "b.db", tmp_path / "c.db")
     assert isinstance(done.exception, InputError)
     assert "start=2" in str(done.exception)
 
