@@ -462,6 +462,8 @@ class Store(AbstractContextManager["Store", None]):
         """Turn SQLite's errors into one sentence."""
         try:
             yield
+        except UnicodeDecodeError:  # SQLite quotes a damaged name
+            raise StoreError("store", str(self.path), "one that is intact") from None
         except sqlite3.Error as reason:
             code = _code(reason)
             no_database = code == sqlite3.SQLITE_NOTADB and _was_ours(self.path)

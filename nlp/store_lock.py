@@ -2,6 +2,7 @@
 
 import os
 import sqlite3
+import time
 from contextlib import suppress
 from pathlib import Path
 
@@ -44,12 +45,21 @@ class WriterLock:
         except sqlite3.OperationalError as reason:
             if reason.sqlite_errorcode & 0xFF != sqlite3.SQLITE_BUSY:
                 raise
-            number = None
-            with suppress(sqlite3.OperationalError):
-                number = self._database.execute("PRAGMA user_version").fetchone()[0]
+            number = self._holder()
             process = f"process {number}" if number else "another process"
             allowed = f"one that no other process writes; it is being written by {process}"
             raise StoreError("store", str(store), allowed) from None
+
+    def _holder(self) -> int:
+        """Return the number of the process that has the lock; 0 if it does not give it."""
+        number = 0
+        for _ in range(20):  # it may just be writing the number
+            with suppress(sqlite3.OperationalError):
+                number = int(self._database.execute("PRAGMA user_version").fetchone()[0])
+            if number:
+                break
+            time.sleep(0.05)
+        return number
 
     def release(self) -> None:
         """Let others write."""
