@@ -70,7 +70,8 @@ class Store(AbstractContextManager["Store", None]):
         self.schema = schema
         self.checksums = True
         self._verified = 0  # row of the last record that was verified
-        self._begun: dict[tuple[int, int], Checksum | None] = {}
+        self._salvage = salvage
+        self._begun: dict[tuple[int, int], Checksum] = {}
         if not writable and not path.is_file():
             raise FileError("store", str(path), "the file of a campaign")
         with ExitStack() as opened, self._clear():
@@ -84,9 +85,6 @@ class Store(AbstractContextManager["Store", None]):
             self._prepare(writable)
             self._check_pages()
             self._verify()
-            if self.damaged and not salvage:
-                allowed = f"one whose records are intact; it has {sentence(self.damaged)}"
-                raise StoreError("store", str(path), allowed)
             self._opened = opened.pop_all()
 
     def __exit__(self, *_: object) -> None:
@@ -321,11 +319,9 @@ class Store(AbstractContextManager["Store", None]):
             settings = self._settings(cell)
             select = "SELECT environment FROM environment WHERE id = ?"
             text = self._database.execute(select, (environment,)).fetchone()
-            self._begun[key] = (
-                None
-                if settings is None or text is None
-                else Checksum(list(settings.values()), text[0])
-            )
+            if settings is None or text is None:
+                return None
+            self._begun[key] = Checksum(list(settings.values()), text[0])
         return self._begun[key]
 
     def _check_pages(self) -> None:
@@ -351,6 +347,9 @@ class Store(AbstractContextManager["Store", None]):
             if damaged:
                 insert = "INSERT INTO temp.damaged (id, cell, start) VALUES (?, ?, ?)"
                 self._database.executemany(insert, damaged)
+                if not self._salvage:
+                    allowed = f"one whose records are intact; it has {sentence(self.damaged)}"
+                    raise StoreError("store", str(self.path), allowed)
 
     def _connected(self, writable: bool) -> sqlite3.Connection:
         def connect(how: str) -> sqlite3.Connection:
@@ -455,6 +454,7 @@ class Store(AbstractContextManager["Store", None]):
             except BaseException:
                 if self._database.in_transaction:  # SQLite may have rolled back by itself
                     self._database.execute("ROLLBACK")
+                self._begun.clear()  # it may be of rows that are gone
                 raise
 
     @contextmanager
