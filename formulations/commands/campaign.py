@@ -52,8 +52,9 @@ def campaign(
 
     Every start becomes one record in the store as it ends. Run the same command again after
     Ctrl-C, a crash or a full disk: it goes on with what is missing, and more starts or cells
-    may be declared meanwhile. Exit status 1 if starts were lost because they raised an
-    exception, ended their process or exceeded the time limit.
+    may be declared meanwhile. Damaged records are solved again. Exit status 1 if starts were
+    lost because they raised an exception, ended their process or exceeded the time limit, if
+    damaged records of other problems remain, or if another process is writing the store.
     """
     from formulations.campaign.campaign import read, run
     from formulations.campaign.records import SCHEMA
