@@ -9,7 +9,7 @@ from formulations.existence.derive import derive
 from formulations.existence.evaluate import defects
 from formulations.existence.reading import read
 from formulations.existence.verify import Report, verify
-from formulations.studies.study import Effort, Part, Study
+from formulations.studies.study import INCOMPLETE, Effort, Part, Study
 
 CERTIFICATE = "certificate.json"
 # Of matrices that violate every equation, at which the identity is evaluated as well.
@@ -63,7 +63,7 @@ def _compute(effort: Effort, folder: Path) -> Iterator[Part]:
     effort.progress("certificate: derivation")
     yield Part(files={CERTIFICATE: derive().to_json().encode()})
     effort.progress("certificate: verification")
-    certificate = read(folder / CERTIFICATE)
+    certificate = read(folder / INCOMPLETE / CERTIFICATE)
     report = verify(certificate)
     wrong = any(defects(certificate, samples=_SAMPLES))
     yield Part(rows=facts(certificate, report, "not proved" if wrong else "proved"))
