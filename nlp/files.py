@@ -109,25 +109,21 @@ def write_bytes(path: Path, content: bytes) -> None:
 
 def _destination(path: Path, name: str) -> Path:
     """Return the file that a path leads to; FileError if it must not be replaced."""
-    target = Path(os.path.realpath(path))
     try:
+        target = Path(os.path.realpath(path))
         mode = target.stat().st_mode
-        if stat.S_ISDIR(mode):
-            raise FileError(name, str(path), "a file to write to, not a folder")
-        if not (stat.S_ISREG(mode) or _is_null(target)):
-            raise FileError(name, str(path), "a regular file, not a device, pipe or socket")
-        belongs = any(
-            _is_store(target.with_name(target.name.removesuffix(end)))
-            for end in _SIDECARS
-            if target.name.endswith(end)
-        )
-        if belongs or _is_store(target):
-            raise FileError(name, str(path), "a file that is not a store of records")
     except FileNotFoundError:
-        pass  # it will be made
+        return target  # it will be made
     except (OSError, ValueError) as reason:
         why = _why(reason) if isinstance(reason, OSError) else str(reason)
         raise FileError(name, str(path), f"a path to write to ({why})") from None
+    if stat.S_ISDIR(mode):
+        raise FileError(name, str(path), "a file to write to, not a folder")
+    if not (stat.S_ISREG(mode) or _is_null(target)):
+        raise FileError(name, str(path), "a regular file, not a device, pipe or socket")
+    ends = ("", *(end for end in _SIDECARS if target.name.endswith(end)))
+    if any(_is_store(target.with_name(target.name.removesuffix(end))) for end in ends):
+        raise FileError(name, str(path), "a file that is not a store of records")
     return target
 
 

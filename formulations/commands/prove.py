@@ -23,12 +23,9 @@ def prove(
     Check the file with `lockedjoint verify`.
     """
     from formulations.existence.derive import derive
-    from nlp.errors import FileError
-    from nlp.files import prepare_folder
+    from nlp.files import prepare_file
 
-    if out.is_dir():
-        raise FileError("--out", str(out), "a file to write to, not a folder")
-    prepare_folder(out.parent, "folder of --out")
+    prepare_file(out)
     certificate = derive()
     certificate.write(out)
     found: dict[str, Any] = {
