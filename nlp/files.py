@@ -55,7 +55,7 @@ def prepare_file(path: Path, name: str = "--out", inputs: Iterable[Path | None] 
         return path
     for one in inputs:
         if one is not None and _same(target, one):
-            raise FileError(name, str(path), f"another file than {one}, which this command uses")
+            raise FileError(name, str(path), f"another file than {one}, which is in use")
     with suppress(OSError):  # without standard output there is nothing to lose
         if target.exists() and os.path.samestat(target.stat(), os.fstat(1)):
             raise FileError(name, str(path), "another file than standard output")

@@ -81,7 +81,7 @@ def largest_worst_case(arm: Arm, locked: int = 1, certified: bool = True) -> Bou
     stored = _on_record("max-min", arm, "rigorous", min)
     proved = least_residual(arm)
     if stored and proved and not excludes_worst_case(arm.shape[1], proved.value, stored.value):
-        raise ArithmeticError("the bound on record does not follow from the one on the residual")
+        raise ArithmeticError("the bound on record does not follow from that on the residual")
     bounds = [Bound(value, "closed form"), stored]
     return min((one for one in bounds if one), key=lambda one: one.value)
 

@@ -59,9 +59,7 @@ def block_trace_bound(joints: int, sizes: Sequence[int], traces: Sequence[float]
         shares = (size / (mean - middle) for size, mean in zip(sizes, means, strict=True))
         spent = middle * sum(shares)
         low, high = (middle, high) if spent < redundancy else (low, middle)
-    exact = [
-        (Fraction(trace) / size, size) for size, trace in zip(sizes, traces, strict=True)
-    ]
+    exact = [(Fraction(trace) / size, size) for size, trace in zip(sizes, traces, strict=True)]
     while _spent(exact, Fraction(high)) < redundancy:
         high = math.nextafter(high, math.inf)
     return high

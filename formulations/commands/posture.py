@@ -60,7 +60,8 @@ def posture(
         "status counts": found.status_counts,
         "midway sigma": found.mid_range_sigma,
     }
-    text = robot_text(found.assessment, how, "the best found")
+    source = "the best found" if found.reached_best else "the best seen; no start converged"
+    text = robot_text(found.assessment, how, source)
     show(found.to_dict(), as_json, lambda _: text, out)
     if not found.complete:
         raise typer.Exit(INTERRUPTED)

@@ -62,7 +62,12 @@ def test_unequal_blocks_solve_their_equation() -> None:
 
 @pytest.mark.parametrize(
     ("joints", "sizes", "traces"),
-    [(7, (3, 3), (28, 7)), (9, (2, 1, 3), (4, 2, 6)), (7, (3, 3), (0.1, 0.7)), (8, (1,), (1e-3,))],
+    [
+        (7, (3, 3), (28, 7)),
+        (9, (2, 1, 3), (4, 2, 6)),
+        (7, (3, 3), (0.1, 0.7)),
+        (8, (1,), (1e-3,)),
+    ],
 )
 def test_block_bounds_are_not_below_the_root(joints, sizes, traces) -> None:
     t = block_trace_bound(joints, sizes, traces)

@@ -360,7 +360,9 @@ def test_no_output_destroys_what_it_is_pointed_at(planted, command, out):
     run, left = planted
     status, sentence = run(*command.split(), *(("--out", out) if out else ()))
     assert status == 2, sentence
-    assert sentence.startswith(("Error: --out is", "Error: --data is", "Error: output f", "Error: front p"))
+    assert sentence.startswith(
+        ("Error: --out is", "Error: --data is", "Error: output f", "Error: front p")
+    )
     assert sentence.count("\n") == 1
     assert left()
 
