@@ -117,7 +117,9 @@ def recomputed(name, picture):
         return [worst(np.vstack([np.cross(points, ways).T, ways.T]))]
     if name == "trade-off":
         found = [np.sqrt(1 / 3)]  # eq. (6), and the largest of the ends
-        for line, (_, rows) in zip(axes[0].lines[::3], table.groupby("model", sort=False)):
+        curves = axes[0].lines[::3]  # each with two lines of points after it
+        by_model = table.groupby("model", sort=False)
+        for line, (_, rows) in zip(curves, by_model, strict=True):
             ends = [(distance(matrix), worst(matrix)) for matrix in jacobians(rows)]
             np.testing.assert_allclose(line.get_xydata(), ends, atol=1e-6)
             found += [sigma for _, sigma in ends]

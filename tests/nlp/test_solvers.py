@@ -89,7 +89,7 @@ def test_the_cache_is_found_by_other_processes(cache):
     assert [p.stat().st_mtime_ns for p in cache.iterdir()] == [made]
 
 
-@pytest.mark.parametrize("change", [lambda c: b"", lambda c: c[:5000], lambda c: c[::-1]])
+@pytest.mark.parametrize("change", [lambda c: c[:0], lambda c: c[:5000], lambda c: c[::-1]])
 def test_a_library_that_was_cut_off_or_changed_is_made_again(cache, change):
     path = Path(shared_library(TWICE))
     sound = path.read_bytes()
