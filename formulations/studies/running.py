@@ -1,6 +1,5 @@
 """The studies by name, and how several are run: one that fails does not stop the others."""
 
-import shutil
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
@@ -19,7 +18,7 @@ from formulations.studies import (
     robots,
 )
 from formulations.studies.benchmark import study as benchmark
-from formulations.studies.study import INCOMPLETE, Effort, Study
+from formulations.studies.study import Effort, Study
 from nlp.errors import InputError, LockedJointError
 from nlp.files import prepare_folder
 
@@ -132,8 +131,8 @@ def _attempt(study: Study, out: Path, effort: Effort) -> tuple[State, str]:
     except Exception as error:  # the other studies still run
         return State.FAILED, f"{type(error).__name__}: {error}"
     finally:
-        shutil.rmtree(folder / INCOMPLETE, ignore_errors=True)
-        with suppress(OSError):
+        with suppress(LockedJointError, OSError):
+            study.discard(folder)
             folder.rmdir()  # only if nothing is in it
     if not result.complete:
         return State.INTERRUPTED, "interrupted"

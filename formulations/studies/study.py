@@ -29,6 +29,7 @@ _REPLACING = (
     "Interrupted while these files were replaced: not all of them are of one run.\n"
     f"The others are in `{COMPLETE}`; the next run moves them here.\n"
 )
+_BEGUN = "Interrupted or still running: nothing is here yet.\n"
 Rows = Mapping[str, Sequence[Any]]
 
 
@@ -222,13 +223,8 @@ class Study:
             prepare_file(folder / name, "output file")
         part = folder / INCOMPLETE
         _publish(folder, self.page)  # left over from a run that was killed
-        try:
-            if part.is_dir():
-                shutil.rmtree(part)
-            part.mkdir()
-        except OSError as reason:
-            allowed = f"a folder to write to ({reason.strerror})"
-            raise FileError("folder", str(part), allowed) from None
+        self.discard(folder)
+        write_text(prepare_folder(part) / self.page, _BEGUN)
         rows: list[Any] = []
         entries: list[Mapping[str, Any]] = []
         complete = False
@@ -248,10 +244,30 @@ class Study:
                     self._write(folder, rows, entries, effort.seed, complete=True)
                     part.rename(folder / COMPLETE)
                     _publish(folder, self.page)
-                complete = True
+                    complete = True
         except KeyboardInterrupt:
             pass  # what is done is kept, and the page says that it is not all
         return Result(tuple(rows), complete, self.complain(rows))
+
+    def discard(self, folder: Path) -> None:
+        """Remove what a run that did not finish left in a folder.
+
+        Raises
+        ------
+        FileError
+            If there is something by the name of `INCOMPLETE` that is not of this study.
+        """
+        part = folder / INCOMPLETE
+        try:
+            names = {path.name for path in part.iterdir() if not path.name.startswith(".")}
+            if names and self.page not in names:
+                raise FileError("folder", str(part), f"one of an earlier run, with {self.page}")
+            shutil.rmtree(part)
+        except FileNotFoundError:
+            pass
+        except OSError as reason:
+            allowed = f"a folder to write to ({reason.strerror})"
+            raise FileError("folder", str(part), allowed) from None
 
     def read(self, folder: Path) -> Rows:
         """Return the rows of each table in a folder, none where a table is missing.

@@ -319,7 +319,7 @@ def test_bad_input_is_one_sentence_and_status_2(lockedjoint, tmp_path, arguments
 def test_ctrl_c_keeps_the_rows_that_are_done(lockedjoint, tmp_path):
     arguments = ("compare", "--starts", 60, "--workers", 2)
     process = lockedjoint.start(*arguments, cwd=tmp_path)
-    table = tmp_path / "comparison" / "comparison.csv"
+    table = tmp_path / "comparison" / "incomplete" / "comparison.csv"
     for _ in range(600):
         if table.exists():
             break
@@ -329,7 +329,7 @@ def test_ctrl_c_keeps_the_rows_that_are_done(lockedjoint, tmp_path):
     assert process.returncode == 130, err
     assert "Traceback" not in err
     assert "residual" in table.read_text()
-    assert "Interrupted" in err
+    assert "Interrupted: what was done is in comparison/incomplete" in err
     assert "residual" in out
 
 

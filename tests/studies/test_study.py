@@ -114,6 +114,14 @@ def test_a_result_is_complete_or_says_that_it_is_not_wherever_the_run_is_killed(
     assert int(done.stdout) > 20, "the number of changes before which it was killed"
 
 
+def test_a_folder_of_the_user_is_not_removed(tmp_path):
+    (tmp_path / "incomplete").mkdir()
+    (tmp_path / "incomplete" / "thesis.tex").touch()
+    with pytest.raises(FileError, match="an earlier run"):
+        study(then=AssertionError("the work")).run(tmp_path, Effort())
+    assert (tmp_path / "incomplete" / "thesis.tex").exists()
+
+
 def test_what_must_not_be_replaced_is_refused_before_the_work(tmp_path):
     (tmp_path / "page.md").mkdir()
     with pytest.raises(FileError, match="not a folder"):
