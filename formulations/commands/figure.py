@@ -62,7 +62,7 @@ def figure(
     from formulations.figures.picture import Request
     from formulations.files.figure import content, figure_class, kind_of
     from formulations.files.jacobians import only_jacobian
-    from nlp.files import prepare_folder, write_bytes, write_text
+    from nlp.files import prepare_file, write_bytes, write_text
     from nlp.multistart import default_workers
 
     wanted, form = kind(name), kind_of(out)
@@ -72,9 +72,9 @@ def figure(
     if pick is not None and jacobian is None:
         raise InputError("--pick", pick, "none without --jacobian")
     figure_class()
-    for option, path in (("--out", out), ("--data", data)):
-        if path is not None:
-            prepare_folder(path.parent, f"folder of {option}")
+    prepare_file(out, inputs=[jacobian, store])
+    if data is not None:
+        prepare_file(data, "--data", [jacobian, store, out])
     request = Request(
         starts=starts or wanted.starts,
         seed=seed,

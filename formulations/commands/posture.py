@@ -45,14 +45,14 @@ def posture(
     a failure. `assess --configuration FILE` reads what --out writes.
     """
     from formulations.robots.posture import Search, best_posture
-    from nlp.files import prepare_folder
+    from nlp.files import prepare_file
     from nlp.multistart import default_workers
 
     arm = robot.arm(file, tip, base, point, task, frame, length, held)
     count, options = workers or default_workers(), ipopt_options(ipopt)
     search = Search(formulation, locked, starts, seed, count, options, progress=True)
     if out is not None:
-        prepare_folder(out.parent, "folder of --out")
+        prepare_file(out, inputs=[file])
     found = best_posture(arm, search)
     how = {
         "formulation": formulation,
@@ -60,7 +60,8 @@ def posture(
         "status counts": found.status_counts,
         "midway sigma": found.mid_range_sigma,
     }
-    text = robot_text(found.assessment, how, "the best found")
+    source = "the best found" if found.reached_best else "the best seen; no start converged"
+    text = robot_text(found.assessment, how, source)
     show(found.to_dict(), as_json, lambda _: text, out)
     if not found.complete:
         raise typer.Exit(INTERRUPTED)

@@ -39,6 +39,7 @@ def prove(
     how many isotropic six-joint arms stand beside them. Every run writes the same bytes.
     Check the file with `lockedjoint verify`, a data file with Coq (docs/nonexistence.md).
     """
+<<<<<<< HEAD
     from formulations.existence.rings import exact_jacobian
     from nlp.errors import FileError, InputError
     from nlp.files import prepare_folder, write_text
@@ -72,6 +73,12 @@ def _prove_nonexistence(out: Path, to: str, as_json: bool) -> None:
     from formulations.existence.derive import derive
     from nlp.files import write_text
 
+=======
+    from formulations.existence.derive import derive
+    from nlp.files import prepare_file
+
+    prepare_file(out)
+>>>>>>> h/b1
     certificate = derive()
     if to == "coq":
         write_text(out, coq_data(certificate))

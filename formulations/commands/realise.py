@@ -120,14 +120,14 @@ def realise(
     from formulations.realise.choice import choose, evaluate, given
     from formulations.realise.criteria import Sampling
     from formulations.realise.links import slide as slid
-    from nlp.files import prepare_folder, write_bytes
+    from nlp.files import prepare_file, write_bytes
 
     if to not in forms.FORMS:
         raise InputError("--to", to, "one of " + ", ".join(forms.FORMS))
     if as_json and to == "figure" and not count:
         raise InputError("--json", "given", "none with --to figure")
     if out is not None and not count:
-        prepare_folder(out.parent, "folder of --out")
+        prepare_file(out, inputs=[file])
     matrix = only_jacobian(file, pick)
     found = from_jacobian.realise(
         matrix, task=task, kinds=kinds, length=length, tolerance=tolerance

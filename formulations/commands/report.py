@@ -52,12 +52,13 @@ def report(
     from formulations.studies.front_page import PAGE, front_page
     from formulations.studies.running import State, chosen, run_all
     from formulations.studies.study import Effort
-    from nlp.files import write_text
+    from nlp.files import prepare_file, prepare_folder, write_text
     from nlp.multistart import default_workers
 
     names = None if only is None else [part.strip() for part in only.split(",")]
     studies = chosen(names, everything)
     effort = Effort(seed, starts, workers or default_workers(), progress)
+    prepare_file(prepare_folder(out) / PAGE, "front page")
     outcomes: list[Outcome] = []
     written = (State.MADE, State.QUESTIONED)
 

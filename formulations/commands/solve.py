@@ -78,11 +78,11 @@ def solve(
     from formulations.measures.assessment import assess
     from formulations.solving.solve import solve as solve_from_many_starts
     from formulations.unequal_max_min import checked_goal
-    from nlp.files import prepare_folder
+    from nlp.files import prepare_file
 
     failures = failure_model(failure_probabilities, never_fails, joints, locked)
     if out is not None:
-        prepare_folder(out.parent, "folder of --out")
+        prepare_file(out)
     outcome = solve_from_many_starts(
         formulation,
         model,

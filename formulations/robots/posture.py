@@ -19,6 +19,7 @@ from nlp.arrays import FloatArray
 from nlp.errors import InputError
 from nlp.multistart import Run, Study, multistart
 from nlp.problem import Problem
+from nlp.solution import ACCEPTABLE, SUCCESS
 
 # A start is the best of so many random configurations: a robot has many poor optima, and
 # near-singular postures from which max-min hardly moves.
@@ -50,8 +51,9 @@ class Posture:
     mid_range_sigma
         Worst case midway between the limits, for comparison.
     seed, starts, reached_best
-        Seed, starts that ended, and those whose merit is within `REACHED_BEST` of the
-        best.
+        Seed, starts that ended, and those that converged to a merit within `REACHED_BEST` of
+        the best such merit. If none converged, `reached_best` is 0 and the posture is the best
+        at which a start stopped: within the limits, and no optimum.
     status_counts
         Ipopt's return statuses and how often each came.
     complete
@@ -144,8 +146,10 @@ def best_posture(arm: RobotArm, search: Search | None = None) -> Posture:
         allowed = f"a task or robot for which one exists ({counts})"
         raise RobotError(where, f"not found from {len(study.results)} starts", allowed)
     pick = min if catalogue.formulation(search.formulation).SENSE == "minimise" else max
-    merit = pick(one.merit for one in valid)
-    best = [one for one in valid if abs(one.merit - merit) <= REACHED_BEST]
+    converged = [one for one in valid if one.return_status in (SUCCESS, ACCEPTABLE)]
+    ranked = converged or valid
+    merit = pick(one.merit for one in ranked)
+    best = [one for one in ranked if abs(one.merit - merit) <= REACHED_BEST]
     shown = max(best, key=lambda one: one.worst_case_sigma)
     middle = arm.jacobian(arm.chain.mid_range)
     return Posture(
@@ -154,7 +158,7 @@ def best_posture(arm: RobotArm, search: Search | None = None) -> Posture:
         mid_range_sigma=measures.worst_case_sigma(middle, search.locked),
         seed=search.seed,
         starts=len(study.results),
-        reached_best=len(best),
+        reached_best=len(best) if converged else 0,
         status_counts=dict(sorted(statuses.items())),
         complete=study.complete,
     )
