@@ -11,6 +11,7 @@ import numpy as np
 
 from formulations import catalogue, isotropy, max_min, measures, residual
 from formulations.isotropy_equations import independent_rows
+from formulations.robots.chain import LARGEST
 from formulations.robots.read_urdf import RobotError
 from formulations.robots.robot_arm import RobotArm
 from formulations.robots.robot_assessment import RobotAssessment, assess
@@ -132,6 +133,8 @@ def best_posture(arm: RobotArm, search: Search | None = None) -> Posture:
         If interrupted before the first start ended.
     """
     search = search or Search()
+    # At once, because it fails where the arm has no characteristic length.
+    middle = arm.jacobian(arm.chain.mid_range)
     _check(arm, search)
     study = _candidates(arm, search)
     if not study.results:
@@ -147,7 +150,6 @@ def best_posture(arm: RobotArm, search: Search | None = None) -> Posture:
     merit = pick(one.merit for one in valid)
     best = [one for one in valid if abs(one.merit - merit) <= REACHED_BEST]
     shown = max(best, key=lambda one: one.worst_case_sigma)
-    middle = arm.jacobian(arm.chain.mid_range)
     return Posture(
         formulation=search.formulation,
         assessment=assess(arm, shown.configuration, search.locked),
@@ -233,7 +235,7 @@ def _judge(run: Run, arm: RobotArm, search: Search) -> _Candidate:
     """Measure the posture that a start led to, moved to within the limits or one turn."""
     point = run.solution.variables[: arm.size]
     merit = sigma = float("nan")
-    if np.all(np.isfinite(point)):
+    if np.all(np.abs(point) <= LARGEST):
         lower, upper = arm.bounds
         endless = ~np.isfinite(lower) & ~np.isfinite(upper) & ~np.array(arm.chain.prismatic)
         turned = np.where(endless, (point + np.pi) % (2 * np.pi) - np.pi, point)
