@@ -215,7 +215,7 @@ def check_size(name: str, *values: float) -> None:
 
 def listed(names: Sequence[str], limit: int = 12) -> str:
     """Return names with commas; the first of them if they are many."""
-    shown = ", ".join(names[:limit])
+    shown = ", ".join(one if len(one) < 80 else one[:79] + "…" for one in names[:limit])
     return shown if len(names) <= limit else f"{shown}, … ({len(names)} in all)"
 
 

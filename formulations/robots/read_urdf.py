@@ -141,8 +141,8 @@ def read_urdf(path: str | os.PathLike[str]) -> RobotTree:
     with suppress(OSError):
         size = path.stat().st_size
         if size > _LARGEST_FILE:
-            allowed = f"a URDF file of at most {_LARGEST_FILE // 10**6} MB"
-            raise FileError("file", f"{path}, {size // 10**6} MB", allowed)
+            allowed = f"a URDF file of at most {_LARGEST_FILE} bytes"
+            raise FileError("file", f"{path}, {size} bytes", allowed)
     content = read_bytes(path)
     try:
         return parse_urdf(content)
@@ -188,7 +188,7 @@ def _xml(content: bytes) -> _Element:
         root = etree.fromstring(content, parser) if content.strip() else None
     faults = [e for e in parser.error_log if e.type_name != "NS_ERR_UNDEFINED_NAMESPACE"]
     if root is None or faults:
-        why = f" ({faults[0].message}, line {faults[0].line})" if faults else ""
+        why = f" ({faults[0].message.strip()}, line {faults[0].line})" if faults else ""
         raise InputError("content", "not XML", f"well-formed XML{why}")
     declared = root.getroottree().docinfo.internalDTD
     if declared is not None and declared.entities():
