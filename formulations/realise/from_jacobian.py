@@ -23,6 +23,8 @@ from nlp.errors import InputError
 
 TOLERANCE = 1e-6
 SMALLEST, LARGEST = 1e-100, 1e100
+# The symmetries and criteria of more joints would take minutes, and then hours.
+MOST_JOINTS = 50
 _Z = np.array([0.0, 0.0, 1.0])
 
 
@@ -67,6 +69,8 @@ def realise(
         If another argument is not allowed.
     """
     matrix = as_jacobian(jacobian)
+    if matrix.shape[1] > MOST_JOINTS:
+        raise InputError("jacobian", f"of {matrix.shape[1]} columns", f"at most {MOST_JOINTS}")
     chosen = Task.of(matrix.shape[0], task)
     check_length("length", length)
     check_length("tolerance", tolerance)

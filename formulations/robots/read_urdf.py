@@ -44,8 +44,8 @@ _INSTALL = "an installed yourdfpy, which 'pip install yourdfpy' provides"
 _LARGEST = {"limit": math.inf}
 # An axis that is shorter is taken for zero.
 _SHORTEST_AXIS = 1e-9
-# In bytes; the largest robots have some megabytes.
-_LARGEST_FILE = 200_000_000
+# In bytes; 150 000 links take 30 MB, and robots that exist less than 1 MB.
+_LARGEST_FILE = 50_000_000
 
 
 class RobotError(InputError):
@@ -138,12 +138,7 @@ def read_urdf(path: str | os.PathLike[str]) -> RobotTree:
         If the library that reads URDF is not installed.
     """
     path = Path(path)
-    with suppress(OSError):
-        size = path.stat().st_size
-        if size > _LARGEST_FILE:
-            allowed = f"a URDF file of at most {_LARGEST_FILE} bytes"
-            raise FileError("file", f"{path}, {size} bytes", allowed)
-    content = read_bytes(path)
+    content = read_bytes(path, largest=_LARGEST_FILE)
     try:
         return parse_urdf(content)
     except InputError as error:
