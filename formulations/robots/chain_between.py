@@ -32,6 +32,10 @@ if TYPE_CHECKING:
     _Driven: TypeAlias = tuple[Joint, Joint, float, float]
 
 
+# Robots that exist have one or two; following rows of any length would take quadratic time.
+_MOST_MIMICS = 100
+
+
 def chain_between(
     tree: RobotTree,
     tip: str,
@@ -155,6 +159,9 @@ def _driven(joints: Mapping[str, Joint], joint: Joint) -> _Driven:
             where = f"joint {driver.name}, mimicked by {follower},"
             raise RobotError(where, driver.type, "one of " + ", ".join(MOVING))
         seen.add(driver.name)
+        if len(seen) > _MOST_MIMICS:
+            allowed = f"at most {_MOST_MIMICS} joints that mimic one another in a row"
+            raise RobotError(f"<mimic> of joint {joint.name}", "too long a row", allowed)
         offset += multiplier * mimic.offset
         multiplier *= mimic.multiplier
         size = abs(multiplier)

@@ -248,6 +248,15 @@ def test_limits_that_may_be_degrees_are_noted(made, limit, kind, noted):
     assert np.all(np.isfinite(arm.sample(np.random.default_rng(0))))
 
 
+def test_a_long_row_of_mimicry_is_refused(made):
+    joints = [made.joint("j0", "l0", "l1")] + [
+        made.joint(f"j{k}", f"l{k}", f"l{k + 1}", mimic=f'<mimic joint="j{k - 1}"/>')
+        for k in range(1, 120)
+    ]
+    with pytest.raises(InputError, match="<mimic> of joint j100 is too long a row"):
+        chain_between(made.tree(made.urdf(joints)), "l120")
+
+
 def test_products_of_mimicry_that_overflow(made):
     for multiplier in ("1e15", "1e-15"):
         names = ("a", "b", "c")
