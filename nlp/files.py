@@ -65,13 +65,17 @@ def prepare_file(path: Path, name: str = "--out", inputs: Iterable[Path | None] 
     return path
 
 
-def read_bytes(path: Path, name: str = "file") -> bytes:
-    """Return the content of a file; FileError if it cannot be read."""
+def read_bytes(path: Path, name: str = "file", largest: int | None = None) -> bytes:
+    """Return the content of a file; FileError if it cannot be read or has too many bytes."""
     try:
-        return path.read_bytes()
+        with path.open("rb") as file:
+            content = file.read(-1 if largest is None else largest + 1)
     except OSError as reason:
         allowed = f"a file that can be read ({_why(reason)})"
         raise FileError(name, str(path), allowed) from None
+    if largest is not None and len(content) > largest:
+        raise FileError(name, str(path), f"a file of at most {largest} bytes")
+    return content
 
 
 def write_text(path: Path, text: str) -> None:

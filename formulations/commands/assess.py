@@ -58,6 +58,7 @@ def assess(
     if out is not None:
         prepare_file(out, inputs=[file, Path(configuration or file)])
     found = assess_robot(arm, robot.read_configuration(configuration, arm.chain), locked)
+    robot.print_notes(found)
     source = "midway between the limits" if configuration is None else "as given"
     plain = {"model": found.robot, **asdict(found)}
     show(plain, as_json, lambda _: robot_text(found, {}, source), out)
@@ -80,6 +81,7 @@ def robot_text(found: RobotAssessment, above: Mapping[str, object], source: str)
         "robot": f"{found.robot}, from {found.base} to {found.tip}",
         "task": ", ".join(found.task) + (f" ({found.frame})" if found.frame == "tip" else ""),
         **({"held": _positions(found.held)} if found.held else {}),
+        **({"cannot move": _positions(found.immobile)} if found.immobile else {}),
         "configuration": f"{_positions(found.configuration)} ({source})",
         "at their limits": ", ".join(found.at_limits) or "none",
         "characteristic length": f"{found.characteristic_length:.6g} m",

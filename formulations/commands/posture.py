@@ -33,7 +33,7 @@ def posture(
     point: robot.Point = None,
     starts: Starts = 100,
     seed: Seed = 0,
-    workers: Workers = 1,
+    workers: Workers = None,
     ipopt: Ipopt = None,
     out: robot.JsonFile = None,
     as_json: Json = False,
@@ -54,6 +54,7 @@ def posture(
     if out is not None:
         prepare_file(out, inputs=[file])
     found = best_posture(arm, search)
+    robot.print_notes(found.assessment)
     how = {
         "formulation": formulation,
         "starts": f"{found.starts} (seed {seed}), best reached by {found.reached_best}",

@@ -17,6 +17,7 @@ from nlp.files import read_bytes
 if TYPE_CHECKING:
     from formulations.robots.chain import Chain
     from formulations.robots.robot_arm import RobotArm
+    from formulations.robots.robot_assessment import RobotAssessment
     from nlp.arrays import FloatArray
 
 File = Annotated[Path, typer.Argument(metavar="URDF", help="The robot, a URDF file.")]
@@ -108,6 +109,12 @@ def arm(
     return RobotArm(links, directions, length)
 
 
+def print_notes(found: RobotAssessment) -> None:
+    """Print what to check in the robot's file on standard error."""
+    for note in found.notes:
+        typer.echo(f"Note: {note}", err=True)
+
+
 def read_configuration(text: str | None, chain: Chain) -> FloatArray:
     """Read a configuration.
 
@@ -131,7 +138,7 @@ def read_configuration(text: str | None, chain: Chain) -> FloatArray:
     InputError
         If it is none of these, a joint is unknown, or a position is outside its limits.
     """
-    from formulations.robots.chain import listed
+    from formulations.robots.chain import listed, nearest
 
     values: Mapping[str, float] | Sequence[float] = {}
     if text is None:
@@ -145,7 +152,10 @@ def read_configuration(text: str | None, chain: Chain) -> FloatArray:
     if isinstance(values, Mapping):
         unknown = [name for name in values if name not in chain.names]
         if unknown:
-            raise InputError("joint", unknown[0], "one of " + listed(chain.names))
+            wrong = unknown[0]
+            still = ", which cannot move" if wrong in dict(chain.immobile) else ""
+            allowed = f"one of {listed(chain.names)}{nearest(wrong, chain.names)}"
+            raise InputError("joint", f"{wrong}{still}", allowed)
         middle = dict(zip(chain.names, chain.mid_range.tolist(), strict=True))
         values = list({**middle, **values}.values())
     if len(values) != len(chain.names):
