@@ -6,10 +6,10 @@ from typing import Protocol, TypeVar
 
 from formulations import isotropy, max_min, residual
 from formulations.bounds.certified import Bound
-from formulations.joints.arm import Arm
+from formulations.joints.arm import MOST_JOINTS, Arm
 from formulations.joints.joint import ColumnModel, Joint
 from formulations.joints.kinds import FreeColumn, LeverRevolute, Prismatic, UnitRevolute
-from nlp.arrays import FloatArray
+from nlp.arrays import FloatArray, whole_number
 from nlp.errors import InputError
 from nlp.options import OptionValue
 from nlp.problem import Problem, Sense
@@ -148,6 +148,7 @@ def arm(model: str, joints: int, task_dimension: int = 6) -> Arm:
     InputError
         If there is no such model, it has another task dimension, or joints are too few.
     """
+    whole_number("joints", joints, 1, MOST_JOINTS)
     parts = [_part(part, joints) for part in model.split(",")]
     if sum(count for _, count in parts) != joints:
         raise InputError("joints", joints, f"{sum(count for _, count in parts)} for {model}")
@@ -165,7 +166,7 @@ def _part(text: str, joints: int) -> tuple[str, int]:
     name, colon, count = text.partition(":")
     if not colon:
         return name, joints
-    if not count.isdigit() or int(count) < 1:
+    if not (count.isascii() and count.isdigit() and len(count) < 10 and int(count) > 0):
         raise InputError("model", text, "NAME:COUNT with a count of at least 1")
     return name, int(count)
 

@@ -65,6 +65,7 @@ def build(arm: ColumnModel, locked: int = 1, encoding: str = "shared-factor") ->
     m, n = arm.shape
     if whole_number("locked joints", locked, 1) > n - m:
         raise InputError("locked joints", locked, f"at most the degree of redundancy, {n - m}")
+    measures.check_sets(n, locked, unequal_max_min.MOST_SETS)
     alike = FailureModel.equally_likely(n, locked)
     return replace(unequal_max_min.build(arm, alike, "worst", encoding), name=NAME)
 

@@ -39,6 +39,8 @@ Sets = tuple[tuple[int, ...], ...]
 _NEARLY_SINGULAR = 1e-4
 # The level starts at most at this share of what keeps the start's own factor regular.
 _LEVEL_SHARE = 0.5
+# Each set of joints that lock at once is a matrix inequality: 1000 take 10 s to state.
+MOST_SETS = 1000
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,6 +83,7 @@ def build(
         encoding = default_encoding(failures, goal)
     if encoding not in ENCODINGS:
         raise InputError("encoding", encoding, "one of " + ", ".join(ENCODINGS))
+    measures.check_sets(len(failures.fallible), failures.locked, MOST_SETS)
     attained = attained_merit(arm, failures, goal)
     variables = arm.symbols()
     jacobian = arm.matrix(variables)

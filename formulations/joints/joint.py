@@ -21,6 +21,8 @@ from nlp.problem import Constraint
 # Bound each joint's own extent, or the mean of the squared extents of all such joints.
 Budget = Literal["each", "mean"]
 TOLERANCE = 1e-6
+# Most variables of one arm.
+MOST_VARIABLES = 1000
 
 
 class NotInModelError(InputError):

@@ -15,6 +15,7 @@ matters, sit one unit of length from p, at p − ω or p − v.
 import numpy as np
 import numpy.typing as npt
 
+from formulations.joints.arm import MOST_JOINTS
 from formulations.joints.joint import NotInModelError, check_length
 from formulations.measures import as_jacobian
 from formulations.realise.manipulator import Manipulator, Task
@@ -67,6 +68,9 @@ def realise(
         If another argument is not allowed.
     """
     matrix = as_jacobian(jacobian)
+    if matrix.shape[1] > MOST_JOINTS:
+        shown, allowed = f"of shape {matrix.shape}", f"at most {MOST_JOINTS} columns (joints)"
+        raise InputError("jacobian", shown, allowed)
     chosen = Task.of(matrix.shape[0], task)
     check_length("length", length)
     check_length("tolerance", tolerance)
