@@ -58,7 +58,7 @@ def read_bytes(path: Path, name: str = "file", most: int = MOST_BYTES) -> bytes:
 def load_json(content: bytes, path: Path) -> Any:
     """Return the value of a JSON text; FileError, which names the path, if it is none."""
     try:
-        return json.loads(content)
+        return json.loads(content.decode("utf-8-sig"))  # bytes could be UTF-16, too
     except json.JSONDecodeError as reason:
         why = str(reason)
     except UnicodeDecodeError:

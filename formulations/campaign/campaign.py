@@ -36,6 +36,7 @@ from formulations.solving.setup import Setup
 from nlp.arrays import whole_number
 from nlp.errors import FileError, InputError, LockedJointError
 from nlp.files import read_bytes
+from nlp.options import check_options
 from nlp.spread import Pool, spread
 from nlp.store import Store
 from nlp.task import Chunk, packed
@@ -112,6 +113,14 @@ def declaration(content: Mapping[str, Any]) -> Declaration:
             raise InputError(key, entries, f"a list of {_KINDS[kind]}, not empty")
     if not isinstance(content.get("options", {}), dict):
         raise InputError("options", content["options"], "a table of solver options")
+    taken = {name for one in content["formulations"] for name in formulation(one).SETTINGS}
+    for key in ("encodings", "from_residual_minima", "locked"):
+        if key in content and _LISTS[key][1] not in taken:
+            raise InputError(key, content[key], "left out: no formulation of the file takes it")
+    solver = content.get("solver", "ipopt")
+    if not isinstance(solver, str):
+        raise InputError("solver", solver, "a string")
+    check_options(content.get("options", {}), solver)
     starts = whole_number("starts", content["starts"], 1, MOST_STARTS)
     if not isinstance(content.get("compiled", False), bool):
         raise InputError("compiled", content["compiled"], "true or false")

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
+from tokenize import TokenError
 from types import MappingProxyType
 from typing import Any
 
@@ -70,11 +71,17 @@ def _read_csv(path: Path, content: bytes) -> list[tuple[str, npt.ArrayLike]]:
     return [(path.name, rows)]
 
 
-def _read_npy(path: Path, _: bytes) -> list[tuple[str, npt.ArrayLike]]:
+def _read_npy(path: Path, content: bytes) -> list[tuple[str, npt.ArrayLike]]:
     try:
+        # From version 2 on, NumPy would allocate what a damaged length of the header says.
+        if content[6] > 1 and int.from_bytes(content[8:12], "little") > len(content):
+            raise EOFError
         # Mapped, not read: a header may promise more than the file, or any machine, has.
-        matrix = np.load(path, mmap_mode="r", allow_pickle=False)
-    except (ValueError, EOFError, OSError, OverflowError, TypeError, SyntaxError):
+        with np.errstate(over="ignore"):
+            matrix = np.load(path, mmap_mode="r", allow_pickle=False)
+    except (ValueError, IndexError, EOFError, OSError, OverflowError, TypeError, SyntaxError):
+        raise FileError("file", str(path), "an array as numpy.save writes it") from None
+    except (MemoryError, TokenError):  # of the header's text
         raise FileError("file", str(path), "an array as numpy.save writes it") from None
     if not isinstance(matrix, np.ndarray):
         raise FileError("file", str(path), "an array as numpy.save writes it")

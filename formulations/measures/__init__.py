@@ -19,6 +19,8 @@ from nlp.errors import InputError
 TIE = 1e-6
 # More sets of locked joints than this are refused: each takes a singular value decomposition.
 MOST_SETS = 100_000
+# The fourth powers of larger entries are too near the largest floating-point number.
+LARGEST_ENTRY = 1e70
 # Entries of J that are decomposed at once.
 _CHUNK = 1_000_000
 
@@ -61,13 +63,18 @@ def as_jacobian(jacobian: npt.ArrayLike, name: str = "jacobian") -> FloatArray:
     Raises
     ------
     InputError
-        If it is not two-dimensional, has NaN or infinity, or no more columns than rows.
+        If it is not two-dimensional, has NaN, infinity or entries beyond `LARGEST_ENTRY`, or
+        no more columns than rows.
     """
     matrix = as_floats(name, jacobian)
     if matrix.ndim != 2 or 0 in matrix.shape:
         raise InputError(name, f"of shape {matrix.shape}", "a matrix, one column per joint")
     if not np.all(np.isfinite(matrix)):
         raise InputError(name, "a matrix with NaN or infinity", "finite numbers only")
+    largest = float(np.max(np.abs(matrix)))
+    if largest > LARGEST_ENTRY:
+        allowed = f"entries of at most {LARGEST_ENTRY:g} in magnitude"
+        raise InputError(name, f"a matrix with an entry of {largest:g}", allowed)
     m, n = matrix.shape
     if n <= m:
         allowed = "more columns (joints) than rows (task dimensions)"
@@ -88,7 +95,8 @@ def condition_number(jacobian: npt.ArrayLike) -> float:
 
 def manipulability(jacobian: npt.ArrayLike) -> float:
     """√det(JJᵀ), the product of the singular values (Yoshikawa, 1985)."""
-    return float(np.prod(singular_values(jacobian)))
+    with np.errstate(over="ignore"):  # infinity, where many of them are large
+        return float(np.prod(singular_values(jacobian)))
 
 
 def locked_singular_values(jacobian: npt.ArrayLike, locked: int = 1) -> FloatArray:
