@@ -58,11 +58,12 @@ def _all_real(given: npt.NDArray[Any]) -> bool:
 
 def whole_number(argument: str, value: object, lowest: int, highest: int = LARGEST) -> int:
     """Return `value` if it is an integer in this range; InputError otherwise."""
-    whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
-    if whole and lowest <= value <= highest:  # type: ignore[operator]
-        return int(value)  # type: ignore[call-overload,no-any-return]
-    above = f" and at most {highest}" if whole and value > highest else ""  # type: ignore[operator]
-    raise InputError(argument, value, f"a whole number of at least {lowest}{above}")
+    allowed = f"a whole number of at least {lowest}"
+    if isinstance(value, int | np.integer) and not isinstance(value, bool):
+        if lowest <= value <= highest:
+            return int(value)
+        allowed += f" and at most {highest}" if value > highest else ""
+    raise InputError(argument, value, allowed)
 
 
 def finite_or_none(value: float | None) -> float | None:

@@ -116,16 +116,17 @@ def bound(
     if quantity is Quantity.MAX_MIN and joints > 7:
         reason = "more than 7 joints: --quantity max-min is a closed form there"
         refuse_unused(context, ("preset", "rigorous", "seed"), reason)
+    conic = "CLARABEL" if solver is None else solver
     text: Callable[[Mapping[str, Any]], str] = as_text
     if quantity is Quantity.EXISTENCE:
         from formulations.existence.relaxation.relaxation import existence_relaxation
 
         plain = existence_relaxation(
-            order, joints, task_dimension=task_dimension, solver=solver or "CLARABEL"
+            order, joints, task_dimension=task_dimension, solver=conic
         ).to_dict()
         text = _existence_text
     elif quantity is Quantity.WORST_CASE:
-        plain = _worst_case(joints, task_dimension, trace, lever_arm, solver or "CLARABEL")
+        plain = _worst_case(joints, task_dimension, trace, lever_arm, conic)
         text = _without_multipliers
     else:
         plain = _unit_revolute(quantity, joints, preset, rigorous, seed, solver)

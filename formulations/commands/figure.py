@@ -6,7 +6,16 @@ from typing import Annotated
 
 import typer
 
-from formulations.commands.arguments import MOST_STARTS, Json, Pick, Seed, Workers, progress, refuse_unused, whole
+from formulations.commands.arguments import (
+    MOST_STARTS,
+    Json,
+    Pick,
+    Seed,
+    Workers,
+    progress,
+    refuse_unused,
+    whole,
+)
 from formulations.commands.output import as_text
 from nlp.errors import InputError
 

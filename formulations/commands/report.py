@@ -7,7 +7,16 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from formulations.commands.arguments import MOST_STARTS, Json, Out, Seed, Workers, progress, refuse_unused, whole_option
+from formulations.commands.arguments import (
+    MOST_STARTS,
+    Json,
+    Out,
+    Seed,
+    Workers,
+    progress,
+    refuse_unused,
+    whole_option,
+)
 from formulations.commands.output import INTERRUPTED, QUESTIONED, show
 
 if TYPE_CHECKING:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import pandas as pd
 
-from formulations.joints.arm import MOST_JOINTS
+from formulations.joints.joint import MOST_JOINTS
 from formulations.solving.outcome import Outcome
 from formulations.solving.record import Record
 from formulations.solving.setup import Setup

@@ -116,6 +116,6 @@ def _name(described: Mapping[str, object]) -> str:
     return " ".join(str(part) for part in parts if part) or "jacobian"
 
 
-_READERS: Mapping[str, Callable[[Path, bytes], list[tuple[str, npt.ArrayLike]]]] = MappingProxyType(
-    {".csv": _read_csv, ".npy": _read_npy, ".json": _read_json}
+_READERS: Mapping[str, Callable[[Path, bytes], list[tuple[str, npt.ArrayLike]]]] = (
+    MappingProxyType({".csv": _read_csv, ".npy": _read_npy, ".json": _read_json})
 )

@@ -11,13 +11,13 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from formulations.joints.joint import MOST_VARIABLES, TOLERANCE, Joint, NotInModelError
+from formulations.joints.joint import TOLERANCE, Joint, NotInModelError
 from nlp.arrays import FloatArray, as_floats, finite_vector, whole_number
 from nlp.errors import InputError
 from nlp.problem import Constraint
 
-# Of what can be stated: for 100 unit revolute joints the derivatives alone take 5 s.
-MOST_JOINTS = 100
+# What can be stated is less, see `formulations.catalogue.arm`.
+_MOST_JOINTS = 10_000
 
 
 @dataclass(frozen=True)
@@ -32,8 +32,7 @@ class Arm:
     Raises
     ------
     InputError
-        If there are not more joints than task dimensions, dimensions differ, or there are more
-        than `MOST_JOINTS` joints or `MOST_VARIABLES` variables.
+        If there are not more joints than task dimensions, or dimensions differ.
     """
 
     joints: tuple[Joint, ...]
@@ -46,16 +45,11 @@ class Arm:
         if len(self.joints) <= dimensions[0]:
             allowed = f"more joints than task dimensions, here at least {dimensions[0] + 1}"
             raise InputError("joints", len(self.joints), allowed)
-        if len(self.joints) > MOST_JOINTS:
-            raise InputError("joints", len(self.joints), f"at most {MOST_JOINTS}")
-        if self.size > MOST_VARIABLES:
-            shown = f"{len(self.joints)}, which have {self.size} variables"
-            raise InputError("joints", shown, f"at most {MOST_VARIABLES} variables")
 
     @classmethod
     def of(cls, joint: Joint, count: int) -> Arm:
         """Return an arm of `count` joints of one kind."""
-        return cls((joint,) * whole_number("joints", count, 1, MOST_JOINTS))
+        return cls((joint,) * whole_number("joints", count, 1, _MOST_JOINTS))
 
     @property
     def shape(self) -> tuple[int, int]:

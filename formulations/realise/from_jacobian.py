@@ -15,8 +15,7 @@ matters, sit one unit of length from p, at p − ω or p − v.
 import numpy as np
 import numpy.typing as npt
 
-from formulations.joints.arm import MOST_JOINTS
-from formulations.joints.joint import NotInModelError, check_length
+from formulations.joints.joint import MOST_JOINTS, NotInModelError, check_length
 from formulations.measures import as_jacobian
 from formulations.realise.manipulator import Manipulator, Task
 from nlp.arrays import FloatArray, as_floats, finite_vector
