@@ -23,6 +23,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from formulations.__main__ import main
+from formulations.commands.app import COMMANDS
 
 ROOT = Path(__file__).parents[1]
 SECONDS, MEMORY = 10, 4 * 2**30
@@ -727,7 +728,6 @@ MORE = {
     "long.urdf": _urdf(40),
     "valid.txt": b"1,2,3\n4,5,6\n",
     "valid": b"1,2,3\n4,5,6\n",
-    **{f"{what}.{kind}": b"" for what, kind in ()},
 }
 # What reads a file of this kind, the file in place of the star.
 READERS = {
@@ -770,6 +770,11 @@ def _declared() -> list[str]:
 
 CASES = _cases()
 
+# What would take most memory: large numbers, and files that promise much.
+_LARGE = ("--joints 1", "--locked 8", "--locked 30", "shape_", "length.npy", "deep", "dotted")
+LARGE = [one for one in CASES if any(part in " ".join(one)[:200] for part in _LARGE)]
+LARGE += [one for one in CASES if WORDS["tera"] in one]
+
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
@@ -793,7 +798,7 @@ def _state(place: Path) -> dict[str, tuple[int, int]]:
 
 
 def refused(words: tuple[str, ...], place: Path) -> str:
-    """Run a command in this process; return its sentence, after checks of all that is promised."""
+    """Run a command in this process, check all that is promised, return its sentence."""
     before, began = _state(place), time.monotonic()
     out, err = io.StringIO(), io.StringIO()
     argv, there = sys.argv, Path.cwd()
@@ -825,3 +830,77 @@ def test_one_sentence(words, folder):
 def test_there_are_enough():
     print(len(CASES), "cases")
     assert len(CASES) >= 300
+    commands = {words[0] for words in CASES}
+    assert set(COMMANDS) <= commands
+
+
+# A digit or a name becomes something else; each is refused by every option that takes a number.
+JUNK = st.sampled_from(["", " ", "-", "nan", "1e999", "0x10", "1_0", "--", "½", "٣", "\u202e1"])
+NUMBERS = [
+    (command, option)
+    for command, options in {
+        "compare": "joints task-dimension starts seed workers",
+        "solve max-min": "joints locked starts seed workers",
+        "reproduce": "starts seed",
+        "failures": "starts seed workers",
+        "robots": "starts seed workers",
+        "benchmark": "starts seed time-limit",
+        "bound": "joints task-dimension trace lever-arm",
+        "verify": "samples",
+        "measure valid.csv": "locked tolerance",
+        "realise valid.csv": "length tolerance pick seed samples shortlist radius",
+        "assess arm.urdf": "locked length",
+        "posture arm.urdf": "locked length starts seed workers",
+        "campaign valid.toml --store new.db": "workers chunk time-limit",
+        "figure seven-axes --out a.svg": "pick starts seed workers",
+        "report": "starts seed workers",
+    }.items()
+    for option in options.split()
+]
+_SHARED = settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
+
+
+@_SHARED
+@settings(max_examples=100)
+@given(
+    option=st.sampled_from(NUMBERS), junk=JUNK | st.text("①²³xyz,;.", min_size=2, max_size=9)
+)
+def test_no_option_takes_junk_for_a_number(option, junk, folder):
+    command, name = option
+    refused((*command.split(), f"--{name}", junk), folder)
+
+
+@_SHARED
+@settings(max_examples=100)
+@given(
+    name=st.sampled_from(["valid.csv", "valid.npy", "valid.json", "valid.toml"]),
+    place=st.floats(0, 1, exclude_max=True),
+    junk=st.sampled_from([b"\0", b"\xff", b"\x80\x81", b"\xed\xa0\x80"]),
+)
+def test_no_reader_takes_bytes_that_are_no_text(name, place, junk, folder):
+    """A byte that no text has, anywhere; in an array's file, within its header."""
+    valid, kind = VALID[name], name.rpartition(".")[2]
+    at = int(place * (60 if kind == "npy" else len(valid)))
+    file = folder / f"mutant.{kind}"
+    file.write_bytes(valid[:at] + junk + valid[at + len(junk) :])
+    refused(tuple(READERS[name][0].replace("*", file.name).split()), folder)
+
+
+@pytest.mark.processes
+def test_memory_is_bounded(folder):
+    """What would take most memory, in one process that has 4 GB of addresses."""
+    script = (
+        "import resource, sys, pathlib\n"
+        "resource.setrlimit(resource.RLIMIT_AS, (int(sys.argv[1]),) * 2)\n"
+        "import test_bad_input as bad\n"
+        "for words in bad.LARGE: bad.refused(words, pathlib.Path(sys.argv[2]))"
+    )
+    paths = os.pathsep.join((str(ROOT), str(Path(__file__).parent)))
+    done = subprocess.run(
+        [sys.executable, "-c", script, str(MEMORY), str(folder)],
+        env={**os.environ, "PYTHONPATH": paths, "OPENBLAS_NUM_THREADS": "1"},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
