@@ -41,7 +41,7 @@ FILE_OPTIONS: Mapping[str, frozenset[str]] = {
 # Kinds of options of Ipopt, by the word that CasADi's message has for them.
 _KINDS: Mapping[str, tuple[type[OptionValue], str]] = {
     "is_int()": (int, "an integer of 32 bits"),
-    "is_double()": (float, "a finite real number"),
+    "is_double()": (float, "a real number that is finite"),
     "is_string()": (str, "a text"),
 }
 _LARGEST = 2**31 - 1

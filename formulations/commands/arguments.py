@@ -25,6 +25,7 @@ MOST_JOINTS = 1000
 MOST_DIMENSIONS = 100
 # What a whole number in a text looks like; int() takes more, such as digits of other scripts.
 _WHOLE = re.compile(r"\s*[+-]?[0-9]{1,30}\s*")
+_REAL = re.compile(r"\s*[+-]?([0-9]+[.]?[0-9]*|[.][0-9]+)([eE][+-]?[0-9]+)?\s*")
 
 
 def whole(lowest: int, highest: int = LARGEST) -> Callable[[str], int]:
@@ -82,10 +83,7 @@ def progress(sentence: str) -> None:
 
 def positive(text: str) -> float:
     """Parse a finite number above 0."""
-    try:
-        number = float(text)
-    except ValueError:
-        number = float("nan")
+    number = float(text) if _REAL.fullmatch(str(text)) else float("nan")
     if not 0 < number < float("inf"):
         raise typer.BadParameter(f"{shown(text)} given; allowed: a finite number above 0.")
     return number

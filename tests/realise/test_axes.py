@@ -142,7 +142,12 @@ FAST[:3, 2], FAST[3:, 2] = [2.0, 0.0, 0.0], 0.0
         (GOOD[:3], {"directions": GOOD[:3].T}, "direction is .* for joint 0; .*orthogonal"),
         (GOOD[3:], {"task": "rotational", "kinds": "P" * 7}, "revolute joints only"),
         (changed((0, 0), np.inf), {}, "finite"),
-        (1e200 * GOOD[:3], {}, "linear velocity is entries from .* allowed: 0, or 1e-100"),
+        (1e200 * GOOD[:3], {}, "allowed: entries of at most 1e"),
+        (
+            1e69 * GOOD[:3],
+            {"length": 1e60},
+            "linear velocity is entries .* allowed: 0, or 1e-100",
+        ),
     ],
 )
 def test_what_no_joint_can_do_is_one_sentence(matrix, options, sentence):
