@@ -1,11 +1,13 @@
 """Files read and written whole, or not at all; and what must not be overwritten."""
 
+import json
 import os
 import stat
 import tempfile
 from collections.abc import Iterable
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 from uuid import uuid4
 
 from nlp.errors import FileError
@@ -13,6 +15,8 @@ from nlp.errors import FileError
 # How an SQLite file begins, and what the names of the files that belong to it end in.
 _SQLITE = b"SQLite format 3\0"
 _SIDECARS = ("-wal", "-shm", "-journal")
+# Files that are read at once are smaller than this.
+MOST_BYTES = 200_000_000
 
 
 def prepare_folder(folder: Path, name: str = "output folder") -> Path:
@@ -65,17 +69,40 @@ def prepare_file(path: Path, name: str = "--out", inputs: Iterable[Path | None] 
     return path
 
 
-def read_bytes(path: Path, name: str = "file", largest: int | None = None) -> bytes:
-    """Return the content of a file; FileError if it cannot be read or has too many bytes."""
+def read_bytes(path: Path, name: str = "file", most: int = MOST_BYTES) -> bytes:
+    """Return the content of a file.
+
+    Raises
+    ------
+    FileError
+        If it cannot be read, is no regular file (a device or a pipe may never end), or has
+        more than `most` bytes.
+    """
     try:
-        with path.open("rb") as file:
-            content = file.read(-1 if largest is None else largest + 1)
-    except OSError as reason:
-        allowed = f"a file that can be read ({_why(reason)})"
-        raise FileError(name, str(path), allowed) from None
-    if largest is not None and len(content) > largest:
-        raise FileError(name, str(path), f"a file of at most {largest} bytes")
-    return content
+        about = path.stat()
+        if stat.S_ISREG(about.st_mode) or stat.S_ISDIR(about.st_mode):  # reading says why not
+            if about.st_size > most:
+                raise FileError(name, str(path), f"a file of at most {most} bytes")
+            return path.read_bytes()
+    except (OSError, ValueError) as reason:
+        if isinstance(reason, FileError):
+            raise
+        why = _why(reason) if isinstance(reason, OSError) else reason
+        raise FileError(name, str(path), f"a file that can be read ({why})") from None
+    raise FileError(name, str(path), "a regular file")
+
+
+def load_json(content: bytes, path: Path) -> Any:
+    """Return the value of a JSON text; FileError, which names the path, if it is none."""
+    try:
+        return json.loads(content.decode("utf-8-sig"))  # bytes could be UTF-16, too
+    except json.JSONDecodeError as reason:
+        why = str(reason)
+    except UnicodeDecodeError:
+        why = "it is not in UTF-8"
+    except (ValueError, RecursionError):
+        why = "a number is too long, or it is nested too deeply"
+    raise FileError("file", str(path), f"valid JSON ({why})")
 
 
 def write_text(path: Path, text: str) -> None:

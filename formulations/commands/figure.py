@@ -6,12 +6,22 @@ from typing import Annotated
 
 import typer
 
-from formulations.commands.arguments import Json, Pick, Seed, Workers, progress, whole
+from formulations.commands.arguments import (
+    MOST_STARTS,
+    Json,
+    Pick,
+    Seed,
+    Workers,
+    progress,
+    refuse_unused,
+    whole,
+)
 from formulations.commands.output import as_text
 from nlp.errors import InputError
 
 
 def figure(
+    context: typer.Context,
     name: Annotated[
         str,
         typer.Argument(
@@ -44,7 +54,7 @@ def figure(
     starts: Annotated[
         int | None,
         typer.Option(
-            parser=whole(1),
+            parser=whole(1, MOST_STARTS),
             metavar="K",
             help="Random starts of each problem.",
             show_default="5; figure-3 100; optima 50",
@@ -71,6 +81,9 @@ def figure(
             raise InputError(f"--{option}", str(value), f"none with {name}")
     if pick is not None and jacobian is None:
         raise InputError("--pick", pick, "none without --jacobian")
+    for option, value in (("--jacobian", jacobian), ("--store", store)):
+        if value is not None:
+            refuse_unused(context, ("starts", "seed", "workers"), option)
     figure_class()
     prepare_file(out, inputs=[jacobian, store])
     if data is not None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -12,7 +11,7 @@ import typer
 
 from formulations.commands.arguments import positive
 from nlp.errors import FileError, InputError
-from nlp.files import read_bytes
+from nlp.files import load_json, read_bytes
 
 if TYPE_CHECKING:
     from formulations.robots.chain import Chain
@@ -182,7 +181,7 @@ def number(name: str, value: object) -> float:
     """Return a finite number; InputError if it is none."""
     try:
         read = float(value)  # type: ignore[arg-type]
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         read = math.nan
     if isinstance(value, bool) or not math.isfinite(read):
         raise InputError(name, value, "a finite number, radians or metres")
@@ -190,11 +189,7 @@ def number(name: str, value: object) -> float:
 
 
 def _read_json(path: Path) -> Mapping[str, float] | Sequence[float]:
-    text = read_bytes(path)
-    try:
-        content = json.loads(text)
-    except (ValueError, RecursionError) as reason:
-        raise FileError("file", str(path), f"valid JSON ({reason})") from None
+    content = load_json(read_bytes(path), path)
     if isinstance(content, dict) and "configuration" in content:
         content = content["configuration"]
     if isinstance(content, dict):

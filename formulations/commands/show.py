@@ -86,13 +86,8 @@ def show(
         raise InputError("--out", "missing", "a file, for parquet")
     conditions = [condition(SCHEMA, text) for text in where or ()]
     if out is not None:
-<<<<<<< HEAD
-        prepare_folder(out.parent, "folder of --out")
-    with Store(store, SCHEMA, salvage=True) as study:
-=======
         prepare_file(out, inputs=[store])
-    with Store(store, SCHEMA) as study:
->>>>>>> h/b1
+    with Store(store, SCHEMA, salvage=True) as study:
         if records:
             table = tables.frame(study, conditions)
         elif optima:

@@ -138,7 +138,7 @@ def read_urdf(path: str | os.PathLike[str]) -> RobotTree:
         If the library that reads URDF is not installed.
     """
     path = Path(path)
-    content = read_bytes(path, largest=_LARGEST_FILE)
+    content = read_bytes(path, most=_LARGEST_FILE)
     try:
         return parse_urdf(content)
     except InputError as error:

@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from functools import partial
 
+from formulations import catalogue
 from formulations.catalogue import arm
 from formulations.measures.unequal_failures import FailureModel
 from formulations.solving.outcome import Outcome
@@ -10,6 +11,7 @@ from formulations.solving.record import judge
 from formulations.solving.setup import Setup, solver_options
 from formulations.unequal_max_min import Goal, default_encoding
 from nlp.arrays import Rng
+from nlp.errors import InputError
 from nlp.multistart import default_workers, multistart
 from nlp.task import seed_of
 
@@ -72,6 +74,8 @@ def solve(
     WorkerError
         If worker processes die or hang.
     """
+    if encoding is not None and "encoding" not in catalogue.formulation(formulation).SETTINGS:
+        raise InputError("encoding", encoding, f"none for the formulation {formulation}")
     if encoding is None:
         encoding = "shared-factor" if failures is None else default_encoding(failures, goal)
     setup = Setup(
