@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from formulations.commands.arguments import Json, Workers, positive, whole_option
-from formulations.commands.output import INTERRUPTED, show
+from formulations.commands.output import show
+from nlp.interrupts import INTERRUPTED
 
 if TYPE_CHECKING:
     from nlp.spread import Pool
@@ -37,9 +38,9 @@ def campaign(
         typer.Option(
             parser=positive,
             metavar="SECONDS",
-            help="Time for a chunk of starts, after which its worker is killed.",
+            help="Time for a start, from when it begins, after which its worker is killed.",
         ),
-    ] = 3600.0,
+    ] = 600.0,
     chunk: Annotated[
         int,
         whole_option(

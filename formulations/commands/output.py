@@ -11,11 +11,12 @@ import typer
 
 from formulations.commands.arguments import progress as show_progress
 from nlp.files import write_text
+from nlp.interrupts import INTERRUPTED
 
 if TYPE_CHECKING:
     from formulations.studies.study import Part, Study
 
-INTERRUPTED, QUESTIONED = 130, 1
+QUESTIONED = 1
 
 
 def as_text(values: Mapping[str, object]) -> str:

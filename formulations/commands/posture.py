@@ -15,7 +15,8 @@ from formulations.commands.arguments import (
     ipopt_options,
 )
 from formulations.commands.assess import robot_text
-from formulations.commands.output import INTERRUPTED, show
+from formulations.commands.output import show
+from nlp.interrupts import INTERRUPTED
 
 
 def posture(
@@ -63,4 +64,5 @@ def posture(
     text = robot_text(found.assessment, how, "the best found")
     show(found.to_dict(), as_json, lambda _: text, out)
     if not found.complete:
+        typer.echo(f"Interrupted: {found.starts} of {starts} starts ended.", err=True)
         raise typer.Exit(INTERRUPTED)

@@ -21,7 +21,7 @@ from formulations.studies.benchmark import study as benchmark
 from formulations.studies.study import Effort, Study
 from nlp.errors import FileError, InputError, LockedJointError
 from nlp.files import prepare_folder
-from nlp.solver import deferred_interrupt
+from nlp.interrupts import deferred_interrupt
 
 #: In the order in which they run: where a new one is listed.
 STUDIES: Mapping[str, Study] = MappingProxyType(

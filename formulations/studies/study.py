@@ -12,7 +12,7 @@ from formulations.solving.setup import Setup
 from formulations.solving.solve import run
 from formulations.studies import pages
 from nlp.files import prepare_folder, write_bytes, write_text
-from nlp.solver import deferred_interrupt
+from nlp.interrupts import deferred_interrupt
 
 Rows = Mapping[str, Sequence[Any]]
 
