@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from formulations.commands.arguments import Json, Workers, positive, whole_option
-from formulations.commands.output import show
-from nlp.interrupts import INTERRUPTED
+from formulations.commands.output import INTERRUPTED, show
 
 if TYPE_CHECKING:
     from nlp.spread import Pool

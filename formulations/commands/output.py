@@ -11,7 +11,7 @@ import typer
 
 from formulations.commands.arguments import progress as show_progress
 from nlp.files import write_text
-from nlp.interrupts import INTERRUPTED
+from nlp.interrupts import INTERRUPTED as INTERRUPTED
 
 if TYPE_CHECKING:
     from formulations.studies.study import Part, Study

@@ -15,8 +15,7 @@ from formulations.commands.arguments import (
     ipopt_options,
 )
 from formulations.commands.assess import robot_text
-from formulations.commands.output import show
-from nlp.interrupts import INTERRUPTED
+from formulations.commands.output import INTERRUPTED, show
 
 
 def posture(

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from formulations.commands.arguments import Json, Out, Seed, Workers, progress, whole_option
-from formulations.commands.output import QUESTIONED, show
-from nlp.interrupts import INTERRUPTED
+from formulations.commands.output import INTERRUPTED, QUESTIONED, show
 
 if TYPE_CHECKING:
     from formulations.studies.running import Outcome

@@ -21,8 +21,7 @@ from formulations.commands.arguments import (
     ipopt_options,
     positive,
 )
-from formulations.commands.output import as_text, show
-from nlp.interrupts import INTERRUPTED
+from formulations.commands.output import INTERRUPTED, as_text, show
 
 
 def solve(

@@ -188,7 +188,7 @@ def dask_processes(folder):
 
 @pytest.mark.slow
 def test_waiting_for_a_worker_does_not_count(cluster, tmp_path):
-    """Chunks of three seconds behind others of three seconds, within a limit of half a second a start."""
+    """Chunks of three seconds behind others of three seconds, limit: half a second a start."""
     mark = partial(three_seconds_a_chunk, folder=tmp_path)
     todo = chunks(mark, 40)
     assert collected(cluster, todo, limit=0.5) == list(range(40))
