@@ -337,3 +337,16 @@ def test_ctrl_c_keeps_the_rows_that_are_done(lockedjoint, tmp_path):
     assert "residual" in table.read_text()
     assert "Interrupted" in err
     assert "residual" in out
+
+
+@pytest.mark.processes
+@pytest.mark.parametrize("seconds", [0.3, 0.9])
+def test_ctrl_c_is_answered_in_one_sentence_at_any_moment(lockedjoint, tmp_path, seconds):
+    words = ("solve", "max-min", "--starts", 100_000, "--workers", 1, "--out", "best.json")
+    process = lockedjoint.start(*words, cwd=tmp_path)
+    time.sleep(seconds)
+    os.killpg(process.pid, signal.SIGINT)
+    _, err = process.communicate(timeout=30)
+    assert process.returncode == 130
+    assert err.startswith("Interrupted")
+    assert err.count("\n") == 1
