@@ -108,8 +108,9 @@ def deferred_interrupt(limited: bool = False) -> Iterator[None]:
     quiet = ExitStack()
 
     def hold(_: int, __: FrameType | None) -> None:
+        global _pressed
         nonlocal pressed
-        again, pressed = pressed, True
+        again, pressed, _pressed = pressed, True, None
         if again or (limited and not _alarm(_TO_END)):
             quiet.enter_context(redirect_stderr(io.StringIO()))  # CasADi's own message
             raise KeyboardInterrupt
