@@ -1,8 +1,7 @@
 """Campaigns under kills, full disks, damaged stores and dead schedulers: ten minutes.
 
-Not collected with the other tests; run it with ``python -m pytest -n 0 -s tests/stress.py``.
-Each test prints and asserts how many records were lost, how many are doubled, and how often a
-fault stayed silent: exit status 0 although something was wrong.
+Not collected with the other tests: ``python -m pytest -n 0 -s tests/stress.py``. Each test
+prints how many records were lost or doubled, and how many faults had exit status 0.
 """
 
 import json
@@ -196,12 +195,6 @@ def cluster(folder, env):
             process.wait()
 
 
-@contextmanager
-def silent():
-    with socket.create_server(("127.0.0.1", 0)) as server:
-        yield f"tcp://127.0.0.1:{server.getsockname()[1]}"
-
-
 # Which process is sent which signal half-way.
 ENDS = [(0, signal.SIGKILL)] * 3 + [(0, signal.SIGSTOP)] * 2 + [(1, signal.SIGKILL)] * 2
 
@@ -213,7 +206,8 @@ def test_dead_schedulers(lockedjoint, tmp_path, tally):
         folder = campaign_in(tmp_path / str(number))
         if number >= len(ENDS):
             began = time.monotonic()
-            with silent() as address:
+            with socket.create_server(("127.0.0.1", 0)) as server:  # it accepts, and is silent
+                address = f"tcp://127.0.0.1:{server.getsockname()[1]}"
                 done = lockedjoint(*CAMPAIGN, "--scheduler", address, cwd=folder)
             status, err = done.returncode, done.stderr
         else:
