@@ -104,7 +104,10 @@ def test_kills(lockedjoint, tmp_path, tally):
         while status != 0:
             process = lockedjoint.start(*CAMPAIGN, "--workers", 2, cwd=folder)
             try:
-                _, err = process.communicate(timeout=draw.uniform(0.5, 5))
+                # At least one in five runs is left alone, so that also slow machines end.
+                spared = tally.faults >= 50 or draw.random() < 0.2
+                timeout = None if spared else draw.uniform(0.5, 5)
+                _, err = process.communicate(timeout=timeout)
                 status = process.returncode
                 assert status == 0, err
             except subprocess.TimeoutExpired:
