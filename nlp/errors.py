@@ -50,6 +50,12 @@ class FileError(InputError):
     """A file or folder that cannot be read, written or understood."""
 
 
+class StoreError(FileError):
+    """A store that is damaged, being written, or of a newer version."""
+
+    exit_status: ClassVar[int] = 1
+
+
 class WorkerError(LockedJointError):
     """A start that fails each time it is run, or workers that cannot be had."""
 

@@ -189,8 +189,7 @@ def run(
                 if arrival.results:
                     made = arrival.results[0].result["environment"]  # one chunk, one process
                     records = [(one.index, one.result) for one in arrival.results]
-                    store.add(label, records, made)
-                    added += len(records)
+                    added += store.add(label, records, made)
                 bar.update(len(arrival.results) + len(arrival.lost))
         except KeyboardInterrupt:
             pass  # what is kept is kept, and the report says that it is not all

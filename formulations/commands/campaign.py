@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from formulations.commands.arguments import Json, Workers, positive, whole_option
-from formulations.commands.output import INTERRUPTED, show
+from formulations.commands.output import INTERRUPTED, refuse_damage, show
 
 if TYPE_CHECKING:
     from nlp.spread import Pool
@@ -52,8 +52,9 @@ def campaign(
 
     Every start becomes one record in the store as it ends. Run the same command again after
     Ctrl-C, a crash or a full disk: it goes on with what is missing, and more starts or cells
-    may be declared meanwhile. Exit status 1 if starts were lost because they raised an
-    exception, ended their process or exceeded the time limit.
+    may be declared meanwhile. Damaged records are solved again. Exit status 1 if starts were
+    lost because they raised an exception, ended their process or exceeded the time limit, if
+    damaged records of other problems remain, or if another process is writing the store.
     """
     from formulations.campaign.campaign import read, run
     from formulations.campaign.records import SCHEMA
@@ -62,9 +63,10 @@ def campaign(
     declared = read(file)
     with (
         closing(_pool(workers, scheduler)) as pool,
-        Store(store, SCHEMA, writable=True) as study,
+        Store(store, SCHEMA, writable=True, salvage=True) as study,
     ):
         report = run(declared, study, pool, time_limit, chunk, progress=True)
+        damaged = study.damaged
     found = {
         "store": str(store),
         "cells": len(declared.cells),
@@ -88,6 +90,7 @@ def campaign(
     if report.missing:
         typer.echo("Interrupted: run the same command again to go on.", err=True)
         raise typer.Exit(INTERRUPTED)
+    refuse_damage({store: damaged})
 
 
 def _pool(workers: int | None, scheduler: str | None) -> Pool:

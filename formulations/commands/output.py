@@ -15,6 +15,7 @@ from nlp.interrupts import INTERRUPTED as INTERRUPTED
 
 if TYPE_CHECKING:
     from formulations.studies.study import Part, Study
+    from nlp.store_checks import Damage
 
 QUESTIONED = 1
 
@@ -50,6 +51,17 @@ def show(
     if out is not None:
         write_text(out, content + "\n")
     typer.echo(content if as_json else text(found))
+
+
+def refuse_damage(damaged: Mapping[Path, Sequence[Damage]]) -> None:
+    """Name the damaged records of stores, if there are any, and end with status 1."""
+    from nlp.store_checks import sentence
+
+    for path, found in damaged.items():
+        if found:
+            typer.echo(f"Left out of {path}: {sentence(found)}.", err=True)
+    if any(damaged.values()):
+        raise typer.Exit(QUESTIONED)
 
 
 def run_study(

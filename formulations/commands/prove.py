@@ -11,11 +11,23 @@ from formulations.commands.output import show
 
 def prove(
     out: Annotated[
-        Path, typer.Option(metavar="FILE", help="Where to write the certificate (JSON).")
-    ] = Path("certificate.json"),
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="Where to write it.",
+            show_default="certificate.json; with --to coq Data.v",
+        ),
+    ] = None,
     joints: Annotated[
         int, whole_option(1, "N", "Number of revolute joints: 7, or 8 to 1000.")
     ] = 7,
+    to: Annotated[
+        str,
+        typer.Option(
+            metavar="FORM",
+            help="json: the certificate; coq: the data file of the proof in Coq, for n = 7.",
+        ),
+    ] = "json",
     as_json: Json = False,
 ) -> None:
     """Prove that an optimally failure-tolerant nR Jacobian exists, or for n = 7 that none does.
@@ -25,18 +37,23 @@ def prove(
     existed, and writes them with every multiplier that is needed to check this. Eight and
     more: writes the exact columns of such a Jacobian, for 8 to 13 joints, and beyond that
     how many isotropic six-joint arms stand beside them. Every run writes the same bytes.
-    Check the file with `lockedjoint verify`.
+    Check the file with `lockedjoint verify`, a data file with Coq (docs/nonexistence.md).
     """
     from formulations.existence.rings import exact_jacobian
-    from nlp.errors import FileError
+    from nlp.errors import FileError, InputError
     from nlp.files import prepare_folder, write_text
 
+    if to not in ("json", "coq"):
+        raise InputError("--to", to, "json or coq")
+    if to == "coq" and joints != 7:
+        raise InputError("--joints", joints, "7 with --to coq; others need no data file")
     existence = None if joints == 7 else exact_jacobian(joints)
+    out = out or Path("Data.v" if to == "coq" else "certificate.json")
     if out.is_dir():
         raise FileError("--out", str(out), "a file to write to, not a folder")
     prepare_folder(out.parent, "folder of --out")
     if existence is None:
-        _prove_nonexistence(out, as_json)
+        _prove_nonexistence(out, to, as_json)
         return
     write_text(out, existence.to_json())
     columns, arms = len(existence.columns), existence.six_joint_arms
@@ -49,12 +66,17 @@ def prove(
     show({"file": str(out), **sizes}, as_json, lambda _: text)
 
 
-def _prove_nonexistence(out: Path, as_json: bool) -> None:
+def _prove_nonexistence(out: Path, to: str, as_json: bool) -> None:
     """Derive and write the certificate for seven joints."""
+    from formulations.existence.coq_data import coq_data
     from formulations.existence.derive import derive
+    from nlp.files import write_text
 
     certificate = derive()
-    certificate.write(out)
+    if to == "coq":
+        write_text(out, coq_data(certificate))
+    else:
+        certificate.write(out)
     found: dict[str, Any] = {
         "file": str(out),
         "joints": certificate.joints,

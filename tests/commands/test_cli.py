@@ -172,6 +172,13 @@ def test_prove_existence_then_verify(lockedjoint, tmp_path):
     assert (sampled.returncode, sampled.stdout) == (2, "")
 
 
+@pytest.mark.slow
+def test_prove_to_coq(lockedjoint, tmp_path):
+    assert lockedjoint("prove", "--to", "coq", cwd=tmp_path).returncode == 0
+    committed = ROOT / "formulations" / "existence" / "coq" / "Data.v"
+    assert (tmp_path / "Data.v").read_bytes() == committed.read_bytes()
+
+
 def test_verify_tells_invalid_from_unreadable(lockedjoint, tmp_path):
     certificate = (ROOT / "results" / "existence" / "certificate.json").read_text()
     (tmp_path / "wrong.json").write_text(certificate.replace("33248", "33249"))
@@ -257,6 +264,8 @@ def test_reproduce_writes_every_row(lockedjoint, tmp_path):
         ("bound", "--lever-arm", "1", "--trace", "3"),
         ("prove", "--out", "{folder}"),
         ("prove", "--joints", "6"),
+        ("prove", "--to", "lean"),
+        ("prove", "--to", "coq", "--joints", "8"),
         ("prove", "--joints", "1001"),
         ("prove", "--joints", "9", "--out", "{folder}"),
         ("prove", "--out", "{file}/a.json"),
