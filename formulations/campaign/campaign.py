@@ -186,7 +186,8 @@ def run(
     pool
         The workers.
     time_limit
-        Seconds that a chunk may take; if it takes longer, its worker is killed.
+        Seconds that a start may take, from when it begins; a worker that takes longer for a
+        chunk than this for each of its starts is killed, and they run again one by one.
     chunk
         Starts that a worker is sent, and that one transaction keeps, at once.
     progress

@@ -38,9 +38,9 @@ def campaign(
         typer.Option(
             parser=positive,
             metavar="SECONDS",
-            help="Time for a chunk of starts, after which its worker is killed.",
+            help="Time for a start, from when it begins, after which its worker is killed.",
         ),
-    ] = 3600.0,
+    ] = 600.0,
     chunk: Annotated[
         int,
         whole_option(

@@ -11,12 +11,13 @@ import typer
 
 from formulations.commands.arguments import progress as show_progress
 from nlp.files import write_text
+from nlp.interrupts import INTERRUPTED as INTERRUPTED
 
 if TYPE_CHECKING:
     from formulations.studies.study import Part, Study
     from nlp.store_checks import Damage
 
-INTERRUPTED, QUESTIONED = 130, 1
+QUESTIONED = 1
 
 
 def as_text(values: Mapping[str, object]) -> str:

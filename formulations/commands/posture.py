@@ -65,4 +65,5 @@ def posture(
     text = robot_text(found.assessment, how, source)
     show(found.to_dict(), as_json, lambda _: text, out)
     if not found.complete:
+        typer.echo(f"Interrupted: {found.starts} of {starts} starts ended.", err=True)
         raise typer.Exit(INTERRUPTED)

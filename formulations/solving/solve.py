@@ -33,6 +33,7 @@ def solve(
     solver: str = "ipopt",
     options: Mapping[str, object] | None = None,
     compiled: bool = False,
+    time_limit: float | None = None,
     progress: bool = False,
 ) -> Outcome:
     """Solve a formulation from random starts and judge every answer from its J alone.
@@ -55,7 +56,7 @@ def solve(
         Processes; by default one per processor core.
     locked, failures, goal, encoding, from_residual_minima
         Of max-min; see `Setup`. By default the encoding that suits the failures.
-    solver, options, compiled
+    solver, options, compiled, time_limit
         Of the solver; see `nlp.multistart.multistart`. Options go over the formulation's own.
     progress
         Whether to show a bar.
@@ -97,6 +98,7 @@ def solve(
         options=options,
         solver=solver,
         compiled=compiled,
+        time_limit=time_limit,
         progress=progress,
     )
 
@@ -112,6 +114,7 @@ def run(
     options: Mapping[str, object] | None = None,
     solver: str = "ipopt",
     compiled: bool = False,
+    time_limit: float | None = None,
     progress: bool = False,
 ) -> Outcome:
     """Solve from all starts and judge what comes out.
@@ -130,6 +133,7 @@ def run(
         options=solver_options(setup.formulation, solver, options or {}),
         solver=solver,
         compiled=compiled,
+        time_limit=time_limit,
         label=label if progress else None,
         judge=partial(judge, arm=built, merit=setup.merit(), locked=setup.locked),
         figure=lambda record: record.merit,

@@ -21,7 +21,7 @@ from formulations.solving.solve import run
 from formulations.studies import pages
 from nlp.errors import FileError
 from nlp.files import prepare_file, prepare_folder, write_bytes, write_text
-from nlp.solver import deferred_interrupt
+from nlp.interrupts import deferred_interrupt
 
 #: Within the folder of a result: what is being computed, and what is complete but not in place.
 INCOMPLETE, COMPLETE = "incomplete", ".complete"

@@ -424,3 +424,16 @@ def planted(tmp_path, monkeypatch, capsys):
         return ended.value.code, capsys.readouterr().err
 
     return run, lambda: files() == before
+
+
+@pytest.mark.processes
+@pytest.mark.parametrize("seconds", [0.3, 0.9])
+def test_ctrl_c_is_answered_in_one_sentence_at_any_moment(lockedjoint, tmp_path, seconds):
+    words = ("solve", "max-min", "--starts", 100_000, "--workers", 1, "--out", "best.json")
+    process = lockedjoint.start(*words, cwd=tmp_path)
+    time.sleep(seconds)
+    os.killpg(process.pid, signal.SIGINT)
+    _, err = process.communicate(timeout=30)
+    assert process.returncode == 130
+    assert err.startswith("Interrupted")
+    assert err.count("\n") == 1
