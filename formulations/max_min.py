@@ -23,8 +23,7 @@ from formulations.bounds.certified import Bound, largest_worst_case
 from formulations.joints.arm import Arm
 from formulations.joints.joint import ColumnModel
 from formulations.measures.unequal_failures import FailureModel
-from nlp.arrays import FloatArray, whole_number
-from nlp.errors import InputError
+from nlp.arrays import FloatArray
 from nlp.options import OptionValue
 from nlp.problem import Problem, Sense
 from nlp.solver import Solver
@@ -63,8 +62,7 @@ def build(arm: ColumnModel, locked: int = 1, encoding: str = "shared-factor") ->
         keeps full rank after k joints lock.
     """
     m, n = arm.shape
-    if whole_number("locked joints", locked, 1) > n - m:
-        raise InputError("locked joints", locked, f"at most the degree of redundancy, {n - m}")
+    unequal_max_min.check_locked(n - m, n, locked)
     alike = FailureModel.equally_likely(n, locked)
     return replace(unequal_max_min.build(arm, alike, "worst", encoding), name=NAME)
 

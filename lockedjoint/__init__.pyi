@@ -17,7 +17,8 @@ from formulations.catalogue import formulation as formulation
 from formulations.catalogue import numerical_bound as numerical_bound
 from formulations.catalogue import register as register
 
-# Proof: that no optimally failure-tolerant 7R exists.
+# Proof: optimally failure-tolerant nR Jacobians exist for every n from 8 on, and not for 7.
+from formulations.existence.rings import optimal_jacobian as optimal_jacobian
 from formulations.files.jacobians import read_jacobians as read_jacobians
 from formulations.joints.arm import Arm as Arm
 from formulations.joints.kinds import FreeColumn as FreeColumn

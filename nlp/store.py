@@ -4,22 +4,32 @@ A store is one SQLite file in write-ahead mode: one process writes, others read 
 A *cell* is a problem with all that decides its records, and a record is what became of one
 start of a cell. Floats are eight-byte floats in the file, so they come back bit for bit. NaN,
 which SQL does not have, is kept as NULL. The caller's `Schema` lists the columns.
+
+Every record has a checksum. A store is verified when it is opened: SQLite's own structure, then
+every record. Records that arrive later are verified before the next query reads them.
 """
 
 import math
 import sqlite3
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, closing, contextmanager
+from contextlib import AbstractContextManager, ExitStack, closing, contextmanager, suppress
+from itertools import groupby
+from operator import itemgetter
 from pathlib import Path
 from typing import Any, TypeAlias
 
-from nlp.errors import FileError, InputError
+from nlp.errors import FileError, InputError, StoreError
+from nlp.store_checks import Checksum, Damage, plain, sentence
+from nlp.store_lock import WriterLock
 from nlp.store_schema import Condition, Schema, Value
 
 # Which types the values have, the schema knows.
 Row: TypeAlias = dict[str, Any]
 
 _BUSY_SECONDS = 60.0
+_HEAD = 1 << 16  # bytes of the largest page, the first of which lists the tables
+# SQLite's codes for a file that has not the tables that it should have.
+_DAMAGE = (sqlite3.SQLITE_ERROR, sqlite3.SQLITE_CORRUPT)
 
 
 class Store(AbstractContextManager["Store", None]):
@@ -33,31 +43,49 @@ class Store(AbstractContextManager["Store", None]):
         The columns that the caller keeps.
     writable
         Whether to add to it. A writable store is made if there is none, and brought to the
-        schema's version if it is older and there are migrations.
+        schema's version if it is older and there are migrations. One process writes at a time.
+    salvage
+        Whether to open a store with damaged records. They are left out of all that is read,
+        and listed in `damaged`.
+
+    Attributes
+    ----------
+    checksums
+        Whether the records had checksums; an older store that is only read is migrated in a
+        temporary copy, where they are computed from what is there.
 
     Raises
     ------
     FileError
-        If it cannot be opened, is not such a store, or has another version.
+        If it cannot be opened, is not such a store, or its version cannot be read.
+    StoreError
+        If its structure is damaged, records are and it is not opened to `salvage` the others,
+        or another process writes to it.
     """
 
-    def __init__(self, path: Path, schema: Schema, *, writable: bool = False) -> None:
+    def __init__(
+        self, path: Path, schema: Schema, *, writable: bool = False, salvage: bool = False
+    ) -> None:
         self.path = path
         self.schema = schema
+        self.checksums = True
+        self._verified = 0  # row of the last record that was verified
+        self._salvage = salvage
+        self._begun: dict[tuple[int, int], Checksum] = {}
         if not writable and not path.is_file():
             raise FileError("store", str(path), "the file of a campaign")
-        with self._clear():
-            self._database = sqlite3.connect(
-                f"{path.absolute().as_uri()}?mode={'rwc' if writable else 'ro'}",
-                uri=True,
-                timeout=_BUSY_SECONDS,
-                isolation_level=None,  # transactions are those of `_transaction` only
-            )
-            try:
-                self._prepare(writable)
-            except BaseException:
-                self._database.close()
-                raise
+        with ExitStack() as opened, self._clear():
+            if writable:
+                self._lock = WriterLock(path)
+                opened.callback(self._lock.release)
+            self._database = self._connected(writable)
+            opened.callback(lambda: self._database.close())
+            if writable:
+                opened.callback(self._empty_log)
+            self._prepare(writable)
+            self._check_pages()
+            self._verify()
+            self._opened = opened.pop_all()
 
     def __exit__(self, *_: object) -> None:
         self.close()
@@ -65,7 +93,29 @@ class Store(AbstractContextManager["Store", None]):
     def close(self) -> None:
         """Close the file; what was added is on the disk already."""
         with self._clear():
-            self._database.close()
+            self._opened.close()
+
+    def _empty_log(self) -> None:
+        """Bring what is in the log into the file, so that the file is all there is."""
+        with suppress(sqlite3.OperationalError):  # others read the log
+            self._database.execute("PRAGMA busy_timeout = 100")
+            self._database.execute("PRAGMA wal_checkpoint(TRUNCATE)")
+
+    @property
+    def damaged(self) -> tuple[Damage, ...]:
+        """The damaged records by cell, as far as the store has been verified."""
+        select = "SELECT cell, start FROM temp.damaged ORDER BY cell, start"
+        with self._clear():
+            found = self._database.execute(select).fetchall()
+            return tuple(
+                Damage(cell, self._settings(cell), tuple(start for _, start in members))
+                for cell, members in groupby(found, key=itemgetter(0))
+            )
+
+    def count(self) -> int:
+        """Return the number of records, damaged ones included."""
+        with self._clear():
+            return self._value("SELECT count(*) FROM record")
 
     def cell(self, settings: Mapping[str, Value]) -> int:
         """Return the number of the cell with these settings, made if there is none yet."""
@@ -74,8 +124,10 @@ class Store(AbstractContextManager["Store", None]):
 
     def add(
         self, cell: int, records: Sequence[tuple[int, Mapping[str, Value]]], environment: str
-    ) -> None:
+    ) -> int:
         """Keep records, all of them or none; those that are there already stay as they are.
+
+        Damaged ones are replaced.
 
         Parameters
         ----------
@@ -85,27 +137,23 @@ class Store(AbstractContextManager["Store", None]):
             Start and values of each.
         environment
             What they were made with, such as versions.
+
+        Returns
+        -------
+        int
+            How many were added.
         """
-        names = list(self.schema.values)
-        insert = (
-            f"INSERT INTO record (cell, start, environment, {', '.join(names)}) "
-            f"VALUES (?, ?, ?{', ?' * len(names)}) ON CONFLICT (cell, start) DO NOTHING"
-        )
         with self._transaction():
             made = self._number("environment", {"environment": environment})
-            lines = [
-                (cell, start, made, *(values[name] for name in names))
-                for start, values in records
-            ]
-            self._database.executemany(insert, lines)
+            return sum(self._insert(cell, made, start, values) for start, values in records)
 
-    def join(self, other: Path, apart_from: Collection[str] = ()) -> tuple[int, int]:
-        """Add the records of another store of the same kind, all of them or none.
+    def join(self, other: "Store", apart_from: Collection[str] = ()) -> tuple[int, int]:
+        """Add the intact records of another store of the same kind, all of them or none.
 
         Parameters
         ----------
         other
-            Its file, which stays as it is.
+            The other store, which stays as it is.
         apart_from
             Values in which records of one start may differ, such as times.
 
@@ -117,56 +165,76 @@ class Store(AbstractContextManager["Store", None]):
         Raises
         ------
         FileError
-            If it is not such a store, has another version or is this one.
+            If it is the same store.
         InputError
             If both have a record of one start with different values; nothing is added.
         """
-        Store(other, self.schema).close()  # refuses what is not a store of this version
-        if other.samefile(self.path):
-            raise FileError("store to join", str(other), "another file than the store itself")
-        with self._clear():
-            uri = f"{other.absolute().as_uri()}?mode=ro"
-            self._database.execute("ATTACH DATABASE ? AS other", (uri,))
-        values = ", ".join(self.schema.values)
-        try:
-            with self._transaction():
-                for statement in self.schema.additions():
-                    self._database.execute(statement)
-                self._refuse_conflicts(other, apart_from)
-                added = self._database.execute(
-                    f"INSERT INTO main.record (cell, start, environment, {values}) "
-                    f"SELECT cell.id, start, environment.id, {values} "
-                    f"FROM ({self.schema.records('other')}) "
-                    f"JOIN main.cell AS cell USING ({', '.join(self.schema.settings)}) "
-                    "JOIN main.environment AS environment USING (environment) "
-                    "WHERE true ORDER BY 1, 2 ON CONFLICT (cell, start) DO NOTHING"
-                ).rowcount
-                theirs = self._value("SELECT count(*) FROM other.record")
-        finally:
-            self._database.execute("DETACH DATABASE other")
-        return added, theirs - added
+        if other.path.samefile(self.path):
+            allowed = "another file than the store itself"
+            raise FileError("store to join", str(other.path), allowed)
+        counts = {True: 0, False: 0}
+        cells: dict[int, int] = {}
+        environments: dict[str, int] = {}
+        with self._transaction():
+            for row in other.query("SELECT * FROM chosen ORDER BY cell, start"):
+                number, text = row["cell"], row["environment"]
+                if number not in cells:
+                    settings = {name: row[name] for name in self.schema.settings}
+                    cells[number] = self._number("cell", settings)
+                if text not in environments:
+                    environments[text] = self._number("environment", {"environment": text})
+                cell = cells[number]
+                added = self._insert(cell, environments[text], row["start"], row)
+                if not added:
+                    self._refuse_conflict(cell, row, other.path, apart_from)
+                counts[added] += 1
+        return counts[True], counts[False]
 
-    def _refuse_conflicts(self, other: Path, apart_from: Collection[str]) -> None:
-        compared = [name for name in self.schema.values if name not in apart_from]
-        differ = " OR ".join(f"ours.{name} IS NOT theirs.{name}" for name in compared) or "0"
-        identity = (*self.schema.settings, "start")
-        conflict = self._database.execute(
-            f"SELECT {', '.join(identity)} FROM ({self.schema.records()}) AS ours "
-            f"JOIN ({self.schema.records('other')}) AS theirs "
-            f"USING ({', '.join(identity)}) WHERE {differ} LIMIT 1"
-        ).fetchone()
-        if conflict is not None:
-            pairs = zip(identity, conflict, strict=True)
-            record = ", ".join(f"{name}={value}" for name, value in pairs)
+    def _insert(
+        self, cell: int, environment: int, start: int, values: Mapping[str, Value]
+    ) -> bool:
+        """Add a record, or replace a damaged one; return whether it is new."""
+        names = list(self.schema.values)
+        line = [plain(kind, values[name]) for name, kind in self.schema.values.items()]
+        checksum = self._checksum(cell, environment)
+        if checksum is None:
+            raise InputError("cell", cell, "the number of a cell of the store")
+        marks = ", ".join("?" * (len(names) + 4))
+        insert = (
+            f"INSERT INTO record (cell, start, environment, {', '.join(names)}, checksum) "
+            f"VALUES ({marks}) ON CONFLICT (cell, start) DO NOTHING"
+        )
+        for table in ("record", "temp.damaged") if self._is_damaged(cell, start) else ():
+            which = f"DELETE FROM {table} WHERE cell = ? AND start = ?"
+            self._database.execute(which, (cell, start))
+        kept = (cell, int(start), environment, *line, checksum(int(start), names, line))
+        return self._database.execute(insert, kept).rowcount == 1
+
+    def _is_damaged(self, cell: int, start: int) -> bool:
+        select = "SELECT count(*) FROM temp.damaged WHERE cell = ? AND start = ?"
+        return self._value(select, (cell, start)) > 0
+
+    def _refuse_conflict(
+        self, cell: int, row: Row, other: Path, apart_from: Collection[str]
+    ) -> None:
+        kinds = {n: k for n, k in self.schema.values.items() if n not in apart_from}
+        select = (
+            f"SELECT {', '.join(['start', *kinds])} FROM record WHERE cell = ? AND start = ?"
+        )
+        ours = self._database.execute(select, (cell, row["start"])).fetchone()
+        if ours[1:] != tuple(plain(kind, row[name]) for name, kind in kinds.items()):
+            identity = (*self.schema.settings, "start")
+            record = ", ".join(f"{name}={row[name]}" for name in identity)
             allowed = "records equal to those that are there already, where starts are the same"
             raise InputError(f"record of {record}", f"another one in {other}", allowed)
 
     def missing(self, cell: int, starts: int) -> list[range]:
-        """Return the starts below `starts` without a record, as ranges in order."""
+        """Return the starts below `starts` without an intact record, as ranges in order."""
         select = (
             "SELECT first, start FROM "
             "(SELECT start, lag(start, 1, -1) OVER (ORDER BY start) + 1 AS first FROM "
-            "(SELECT start FROM record WHERE cell = ? AND start < ? UNION ALL SELECT ?)) "
+            "(SELECT start FROM record WHERE cell = ? AND start < ? "
+            "AND rowid NOT IN (SELECT id FROM temp.damaged) UNION ALL SELECT ?)) "
             "WHERE first < start ORDER BY start"
         )
         with self._clear():
@@ -211,9 +279,10 @@ class Store(AbstractContextManager["Store", None]):
         values
             Values of the question marks in `select`.
         """
+        self._verify()
         clauses = [condition.clause(self.schema) for condition in conditions] or ["true"]
         statement = (
-            f"WITH kept AS ({self.schema.records()}), "
+            f"WITH kept AS ({self.schema.records(self._verified)}), "
             f"chosen AS (SELECT * FROM kept WHERE {' AND '.join(clauses)}) {select}"
         )
         given = [*(condition.value for condition in conditions), *values]
@@ -237,6 +306,84 @@ class Store(AbstractContextManager["Store", None]):
     def _value(self, select: str, values: Sequence[Value] = ()) -> int:
         return int(self._database.execute(select, values).fetchone()[0])
 
+    def _settings(self, cell: object) -> Row | None:
+        names = list(self.schema.settings)
+        select = f"SELECT {', '.join(names)} FROM cell WHERE id = ?"
+        found = self._database.execute(select, (cell,)).fetchone()
+        return None if found is None else dict(zip(names, found, strict=True))
+
+    def _checksum(self, cell: int, environment: int) -> Checksum | None:
+        """Return what computes the checksums of such records; None if there is no such row."""
+        key = (cell, environment)
+        if key not in self._begun:
+            settings = self._settings(cell)
+            select = "SELECT environment FROM environment WHERE id = ?"
+            text = self._database.execute(select, (environment,)).fetchone()
+            if settings is None or text is None:
+                return None
+            self._begun[key] = Checksum(list(settings.values()), text[0])
+        return self._begun[key]
+
+    def _check_pages(self) -> None:
+        """Refuse a file whose structure is damaged: which records it has is not known then."""
+        found = self._database.execute("PRAGMA main.integrity_check(1)").fetchone()[0]
+        if found != "ok":
+            raise StoreError("store", str(self.path), f"one that is intact ({found})")
+
+    def _verify(self) -> None:
+        """Verify the records that came since the last time; the damaged go into a table."""
+        names = list(self.schema.values)
+        select = (
+            f"SELECT rowid, cell, environment, start, checksum, {', '.join(names)} "
+            "FROM main.record WHERE rowid > ? ORDER BY rowid"
+        )
+        damaged = []
+        with self._clear():
+            for row in self._database.execute(select, (self._verified,)):
+                self._verified, cell, environment, start, kept, *values = row
+                checksum = self._checksum(cell, environment)
+                if checksum is None or checksum(start, names, values) != kept:
+                    damaged.append((self._verified, cell, start))
+            if damaged:
+                insert = "INSERT INTO temp.damaged (id, cell, start) VALUES (?, ?, ?)"
+                self._database.executemany(insert, damaged)
+                if not self._salvage:
+                    allowed = f"one whose records are intact; it has {sentence(self.damaged)}"
+                    raise StoreError("store", str(self.path), allowed)
+
+    def _connected(self, writable: bool) -> sqlite3.Connection:
+        def connect(how: str) -> sqlite3.Connection:
+            opened = sqlite3.connect(
+                f"{self.path.absolute().as_uri()}?{how}",
+                uri=True,
+                timeout=_BUSY_SECONDS,
+                isolation_level=None,  # transactions are those of `_transaction` only
+            )
+            opened.text_factory = _text
+            try:
+                opened.execute("PRAGMA schema_version").fetchone()  # reads the file
+            except BaseException:
+                opened.close()
+                raise
+            return opened
+
+        try:
+            return connect(f"mode={'rwc' if writable else 'ro'}")
+        except sqlite3.OperationalError as reason:
+            # In a folder that is not writable, SQLite cannot make the files of its log.
+            if writable or _code(reason) not in (
+                sqlite3.SQLITE_CANTOPEN,
+                sqlite3.SQLITE_READONLY,
+            ):
+                raise
+            log = self.path.with_name(f"{self.path.name}-wal")
+            if log.exists() and log.stat().st_size:
+                allowed = (
+                    f"one in a folder to write to, since its last records are in {log.name}"
+                )
+                raise FileError("store", str(self.path), allowed) from None
+            return connect("immutable=1")
+
     def _prepare(self, writable: bool) -> None:
         """Check that the file is ours and of this version, before anything is changed."""
         version, owner = (
@@ -247,30 +394,55 @@ class Store(AbstractContextManager["Store", None]):
                 for statement in self.schema.creation():
                     self._database.execute(statement)
         elif owner != self.schema.application:
-            raise FileError("store", str(self.path), "the file of a campaign")
+            kind = StoreError if _was_ours(self.path) else FileError
+            raise kind("store", str(self.path), "the file of a campaign")
         elif version != self.schema.version:
             self._migrate(version, writable)
+        self._database.execute(
+            "CREATE TEMP TABLE damaged (id INTEGER PRIMARY KEY, cell, start)"
+        )
         if writable:
             # The file must survive a crash of the machine as it survives one of the process.
             self._database.execute("PRAGMA journal_mode = WAL")
             self._database.execute("PRAGMA synchronous = FULL")
 
     def _migrate(self, version: int, writable: bool) -> None:
+        """Bring the store to the schema's version, or a temporary copy if it is only read."""
         known = self.schema.version
         steps = [self.schema.migrations.get(v) for v in range(version, known)]
         if version > known:
             allowed = f"version {known} or older; a newer lockedjoint made it"
-        elif None in steps:
+            raise StoreError("version of the store", version, allowed)
+        if None in steps:
             allowed = f"version {known}; this one is too old to be brought up to it"
-        elif not writable:
-            allowed = f"version {known}; run its campaign again to bring it up to it"
-        else:
-            with self._transaction():
-                for statement in (statement for step in steps for statement in step or ()):
-                    self._database.execute(statement)
-                self._database.execute(f"PRAGMA user_version = {known}")
-            return
-        raise FileError("version of the store", version, allowed)
+            raise FileError("version of the store", version, allowed)
+        self._check_pages()
+        if not writable:
+            copy = sqlite3.connect("", isolation_level=None)  # a file that SQLite deletes
+            copy.text_factory = _text
+            with closing(self._database) as original:
+                self._database = copy
+                original.backup(copy)
+        with self._transaction():
+            for statement in (statement for step in steps for statement in step or ()):
+                self._database.execute(statement)
+            columns = self._database.execute("PRAGMA main.table_info(record)").fetchall()
+            if "checksum" not in (name for _, name, *_ in columns):
+                self._add_checksums()
+            self._database.execute(f"PRAGMA user_version = {known}")
+
+    def _add_checksums(self) -> None:
+        """Add checksums to a store from before there were any."""
+        self.checksums = False
+        self._database.execute("ALTER TABLE record ADD COLUMN checksum BLOB")
+        names = list(self.schema.values)
+        select = f"SELECT rowid, cell, environment, start, {', '.join(names)} FROM record"
+        update = "UPDATE record SET checksum = ? WHERE rowid = ?"
+        for number, cell, environment, start, *values in self._database.execute(select):
+            checksum = self._checksum(cell, environment)
+            if checksum is not None:
+                made = checksum(start, names, values)
+                self._database.execute(update, (made, number))
 
     @contextmanager
     def _transaction(self) -> Iterator[None]:
@@ -282,6 +454,7 @@ class Store(AbstractContextManager["Store", None]):
             except BaseException:
                 if self._database.in_transaction:  # SQLite may have rolled back by itself
                     self._database.execute("ROLLBACK")
+                self._begun.clear()  # it may be of rows that are gone
                 raise
 
     @contextmanager
@@ -289,8 +462,31 @@ class Store(AbstractContextManager["Store", None]):
         """Turn SQLite's errors into one sentence."""
         try:
             yield
+        except UnicodeDecodeError:  # SQLite quotes a damaged name
+            raise StoreError("store", str(self.path), "one that is intact") from None
         except sqlite3.Error as reason:
-            raise FileError("store", str(self.path), _advice(reason)) from None
+            code = _code(reason)
+            no_database = code == sqlite3.SQLITE_NOTADB and _was_ours(self.path)
+            damaged = code in _DAMAGE or no_database
+            kind = StoreError if damaged else FileError
+            raise kind("store", str(self.path), _advice(reason)) from None
+
+
+def _text(raw: bytes) -> str:
+    """Read text that may be damaged: its record has another checksum then."""
+    return raw.decode(errors="surrogateescape")
+
+
+def _was_ours(path: Path) -> bool:
+    """Whether a file that cannot be read as a store has been one: it starts with the tables."""
+    with suppress(OSError), path.open("rb") as file:
+        return b"CREATE TABLE record (cell INTEGER" in file.read(_HEAD)
+    return False
+
+
+def _code(reason: sqlite3.Error) -> int:
+    """Return SQLite's primary code of an error; 0 if it has none."""
+    return int(getattr(reason, "sqlite_errorcode", 0)) & 0xFF
 
 
 def _advice(reason: sqlite3.Error) -> str:
@@ -298,4 +494,6 @@ def _advice(reason: sqlite3.Error) -> str:
         return f"a file on a disk with room ({reason}); what it holds is kept, run again"
     if "locked" in str(reason):
         return f"a file that no other process writes to for long ({reason})"
+    if _code(reason) in _DAMAGE:
+        return f"one that is intact ({reason})"
     return f"the file of a campaign, in a folder to write to ({reason})"

@@ -64,28 +64,24 @@ class Schema:
             "(id INTEGER PRIMARY KEY, environment TEXT NOT NULL UNIQUE)",
             "CREATE TABLE record (cell INTEGER NOT NULL REFERENCES cell, "
             "start INTEGER NOT NULL, environment INTEGER NOT NULL REFERENCES environment, "
-            f"{values}, PRIMARY KEY (cell, start))",
+            f"{values}, checksum BLOB, PRIMARY KEY (cell, start))",
             f"PRAGMA application_id = {self.application}",
             f"PRAGMA user_version = {self.version}",
         ]
 
-    def records(self, store: str = "main") -> str:
-        """Return the SELECT of a store's records with number and settings of their ``cell``."""
+    def records(self, last: int) -> str:
+        """Return the SELECT of the intact records, with number and settings of their ``cell``.
+
+        Records after row `last` are not verified yet and left out.
+        """
         listed = ", ".join([*self.settings, "start", *self.values])
         return (
             f"SELECT record.cell AS cell, {listed}, environment.environment AS environment "
-            f"FROM {store}.record AS record JOIN {store}.cell AS cell ON cell.id = record.cell "
-            f"JOIN {store}.environment AS environment ON environment.id = record.environment"
+            "FROM main.record AS record JOIN main.cell AS cell ON cell.id = record.cell "
+            "JOIN main.environment AS environment ON environment.id = record.environment "
+            f"WHERE record.rowid <= {last} "
+            "AND record.rowid NOT IN (SELECT id FROM temp.damaged)"
         )
-
-    def additions(self) -> list[str]:
-        """Return what adds cells and environments of the attached store ``other``."""
-        settings = ", ".join(self.settings)
-        return [
-            f"INSERT INTO main.{table} ({columns}) SELECT {columns} FROM other.{table} "
-            "WHERE true ORDER BY id ON CONFLICT DO NOTHING"
-            for table, columns in (("cell", settings), ("environment", "environment"))
-        ]
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ import pytest
 
 from formulations import measures
 from formulations.bounds.so3_moments.fixed_worst_case import worst_case_limit
-from formulations.existence.reading import read
+from formulations.existence.reading import read, read_either
 from formulations.existence.relaxation.relaxation import existence_relaxation
 from formulations.existence.verify import verify
 from formulations.files.provenance import read_header
@@ -124,6 +124,11 @@ def test_the_certificate_on_record_has_the_figures_of_the_table():
     certificate = read(RESULTS / "existence" / "certificate.json")
     facts = rows("existence", existence_study.Fact)
     assert existence_study.facts(certificate, verify(certificate), "proved") == facts
+    optimal = rows("existence", existence_study.OptimalRow, "optimal.csv")
+    assert [row.joints for row in optimal] == [8, 9, 10, 11, 12, 13]
+    for row in optimal:
+        existence = read_either(RESULTS / "existence" / row.file)
+        assert existence_study.optimal_row(existence, row.file) == row
 
 
 # Measured again from what is on record ----------------------------------------------------

@@ -62,12 +62,13 @@ TIMES = ("solver_cpu_seconds", "solver_wall_seconds", "cpu_seconds")
 # of the version before to it; a study may have cost weeks.
 SCHEMA = Schema(
     application=0x6C6A7331,
-    version=2,
+    version=3,
     settings={name: kind for name, (kind, _) in _SETTINGS.items()},
     values={name: kind for name, (kind, _) in _VALUES.items()},
     migrations={
         # Version 1 did not keep whether the functions ran compiled: it is not known.
         1: ("ALTER TABLE record ADD COLUMN ran_compiled INTEGER",),
+        2: (),  # The store adds the checksums.
     },
 )
 

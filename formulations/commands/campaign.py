@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from formulations.commands.arguments import Json, Workers, positive, whole_option
-from formulations.commands.output import INTERRUPTED, show
+from formulations.commands.arguments import Json, Workers, positive, refuse_unused, whole_option
+from formulations.commands.output import INTERRUPTED, refuse_damage, show
 
 if TYPE_CHECKING:
     from nlp.spread import Pool
@@ -18,6 +18,7 @@ INCOMPLETE = 1
 
 
 def campaign(
+    context: typer.Context,
     file: Annotated[
         Path,
         typer.Argument(metavar="FILE", help="The campaign in TOML, see docs/campaigns.md."),
@@ -37,9 +38,9 @@ def campaign(
         typer.Option(
             parser=positive,
             metavar="SECONDS",
-            help="Time for a chunk of starts, after which its worker is killed.",
+            help="Time for a start, from when it begins, after which its worker is killed.",
         ),
-    ] = 3600.0,
+    ] = 600.0,
     chunk: Annotated[
         int,
         whole_option(
@@ -52,19 +53,23 @@ def campaign(
 
     Every start becomes one record in the store as it ends. Run the same command again after
     Ctrl-C, a crash or a full disk: it goes on with what is missing, and more starts or cells
-    may be declared meanwhile. Exit status 1 if starts were lost because they raised an
-    exception, ended their process or exceeded the time limit.
+    may be declared meanwhile. Damaged records are solved again. Exit status 1 if starts were
+    lost because they raised an exception, ended their process or exceeded the time limit, if
+    damaged records of other problems remain, or if another process is writing the store.
     """
     from formulations.campaign.campaign import read, run
     from formulations.campaign.records import SCHEMA
     from nlp.store import Store
 
+    if scheduler is not None:
+        refuse_unused(context, ("workers",), "--scheduler")
     declared = read(file)
     with (
         closing(_pool(workers, scheduler)) as pool,
-        Store(store, SCHEMA, writable=True) as study,
+        Store(store, SCHEMA, writable=True, salvage=True) as study,
     ):
         report = run(declared, study, pool, time_limit, chunk, progress=True)
+        damaged = study.damaged
     found = {
         "store": str(store),
         "cells": len(declared.cells),
@@ -88,6 +93,7 @@ def campaign(
     if report.missing:
         typer.echo("Interrupted: run the same command again to go on.", err=True)
         raise typer.Exit(INTERRUPTED)
+    refuse_damage({store: damaged})
 
 
 def _pool(workers: int | None, scheduler: str | None) -> Pool:

@@ -1,12 +1,14 @@
 """``lockedjoint join``: stores of one study from several machines become one store."""
 
+from contextlib import ExitStack
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from formulations.commands.arguments import Json
-from formulations.commands.output import show
+from formulations.commands.output import refuse_damage, show
 
 
 def join(
@@ -20,22 +22,27 @@ def join(
 ) -> None:
     """Bring the records of other stores into one, which is made if missing.
 
-    The others stay as they are. Where two stores have the same start of the same problem, the
-    records must be equal, apart from the time they took; if one is not, nothing of that store
-    is joined.
+    With a new store and one other it is the way to copy a store. The others stay as they are.
+    Where two stores have the same start of the same problem, the records must be equal, apart
+    from the time they took; if one is not, nothing of that store is joined. Damaged records
+    are named and not joined, and the exit status is 1; one that is damaged in the first store
+    is replaced by an intact one.
     """
     from formulations.campaign.records import SCHEMA, TIMES
     from nlp.store import Store
 
-    for other in others:  # before a store is made
-        with Store(other, SCHEMA):
-            pass
     joined: list[dict[str, object]] = []
-    with Store(store, SCHEMA, writable=True) as study:
-        for other in others:
-            added, known = study.join(other, TIMES)
-            joined.append({"store": str(other), "added": added, "already_there": known})
+    with ExitStack() as opened:
+        sources = [opened.enter_context(Store(other, SCHEMA, salvage=True)) for other in others]
+        study = opened.enter_context(Store(store, SCHEMA, writable=True, salvage=True))
+        for source in sources:
+            added, known = study.join(source, TIMES)
+            row = {"store": str(source.path), "added": added, "already_there": known}
+            joined.append({**row, "damaged": [asdict(one) for one in source.damaged]})
             if not as_json:
-                typer.echo(f"{added} records of {other} are new, {known} were there already.")
-    if as_json:
-        show({"store": str(store), "joined": joined}, as_json)
+                text = f"{added} records of {source.path} are new, {known} were there already."
+                typer.echo(text)
+        if as_json:
+            left = [asdict(one) for one in study.damaged]
+            show({"store": str(store), "joined": joined, "damaged": left}, as_json)
+        refuse_damage({one.path: one.damaged for one in (*sources, study)})

@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
+from dataclasses import asdict
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+
+from formulations.commands.output import refuse_damage
+from formulations.commands.output import show as print_found
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -47,6 +51,9 @@ def show(
     out: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Write there instead of here.")
     ] = None,
+    check: Annotated[
+        bool, typer.Option("--check", help="Verify the whole store and show nothing of it.")
+    ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead.")] = False,
 ) -> None:
     """Show what a campaign's store holds, also while the campaign runs.
@@ -54,26 +61,33 @@ def show(
     By default one row per group of records: starts, how many the solver solved, how many pass
     the independent check, how many reached the best known answer of their problem, and the
     processor time of a start and of a success. Matrices are in the formats csv and parquet
-    and in JSON only, with every digit.
+    and in JSON only, with every digit. The whole store is verified first: damaged records are
+    left out and named, and the exit status is 1.
     """
     from formulations.campaign import tables
     from formulations.campaign.records import SCHEMA
     from nlp.errors import InputError
-    from nlp.files import prepare_folder, write_bytes
+    from nlp.files import prepare_file, write_bytes
     from nlp.store import Store
     from nlp.store_schema import condition
 
     if to not in FORMATS:
         raise InputError("--to", to, "one of " + ", ".join(FORMATS))
-    if sum([records, optima, group_by is not None]) > 1:
-        both = "more than one of --records, --optima and --group-by"
+    if sum([records, optima, check, group_by is not None]) > 1:
+        both = "more than one of --records, --optima, --check and --group-by"
         raise InputError("command line", both, "at most one of them")
+    if check:
+        if where or out is not None or to != "markdown":
+            allowed = "left out with --check, which verifies all records"
+            raise InputError("--where, --to or --out", "given", allowed)
+        _check(store, as_json)
+        return
     if to == "parquet" and out is None and not as_json:
         raise InputError("--out", "missing", "a file, for parquet")
     conditions = [condition(SCHEMA, text) for text in where or ()]
     if out is not None:
-        prepare_folder(out.parent, "folder of --out")
-    with Store(store, SCHEMA) as study:
+        prepare_file(out, inputs=[store])
+    with Store(store, SCHEMA, salvage=True) as study:
         if records:
             table = tables.frame(study, conditions)
         elif optima:
@@ -81,11 +95,35 @@ def show(
         else:
             by = None if group_by is None else [name.strip() for name in group_by.split(",")]
             table = tables.grouped(study, conditions, by)
-    content = table.to_json(orient="records", indent=1) if as_json else FORMATS[to](table)
-    if out is None:
-        typer.echo(content, nl=as_json)
-    else:
-        write_bytes(out, content.encode() if isinstance(content, str) else content)
+        content = table.to_json(orient="records", indent=1) if as_json else FORMATS[to](table)
+        if out is None:
+            typer.echo(content, nl=as_json)
+        else:
+            write_bytes(out, content.encode() if isinstance(content, str) else content)
+        refuse_damage({store: study.damaged})
+
+
+def _check(store: Path, as_json: bool) -> None:
+    from formulations.campaign.records import SCHEMA
+    from nlp.store import Store
+
+    with Store(store, SCHEMA, salvage=True) as study:
+        intact = study.count() - sum(len(one.starts) for one in study.damaged)
+        found = {
+            "store": str(store),
+            "intact": intact,
+            "damaged": [asdict(one) for one in study.damaged],
+        }
+        if not study.checksums:
+            text = (
+                f"{intact} records of an older version, without checksums; the file is whole."
+            )
+        elif study.damaged:
+            text = f"{intact} records are intact."
+        else:
+            text = f"{intact} records, all intact."
+        print_found({**found, "checksums": study.checksums}, as_json, lambda _: text)
+        refuse_damage({store: study.damaged})
 
 
 def as_parquet(table: pd.DataFrame) -> bytes:

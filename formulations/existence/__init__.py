@@ -1,4 +1,6 @@
-"""The exact proof that no optimally failure-tolerant 7R Jacobian exists.
+"""For which n optimally failure-tolerant nR Jacobians exist: exact proofs.
+
+That none exists for n = 7:
 
 Derivation, each file on the one before: `graphs` (monomials as coloured graphs), `equations`
 (polynomials, and the equations of isotropic Jacobians), `rewriting` (division by the
@@ -6,5 +8,8 @@ equations), `derive` (the two squares). Verification, which shares no mathematic
 `certificate` (the records), `reading` (the file), `verify` (by expansion), `evaluate` (at
 random matrices). `theorem` has the result for other modules, `relaxation` the moments.
 
-The proof on paper is docs/nonexistence.md.
+That they exist for every n ≥ 8: `rings` has them in closed form and writes certificates,
+`exact_jacobian` has the records of those and verifies them.
+
+The proofs on paper are docs/nonexistence.md and docs/existence.md.
 """

@@ -32,7 +32,7 @@ Kind: TypeAlias = Literal["row-sum", "square", "tight-frame"]
 
 
 class CertificateError(LockedJointError):
-    """A certificate that is ill-formed or whose identity does not hold."""
+    """A certificate that is ill-formed, or whose equations do not hold."""
 
     exit_status: ClassVar[int] = 1
 

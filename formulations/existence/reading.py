@@ -20,6 +20,7 @@ from formulations.existence.certificate import (
     Term,
     shown,
 )
+from formulations.existence.exact_jacobian import ExactJacobian
 from nlp.errors import FileError
 
 FILE_BYTES = 2_000_000
@@ -31,7 +32,7 @@ Reader: TypeAlias = Callable[[Any], Record]
 
 
 def read(path: Path | str) -> Certificate:
-    """Return the certificate in a file.
+    """Return the certificate of nonexistence in a file.
 
     Raises
     ------
@@ -40,6 +41,25 @@ def read(path: Path | str) -> Certificate:
     CertificateError
         If the JSON text is not a well-formed certificate.
     """
+    return _certificate(_loaded(path))
+
+
+def read_either(path: Path | str) -> Certificate | ExactJacobian:
+    """Return the certificate in a file, of nonexistence or, if it has columns, of existence.
+
+    Raises
+    ------
+    FileError, CertificateError
+        As `read` does.
+    """
+    value = _loaded(path)
+    if isinstance(value, dict) and "columns" in value:
+        return _exact_jacobian(value)
+    return _certificate(value)
+
+
+def _loaded(path: Path | str) -> Any:
+    """Return what the JSON text in a file says."""
     try:
         with Path(path).open("rb") as file:
             content = file.read(FILE_BYTES + 1)
@@ -50,14 +70,13 @@ def read(path: Path | str) -> Certificate:
         raise FileError(str(path), "too large", f"a file of at most {FILE_BYTES} bytes")
     try:
         text = content.decode("utf-8")
-        value = json.loads(text, object_pairs_hook=_distinct_keys, parse_int=_short_integer)
+        return json.loads(text, object_pairs_hook=_distinct_keys, parse_int=_short_integer)
     except UnicodeDecodeError as error:
         raise FileError(str(path), "not in UTF-8", "a JSON text in UTF-8") from error
     except json.JSONDecodeError as error:
         raise FileError(str(path), f"not JSON ({error})", "a complete JSON text") from error
     except RecursionError as error:
         raise FileError(str(path), "nested too deeply", "a certificate in JSON") from error
-    return _certificate(value)
 
 
 def _rational(value: Any) -> Fraction:
@@ -132,13 +151,20 @@ def _distinct_keys(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 
 def _short_integer(digits: str) -> int:
     if len(digits) > DIGITS:
-        raise CertificateError(f"an integer of {len(digits)} digits is not a joint.")
+        raise CertificateError(f"an integer of {len(digits)} digits is too long.")
     return int(digits)
 
 
 def _same(value: Any) -> Any:
     """Return a value as it is: the record that it becomes a part of checks it."""
     return value
+
+
+def _number_term(value: Any) -> tuple[Fraction, tuple[Any, ...]]:
+    """Read a coefficient and the indices of roots; the record checks the indices."""
+    if not isinstance(value, list) or len(value) != 2:
+        raise CertificateError(f"{shown(value)} is not a list of a coefficient and its roots.")
+    return _rational(value[0]), _list_of(_same)(value[1])
 
 
 _pairs = _list_of(_list_of(_same))
@@ -152,4 +178,12 @@ _certificate = _record(
     constant=_rational,
     squares=_list_of(_square),
     multipliers=_list_of(_multiplier),
+)
+_number = _list_of(_number_term)
+_exact_jacobian = _record(
+    ExactJacobian,
+    joints=_same,
+    six_joint_arms=_same,
+    roots=_list_of(_number),
+    columns=_list_of(_list_of(_number)),
 )

@@ -12,6 +12,7 @@ from formulations.joints.arm import Arm
 from formulations.measures.unequal_failures import FailureModel
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
+from nlp.matrix_inequality import ENCODINGS
 from nlp.problem import Problem
 
 
@@ -69,6 +70,12 @@ class Setup:
     def build(self, joints: int, task_dimension: int) -> Callable[[], Problem]:
         """Return what builds the problem, in a form that worker processes can be sent."""
         built = arm(self.model, joints, task_dimension)
+        if "locked" in formulation(self.formulation).SETTINGS:
+            # Here, not in the workers that build it: they take seconds to start.
+            fallible = joints if self.failures is None else len(self.failures.fallible)
+            if self.encoding not in ENCODINGS:
+                raise InputError("encoding", self.encoding, "one of " + ", ".join(ENCODINGS))
+            unequal_max_min.check_locked(joints - task_dimension, fallible, self.locked)
         if self.failures is not None:
             build = unequal_max_min.build
             return partial(build, built, self.failures, self.goal, self.encoding)

@@ -2,14 +2,14 @@
 
 import csv
 import json
-import sqlite3
 import sys
-from contextlib import closing
 
 import pytest
 
 from formulations.__main__ import main
+from formulations.campaign.records import SCHEMA
 from formulations.figures import optima
+from nlp.store import Store
 
 
 @pytest.fixture
@@ -103,15 +103,19 @@ def test_stored_starts_are_counted_by_the_gate(lockedjoint, planar):
     )
     assert lockedjoint("campaign", "study.toml", "--store", "s.db", "--workers", "1")[0] == 0
     assert optima.stored(planar / "s.db")["counted"].all()
-    with closing(sqlite3.connect(planar / "s.db")) as store, store:
-        for start, change in enumerate(
-            (
-                "status = 'Solved_To_Acceptable_Level'",
-                "status = 'Maximum_Iterations_Exceeded'",
-                "violation = 1e-3",
-                "valid = 0",
-            )
-        ):
-            store.execute(f"UPDATE record SET {change} WHERE start = {start}")
-    table = optima.stored(planar / "s.db").set_index("start")
+    changes = (
+        {"status": "Solved_To_Acceptable_Level"},
+        {"status": "Maximum_Iterations_Exceeded"},
+        {"violation": 1e-3},
+        {"valid": 0},
+    )
+    with (
+        Store(planar / "s.db", SCHEMA) as store,
+        Store(planar / "t.db", SCHEMA, writable=True) as changed,
+    ):
+        rows = list(store.rows())
+        cell = changed.cell({name: rows[0][name] for name in SCHEMA.settings})
+        made = [{**row, **change} for row, change in zip(rows, changes, strict=True)]
+        changed.add(cell, list(enumerate(made)), rows[0]["environment"])
+    table = optima.stored(planar / "t.db").set_index("start")
     assert table["counted"].to_dict() == {0: True, 1: False, 2: False, 3: False}

@@ -1,0 +1,368 @@
+"""Optimal Jacobians of 8 joints and more: closed form, certificates, their verification."""
+
+from __future__ import annotations
+
+import copy
+import json
+import re
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import sympy
+
+from formulations.existence.certificate import Certificate, CertificateError
+from formulations.existence.exact_jacobian import (
+    MOST_JOINTS,
+    SIX_REVOLUTE,
+    ExactJacobian,
+    Number,
+    verify_existence,
+)
+from formulations.existence.reading import read_either
+from formulations.existence.rings import exact_jacobian, optimal_jacobian
+from formulations.measures import worst_case_sigma
+from nlp.errors import FileError, InputError, LockedJointError
+
+ROOT = Path(__file__).parents[2]
+FOLDER = ROOT / "results" / "existence"
+BASES = (8, 9, 10, 11, 12, 13)
+DIGITS = 50
+
+
+def numeric(certificate: ExactJacobian) -> sympy.Matrix:
+    """Evaluate all columns to 50 digits, the six-joint arms included: a second arithmetic."""
+    roots: dict[int, Any] = {}
+
+    def value(number: Number) -> Any:
+        terms = (
+            sympy.Rational(c.numerator, c.denominator) * sympy.prod(roots[r] for r in used)
+            for c, used in number
+        )
+        return sympy.N(sum(terms), DIGITS)
+
+    for place, under in enumerate(certificate.roots):
+        roots[place] = sympy.sqrt(value(under))
+    columns = [[value(number) for number in column] for column in certificate.columns]
+    columns += list(SIX_REVOLUTE) * certificate.six_joint_arms
+    return sympy.Matrix(columns).T
+
+
+def require_optimal(jacobian: Any, joints: int, within: float) -> None:
+    jacobian = np.array(jacobian)
+    assert jacobian.shape == (6, joints)
+    v, w = jacobian[:3], jacobian[3:]
+    assert abs((v * v).sum(0) - 1).max() < within
+    assert abs((w * w).sum(0) - 1).max() < within
+    assert abs((v * w).sum(0)).max() < within
+    third = sympy.Rational(joints, 3) if jacobian.dtype == object else joints / 3
+    assert abs(jacobian @ jacobian.T - third * np.eye(6, dtype=int)).max() < within
+
+
+@pytest.mark.parametrize("joints", [*range(8, 26), 101])
+def test_the_closed_form_attains_the_bound(joints: int) -> None:
+    jacobian = optimal_jacobian(joints)
+    require_optimal(jacobian, joints, 1e-14 * joints)
+    assert worst_case_sigma(jacobian) == pytest.approx(((joints - 6) / 3) ** 0.5, rel=1e-12)
+    signed = np.hstack([jacobian, -jacobian]).T  # the same axis: the same column up to sign
+    apart = np.linalg.norm(signed[:, None] - signed[None], axis=2) + 2 * np.eye(2 * joints)
+    assert apart.min() > 1e-3
+
+
+@pytest.mark.parametrize("joints", [*BASES, 14, 20, 27])
+def test_certificates_hold_exactly_and_to_fifty_digits(joints: int) -> None:
+    certificate = exact_jacobian(joints)
+    base = len(certificate.columns)
+    assert verify_existence(certificate) == 3 * base + 21 + 18 + 21
+    require_optimal(numeric(certificate), joints, 1e-45)
+
+
+@pytest.mark.parametrize("joints", BASES)
+def test_the_committed_certificates_are_the_ones_found(joints: int) -> None:
+    file = FOLDER / f"optimal_{joints}.json"
+    assert file.read_text() == exact_jacobian(joints).to_json()
+    certificate = read_either(file)
+    assert certificate == exact_jacobian(joints)
+    assert isinstance(certificate, ExactJacobian)
+    distance = np.array(numeric(certificate), float) - optimal_jacobian(joints)
+    assert abs(distance).max() < 1e-12
+
+
+def test_every_number_of_joints_has_a_certificate() -> None:
+    for joints in range(8, MOST_JOINTS + 1, 37):
+        certificate = exact_jacobian(joints)
+        assert len(certificate.columns) + 6 * certificate.six_joint_arms == joints
+        verify_existence(certificate)
+    assert isinstance(read_either(FOLDER / "certificate.json"), Certificate)
+
+
+@pytest.mark.parametrize(
+    ("joints", "why"),
+    [
+        (1, "six joints or fewer lose a direction"),
+        (6, "six joints or fewer lose a direction"),
+        (7, "for seven it is proved that there is none"),
+        (MOST_JOINTS + 1, "the proof for all"),
+    ],
+)
+def test_other_numbers_of_joints_are_refused(joints: int, why: str) -> None:
+    with pytest.raises(InputError, match=why):
+        exact_jacobian(joints)
+    if joints < 8:
+        with pytest.raises(InputError, match=why):
+            optimal_jacobian(joints)
+
+
+# Whatever is done to a certificate -----------------------------------------------------------
+
+Change = Callable[[dict[str, Any]], object]
+
+
+def put(*path: Any) -> Change:
+    """Set the entry at a path to the last argument."""
+
+    def change(document: dict[str, Any]) -> None:
+        *way, key, value = path
+        target: Any = document
+        for step in way:
+            target = target[step]
+        target[key] = value
+
+    return change
+
+
+# Changes of the certificate for 13 joints. Its roots: √2, A, B, √3, √5, sin 72°.
+ILL_FORMED: dict[str, Change] = {
+    "no joints": lambda d: d.pop("joints"),
+    "no arms": lambda d: d.pop("six_joint_arms"),
+    "no roots": lambda d: d.pop("roots"),
+    "no columns": lambda d: d.pop("columns"),
+    "another key": put("note", "true"),
+    "joints as text": put("joints", "13"),
+    "joints as a float": put("joints", 13.0),
+    "joints true": put("joints", True),
+    "joints a list": put("joints", [13]),
+    "joints too many": put("joints", 14),
+    "joints seven": put("joints", 7),
+    "joints six": lambda d: d.update(joints=6, columns=d["columns"][:6]),
+    "joints beyond the limit": lambda d: d.update(joints=1003, six_joint_arms=165),
+    "arms negative": put("six_joint_arms", -1),
+    "arms null": put("six_joint_arms", None),
+    "arms without their joints": put("six_joint_arms", 1),
+    "joints without their arms": put("joints", 19),
+    "a huge number": put("joints", 10**50),
+    "columns empty": put("columns", []),
+    "columns an object": put("columns", {}),
+    "a column less": lambda d: d["columns"].pop(),
+    "a column more": lambda d: d["columns"].append(d["columns"][0]),
+    "a column of five": lambda d: d["columns"][3].pop(),
+    "a column of seven": lambda d: d["columns"][3].append([]),
+    "a column null": put("columns", 2, None),
+    "an entry as a fraction": put("columns", 2, 0, "1/2"),
+    "an entry as a float": put("columns", 2, 0, 0.5),
+    "a term without roots": put("columns", 2, 0, [["1/2"]]),
+    "a term as an object": put("columns", 2, 0, [{"1/2": []}]),
+    "a coefficient as a number": put("columns", 2, 0, [[0.5, []]]),
+    "a coefficient of too many digits": put("columns", 2, 0, [["9" * 41, []]]),
+    "a coefficient over zero": put("columns", 2, 0, [["1/0", []]]),
+    "a coefficient in words": put("columns", 2, 0, [["nan", []]]),
+    "a root that is not there": put("columns", 2, 0, [["1", [6]]]),
+    "a root below zero": put("columns", 2, 0, [["1", [-1]]]),
+    "a root true": put("columns", 2, 0, [["1", [True]]]),
+    "a root as text": put("columns", 2, 0, [["1", ["0"]]]),
+    "a root twice in a term": put("columns", 2, 0, [["1", [0, 0]]]),
+    "too large a coefficient": put("columns", 2, 0, [["1/1000000000001", [0]]]),
+    "too many terms under a root": put("roots", 5, [["1/8", []], ["1/8", []], ["1/8", [4]]]),
+    "too many terms": put("columns", 2, 0, [["1", []]] * 5),
+    "too many roots": lambda d: d["roots"].append([["7", []]]),
+    "a root of itself": put("roots", 1, [["1", [1]]]),
+    "a root of a later one": put("roots", 1, [["1", [2]]]),
+}  # fmt: skip
+FALSE: dict[str, Change] = {
+    "a root of a negative number": put("roots", 0, [["-2", []]]),
+    "a root of zero": put("roots", 0, []),
+    "a root of a sum below zero": put("roots", 5, [["5/8", []], ["-3/8", [4]]]),
+    "another root": put("roots", 3, [["5", []]]),
+    "the other golden root": put("roots", 5, [["5/8", []], ["-1/8", [4]]]),
+    "a root close by": put("roots", 2, [["8666666666/10000000000", []]]),
+    "a coefficient": put("columns", 0, 0, [["2", [2]]]),
+    "a coefficient close by": put("columns", 0, 0, [["100000000001/100000000000", [2]]]),
+    "a sign of v": put("columns", 0, 0, [["-1", [2]]]),
+    "a sign of ω": put("columns", 0, 4, [["-1/2", [0]]]),
+    "an entry zero": put("columns", 0, 0, []),
+    "a term dropped": lambda d: d["columns"][1][0].pop(),
+    "a term twice": lambda d: d["columns"][1][0].append(d["columns"][1][0][0]),
+    "a column twice": lambda d: put("columns", 1, d["columns"][0])(d),
+    "v and ω exchanged": lambda d: d["columns"].append(
+        [*d["columns"][0][3:], *d["columns"].pop(0)[:3]]
+    ),
+    "a column of zeros": put("columns", 12, [[]] * 6),
+    "a prismatic column": put("columns", 12, [[], [], [["1", []]], [], [], []]),
+    "a long lever arm": put("columns", 12, 2, [["2", []]]),
+    "a column less, six more": lambda d: d.update(
+        joints=18, columns=d["columns"][:12], six_joint_arms=1
+    ),
+    "the columns of seven": lambda d: d.update(joints=7, columns=d["columns"][:7]),
+}  # fmt: skip
+TRUE: dict[str, Change] = {
+    "another order of columns": lambda d: d["columns"].reverse(),
+    "another sign of a column": lambda d: put(
+        *("columns", 12, [[], [], [["-1", []]], [["1/2", []]], [["1/2", [3]]], []])
+    )(d),
+    "a term in two halves": put("columns", 10, 2, [["1/2", []], ["1/2", []]]),
+    "a term that cancels": put("columns", 10, 0, [["1/2", [0]], ["-1/2", [0]]]),
+    "roots in another order": put("columns", 0, 2, [["1", [1, 0]]]),
+    "six joints more": lambda d: d.update(joints=19, six_joint_arms=1),
+    "all of v negated": lambda d: [
+        term.__setitem__(0, str(-Fraction(term[0])))
+        for column in d["columns"]
+        for entry in column[:3]
+        for term in entry
+    ],
+    "rows exchanged in both halves": lambda d: [
+        column.__setitem__(slice(None), [column[k] for k in (1, 0, 2, 4, 3, 5)])
+        for column in d["columns"]
+    ],
+}
+
+
+@pytest.fixture(scope="module")
+def document() -> dict[str, Any]:
+    loaded: dict[str, Any] = json.loads((FOLDER / "optimal_13.json").read_text())
+    return loaded
+
+
+def judged(document: dict[str, Any], change: Change, folder: Path) -> ExactJacobian:
+    changed = copy.deepcopy(document)
+    change(changed)
+    text = json.dumps(changed)
+    assert text != json.dumps(document)
+    file = folder / "changed.json"
+    file.write_text(text)
+    certificate = read_either(file)
+    assert isinstance(certificate, ExactJacobian)
+    return certificate
+
+
+def require_one_sentence(refused: LockedJointError) -> None:
+    sentence = str(refused)
+    assert sentence.endswith(".")
+    assert "\n" not in sentence
+    assert len(sentence) < 300
+
+
+@pytest.mark.parametrize("name", ILL_FORMED)
+def test_ill_formed_files_are_refused(
+    name: str, document: dict[str, Any], tmp_path: Path
+) -> None:
+    with pytest.raises(CertificateError) as refused:
+        judged(document, ILL_FORMED[name], tmp_path)
+    require_one_sentence(refused.value)
+
+
+@pytest.mark.parametrize("name", FALSE)
+def test_false_certificates_are_refused(
+    name: str, document: dict[str, Any], tmp_path: Path
+) -> None:
+    certificate = judged(document, FALSE[name], tmp_path)
+    with pytest.raises(CertificateError, match=r" is not \d|shown to be positive") as refused:
+        verify_existence(certificate)
+    require_one_sentence(refused.value)
+
+
+def isotropic(condition: str) -> ExactJacobian:
+    """Return twelve columns with J Jᵀ = 4I that violate this condition alone."""
+    one: Number = ((Fraction(1), ()),)
+    long, short = ((Fraction(1), (0,)),), ((Fraction(1), (1,)),)  # √(3/2) and √(1/2)
+    columns = []
+    for place in range(3):
+        for shift, other in ((1, long), (2, short)):
+            for sign in (1, -1):
+                column: list[Number] = [()] * 6
+                v, w = {"v·ω": (one, one), "|v|²": (other, one), "|ω|²": (one, other)}[
+                    condition
+                ]
+                column[place] = v
+                along = place if condition == "v·ω" else (place + shift) % 3
+                column[3 + along] = tuple((sign * c, roots) for c, roots in w)
+                columns.append(tuple(column))
+    under = (((Fraction(3, 2), ()),), ((Fraction(1, 2), ()),))
+    return ExactJacobian(12, 0, under, tuple(columns))
+
+
+@pytest.mark.parametrize("condition", ["|v|²", "|ω|²", "v·ω"])
+def test_isotropic_columns_that_are_not_unit_revolute_are_refused(condition: str) -> None:
+    certificate = isotropic(condition)
+    jacobian = np.array(numeric(certificate), float)
+    assert abs(jacobian @ jacobian.T - 4 * np.eye(6)).max() < 1e-12
+    with pytest.raises(CertificateError, match=re.escape(f"{condition} of column 0")):
+        verify_existence(certificate)
+
+
+@pytest.mark.parametrize("name", TRUE)
+def test_true_certificates_pass(name: str, document: dict[str, Any], tmp_path: Path) -> None:
+    certificate = judged(document, TRUE[name], tmp_path)
+    verify_existence(certificate)
+    require_optimal(numeric(certificate), certificate.joints, 1e-45)
+
+
+@pytest.mark.parametrize("content", [b"", b'{"joints": 8,', b"\xff", b"[" * 100_000])
+def test_unreadable_files(content: bytes, tmp_path: Path) -> None:
+    file = tmp_path / "other.json"
+    file.write_bytes(content)
+    with pytest.raises(FileError) as refused:
+        read_either(file)
+    require_one_sentence(refused.value)
+
+
+def test_records_refuse_floating_point() -> None:
+    half: Any = 0.5
+    columns = exact_jacobian(8).columns
+    first = (((half, ()),), *columns[0][1:])
+    with pytest.raises(CertificateError, match=r"0\.5 is not a Fraction"):
+        ExactJacobian(8, 0, (), (first, *columns[1:]))
+
+
+def test_the_largest_certificates_are_judged_in_bounded_time() -> None:
+    """All numbers as long as they may be, with all digits."""
+    places = iter(range(10**11, 10**12))
+
+    def longest(roots: int, terms: int) -> Number:
+        products = [tuple(range(roots))[k:] for k in range(terms)]
+        return tuple((Fraction(next(places), next(places)), used) for used in products)
+
+    columns = tuple(tuple(longest(6, 4) for _ in range(6)) for _ in range(13))
+    certificate = ExactJacobian(13, 0, tuple(longest(k, 2) for k in range(6)), columns)
+    start = time.perf_counter()
+    with pytest.raises(CertificateError):
+        verify_existence(certificate)
+    assert time.perf_counter() - start < 1  # the first equation; there are 120
+
+
+def test_verification_shares_nothing_with_the_construction() -> None:
+    code = (
+        "import sys, formulations.existence.exact_jacobian;"
+        "print(*(m for m in sys.modules if m.startswith('formulations.existence.')),"
+        "*(m for m in ('numpy', 'sympy', 'mpmath') if m in sys.modules))"
+    )
+    run = subprocess.run(
+        [sys.executable, "-c", code], check=True, capture_output=True, text=True, cwd=ROOT
+    )
+    names = {name.rpartition(".")[2] for name in run.stdout.split()}
+    assert names == {"certificate", "exact_jacobian"}
+
+
+def test_the_program_on_the_page_proves_existence() -> None:
+    page = (ROOT / "docs" / "existence.md").read_text()
+    found = re.search(r"```python\n(.*?)```", page, re.DOTALL)
+    assert found is not None
+    run = subprocess.run(
+        [sys.executable, "-c", found[1]], capture_output=True, text=True, cwd=ROOT, check=True
+    )
+    assert run.stdout.startswith("Optimally failure-tolerant Jacobians of 8 to 13 revolute")
