@@ -171,6 +171,9 @@ RUNS: Mapping[str, Callable[[Effort], Mapping[str, Any]]] = MappingProxyType(
         "residual_compact_rigorous.json": partial(
             _unit_revolute, rigorous_residual_bound, "compact"
         ),
+        "residual_tight_rigorous.json": partial(
+            _unit_revolute, rigorous_residual_bound, "tight"
+        ),
         "max_min_compact_rigorous.json": partial(
             _unit_revolute, partial(max_min_bound, rigorous=True), "compact"
         ),

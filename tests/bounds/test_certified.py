@@ -36,8 +36,8 @@ def test_the_record_is_what_the_commands_wrote():
 def test_seven_unit_revolute_joints():
     least = best_known("residual", "unit-revolute", 7)
     residual = certified_bound("residual", SEVEN)
-    assert residual.kind == "rigorous (compact)"
-    assert 0.0559 < residual.value < least
+    assert residual.kind == "rigorous (tight)"
+    assert 0.05682 < residual.value < least
     tight = numerical_bound("residual", SEVEN)
     assert tight.kind == "numerical (tight)"
     assert residual.value < tight.value < least

@@ -159,13 +159,15 @@ def bound_defect(
     ------
     InputError
         If a block has rows of more than half of `degree`: then its squares are outside of the
-        space of invariants.
+        space of invariants; or if the rotations are not in extended precision.
     NoBasisError
         If the points do not determine all invariants.
     """
     for sector in (family.sector for family in families):
         if 2 * sector.degree > degree:
             raise InputError("families", sector, f"rows of degree at most {degree // 2}")
+    if candidates.dtype != np.longdouble:
+        raise InputError("candidates", candidates.dtype, "rotations in extended precision")
     dimension = invariant_dimension(candidates.shape[1], degree)
     progress(f"proving a basis of the {dimension} invariants of degree {degree}")
     basis, rotations = invariant_basis(candidates, degree, dimension, points)
@@ -196,8 +198,8 @@ def bound_defect(
 def residual_error(rotations: FloatArray) -> FloatArray:
     """Return a bound on the rounding error of the residual at each point.
 
-    The entries of J are off by `ROTATION_ENTRY` units, those of JJᵀ by the sum over the columns,
-    and a square by twice the entry times that.
+    The entries of J are off by `ROTATION_ENTRY` units, those of JJᵀ by the sum over the
+    columns, and a square by twice the entry times that.
     """
     jacobians = jacobians_of(rotations)
     joints = jacobians.shape[-1]

@@ -1,21 +1,26 @@
 from __future__ import annotations
 
+from itertools import permutations
 from types import ModuleType, SimpleNamespace
 
 import numpy as np
 import pytest
+from mpmath import mp, mpf
 from scipy.linalg import hadamard
+from sympy.physics.quantum.cg import CG
 
 from formulations.bounds.so3_moments.blocks.enclosed_squares import (
     enclosed_block,
     enclosed_sums,
 )
-from formulations.bounds.so3_moments.blocks.invariants import (
+from formulations.bounds.so3_moments.blocks.invariant_basis import (
     InvariantBasis,
     NoBasisError,
     invariant_basis,
-    invariant_dimension,
+    invariant_functions,
+    invariant_values,
 )
+from formulations.bounds.so3_moments.blocks.invariants import invariant_dimension
 from formulations.bounds.so3_moments.blocks.sampled_blocks import SectorBlocks, sector_families
 from formulations.bounds.so3_moments.programs.moment_program import moment_program
 from formulations.bounds.so3_moments.programs.multipliers import refined_multipliers
@@ -65,16 +70,39 @@ def low() -> list[SectorBlocks]:
     return sector_families(degree_sectors(4, range(3)), 7)
 
 
-def test_a_basis_bounds_an_invariant_everywhere(
-    low: list[SectorBlocks], so3: SimpleNamespace
-) -> None:
-    basis = invariant_basis(low, so3.haar_rotations(2, 80, 7), 35)
-    inside = residual_values(so3.haar_rotations(2, 80, 7))
-    bound = basis.largest_value(inside, np.zeros(80))
+def configurations(seed: int, count: int, joints: int = 7) -> np.ndarray:
+    return random_rotations(np.random.default_rng(seed), count, joints, extended=True)
+
+
+def test_a_basis_bounds_an_invariant_everywhere() -> None:
+    basis, points = invariant_basis(configurations(2, 80), 8, 35, 50)
+    assert len(points) == 50
+    inside = residual_values(points).astype(float)
+    bound = basis.largest_value(inside, np.zeros(50))
     largest = 5 * 49 / 3  # all columns alike
-    assert largest < bound < 1e5 * largest
-    wider = basis.largest_value(inside, np.full(80, 1e-3))
-    assert bound < wider
+    assert largest < bound < 100 * largest
+    assert bound < basis.largest_value(inside, np.full(50, 1e-3))
+
+
+def test_the_basis_is_orthonormal_and_its_squares_are_bounded() -> None:
+    functions = invariant_functions(4, 8)
+    values = invariant_values(functions, configurations(20, 2000, 4), 8)
+    assert values.shape[1] == invariant_dimension(4, 8)
+    gram = values.T @ values / len(values)
+    assert np.abs(np.diag(gram) - 1).max() < 0.3
+    assert np.abs(gram - np.diag(np.diag(gram))).max() < 0.3
+    limit = float(sum(entry.largest_square for entry in functions))
+    assert np.sum(values**2, axis=1).max() < limit
+    alike = np.broadcast_to(np.eye(3), (1, 4, 3, 3))
+    largest = np.sum(invariant_values(functions, alike, 8) ** 2)
+    assert 0.03 * limit < largest < limit
+
+
+def test_the_basis_is_invariant(so3: SimpleNamespace) -> None:
+    functions = invariant_functions(7, 8)
+    one = so3.haar_rotations(3, 1, 7)[0]
+    both = invariant_values(functions, np.stack([one, so3.moved(one, 4)]), 8)
+    assert np.abs(both[0] - both[1]).max() < 1e-11 * np.abs(both).max()
 
 
 def test_rounding_is_bounded_by_the_absolute_values_of_the_left_inverse() -> None:
@@ -87,53 +115,167 @@ def test_rounding_is_bounded_by_the_absolute_values_of_the_left_inverse() -> Non
     assert rounding < bound < 1.1 * rounding
 
 
-def test_rows_of_too_large_a_degree_are_refused(
-    low: list[SectorBlocks], so3: SimpleNamespace
-) -> None:
+def test_rows_of_too_large_a_degree_are_refused(low: list[SectorBlocks]) -> None:
     multipliers = [np.eye(size) for family in low for size in family.sizes]
     with pytest.raises(InputError, match="degree at most 3"):
-        bound_defect(low, multipliers, 0.0, so3.haar_rotations(1, 5, 7), degree=6)
+        bound_defect(low, multipliers, 0.0, configurations(1, 5), degree=6)
+    with pytest.raises(InputError, match="extended precision"):
+        bound_defect(low, multipliers, 0.0, configurations(1, 5).astype(float), degree=8)
 
 
-def test_too_small_a_space_is_no_basis(low: list[SectorBlocks], so3: SimpleNamespace) -> None:
-    with pytest.raises(NoBasisError):
-        invariant_basis(low, so3.haar_rotations(2, 80, 7), 36)
+def test_another_dimension_or_too_few_points_are_no_basis() -> None:
+    for dimension, points in ((36, 80), (35, 30)):
+        with pytest.raises(NoBasisError):
+            invariant_basis(configurations(2, points), 8, dimension)
+
+
+def test_sums_are_enclosed_in_forty_digits() -> None:
+    """Every row written out in mpmath, for every order of three joints."""
+    family = SectorBlocks(RowSector(2, 0, 1, 4), 3)
+    rng = np.random.default_rng(3)
+    roots = [rng.standard_normal((size, 2)) for size in family.sizes]
+    blocks = [
+        enclosed_block(family, block, root)
+        for block, root in zip(family.blocks, roots, strict=True)
+    ]
+    sums, errors = enclosed_sums(family, blocks, configurations(4, 1, 3))
+    exact = exact_sum(family, blocks, np.random.default_rng(4).standard_normal((3, 4)))
+    assert abs(sums[0] - exact) < errors[0] < 1e-12 * exact
+
+
+def exact_sum(family: SectorBlocks, blocks: list, quaternions: np.ndarray) -> mpf:
+    """Return Σ_T |A_Tᵀφ|² of all blocks, its mean over all orders, with forty digits."""
+    mp.dps = 40
+
+    def couplings(a: int, b: int, total: int) -> dict:
+        return {
+            (i, k): mpf(CG(a, i, b, k, total, i + k).doit().evalf(40))
+            for i in range(-a, a + 1)
+            for k in range(-b, b + 1)
+            if abs(i + k) <= total
+        }
+
+    def wigner(quaternion: np.ndarray) -> list[dict]:
+        w, x, y, z = map(mpf, quaternion)
+        turned = [
+            [w * w + x * x - y * y - z * z, 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), w * w - x * x + y * y - z * z, 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), w * w - x * x - y * y + z * z],
+        ]
+        half, norm = mp.sqrt(2) / 2, w * w + x * x + y * y + z * z
+        unit = {-1: [half, -half * 1j, 0], 0: [0, 0, 1], 1: [-half, -half * 1j, 0]}
+        one = {
+            (i, k): sum(
+                mp.conj(unit[i][a]) * turned[a][b] / norm * unit[k][b]
+                for a in range(3)
+                for b in range(3)
+            )
+            for i in unit
+            for k in unit
+        }
+        found = [{(0, 0): mpf(1)}, one]
+        for spin in range(1, family.largest_spin):
+            table = couplings(spin, 1, spin + 1)
+            grown: dict = {}
+            for (i, a), left in table.items():
+                for (k, b), right in table.items():
+                    term = left * right * found[spin][i, k] * one[a, b]
+                    grown[i + a, k + b] = grown.get((i + a, k + b), 0) + term
+            found.append(grown)
+        return found
+
+    tables: dict = {}
+
+    def coupled(columns: list[tuple[int, dict]], goal: int) -> list[dict]:
+        """Couple in sequence, in the order of the library."""
+        partial = {columns[0][0]: [columns[0][1]]}
+        for place, (spin, column) in enumerate(columns[1:], start=1):
+            rest = sum(other for other, _ in columns[place + 1 :])
+            grown: dict = {}
+            for before, ways in partial.items():
+                for total in range(abs(before - spin), min(before + spin, goal + rest) + 1):
+                    key = before, spin, total
+                    table = tables.setdefault(key, couplings(*key))
+                    for way in ways:
+                        new = dict.fromkeys(range(-total, total + 1), mpf(0))
+                        for (i, k), value in table.items():
+                            new[i + k] += value * way[i] * column[k]
+                        grown.setdefault(total, []).append(new)
+            partial = grown
+        return partial.get(goal, [])
+
+    functions = [wigner(quaternion) for quaternion in quaternions]
+    spin, total, orders = family.sector.spin, mpf(0), list(permutations(range(family.joints)))
+    for order in orders:
+        plain = []
+        for rows in family.rows:
+            values = []
+            for assignment in rows.assignments:
+                columns = [
+                    (
+                        label[0],
+                        {
+                            i: functions[order[joint]][label[0]][i, label[1]]
+                            for i in range(-label[0], label[0] + 1)
+                        },
+                    )
+                    for label, joint in zip(rows.labels, assignment, strict=True)
+                ]
+                values += coupled(columns, spin)
+            plain.append(values)
+        for block in blocks:
+            tableaux, _, columns_of_a = block.parts[0][1].shape
+            for tableau in range(tableaux):
+                for column in range(columns_of_a):
+                    for component in range(-spin, spin + 1):
+                        value = sum(
+                            mpf(float(weight)) * way[component]
+                            for number, a in block.parts
+                            for weight, way in zip(
+                                a[tableau, :, column], plain[number], strict=True
+                            )
+                            if weight
+                        )
+                        total += abs(value) ** 2 / block.scale
+    return total / len(orders)
 
 
 def test_sums_are_enclosed(so3: SimpleNamespace, plain: ModuleType) -> None:
     family = SectorBlocks(RowSector(2, 0, 1, 4), 6)
     rng = np.random.default_rng(3)
     roots = [rng.standard_normal((size, 2)) for size in family.sizes]
-    where = so3.haar_rotations(4, 3, 6)
+    where = configurations(4, 3, 6)
     blocks = [
         enclosed_block(family, block, root)
         for block, root in zip(family.blocks, roots, strict=True)
     ]
     sums, errors = enclosed_sums(family, blocks, where)
-    other = plain.averaged_sum_of_squares(family, where, [root @ root.T for root in roots])
+    other = plain.averaged_sum_of_squares(
+        family, where.astype(float), [root @ root.T for root in roots]
+    )
     assert np.all(np.abs(sums - other) < errors + 1e-10 * other)
     assert np.all(errors < 1e-8 * sums)
 
 
-def test_rows_that_are_not_symmetric_are_noticed(so3: SimpleNamespace) -> None:
+def test_rows_that_are_not_symmetric_are_noticed() -> None:
     family = SectorBlocks(RowSector(2, 0, 1, 4), 6)
     block = max(family.blocks, key=lambda block: block.tableaux)
     good = enclosed_block(family, block, np.eye(block.size))
     block.parts[0][2][0] *= 1.001
-    assert enclosed_block(family, block, np.eye(block.size)).difference > 1e-3
-    assert good.difference < 1e-10
+    assert enclosed_block(family, block, np.eye(block.size)).differences.max() > 1e-3
+    assert good.differences.max() < 1e-12
 
 
 def test_errors_of_wigner_functions_and_rows_stay_below_their_bounds() -> None:
-    rotations = random_rotations(np.random.default_rng(5), 50, 1)[:, 0]
+    rotations = configurations(5, 50, 1)[:, 0]
     for spin, matrix in enumerate(wigner_matrices(rotations, 6)):
         unit = matrix @ matrix.conj().swapaxes(-1, -2) - np.eye(2 * spin + 1)
         assert np.linalg.norm(unit, 2, axis=(-2, -1)).max() <= 2.1 * wigner_error(spin) + 1e-14
     rows = PermutedRows((((1, 1),) * 6, ()), (range(6), range(6, 7)), 0)
-    assert 1e-15 < row_error(rows) < 1e-11
-    assert 1e-15 < exchange_error(rows) < 1e-11
+    assert 1e-15 < row_error(rows) < 1e-13
+    assert 1e-16 < exchange_error(rows) < 1e-14
     swap = rows.exchange(2)
-    assert np.linalg.norm(swap @ swap - np.eye(len(swap))) < 3 * exchange_error(rows)
+    assert np.linalg.norm(swap @ swap - np.eye(len(swap)), 2) < 3 * exchange_error(rows)
 
 
 def test_residuals_are_off_by_less_than_their_bound(so3: SimpleNamespace) -> None:
@@ -171,16 +313,16 @@ def test_the_defect_covers_a_claim_that_is_too_large(
     assert found is not None
     multipliers = refined_multipliers(program, found)
     claimed = program.dual_value(multipliers)
-    points = so3.haar_rotations(11, 60, 7)
+    points = configurations(11, 80)
 
     def defect(constant: float, scale: float) -> float:
         scaled = [scale * x for x in multipliers]
-        bounds = bound_defect(low, scaled, constant, points, degree=8, spanning="low")
+        bounds = bound_defect(low, scaled, constant, points, degree=8, points=60)
         assert bounds["basis_defect"] < 0.5
         return bounds["defect"]
 
     assert -1e-3 < claimed < 0
-    assert defect(claimed, 1.0) < 1e-5
+    assert defect(claimed, 1.0) < 1e-6
     assert defect(claimed + 0.1, 1.0) > 0.1
     # ρ ≤ 5n²/3, and the sum of squares has the same size.
     assert defect(claimed, 1.01) > 0.01 * 5 * 49 / 3

@@ -9,9 +9,9 @@ for any A_T. Over rotations of the frame, phase, conjugation and signs s is inva
 exactly, since φ stands for the exact rows; over permutations only if A obeys Young's
 orthogonal form exactly: P A_T = Σ A_T' Y_{T'T} for exchanges P of neighbours. If the two sides
 differ by E with |Eᵀφ| ≤ e, an exchange changes a = |Aᵀφ| by at most e, and a permutation of k
-and of n − k joints takes as many exchanges as it has inversions: on average half of the largest
-number, ℓ = k(k−1)/2 + (n−k)(n−k−1)/2. So a² differs from its average over permutations, which is
-invariant and not negative, by at most ℓe(a + ℓe).
+and of n − k joints takes as many exchanges as it has inversions: on average half of the
+largest number, ℓ = k(k−1)/2 + (n−k)(n−k−1)/2. So a² differs from its average over permutations,
+which is invariant and not negative, by at most ℓe(a + ℓe).
 
 |φ| of each set of labels is computed at the configuration; permutations do not change it.
 """

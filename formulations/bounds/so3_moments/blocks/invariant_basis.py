@@ -9,9 +9,9 @@ and conjugation determine. Hence e = Q̃ᵀ Re F, with Q̃ nearly orthogonal, is
 basis of V: e = Bφ with φ orthonormal and ‖B‖ ≤ ‖Q̃‖.
 
 Singlets of ⊗ l_i are isotropic in the longest spin, so |φ_λ(x)|² ≤ N_λ Π(2l_i+1)/(2l_max+1),
-where N_λ is the number of assignments. So |f(x)| ≤ Λ‖f‖ for all x and f ∈ V, Λ² being the sum of
-these rational numbers. Let G be the values of e at points. If RG is near I then e is a basis,
-since there are dim V of them; f = Σ c_j e_j with |c| ≤ |R f|/(1 − ‖RG − I‖), and
+where N_λ is the number of assignments. So |f(x)| ≤ Λ‖f‖ for all x and f ∈ V, Λ² being the sum
+of these rational numbers. Let G be the values of e at points. If RG is near I then e is a
+basis, since there are dim V of them; f = Σ c_j e_j with |c| ≤ |R f|/(1 − ‖RG − I‖), and
 
     |f(x)| ≤ Λ ‖Q̃‖ |c|   for every configuration x.
 """
@@ -225,8 +225,9 @@ def _symmetric_sums(
 
         def products(values: ComplexArray, factor: ComplexArray) -> ComplexArray:
             apart = values.reshape(len(values), len(subsets), count, -1, 1)
-            total = sum(apart[:, rest] * factor[joint][:, :, None] for rest, joint in removals)
-            return np.asarray(total).reshape(len(values), len(larger) * count, *total.shape[3:])
+            terms = (apart[:, rest] * factor[joint][:, :, None] for rest, joint in removals)
+            total = np.asarray(sum(terms))
+            return total.reshape(len(values), len(larger) * count, *total.shape[3:])
 
         for labels in sorted(b for b in beginnings if b[:-1] == begun and b):
             spin, m = labels[-1]

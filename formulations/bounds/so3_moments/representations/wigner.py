@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from fractions import Fraction
 from functools import cache
 from math import comb, copysign, isqrt, sqrt
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,13 +56,13 @@ def wigner_matrices(rotations: FloatArray, largest: int) -> list[ComplexArray]:
     D^{l+1} is a block of D^l ⊗ D^1 in the coupled basis.
     """
     extended = rotations.dtype == np.longdouble
+    tables = extended_coupling if extended else coupling
     spherical = _SPHERICAL if extended else _SPHERICAL.astype(complex)
     one = spherical.conj().T @ rotations @ spherical / 2
     found = [np.ones((*rotations.shape[:-2], 1, 1), dtype=one.dtype), one]
     for spin in range(1, largest):
         size = 3 * (2 * spin + 1)
-        given = extended_coupling(spin, 1, spin + 1) if extended else coupling(spin, 1, spin + 1)
-        table = given.reshape(size, -1)
+        table = tables(spin, 1, spin + 1).reshape(size, -1)
         products = found[spin][..., :, None, :, None] * one[..., None, :, None, :]
         together = products.reshape(*rotations.shape[:-2], size, size)
         found.append(table.T @ (together @ table))
@@ -86,7 +86,8 @@ def extended_coupling(first: int, second: int, total: int) -> FloatArray:
 
 
 def _table(first: int, second: int, total: int, kind: type) -> FloatArray:
-    table = np.zeros((2 * first + 1, 2 * second + 1, 2 * total + 1), dtype=kind)
+    shape = (2 * first + 1, 2 * second + 1, 2 * total + 1)
+    table: FloatArray = np.zeros(shape, dtype=kind)
     if abs(first - second) <= total <= first + second:
         for a in range(-first, first + 1):
             for b in range(max(-second, -total - a), min(second, total - a) + 1):
@@ -97,7 +98,7 @@ def _table(first: int, second: int, total: int, kind: type) -> FloatArray:
     return table
 
 
-def _extended_root(square: Fraction) -> np.longdouble:
+def _extended_root(square: Fraction) -> Any:
     """Return √square, 0 ≤ square ≤ 1, in extended precision."""
     if square == 0:
         return np.longdouble(0)
@@ -151,7 +152,7 @@ def coupled_tensors(spins: tuple[int, ...], total: int) -> FloatArray:
     """
     if not spins:
         return np.ones((1, 1)) if total == 0 else np.zeros((0, 2 * total + 1))
-    unit = np.eye(2 * spins[0] + 1, dtype=np.longdouble)
+    unit: Any = np.eye(2 * spins[0] + 1, dtype=np.longdouble)
     partial: dict[int, list[FloatArray]] = {spins[0]: [unit]}
     for position, spin in enumerate(spins[1:], start=1):
         rest = sum(spins[position + 1 :])
