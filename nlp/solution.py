@@ -62,7 +62,7 @@ class Solution:
     problem, sense
         Name and sense of the problem.
     status
-        How the solver ended.
+        How the solver ended, in the stage that gave the point.
     variables
         The point, shape (size,).
     objective
@@ -72,9 +72,12 @@ class Solution:
     outputs
         The problem's named outputs at the point, each a 2-D array.
     multipliers
-        Lagrange multipliers of each constraint block, by name.
+        Lagrange multipliers of each constraint block, by name; none where the point is that
+        of an earlier stage.
     compiled
         Whether the problem's functions ran as machine code: asked for, and possible here.
+    earlier
+        How the solver ended in each stage before that, see `nlp.problem.Stage`.
     """
 
     problem: str
@@ -86,6 +89,7 @@ class Solution:
     outputs: Mapping[str, FloatArray]
     multipliers: Mapping[str, FloatArray]
     compiled: bool = False
+    earlier: tuple[Status, ...] = ()
 
     @property
     def feasible(self) -> bool:
@@ -97,6 +101,7 @@ class Solution:
         return {
             **vars(self),
             "status": self.status.to_dict(),
+            "earlier": [status.to_dict() for status in self.earlier],
             "variables": self.variables.tolist(),
             "outputs": {name: value.tolist() for name, value in self.outputs.items()},
             "multipliers": {name: value.tolist() for name, value in self.multipliers.items()},

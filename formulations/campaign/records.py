@@ -135,13 +135,13 @@ class Cell:
     @property
     def encoding(self) -> str:
         """Encoding of the eigenvalue constraints; empty for a formulation without a choice."""
-        one = self.setup
-        return one.encoding if "encoding" in formulation(one.formulation).SETTINGS else ""
+        return self.setup.encoding
 
     @property
     def all_options(self) -> Mapping[str, object]:
         """Solver options, those of the formulation included."""
-        return solver_options(self.setup.formulation, self.solver, self.options)
+        one = self.setup
+        return solver_options(one.formulation, self.solver, self.options, one.encoding)
 
 
 def keep(

@@ -8,7 +8,7 @@ from formulations.measures.unequal_failures import FailureModel
 from formulations.solving.outcome import Outcome
 from formulations.solving.record import judge
 from formulations.solving.setup import Setup, solver_options
-from formulations.unequal_max_min import Goal, default_encoding
+from formulations.unequal_max_min import Goal
 from nlp.arrays import Rng
 from nlp.multistart import default_workers, multistart
 from nlp.task import seed_of
@@ -72,12 +72,10 @@ def solve(
     WorkerError
         If worker processes die or hang.
     """
-    if encoding is None:
-        encoding = "shared-factor" if failures is None else default_encoding(failures, goal)
     setup = Setup(
         formulation,
         model,
-        encoding=encoding,
+        encoding=encoding or "",
         from_residual_minima=from_residual_minima,
         locked=locked,
         failures=failures,
@@ -123,7 +121,7 @@ def run(
         starts=starts,
         rng=seed,
         workers=workers,
-        options=solver_options(setup.formulation, solver, options or {}),
+        options=solver_options(setup.formulation, solver, options or {}, setup.encoding),
         solver=solver,
         compiled=compiled,
         label=label if progress else None,
