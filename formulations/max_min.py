@@ -68,8 +68,8 @@ def build(arm: ColumnModel, locked: int = 1, encoding: str | None = None) -> Pro
     Raises
     ------
     InputError
-        If the encoding is unknown or does not state the problem, k is out of range, or no configuration that was tried
-        keeps full rank after k joints lock.
+        If the encoding is unknown or does not state the problem, k is out of range, or no
+        configuration that was tried keeps full rank after k joints lock.
     """
     m, n = arm.shape
     if whole_number("locked joints", locked, 1) > n - m:

@@ -6,17 +6,17 @@
     subject to j_fᵀ (JJᵀ − tI)⁻¹ j_f ≤ 1   for every joint f
                the joints' own constraints and bounds
 
-Where JJᵀ ≻ tI that is λ_min(JJᵀ − j_f j_fᵀ) ≥ t. The inverse is an LDLᵀ, unrolled, and NaN where
-JJᵀ − tI is not positive definite, so that the solver shortens its step. Derivatives are written
-out, see `nlp.columns`.
+Where JJᵀ ≻ tI that is λ_min(JJᵀ − j_f j_fᵀ) ≥ t. The inverse is by LDLᵀ, unrolled, and NaN
+where JJᵀ − tI is not positive definite: the solver then shortens its step. Derivatives are
+written out, see `nlp.columns`.
 
 From random starts that is no faster than the shared factor. From a point of small residual,
 where JJᵀ is nearly (n/m)I, it takes a few iterations: so *two stages*, a few Gauss–Newton steps
 on the residual first. Where these attain the bound of eq. (6), they are the answer.
 
 It is stated for one joint at a time, all equally likely to fail. For k > 1 the condition is
-J_Fᵀ (JJᵀ − tI)⁻¹ J_F ⪯ I, a matrix inequality that is not smooth without factors of its own; and
-where a joint never fails, JJᵀ − tI may be singular at the optimum.
+J_Fᵀ (JJᵀ − tI)⁻¹ J_F ⪯ I, a matrix inequality, which is not smooth without factors of its own.
+Where a joint never fails, JJᵀ − tI may be singular at the optimum.
 """
 
 from collections.abc import Mapping
@@ -35,7 +35,7 @@ from nlp.problem import Constraint, Derivatives, Problem, Stage
 # The first stage: most iterations, and the ‖JJᵀ − (T/m)I‖_F/T up to which J attains eq. (6).
 _ITERATIONS = 12
 _ISOTROPIC = 1e-8
-# t starts at this share of λ_min(JJᵀ).
+# t starts where eq. (6) bounds it, or at this share of λ_min(JJᵀ) if that is less.
 _LEVEL = 0.9
 # What Fatrop needs: the frame's directions have no curvature, and with a smaller tolerance some
 # starts never meet it. The value found is 2e-8 below the optimum then.
@@ -97,7 +97,7 @@ def _derivatives(
 
 
 def _first(arm: ColumnModel) -> Stage:
-    m, n = arm.shape
+    m = arm.shape[0]
 
     def is_answer(point: FloatArray) -> bool:
         jacobian = arm.jacobian(point)

@@ -87,8 +87,8 @@ def build(
     Raises
     ------
     InputError
-        If the weighting, the rows or the Hessian are none of these, or the Appendix's closed forms are
-        asked for and a joint is not a unit revolute one.
+        If the weighting, the rows or the Hessian are none of these, or the Appendix's closed
+        forms are asked for and a joint is not a unit revolute one.
     """
     if weighting not in DIAGONAL_WEIGHTS:
         raise InputError("weighting", weighting, "one of " + ", ".join(DIAGONAL_WEIGHTS))
@@ -100,6 +100,7 @@ def build(
         raise InputError("weighting", weighting, f"invariant for the {hessian} Hessian")
     variables = arm.symbols()
     matrix, constraints = arm.matrix(variables), arm.constraints(variables)
+    written = None if hessian == "exact" else _derivatives(variables, matrix, constraints)
     equations = ROWS[rows](arm, variables)
     m, _ = arm.shape
     lower, upper = arm.bounds
@@ -114,9 +115,7 @@ def build(
         upper=upper,
         outputs={"jacobian": matrix},
         options={"ipopt": OPTIONS},
-        derivatives=None
-        if hessian == "exact"
-        else _derivatives(variables, matrix, constraints),
+        derivatives=written,
     )
 
 

@@ -114,7 +114,8 @@ def inverse(matrix: ca.SX) -> ca.SX:
     A solver then shortens its step; a large finite value would mislead it.
     """
     size = matrix.shape[0]
-    lower, pivots = ca.SX.eye(size), []
+    lower = ca.SX.eye(size)
+    pivots: list[ca.SX] = []
     for j in range(size):
         known = sum((lower[j, i] ** 2 * pivots[i] for i in range(j)), ca.SX(0))
         pivot = matrix[j, j] - known

@@ -9,6 +9,7 @@ from nlp.problem import Sense
 
 SUCCESS = "Solve_Succeeded"
 ACCEPTABLE = "Solved_To_Acceptable_Level"
+LIMIT = "Maximum_Iterations_Exceeded"
 INFEASIBLE = "Infeasible_Problem_Detected"
 # Largest violation of a constraint, in the units of the constraint, at a feasible point.
 FEASIBLE = 1e-6
@@ -77,7 +78,8 @@ class Solution:
     compiled
         Whether the problem's functions ran as machine code: asked for, and possible here.
     earlier
-        How the solver ended in each stage before that, see `nlp.problem.Stage`.
+        How it ended in what was solved before, in order: a first stage, see
+        `nlp.problem.Stage`, and an attempt from there that failed.
     """
 
     problem: str

@@ -23,7 +23,7 @@ from nlp.compiled import callbacks, compiled_callbacks, compiled_functions
 from nlp.errors import InputError
 from nlp.options import QUIET, OptionValue, check_options
 from nlp.problem import Evaluation, Problem
-from nlp.solution import SUCCESS, Solution, Status
+from nlp.solution import LIMIT, SUCCESS, Solution, Status
 
 # CasADi's names of derivatives, and of the options that replace them.
 _OPTIONS = {"nlp_hess_l": "hess_lag", "nlp_jac_g": "jac_g"}
@@ -102,7 +102,8 @@ class Solver:
         Returns
         -------
         Solution
-            Whatever came out: look at its status, and check its point.
+            Whatever came out: look at its status, and check its point. Where the problem has a
+            first stage and Ipopt is stuck after it, it is solved from the given start itself.
 
         Raises
         ------
@@ -111,25 +112,33 @@ class Solver:
         KeyboardInterrupt
             If the user interrupted while the solver ran.
         """
-        problem = self.problem
         earlier: tuple[Status, ...] = ()
-        if problem.first is not None and self._first is not None:
+        starts = [np.asarray(start, dtype=float)]
+        stage = self.problem.first
+        if stage is not None and self._first is not None:
             before = self._first.solve(start)
-            found = problem.lift(before.variables)
-            if before.status.success and problem.first.is_answer(before.variables):
-                return self._solution(found, before.status, before.earlier, {})
+            x = before.variables
+            if before.status.success and stage.is_answer(x):
+                return self._solution(self.problem.lift(x), before.status, before.earlier, {})
             earlier = (*before.earlier, before.status)
-            start = before.variables if np.all(np.isfinite(found)) else start
-        x0 = finite_vector("start", problem.lift(np.asarray(start, dtype=float)), problem.size)
+            starts = [x, *starts] if np.all(np.isfinite(x)) else starts
+        solution = self._from(starts[0], earlier)
+        if self._name == "ipopt" and len(starts) > 1 and _stuck(solution.status):
+            solution = self._from(starts[1], (*earlier, solution.status))
+        return solution
+
+    def _from(self, start: FloatArray, earlier: tuple[Status, ...]) -> Solution:
+        problem = self.problem
+        x0 = finite_vector("start", problem.lift(start), problem.size)
         cpu, wall = time.process_time(), time.perf_counter()
         with deferred_interrupt():
-            answer, _, _, _, multipliers, _ = self._solver.call(
+            found, _, _, _, multipliers, _ = self._solver.call(
                 [ca.DM(self._shape, x0), *self._arguments]
             )
         cpu, wall = time.process_time() - cpu, time.perf_counter() - wall
         status = self._status(cpu, wall)
         return self._solution(
-            _dense(answer), status, earlier, self._multipliers(_dense(multipliers))
+            _dense(found), status, earlier, self._multipliers(_dense(multipliers))
         )
 
     def _solution(
@@ -215,6 +224,10 @@ def solve(
 ) -> Solution:
     """Build Ipopt for `problem` and solve it from one start; see `Solver`."""
     return Solver(problem, options).solve(start)
+
+
+def _stuck(status: Status) -> bool:
+    return not status.acceptable and status.return_status != LIMIT
 
 
 def _first(
