@@ -66,7 +66,7 @@ def solve(
     solver: Annotated[
         str,
         typer.Option(
-            help="ipopt; or fatrop, faster: the residual, and max-min compiled, of unit-revolute "
+            help="ipopt; or fatrop, faster: residual, and max-min compiled, of unit-revolute "
             "joints."
         ),
     ] = "ipopt",

@@ -104,7 +104,13 @@ def setups(task_dimension: int) -> tuple[Setup, ...]:
     return (
         Setup(residual.NAME, first),
         Setup(max_min.NAME, first),
-        Setup(max_min.NAME, first, "from residual minima", from_residual_minima=True),
+        Setup(
+            max_min.NAME,
+            first,
+            "from residual minima",
+            "shared-factor",
+            from_residual_minima=True,
+        ),
         Setup(max_min.NAME, first, "one factor per failure", "factor-per-deletion"),
         Setup(
             max_min.NAME,
