@@ -25,12 +25,12 @@ from types import MappingProxyType
 import casadi as ca
 import numpy as np
 
-from formulations import measures, residual
+from formulations import residual
 from formulations.joints.joint import ColumnModel
 from nlp.arrays import FloatArray
 from nlp.columns import Columns, Reduced, inverse, second
 from nlp.options import OptionValue
-from nlp.problem import Constraint, Derivatives, Problem, Stage
+from nlp.problem import Constraint, Derivatives, Evaluation, Problem, Stage
 
 # The first stage: most iterations, and the ‖JJᵀ − (T/m)I‖_F/T up to which J attains eq. (6).
 _ITERATIONS = 12
@@ -51,10 +51,11 @@ def build(arm: ColumnModel, two_stages: bool = True) -> Problem:
     inverted = inverse(matrix @ matrix.T - t * ca.SX.eye(m))
     rows = ca.sum1(matrix * (inverted @ matrix)).T
     lower, upper = arm.bounds
+    gram = Evaluation(variables, [matrix @ matrix.T])
 
     def lift(point: FloatArray) -> FloatArray:
-        squares = measures.singular_values(arm.jacobian(point)) ** 2
-        return np.append(point, min(_LEVEL * squares[-1], (n - m) / n * np.mean(squares)))
+        squares = np.linalg.eigvalsh(gram(point)[0])
+        return np.append(point, min(_LEVEL * squares[0], (n - m) / n * squares.sum() / m))
 
     return Problem(
         name="max-min",
@@ -68,7 +69,7 @@ def build(arm: ColumnModel, two_stages: bool = True) -> Problem:
         lift=lift,
         options={"fatrop": FATROP_OPTIONS},
         derivatives=_derivatives(variables, matrix, constraints),
-        first=_first(arm) if two_stages else None,
+        first=_first(arm, variables, matrix) if two_stages else None,
     )
 
 
@@ -96,19 +97,17 @@ def _derivatives(
     )
 
 
-def _first(arm: ColumnModel) -> Stage:
-    m = arm.shape[0]
+def _first(arm: ColumnModel, variables: ca.SX, matrix: ca.SX) -> Stage:
+    gram, norms = matrix @ matrix.T, ca.sum1(matrix**2)
+    trace = ca.sum2(norms)
+    defect = gram - trace / arm.shape[0] * ca.SX.eye(arm.shape[0])
+    unlike = ca.mmax(ca.fabs(norms - trace / arm.shape[1]))
+    evaluation = Evaluation(variables, [trace, ca.norm_fro(defect), unlike])
+    fixed = arm.fixed_trace is not None
 
     def is_answer(point: FloatArray) -> bool:
-        jacobian = arm.jacobian(point)
-        trace = float(np.sum(jacobian**2))
-        gram = jacobian @ jacobian.T - trace / m * np.eye(m)
-        norms = np.sum(jacobian**2, axis=0)
-        return bool(
-            arm.fixed_trace is not None
-            and np.linalg.norm(gram) <= _ISOTROPIC * trace
-            and np.ptp(norms) <= _ISOTROPIC * trace
-        )
+        total, *gaps = (value[0, 0] for value in evaluation(point))
+        return fixed and bool(max(gaps) <= _ISOTROPIC * total)
 
     before = residual.build(arm, hessian="gauss-newton")
     return Stage(before, _ITERATIONS, is_answer)

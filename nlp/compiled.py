@@ -21,6 +21,8 @@ from nlp.problem import Derivatives
 
 # Straight-line code: higher levels take many times longer to compile and run no faster.
 _FLAGS = ("-O1", "-fPIC", "-shared")
+# Products of matrices are loops, and run a third faster then.
+_LOOPS = ("-O2", "-fPIC", "-shared")
 
 
 def compiled_callbacks(solver: ca.Function) -> Path | None:
@@ -48,7 +50,7 @@ def compiled_functions(functions: Sequence[ca.Function]) -> Path | None:
     generator = ca.CodeGenerator("callbacks")
     for function in functions:
         generator.add(function)
-    return shared_library(str(generator.dump()).encode())
+    return shared_library(str(generator.dump()).encode(), _LOOPS)
 
 
 def callbacks(
