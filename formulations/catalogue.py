@@ -7,9 +7,9 @@ from typing import Protocol, TypeVar
 from formulations import isotropy, max_min, residual
 from formulations.bounds.certified import Bound
 from formulations.joints.arm import Arm
-from formulations.joints.joint import ColumnModel, Joint
+from formulations.joints.joint import MOST_JOINTS, MOST_VARIABLES, ColumnModel, Joint
 from formulations.joints.kinds import FreeColumn, LeverRevolute, Prismatic, UnitRevolute
-from nlp.arrays import FloatArray
+from nlp.arrays import FloatArray, whole_number
 from nlp.errors import InputError
 from nlp.options import OptionValue
 from nlp.problem import Problem, Sense
@@ -139,15 +139,17 @@ def arm(model: str, joints: int, task_dimension: int = 6) -> Arm:
     model
         A name in `MODELS`, or a mix such as ``lever-revolute:6,prismatic:2``.
     joints
-        Number of joints n; of a mix, the sum of its parts.
+        Number of joints n, at most `MOST_JOINTS`; of a mix, the sum of its parts.
     task_dimension
         Number of task dimensions m.
 
     Raises
     ------
     InputError
-        If there is no such model, it has another task dimension, or joints are too few.
+        If there is no such model, it has another task dimension, joints are too few or too
+        many, or they have more than `MOST_VARIABLES` variables.
     """
+    whole_number("joints", joints, 1, MOST_JOINTS)
     parts = [_part(part, joints) for part in model.split(",")]
     if sum(count for _, count in parts) != joints:
         raise InputError("joints", joints, f"{sum(count for _, count in parts)} for {model}")
@@ -158,14 +160,18 @@ def arm(model: str, joints: int, task_dimension: int = 6) -> Arm:
             allowed = f"{joint.dimension} for the model {name}"
             raise InputError("task dimension", task_dimension, allowed)
         row += [joint] * count
-    return Arm(tuple(row))
+    made = Arm(tuple(row))
+    if made.size > MOST_VARIABLES:
+        given = f"{joints} of {made.size} variables"
+        raise InputError("joints", given, f"at most {MOST_VARIABLES} variables")
+    return made
 
 
 def _part(text: str, joints: int) -> tuple[str, int]:
     name, colon, count = text.partition(":")
     if not colon:
         return name, joints
-    if not count.isdigit() or int(count) < 1:
+    if not (count.isascii() and count.isdigit() and len(count) < 10 and int(count) > 0):
         raise InputError("model", text, "NAME:COUNT with a count of at least 1")
     return name, int(count)
 

@@ -30,7 +30,7 @@ from formulations.bounds.certified import Bound, largest_worst_case
 from formulations.joints.arm import Arm
 from formulations.joints.joint import ColumnModel
 from formulations.measures.unequal_failures import FailureModel
-from nlp.arrays import FloatArray, whole_number
+from nlp.arrays import FloatArray
 from nlp.errors import InputError
 from nlp.matrix_inequality import ENCODINGS
 from nlp.options import OptionValue
@@ -72,8 +72,7 @@ def build(arm: ColumnModel, locked: int = 1, encoding: str | None = None) -> Pro
         configuration that was tried keeps full rank after k joints lock.
     """
     m, n = arm.shape
-    if whole_number("locked joints", locked, 1) > n - m:
-        raise InputError("locked joints", locked, f"at most the degree of redundancy, {n - m}")
+    unequal_max_min.check_locked(n - m, n, locked)
     alike = FailureModel.equally_likely(n, locked)
     encoding = encoding or default_encoding(locked)
     if encoding in REDUCED:

@@ -27,7 +27,7 @@ from formulations import measures
 from formulations.joints.joint import ColumnModel
 from formulations.measures import unequal_failures
 from formulations.measures.unequal_failures import FailureModel
-from nlp.arrays import FloatArray
+from nlp.arrays import FloatArray, whole_number
 from nlp.errors import InputError
 from nlp.matrix_inequality import ENCODINGS, Encoding
 from nlp.options import OptionValue
@@ -44,6 +44,8 @@ OPTIONS: Mapping[str, OptionValue] = MappingProxyType(
 _NEARLY_SINGULAR = 1e-4
 # The level starts at most at this share of what keeps the start's own factor regular.
 _LEVEL_SHARE = 0.5
+# Each set of joints that lock at once is a matrix inequality: 1000 take 10 s to state.
+MOST_SETS = 1000
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,6 +88,8 @@ def build(
         encoding = default_encoding(failures, goal)
     if encoding not in ENCODINGS:
         raise InputError("encoding", encoding, "one of " + ", ".join(ENCODINGS))
+    m, n = arm.shape
+    check_locked(n - m, len(failures.fallible), failures.locked)
     attained = attained_merit(arm, failures, goal)
     variables = arm.symbols()
     jacobian = arm.matrix(variables)
@@ -127,6 +131,17 @@ def merit(jacobian: FloatArray, failures: FailureModel, goal: Goal = "worst") ->
     if goal == "expected":
         return unequal_failures.expected_sigma(jacobian, failures)
     return unequal_failures.weighted_worst_case(jacobian, failures)[0]
+
+
+def check_locked(redundancy: int, fallible: int, locked: int) -> None:
+    """Raise InputError if `locked` of the joints that may fail cannot lock at once.
+
+    They can if that is at most the degree of redundancy and leaves at most `MOST_SETS` sets.
+    """
+    if whole_number("locked joints", locked, 1) > redundancy:
+        allowed = f"at most the degree of redundancy, {redundancy}"
+        raise InputError("locked joints", locked, allowed)
+    measures.check_sets(fallible, locked, MOST_SETS)
 
 
 def attained_merit(

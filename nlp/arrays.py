@@ -3,13 +3,14 @@
 import math
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import TypeAlias
+from numbers import Real
+from typing import Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 from threadpoolctl import threadpool_limits
 
-from nlp.errors import InputError
+from nlp.errors import LARGEST, InputError
 
 FloatArray: TypeAlias = npt.NDArray[np.float64]
 # Where randomness comes from: a seed, a whole number of at least 0, or a generator.
@@ -39,19 +40,30 @@ def as_floats(argument: str, value: npt.ArrayLike) -> FloatArray:
     """
     try:
         given = np.asarray(value)
-        if given.dtype.kind in "fiu" or given.dtype == object or given.size == 0:
-            return np.asarray(given, dtype=np.float64)
+        if given.dtype.kind in "fiu" or given.size == 0 or _all_real(given):
+            with np.errstate(over="ignore"):  # infinity, which callers refuse
+                return np.asarray(given, dtype=np.float64)
         found = f"an array of {given.dtype.name}"
     except (TypeError, ValueError, OverflowError):
         found = "an array with entries that are no floating-point numbers"
     raise InputError(argument, found, "an array of real numbers")
 
 
-def whole_number(argument: str, value: object, lowest: int) -> int:
-    """Return `value` if it is an integer of at least `lowest`; InputError otherwise."""
-    if isinstance(value, int | np.integer) and not isinstance(value, bool) and value >= lowest:
-        return int(value)
-    raise InputError(argument, value, f"a whole number of at least {lowest}")
+def _all_real(given: npt.NDArray[Any]) -> bool:
+    """Whether an array of Python objects holds real numbers, and no truth values, only."""
+    return given.dtype == object and all(
+        isinstance(entry, Real) and not isinstance(entry, bool) for entry in given.flat
+    )
+
+
+def whole_number(argument: str, value: object, lowest: int, highest: int = LARGEST) -> int:
+    """Return `value` if it is an integer in this range; InputError otherwise."""
+    allowed = f"a whole number of at least {lowest}"
+    if isinstance(value, int | np.integer) and not isinstance(value, bool):
+        if lowest <= value <= highest:
+            return int(value)
+        allowed += f" and at most {highest}" if value > highest else ""
+    raise InputError(argument, value, allowed)
 
 
 def finite_or_none(value: float | None) -> float | None:

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from typing import ClassVar
 
+# The largest whole number that a store keeps: 64 bits, signed.
+LARGEST = 2**63 - 1
+
 
 class LockedJointError(Exception):
     """Anything this library raises on purpose.
@@ -35,7 +38,7 @@ class InputError(LockedJointError, ValueError):
         self.argument = argument
         self.value = value
         self.allowed = allowed
-        super().__init__(f"{argument} is {_shown(value)}; allowed: {allowed}.")
+        super().__init__(f"{argument} is {shown(value)}; allowed: {allowed}.")
 
     def __reduce__(self) -> tuple[type[InputError], tuple[str, object, str]]:
         """Pickle from the three parts, so that it crosses process boundaries."""
@@ -62,6 +65,10 @@ class WorkerError(LockedJointError):
     exit_status: ClassVar[int] = 1
 
 
-def _shown(value: object, limit: int = 120) -> str:
-    text = value if isinstance(value, str) and value else repr(value)
+def shown(value: object, limit: int = 120) -> str:
+    """Return a value as messages have it, shortened to so many characters."""
+    try:
+        text = value if isinstance(value, str) and value else repr(value)
+    except ValueError:  # a whole number that is too long to be written out
+        return "a number of thousands of digits"
     return text if len(text) <= limit else text[: limit - 1] + "…"

@@ -1,12 +1,22 @@
-"""Files read and written whole, or not at all."""
+"""Files read and written whole, or not at all; and what must not be overwritten."""
 
+import json
 import os
+import stat
 import tempfile
+from collections.abc import Iterable
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 from uuid import uuid4
 
 from nlp.errors import FileError
+
+# How an SQLite file begins, and what the names of the files that belong to it end in.
+_SQLITE = b"SQLite format 3\0"
+_SIDECARS = ("-wal", "-shm", "-journal")
+# Files that are read at once are smaller than this.
+MOST_BYTES = 200_000_000
 
 
 def prepare_folder(folder: Path, name: str = "output folder") -> Path:
@@ -26,40 +36,145 @@ def prepare_folder(folder: Path, name: str = "output folder") -> Path:
     return folder
 
 
-def read_bytes(path: Path, name: str = "file") -> bytes:
-    """Return the content of a file; FileError if it cannot be read."""
+def prepare_file(path: Path, name: str = "--out", inputs: Iterable[Path | None] = ()) -> Path:
+    """Make sure, before any work, that a file can be written; create its folder if missing.
+
+    Parameters
+    ----------
+    path
+        The file to write. A symbolic link stands for its target, also if that does not exist.
+    name
+        What the file is called in the error message.
+    inputs
+        Files that the same command reads or writes; None for those that are not given.
+
+    Raises
+    ------
+    FileError
+        If it is one of the inputs, a store, standard output, a folder, or anything else than
+        a regular file or the null device; or if it cannot be written to.
+    """
+    target = _destination(path, name)
+    if _is_null(target):
+        return path
+    for one in inputs:
+        if one is not None and _same(target, one):
+            raise FileError(name, str(path), f"another file than {one}, which is in use")
+    with suppress(OSError):  # without standard output there is nothing to lose
+        if target.exists() and os.path.samestat(target.stat(), os.fstat(1)):
+            raise FileError(name, str(path), "another file than standard output")
+    if target.exists() and not os.access(target, os.W_OK):
+        raise FileError(name, str(path), "a file that is not write-protected")
+    prepare_folder(target.parent, f"folder of {name}")
+    return path
+
+
+def read_bytes(path: Path, name: str = "file", most: int = MOST_BYTES) -> bytes:
+    """Return the content of a file.
+
+    Raises
+    ------
+    FileError
+        If it cannot be read, is no regular file (a device or a pipe may never end), or has
+        more than `most` bytes.
+    """
     try:
-        return path.read_bytes()
-    except OSError as reason:
-        allowed = f"a file that can be read ({_why(reason)})"
-        raise FileError(name, str(path), allowed) from None
+        about = path.stat()
+        if stat.S_ISREG(about.st_mode) or stat.S_ISDIR(about.st_mode):  # reading says why not
+            if about.st_size > most:
+                raise FileError(name, str(path), f"a file of at most {most} bytes")
+            return path.read_bytes()
+    except (OSError, ValueError) as reason:
+        if isinstance(reason, FileError):
+            raise
+        why = _why(reason) if isinstance(reason, OSError) else reason
+        raise FileError(name, str(path), f"a file that can be read ({why})") from None
+    raise FileError(name, str(path), "a regular file")
+
+
+def load_json(content: bytes, path: Path) -> Any:
+    """Return the value of a JSON text; FileError, which names the path, if it is none."""
+    try:
+        return json.loads(content.decode("utf-8-sig"))  # bytes could be UTF-16, too
+    except json.JSONDecodeError as reason:
+        why = str(reason)
+    except UnicodeDecodeError:
+        why = "it is not in UTF-8"
+    except (ValueError, RecursionError):
+        why = "a number is too long, or it is nested too deeply"
+    raise FileError("file", str(path), f"valid JSON ({why})")
 
 
 def write_text(path: Path, text: str) -> None:
     """Write a file so that readers see the old content or the new, never a part.
 
+    The target of a symbolic link is replaced, and the link kept.
+
     Raises
     ------
     FileError
-        If the file cannot be written; nothing is left behind.
+        If the file cannot be written, is a store, or is neither a regular file nor the null
+        device; nothing is left behind.
     """
     write_bytes(path, text.encode())
 
 
 def write_bytes(path: Path, content: bytes) -> None:
     """Write a file of bytes; see `write_text`."""
-    part = path.with_name(f".{path.name}.{uuid4().hex}")
+    target = _destination(path, "file")
+    if _is_null(target):
+        return
+    part = target.with_name(f".{target.name[:100]}.{uuid4().hex}")
     try:
         with part.open("xb") as file:
             file.write(content)
             file.flush()
             os.fsync(file.fileno())
-        part.replace(path)
+        part.replace(target)
     except OSError as reason:
         raise FileError("file", str(path), f"a path to write to ({_why(reason)})") from None
     finally:
         with suppress(OSError):
             part.unlink(missing_ok=True)  # only still there if something went wrong
+
+
+def _destination(path: Path, name: str) -> Path:
+    """Return the file that a path leads to; FileError if it must not be replaced."""
+    try:
+        target = Path(os.path.realpath(path))
+        mode = target.stat().st_mode
+    except FileNotFoundError:
+        return target  # it will be made
+    except (OSError, ValueError) as reason:
+        why = _why(reason) if isinstance(reason, OSError) else str(reason)
+        raise FileError(name, str(path), f"a path to write to ({why})") from None
+    if stat.S_ISDIR(mode):
+        raise FileError(name, str(path), "a file to write to, not a folder")
+    if not (stat.S_ISREG(mode) or _is_null(target)):
+        raise FileError(name, str(path), "a regular file, not a device, pipe or socket")
+    ends = ("", *(end for end in _SIDECARS if target.name.endswith(end)))
+    if any(_is_store(target.with_name(target.name.removesuffix(end))) for end in ends):
+        raise FileError(name, str(path), "a file that is not a store of records")
+    return target
+
+
+def _is_null(path: Path) -> bool:
+    return path == Path(os.devnull)
+
+
+def _is_store(path: Path) -> bool:
+    try:
+        with path.open("rb") as file:
+            return file.read(len(_SQLITE)) == _SQLITE
+    except OSError:
+        return False
+
+
+def _same(path: Path, other: Path) -> bool:
+    try:
+        return path.samefile(other)
+    except (OSError, ValueError):  # one of them does not exist: same name, or different files
+        return path == Path(os.path.realpath(other))
 
 
 def _why(reason: OSError) -> str:

@@ -17,7 +17,8 @@ from tqdm import tqdm
 from typing_extensions import TypeVar
 
 from nlp.arrays import FloatArray, one_blas_thread, whole_number
-from nlp.errors import WorkerError
+from nlp.errors import InputError, WorkerError
+from nlp.interrupts import deferred_interrupt
 from nlp.problem import Problem
 from nlp.processes import Processes
 from nlp.spread import spread
@@ -75,6 +76,7 @@ def multistart(
     judge: Callable[[Run], T] | None = None,
     figure: Callable[[T], float] | None = None,
     allow_files: bool = False,
+    time_limit: float | None = None,
 ) -> Study[T]:
     """Solve one problem from many random starts.
 
@@ -98,6 +100,9 @@ def multistart(
     figure
         Of a result, the number whose best the bar shows, NaN for none; by default the
         objective where the solver says that it succeeded.
+    time_limit
+        Seconds that Ipopt may run from a start, above 0; the start then ends with the status
+        ``Maximum_WallTime_Exceeded``. No limit by default.
 
     Returns
     -------
@@ -117,8 +122,9 @@ def multistart(
     starts = whole_number("starts", starts, 1)
     seed = seed_of(rng)
     workers = whole_number("workers", workers, 1)
+    settings = _limited(options or {}, solver, time_limit)
     task: Task[T] = Task(
-        build, sample, options or {}, judge or _unjudged, solver, compiled, allow_files
+        build, sample, settings, judge or _unjudged, solver, compiled, allow_files
     )
     if workers == 1:
         batches = _in_turn(task, seed, starts)
@@ -151,11 +157,28 @@ def multistart(
     )
 
 
+def _limited(
+    options: Mapping[str, object], solver: str, time_limit: float | None
+) -> Mapping[str, object]:
+    if time_limit is None:
+        return options
+    allowed = "left out, or seconds above 0 with Ipopt and without its option max_wall_time"
+    number = isinstance(time_limit, int | float) and not isinstance(time_limit, bool)
+    if not number or not 0 < time_limit < math.inf:
+        raise InputError("time limit", time_limit, allowed)
+    if solver != "ipopt" or "max_wall_time" in options:
+        raise InputError("time limit", f"{time_limit:g} s", allowed)
+    return {**options, "max_wall_time": float(time_limit)}
+
+
 def _in_turn(task: Task[T], seed: int, starts: int) -> Generator[list[Done[T]], None, None]:
-    solver = task.solver()
+    with deferred_interrupt(limited=True):
+        solver = task.solver()
     with one_blas_thread():
         for index in range(starts):
-            yield [run_start(solver, task, seed, index)]
+            with deferred_interrupt(limited=True):  # not only Ipopt: also conversions of CasADi
+                done = run_start(solver, task, seed, index)
+            yield [done]
 
 
 def _spread(

@@ -41,7 +41,7 @@ FILE_OPTIONS: Mapping[str, frozenset[str]] = {
 # Kinds of options of Ipopt, by the word that CasADi's message has for them.
 _KINDS: Mapping[str, tuple[type[OptionValue], str]] = {
     "is_int()": (int, "an integer of 32 bits"),
-    "is_double()": (float, "a real number"),
+    "is_double()": (float, "a real number that is finite"),
     "is_string()": (str, "a text"),
 }
 _LARGEST = 2**31 - 1
@@ -120,7 +120,7 @@ def _typed(value: object, kind: type[OptionValue]) -> OptionValue | None:
     except OverflowError:
         return None
     if kind is float:
-        return None if np.isnan(number) else number
+        return number if np.isfinite(number) else None
     # CasADi passes larger integers on by their last 32 bits.
     return int(number) if number.is_integer() and abs(number) <= _LARGEST else None
 

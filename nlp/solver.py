@@ -6,12 +6,8 @@ written for small blocks, where Ipopt's is sparse and general: on problems of te
 the same iterations take a third of the time.
 """
 
-import signal
-import threading
 import time
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
-from types import FrameType
+from collections.abc import Mapping
 from typing import Any
 
 import casadi as ca
@@ -21,6 +17,7 @@ import numpy.typing as npt
 from nlp.arrays import FloatArray, finite_vector
 from nlp.compiled import callbacks, compiled_callbacks, compiled_functions
 from nlp.errors import InputError
+from nlp.interrupts import deferred_interrupt
 from nlp.options import QUIET, OptionValue, check_options
 from nlp.problem import Evaluation, Problem
 from nlp.solution import LIMIT, SUCCESS, Solution, Status
@@ -131,7 +128,7 @@ class Solver:
         problem = self.problem
         x0 = finite_vector("start", problem.lift(start), problem.size)
         cpu, wall = time.process_time(), time.perf_counter()
-        with deferred_interrupt():
+        with deferred_interrupt(limited=True):
             found, _, _, _, multipliers, _ = self._solver.call(
                 [ca.DM(self._shape, x0), *self._arguments]
             )
@@ -183,40 +180,6 @@ class Solver:
         ends = np.cumsum([constraint.expression.numel() for constraint in constraints])
         parts = np.split(stacked, ends[:-1].astype(int))
         return {block.name: part for block, part in zip(constraints, parts, strict=False)}
-
-
-@contextmanager
-def deferred_interrupt() -> Iterator[None]:
-    """Hold a first Ctrl-C back until the block ends; a second one acts at once.
-
-    CasADi swallows the KeyboardInterrupt raised in its callbacks: Ipopt stops with one of
-    several statuses, and the caller's loop would go on as if nothing had been pressed.
-    Where another handler than Python's own is in place, it is left alone.
-
-    Raises
-    ------
-    KeyboardInterrupt
-        After the block, if the user interrupted during it.
-    """
-    ours = threading.current_thread() is threading.main_thread()
-    if not ours or signal.getsignal(signal.SIGINT) is not signal.default_int_handler:
-        yield
-        return
-    pressed = False
-
-    def hold(number: int, frame: FrameType | None) -> None:
-        nonlocal pressed
-        if pressed:
-            signal.default_int_handler(number, frame)
-        pressed = True
-
-    signal.signal(signal.SIGINT, hold)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, signal.default_int_handler)
-    if pressed:
-        raise KeyboardInterrupt
 
 
 def solve(

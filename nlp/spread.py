@@ -32,7 +32,7 @@ class Pool(Protocol):
         """How many chunks can be under way at once."""
 
     def submit(self, chunk: Chunk, time_limit: float | None) -> Future[Outcomes]:
-        """Run a chunk.
+        """Run a chunk, for at most `time_limit` seconds from when it begins.
 
         The future raises BrokenExecutor if the chunk's worker ended, TimeoutError if the chunk
         ran for longer than the limit in seconds, and what building the task's solver raised.
@@ -86,8 +86,8 @@ def spread(
     pool
         Where to run it.
     time_limit
-        Seconds that a chunk may run, without the time that it waits for a worker; no limit
-        by default.
+        Seconds that a start may run, from when it begins; a chunk has this for each of its
+        starts. No limit by default.
 
     Raises
     ------
@@ -107,7 +107,8 @@ def spread(
             if trial is None:
                 return
             try:
-                flight[pool.submit(trial.chunk, time_limit)] = trial
+                limit = None if time_limit is None else time_limit * len(trial.chunk.indices)
+                flight[pool.submit(trial.chunk, limit)] = trial
             except WorkerError:
                 if not flight:
                     raise

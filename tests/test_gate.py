@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import lockedjoint as lj
+from formulations.studies.comparison import row_of
 
 
 @pytest.fixture(scope="module")
@@ -40,6 +41,16 @@ def test_a_start_that_did_not_converge_is_not_the_best():
     with_both = replace(outcome, records=(*outcome.records, better, infeasible))
     assert with_both.best.merit == pytest.approx(np.sqrt(1 / 2), abs=1e-7)
     assert with_both.reached == outcome.reached
+    usual, row = row_of(outcome), row_of(with_both)
+    same = (
+        "verdict",
+        "merit",
+        "worst_case_sigma",
+        "reached_best",
+        "distinct_optima",
+        "violation",
+    )
+    assert [getattr(row, name) for name in same] == [getattr(usual, name) for name in same]
 
 
 def test_the_command_says_so(lockedjoint, tmp_path):

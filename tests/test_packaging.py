@@ -18,7 +18,7 @@ ROOT = Path(__file__).parents[1]
 PACKAGES = ("lockedjoint", "nlp", "formulations")
 TOP = (
     *("pyproject.toml", "README.md", "LICENSE"),
-    *("CHANGELOG.md", "CITATION.cff", "CONTRIBUTING.md"),
+    *("CHANGELOG.md", "CITATION.cff", "CONTRIBUTING.md", "SECURITY.md"),
 )
 SKIPPED = {"__pycache__", "_build", "jupyter_execute", ".jupyter_cache"}
 

@@ -15,6 +15,7 @@ from math import isnan
 from typing import Any
 
 from formulations import measures
+from formulations.bounds.closed_form import excludes as excludes_worst_case
 from formulations.existence.theorem import excludes
 from formulations.joints.arm import Arm
 from formulations.joints.kinds import LeverRevolute, UnitRevolute
@@ -71,12 +72,17 @@ def largest_worst_case(arm: Arm, locked: int = 1, certified: bool = True) -> Bou
     locked
         How many joints lock at once. What is on record for one holds for more.
     certified
-        Whether it must be proved.
+        Whether it must be proved. Then what is on record is checked, in rational arithmetic,
+        to follow from the bound on the residual that is on record.
     """
     if not certified:
         return _on_record("max-min", arm, "numerical", min)
     value = measures.sigma_bound(*arm.shape, arm.largest_trace, locked)
-    bounds = [Bound(value, "closed form"), _on_record("max-min", arm, "rigorous", min)]
+    stored = _on_record("max-min", arm, "rigorous", min)
+    proved = least_residual(arm)
+    if stored and proved and not excludes_worst_case(arm.shape[1], proved.value, stored.value):
+        raise ArithmeticError("the bound on record does not follow from that on the residual")
+    bounds = [Bound(value, "closed form"), stored]
     return min((one for one in bounds if one), key=lambda one: one.value)
 
 

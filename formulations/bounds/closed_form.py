@@ -10,10 +10,14 @@ bounds t. By convexity the largest t is met where each block is a multiple of th
 
 Where only the trace is known the bound is `formulations.measures.eigenvalue_bound`, which has
 it for several locked joints too: docs/several_failures.md derives that.
+
+Roots are found in double precision. What is claimed of them is checked in rational arithmetic,
+in which there is no rounding, of the very doubles that are returned.
 """
 
 import math
 from collections.abc import Sequence
+from fractions import Fraction
 
 from nlp.arrays import whole_number
 from nlp.errors import InputError
@@ -34,7 +38,8 @@ def block_trace_bound(joints: int, sizes: Sequence[int], traces: Sequence[float]
     Returns
     -------
     float
-        The root t of Σ_B m_B/(T_B/m_B − t) = (n − m)/t below every T_B/m_B.
+        The root t of Σ_B m_B/(T_B/m_B − t) = (n − m)/t below every T_B/m_B, rounded up: a
+        double that is not below the root.
 
     Raises
     ------
@@ -54,7 +59,59 @@ def block_trace_bound(joints: int, sizes: Sequence[int], traces: Sequence[float]
         shares = (size / (mean - middle) for size, mean in zip(sizes, means, strict=True))
         spent = middle * sum(shares)
         low, high = (middle, high) if spent < redundancy else (low, middle)
+    exact = [(Fraction(trace) / size, size) for size, trace in zip(sizes, traces, strict=True)]
+    while _spent(exact, Fraction(high)) < redundancy:
+        high = math.nextafter(high, math.inf)
     return high
+
+
+def excludes(joints: int, residual: float, sigma: float) -> bool:
+    """Return whether a bound on the residual proves one on the worst case, exactly.
+
+    True means: if ½ Σ (λ_k − n/3)² ≥ `residual` for the eigenvalues λ of M = JJᵀ of all unit
+    revolute Jacobians, then no worst case (5) of them reaches `sigma`. Both numbers stand for
+    themselves, to the last bit.
+
+    Parameters
+    ----------
+    joints
+        Number n of unit revolute joints, so that Σ λ_k = 2n.
+    residual
+        A lower bound on the residual, not negative.
+    sigma
+        Positive.
+
+    Notes
+    -----
+    With t = σ², t Σ 1/(λ_k − t) ≤ n − 6 gets stricter as t grows. The largest residual that it
+    allows is at a spectrum with p eigenvalues (6 − p)y above the mean and the others py below,
+    p = 1 … 5 (`formulations.bounds.so3_moments.fixed_worst_case.largest_residual`), where the
+    residual is 3p(6 − p)y². As the left side grows with y, it is enough that the condition
+    fails at a rational y, not negative, with 3p(6 − p)y² ≤ `residual`.
+    """
+    least, t = Fraction(residual), Fraction(sigma) ** 2
+    mean, redundancy = Fraction(joints, 3), joints - 6
+    if mean <= t or _spent([(mean, 6)], t) > redundancy:
+        return True  # not even equal eigenvalues meet the condition
+    for p in range(1, 6):
+        y = _root_below(least / (3 * p * (6 - p)))
+        spectrum = [(mean + (6 - p) * y, p), (mean - p * y, 6 - p)]
+        if mean - p * y > t and _spent(spectrum, t) <= redundancy:
+            return False
+    return True
+
+
+def _spent(spectrum: Sequence[tuple[Fraction, int]], t: Fraction) -> Fraction | float:
+    """Return t Σ m/(λ − t) over eigenvalues λ with multiplicities m; infinite at λ ≤ t."""
+    if any(value <= t for value, _ in spectrum):
+        return math.inf
+    return t * sum(Fraction(many) / (value - t) for value, many in spectrum)
+
+
+def _root_below(square: Fraction, scale: int = 10**20) -> Fraction:
+    """Return a rational number not above the square root, and close to it."""
+    root = math.isqrt(square.numerator * scale**2 // square.denominator)
+    return Fraction(root, scale)
 
 
 def positive(argument: str, value: float) -> float:

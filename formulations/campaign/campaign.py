@@ -19,6 +19,7 @@
 """
 
 import os
+import re
 import tomllib
 from collections.abc import Iterator, Mapping
 from contextlib import closing
@@ -35,12 +36,17 @@ from formulations.solving.setup import Setup
 from nlp.arrays import whole_number
 from nlp.errors import FileError, InputError, LockedJointError
 from nlp.files import read_bytes
+from nlp.options import check_options
 from nlp.spread import Pool, spread
 from nlp.store import Store
 from nlp.task import Chunk, packed
 
+# A campaign file is small.
+_MOST_BYTES = 1_000_000
+_DOTTED = re.compile(r"(?<![\w\"'-])[\w\"'-]++(?:\s*+\.\s*+[\w\"'-]++){10}")
 # Starts of a chunk: enough that sending it costs little, few enough to run again.
 CHUNK = 20
+MOST_STARTS = 10**9
 REQUIRED = ("starts", "formulations", "models", "joints")
 # Keys that a cell has too, and keys of lists: what is in them, and the setting that it is.
 _OF_CELLS = ("seed", "solver", "compiled", "options")
@@ -75,12 +81,21 @@ def read(path: Path) -> Declaration:
         If a key is unknown or missing, or a value, a combination of values or a solver
         option is not allowed.
     """
-    raw = read_bytes(path, "campaign file")
+    raw = read_bytes(path, "campaign file", _MOST_BYTES)
     try:
-        content = tomllib.loads(raw.decode())
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as reason:
-        raise FileError("campaign file", str(path), f"TOML ({reason})") from None
+        text = raw.decode()
+        _check_keys(text)
+        content = tomllib.loads(text)
+    except (ValueError, RecursionError) as reason:
+        why = "it is nested too deeply" if isinstance(reason, RecursionError) else reason
+        raise FileError("campaign file", str(path), f"TOML ({why})") from None
     return declaration(content)
+
+
+def _check_keys(text: str) -> None:
+    """Refuse keys of many parts, over which tomllib takes minutes: no key here has two."""
+    if _DOTTED.search(re.sub(r"(?m)^\s*#.*$", "", text)):
+        raise ValueError("a key of over ten parts")
 
 
 def declaration(content: Mapping[str, Any]) -> Declaration:
@@ -98,7 +113,17 @@ def declaration(content: Mapping[str, Any]) -> Declaration:
             raise InputError(key, entries, f"a list of {_KINDS[kind]}, not empty")
     if not isinstance(content.get("options", {}), dict):
         raise InputError("options", content["options"], "a table of solver options")
-    starts = whole_number("starts", content["starts"], 1)
+    taken = {name for one in content["formulations"] for name in formulation(one).SETTINGS}
+    for key in ("encodings", "from_residual_minima", "locked"):
+        if key in content and _LISTS[key][1] not in taken:
+            raise InputError(key, content[key], "left out: no formulation of the file takes it")
+    solver = content.get("solver", "ipopt")
+    if not isinstance(solver, str):
+        raise InputError("solver", solver, "a string")
+    check_options(content.get("options", {}), solver)
+    starts = whole_number("starts", content["starts"], 1, MOST_STARTS)
+    if not isinstance(content.get("compiled", False), bool):
+        raise InputError("compiled", content["compiled"], "true or false")
     seed = whole_number("seed", content.get("seed", 0), 0)
     cells = _cells({**content, "seed": seed})
     unique = {tuple(cell.settings().items()): cell for cell in cells}
@@ -161,7 +186,8 @@ def run(
     pool
         The workers.
     time_limit
-        Seconds that a chunk may take; if it takes longer, its worker is killed.
+        Seconds that a start may take, from when it begins; a worker that takes longer for a
+        chunk than this for each of its starts is killed, and they run again one by one.
     chunk
         Starts that a worker is sent, and that one transaction keeps, at once.
     progress

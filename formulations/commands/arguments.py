@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import re
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 import typer
 
-from nlp.errors import InputError, SolverOptionError
+from nlp.errors import LARGEST, InputError, SolverOptionError, shown
 
 if TYPE_CHECKING:
     from formulations.measures.unequal_failures import FailureModel
@@ -17,26 +18,61 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 
 
-def whole(lowest: int) -> Callable[[str], int]:
-    """Return a parser of whole numbers of at least `lowest`."""
+# More random starts of one problem than a year of processor time makes.
+MOST_STARTS = 10**9
+# More joints and task dimensions than any statement or bound is computed for.
+MOST_JOINTS = 1000
+MOST_DIMENSIONS = 100
+# What a whole number in a text looks like; int() takes more, such as digits of other scripts.
+_WHOLE = re.compile(r"\s*[+-]?[0-9]{1,30}\s*")
+_REAL = re.compile(r"\s*[+-]?([0-9]+[.]?[0-9]*|[.][0-9]+)([eE][+-]?[0-9]+)?\s*")
+
+
+def whole(lowest: int, highest: int = LARGEST) -> Callable[[str], int]:
+    """Return a parser of whole numbers from `lowest` to `highest`."""
 
     def whole_number(text: str) -> int:
-        try:
-            number = int(str(text))
-        except ValueError:
-            number = lowest - 1
-        if number < lowest:
-            raise typer.BadParameter(
-                f"{text} given; allowed: a whole number of at least {lowest}."
-            )
-        return number
+        number = int(text) if _WHOLE.fullmatch(str(text)) else None
+        if number is not None and lowest <= number <= highest:
+            return number
+        above = "" if number is not None and number < lowest else f" and at most {highest}"
+        allowed = f"a whole number of at least {lowest}{above}"
+        raise typer.BadParameter(f"{shown(text)} given; allowed: {allowed}.")
 
     return whole_number
 
 
-def whole_option(lowest: int, metavar: str, words: str, **settings: Any) -> Any:
-    """Return an option that takes whole numbers of at least `lowest`."""
-    return typer.Option(parser=whole(lowest), metavar=metavar, help=words, **settings)
+def whole_option(
+    lowest: int, metavar: str, words: str, highest: int = LARGEST, **settings: Any
+) -> Any:
+    """Return an option that takes whole numbers from `lowest` to `highest`."""
+    parser = whole(lowest, highest)
+    return typer.Option(parser=parser, metavar=metavar, help=words, **settings)
+
+
+def refuse_unused(context: typer.Context, names: Iterable[str], reason: str) -> None:
+    """Refuse options that were given though nothing would be done with them.
+
+    Parameters
+    ----------
+    context
+        Of the command.
+    names
+        The options, by the names of the command's parameters.
+    reason
+        With what they are not used, such as ``--quantity worst-case``.
+
+    Raises
+    ------
+    InputError
+        If one was given on the command line, also if its value is the default.
+    """
+    for name in names:
+        source = context.get_parameter_source(name)
+        if source is not None and source.name == "COMMANDLINE":
+            value = context.params[name]
+            given = "given" if value is True else str(value)
+            raise InputError(f"--{name.replace('_', '-')}", given, f"none with {reason}")
 
 
 def progress(sentence: str) -> None:
@@ -47,18 +83,17 @@ def progress(sentence: str) -> None:
 
 def positive(text: str) -> float:
     """Parse a finite number above 0."""
-    try:
-        number = float(text)
-    except ValueError:
-        number = float("nan")
+    number = float(text) if _REAL.fullmatch(str(text)) else float("nan")
     if not 0 < number < float("inf"):
-        raise typer.BadParameter(f"{text} given; allowed: a finite number above 0.")
+        raise typer.BadParameter(f"{shown(text)} given; allowed: a finite number above 0.")
     return number
 
 
-Joints = Annotated[int, whole_option(2, "N", "Number of joints n, above m.")]
-TaskDimension = Annotated[int, whole_option(1, "M", "Number of task dimensions m.")]
-Starts = Annotated[int, whole_option(1, "K", "Random starts of each row.")]
+Joints = Annotated[int, whole_option(2, "N", "Number of joints n, above m.", MOST_JOINTS)]
+TaskDimension = Annotated[
+    int, whole_option(1, "M", "Number of task dimensions m.", MOST_DIMENSIONS)
+]
+Starts = Annotated[int, whole_option(1, "K", "Random starts of each row.", MOST_STARTS)]
 Seed = Annotated[int, whole_option(0, "S", "Seed; start k of a seed is the same everywhere.")]
 Workers = Annotated[
     int | None, whole_option(1, "W", "Worker processes.", show_default="all cores")
@@ -134,7 +169,7 @@ def ipopt_options(settings: Sequence[str] | None) -> dict[str, object]:
 
 
 def _number(text: str) -> str | int | float:
-    for kind in (int, float):
+    for kind in (_whole, float):
         try:
             return kind(text)
         except ValueError:
@@ -157,7 +192,7 @@ def failure_model(
     from formulations.measures.unequal_failures import FailureModel
 
     words = "joints counted from 0, separated by commas"
-    never = _numbers(never_fails, int, "joints that never fail", words)
+    never = _numbers(never_fails, _whole, "joints that never fail", words)
     if probabilities is None:
         return FailureModel.equally_likely(joints, locked, never)
     words = "numbers separated by commas"
@@ -168,6 +203,12 @@ def failure_model(
         allowed = f"{joints} numbers, one for each joint, or one for all"
         raise InputError("failure probabilities", probabilities, allowed)
     return FailureModel(tuple(values)).sparing(never, locked)
+
+
+def _whole(text: str) -> int:
+    if not _WHOLE.fullmatch(text):
+        raise ValueError
+    return int(text)
 
 
 def _numbers(text: str | None, kind: Callable[[str], T], name: str, allowed: str) -> list[T]:

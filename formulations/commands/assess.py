@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -51,12 +52,13 @@ def assess(
     By default joints without limits are at 0.
     """
     from formulations.robots.robot_assessment import assess as assess_robot
-    from nlp.files import prepare_folder
+    from nlp.files import prepare_file
 
     arm = robot.arm(file, tip, base, point, task, frame, length, held)
-    found = assess_robot(arm, robot.read_configuration(configuration, arm.chain), locked)
     if out is not None:
-        prepare_folder(out.parent, "folder of --out")
+        prepare_file(out, inputs=[file, Path(configuration or file)])
+    found = assess_robot(arm, robot.read_configuration(configuration, arm.chain), locked)
+    robot.print_notes(found)
     source = "midway between the limits" if configuration is None else "as given"
     plain = {"model": found.robot, **asdict(found)}
     show(plain, as_json, lambda _: robot_text(found, {}, source), out)
@@ -79,6 +81,7 @@ def robot_text(found: RobotAssessment, above: Mapping[str, object], source: str)
         "robot": f"{found.robot}, from {found.base} to {found.tip}",
         "task": ", ".join(found.task) + (f" ({found.frame})" if found.frame == "tip" else ""),
         **({"held": _positions(found.held)} if found.held else {}),
+        **({"cannot move": _positions(found.immobile)} if found.immobile else {}),
         "configuration": f"{_positions(found.configuration)} ({source})",
         "at their limits": ", ".join(found.at_limits) or "none",
         "characteristic length": f"{found.characteristic_length:.6g} m",

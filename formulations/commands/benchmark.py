@@ -31,7 +31,8 @@ def benchmark(
     Residual minimisation and max-min on unit revolute joints. Peers are an extra: pip install
     lockedjoint[peers]; one that is missing says so in its row. Sizes above 8 take a fifth of
     the starts, and a peer that uses up the time limit stops there. Writes benchmark.csv and
-    benchmark.md after every round, so that Ctrl-C keeps what is done.
+    benchmark.md into the output folder; until all rounds are done they are in its subfolder
+    incomplete, where Ctrl-C leaves what is done.
     """
     from formulations.studies.benchmark.study import growth, study, targets
 

@@ -13,6 +13,8 @@ from formulations.commands.arguments import (
     TaskDimension,
     positive,
     progress,
+    refuse_unused,
+    whole_option,
 )
 from formulations.commands.output import as_text, show
 from nlp.errors import InputError
@@ -75,7 +77,7 @@ def bound(
         ),
     ] = None,
     order: Annotated[
-        int, typer.Option(metavar="K", help="existence: order of the relaxation, 1 to 3.")
+        int, whole_option(1, "K", "existence: order of the relaxation, 1 to 3.", 3)
     ] = 3,
     preset: Annotated[
         str,
@@ -109,33 +111,28 @@ def bound(
     prove is checked again from the solver's multipliers alone. The exact proof that no
     optimally failure-tolerant 7R Jacobian exists is `lockedjoint prove`.
     """
-    _refuse_unused(context, quantity)
+    names = [name for name, quantities in _USED_BY.items() if quantity not in quantities]
+    refuse_unused(context, names, f"--quantity {quantity}")
+    if quantity is Quantity.MAX_MIN and joints > 7:
+        reason = "more than 7 joints: --quantity max-min is a closed form there"
+        refuse_unused(context, ("preset", "rigorous", "seed"), reason)
+    conic = "CLARABEL" if solver is None else solver
     text: Callable[[Mapping[str, Any]], str] = as_text
     if quantity is Quantity.EXISTENCE:
         from formulations.existence.relaxation.relaxation import existence_relaxation
 
         plain = existence_relaxation(
-            order, joints, task_dimension=task_dimension, solver=solver or "CLARABEL"
+            order, joints, task_dimension=task_dimension, solver=conic
         ).to_dict()
         text = _existence_text
     elif quantity is Quantity.WORST_CASE:
-        plain = _worst_case(joints, task_dimension, trace, lever_arm, solver or "CLARABEL")
+        plain = _worst_case(joints, task_dimension, trace, lever_arm, conic)
         text = _without_multipliers
     else:
         plain = _unit_revolute(quantity, joints, preset, rigorous, seed, solver)
     show(plain, as_json, text)
     if plain.get("verdict") == "undecided" or plain.get("singular_value_bound", 0) is None:
         raise typer.Exit(UNDECIDED)
-
-
-def _refuse_unused(context: typer.Context, quantity: Quantity) -> None:
-    for name, quantities in _USED_BY.items():
-        source = context.get_parameter_source(name)
-        given = source is not None and source.name == "COMMANDLINE"
-        if given and quantity not in quantities:
-            value = context.params[name]
-            option, shown = f"--{name.replace('_', '-')}", "given" if value is True else value
-            raise InputError(option, shown, f"none with --quantity {quantity}")
 
 
 def _worst_case(

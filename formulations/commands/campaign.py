@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from formulations.commands.arguments import Json, Workers, positive, whole_option
+from formulations.commands.arguments import Json, Workers, positive, refuse_unused, whole_option
 from formulations.commands.output import INTERRUPTED, refuse_damage, show
 
 if TYPE_CHECKING:
@@ -18,6 +18,7 @@ INCOMPLETE = 1
 
 
 def campaign(
+    context: typer.Context,
     file: Annotated[
         Path,
         typer.Argument(metavar="FILE", help="The campaign in TOML, see docs/campaigns.md."),
@@ -37,9 +38,9 @@ def campaign(
         typer.Option(
             parser=positive,
             metavar="SECONDS",
-            help="Time for a chunk of starts, after which its worker is killed.",
+            help="Time for a start, from when it begins, after which its worker is killed.",
         ),
-    ] = 3600.0,
+    ] = 600.0,
     chunk: Annotated[
         int,
         whole_option(
@@ -60,6 +61,8 @@ def campaign(
     from formulations.campaign.records import SCHEMA
     from nlp.store import Store
 
+    if scheduler is not None:
+        refuse_unused(context, ("workers",), "--scheduler")
     declared = read(file)
     with (
         closing(_pool(workers, scheduler)) as pool,

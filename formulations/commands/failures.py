@@ -18,7 +18,8 @@ def failures(
     Two and three joints locked at once on planar, positional and revolute arms; joints that
     never fail; joints that fail with unequal probabilities, by the expected and by the
     probability-weighted worst dexterity. Each beside a proved bound. Writes failures.csv,
-    failures.md and jacobians.json after every row; Ctrl-C keeps what is done.
+    failures.md and jacobians.json into the output folder; until all rows are there they are in
+    its subfolder incomplete, where Ctrl-C leaves what is done.
     """
     from formulations.studies.failures import study
 

@@ -6,12 +6,22 @@ from typing import Annotated
 
 import typer
 
-from formulations.commands.arguments import Json, Pick, Seed, Workers, progress, whole
+from formulations.commands.arguments import (
+    MOST_STARTS,
+    Json,
+    Pick,
+    Seed,
+    Workers,
+    progress,
+    refuse_unused,
+    whole,
+)
 from formulations.commands.output import as_text
 from nlp.errors import InputError
 
 
 def figure(
+    context: typer.Context,
     name: Annotated[
         str,
         typer.Argument(
@@ -44,7 +54,7 @@ def figure(
     starts: Annotated[
         int | None,
         typer.Option(
-            parser=whole(1),
+            parser=whole(1, MOST_STARTS),
             metavar="K",
             help="Random starts of each problem.",
             show_default="5; figure-3 100; optima 50",
@@ -62,7 +72,7 @@ def figure(
     from formulations.figures.picture import Request
     from formulations.files.figure import content, figure_class, kind_of
     from formulations.files.jacobians import only_jacobian
-    from nlp.files import prepare_folder, write_bytes, write_text
+    from nlp.files import prepare_file, write_bytes, write_text
     from nlp.multistart import default_workers
 
     wanted, form = kind(name), kind_of(out)
@@ -71,10 +81,13 @@ def figure(
             raise InputError(f"--{option}", str(value), f"none with {name}")
     if pick is not None and jacobian is None:
         raise InputError("--pick", pick, "none without --jacobian")
+    for option, value in (("--jacobian", jacobian), ("--store", store)):
+        if value is not None:
+            refuse_unused(context, ("starts", "seed", "workers"), option)
     figure_class()
-    for option, path in (("--out", out), ("--data", data)):
-        if path is not None:
-            prepare_folder(path.parent, f"folder of {option}")
+    prepare_file(out, inputs=[jacobian, store])
+    if data is not None:
+        prepare_file(data, "--data", [jacobian, store, out])
     request = Request(
         starts=starts or wanted.starts,
         seed=seed,

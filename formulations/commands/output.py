@@ -11,12 +11,13 @@ import typer
 
 from formulations.commands.arguments import progress as show_progress
 from nlp.files import write_text
+from nlp.interrupts import INTERRUPTED as INTERRUPTED
 
 if TYPE_CHECKING:
     from formulations.studies.study import Part, Study
     from nlp.store_checks import Damage
 
-INTERRUPTED, QUESTIONED = 130, 1
+QUESTIONED = 1
 
 
 def as_text(values: Mapping[str, object]) -> str:
@@ -102,7 +103,7 @@ def run_study(
         With status 130 if the user interrupted, 1 if something is wrong with what was found.
     """
     from formulations.files.table import Table
-    from formulations.studies.study import Effort
+    from formulations.studies.study import INCOMPLETE, Effort
     from nlp.multistart import default_workers
 
     effort = Effort(seed, starts, workers or default_workers(), progress, bars)
@@ -114,9 +115,11 @@ def run_study(
     elif result.rows:
         typer.echo(table.terminal() if text is None else text(result.rows))
         typer.echo(f"\n{note}" if note else "")
-        typer.echo(f"Written to {out}: {', '.join(study.files)}")
+        where = out if result.complete else out / INCOMPLETE
+        typer.echo(f"Written to {where}: {', '.join(study.files)}")
     if not result.complete:
-        typer.echo("Interrupted: what was done is kept, the rest is missing.", err=True)
+        kept = f"what was done is in {out / INCOMPLETE}, the rest is missing"
+        typer.echo(f"Interrupted: {kept}.", err=True)
         raise typer.Exit(INTERRUPTED)
     if result.complaint:
         typer.echo(f"Wrong: {result.complaint}.", err=True)

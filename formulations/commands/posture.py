@@ -33,7 +33,7 @@ def posture(
     point: robot.Point = None,
     starts: Starts = 100,
     seed: Seed = 0,
-    workers: Workers = 1,
+    workers: Workers = None,
     ipopt: Ipopt = None,
     out: robot.JsonFile = None,
     as_json: Json = False,
@@ -45,22 +45,25 @@ def posture(
     a failure. `assess --configuration FILE` reads what --out writes.
     """
     from formulations.robots.posture import Search, best_posture
-    from nlp.files import prepare_folder
+    from nlp.files import prepare_file
     from nlp.multistart import default_workers
 
     arm = robot.arm(file, tip, base, point, task, frame, length, held)
     count, options = workers or default_workers(), ipopt_options(ipopt)
     search = Search(formulation, locked, starts, seed, count, options, progress=True)
     if out is not None:
-        prepare_folder(out.parent, "folder of --out")
+        prepare_file(out, inputs=[file])
     found = best_posture(arm, search)
+    robot.print_notes(found.assessment)
     how = {
         "formulation": formulation,
         "starts": f"{found.starts} (seed {seed}), best reached by {found.reached_best}",
         "status counts": found.status_counts,
         "midway sigma": found.mid_range_sigma,
     }
-    text = robot_text(found.assessment, how, "the best found")
+    source = "the best found" if found.reached_best else "the best seen; no start converged"
+    text = robot_text(found.assessment, how, source)
     show(found.to_dict(), as_json, lambda _: text, out)
     if not found.complete:
+        typer.echo(f"Interrupted: {found.starts} of {starts} starts ended.", err=True)
         raise typer.Exit(INTERRUPTED)

@@ -40,8 +40,8 @@ def prove(
     Check the file with `lockedjoint verify`, a data file with Coq (docs/nonexistence.md).
     """
     from formulations.existence.rings import exact_jacobian
-    from nlp.errors import FileError, InputError
-    from nlp.files import prepare_folder, write_text
+    from nlp.errors import InputError
+    from nlp.files import prepare_file, write_text
 
     if to not in ("json", "coq"):
         raise InputError("--to", to, "json or coq")
@@ -49,9 +49,7 @@ def prove(
         raise InputError("--joints", joints, "7 with --to coq; others need no data file")
     existence = None if joints == 7 else exact_jacobian(joints)
     out = out or Path("Data.v" if to == "coq" else "certificate.json")
-    if out.is_dir():
-        raise FileError("--out", str(out), "a file to write to, not a folder")
-    prepare_folder(out.parent, "folder of --out")
+    prepare_file(out)
     if existence is None:
         _prove_nonexistence(out, to, as_json)
         return

@@ -7,12 +7,13 @@ from typing import Annotated
 
 import typer
 
-from formulations.commands.arguments import Json, Pick, Seed, positive, whole
+from formulations.commands.arguments import Json, Pick, Seed, positive, refuse_unused, whole
 from formulations.commands.output import as_text
 from nlp.errors import InputError
 
 
 def realise(
+    context: typer.Context,
     file: Annotated[
         Path, typer.Argument(metavar="FILE", help="CSV, NPY or JSON; one column per joint.")
     ],
@@ -120,14 +121,23 @@ def realise(
     from formulations.realise.choice import choose, evaluate, given
     from formulations.realise.criteria import Sampling
     from formulations.realise.links import slide as slid
-    from nlp.files import prepare_folder, write_bytes
+    from nlp.files import prepare_file, write_bytes
 
     if to not in forms.FORMS:
         raise InputError("--to", to, "one of " + ", ".join(forms.FORMS))
-    if as_json and to == "figure" and not count:
+    if count:
+        refuse_unused(context, ("out", "to", "convention"), "--count")
+    elif as_json and to == "figure":
         raise InputError("--json", "given", "none with --to figure")
+    elif to != "dh" and not as_json:
+        refuse_unused(context, ("convention",), f"--to {to}")
+    if criterion is None:
+        refuse_unused(context, ("shortlist",), "no --criterion")
+    if not (count or as_json or out is not None or criterion is not None):
+        reason = "nothing that samples: --criterion, --count, --json and --out do"
+        refuse_unused(context, ("seed", "samples", "radius"), reason)
     if out is not None and not count:
-        prepare_folder(out.parent, "folder of --out")
+        prepare_file(out, inputs=[file])
     matrix = only_jacobian(file, pick)
     found = from_jacobian.realise(
         matrix, task=task, kinds=kinds, length=length, tolerance=tolerance

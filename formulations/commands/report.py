@@ -7,7 +7,16 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from formulations.commands.arguments import Json, Out, Seed, Workers, progress, whole_option
+from formulations.commands.arguments import (
+    MOST_STARTS,
+    Json,
+    Out,
+    Seed,
+    Workers,
+    progress,
+    refuse_unused,
+    whole_option,
+)
 from formulations.commands.output import INTERRUPTED, QUESTIONED, show
 
 if TYPE_CHECKING:
@@ -16,6 +25,7 @@ if TYPE_CHECKING:
 
 
 def report(
+    context: typer.Context,
     out: Out = Path("results"),
     only: Annotated[
         str | None,
@@ -34,6 +44,7 @@ def report(
             1,
             "K",
             "Random starts of each row.",
+            MOST_STARTS,
             show_default="as many as each study's own command makes",
         ),
     ] = None,
@@ -52,12 +63,15 @@ def report(
     from formulations.studies.front_page import PAGE, front_page
     from formulations.studies.running import State, chosen, run_all
     from formulations.studies.study import Effort
-    from nlp.files import write_text
+    from nlp.files import prepare_file, prepare_folder, write_text
     from nlp.multistart import default_workers
 
+    if only is not None:
+        refuse_unused(context, ("everything",), "--only")
     names = None if only is None else [part.strip() for part in only.split(",")]
     studies = chosen(names, everything)
     effort = Effort(seed, starts, workers or default_workers(), progress)
+    prepare_file(prepare_folder(out) / PAGE, "front page")
     outcomes: list[Outcome] = []
     written = (State.MADE, State.QUESTIONED)
 

@@ -24,7 +24,8 @@ def reproduce(
 
     One row each: equation, quantity, the paper's value, ours, and a verdict computed from the
     two: agrees, misprint, rounded or improved, with the reason. Writes reproduction.csv and
-    reproduction.md after every row. Exit status 1 if any row is an unexplained mismatch.
+    reproduction.md into the output folder; until all rows are there they are in its subfolder
+    incomplete. Exit status 1 if any row is an unexplained mismatch.
     """
     from formulations.studies.reproduction import study
 

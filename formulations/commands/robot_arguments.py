@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -12,11 +11,12 @@ import typer
 
 from formulations.commands.arguments import positive
 from nlp.errors import FileError, InputError
-from nlp.files import read_bytes
+from nlp.files import load_json, read_bytes
 
 if TYPE_CHECKING:
     from formulations.robots.chain import Chain
     from formulations.robots.robot_arm import RobotArm
+    from formulations.robots.robot_assessment import RobotAssessment
     from nlp.arrays import FloatArray
 
 File = Annotated[Path, typer.Argument(metavar="URDF", help="The robot, a URDF file.")]
@@ -108,6 +108,12 @@ def arm(
     return RobotArm(links, directions, length)
 
 
+def print_notes(found: RobotAssessment) -> None:
+    """Print what to check in the robot's file on standard error."""
+    for note in found.notes:
+        typer.echo(f"Note: {note}", err=True)
+
+
 def read_configuration(text: str | None, chain: Chain) -> FloatArray:
     """Read a configuration.
 
@@ -131,7 +137,7 @@ def read_configuration(text: str | None, chain: Chain) -> FloatArray:
     InputError
         If it is none of these, a joint is unknown, or a position is outside its limits.
     """
-    from formulations.robots.chain import listed
+    from formulations.robots.chain import listed, nearest
 
     values: Mapping[str, float] | Sequence[float] = {}
     if text is None:
@@ -145,7 +151,10 @@ def read_configuration(text: str | None, chain: Chain) -> FloatArray:
     if isinstance(values, Mapping):
         unknown = [name for name in values if name not in chain.names]
         if unknown:
-            raise InputError("joint", unknown[0], "one of " + listed(chain.names))
+            wrong = unknown[0]
+            still = ", which cannot move" if wrong in dict(chain.immobile) else ""
+            allowed = f"one of {listed(chain.names)}{nearest(wrong, chain.names)}"
+            raise InputError("joint", f"{wrong}{still}", allowed)
         middle = dict(zip(chain.names, chain.mid_range.tolist(), strict=True))
         values = list({**middle, **values}.values())
     if len(values) != len(chain.names):
@@ -172,7 +181,7 @@ def number(name: str, value: object) -> float:
     """Return a finite number; InputError if it is none."""
     try:
         read = float(value)  # type: ignore[arg-type]
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         read = math.nan
     if isinstance(value, bool) or not math.isfinite(read):
         raise InputError(name, value, "a finite number, radians or metres")
@@ -180,11 +189,7 @@ def number(name: str, value: object) -> float:
 
 
 def _read_json(path: Path) -> Mapping[str, float] | Sequence[float]:
-    text = read_bytes(path)
-    try:
-        content = json.loads(text)
-    except (ValueError, RecursionError) as reason:
-        raise FileError("file", str(path), f"valid JSON ({reason})") from None
+    content = load_json(read_bytes(path), path)
     if isinstance(content, dict) and "configuration" in content:
         content = content["configuration"]
     if isinstance(content, dict):

@@ -25,8 +25,8 @@ def robots(
     """Find the best posture of each of a list of arms that ship in Python packages.
 
     Needs the packages yourdfpy, example-robot-data and rtb-data. Writes robots.csv,
-    robots.md and postures.json into the output folder after every arm; Ctrl-C keeps what is
-    done.
+    robots.md and postures.json into the output folder; until all arms are done they are in its
+    subfolder incomplete, where Ctrl-C leaves what is done.
     """
     from formulations.studies.robots import study
 

@@ -67,7 +67,7 @@ def show(
     from formulations.campaign import tables
     from formulations.campaign.records import SCHEMA
     from nlp.errors import InputError
-    from nlp.files import prepare_folder, write_bytes
+    from nlp.files import prepare_file, write_bytes
     from nlp.store import Store
     from nlp.store_schema import condition
 
@@ -86,7 +86,7 @@ def show(
         raise InputError("--out", "missing", "a file, for parquet")
     conditions = [condition(SCHEMA, text) for text in where or ()]
     if out is not None:
-        prepare_folder(out.parent, "folder of --out")
+        prepare_file(out, inputs=[store])
     with Store(store, SCHEMA, salvage=True) as study:
         if records:
             table = tables.frame(study, conditions)

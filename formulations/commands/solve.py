@@ -19,6 +19,7 @@ from formulations.commands.arguments import (
     Workers,
     failure_model,
     ipopt_options,
+    positive,
 )
 from formulations.commands.output import INTERRUPTED, as_text, show
 
@@ -71,6 +72,15 @@ def solve(
         ),
     ] = "ipopt",
     compiled: Compiled = False,
+    time_limit: Annotated[
+        float | None,
+        typer.Option(
+            parser=positive,
+            metavar="SECONDS",
+            help="Time for a start, after which Ipopt stops it.",
+            show_default="no limit",
+        ),
+    ] = None,
     out: Annotated[
         Path | None,
         typer.Option(metavar="FILE", help="Write the best Jacobian and its measures as JSON."),
@@ -82,11 +92,11 @@ def solve(
     from formulations.measures.assessment import assess
     from formulations.solving.solve import solve as solve_from_many_starts
     from formulations.unequal_max_min import checked_goal
-    from nlp.files import prepare_folder
+    from nlp.files import prepare_file
 
     failures = failure_model(failure_probabilities, never_fails, joints, locked)
     if out is not None:
-        prepare_folder(out.parent, "folder of --out")
+        prepare_file(out)
     outcome = solve_from_many_starts(
         formulation,
         model,
@@ -103,10 +113,11 @@ def solve(
         solver=solver,
         options=ipopt_options(ipopt),
         compiled=compiled,
+        time_limit=time_limit,
         progress=True,
     )
     if not outcome.records:
-        raise typer.Exit(INTERRUPTED)
+        raise KeyboardInterrupt
     shown = outcome.best
     found = {
         "formulation": formulation,
@@ -127,6 +138,8 @@ def solve(
     found["jacobian"] = shown.jacobian.tolist()
     show(found, as_json, lambda plain: _text({**plain, "verdict": outcome.summary}), out)
     if not outcome.complete:
+        ended = f"{len(outcome.records)} of {starts} starts ended"
+        typer.echo(f"Interrupted: {ended}.", err=True)
         raise typer.Exit(INTERRUPTED)
 
 

@@ -8,6 +8,8 @@ import typer
 from formulations.commands.arguments import Json, whole_option
 from formulations.commands.output import show
 
+MOST_SAMPLES = 1_000_000
+
 
 def verify(
     file: Annotated[
@@ -25,6 +27,7 @@ def verify(
             "K",
             "Also evaluate the identity, exactly and over all 5040 joint orders, at K "
             "random matrices that violate every equation.",
+            MOST_SAMPLES,
         ),
     ] = 0,
     as_json: Json = False,

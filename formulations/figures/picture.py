@@ -9,12 +9,13 @@ from typing import TYPE_CHECKING
 
 import pandas as pd
 
+from formulations.realise.from_jacobian import MOST_JOINTS
 from formulations.solving.outcome import Outcome
 from formulations.solving.record import Record
 from formulations.solving.setup import Setup
 from formulations.solving.solve import run
 from nlp.arrays import FloatArray
-from nlp.errors import LockedJointError
+from nlp.errors import InputError, LockedJointError
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -46,6 +47,11 @@ class Request:
     jacobian: FloatArray | None = None
     store: Path | None = None
     progress: Callable[[str], None] = lambda _: None
+
+    def __post_init__(self) -> None:
+        if self.jacobian is not None and self.jacobian.shape[1] > MOST_JOINTS:
+            allowed = f"at most {MOST_JOINTS} columns (joints)"
+            raise InputError("jacobian", f"of shape {self.jacobian.shape}", allowed)
 
 
 @dataclass(frozen=True, eq=False)

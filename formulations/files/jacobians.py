@@ -1,9 +1,10 @@
 """Jacobians from files: CSV, NPY or JSON."""
 
-import json
 from collections.abc import Callable, Mapping
 from pathlib import Path
+from tokenize import TokenError
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -11,7 +12,7 @@ import numpy.typing as npt
 from formulations.measures import as_jacobian
 from nlp.arrays import FloatArray
 from nlp.errors import FileError, InputError
-from nlp.files import read_bytes
+from nlp.files import load_json, read_bytes
 
 Named = tuple[str, FloatArray]
 
@@ -35,9 +36,10 @@ def read_jacobians(path: Path) -> list[Named]:
     reader = _READERS.get(path.suffix.lower())
     if reader is None:
         raise FileError("file", str(path), "a name that ends in " + ", ".join(_READERS))
-    if not read_bytes(path).strip():
+    content = read_bytes(path)
+    if not content.strip():
         raise FileError("file", str(path), "a file that is not empty")
-    return [(name, as_jacobian(matrix, str(path))) for name, matrix in reader(path)]
+    return [(name, as_jacobian(matrix, str(path))) for name, matrix in reader(path, content)]
 
 
 def only_jacobian(path: Path, pick: int | None = None) -> FloatArray:
@@ -57,9 +59,9 @@ def only_jacobian(path: Path, pick: int | None = None) -> FloatArray:
     return found[pick or 0][1]
 
 
-def _read_csv(path: Path) -> list[tuple[str, npt.ArrayLike]]:
+def _read_csv(path: Path, content: bytes) -> list[tuple[str, npt.ArrayLike]]:
     try:
-        lines = path.read_text(encoding="utf-8-sig").splitlines()
+        lines = content.decode("utf-8-sig").splitlines()
         rows = [[float(cell) for cell in line.split(",")] for line in lines if line.strip()]
     except ValueError as reason:
         allowed = f"rows of numbers separated by commas ({reason})"
@@ -69,31 +71,44 @@ def _read_csv(path: Path) -> list[tuple[str, npt.ArrayLike]]:
     return [(path.name, rows)]
 
 
-def _read_npy(path: Path) -> list[tuple[str, npt.ArrayLike]]:
+def _read_npy(path: Path, content: bytes) -> list[tuple[str, npt.ArrayLike]]:
     try:
+        # From version 2 on, NumPy would allocate what a damaged length of the header says.
+        if content[6] > 1 and int.from_bytes(content[8:12], "little") > len(content):
+            raise EOFError
         # Mapped, not read: a header may promise more than the file, or any machine, has.
-        matrix = np.load(path, mmap_mode="r", allow_pickle=False)
-    except (ValueError, EOFError, OSError, OverflowError, TypeError, SyntaxError):
+        with np.errstate(over="ignore"):
+            matrix = np.load(path, mmap_mode="r", allow_pickle=False)
+    except (ValueError, IndexError, EOFError, OSError, OverflowError, TypeError, SyntaxError):
+        raise FileError("file", str(path), "an array as numpy.save writes it") from None
+    except (MemoryError, TokenError):  # of the header's text
         raise FileError("file", str(path), "an array as numpy.save writes it") from None
     if not isinstance(matrix, np.ndarray):
         raise FileError("file", str(path), "an array as numpy.save writes it")
     return [(path.name, matrix)]
 
 
-def _read_json(path: Path) -> list[tuple[str, npt.ArrayLike]]:
-    try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-    except (ValueError, RecursionError) as reason:
-        raise FileError("file", str(path), f"valid JSON ({reason})") from None
+def _read_json(path: Path, raw: bytes) -> list[tuple[str, npt.ArrayLike]]:
+    content = load_json(raw, path)
     if isinstance(content, dict):
         content = [content]
     if not isinstance(content, list) or not content:
         raise FileError("file", str(path), "rows of numbers, or objects with 'jacobian'")
     if not isinstance(content[0], dict):
-        return [(path.name, content)]
+        return [(path.name, _numbers(content, path))]
     if not all(isinstance(one, dict) and "jacobian" in one for one in content):
         raise InputError(f"an object in {path}", "without it", "the key 'jacobian'")
-    return [(_name(one), one["jacobian"]) for one in content]
+    return [(_name(one), _numbers(one["jacobian"], path)) for one in content]
+
+
+def _numbers(rows: Any, path: Path) -> Any:
+    """Return rows of numbers; InputError where something else is among them."""
+    listed = isinstance(rows, list) and all(isinstance(row, list) for row in rows)
+    if not listed or any(type(one) not in (int, float) for row in rows for one in row):
+        raise InputError(f"a Jacobian in {path}", "something else", "rows of numbers")
+    if len({len(row) for row in rows}) != 1:
+        raise InputError(f"a Jacobian in {path}", "ragged", "rows of one length")
+    return rows
 
 
 def _name(described: Mapping[str, object]) -> str:
@@ -101,6 +116,6 @@ def _name(described: Mapping[str, object]) -> str:
     return " ".join(str(part) for part in parts if part) or "jacobian"
 
 
-_READERS: Mapping[str, Callable[[Path], list[tuple[str, npt.ArrayLike]]]] = MappingProxyType(
-    {".csv": _read_csv, ".npy": _read_npy, ".json": _read_json}
+_READERS: Mapping[str, Callable[[Path, bytes], list[tuple[str, npt.ArrayLike]]]] = (
+    MappingProxyType({".csv": _read_csv, ".npy": _read_npy, ".json": _read_json})
 )

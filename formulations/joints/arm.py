@@ -16,6 +16,9 @@ from nlp.arrays import FloatArray, as_floats, finite_vector, whole_number
 from nlp.errors import InputError
 from nlp.problem import Constraint
 
+# What can be stated is less, see `formulations.catalogue.arm`.
+_MOST_JOINTS = 10_000
+
 
 @dataclass(frozen=True)
 class Arm:
@@ -46,7 +49,7 @@ class Arm:
     @classmethod
     def of(cls, joint: Joint, count: int) -> Arm:
         """Return an arm of `count` joints of one kind."""
-        return cls((joint,) * whole_number("joints", count, 1))
+        return cls((joint,) * whole_number("joints", count, 1, _MOST_JOINTS))
 
     @property
     def shape(self) -> tuple[int, int]:

@@ -14,6 +14,7 @@ import casadi as ca
 import numpy as np
 
 from formulations.joints.joint import (
+    MOST_VARIABLES,
     TOLERANCE,
     Budget,
     Joint,
@@ -174,7 +175,7 @@ class FreeColumn(Joint):
     exact: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
-        whole_number("dimension", self.dimension, 1)
+        whole_number("dimension", self.dimension, 1, MOST_VARIABLES)
         check_length("norm", self.norm)
         check_budget(self.budget)
 

@@ -4,8 +4,10 @@ The independent judge of every solution: plain NumPy, no solver, no model of the
 Jacobians are arrays of shape (m, n) with n > m; joints are counted from 0.
 """
 
+from collections.abc import Collection
 from dataclasses import dataclass
 from itertools import combinations
+from math import comb
 
 import numpy as np
 import numpy.typing as npt
@@ -15,6 +17,12 @@ from nlp.errors import InputError
 
 # Failures tie when they leave the same to this share of it, or of the largest entry of J.
 TIE = 1e-6
+# More sets of locked joints than this are refused: each takes a singular value decomposition.
+MOST_SETS = 100_000
+# The fourth powers of larger entries are too near the largest floating-point number.
+LARGEST_ENTRY = 1e70
+# Entries of J that are decomposed at once.
+_CHUNK = 1_000_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,13 +63,18 @@ def as_jacobian(jacobian: npt.ArrayLike, name: str = "jacobian") -> FloatArray:
     Raises
     ------
     InputError
-        If it is not two-dimensional, has NaN or infinity, or no more columns than rows.
+        If it is not two-dimensional, has NaN, infinity or entries beyond `LARGEST_ENTRY`, or
+        no more columns than rows.
     """
     matrix = as_floats(name, jacobian)
     if matrix.ndim != 2 or 0 in matrix.shape:
         raise InputError(name, f"of shape {matrix.shape}", "a matrix, one column per joint")
     if not np.all(np.isfinite(matrix)):
         raise InputError(name, "a matrix with NaN or infinity", "finite numbers only")
+    largest = float(np.max(np.abs(matrix)))
+    if largest > LARGEST_ENTRY:
+        allowed = f"entries of at most {LARGEST_ENTRY:g} in magnitude"
+        raise InputError(name, f"a matrix with an entry of {largest:g}", allowed)
     m, n = matrix.shape
     if n <= m:
         allowed = "more columns (joints) than rows (task dimensions)"
@@ -82,7 +95,8 @@ def condition_number(jacobian: npt.ArrayLike) -> float:
 
 def manipulability(jacobian: npt.ArrayLike) -> float:
     """√det(JJᵀ), the product of the singular values (Yoshikawa, 1985)."""
-    return float(np.prod(singular_values(jacobian)))
+    with np.errstate(over="ignore"):  # infinity, where many of them are large
+        return float(np.prod(singular_values(jacobian)))
 
 
 def locked_singular_values(jacobian: npt.ArrayLike, locked: int = 1) -> FloatArray:
@@ -95,10 +109,29 @@ def locked_singular_values(jacobian: npt.ArrayLike, locked: int = 1) -> FloatArr
         columns are left.
     """
     matrix = as_jacobian(jacobian)
-    kept = np.array([np.delete(matrix, one, axis=1) for one in locked_sets(matrix, locked)])
-    if kept.shape[2] < kept.shape[1]:
-        return np.zeros(len(kept))
-    return np.asarray(np.linalg.svd(kept, compute_uv=False)[:, -1])
+    sets = locked_sets(matrix, locked)
+    if matrix.shape[1] - locked < matrix.shape[0]:
+        return np.zeros(len(sets))
+    return remaining_singular_values(matrix, sets)[:, -1]
+
+
+def remaining_singular_values(
+    matrix: FloatArray, sets: Collection[tuple[int, ...]]
+) -> FloatArray:
+    """Singular values of J without the columns of each set, shape (sets, m), descending.
+
+    All sets have one size, which leaves at least m columns.
+    """
+    size = max(1, _CHUNK // matrix.size)  # memory stays bounded, however many sets there are
+    ordered = list(sets)
+    parts = [
+        np.linalg.svd(
+            np.array([np.delete(matrix, one, axis=1) for one in ordered[k : k + size]]),
+            compute_uv=False,
+        )
+        for k in range(0, len(ordered), size)
+    ]
+    return np.concatenate(parts)
 
 
 def worst_case_sigma(jacobian: npt.ArrayLike, locked: int = 1) -> float:
@@ -244,8 +277,7 @@ def relative_manipulability(jacobian: npt.ArrayLike, locked: int = 1) -> FloatAr
         return np.full(len(sets), np.nan)
     if locked > matrix.shape[1] - matrix.shape[0]:
         return np.zeros(len(sets))
-    kept = np.array([np.delete(matrix, one, axis=1) for one in sets])
-    return np.asarray(np.prod(np.linalg.svd(kept, compute_uv=False), axis=1) / before)
+    return np.asarray(np.prod(remaining_singular_values(matrix, sets), axis=1) / before)
 
 
 def is_optimally_failure_tolerant(jacobian: npt.ArrayLike, tolerance: float = 1e-6) -> bool:
@@ -271,4 +303,15 @@ def locked_sets(matrix: FloatArray, locked: int) -> list[tuple[int, ...]]:
     n = matrix.shape[1]
     if whole_number("locked joints", locked, 1) >= n:
         raise InputError("locked joints", locked, f"fewer than the {n} joints")
+    check_sets(n, locked)
     return list(combinations(range(n), locked))
+
+
+def check_sets(joints: int, locked: int, most: int = MOST_SETS) -> None:
+    """Raise InputError if more than `most` sets of `locked` joints can be chosen."""
+    sets = comb(joints, locked)
+    if sets > most:
+        allowed = f"numbers with at most {most} sets of joints that lock at once"
+        count = sets if sets < 10**15 else "over 10**15"
+        shown = f"{locked} of {joints}, which are {count} sets"
+        raise InputError("locked joints", shown, allowed)

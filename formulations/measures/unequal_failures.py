@@ -39,7 +39,8 @@ class FailureModel:
     Raises
     ------
     InputError
-        If a probability is out of range, or fewer than k joints may fail.
+        If a probability is out of range, fewer than k joints may fail, or there are more than
+        `formulations.measures.MOST_SETS` sets of k joints.
     """
 
     probabilities: tuple[float, ...]
@@ -51,6 +52,7 @@ class FailureModel:
         if whole_number("locked joints", self.locked, 1) > len(self.fallible):
             allowed = f"at most the number of joints that may fail, {len(self.fallible)}"
             raise InputError("locked joints", self.locked, allowed)
+        measures.check_sets(len(self.fallible), self.locked)
 
     @classmethod
     def equally_likely(
@@ -73,7 +75,7 @@ class FailureModel:
         probability
             Of the others' failure; the shares of the failures do not depend on it.
         """
-        count = whole_number("joints", joints, 1)
+        count = whole_number("joints", joints, 1, measures.MOST_SETS)
         return cls((probability,) * count, locked=1).sparing(never, locked)
 
     def sparing(self, never: Collection[int], locked: int | None = None) -> FailureModel:
@@ -186,8 +188,8 @@ def possible_sigmas(
     if n - failures.locked < m:
         return dict.fromkeys(combinations(failures.fallible, failures.locked), 0.0)
     sets = list(combinations(failures.fallible, failures.locked))
-    kept = np.array([np.delete(matrix, joints, axis=1) for joints in sets])
-    return dict(zip(sets, np.linalg.svd(kept, compute_uv=False)[:, -1].tolist(), strict=True))
+    left = measures.remaining_singular_values(matrix, sets)[:, -1]
+    return dict(zip(sets, left.tolist(), strict=True))
 
 
 def _matching(jacobian: npt.ArrayLike, failures: FailureModel) -> FloatArray:

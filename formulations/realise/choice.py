@@ -89,7 +89,9 @@ def choose(
         If there is no such criterion, or the shortlist is not at least 1.
     """
     wanted, sampling = criterion(name), sampling or Sampling()
-    shortlist = whole_number("shortlist", shortlist, 1)
+    shortlist = whole_number("shortlist", shortlist, 1, EXHAUSTIVE)
+    if wanted.sampled:
+        sampling.check(shortlist, manipulator.joints)
 
     def costs(by: Criterion, these: Arrangements) -> FloatArray:
         return by.cost(family(manipulator, these), sampling)
@@ -149,6 +151,7 @@ def given(
 def evaluate(manipulator: Manipulator, sampling: Sampling | None = None) -> dict[str, float]:
     """Return a manipulator's values by every criterion."""
     n, how = manipulator.joints, sampling or Sampling()
+    how.check(1, n)
     own = family(manipulator, Arrangements(np.arange(n)[None], np.zeros((1, n), dtype=bool)))
     return {name: float(one.evaluate(own, how)[0]) for name, one in CRITERIA.items()}
 

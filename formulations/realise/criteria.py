@@ -16,6 +16,8 @@ from nlp.errors import InputError
 
 # So many Jacobians are decomposed at once, which bounds the memory.
 _CHUNK = 1 << 16
+# Sampled positions of joints, over all arms that are judged at once.
+_MOST_POSITIONS = 5_000_000
 
 
 @dataclass(frozen=True)
@@ -38,6 +40,13 @@ class Sampling:
     seed: int = 0
     samples: int = 100
     radius: float = 0.2
+
+    def check(self, arms: int, joints: int) -> None:
+        """Raise InputError if so many arms have too many sampled positions for the memory."""
+        most = _MOST_POSITIONS // (arms * joints)
+        if self.samples > most:
+            allowed = f"at most {most} for {arms} arms of {joints} joints"
+            raise InputError("samples", self.samples, allowed)
 
     def __post_init__(self) -> None:
         whole_number("seed", self.seed, 0)

@@ -22,7 +22,11 @@ from nlp.arrays import FloatArray, as_floats, finite_vector
 from nlp.errors import InputError
 
 TOLERANCE = 1e-6
-SMALLEST, LARGEST = 1e-100, 1e100
+# Of what is larger or smaller, not all products that criteria and tables need are
+# floating-point numbers.
+SMALLEST, LARGEST = 1e-40, 1e40
+# The symmetries and criteria of more joints would take minutes, and then hours.
+MOST_JOINTS = 50
 _Z = np.array([0.0, 0.0, 1.0])
 
 
@@ -67,12 +71,16 @@ def realise(
         If another argument is not allowed.
     """
     matrix = as_jacobian(jacobian)
+    if matrix.shape[1] > MOST_JOINTS:
+        raise InputError("jacobian", f"of {matrix.shape[1]} columns", f"at most {MOST_JOINTS}")
     chosen = Task.of(matrix.shape[0], task)
     check_length("length", length)
     check_length("tolerance", tolerance)
     columns = chosen.embed(matrix)
-    columns[:3] *= length
-    _check_size(columns[:3])
+    with np.errstate(over="ignore"):  # what overflows is refused
+        columns[:3] *= length
+    _check_size("linear velocity", columns[:3], SMALLEST)
+    _check_size("rotational velocity", columns[3:], 0.0)
     tip = finite_vector("end effector", end_effector, 3)
     prismatic = _prismatic(columns, chosen, kinds, tolerance)
     given = _given(directions, chosen, matrix.shape[1])
@@ -181,12 +189,13 @@ def _across(
     raise AssertionError("z and x cannot both be along v")
 
 
-def _check_size(velocities: FloatArray) -> None:
-    """Raise InputError for lengths whose squares are no floating-point numbers any more."""
+def _check_size(name: str, velocities: FloatArray, smallest: float) -> None:
+    """Raise InputError for entries other than 0 that are smaller or larger than allowed."""
     sizes = np.abs(velocities[velocities != 0])
-    if sizes.size and not (np.min(sizes) >= SMALLEST and np.max(sizes) <= LARGEST):
+    if sizes.size and not (np.min(sizes) >= smallest and np.max(sizes) <= LARGEST):
         shown = f"entries from {np.min(sizes):.3g} to {np.max(sizes):.3g} in size"
-        raise InputError("linear velocity", shown, f"0, or {SMALLEST:g} to {LARGEST:g}")
+        allowed = f"0, or {smallest:g} to {LARGEST:g}" if smallest else f"at most {LARGEST:g}"
+        raise InputError(name, shown, allowed)
 
 
 def _outside(i: int, part: FloatArray, allowed: str) -> NotInModelError:

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from difflib import get_close_matches
 from typing import TypeAlias
 
 import casadi as ca
@@ -12,6 +13,13 @@ from nlp.errors import InputError
 
 # A configuration may be outside its limits by this, in radians or metres: rounded files.
 LIMIT_TOLERANCE = 1e-6
+# No position, length, angle or multiplier may be larger, and no characteristic length or
+# multiplier other than 0 smaller than its inverse. An entry of J, which is a length times a
+# multiplier over a length, then neither overflows nor underflows, and neither does its fourth
+# power, which the residual has.
+LARGEST = 1e20
+# Limits of a revolute joint beyond two turns may be in degrees.
+_TWO_TURNS = 4 * np.pi
 # Rows of a homogeneous 4×4 matrix.
 Transform: TypeAlias = tuple[tuple[float, ...], ...]
 
@@ -78,6 +86,9 @@ class Chain:
         Pose of the tip's point relative to the frame that the last motion moves, 4×4.
     held
         Names and positions of joints that are held, as if locked.
+    immobile
+        Names and positions of joints that cannot move, because their limits are equal or
+        missing: they have no column, and are no redundancy.
     """
 
     robot: str
@@ -87,6 +98,7 @@ class Chain:
     motions: tuple[Motion, ...]
     end: Transform
     held: tuple[tuple[str, float], ...] = ()
+    immobile: tuple[tuple[str, float], ...] = ()
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -111,6 +123,29 @@ class Chain:
         both = np.isfinite(lower) & np.isfinite(upper)
         middle = np.where(both, lower, 0.0) / 2 + np.where(both, upper, 0.0) / 2
         return np.asarray(np.clip(middle, lower, upper))
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What to check in the robot's file, one sentence each."""
+        notes = []
+        if self.immobile:
+            shown = listed([f"{name} at {value:g}" for name, value in self.immobile])
+            notes.append(
+                "Joints whose limits are equal or missing cannot move and have no column: "
+                f"{shown}."
+            )
+        wide = [
+            joint.name
+            for joint in self.joints
+            if not joint.prismatic
+            and any(_TWO_TURNS < abs(end) < np.inf for end in (joint.lower, joint.upper))
+        ]
+        if wide:
+            notes.append(
+                f"Limits beyond two turns (±4π rad) may be degrees, but URDF has radians: "
+                f"{listed(wide)}."
+            )
+        return tuple(notes)
 
     def within_limits(self, configuration: Sequence[float] | FloatArray) -> FloatArray:
         """Return the configuration; InputError if it is outside the joints' limits."""
@@ -168,12 +203,31 @@ def check_limits(name: str, value: float, lower: float, upper: float) -> None:
     """Raise InputError unless a joint's position is within its limits."""
     if not lower - LIMIT_TOLERANCE <= value <= upper + LIMIT_TOLERANCE:
         raise InputError(f"joint {name}", f"{value:.7g}", f"within [{lower:.7g}, {upper:.7g}]")
+    check_size(f"joint {name}", value)
+
+
+def check_size(name: str, *values: float) -> None:
+    """Raise InputError unless values are so small that J neither overflows nor underflows."""
+    for value in values:
+        if not abs(value) <= LARGEST:
+            raise InputError(name, f"{value:.7g}", f"numbers of size at most {LARGEST:g}")
 
 
 def listed(names: Sequence[str], limit: int = 12) -> str:
     """Return names with commas; the first of them if they are many."""
-    shown = ", ".join(names[:limit])
+    shown = ", ".join(one if len(one) < 80 else one[:79] + "…" for one in names[:limit])
     return shown if len(names) <= limit else f"{shown}, … ({len(names)} in all)"
+
+
+def nearest(name: str, names: Sequence[str]) -> str:
+    """Return the names most like a wrong one as the end of a sentence; empty if none is."""
+    # Comparing takes long for long names and for many.
+    similar = sorted(
+        (one for one in names if len(one) < 100), key=lambda one: abs(len(one) - len(name))
+    )
+    folded = {one.lower(): one for one in reversed(similar[:5000])}
+    found = get_close_matches(name.lower()[:100], folded, n=3)
+    return f"; nearest: {', '.join(folded[one] for one in found)}" if found else ""
 
 
 def _moved(turn: ca.SX, origin: ca.SX, placement: Transform) -> tuple[ca.SX, ca.SX]:

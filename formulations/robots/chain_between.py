@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, TypeAlias
 
 import casadi as ca
 import numpy as np
 
 from formulations.robots.chain import (
+    LARGEST,
+    LIMIT_TOLERANCE,
     Chain,
     ChainJoint,
     Motion,
     Transform,
     check_limits,
+    check_size,
     listed,
+    nearest,
     rotation,
 )
 from formulations.robots.read_urdf import MOVING, RobotError, RobotTree
@@ -26,6 +30,10 @@ if TYPE_CHECKING:
 
     # A moving joint, the joint that drives it (mostly itself), multiplier and offset.
     _Driven: TypeAlias = tuple[Joint, Joint, float, float]
+
+
+# Robots that exist have one or two; following rows of any length would take quadratic time.
+_MOST_MIMICS = 100
 
 
 def chain_between(
@@ -62,21 +70,32 @@ def chain_between(
     path = _path(tree, tip, base)
     offset = np.eye(4)
     offset[:3, 3] = finite_vector("point", np.asarray(point), 3)
+    check_size("point", *offset[:3, 3])
 
-    driven = {joint.name: _driven(tree, joint) for joint in path if joint.type in MOVING}
+    joints = {joint.name: joint for joint in tree.joints}
+    driven = {joint.name: _driven(joints, joint) for joint in path if joint.type in MOVING}
     known = {driver.name: driver.limit for _, driver, _, _ in driven.values()}
     for name, value in held.items():
         if name not in known:
-            raise InputError("held joint", name, "one of " + listed(list(known)))
+            names = list(known)
+            raise InputError(
+                "held joint", name, f"one of {listed(names)}{nearest(name, names)}"
+            )
         check_limits(name, value, known[name].lower, known[name].upper)
-    free = {
-        name: one for name, one in driven.items() if one[1].name not in held and one[2] != 0.0
+    moving = [one for one in driven.values() if one[1].name not in held and one[2] != 0.0]
+    ranged = _ranges(moving)
+    immobile = {
+        one.name: one.lower / 2 + one.upper / 2
+        for one in ranged
+        if one.upper - one.lower <= LIMIT_TOLERANCE
     }
-    if not free:
-        allowed = "a link that free joints move"
+    fixed = {**immobile, **held}
+    drivers = tuple(one for one in ranged if one.name not in immobile)
+    if not drivers:
+        shown = f" ({listed(list(immobile))} cannot move)" if immobile else ""
+        allowed = f"a link that free joints move{shown}"
         raise InputError("tip", f"{tip}, which nothing moves relative to the base", allowed)
-    drivers = {driver.name: driver for _, driver, _, _ in free.values()}
-    names = list(drivers)
+    variables = {driver.name: k for k, driver in enumerate(drivers)}
 
     motions, pose = [], np.eye(4)
     for joint in path:
@@ -84,12 +103,12 @@ def chain_between(
         if joint.type == "fixed":
             continue
         _, driver, k, c = driven[joint.name]
-        if joint.name not in free:
-            value = k * held.get(driver.name, 0.0) + c
+        if driver.name in fixed or k == 0.0:
+            value = k * fixed.get(driver.name, 0.0) + c
             check_limits(joint.name, value, joint.limit.lower, joint.limit.upper)
             pose = pose @ _displacement(joint, value)
             continue
-        slides, variable = joint.type == "prismatic", names.index(driver.name)
+        slides, variable = joint.type == "prismatic", variables[driver.name]
         x, y, z = joint.axis.tolist()
         motions.append(Motion(_frozen(pose), (x, y, z), slides, variable, k, c))
         pose = np.eye(4)
@@ -97,17 +116,19 @@ def chain_between(
         robot=tree.name,
         base=tree.root if base is None else base,
         tip=tip,
-        joints=tuple(_chain_joint(driver, free.values()) for driver in drivers.values()),
+        joints=drivers,
         motions=tuple(motions),
         end=_frozen(pose @ offset),
         held=tuple(sorted(held.items())),
+        immobile=tuple(immobile.items()),
     )
 
 
 def _path(tree: RobotTree, tip: str, base: str | None) -> tuple[Joint, ...]:
     for name, link in (("tip", tip), ("base", base)):
         if link is not None and link not in tree.links:
-            raise InputError(name, link, "one of the links " + listed(tree.links))
+            allowed = f"one of the links {listed(tree.links)}{nearest(link, tree.links)}"
+            raise InputError(name, link, allowed)
     path = tree.path(tip)
     on_the_way = [tree.root, *(joint.child for joint in path)]
     if base is not None:
@@ -122,14 +143,13 @@ def _path(tree: RobotTree, tip: str, base: str | None) -> tuple[Joint, ...]:
     return path
 
 
-def _driven(tree: RobotTree, joint: Joint) -> _Driven:
+def _driven(joints: Mapping[str, Joint], joint: Joint) -> _Driven:
     """Return a joint, the joint that drives it, and by which multiplier and offset."""
-    joints = {one.name: one for one in tree.joints}
     driver, multiplier, offset, seen = joint, 1.0, 0.0, {joint.name}
     while driver.mimic is not None:
         follower, mimic = driver.name, driver.mimic
         if mimic.joint not in joints:
-            allowed = "the name of another joint"
+            allowed = f"the name of another joint{nearest(mimic.joint, list(joints))}"
             raise RobotError(f"<mimic> of joint {follower}", mimic.joint, allowed)
         driver = joints[mimic.joint]
         if driver.name in seen:
@@ -139,23 +159,40 @@ def _driven(tree: RobotTree, joint: Joint) -> _Driven:
             where = f"joint {driver.name}, mimicked by {follower},"
             raise RobotError(where, driver.type, "one of " + ", ".join(MOVING))
         seen.add(driver.name)
+        if len(seen) > _MOST_MIMICS:
+            allowed = f"at most {_MOST_MIMICS} joints that mimic one another in a row"
+            raise RobotError(f"<mimic> of joint {joint.name}", "too long a row", allowed)
         offset += multiplier * mimic.offset
         multiplier *= mimic.multiplier
+        size = abs(multiplier)
+        if (size and size < 1 / LARGEST) or max(size, abs(offset)) > LARGEST:
+            shown = f"multiplier {multiplier:g} and offset {offset:g}"
+            allowed = (
+                f"of size at most {LARGEST:g}; the multiplier 0 or at least {1 / LARGEST:g}"
+            )
+            raise RobotError(f"<mimic> of joint {joint.name}", shown, allowed)
     return joint, driver, multiplier, offset
 
 
-def _chain_joint(driver: Joint, driven: Iterable[_Driven]) -> ChainJoint:
-    """Return a driving joint, its limits narrowed by those of the joints that follow it."""
-    lower, upper = driver.limit.lower, driver.limit.upper
-    for joint, by, multiplier, offset in driven:
-        if by.name == driver.name:
-            limits = (joint.limit.lower, joint.limit.upper)
-            ends = sorted((end - offset) / multiplier for end in limits)
-            lower, upper = max(lower, ends[0]), min(upper, ends[1])
-    if lower > upper:
-        allowed = "limits that leave room together with those of the joints that mimic it"
-        raise RobotError(f"limits of joint {driver.name}", "contradictory", allowed)
-    return ChainJoint(driver.name, driver.type == "prismatic", lower, upper)
+def _ranges(moving: Sequence[_Driven]) -> list[ChainJoint]:
+    """Return each driving joint, its limits narrowed by those of the joints that follow it."""
+    ranges: dict[str, tuple[float, float]] = {}
+    drivers: dict[str, Joint] = {}
+    for joint, driver, multiplier, offset in moving:
+        drivers[driver.name] = driver
+        own = (driver.limit.lower, driver.limit.upper)
+        lower, upper = ranges.get(driver.name, own)
+        limits = (joint.limit.lower, joint.limit.upper)
+        ends = sorted((end - offset) / multiplier for end in limits)
+        ranges[driver.name] = max(lower, ends[0]), min(upper, ends[1])
+    for name, (lower, upper) in ranges.items():
+        if lower > upper + LIMIT_TOLERANCE:
+            allowed = "limits that leave room together with those of the joints that mimic it"
+            raise RobotError(f"limits of joint {name}", "contradictory", allowed)
+    return [
+        ChainJoint(name, driver.type == "prismatic", *ranges[name])
+        for name, driver in drivers.items()
+    ]
 
 
 def _displacement(joint: Joint, value: float) -> FloatArray:

@@ -9,9 +9,10 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
-from formulations import catalogue, isotropy, max_min, measures, residual
-from formulations.isotropy_equations import independent_rows
+from formulations import catalogue, max_min, measures
+from formulations.robots.chain import LARGEST
 from formulations.robots.read_urdf import RobotError
 from formulations.robots.robot_arm import RobotArm
 from formulations.robots.robot_assessment import RobotAssessment, assess
@@ -19,7 +20,8 @@ from formulations.solving.outcome import REACHED_BEST
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
 from nlp.multistart import Run, Study, multistart
-from nlp.problem import Problem
+from nlp.problem import Constraint, Problem
+from nlp.solution import ACCEPTABLE, SUCCESS
 
 # A start is the best of so many random configurations: a robot has many poor optima, and
 # near-singular postures from which max-min hardly moves.
@@ -60,8 +62,9 @@ class Posture:
     mid_range_sigma
         Worst case midway between the limits, for comparison.
     seed, starts, reached_best
-        Seed, starts that ended, and those whose merit is within `REACHED_BEST` of the
-        best.
+        Seed, starts that ended, and those that converged to a merit within `REACHED_BEST` of
+        the best such merit. If none converged, `reached_best` is 0 and the posture is the best
+        at which a start stopped: within the limits, and no optimum.
     status_counts
         Ipopt's return statuses and how often each came.
     complete
@@ -133,16 +136,18 @@ def best_posture(arm: RobotArm, search: Search | None = None) -> Posture:
     FatalFailureError
         If, for max-min, some failure leaves less than full rank wherever the arm was tried.
     RobotError
-        If no start gave a posture that satisfies the formulation, or isotropy is asked for
-        and has more equations than there are joints.
+        If no start gave a posture that satisfies the formulation, or it has more equations
+        than variables.
     InputError
-        If the residual is to be minimised at a given length for a task of linear or of
-        rotational directions only, where a small Jacobian has a small residual.
+        If the length is given, the task has linear or rotational directions only, and the
+        formulation's merit is best for a small Jacobian.
     KeyboardInterrupt
         If interrupted before the first start ended.
     """
     search = search or Search()
-    _check(arm, search)
+    # At once, because it fails where the arm has no characteristic length.
+    middle = arm.jacobian(arm.chain.mid_range)
+    _check(arm, search, middle)
     study = _candidates(arm, search)
     if not study.results:
         raise KeyboardInterrupt
@@ -154,17 +159,18 @@ def best_posture(arm: RobotArm, search: Search | None = None) -> Posture:
         allowed = f"a task or robot for which one exists ({counts})"
         raise RobotError(where, f"not found from {len(study.results)} starts", allowed)
     pick = min if catalogue.formulation(search.formulation).SENSE == "minimise" else max
-    merit = pick(one.merit for one in valid)
-    best = [one for one in valid if abs(one.merit - merit) <= REACHED_BEST]
+    converged = [one for one in valid if one.return_status in (SUCCESS, ACCEPTABLE)]
+    ranked = converged or valid
+    merit = pick(one.merit for one in ranked)
+    best = [one for one in ranked if abs(one.merit - merit) <= REACHED_BEST]
     shown = max(best, key=lambda one: one.worst_case_sigma)
-    middle = arm.jacobian(arm.chain.mid_range)
     return Posture(
         formulation=search.formulation,
         assessment=assess(arm, shown.configuration, search.locked),
         mid_range_sigma=measures.worst_case_sigma(middle, search.locked),
         seed=search.seed,
         starts=len(study.results),
-        reached_best=len(best),
+        reached_best=len(best) if converged else 0,
         status_counts=dict(sorted(statuses.items())),
         complete=study.complete,
     )
@@ -183,23 +189,42 @@ def fatal_failures(arm: RobotArm) -> tuple[str, ...]:
     return tuple(compress(arm.chain.names, np.max(left, axis=0) < _FATAL))
 
 
-def _check(arm: RobotArm, search: Search) -> None:
-    if search.formulation == max_min.NAME:
+def _check(arm: RobotArm, search: Search, middle: FloatArray) -> None:
+    """Refuse what the search cannot find; `middle` is the Jacobian midway between limits."""
+    stated = catalogue.formulation(search.formulation)
+    minimised = stated.SENSE == "minimise" and arm.length is not None and not arm.task.mixed
+    if minimised and stated.merit(middle / 2) < stated.merit(middle):
+        name = stated.NAME
+        allowed = f"none for the {name} of such a task, which a small Jacobian makes small"
+        raise InputError("length", arm.length, allowed)
+    if "locked" in stated.SETTINGS:  # it needs full rank after every failure
         fatal = fatal_failures(arm)
         if fatal:
             where = f"failure of {' or of '.join(fatal)}"
             allowed = "a chain and a task that tolerate every failure at some posture"
             raise FatalFailureError(where, "fatal at every posture tried", allowed)
-    if search.formulation == isotropy.NAME:
-        equations = len(independent_rows(arm))
-        if equations > arm.size:
-            where = f"isotropy of {arm.description}"
-            allowed = "no more than joints; the residual comes as near to isotropy as can be"
-            raise RobotError(where, f"a matter of {equations} independent equations", allowed)
-    shrinks = search.formulation == residual.NAME and not arm.task.mixed
-    if shrinks and arm.length is not None:
-        allowed = "none for the residual of such a task, which a small Jacobian makes small"
-        raise InputError("length", arm.length, allowed)
+    problem = _problem(arm, search)
+    equations = sum(int(np.sum(_equal(one))) for one in problem.constraints)
+    unknowns = problem.variables.numel()
+    if equations > unknowns:
+        where = f"{stated.NAME} of {arm.description}"
+        allowed = f"at most {unknowns}; the residual comes as near to isotropy as can be"
+        raise RobotError(where, f"a matter of {equations} independent equations", allowed)
+
+
+def _equal(constraint: Constraint) -> npt.NDArray[np.bool_]:
+    rows = constraint.expression.numel()
+    lower, upper = (np.broadcast_to(end, rows) for end in (constraint.lower, constraint.upper))
+    return np.asarray(lower == upper)
+
+
+def _problem(arm: RobotArm, search: Search) -> Problem:
+    stated = catalogue.formulation(search.formulation)
+    taken: dict[str, Any] = {"locked": search.locked} if "locked" in stated.SETTINGS else {}
+    if "encoding" in stated.SETTINGS and search.locked == 1:
+        taken["encoding"] = _ENCODING
+    build: Callable[..., Problem] = stated.build
+    return build(arm, **taken)
 
 
 @dataclass(frozen=True, eq=False)
@@ -217,13 +242,9 @@ class _Candidate:
 
 def _candidates(arm: RobotArm, search: Search) -> Study[_Candidate]:
     stated = catalogue.formulation(search.formulation)
-    taken: dict[str, Any] = {"locked": search.locked} if "locked" in stated.SETTINGS else {}
-    if "encoding" in stated.SETTINGS and search.locked == 1:
-        taken["encoding"] = _ENCODING
-    build: Callable[[], Problem] = partial(stated.build, arm, **taken)
     own = OPTIONS.get(search.formulation, stated.OPTIONS)
     return multistart(
-        build,
+        partial(_problem, arm, search),
         partial(_promising_start, arm=arm, locked=search.locked),
         starts=search.starts,
         rng=search.seed,
@@ -245,7 +266,7 @@ def _judge(run: Run, arm: RobotArm, search: Search) -> _Candidate:
     """Measure the posture that a start led to, moved to within the limits or one turn."""
     point = run.solution.variables[: arm.size]
     merit = sigma = float("nan")
-    if np.all(np.isfinite(point)):
+    if np.all(np.abs(point) <= LARGEST):
         lower, upper = arm.bounds
         endless = ~np.isfinite(lower) & ~np.isfinite(upper) & ~np.array(arm.chain.prismatic)
         turned = np.where(endless, (point + np.pi) % (2 * np.pi) - np.pi, point)

@@ -24,7 +24,7 @@ import numpy as np
 import numpy.typing as npt
 
 from formulations.joints.joint import check_length
-from formulations.robots.chain import Chain
+from formulations.robots.chain import LARGEST, Chain
 from nlp.arrays import FloatArray, finite_vector
 from nlp.errors import InputError
 from nlp.problem import Constraint
@@ -117,6 +117,7 @@ class RobotArm:
         m, n = self.shape
         if n <= m:
             names = ", ".join(self.chain.names)
+            names += "".join(f"; {name} cannot move" for name, _ in self.chain.immobile)
             raise InputError(
                 f"free joints between {self.chain.base} and {self.chain.tip}",
                 f"{n} ({names})",
@@ -124,6 +125,10 @@ class RobotArm:
             )
         if self.length is not None:
             check_length("length", self.length)
+            if not 1 / LARGEST <= self.length <= LARGEST:
+                raise InputError(
+                    "length", self.length, f"{1 / LARGEST:g} to {LARGEST:g} metres"
+                )
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -211,7 +216,7 @@ class RobotArm:
         """Draw positions uniformly within the limits; within one turn if they leave more."""
         spans = np.where(self.chain.prismatic, _HALF_TRAVEL, _HALF_TURN)
         lower, upper = self.bounds
-        wide = upper - lower > 2 * spans
+        wide = upper / 2 - lower / 2 > spans  # the difference itself may overflow
         centre = np.clip(0.0, lower + spans, upper - spans)
         least = np.where(wide, centre - spans, lower)
         largest = np.where(wide, centre + spans, upper)

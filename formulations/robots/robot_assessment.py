@@ -70,7 +70,7 @@ class RobotAssessment:
 
     Attributes
     ----------
-    robot, base, tip, task, frame, held
+    robot, base, tip, task, frame, held, immobile, notes
         What was assessed; see `Chain` and `Task`.
     configuration
         Positions by joint, radians or metres.
@@ -107,6 +107,8 @@ class RobotAssessment:
     task: tuple[str, ...]
     frame: str
     held: dict[str, float]
+    immobile: dict[str, float]
+    notes: tuple[str, ...]
     configuration: dict[str, float]
     at_limits: tuple[str, ...]
     characteristic_length: float
@@ -161,6 +163,8 @@ def assess(arm: RobotArm, configuration: npt.ArrayLike, locked: int = 1) -> Robo
         task=arm.task.directions,
         frame=arm.task.frame,
         held=dict(chain.held),
+        immobile=dict(chain.immobile),
+        notes=chain.notes,
         configuration=dict(zip(chain.names, point.tolist(), strict=True)),
         at_limits=tuple(compress(chain.names, near)),
         characteristic_length=length,

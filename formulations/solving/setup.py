@@ -80,6 +80,10 @@ class Setup:
     def build(self, joints: int, task_dimension: int) -> Callable[[], Problem]:
         """Return what builds the problem, in a form that worker processes can be sent."""
         built = arm(self.model, joints, task_dimension)
+        if "locked" in formulation(self.formulation).SETTINGS:
+            # Here, not in the workers that build it: they take seconds to start.
+            fallible = joints if self.failures is None else len(self.failures.fallible)
+            unequal_max_min.check_locked(joints - task_dimension, fallible, self.locked)
         if self.failures is not None:
             build = unequal_max_min.build
             return partial(build, built, self.failures, self.goal, self.encoding)

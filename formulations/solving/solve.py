@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from functools import partial
 
+from formulations import catalogue
 from formulations.catalogue import arm
 from formulations.measures.unequal_failures import FailureModel
 from formulations.solving.outcome import Outcome
@@ -10,6 +11,7 @@ from formulations.solving.record import judge
 from formulations.solving.setup import Setup, solver_options
 from formulations.unequal_max_min import Goal
 from nlp.arrays import Rng
+from nlp.errors import InputError
 from nlp.multistart import default_workers, multistart
 from nlp.task import seed_of
 
@@ -31,6 +33,7 @@ def solve(
     solver: str = "ipopt",
     options: Mapping[str, object] | None = None,
     compiled: bool = False,
+    time_limit: float | None = None,
     progress: bool = False,
 ) -> Outcome:
     """Solve a formulation from random starts and judge every answer from its J alone.
@@ -53,7 +56,7 @@ def solve(
         Processes; by default one per processor core.
     locked, failures, goal, encoding, from_residual_minima
         Of max-min; see `Setup`. By default the encoding that suits the failures.
-    solver, options, compiled
+    solver, options, compiled, time_limit
         Of the solver; see `nlp.multistart.multistart`. Options go over the formulation's own.
     progress
         Whether to show a bar.
@@ -72,6 +75,8 @@ def solve(
     WorkerError
         If worker processes die or hang.
     """
+    if encoding is not None and "encoding" not in catalogue.formulation(formulation).SETTINGS:
+        raise InputError("encoding", encoding, f"none for the formulation {formulation}")
     setup = Setup(
         formulation,
         model,
@@ -91,6 +96,7 @@ def solve(
         options=options,
         solver=solver,
         compiled=compiled,
+        time_limit=time_limit,
         progress=progress,
     )
 
@@ -106,6 +112,7 @@ def run(
     options: Mapping[str, object] | None = None,
     solver: str = "ipopt",
     compiled: bool = False,
+    time_limit: float | None = None,
     progress: bool = False,
 ) -> Outcome:
     """Solve from all starts and judge what comes out.
@@ -124,6 +131,7 @@ def run(
         options=solver_options(setup.formulation, solver, options or {}, setup.encoding),
         solver=solver,
         compiled=compiled,
+        time_limit=time_limit,
         label=label if progress else None,
         judge=partial(judge, arm=built, merit=setup.merit(), locked=setup.locked),
         figure=lambda record: record.merit,

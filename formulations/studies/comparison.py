@@ -14,8 +14,8 @@ from formulations.measures.canonical import distinct
 from formulations.solving.outcome import Outcome
 from formulations.solving.setup import setups
 from formulations.studies.study import Effort, Part, Study
+from nlp.interrupts import deferred_interrupt
 from nlp.options import check_options
-from nlp.solver import deferred_interrupt
 
 STARTS = 100
 NAN = float("nan")

@@ -12,7 +12,7 @@ from formulations.existence.reading import read, read_either
 from formulations.existence.rings import exact_jacobian
 from formulations.existence.verify import Report, verify
 from formulations.files.table import column
-from formulations.studies.study import Effort, Part, Study
+from formulations.studies.study import INCOMPLETE, Effort, Part, Study
 
 CERTIFICATE = "certificate.json"
 # Of matrices that violate every equation, at which the identity is evaluated as well.
@@ -94,13 +94,13 @@ def _compute(effort: Effort, folder: Path) -> Iterator[Part]:
     effort.progress("certificate: derivation")
     yield Part(files={CERTIFICATE: derive().to_json().encode()})
     effort.progress("certificate: verification")
-    certificate = read(folder / CERTIFICATE)
+    certificate = read(folder / INCOMPLETE / CERTIFICATE)
     report = verify(certificate)
     wrong = any(defects(certificate, samples=_SAMPLES))
     yield Part(rows=facts(certificate, report, "not proved" if wrong else "proved"))
     for joints in _OPTIMAL:
         file = f"optimal_{joints}.json"
         yield Part(files={file: exact_jacobian(joints).to_json().encode()})
-        existence = read_either(folder / file)
+        existence = read_either(folder / INCOMPLETE / file)
         if isinstance(existence, ExactJacobian):
             yield Part(rows=[optimal_row(existence, file)])

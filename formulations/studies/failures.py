@@ -20,7 +20,7 @@ from formulations.solving.setup import Setup
 from formulations.studies.study import Effort, Part, Study
 from formulations.unequal_max_min import Goal, default_encoding, merit
 from nlp.arrays import FloatArray
-from nlp.solver import deferred_interrupt
+from nlp.interrupts import deferred_interrupt
 
 STARTS = 100
 

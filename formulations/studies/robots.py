@@ -20,7 +20,7 @@ from formulations.robots.robot_arm import RobotArm, Task
 from formulations.robots.robot_assessment import best_7r
 from formulations.studies.study import Effort, Part, Study
 from nlp.errors import InputError
-from nlp.solver import deferred_interrupt
+from nlp.interrupts import deferred_interrupt
 
 STARTS = 200
 # Where each distribution of robots keeps them.

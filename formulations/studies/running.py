@@ -1,8 +1,8 @@
-"""The studies by name, and how several are run: each folder is replaced whole or not at all."""
+"""The studies by name, and how several are run: one that fails does not stop the others."""
 
-import shutil
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
@@ -19,9 +19,8 @@ from formulations.studies import (
 )
 from formulations.studies.benchmark import study as benchmark
 from formulations.studies.study import Effort, Study
-from nlp.errors import FileError, InputError, LockedJointError
+from nlp.errors import InputError, LockedJointError
 from nlp.files import prepare_folder
-from nlp.solver import deferred_interrupt
 
 #: In the order in which they run: where a new one is listed.
 STUDIES: Mapping[str, Study] = MappingProxyType(
@@ -124,53 +123,17 @@ def run_all(
 
 
 def _attempt(study: Study, out: Path, effort: Effort) -> tuple[State, str]:
-    part = out / f".{study.name}.part"
+    folder = out / study.name
     try:
-        _copy(out / study.name, part)
-        result = study.run(part, effort)
-        if not result.complete:
-            return State.INTERRUPTED, "interrupted"
-        with deferred_interrupt():
-            _replace(out / study.name, part)
-    except KeyboardInterrupt:
-        return State.INTERRUPTED, "interrupted"
+        result = study.run(folder, effort)
     except LockedJointError as error:
         return State.FAILED, str(error)
     except Exception as error:  # the other studies still run
         return State.FAILED, f"{type(error).__name__}: {error}"
     finally:
-        shutil.rmtree(part, ignore_errors=True)
+        with suppress(LockedJointError, OSError):
+            study.discard(folder)
+            folder.rmdir()  # only if nothing is in it
+    if not result.complete:
+        return State.INTERRUPTED, "interrupted"
     return (State.QUESTIONED if result.complaint else State.MADE), result.complaint
-
-
-def _copy(folder: Path, part: Path) -> None:
-    """Begin with what is there: a study may hold more than one run of it computes."""
-    before = _before(folder)
-    if folder.exists() and not folder.is_dir():
-        raise FileError("output folder", str(folder), "a folder, which a file is in place of")
-    try:
-        shutil.rmtree(part, ignore_errors=True)  # left over from a run that was killed
-        if before.exists() and not folder.exists():
-            before.rename(folder)  # killed between the two renamings below
-        if folder.is_dir():
-            shutil.copytree(folder, part)
-        else:
-            part.mkdir()
-    except OSError as reason:
-        raise FileError("folder", str(part), f"one to write to ({reason.strerror})") from None
-
-
-def _replace(folder: Path, part: Path) -> None:
-    before = _before(folder)
-    try:
-        shutil.rmtree(before, ignore_errors=True)
-        if folder.exists():
-            folder.rename(before)
-        part.rename(folder)
-    except OSError as reason:
-        raise FileError("folder", str(folder), f"one to write ({reason.strerror})") from None
-    shutil.rmtree(before, ignore_errors=True)
-
-
-def _before(folder: Path) -> Path:
-    return folder.with_name(f".{folder.name}.before")

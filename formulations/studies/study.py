@@ -1,6 +1,14 @@
-"""A study: a generator of rows, and what makes one folder of the results from them."""
+"""A study: a generator of rows, and what makes one folder of the results from them.
+
+A folder of results holds a complete result, or none. While a study runs, its files are in the
+folder `INCOMPLETE` within, and its page says so. When it is complete, that folder is renamed to
+`COMPLETE` and its files replace those of the result before, one by one: first the page, still
+saying that rows are missing, and last the page that says no such thing. A run that is killed in
+between leaves all files of the new result in the two folders; the next run moves the rest.
+"""
 
 import json
+import shutil
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -11,9 +19,17 @@ from formulations.solving.outcome import Outcome
 from formulations.solving.setup import Setup
 from formulations.solving.solve import run
 from formulations.studies import pages
-from nlp.files import prepare_folder, write_bytes, write_text
-from nlp.solver import deferred_interrupt
+from nlp.errors import FileError
+from nlp.files import prepare_file, prepare_folder, write_bytes, write_text
+from nlp.interrupts import deferred_interrupt
 
+#: Within the folder of a result: what is being computed, and what is complete but not in place.
+INCOMPLETE, COMPLETE = "incomplete", ".complete"
+_REPLACING = (
+    "Interrupted while these files were replaced: not all of them are of one run.\n"
+    f"The others are in `{COMPLETE}`; the next run moves them here.\n"
+)
+_BEGUN = "Interrupted or still running: nothing is here yet.\n"
 Rows = Mapping[str, Sequence[Any]]
 
 
@@ -139,7 +155,7 @@ class Study:
         How long that takes on two cores, in words.
     compute
         Yields what is found. It is given the effort and the folder, which may hold files of
-        an earlier run.
+        an earlier run. Its own files of this run are in the folder's `INCOMPLETE`.
     long
         Whether it takes over ten minutes.
     entries
@@ -179,7 +195,7 @@ class Study:
     def run(
         self, folder: Path, effort: Effort, each: Callable[[Part], object] = lambda _: None
     ) -> Result:
-        """Run the study into a folder, and write tables and page after every part.
+        """Run the study into a folder; tables and page are written after every part.
 
         Parameters
         ----------
@@ -193,7 +209,8 @@ class Study:
         Returns
         -------
         Result
-            Not complete if the user interrupted; what was done is kept then.
+            Not complete if the user interrupted; what was done is then in the folder's
+            `INCOMPLETE`, and an earlier result stays as it was.
 
         Raises
         ------
@@ -202,26 +219,55 @@ class Study:
         """
         self.check()
         prepare_folder(folder)
+        for name in (*self.files, *(f"{stem}.csv" for stem in self.tables)):
+            prepare_file(folder / name, "output file")
+        part = folder / INCOMPLETE
+        _publish(folder, self.page)  # left over from a run that was killed
+        self.discard(folder)
+        write_text(prepare_folder(part) / self.page, _BEGUN)
         rows: list[Any] = []
         entries: list[Mapping[str, Any]] = []
         complete = False
         try:
-            for part in self.compute(effort, folder):
+            for found in self.compute(effort, folder):
                 with deferred_interrupt():
-                    rows = [*rows[: len(rows) - part.replaces], *part.rows]
-                    entries += part.entries
-                    for name, content in part.files.items():
-                        write_bytes(folder / name, content)
+                    rows = [*rows[: len(rows) - found.replaces], *found.rows]
+                    entries += found.entries
+                    for name, content in found.files.items():
+                        write_bytes(part / name, content)
                     self._write(folder, rows, entries, effort.seed, complete=False)
-                each(part)
-                if not part.complete:
+                each(found)
+                if not found.complete:
                     break
             else:
-                complete = True
-                self._write(folder, rows, entries, effort.seed, complete)
+                with deferred_interrupt():
+                    self._write(folder, rows, entries, effort.seed, complete=True)
+                    part.rename(folder / COMPLETE)
+                    _publish(folder, self.page)
+                    complete = True
         except KeyboardInterrupt:
-            complete = False  # what is done is kept, and the page says that it is not all
+            pass  # what is done is kept, and the page says that it is not all
         return Result(tuple(rows), complete, self.complain(rows))
+
+    def discard(self, folder: Path) -> None:
+        """Remove what a run that did not finish left in a folder.
+
+        Raises
+        ------
+        FileError
+            If there is something by the name of `INCOMPLETE` that is not of this study.
+        """
+        part = folder / INCOMPLETE
+        try:
+            names = {path.name for path in part.iterdir() if not path.name.startswith(".")}
+            if names and self.page not in names:
+                raise FileError("folder", str(part), f"one of an earlier run, with {self.page}")
+            shutil.rmtree(part)
+        except FileNotFoundError:
+            pass
+        except OSError as reason:
+            allowed = f"a folder to write to ({reason.strerror})"
+            raise FileError("folder", str(part), allowed) from None
 
     def read(self, folder: Path) -> Rows:
         """Return the rows of each table in a folder, none where a table is missing.
@@ -231,11 +277,16 @@ class Study:
         FileError
             If a table is not of this version.
         """
-        paths = {stem: folder / f"{stem}.csv" for stem in self.tables}
-        return {
-            stem: read_rows(path, self.tables[stem]) if path.exists() else []
-            for stem, path in paths.items()
-        }
+        return self._read(folder)
+
+    def _read(self, *folders: Path) -> Rows:
+        """Return the rows of each table, from the first of the folders that has it."""
+        found: dict[str, Sequence[Any]] = {}
+        for stem, kind in self.tables.items():
+            paths = (folder / f"{stem}.csv" for folder in folders)
+            path = next((one for one in paths if one.exists()), None)
+            found[stem] = read_rows(path, kind) if path else []
+        return found
 
     def finding(self, tables: Rows) -> str:
         """Return what the tables show as one paragraph, empty if there is nothing to say."""
@@ -249,18 +300,34 @@ class Study:
         seed: int,
         complete: bool,
     ) -> None:
+        part = folder / INCOMPLETE
         for place, (stem, kind) in enumerate(self.tables.items()):
             found = [row for row in rows if isinstance(row, kind)]
             if found or place == 0:
-                write_text(folder / f"{stem}.csv", Table(kind, found).csv())
+                write_text(part / f"{stem}.csv", Table(kind, found).csv())
         if self.entries:
-            write_text(folder / self.entries, json.dumps(entries, indent=1) + "\n")
-        others = sorted(path.name for path in folder.glob("*.md") if path.name != self.page)
+            write_text(part / self.entries, json.dumps(entries, indent=1) + "\n")
+        names = {path.name for where in (folder, part) for path in where.glob("*.md")}
+        others = sorted(names - {self.page})
         # From the tables as they were written, so that page and tables agree.
-        values = {**self._values(self.read(folder)), "seed": seed, "complete": complete}
+        values = {**self._values(self._read(part, folder)), "seed": seed, "complete": complete}
         page = pages.page(self.template, {**values, "others": others})
-        write_text(folder / self.page, page)
+        write_text(part / self.page, page)
 
     def _values(self, tables: Rows) -> dict[str, object]:
         named = {stem.replace("-", "_"): rows for stem, rows in tables.items()}
         return {**self.settings, **named, "rows": tables[next(iter(self.tables))]}
+
+
+def _publish(folder: Path, page: str) -> None:
+    """Move the files of a complete result, if there is one, to where they belong."""
+    made = folder / COMPLETE
+    if not made.is_dir():
+        return
+    names = sorted((path.name for path in made.iterdir()), key=lambda name: name == page)
+    if names:
+        write_text(folder / page, _REPLACING)
+    for name in names:
+        write_bytes(folder / name, (made / name).read_bytes())
+        (made / name).unlink()
+    made.rmdir()

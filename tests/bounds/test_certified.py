@@ -8,6 +8,7 @@ import pandas as pd
 import pytest
 
 from formulations import measures
+from formulations.bounds import certified
 from formulations.bounds.certified import Bound, best_known
 from formulations.catalogue import arm, certified_bound, numerical_bound
 from formulations.joints.arm import Arm
@@ -77,6 +78,18 @@ def test_bounds_hold_for_random_jacobians(seed):
             if locked <= built.shape[1] - built.shape[0]:
                 worst = measures.worst_case_sigma(matrix, locked)
                 assert worst < certified_bound("max-min", built, locked).value
+
+
+def test_a_bound_that_does_not_follow_from_the_residual_is_refused(monkeypatch):
+    """The bound on record with its room for rounding taken away, and as much again."""
+    shifted = [
+        {**one, "bound": one["bound"] - 2e-12 * (one["quantity"] == "max-min")}
+        for one in certified._stored("record.json")
+    ]
+    assert certified.largest_worst_case(SEVEN).value == pytest.approx(0.5763216, abs=1e-7)
+    monkeypatch.setattr(certified, "_stored", lambda _: tuple(shifted))
+    with pytest.raises(ArithmeticError, match="does not follow"):
+        certified.largest_worst_case(SEVEN)
 
 
 def test_the_record_is_for_unit_revolute_joints_only():

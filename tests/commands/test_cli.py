@@ -12,9 +12,25 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from formulations.__main__ import main
+from formulations.campaign.records import SCHEMA
+from nlp.store import Store
+
 ROOT = Path(__file__).parents[2]
 
 
+PLANAR_ARM = "".join(
+    (
+        '<robot name="planar">',
+        *(f'<link name="l{k}"/>' for k in range(5)),
+        *(
+            f'<joint name="j{k}" type="continuous"><parent link="l{k}"/>'
+            f'<child link="l{k + 1}"/><origin xyz="1 0 0"/><axis xyz="0 0 1"/></joint>'
+            for k in range(4)
+        ),
+        "</robot>",
+    )
+)
 PLANAR = ("--joints", 3, "--task-dimension", 2, "--starts", 3)
 
 
@@ -334,7 +350,7 @@ def test_bad_input_is_one_sentence_and_status_2(lockedjoint, tmp_path, arguments
 def test_ctrl_c_keeps_the_rows_that_are_done(lockedjoint, tmp_path):
     arguments = ("compare", "--starts", 60, "--workers", 2)
     process = lockedjoint.start(*arguments, cwd=tmp_path)
-    table = tmp_path / "comparison" / "comparison.csv"
+    table = tmp_path / "comparison" / "incomplete" / "comparison.csv"
     for _ in range(600):
         if table.exists():
             break
@@ -344,5 +360,80 @@ def test_ctrl_c_keeps_the_rows_that_are_done(lockedjoint, tmp_path):
     assert process.returncode == 130, err
     assert "Traceback" not in err
     assert "residual" in table.read_text()
-    assert "Interrupted" in err
+    assert "Interrupted: what was done is in comparison/incomplete" in err
     assert "residual" in out
+
+
+@pytest.mark.parametrize(
+    ("command", "out"),
+    [
+        ("realise in.csv --to dh", "in.csv"),
+        ("figure singular-values --jacobian in.csv --data in.csv --out f.svg", None),
+        ("figure singular-values --jacobian in.csv --data f.svg --out f.svg", None),
+        ("figure optima --store s.db", "link.svg"),
+        ("figure seven-axes", "folder.svg"),
+        ("show s.db --to csv", "s.db"),
+        ("solve max-min", "s.db"),
+        ("prove", "folder.svg"),
+        ("assess in.urdf --task vx,vy", "in.urdf"),
+        ("assess in.urdf --task vx,vy --configuration q.json", "q.json"),
+        ("posture in.urdf --task vx,vy", "in.urdf"),
+        ("compare", "in.csv"),
+        ("reproduce", "in.csv"),
+        ("failures", "pages"),
+        ("benchmark", "in.csv"),
+        ("report", "pages"),
+        ("report --only existence", "in.csv"),
+    ],
+)
+def test_no_output_destroys_what_it_is_pointed_at(planted, command, out):
+    """In one process, because all is refused before the work."""
+    run, left = planted
+    status, sentence = run(*command.split(), *(("--out", out) if out else ()))
+    assert status == 2, sentence
+    assert sentence.startswith(
+        ("Error: --out is", "Error: --data is", "Error: output f", "Error: front p")
+    )
+    assert sentence.count("\n") == 1
+    assert left()
+
+
+@pytest.fixture
+def planted(tmp_path, monkeypatch, capsys):
+    """Inputs, a store and folders; what runs a command, and whether all is as it was."""
+    monkeypatch.chdir(tmp_path)
+    Path("in.csv").write_text("1,0.4,-0.5,0.2\n0,1,0.7,-0.6\n")
+    Path("in.urdf").write_text(PLANAR_ARM)
+    Path("q.json").write_text("{}")
+    for folder in ("folder.svg", "pages/failures.md", "pages/README.md"):
+        Path(folder).mkdir(parents=True)
+    with Store(Path("s.db"), SCHEMA, writable=True):
+        pass
+    Path("link.svg").symlink_to("s.db")
+
+    def files():
+        found = (path for path in tmp_path.rglob("*") if path.is_file())
+        return {path.name: path.read_bytes() for path in found}
+
+    before = files()
+
+    def run(*words):
+        monkeypatch.setattr(sys, "argv", ["lockedjoint", *words])
+        with pytest.raises(SystemExit) as ended:
+            main()
+        return ended.value.code, capsys.readouterr().err
+
+    return run, lambda: files() == before
+
+
+@pytest.mark.processes
+@pytest.mark.parametrize("seconds", [0.3, 0.9])
+def test_ctrl_c_is_answered_in_one_sentence_at_any_moment(lockedjoint, tmp_path, seconds):
+    words = ("solve", "max-min", "--starts", 100_000, "--workers", 1, "--out", "best.json")
+    process = lockedjoint.start(*words, cwd=tmp_path)
+    time.sleep(seconds)
+    os.killpg(process.pid, signal.SIGINT)
+    _, err = process.communicate(timeout=30)
+    assert process.returncode == 130
+    assert err.startswith("Interrupted")
+    assert err.count("\n") == 1

@@ -129,19 +129,6 @@ def test_levels_count_starts_at_one_optimum():
     ]
 
 
-def test_bars_add_up_to_the_starts_that_count():
-    picture = optima.make(Request(starts=2))
-    table = picture.table
-    assert table.groupby("problem").size().tolist() == [2] * len(optima.PROBLEMS)
-    for axes, (_, rows) in zip(
-        picture.figure.axes, table.groupby("problem", sort=False), strict=True
-    ):
-        assert sum(bar.get_height() for bar in axes.patches) == rows["counted"].sum()
-    residual = table[table["problem"] == "residual, unit lever arms"]
-    np.testing.assert_allclose(residual["worst_case_sigma"], 0.519856, atol=1e-6)
-    assert "2 of 2 at 0.51986" in words(picture.figure)
-
-
 def test_a_store_is_shown_by_what_differs_in_it(tmp_path, monkeypatch):
     with pytest.raises(InputError):
         optima.stored(tmp_path / "missing.db")

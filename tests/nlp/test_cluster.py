@@ -1,12 +1,22 @@
 """A real Dask cluster on this machine: the same records, whatever happens to its workers."""
 
+import json
+import os
+import signal
+import socket
+import subprocess
+import sys
+import threading
 import time
+from contextlib import contextmanager, nullcontext, suppress
 from functools import partial
+from pathlib import Path
 
 import casadi as ca
 import pytest
 
-from nlp.errors import InputError
+from nlp import cluster as module
+from nlp.errors import InputError, WorkerError
 from nlp.problem import Problem
 from nlp.spread import spread
 from nlp.task import Chunk, Task, packed, run_chunk
@@ -56,9 +66,7 @@ def chunks(judge, starts):
 
 
 def collected(cluster, todo, limit=None, during=len):
-    from nlp.cluster import DaskCluster
-
-    pool, seen = DaskCluster(cluster.scheduler_address), []
+    pool, seen = module.DaskCluster(cluster.scheduler_address), []
     for arrival in spread(todo, pool, limit):
         seen += [one.result for one in arrival.results]
         during(seen)
@@ -85,26 +93,105 @@ def test_a_worker_killed_mid_run_costs_nothing(cluster):
 
 @pytest.mark.slow
 def test_a_worker_that_hangs_is_restarted(cluster, tmp_path):
-    seen = collected(cluster, chunks(partial(hang_once, folder=tmp_path), 60), limit=6.0)
+    seen = collected(cluster, chunks(partial(hang_once, folder=tmp_path), 60), limit=0.6)
     assert (tmp_path / "hung").exists()
     assert seen == list(range(60))
 
 
-def test_says_so_when_no_scheduler_answers(monkeypatch):
-    from nlp import cluster as module
+@contextmanager
+def serving(reply=b""):
+    """Yield the address of a server that answers every connection with the same bytes."""
 
+    def answer():
+        with suppress(OSError):
+            while True:
+                connections.append(server.accept()[0])
+                connections[-1].sendall(reply)
+
+    connections = []
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        threading.Thread(target=answer, daemon=True).start()
+        yield f"tcp://127.0.0.1:{server.getsockname()[1]}"
+        server.shutdown(socket.SHUT_RDWR)
+    for connection in connections:
+        connection.close()
+
+
+@pytest.mark.parametrize(
+    ("reply", "said"),
+    [(None, "answers"), (b"", "answers"), (b"HTTP/1.1 400 Bad Request\r\n\r\n", "is not")],
+    ids=["closed port", "silent", "HTTP"],
+)
+def test_a_server_that_is_no_scheduler_is_given_up_in_time(monkeypatch, reply, said):
     monkeypatch.setattr(module, "_PATIENCE", 0.5)
-    for address in ("tcp://127.0.0.1:1", "nonsense://x"):
-        with pytest.raises(InputError, match="Dask scheduler that answers"):
+    with nullcontext("tcp://127.0.0.1:1") if reply is None else serving(reply) as address:
+        began = time.monotonic()
+        with pytest.raises(WorkerError, match=said):
             module.DaskCluster(address)
+        assert time.monotonic() - began < 5
+
+
+@pytest.mark.parametrize(
+    "address", ["nonsense://x", "tcp://127.0.0.1", "x", "tls://127.0.0.1:8786"]
+)
+def test_refuses_addresses_that_nothing_can_have(address):
+    with pytest.raises(InputError, match="scheduler is"):
+        module.DaskCluster(address)
+
+
+@pytest.mark.parametrize("what", ["scheduler killed", "scheduler stopped", "workers killed"])
+def test_a_cluster_that_ends_half_way_is_given_up_in_time(tmp_path, monkeypatch, caplog, what):
+    """What arrived before is kept; one error, without distributed's own messages."""
+    monkeypatch.setattr(module, "_PATIENCE", 4.0)
+    with dask_processes(tmp_path) as (address, scheduler, worker):
+        pool, seen, when = module.DaskCluster(address), [], []
+        victim = worker if what == "workers killed" else scheduler
+        sent = signal.SIGSTOP if what == "scheduler stopped" else signal.SIGKILL
+
+        def run():
+            for arrival in spread(chunks(slow_point, 2000), pool):
+                assert not arrival.lost
+                seen.extend(one.result for one in arrival.results)
+                if len(seen) == 30:
+                    os.kill(victim.pid, sent)
+                    when.append(time.monotonic())
+
+        with pytest.raises(WorkerError, match="no workers" if victim is worker else "answers"):
+            run()
+        pool.close()
+        assert time.monotonic() - when[0] < 12
+    assert len(seen) == len(set(seen)) >= 30
+    assert not caplog.records
+
+
+@contextmanager
+def dask_processes(folder):
+    """Yield the address and the processes of a scheduler and of a worker without a nanny."""
+    command = [sys.executable, "-m", "dask", "scheduler", "--port", "0", "--no-dashboard"]
+    command += ["--host", "127.0.0.1", "--scheduler-file", "scheduler.json"]
+    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, "cwd": folder}
+    path = {"env": {**os.environ, "PYTHONPATH": str(Path(__file__).parent)}}
+    processes = [subprocess.Popen(command, **quiet, **path)]
+    try:
+        while not (file := folder / "scheduler.json").exists() or not file.read_text():
+            time.sleep(0.05)
+        address = json.loads(file.read_text())["address"]
+        command = [sys.executable, "-m", "dask", "worker", address, "--no-nanny"]
+        command += ["--nthreads", "1", "--no-dashboard"]
+        processes.append(subprocess.Popen(command, **quiet, **path))
+        yield address, *processes
+    finally:
+        for process in processes:
+            process.kill()
+            process.wait()
 
 
 @pytest.mark.slow
 def test_waiting_for_a_worker_does_not_count(cluster, tmp_path):
-    """Chunks of three seconds behind others of three seconds, within a limit of five."""
+    """Chunks of three seconds behind others of three seconds, limit: half a second a start."""
     mark = partial(three_seconds_a_chunk, folder=tmp_path)
     todo = chunks(mark, 40)
-    assert collected(cluster, todo, limit=5.0) == list(range(40))
+    assert collected(cluster, todo, limit=0.5) == list(range(40))
     runs = [path.read_text().count("x") for path in sorted(tmp_path.iterdir())]
     assert runs == [1] * 40, "none was killed and run again"
 

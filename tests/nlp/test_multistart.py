@@ -78,16 +78,26 @@ def test_the_judge_runs_on_every_start(workers):
         {"rng": 1.0},
         {"workers": 0},
         {"starts": True},
+        {"time_limit": 0},
+        {"time_limit": float("nan")},
+        {"time_limit": 1, "solver": "fatrop"},
     ],
 )
 def test_refuses_bad_numbers(bad):
-    with pytest.raises(InputError, match=f"{next(iter(bad))} is"):
+    with pytest.raises(InputError, match=f"{next(iter(bad)).replace('_', ' ')} is"):
         multistart(rosenbrock, sample, **{"starts": 1, **bad})
 
 
 def test_refuses_bad_options_before_any_work():
     with pytest.raises(SolverOptionError):
         multistart(rosenbrock, sample, starts=1, options={"nonsense": 1})
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_a_start_that_takes_too_long_is_stopped(workers):
+    study = multistart(rosenbrock, sample, starts=2, workers=workers, time_limit=1e-6)
+    ended = {run.solution.status.return_status for run in study.results}
+    assert ended == {"Maximum_WallTime_Exceeded"}
 
 
 def test_functions_of_a_script_reach_the_workers():

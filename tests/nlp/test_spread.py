@@ -73,7 +73,7 @@ def _no_processes_left_running():
 @pytest.mark.parametrize("kind", ["die", pytest.param("hang", marks=pytest.mark.slow)])
 def test_a_worker_that_fails_once_costs_nothing(tmp_path, kind):
     payload = task_of(partial(mischief, folder=tmp_path, kind=kind, bad=13, once=True))
-    limit = 10.0 if kind == "hang" else None
+    limit = 1.0 if kind == "hang" else None
     done, lost = collect(spread(chunks(payload, 40), Processes(2), limit))
     assert (tmp_path / f"{kind}13").exists(), "it did fail"
     assert done == list(range(40))
@@ -91,7 +91,7 @@ def slowly(run, folder):
 @pytest.mark.slow
 def test_chunks_beside_one_that_hangs_are_run_again(tmp_path):
     payload = task_of(partial(slowly, folder=tmp_path))
-    done, lost = collect(spread(chunks(payload, 60), Processes(2), 5.0))
+    done, lost = collect(spread(chunks(payload, 60), Processes(2), 0.5))
     assert (done, lost) == (list(range(60)), [])
 
 
@@ -122,7 +122,7 @@ def test_a_worker_that_ends_with_status_0_is_noticed():
 
 def test_a_start_that_always_hangs_is_lost_alone(tmp_path):
     payload = task_of(partial(mischief, folder=tmp_path, kind="hang", bad=3, once=False))
-    arrivals = list(spread(chunks(payload, 20), Processes(2), 2.0))
+    arrivals = list(spread(chunks(payload, 20, size=4), Processes(2), 0.5))
     assert collect(arrivals) == ([k for k in range(20) if k != 3], [3])
     assert [one.why for one in arrivals[-1].lost] == ["exceeded the time limit"]
 
@@ -134,7 +134,7 @@ def slow_parabola():
 
 def test_building_does_not_count_as_running():
     payload = packed(Task(slow_parabola, sample, {}, index_of))
-    assert collect(spread(chunks(payload, 20), Processes(2), 1.0)) == (list(range(20)), [])
+    assert collect(spread(chunks(payload, 20), Processes(2), 0.1)) == (list(range(20)), [])
 
 
 def test_no_more_processes_than_work():

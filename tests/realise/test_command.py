@@ -80,7 +80,10 @@ def test_figures_and_files(realise, folder):
         (["both.json"], "--pick is missing; allowed: 0 to 1"),
         (["both.json", "--pick", 2], "--pick is 2; allowed: 0 to 1"),
         (["planar.json", "--to", "stl"], "--to is stl; allowed: one of axes, dh, urdf, figure"),
-        (["planar.json", "--convention", "x"], "--convention is x; allowed: one of standard"),
+        (
+            ["planar.json", "--to", "dh", "--convention", "x"],
+            "--convention is x; allowed: one of standard",
+        ),
         (["planar.json", "--order", "1,2,3"], "order is 1,2,3; allowed: each of 0 to 2 once"),
         (["planar.json", "--order", "a"], "--order is a"),
         (["planar.json", "--signs", "++"], "--signs is ++; allowed: 3 signs"),

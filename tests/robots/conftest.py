@@ -34,7 +34,10 @@ AXES = ("0 0 1", "0 1 0", "0 0 1", "0 1 0", "0 0 1", "0 1 0", "0 0 1")
 
 
 def serial(offsets, axes=AXES, **kinds):
-    """A serial arm: joint k named jk turns about axes[k] at offsets[k] from the one before."""
+    """A serial arm: joint k named jk turns about axes[k] at offsets[k] from the one before.
+
+    What is given under the name of a joint goes to `joint`.
+    """
     return [
         joint(f"j{k}", f"l{k}", f"l{k + 1}", xyz=xyz, axis=axis, **kinds.get(f"j{k}", {}))
         for k, (xyz, axis) in enumerate(zip(offsets, axes, strict=True))
@@ -66,4 +69,4 @@ def tree(text):
 def made():
     """What makes robots."""
     makers = (joint, urdf, serial, spherical_shoulder_and_wrist, offset_arm, tree)
-    return SimpleNamespace(**{maker.__name__: maker for maker in makers})
+    return SimpleNamespace(**{maker.__name__: maker for maker in makers}, AXES=AXES)

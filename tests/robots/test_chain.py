@@ -177,6 +177,103 @@ def test_mimicry_that_leads_nowhere(made, mimic, sentence):
         chain_between(robot, "3")
 
 
+@pytest.mark.parametrize(
+    ("limit", "at"),
+    [
+        ("", 0.0),  # invalid URDF
+        ('effort="1" velocity="1"', 0.0),  # what is left out is zero, says the specification
+        ('lower="0.25" upper="0.25"', 0.25),
+        ('lower="0" upper="2e-7"', 1e-7),
+    ],
+)
+@pytest.mark.parametrize("kind", ["revolute", "prismatic"])
+def test_a_joint_without_room_has_no_column(made, limit, at, kind):
+    """It is a fixed one, as if held, and is named; the others keep their columns."""
+    joints = [
+        made.joint("a", "0", "1", xyz="0.1 0.2 0.3", axis="1 0 0"),
+        made.joint("b", "1", "2", kind, axis="0 1 0", limit=limit),
+        made.joint("c", "2", "3", axis="0 0 1", xyz="0.3 0.1 0"),
+        made.joint("d", "3", "4", axis="1 0 0", xyz="0.3 0.1 0"),
+    ]
+    found = chain_between(made.tree(made.urdf(joints)), "4")
+    joints[1] = made.joint("b", "1", "2", kind, axis="0 1 0")
+    same = chain_between(made.tree(made.urdf(joints)), "4", held={"b": at})
+    assert found.names == ("a", "c", "d")
+    assert found.immobile == (("b", pytest.approx(at)),)
+    ours, theirs = (RobotArm(chain, PLANE, 0.5) for chain in (found, same))
+    assert "immobile=(('b', " in repr(ours)
+    point = [0.1, 0.2, 0.3]
+    assert ours.metric_jacobian(point) == pytest.approx(
+        theirs.metric_jacobian(point), abs=1e-15
+    )
+
+
+def test_a_joint_that_a_stuck_one_mimics_is_stuck_too(made):
+    """But not if the one that mimics has no <limit> of its own: then its driver's hold."""
+    mimic = '<mimic joint="a" multiplier="2" offset="0.1"/>'
+    for limit, stuck in (('lower="0.3" upper="0.3"', (("a", pytest.approx(0.1)),)), ("", ())):
+        follower = made.joint("b", "1", "2", mimic=mimic, limit=limit)
+        joints = [made.joint("a", "0", "1"), follower, made.joint("c", "2", "3")]
+        chain = chain_between(made.tree(made.urdf(joints)), "3")
+        assert chain.immobile == stuck
+        assert chain.names == (("c",) if stuck else ("a", "c"))
+
+
+@pytest.mark.parametrize(
+    ("limit", "kind", "noted"),
+    [
+        ('lower="-170" upper="170"', "revolute", True),
+        ('lower="0" upper="12.6"', "revolute", True),
+        ('lower="-6.3" upper="12.5"', "revolute", False),
+        ('lower="-170" upper="170"', "prismatic", False),
+        ('lower="-1e308" upper="inf"', "revolute", False),
+    ],
+)
+def test_limits_that_may_be_degrees_are_noted(made, limit, kind, noted):
+    robot = made.tree(made.urdf([made.joint("a", "0", "1", kind, limit=limit)]))
+    chain = chain_between(robot, "1")
+    assert any("degrees" in note and "a." in note for note in chain.notes) is noted
+    arm = RobotArm(
+        chain_between(
+            made.tree(
+                made.urdf(
+                    [made.joint("x", "t", "0"), made.joint("a", "0", "1", kind, limit=limit)]
+                )
+            ),
+            "1",
+        ),
+        Task(("vx",)),
+        1.0,
+    )
+    assert np.all(np.isfinite(arm.sample(np.random.default_rng(0))))
+
+
+def test_a_long_row_of_mimicry_is_refused(made):
+    joints = [made.joint("j0", "l0", "l1")] + [
+        made.joint(f"j{k}", f"l{k}", f"l{k + 1}", mimic=f'<mimic joint="j{k - 1}"/>')
+        for k in range(1, 120)
+    ]
+    with pytest.raises(InputError, match="<mimic> of joint j100 is too long a row"):
+        chain_between(made.tree(made.urdf(joints)), "l120")
+
+
+def test_products_of_mimicry_that_overflow(made):
+    for multiplier in ("1e15", "1e-15"):
+        names = ("a", "b", "c")
+        joints = [made.joint("a", "0", "1")] + [
+            made.joint(
+                name,
+                str(k),
+                str(k + 1),
+                mimic=f'<mimic joint="{names[k - 1]}" multiplier="{multiplier}"/>',
+            )
+            for k, name in enumerate(names)
+            if k
+        ]
+        with pytest.raises(InputError, match="<mimic> of joint c is multiplier 1e"):
+            chain_between(made.tree(made.urdf(joints)), "3")
+
+
 def test_mimicry_of_mimicry_and_of_multiplier_zero(made):
     robot = made.tree(
         made.urdf(

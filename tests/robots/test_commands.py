@@ -3,6 +3,8 @@
 import csv
 import json
 import sys
+from importlib import import_module
+from inspect import signature
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +12,7 @@ import pytest
 
 from formulations import measures
 from formulations.__main__ import main
+from formulations.commands.app import COMMANDS
 
 ROOT = Path(__file__).parents[2]
 
@@ -70,6 +73,31 @@ def test_assess_shows_everything_that_was_asked_for(lockedjoint, robot, tmp_path
         (("assess", "broken.urdf"), "well-formed XML"),
         (("posture", "broken.urdf"), "well-formed XML"),
         (("assess", "robot.urdf", "--tip", "hand"), "tip is hand; allowed: one of the links"),
+        (("assess", "robot.urdf", "--tip", "L7"), "nearest: l7."),
+        (("assess", "robot.urdf", "--base", "link_2"), "base is link_2; allowed: one of the"),
+        (("assess", "robot.urdf", "--base", "l_0"), "nearest: l0."),
+        (("assess", "robot.urdf", "--held", "J1=0"), "nearest: j1."),
+        (("assess", "robot.urdf", "--configuration", "J3=0"), "nearest: j3."),
+        (("assess", "robot.urdf", "--configuration", "1e400,0,0,0,0,0,0"), "a finite number"),
+        (("assess", "robot.urdf", "--length", "1e-300"), "length is 1e-300; allowed: 1e-20 to"),
+        (("assess", "robot.urdf", "--length", "1e300"), "length is 1e+300; allowed: 1e-20 to"),
+        (("assess", "robot.urdf", "--length", "5e-324"), "length is 5e-324"),
+        (("assess", "robot.urdf", "--point", "0,1e308,0"), "point is 1e+308; allowed: numbers"),
+        (("posture", "robot.urdf", "--point", "0,1e160,0"), "point is 1e+160"),
+        (("posture", "robot.urdf", "--length", "1e-160"), "length is 1e-160"),
+        (("assess", "free.urdf", "--held", "j3=1e308", "--task", "vx"), "joint j3 is 1e+308"),
+        (("assess", "free.urdf", "--configuration", "j3=1e30"), "joint j3 is 1e+30; allowed"),
+        (("assess", "stuck.urdf"), "j0, j1, j2, j4, j5, j6; j3 cannot move"),
+        (("assess", "stuck.urdf", "--held", "j3=1", "--task", "vx"), "within [0, 0]"),
+        (
+            ("assess", "stuck.urdf", "--base", "l3", "--tip", "l4"),
+            "free joints move (j3 cannot",
+        ),
+        (
+            ("assess", "stuck.urdf", "--configuration", "j3=0", "--task", "vx"),
+            "joint is j3, which cannot move; allowed: one of j0, j1, j2, j4",
+        ),
+        (("posture", "point.urdf", "--formulation", "isotropy"), "all revolute joints meet"),
         (("assess", "robot.urdf", "--tip", "l6"), "more than the 6 task directions"),
         (("assess", "robot.urdf", "--task", "sideways"), "task is sideways"),
         (("assess", "robot.urdf", "--length", "0"), "a finite number above 0"),
@@ -86,9 +114,16 @@ def test_assess_shows_everything_that_was_asked_for(lockedjoint, robot, tmp_path
 def test_wrong_input_is_one_sentence(
     robot, made, tmp_path, arguments, sentence, monkeypatch, capfd
 ):
-    """By the entry point itself, in this process: fifteen of them take long to start."""
+    """By the entry point itself, in this process: so many of them take long to start."""
     (tmp_path / "broken.urdf").write_text(robot.read_text()[:100])
     branch = [made.joint("a", "0", "1"), made.joint("b", "0", "2")]
+    unlimited, stuck = 'type="continuous">', robot.read_text().split('name="j3"')
+    (tmp_path / "free.urdf").write_text(
+        robot.read_text().replace('type="revolute">', unlimited)
+    )
+    stuck[1] = stuck[1].replace('lower="-2" upper="2"', "", 1)
+    (tmp_path / "stuck.urdf").write_text('name="j3"'.join(stuck))
+    (tmp_path / "point.urdf").write_text(made.urdf(made.serial(["0 0 0"] * 7)))
     (tmp_path / "branched.urdf").write_text(made.urdf(branch))
     before = sorted(tmp_path.iterdir())
     monkeypatch.chdir(tmp_path)
@@ -102,6 +137,38 @@ def test_wrong_input_is_one_sentence(
     assert shown.err.count("\n") == 1
     assert shown.out == ""
     assert sorted(tmp_path.iterdir()) == before
+
+
+def test_what_is_suspicious_is_a_note(lockedjoint, made, tmp_path):
+    """On standard error, and in the result; the posture that is found has the same columns."""
+    joints = made.serial(
+        ["0.1 0.05 0.3"] * 5,
+        made.AXES[:5],
+        j1={"limit": 'lower="-170" upper="170"'},
+        j3={"limit": 'lower="0.5" upper="0.5"'},
+    )
+    (tmp_path / "robot.urdf").write_text(made.urdf(joints))
+    search = ("--starts", 2, "--workers", 1, "--formulation", "residual", "--out", "best.json")
+    for command, more in (("posture", search), ("assess", ("--configuration", "best.json"))):
+        done = lockedjoint(
+            command, "robot.urdf", "--task", "position", *more, "--json", cwd=tmp_path
+        )
+        assert done.returncode == 0, done.stderr
+        notes = done.stderr.splitlines()
+        assert notes[0].endswith("cannot move and have no column: j3 at 0.5.")
+        assert notes[1].endswith("may be degrees, but URDF has radians: j1.")
+        found = json.loads(done.stdout)
+        assert [f"Note: {note}" for note in found["notes"]] == notes
+        assert found["immobile"] == {"j3": 0.5}
+        assert list(found["configuration"]) == ["j0", "j1", "j2", "j4"]
+        assert np.array(found["jacobian"]).shape == (3, 4)
+
+
+def test_workers_are_all_cores_unless_given():
+    for command in COMMANDS:
+        function = getattr(import_module(f"formulations.commands.{command}"), command)
+        workers = signature(function).parameters.get("workers")
+        assert workers is None or workers.default is None
 
 
 def test_robots_writes_a_table_that_measure_reads(lockedjoint, tmp_path):

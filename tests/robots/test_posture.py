@@ -1,6 +1,7 @@
 """Searching for postures: the three formulations on robots, judged from outside."""
 
 import json
+from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 
@@ -9,6 +10,7 @@ import pinocchio as pin
 import pytest
 
 from formulations import max_min, measures
+from formulations.robots import posture
 from formulations.robots.chain_between import chain_between
 from formulations.robots.posture import (
     FatalFailureError,
@@ -231,3 +233,24 @@ def test_a_row_of_an_arm_with_a_fatal_failure(made, tmp_path):
         best_posture(arm.arm(), Search(starts=2))
     row = row_of(arm, None)
     assert (row.fatal_failures, row.worst_case_sigma) == ("j3", 0.0)
+
+
+def test_a_start_that_did_not_converge_is_not_the_best(made, monkeypatch):
+    """The first stops early at a posture of its own, with a merit that looks better."""
+    arm = RobotArm(chain_between(made.tree(made.offset_arm()), "l7"), Task.parse("position"))
+    usual = best_posture(arm, Search(starts=3)).assessment
+    judge = posture._judge
+
+    def judged(run, **keywords):
+        one = judge(run, **keywords)
+        if run.index:
+            return one
+        where = np.zeros(arm.size)
+        return replace(one, return_status="Restoration_Failed", merit=9.0, configuration=where)
+
+    monkeypatch.setattr(posture, "_judge", judged)
+    found = best_posture(arm, Search(starts=3))
+    assert found.reached_best > 0
+    assert any(found.assessment.configuration.values())
+    assert found.assessment.worst_case_sigma <= usual.worst_case_sigma + 1e-9
+    assert best_posture(arm, Search(starts=1)).reached_best == 0

@@ -1,11 +1,17 @@
 """Reading URDF: what is read, and one clear sentence for what cannot be."""
 
 import builtins
+import gzip
+import os
+import time
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from formulations.robots.read_urdf import parse_urdf, read_urdf
+from formulations.robots import read_urdf as reading
+from formulations.robots.chain_between import chain_between
+from formulations.robots.read_urdf import RobotTree, parse_urdf, read_urdf
 from nlp.errors import FileError, InputError
 
 
@@ -97,45 +103,158 @@ FAULTS = {
         lambda m: m.urdf([m.joint("a", "1", "2"), m.joint("b", "2", "1")], "012"),
         r"cyclic \(through 1, 2\)",
     ),
-    "no limits": (
-        lambda m: m.urdf([m.joint("a", "0", "1", limit="")]),
-        "joint a is revolute without limits",
-    ),
     "crossed limits": (
         lambda m: m.urdf([m.joint("a", "0", "1", limit='lower="1" upper="-1"')]),
         r"limits of joint a is \[1, -1\]",
     ),
-    "limit not a number": (
-        lambda m: m.urdf([m.joint("a", "0", "1", limit='lower="x" upper="1"')]),
-        "numbers where URDF wants numbers",
+    "limits at infinity": (
+        lambda m: m.urdf([m.joint("a", "0", "1", limit='lower="inf" upper="inf"')]),
+        r"limits of joint a is \[inf, inf\]; allowed: .* with a position of size",
     ),
-    "limit NaN": (
-        lambda m: m.urdf([m.joint("a", "0", "1", limit='lower="nan" upper="1"')]),
-        "limits of joint a",
+    "limits far away": (
+        lambda m: m.urdf([m.joint("a", "0", "1", limit='lower="-9e99" upper="-8e99"')]),
+        "limits of joint a is .* with a position of size",
     ),
     "axis zero": (lambda m: m.urdf([m.joint("a", "0", "1", axis="0 0 0")]), "axis of joint a"),
-    "axis short": (lambda m: m.urdf([m.joint("a", "0", "1", axis="0 1")]), "axis of joint a"),
-    "origin NaN": (
-        lambda m: m.urdf([m.joint("a", "0", "1", xyz="0 nan 0")]),
-        "origin of joint a",
+    "axis tiny": (
+        lambda m: m.urdf([m.joint("a", "0", "1", axis="1e-300 0 0")]),
+        "axis of joint a is 1e-300 0 0; allowed: three numbers, not all zero",
     ),
-    "origin short": (lambda m: m.urdf([m.joint("a", "0", "1", xyz="0 1")]), "malformed|origin"),
+    "xacro property": (
+        lambda m: m.urdf([m.joint("a", "0", "1", xyz="0 0 ${d}")]),
+        r"xyz of <origin> of joint a is 0 0 \$\{d\}; .*run xacro",
+    ),
     "mimic of nothing": (
         lambda m: m.urdf([m.joint("a", "0", "1", mimic="<mimic/>")]),
         "<mimic> of joint a is without",
     ),
-    "mimic NaN": (
-        lambda m: m.urdf([m.joint("a", "0", "1", mimic='<mimic joint="b" offset="nan"/>')]),
-        "<mimic> of joint a is not finite",
+    "NUL in a name": (lambda _: "<robot><link name='a\0b'/></robot>", "not XML"),
+    "NULs": (lambda _: b"\0" * 99, "not XML"),
+    "any bytes": (lambda _: bytes(range(256)) * 9, "not XML"),
+    "NUL at the end": (lambda m: m.urdf([m.joint("a", "0", "1")]) + "\0", "not XML"),
+    "compressed": (lambda m: gzip.compress(m.offset_arm().encode()), "gzip; .*unpack the file"),
+    "Latin-1": (lambda m: m.urdf([], "é").encode("latin-1"), "Invalid bytes in character"),
+    "no such encoding": (
+        lambda _: "<?xml version='1.0' encoding='x-9'?><robot/>",
+        "Unsupported encoding",
+    ),
+    "twice": (lambda m: 2 * m.urdf([], "0"), "not XML.*Extra content"),
+    "nested deeply": (lambda _: "<robot>" + 9999 * "<a>", "not XML.*depth"),
+    "a name of 12 MB": (lambda m: m.urdf([], ["x" * 12_000_000]), "not XML.*size"),
+    "entities of entities": (
+        lambda _: (
+            "<!DOCTYPE r [<!ENTITY a0 'aaaaaaaaaa'>"
+            + "".join(f"<!ENTITY a{k + 1} '{f'&a{k};' * 10}'>" for k in range(9))
+            + "]><robot name='&a9;'/>"
+        ),
+        "not XML.*amplification",
+    ),
+    "entity in an attribute": (
+        lambda _: "<!DOCTYPE r [<!ENTITY e 'x'>]><robot><link name='&e;'/></robot>",
+        "<!ENTITY>; allowed: URDF without entities",
+    ),
+    "entity of a file": (
+        lambda _: "<!DOCTYPE r [<!ENTITY e SYSTEM 'file:///dev/null'>]><robot>&e;</robot>",
+        "<!ENTITY>; allowed: URDF without entities",
     ),
 }
+# Bad values, by how many numbers are wanted; limits may be infinite and of any size.
+TRIPLES = (
+    "",
+    "1",
+    "1 0",
+    "1 0 0 3",
+    "1,2,3",
+    "z",
+    "nan 0 1",
+    "inf 0 0",
+    "0 1e300 0",
+    "1e999 0 0",
+)
+SINGLE, LARGE = ("", "x", "1 2", "nan", "1,5"), ("inf", "1e300", "-1e21")
+NUMBERS = [
+    *(("origin", "xyz", text) for text in TRIPLES),
+    *(("origin", "rpy", text) for text in TRIPLES),
+    *(("axis", "xyz", text) for text in TRIPLES),
+    *(("mimic", "multiplier", text) for text in SINGLE + LARGE),
+    *(("mimic", "offset", text) for text in SINGLE + LARGE),
+    *(("limit", "lower", text) for text in SINGLE),
+    *(("limit", "upper", text) for text in SINGLE),
+]
+
+
+@pytest.mark.parametrize(("tag", "attribute", "text"), NUMBERS)
+def test_a_wrong_number_is_named(tag, attribute, text):
+    """Warnings are errors here: nothing is computed with such a number."""
+    joint = f'<parent link="0"/><child link="1"/><{tag} joint="a" {attribute}="{text}"/>'
+    links = '<link name="0"/><link name="1"/>'
+    robot = f'<robot>{links}<joint name="a" type="revolute">{joint}</joint></robot>'
+    with pytest.raises(InputError) as caught:
+        parse_urdf(robot.encode())
+    assert caught.value.argument == f"{attribute} of <{tag}> of joint a"
+    assert caught.value.value == text
+
+
+def test_a_name_is_a_path(made, tmp_path, monkeypatch):
+    (tmp_path / "arm.urdf").write_text(made.offset_arm())
+    monkeypatch.chdir(tmp_path)
+
+    class Somewhere(os.PathLike):
+        def __fspath__(self):
+            return "arm.urdf"
+
+    for path in ("arm.urdf", tmp_path / "arm.urdf", Somewhere()):
+        assert len(read_urdf(path).joints) == 7
+    with pytest.raises(FileError, match="no such file"):
+        read_urdf("none.urdf")
+
+
+def test_a_file_that_is_too_large(made, tmp_path, monkeypatch):
+    path = tmp_path / "arm.urdf"
+    path.write_text(made.offset_arm())
+    monkeypatch.setattr(reading, "_LARGEST_FILE", 100)
+    with pytest.raises(FileError, match="at most 100 bytes"):
+        read_urdf(path)
+
+
+def test_messages_stay_short(made):
+    names = ["l" * 100_000 + str(k) for k in range(30)]
+    robot = made.tree(made.urdf([made.joint(f"j{k}", *names[k : k + 2]) for k in range(29)]))
+    with pytest.raises(InputError) as caught:
+        chain_between(robot, names[0][:-2])
+    assert len(str(caught.value)) < 2000
+
+
+def test_time_is_linear_in_links():
+    """Where it was quadratic, 10 000 links took more than ten seconds."""
+    n = 10_000
+    limit = SimpleNamespace(lower=-1.0, upper=1.0)
+    more = {"type": "revolute", "limit": limit, "mimic": None}
+    more |= {"origin": np.eye(4), "axis": np.array([0.0, 0.0, 1.0])}
+    joints = [SimpleNamespace(name=str(k), parent=k, child=k + 1, **more) for k in range(n)]
+    begun = time.process_time()
+    tree = RobotTree("long", tuple(range(n + 1)), tuple(joints))
+    assert len(chain_between(tree, n).joints) == n
+    assert time.process_time() - begun < 3
+
+
+def test_a_large_cycle_is_found_in_linear_time():
+    n = 20_000
+    joints = [
+        SimpleNamespace(name=str(k), parent=f"{k}", child=f"{(k + 1) % n}") for k in range(n)
+    ]
+    begun = time.process_time()
+    with pytest.raises(InputError, match="cyclic"):
+        RobotTree("ring", tuple(str(k) for k in range(n)), tuple(joints))
+    assert time.process_time() - begun < 3
 
 
 @pytest.mark.parametrize("fault", FAULTS)
 def test_a_faulty_file_gets_one_sentence(fault, made, tmp_path, caplog, capfd):
     text, sentence = FAULTS[fault]
     path = tmp_path / "robot.urdf"
-    path.write_text(text(made))
+    content = text(made)
+    path.write_bytes(content if isinstance(content, bytes) else content.encode())
     with pytest.raises(FileError, match=sentence) as caught:
         read_urdf(path)
     assert str(path) in str(caught.value)

@@ -245,5 +245,7 @@ def test_ctrl_c_keeps_the_rounds_that_were_done(tmp_path, monkeypatch):
     arguments = ["benchmark", "--starts", "12", "--joints", "7", "--out", str(tmp_path)]
     done = typer.testing.CliRunner().invoke(app, arguments)
     assert done.exit_code == 130
-    (line,) = csv.DictReader((tmp_path / "benchmark.csv").read_text().splitlines())
+    (line,) = csv.DictReader(
+        (tmp_path / "incomplete" / "benchmark.csv").read_text().splitlines()
+    )
     assert (line["asked"], line["starts"]) == ("12", "3")

@@ -31,7 +31,7 @@ def folder(tmp_path_factory):
         patch.setattr(failures, "unequal", lambda: [])
         patch.setattr(study_module, "run", run)
         assert not study().run(folder, Effort(starts=2)).complete
-    return folder
+    return folder / study_module.INCOMPLETE
 
 
 @pytest.fixture(scope="module")

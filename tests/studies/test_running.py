@@ -97,17 +97,6 @@ def test_a_study_may_write_and_complain(tmp_path):
     assert (tmp_path / "one" / "table.csv").exists()
 
 
-def test_a_run_killed_while_renaming_loses_nothing(tmp_path):
-    (tmp_path / ".one.before").mkdir()
-    (tmp_path / ".one.before" / "long.json").write_text("took hours")
-    (tmp_path / ".one.part").mkdir()
-    (tmp_path / ".one.part" / "half.csv").write_text("half")
-    list(run_all([study("one", writes("new"))], tmp_path, Effort()))
-    names = ["long.json", "page.md", "table.csv"]
-    assert sorted(p.name for p in (tmp_path / "one").iterdir()) == names
-    assert [path.name for path in tmp_path.iterdir()] == ["one"]
-
-
 def test_a_file_in_the_way_is_one_sentence(tmp_path):
     (tmp_path / "one").write_text("a file")
     [outcome] = run_all([study("one", writes("new"))], tmp_path, Effort())

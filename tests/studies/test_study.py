@@ -1,6 +1,8 @@
 """A study is run part by part: files after every part, and what is done outlives Ctrl-C."""
 
 import json
+import subprocess
+import sys
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -51,15 +53,15 @@ def numbers(folder):
     return (folder / "numbers.csv").read_text().split()[1:]
 
 
-INCOMPLETE = "not all rows are here"
+MISSING = "not all rows are here"
 
 
 def test_files_are_written_after_every_part_and_in_the_end(tmp_path):
     seen = []
 
     def each(part):
-        page = (tmp_path / "page.md").read_text()
-        seen.append((numbers(tmp_path), INCOMPLETE in page))
+        page = (tmp_path / "incomplete" / "page.md").read_text()
+        seen.append((numbers(tmp_path / "incomplete"), MISSING in page))
 
     one = study(
         Part([Row(1)], entries=[{"a": 1}], files={"x.json": b"{}"}),
@@ -71,7 +73,7 @@ def test_files_are_written_after_every_part_and_in_the_end(tmp_path):
     assert (result.complete, result.complaint) == (True, "")
     assert result.rows == (Row(1), Row(2), Other("b"))
     page = (tmp_path / "page.md").read_text()
-    assert INCOMPLETE not in page
+    assert MISSING not in page
     assert "- seed: 5" in page
     assert json.loads((tmp_path / "entries.json").read_text()) == [{"a": 1}, {"a": 2}]
     assert one.files == ("numbers.csv", "page.md", "entries.json")
@@ -86,19 +88,44 @@ def test_rows_may_take_the_place_of_the_latest(tmp_path):
     assert numbers(tmp_path) == ["1", "4", "5"]
 
 
-def test_ctrl_c_keeps_what_is_done_and_the_page_says_so(tmp_path):
-    result = study(Part([Row(1)]), then=KeyboardInterrupt()).run(tmp_path, Effort())
-    assert not result.complete
-    assert numbers(tmp_path) == ["1"]
-    assert INCOMPLETE in (tmp_path / "page.md").read_text()
+@pytest.mark.parametrize(
+    ("parts", "then", "kept"),
+    [
+        ([Part([Row(1)])], KeyboardInterrupt(), ["1"]),
+        ([Part([Row(1)]), Part([Row(2)], complete=False), Part([Row(3)])], None, ["1", "2"]),
+    ],
+)
+def test_what_was_done_is_kept_beside_the_result_before(tmp_path, parts, then, kept):
+    study(Part([Row(7)])).run(tmp_path, Effort())
+    assert not study(*parts, then=then).run(tmp_path, Effort()).complete
+    assert numbers(tmp_path / "incomplete") == kept
+    assert MISSING in (tmp_path / "incomplete" / "page.md").read_text()
+    assert numbers(tmp_path) == ["7"]
+    assert MISSING not in (tmp_path / "page.md").read_text()
+    assert study(Part([Row(8)])).run(tmp_path, Effort()).complete
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["numbers.csv", "page.md"]
 
 
-def test_a_part_with_starts_missing_is_the_last(tmp_path):
-    parts = [Part([Row(1)]), Part([Row(2)], complete=False), Part([Row(3)])]
-    result = study(*parts).run(tmp_path, Effort())
-    assert not result.complete
-    assert numbers(tmp_path) == ["1", "2"]
-    assert INCOMPLETE in (tmp_path / "page.md").read_text()
+@pytest.mark.processes
+def test_a_result_is_complete_or_says_that_it_is_not_wherever_the_run_is_killed(tmp_path):
+    words = [sys.executable, Path(__file__).with_name("killed_runs.py")]
+    done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert int(done.stdout) > 20, "the number of changes before which it was killed"
+
+
+def test_a_folder_of_the_user_is_not_removed(tmp_path):
+    (tmp_path / "incomplete").mkdir()
+    (tmp_path / "incomplete" / "thesis.tex").touch()
+    with pytest.raises(FileError, match="an earlier run"):
+        study(then=AssertionError("the work")).run(tmp_path, Effort())
+    assert (tmp_path / "incomplete" / "thesis.tex").exists()
+
+
+def test_what_must_not_be_replaced_is_refused_before_the_work(tmp_path):
+    (tmp_path / "page.md").mkdir()
+    with pytest.raises(FileError, match="not a folder"):
+        study(then=AssertionError("the work")).run(tmp_path, Effort())
 
 
 def test_a_study_that_cannot_be_run_writes_nothing(tmp_path):

@@ -15,7 +15,7 @@ from math import inf, isfinite, nextafter, sqrt
 
 import numpy as np
 
-from formulations.bounds.closed_form import positive
+from formulations.bounds.closed_form import excludes, positive
 from formulations.bounds.so3_moments.blocks.localisers import KrylovLocaliser, ScaledBlocks
 from formulations.bounds.so3_moments.blocks.sampled_blocks import BlockFamily, sector_families
 from formulations.bounds.so3_moments.global_bound import Evidence
@@ -33,6 +33,8 @@ from nlp.arrays import FloatArray, Rng
 from nlp.errors import InputError
 
 _GAP = 1e-8
+#: Room for rounding in the closed form, far more than bisection in doubles needs.
+ROUNDING = 1e-12
 _HOW_CHECKED = (
     "a sum of squares and localisers equal to a negative constant at fresh random "
     "configurations; multipliers made positive semidefinite, largest difference subtracted"
@@ -143,6 +145,8 @@ def largest_residual(joints: int, t: float) -> float:
 def worst_case_limit(joints: int, residual: float) -> float:
     """Return an upper bound on the worst case σ from a lower bound on the residual ρ.
 
+    It is found in double precision, and checked in rational arithmetic (`excludes`).
+
     Parameters
     ----------
     joints
@@ -165,7 +169,10 @@ def worst_case_limit(joints: int, residual: float) -> float:
             high = middle
         else:
             low = middle
-    return sqrt(high)
+    sigma = sqrt(high) + ROUNDING
+    if not excludes(joints, residual, sigma):
+        raise ArithmeticError("the bound on the worst case fails its check in exact arithmetic")
+    return sigma
 
 
 def _largest_spread(count: int, mean: float, limit: float) -> float:

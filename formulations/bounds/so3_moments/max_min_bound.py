@@ -6,6 +6,7 @@ from math import sqrt
 
 from formulations.bounds.certified import best_known
 from formulations.bounds.so3_moments.fixed_worst_case import (
+    ROUNDING,
     Conditions,
     exclude_worst_case,
     worst_case_limit,
@@ -21,7 +22,10 @@ from formulations.bounds.so3_moments.rigorous_residual import rigorous_residual_
 from nlp.arrays import Rng, one_blas_thread
 from nlp.errors import InputError
 
-_HOW_CHECKED = "closed form from a lower bound on the residual, which was checked so: "
+_HOW_CHECKED = (
+    "closed form, checked in rational arithmetic, from a lower bound on the residual, which "
+    "was checked so: "
+)
 LOCALISED = "localised"
 # The squared worst case that is excluded for seven joints.
 EXCLUDED = 0.3279
@@ -44,8 +48,6 @@ CONDITIONS = Conditions(
         for c in (0, 2, 4)
     ),
 )
-# Room for rounding in the closed form, far more than bisection in doubles needs.
-_ROUNDING = 1e-12
 
 
 @one_blas_thread()
@@ -97,7 +99,7 @@ def max_min_bound(
         raise InputError("rigorous", rigorous, f"False for the preset {LOCALISED}")
     best = best_known("max-min", "unit-revolute", joints)
     if joints > 7:
-        bound = sqrt((joints - 6) / 3) + _ROUNDING
+        bound = worst_case_limit(joints, 0.0)
         return GlobalBound(
             "max-min", joints, preset, "closed form", bound, best, how_checked="eq. (6)"
         )
@@ -106,7 +108,7 @@ def max_min_bound(
     lower_bound = rigorous_residual_bound if rigorous else residual_bound
     residual = lower_bound(preset, joints, rng=rng, progress=progress)
     start = time.perf_counter()
-    limit = worst_case_limit(joints, residual.bound) + _ROUNDING
+    limit = worst_case_limit(joints, residual.bound)
     return replace(
         residual,
         quantity="max-min",
@@ -131,5 +133,5 @@ def _localised(joints: int, best: float | None, rng: Rng, progress: Progress) ->
         check={"excluded": EXCLUDED, "margin": margin, **evidence.check},
     )
     kind: Kind = "numerical" if excluded else "closed form"
-    bound = sqrt(squared) + _ROUNDING
+    bound = sqrt(squared) + ROUNDING
     return GlobalBound("max-min", joints, LOCALISED, kind, bound, best, **vars(evidence))

@@ -14,6 +14,10 @@ from formulations.bounds.closed_form import block_trace_bound, positive
 from nlp.arrays import FloatArray, whole_number
 from nlp.errors import InputError
 
+# Squares of lengths beyond these are too near the largest and least floating-point numbers.
+SMALLEST, LARGEST = 1e-100, 1e100
+# The semidefinite program of more takes over a minute.
+MOST_DIMENSIONS = 40
 Relation: TypeAlias = Literal["equal", "at most"]
 
 
@@ -70,7 +74,8 @@ class WorstCase:
     Raises
     ------
     InputError
-        Unless 1 ≤ m < n, the trace is positive and finite and the facts are m×m.
+        Unless 1 ≤ m < n, m is at most `MOST_DIMENSIONS`, the trace is in the range that it
+        has with columns of norms from `SMALLEST` to `LARGEST`, and the facts are m×m.
     """
 
     joints: int
@@ -82,7 +87,11 @@ class WorstCase:
     def __post_init__(self) -> None:
         m = whole_number("task dimension", self.task_dimension, 1)
         whole_number("joints", self.joints, m + 1)
-        positive("trace", self.trace)
+        if m > MOST_DIMENSIONS:
+            raise InputError("task dimension", m, f"at most {MOST_DIMENSIONS}")
+        if not SMALLEST**2 <= positive("trace", self.trace) / self.joints <= 2 * LARGEST**2:
+            allowed = f"from {SMALLEST**2:g} to {LARGEST**2:g} for each joint"
+            raise InputError("trace", self.trace, allowed)
         for fact in self.facts:
             if fact.matrix.shape != (m, m):
                 raise InputError("facts", fact.matrix.shape, f"matrices with {m} rows")
@@ -139,9 +148,12 @@ def revolute_arm(joints: int, *, lever_arm: float = 1.0) -> WorstCase:
     Raises
     ------
     InputError
-        Unless n > 6 and ℓ is positive and finite.
+        Unless n > 6 and ℓ is between `SMALLEST` and `LARGEST`.
     """
-    linear = joints * positive("lever_arm", lever_arm) ** 2
+    joints = whole_number("joints", joints, 7)
+    if not SMALLEST <= positive("lever_arm", lever_arm) <= LARGEST:
+        raise InputError("lever_arm", lever_arm, f"{SMALLEST:g} to {LARGEST:g}")
+    linear = joints * lever_arm**2
     closed_form = block_trace_bound(joints, (3, 3), (linear, joints))
     cross = np.kron(np.array([[0.0, 0.5], [0.5, 0.0]]), np.eye(3))
     facts = (

@@ -21,7 +21,7 @@ from formulations.bounds.worst_case.certificate import (
 )
 from formulations.bounds.worst_case.problem import WorstCase
 from nlp.arrays import finite_or_none
-from nlp.conic import run
+from nlp.conic import check_solver, run
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,6 +109,7 @@ def solve_worst_case(
     SdpBound
         Also when the solver fails: see its `status`.
     """
+    check_solver(solver)
     began = time.perf_counter()
     program = _program(problem)
     status = run(program, solver, options)

@@ -89,6 +89,12 @@ def test_closed_form_of_known_residuals() -> None:
     assert largest_residual(7, 0.34) == -np.inf
 
 
+def test_a_root_that_was_rounded_down_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(fixed_worst_case, "ROUNDING", -1e-14)
+    with pytest.raises(ArithmeticError, match="exact"):
+        worst_case_limit(7, 0.0568265)
+
+
 def test_eight_joints_reach_the_plain_bound() -> None:
     result = max_min_bound("low", 8)
     assert result.kind == "closed form"

@@ -1,0 +1,127 @@
+"""Ctrl-C: answered at once, or held back until something is finished."""
+
+import io
+import os
+import signal
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager, redirect_stderr
+from types import FrameType
+
+INTERRUPTED = 130  # exit status
+
+_AGAIN = 0.02  # seconds until the handler looks again whether an import has ended
+_LONGEST = 1.0  # seconds that an import may hold an interrupt back
+_TO_END = 0.7  # seconds that a start has to end after Ctrl-C
+
+_pressed: float | None = None  # when, as long as it is not answered
+
+
+def answer_interrupts() -> None:
+    """Raise KeyboardInterrupt at Ctrl-C, but not inside of an import or of generated code.
+
+    Extension modules swallow an exception that is raised while they are imported, or turn it
+    into another one: the interrupt would be lost. After one that was raised in generated code,
+    Python exits with another status. For command lines; does nothing where another handler
+    than Python's own is in place.
+    """
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+        signal.signal(signal.SIGINT, _raise)
+
+
+def settle_interrupts() -> None:
+    """Raise KeyboardInterrupt if a Ctrl-C was held back and not answered; stop listening."""
+    if signal.getsignal(signal.SIGINT) is _raise:
+        signal.signal(signal.SIGINT, signal.SIG_DFL)  # the next one ends the process
+    _alarm(0)
+    if _pressed is not None:
+        raise KeyboardInterrupt
+
+
+def _raise(_: int, frame: FrameType | None) -> None:
+    global _pressed
+    now = time.monotonic()
+    _pressed = _pressed or now
+    if _importing(frame):
+        if now - _pressed > _LONGEST:
+            os.write(2, b"Interrupted.\n")
+            os._exit(INTERRUPTED)
+        if _alarm(_AGAIN):
+            return
+    _pressed = None
+    raise KeyboardInterrupt
+
+
+def _alarm(seconds: float) -> bool:
+    """Call the handler of Ctrl-C again after this time; return whether that is possible."""
+    if not hasattr(signal, "setitimer"):
+        return False
+    if signal.getsignal(signal.SIGALRM) is signal.SIG_DFL:
+        signal.signal(signal.SIGALRM, _look_again)
+    if signal.getsignal(signal.SIGALRM) is not _look_again:
+        return False
+    signal.setitimer(signal.ITIMER_REAL, seconds)
+    return True
+
+
+def _look_again(_: int, frame: FrameType | None) -> None:
+    handler = signal.getsignal(signal.SIGINT)
+    if callable(handler):
+        handler(signal.SIGINT, frame)
+
+
+def _importing(frame: FrameType | None) -> bool:
+    while frame is not None and frame.f_back is not None:
+        if frame.f_code.co_filename.startswith(("<frozen importlib", "<string>")):
+            return True
+        frame = frame.f_back
+    return False
+
+
+@contextmanager
+def deferred_interrupt(limited: bool = False) -> Iterator[None]:
+    """Hold a first Ctrl-C back until the block ends; a second one acts at once.
+
+    Where a handler is in place that is neither Python's own nor that of `answer_interrupts`,
+    it is left alone.
+
+    Parameters
+    ----------
+    limited
+        Whether to raise inside of the block, too, if it does not end within a second. CasADi
+        swallows an exception that is raised in its callbacks or conversions: Ipopt stops with
+        one of several statuses, and the caller's loop would go on as if nothing had been
+        pressed. Hence it is raised again after the block.
+
+    Raises
+    ------
+    KeyboardInterrupt
+        After the block, if the user interrupted during it.
+    """
+    before = signal.getsignal(signal.SIGINT)
+    ours = threading.current_thread() is threading.main_thread()
+    if not ours or before not in (signal.default_int_handler, _raise):
+        yield
+        return
+    pressed = False
+    quiet = ExitStack()
+
+    def hold(_: int, __: FrameType | None) -> None:
+        global _pressed
+        nonlocal pressed
+        again, pressed, _pressed = pressed, True, None
+        if again or (limited and not _alarm(_TO_END)):
+            quiet.enter_context(redirect_stderr(io.StringIO()))  # CasADi's own message
+            raise KeyboardInterrupt
+
+    signal.signal(signal.SIGINT, hold)
+    try:
+        with quiet:
+            yield
+    finally:
+        if pressed:
+            _alarm(0)
+        signal.signal(signal.SIGINT, before)
+    if pressed:
+        raise KeyboardInterrupt
