@@ -77,7 +77,7 @@ def build(arm: ColumnModel, locked: int = 1, encoding: str | None = None) -> Pro
     encoding = encoding or default_encoding(locked)
     if encoding in REDUCED:
         check_encoding(encoding, locked)
-        unequal_max_min.attained_merit(arm, alike)
+        unequal_max_min.attained_merit(arm, alike, enough=0.01)
         return reduced.build(arm, two_stages=encoding == "two-stage")
     return replace(unequal_max_min.build(arm, alike, "worst", encoding), name=NAME)
 
