@@ -57,7 +57,7 @@ class Setup:
         for name in ("encoding", "from_residual_minima", "locked", "failures", "goal"):
             default, value = type(self).__dataclass_fields__[name].default, getattr(self, name)
             if value != default and name not in taken:
-                allowed = f"{default} for the formulation {self.formulation}"
+                allowed = f"{default or 'none'} for the formulation {self.formulation}"
                 raise InputError(name.replace("_", " "), value, allowed)
         unequal_max_min.checked_goal(self.goal)
         if self.failures is None:
