@@ -27,7 +27,7 @@ FLOORS = (
     *((f"formulations.{room}",) for room in BELOW),
     ("nlp", "formulations"),
 )
-ROOMS, MODULES = 27, 200
+ROOMS, MODULES = 27, 230
 
 
 class Import(NamedTuple):
