@@ -15,7 +15,7 @@ and canonical examples, Figs. 1–3                   `reproduction.planar`,
 Section 4, eq. (21): revolute joints                `joints.kinds`, `joints.arm`
 eqs. (22)–(43): the isotropy equations              `isotropy_equations`, `residual`
 eqs. (44)–(45): the residual minimum of 7R          `residual`, `reproduction.seven_joints`
-eq. (46): its worst case, "possible to improve"     `max_min`
+eq. (46): its worst case, "possible to improve"     `max_min`, `reduced`
 eqs. (47)–(49): 8R, and families of optima          `isotropy`, `reproduction.eight_joints`
 Section 5: does an optimal 7R exist?                `existence`
 Appendix: f_1 … f_21 in closed form                 `appendix`

@@ -7,8 +7,15 @@
                the joints' own bounds
 
 At the optimum √t is the worst-case smallest singular value after any k joints lock. The
-eigenvalue constraints are stated smoothly by one of `nlp.matrix_inequality`'s encodings: this
-is `unequal_max_min` where all joints fail alike.
+eigenvalue constraints are stated smoothly in one of several encodings:
+
+two-stage
+    the default for k = 1: a few Gauss–Newton steps on the residual, then ``reduced``;
+reduced
+    no auxiliary variables, derivatives written out: see `formulations.reduced`;
+shared-factor, principal-minors, factor-per-deletion, positive-factor-per-deletion
+    auxiliary factors, for any k: see `nlp.matrix_inequality`. These are `unequal_max_min` where
+    all joints fail alike.
 """
 
 from collections.abc import Mapping
@@ -18,12 +25,14 @@ from types import MappingProxyType
 
 import numpy as np
 
-from formulations import measures, residual, unequal_max_min
+from formulations import measures, reduced, residual, unequal_max_min
 from formulations.bounds.certified import Bound, largest_worst_case
 from formulations.joints.arm import Arm
 from formulations.joints.joint import ColumnModel
 from formulations.measures.unequal_failures import FailureModel
 from nlp.arrays import FloatArray
+from nlp.errors import InputError
+from nlp.matrix_inequality import ENCODINGS
 from nlp.options import OptionValue
 from nlp.problem import Problem, Sense
 from nlp.solver import Solver
@@ -31,19 +40,19 @@ from nlp.solver import Solver
 NAME = "max-min"
 SENSE: Sense = "maximise"
 SETTINGS = frozenset({"encoding", "from_residual_minima", "locked", "failures", "goal"})
-# Following the central path closely loses fewer starts to lesser optima; a start that has
-# not converged in 500 iterations (the median is 30) does not. Steps need no second look.
+REDUCED = ("two-stage", "reduced")
+# A start that has not converged in 500 iterations (the median is below 30) does not. Steps need
+# no second look.
 OPTIONS: Mapping[str, OptionValue] = MappingProxyType(
-    {
-        "barrier_tol_factor": 1.0,
-        "mu_init": 1.0,
-        "max_iter": 500,
-        "fast_step_computation": "yes",
-    }
+    {"max_iter": 500, "fast_step_computation": "yes"}
+)
+# Options of single encodings, over these. A problem built here brings them along.
+ENCODING_OPTIONS: Mapping[str, Mapping[str, OptionValue]] = MappingProxyType(
+    dict.fromkeys(ENCODINGS, unequal_max_min.OPTIONS)
 )
 
 
-def build(arm: ColumnModel, locked: int = 1, encoding: str = "shared-factor") -> Problem:
+def build(arm: ColumnModel, locked: int = 1, encoding: str | None = None) -> Problem:
     """State the problem for an arm.
 
     Parameters
@@ -53,18 +62,55 @@ def build(arm: ColumnModel, locked: int = 1, encoding: str = "shared-factor") ->
     locked
         How many joints lock at once, k.
     encoding
-        One of ``nlp.matrix_inequality.ENCODINGS``.
+        ``"two-stage"``, ``"reduced"`` or one of ``nlp.matrix_inequality.ENCODINGS``; by default
+        `default_encoding`.
 
     Raises
     ------
     InputError
-        If the encoding is unknown, k is out of range, or no configuration that was tried
-        keeps full rank after k joints lock.
+        If the encoding is unknown or does not state the problem, k is out of range, or no
+        configuration that was tried keeps full rank after k joints lock.
     """
     m, n = arm.shape
     unequal_max_min.check_locked(n - m, n, locked)
     alike = FailureModel.equally_likely(n, locked)
+    encoding = encoding or default_encoding(locked)
+    if encoding in REDUCED:
+        check_encoding(encoding, locked)
+        unequal_max_min.attained_merit(arm, alike, enough=0.01)
+        return reduced.build(arm, two_stages=encoding == "two-stage")
     return replace(unequal_max_min.build(arm, alike, "worst", encoding), name=NAME)
+
+
+def default_encoding(locked: int = 1) -> str:
+    """Return the encoding that takes the least time for k locked joints, all alike."""
+    return "two-stage" if locked == 1 else "shared-factor"
+
+
+def check_encoding(encoding: str, locked: int = 1, alike: bool = True) -> None:
+    """Refuse an encoding that is unknown or does not state the problem.
+
+    Parameters
+    ----------
+    encoding
+        Its name.
+    locked
+        How many joints lock at once.
+    alike
+        Whether all joints are equally likely to fail.
+
+    Raises
+    ------
+    InputError
+        If so.
+    """
+    if encoding not in (*REDUCED, *ENCODINGS):
+        allowed = "one of " + ", ".join((*REDUCED, *ENCODINGS))
+    elif encoding in REDUCED and (locked != 1 or not alike):
+        allowed = f"one of {', '.join(ENCODINGS)} for several locked joints or unequal failures"
+    else:
+        return
+    raise InputError("encoding", encoding, allowed)
 
 
 def merit(jacobian: FloatArray, locked: int = 1) -> float:

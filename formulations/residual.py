@@ -14,7 +14,7 @@ For unit revolute joints the equations are there twice: derived from JJᵀ, and 
 forms of the Appendix. They are the same functions of the angles.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
 
 import casadi as ca
@@ -25,9 +25,10 @@ from formulations.isotropy_equations import residuals
 from formulations.joints.arm import Arm
 from formulations.joints.joint import ColumnModel
 from nlp.arrays import FloatArray
+from nlp.columns import Columns, gauss_newton, second
 from nlp.errors import InputError
 from nlp.options import OptionValue
-from nlp.problem import Problem, Sense
+from nlp.problem import Constraint, Derivatives, Problem, Sense
 
 NAME = "residual"
 SENSE: Sense = "minimise"
@@ -60,7 +61,15 @@ ROWS: Mapping[str, Callable[[ColumnModel, ca.SX], ca.SX]] = MappingProxyType(
 )
 
 
-def build(arm: ColumnModel, weighting: str = "invariant", rows: str = "derived") -> Problem:
+HESSIANS = ("exact", "gauss-newton")
+
+
+def build(
+    arm: ColumnModel,
+    weighting: str = "invariant",
+    rows: str = "derived",
+    hessian: str = "exact",
+) -> Problem:
     """State the problem for an arm.
 
     Parameters
@@ -71,18 +80,27 @@ def build(arm: ColumnModel, weighting: str = "invariant", rows: str = "derived")
         ``"invariant"`` or ``"paper"``, see above.
     rows
         ``"derived"`` from JJᵀ, or ``"appendix"``: the Appendix's closed forms.
+    hessian
+        ``"exact"``; or ``"gauss-newton"``, see `nlp.columns.gauss_newton`: faster where the
+        residual is zero at the minimum, far slower where it is not. Of the invariant weighting.
 
     Raises
     ------
     InputError
-        If the weighting or the rows are none of these, or the Appendix's closed forms are
-        asked for and a joint is not a unit revolute one.
+        If the weighting, the rows or the Hessian are none of these, or the Appendix's closed
+        forms are asked for and a joint is not a unit revolute one.
     """
     if weighting not in DIAGONAL_WEIGHTS:
         raise InputError("weighting", weighting, "one of " + ", ".join(DIAGONAL_WEIGHTS))
     if rows not in ROWS:
         raise InputError("rows", rows, "one of " + ", ".join(ROWS))
+    if hessian not in HESSIANS:
+        raise InputError("hessian", hessian, "one of " + ", ".join(HESSIANS))
+    if hessian != "exact" and weighting != "invariant":
+        raise InputError("weighting", weighting, f"invariant for the {hessian} Hessian")
     variables = arm.symbols()
+    matrix, constraints = arm.matrix(variables), arm.constraints(variables)
+    written = None if hessian == "exact" else _derivatives(variables, matrix, constraints)
     equations = ROWS[rows](arm, variables)
     m, _ = arm.shape
     lower, upper = arm.bounds
@@ -92,11 +110,24 @@ def build(arm: ColumnModel, weighting: str = "invariant", rows: str = "derived")
         variables=variables,
         objective=diagonal + ca.sumsqr(equations[m:]),
         sense=SENSE,
-        constraints=arm.constraints(variables),
+        constraints=constraints,
         lower=lower,
         upper=upper,
-        outputs={"jacobian": arm.matrix(variables)},
+        outputs={"jacobian": matrix},
+        options={"ipopt": OPTIONS},
+        derivatives=written,
     )
+
+
+def _derivatives(
+    variables: ca.SX, matrix: ca.SX, constraints: Sequence[Constraint]
+) -> Derivatives:
+    rows = ca.vertcat(*(constraint.expression for constraint in constraints))
+    x, sigma = ca.MX.sym("x", variables.numel()), ca.MX.sym("sigma")
+    multipliers = ca.MX.sym("lambda", rows.numel())
+    own = sigma * gauss_newton(Columns.of(variables, matrix), x)
+    own += second(variables, rows)(x, multipliers)
+    return Derivatives(ca.Function("hessian", [x, sigma, multipliers], [own]), shift=0.0)
 
 
 def merit(jacobian: FloatArray, locked: int = 1) -> float:  # noqa: ARG001

@@ -45,7 +45,7 @@ def build(arm: Arm, defect: float) -> Problem:
     """
     if not 0 < defect < np.inf:
         raise InputError("isotropy defect", defect, "a finite number above 0")
-    problem = max_min.build(arm)
+    problem = max_min.build(arm, encoding="shared-factor")
     stated = residual.build(arm)  # of ½‖JJᵀ − (T/m)I‖_F², in the arm's variables
     own = problem.variables[: arm.size]
     deviation = ca.substitute(stated.objective, stated.variables, own)

@@ -15,16 +15,19 @@ import stat
 import subprocess
 import tempfile
 import warnings
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import casadi as ca
 
 from nlp.errors import FileError
 from nlp.files import write_bytes
+from nlp.problem import Derivatives
 
 # Straight-line code: higher levels take many times longer to compile and run no faster.
 _FLAGS = ("-O1", "-fPIC", "-shared")
+# Products of matrices are loops, and run a third faster then.
+_LOOPS = ("-O2", "-fPIC", "-shared")
 
 
 def compiled_callbacks(solver: ca.Function) -> Path | None:
@@ -45,6 +48,63 @@ def compiled_callbacks(solver: ca.Function) -> Path | None:
     for name in solver.get_function():
         generator.add(solver.get_function(name))
     return shared_library(str(generator.dump()).encode())
+
+
+def compiled_functions(functions: Sequence[ca.Function]) -> Path | None:
+    """Return the library with these functions, as `compiled_callbacks`."""
+    generator = ca.CodeGenerator("callbacks")
+    for function in functions:
+        generator.add(function)
+    return shared_library(str(generator.dump()).encode(), _LOOPS)
+
+
+def callbacks(
+    written: Derivatives, program: Mapping[str, ca.SX], sign: float, solver: str
+) -> tuple[ca.Function, ...]:
+    """Return all functions that a solver calls, by CasADi's names and with its signatures.
+
+    Parameters
+    ----------
+    written
+        Derivatives that replace those by automatic differentiation.
+    program
+        ``x``, ``f``, to be minimised, and ``g``.
+    sign
+        f over the objective, 1 or −1.
+    solver
+        ``"ipopt"`` or ``"fatrop"``, which differ in what they take.
+    """
+    x, f, g = (program[name] for name in "xfg")
+    p, point, none = ca.SX(0, 1), ca.MX.sym("x", x.numel()), ca.MX.sym("p", 0, 1)
+    sigma, multipliers = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", g.numel())
+    slope = ca.Function("slope", [x], [f, g, ca.densify(ca.gradient(f, x))])
+    jacobian = written.jacobian or ca.Function("jacobian", [x], [ca.jacobian(g, x)])
+    values = slope(point)
+    steep = values[2] * sigma + jacobian(point).T @ multipliers
+    own = ca.densify(written.hessian(point, sign * sigma, multipliers))
+    at, full = ["x", "p"], ["x", "p", "lam_f", "lam_g"]
+    gradient, hessian = {"grad_f_x": values[2]}, {"grad_gamma_x": steep}
+    if solver == "fatrop":
+        hessian["hess_gamma_x_x"] = own + (written.shift or 0.0) * ca.MX.eye(x.numel())
+    else:
+        gradient = {"f": values[0], **gradient}
+        hessian = {"triu_hess_gamma_x_x": ca.triu(own)}
+    both = {"f": values[0], "g": values[1], "grad_gamma_x": steep, "grad_gamma_p": none}
+    given = {"x": point, "p": none, "lam_f": sigma, "lam_g": multipliers}
+
+    def function(name: str, inputs: Sequence[str], results: Mapping[str, ca.MX]) -> ca.Function:
+        entries = [given[one] for one in inputs]
+        return ca.Function(name, entries, list(results.values()), inputs, list(results))
+
+    return (
+        ca.Function("nlp", [x, p], [f, g], at, ["f", "g"]),
+        ca.Function("nlp_f", [x, p], [f], at, ["f"]),
+        ca.Function("nlp_g", [x, p], [g], at, ["g"]),
+        function("nlp_grad", full, both),
+        function("nlp_grad_f", at, gradient),
+        function("nlp_jac_g", at, {"g": values[1], "jac_g_x": jacobian(point)}),
+        function("nlp_hess_l", full, hessian),
+    )
 
 
 def shared_library(code: bytes, flags: Sequence[str] = _FLAGS) -> Path | None:

@@ -1,5 +1,7 @@
 """A nonlinear program, stated symbolically, and the values of its expressions at a point."""
 
+from __future__ import annotations
+
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
@@ -10,6 +12,7 @@ import numpy as np
 
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
+from nlp.options import OptionValue
 
 Sense = Literal["minimise", "maximise"]
 
@@ -36,6 +39,47 @@ class Constraint:
     def __post_init__(self) -> None:
         object.__setattr__(self, "expression", ca.vec(self.expression))
         _check_bounds(self, self.expression.numel(), (self.name, self.name, self.name))
+
+
+@dataclass(frozen=True, eq=False)
+class Derivatives:
+    """Derivatives written out, in place of those by automatic differentiation.
+
+    Attributes
+    ----------
+    hessian
+        Function of x, σ and λ: the Hessian of σ·objective + λ·constraints, shape (size, size),
+        or a positive definite approximation of it. The constraints are all blocks' rows.
+    jacobian
+        Function of x: derivatives of the constraints, shape (rows, size); None for those by
+        automatic differentiation.
+    shift
+        What is added to the Hessian's diagonal for Fatrop, which needs it regular; None where
+        Fatrop does not converge.
+    """
+
+    hessian: ca.Function
+    jacobian: ca.Function | None = None
+    shift: float | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Stage:
+    """A problem that is solved first: its solution is the next problem's start.
+
+    Attributes
+    ----------
+    problem
+        The problem, in the variables that the next problem's lift takes.
+    iterations
+        Most iterations, unless the caller's ``max_iter`` is lower.
+    is_answer
+        Whether a point at which the solver succeeded solves the next problem too.
+    """
+
+    problem: Problem
+    iterations: int
+    is_answer: Callable[[FloatArray], bool] = lambda _: False
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,6 +111,12 @@ class Problem:
     lift
         Takes a start in the caller's own variables to a start in all variables: where a
         statement has auxiliary variables it fills them in. The identity where it has none.
+    options
+        Options that suit it, by solver; the caller's own take precedence.
+    derivatives
+        Derivatives written out; None for automatic differentiation.
+    first
+        What is solved first, from the caller's start; None for nothing.
     """
 
     name: str
@@ -78,6 +128,9 @@ class Problem:
     upper: FloatArray | float = np.inf
     outputs: Mapping[str, ca.SX] = field(default_factory=dict)
     lift: Callable[[FloatArray], FloatArray] = lambda point: point
+    options: Mapping[str, Mapping[str, OptionValue]] = field(default_factory=dict)
+    derivatives: Derivatives | None = None
+    first: Stage | None = None
 
     def __post_init__(self) -> None:
         if self.sense not in ("minimise", "maximise"):

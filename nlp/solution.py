@@ -9,6 +9,7 @@ from nlp.problem import Sense
 
 SUCCESS = "Solve_Succeeded"
 ACCEPTABLE = "Solved_To_Acceptable_Level"
+LIMIT = "Maximum_Iterations_Exceeded"
 INFEASIBLE = "Infeasible_Problem_Detected"
 # Largest violation of a constraint, in the units of the constraint, at a feasible point.
 FEASIBLE = 1e-6
@@ -62,7 +63,7 @@ class Solution:
     problem, sense
         Name and sense of the problem.
     status
-        How the solver ended.
+        How the solver ended, in the stage that gave the point.
     variables
         The point, shape (size,).
     objective
@@ -72,9 +73,13 @@ class Solution:
     outputs
         The problem's named outputs at the point, each a 2-D array.
     multipliers
-        Lagrange multipliers of each constraint block, by name.
+        Lagrange multipliers of each constraint block, by name; none where the point is that
+        of an earlier stage.
     compiled
         Whether the problem's functions ran as machine code: asked for, and possible here.
+    earlier
+        How it ended in what was solved before, in order: a first stage, see
+        `nlp.problem.Stage`, and an attempt from there that failed.
     """
 
     problem: str
@@ -86,6 +91,7 @@ class Solution:
     outputs: Mapping[str, FloatArray]
     multipliers: Mapping[str, FloatArray]
     compiled: bool = False
+    earlier: tuple[Status, ...] = ()
 
     @property
     def feasible(self) -> bool:
@@ -97,6 +103,7 @@ class Solution:
         return {
             **vars(self),
             "status": self.status.to_dict(),
+            "earlier": [status.to_dict() for status in self.earlier],
             "variables": self.variables.tolist(),
             "outputs": {name: value.tolist() for name, value in self.outputs.items()},
             "multipliers": {name: value.tolist() for name, value in self.multipliers.items()},

@@ -1,6 +1,7 @@
 """Solve a Problem with Ipopt or Fatrop, through CasADi: built once, called from many starts.
 
-Fatrop takes problems without constraints and bounds only. Its linear algebra is dense and
+Fatrop takes problems without bounds, and without constraints unless their derivatives are
+written out for it. Its linear algebra is dense and
 written for small blocks, where Ipopt's is sparse and general: on problems of tens of variables
 the same iterations take a third of the time.
 """
@@ -14,12 +15,15 @@ import numpy as np
 import numpy.typing as npt
 
 from nlp.arrays import FloatArray, finite_vector
-from nlp.compiled import compiled_callbacks
+from nlp.compiled import callbacks, compiled_callbacks, compiled_functions
 from nlp.errors import InputError
 from nlp.interrupts import deferred_interrupt
-from nlp.options import QUIET, check_options
+from nlp.options import QUIET, OptionValue, check_options
 from nlp.problem import Evaluation, Problem
-from nlp.solution import SUCCESS, Solution, Status
+from nlp.solution import LIMIT, SUCCESS, Solution, Status
+
+# CasADi's names of derivatives, and of the options that replace them.
+_OPTIONS = {"nlp_hess_l": "hess_lag", "nlp_jac_g": "jac_g"}
 
 
 class Solver:
@@ -30,12 +34,14 @@ class Solver:
     problem
         The nonlinear program.
     options
-        The solver's options by its own names, for instance ``{"max_iter": 500}``.
+        The solver's options by its own names, for instance ``{"max_iter": 500}``, over those of
+        the problem. A first stage takes them too, but ``max_iter`` only if it is lower there.
     name
         ``"ipopt"`` or ``"fatrop"``.
     compiled
         Whether to compile the problem's functions and derivatives to machine code. Built
         once and kept in a cache; with a warning, not compiled where there is no compiler.
+        Fatrop takes derivatives that are written out compiled only, asked or not.
     allow_files
         Whether options may name files and libraries; see `nlp.options.check_options`.
 
@@ -55,22 +61,22 @@ class Solver:
         compiled: bool = False,
         allow_files: bool = False,
     ) -> None:
-        checked = check_options(options or {}, name, allow_files)
+        given = check_options(options or {}, name, allow_files)
+        checked = {**problem.options.get(name, {}), **given}
         if name == "fatrop":
             _check_for_fatrop(problem)
+        self._first = _first(problem, given, (name, compiled, allow_files))
         quiet = QUIET if name == "ipopt" else {"print_level": 0}
         settings: dict[str, Any] = {name: {**quiet, **checked}, "print_time": False}
+        # A NaN is an answer too: the step is shortened. There are no parameters.
+        settings |= {"show_eval_warnings": False, "calc_lam_p": False}
         self.problem = problem
         self._name = name
         x = problem.variables
         g = ca.vertcat(*(constraint.expression for constraint in problem.constraints))
         sign = 1.0 if problem.sense == "minimise" else -1.0
         program = {"x": x, "f": sign * problem.objective, "g": g}
-        self._solver = ca.nlpsol("solver", name, program, settings)
-        library = compiled_callbacks(self._solver) if compiled else None
-        if library is not None:
-            self._solver = ca.nlpsol("solver", name, str(library), settings)
-        self.compiled = library is not None
+        self._solver, self.compiled = _built(problem, program, name, settings, compiled)
         lower = [problem.lower, *(constraint.lower for constraint in problem.constraints)]
         upper = [problem.upper, *(constraint.upper for constraint in problem.constraints)]
         self._bounds = np.stack([np.concatenate(lower), np.concatenate(upper)])
@@ -93,7 +99,8 @@ class Solver:
         Returns
         -------
         Solution
-            Whatever came out: look at its status, and check its point.
+            Whatever came out: look at its status, and check its point. Where the problem has a
+            first stage and Ipopt is stuck after it, it is solved from the given start itself.
 
         Raises
         ------
@@ -102,26 +109,55 @@ class Solver:
         KeyboardInterrupt
             If the user interrupted while the solver ran.
         """
+        earlier: tuple[Status, ...] = ()
+        starts = [np.asarray(start, dtype=float)]
+        stage = self.problem.first
+        if stage is not None and self._first is not None:
+            before = self._first.solve(start)
+            x = before.variables
+            if before.status.success and stage.is_answer(x):
+                return self._solution(self.problem.lift(x), before.status, before.earlier, {})
+            earlier = (*before.earlier, before.status)
+            starts = [x, *starts] if np.all(np.isfinite(x)) else starts
+        solution = self._from(starts[0], earlier)
+        if self._name == "ipopt" and len(starts) > 1 and _stuck(solution.status):
+            solution = self._from(starts[1], (*earlier, solution.status))
+        return solution
+
+    def _from(self, start: FloatArray, earlier: tuple[Status, ...]) -> Solution:
         problem = self.problem
-        x0 = finite_vector("start", problem.lift(np.asarray(start, dtype=float)), problem.size)
+        x0 = finite_vector("start", problem.lift(start), problem.size)
         cpu, wall = time.process_time(), time.perf_counter()
         with deferred_interrupt(limited=True):
             found, _, _, _, multipliers, _ = self._solver.call(
                 [ca.DM(self._shape, x0), *self._arguments]
             )
         cpu, wall = time.process_time() - cpu, time.perf_counter() - wall
-        x = _dense(found)
+        status = self._status(cpu, wall)
+        return self._solution(
+            _dense(found), status, earlier, self._multipliers(_dense(multipliers))
+        )
+
+    def _solution(
+        self,
+        x: FloatArray,
+        status: Status,
+        earlier: tuple[Status, ...],
+        multipliers: Mapping[str, FloatArray],
+    ) -> Solution:
+        problem = self.problem
         objective, g, *outputs = self._evaluation(x)
         return Solution(
             problem=problem.name,
             sense=problem.sense,
-            status=self._status(cpu, wall),
+            status=status,
             variables=x,
             objective=float(objective[0, 0]),
             violation=_excess(np.concatenate([x, g.ravel()]), self._bounds),
             outputs=dict(zip(problem.outputs, outputs, strict=True)),
-            multipliers=self._multipliers(_dense(multipliers)),
+            multipliers=multipliers,
             compiled=self.compiled,
+            earlier=earlier,
         )
 
     def _status(self, cpu: float, wall: float) -> Status:
@@ -153,9 +189,52 @@ def solve(
     return Solver(problem, options).solve(start)
 
 
+def _stuck(status: Status) -> bool:
+    return not status.acceptable and status.return_status != LIMIT
+
+
+def _first(
+    problem: Problem, given: Mapping[str, OptionValue], how: tuple[str, bool, bool]
+) -> Solver | None:
+    """Set the solver of the first stage up, if there is one."""
+    stage = problem.first
+    if stage is None:
+        return None
+    most = min(int(given.get("max_iter", stage.iterations)), stage.iterations)
+    return Solver(stage.problem, {**given, "max_iter": most}, *how)
+
+
+def _built(
+    problem: Problem,
+    program: Mapping[str, ca.SX],
+    name: str,
+    settings: Mapping[str, Any],
+    compiled: bool,
+) -> tuple[ca.Function, bool]:
+    """Return CasADi's solver, and whether its functions are compiled."""
+    sign = 1.0 if problem.sense == "minimise" else -1.0
+    if problem.derivatives is not None:
+        functions = callbacks(problem.derivatives, program, sign, name)
+        if name == "fatrop":  # takes derivatives from a library only
+            library = compiled_functions(functions)
+            if library is None:
+                allowed = "ipopt; fatrop takes this problem's derivatives compiled only"
+                raise InputError("solver", f"fatrop for {problem.name}", allowed)
+            return ca.nlpsol("solver", name, str(library), settings), True
+        own = {_OPTIONS[one.name()]: one for one in functions if one.name() in _OPTIONS}
+        settings = {**settings, **own}
+    solver = ca.nlpsol("solver", name, program, settings)
+    library = compiled_callbacks(solver) if compiled else None
+    if library is None:
+        return solver, False
+    plain = {key: value for key, value in settings.items() if key not in _OPTIONS.values()}
+    return ca.nlpsol("solver", name, str(library), plain), True
+
+
 def _check_for_fatrop(problem: Problem) -> None:
     bounded = np.any(np.isfinite(problem.lower)) or np.any(np.isfinite(problem.upper))
-    if problem.constraints or bounded:
+    suited = problem.derivatives is not None and problem.derivatives.shift is not None
+    if bounded or (problem.constraints and not suited):
         allowed = "problems without constraints or bounds; ipopt takes all"
         raise InputError("solver", f"fatrop for {problem.name}", allowed)
     if not ca.has_nlpsol("fatrop"):

@@ -15,7 +15,7 @@ ROOT = Path(__file__).parents[1]
 PACKAGES = ("lockedjoint", "nlp", "formulations")
 STATEMENTS = (
     *("residual", "max_min", "isotropy", "trade_off", "unequal_max_min", "appendix"),
-    *("catalogue", "isotropy_equations"),
+    *("catalogue", "isotropy_equations", "reduced"),
 )
 BELOW = ("bounds", "realise", "files", "measures", "existence", "joints")
 ABOVE = ("commands", "studies", "figures", "campaign", "robots", "solving", "reproduction")
@@ -27,7 +27,7 @@ FLOORS = (
     *((f"formulations.{room}",) for room in BELOW),
     ("nlp", "formulations"),
 )
-ROOMS, MODULES = 26, 200
+ROOMS, MODULES = 27, 230
 
 
 class Import(NamedTuple):

@@ -65,7 +65,8 @@ def test_alike_joints_are_max_min(locked):
 
 def test_alike_joints_are_stated_as_max_min_states_them():
     failures = FailureModel.equally_likely(7)
-    ours, plain = unequal_max_min.build(UNIT_7R, failures), max_min.build(UNIT_7R)
+    ours = unequal_max_min.build(UNIT_7R, failures)
+    plain = max_min.build(UNIT_7R, encoding="shared-factor")
     assert str(ours.objective) == str(plain.objective)
     assert [str(c.expression) for c in ours.constraints] == [
         str(c.expression) for c in plain.constraints

@@ -9,7 +9,7 @@
     # and, where the defaults are not what is wanted:
     seed = 0
     task_dimensions = [6]
-    encodings = ["shared-factor"]      # of max-min
+    encodings = ["two-stage"]          # of max-min
     from_residual_minima = [false]     # of max-min
     locked = [1]                       # of max-min
     solver = "ipopt"

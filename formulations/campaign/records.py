@@ -7,20 +7,20 @@ space that exact decimal digits would take. Its shape is in the settings.
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache, partial
 
 import numpy as np
 
-from formulations.catalogue import arm, formulation
+from formulations.catalogue import arm
 from formulations.files.provenance import provenance
 from formulations.joints.arm import Arm
 from formulations.solving.record import Record, judge
 from formulations.solving.setup import Setup, solver_options
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
-from nlp.solution import Solution
+from nlp.solution import Solution, Status
 from nlp.store_schema import Kind, Schema, Value
 from nlp.task import Run, Task
 
@@ -56,8 +56,10 @@ _VALUES: Mapping[str, tuple[Kind, Callable[[Record, Solution], Value]]] = {
     "solver_cpu_seconds": ("REAL", lambda record, _: record.status.cpu_seconds),
     "solver_wall_seconds": ("REAL", lambda record, _: record.status.wall_seconds),
     "cpu_seconds": ("REAL", lambda record, _: record.cpu_seconds),
+    "earlier": ("TEXT", lambda record, _: _accounts(record.earlier)),
 }
-TIMES = ("solver_cpu_seconds", "solver_wall_seconds", "cpu_seconds")
+# Times, and accounts that have times in them.
+TIMES = ("solver_cpu_seconds", "solver_wall_seconds", "cpu_seconds", "earlier")
 # Raise the version with any change of the columns, and add the statements that bring a store
 # of the version before to it; a study may have cost weeks.
 SCHEMA = Schema(
@@ -68,7 +70,8 @@ SCHEMA = Schema(
     migrations={
         # Version 1 did not keep whether the functions ran compiled: it is not known.
         1: ("ALTER TABLE record ADD COLUMN ran_compiled INTEGER",),
-        2: (),  # The store adds the checksums.
+        # Version 2 knew of one stage only; the store adds the checksums.
+        2: ("ALTER TABLE record ADD COLUMN earlier TEXT DEFAULT '[]'",),
     },
 )
 
@@ -135,13 +138,13 @@ class Cell:
     @property
     def encoding(self) -> str:
         """Encoding of the eigenvalue constraints; empty for a formulation without a choice."""
-        one = self.setup
-        return one.encoding if "encoding" in formulation(one.formulation).SETTINGS else ""
+        return self.setup.encoding
 
     @property
     def all_options(self) -> Mapping[str, object]:
         """Solver options, those of the formulation included."""
-        return solver_options(self.setup.formulation, self.solver, self.options)
+        one = self.setup
+        return solver_options(one.formulation, self.solver, self.options, one.encoding)
 
 
 def keep(
@@ -154,6 +157,15 @@ def keep(
     record = judge(run, arm, merit, locked)
     values = {name: read(record, run.solution) for name, (_, read) in _VALUES.items()}
     return {**values, "environment": _environment()}
+
+
+def _accounts(earlier: Sequence[Status]) -> str:
+    """Accounts of the solver as JSON; null for what is not finite, as JSON has it."""
+    plain = [
+        {name: None if value != value else value for name, value in one.to_dict().items()}
+        for one in earlier
+    ]
+    return json.dumps(plain)
 
 
 def jacobian_of(raw: bytes, task_dimension: int, joints: int) -> FloatArray:

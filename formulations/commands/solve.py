@@ -50,9 +50,10 @@ def solve(
     encoding: Annotated[
         str | None,
         typer.Option(
-            help="Eigenvalue constraints of max-min: shared-factor, principal-minors, "
-            "factor-per-deletion or positive-factor-per-deletion.",
-            show_default="shared-factor; positive-factor-per-deletion for unequal failures",
+            help="Eigenvalue constraints of max-min: two-stage, reduced, shared-factor, "
+            "principal-minors, factor-per-deletion or positive-factor-per-deletion.",
+            show_default="two-stage; shared-factor for several locked joints; "
+            "positive-factor-per-deletion for unequal failures",
         ),
     ] = None,
     from_residual_minima: Annotated[
@@ -65,7 +66,10 @@ def solve(
     ipopt: Ipopt = None,
     solver: Annotated[
         str,
-        typer.Option(help="ipopt; or fatrop, faster, for the residual without constraints."),
+        typer.Option(
+            help="ipopt; or fatrop, faster: residual, and max-min compiled, of unit-revolute "
+            "joints."
+        ),
     ] = "ipopt",
     compiled: Compiled = False,
     time_limit: Annotated[

@@ -6,6 +6,7 @@ from dataclasses import asdict, dataclass, field
 from functools import partial
 from itertools import compress
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -28,11 +29,20 @@ DRAWS = 64
 # A failure is fatal if it leaves less than `_FATAL` at all of so many random configurations.
 _PROBES = 200
 _FATAL = 1e-6
-# Max-min on robots: an adaptive barrier takes half the time of a monotone one and loses
-# fewer starts; for joints to be designed it is the other way round.
+# Max-min on robots: an adaptive barrier loses fewer starts; for joints to be designed it is the
+# other way round. The last two are Ipopt's defaults, which some encodings change.
 OPTIONS: Mapping[str, Mapping[str, object]] = MappingProxyType(
-    {max_min.NAME: {"mu_strategy": "adaptive", "max_iter": 150}}
+    {
+        max_min.NAME: {
+            "mu_strategy": "adaptive",
+            "max_iter": 150,
+            "mu_init": 0.1,
+            "barrier_tol_factor": 10.0,
+        }
+    }
 )
+# In one stage: a start is chosen for its worst case, which a residual stage would lose.
+_ENCODING = "reduced"
 
 
 class FatalFailureError(RobotError):
@@ -210,7 +220,9 @@ def _equal(constraint: Constraint) -> npt.NDArray[np.bool_]:
 
 def _problem(arm: RobotArm, search: Search) -> Problem:
     stated = catalogue.formulation(search.formulation)
-    taken = {"locked": search.locked} if "locked" in stated.SETTINGS else {}
+    taken: dict[str, Any] = {"locked": search.locked} if "locked" in stated.SETTINGS else {}
+    if "encoding" in stated.SETTINGS and search.locked == 1:
+        taken["encoding"] = _ENCODING
     build: Callable[..., Problem] = stated.build
     return build(arm, **taken)
 

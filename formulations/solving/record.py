@@ -23,7 +23,7 @@ class Record:
     seed, index
         Seed of the study and number of the start in it.
     status
-        The solver's account.
+        The solver's account of the stage that gave the answer.
     violation
         Largest violation of the problem's constraints at the point.
     merit
@@ -34,7 +34,9 @@ class Record:
     jacobian
         Shape (m, n).
     cpu_seconds
-        Processor time of the start, drawing included.
+        Processor time of the start, drawing and all stages included.
+    earlier
+        The solver's accounts of what was solved before; see `nlp.solution.Solution`.
     """
 
     seed: int
@@ -47,6 +49,7 @@ class Record:
     isotropy_defect: float
     jacobian: FloatArray
     cpu_seconds: float
+    earlier: tuple[Status, ...] = ()
 
     @property
     def valid(self) -> bool:
@@ -76,6 +79,7 @@ class Record:
             "cpu_seconds": self.cpu_seconds,
             "valid": self.valid,
             "jacobian": self.jacobian.tolist(),
+            "earlier": [status.to_dict() for status in self.earlier],
         }
 
 
@@ -109,6 +113,7 @@ def judge(run: Run, arm: Arm, merit: Callable[[FloatArray], float], locked: int 
         isotropy_defect=measures.isotropy_defect(jacobian) if finite else nan,
         jacobian=jacobian,
         cpu_seconds=run.cpu_seconds,
+        earlier=solution.earlier,
     )
 
 

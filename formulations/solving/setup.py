@@ -12,7 +12,6 @@ from formulations.joints.arm import Arm
 from formulations.measures.unequal_failures import FailureModel
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
-from nlp.matrix_inequality import ENCODINGS
 from nlp.problem import Problem
 
 
@@ -27,7 +26,8 @@ class Setup:
     variant
         How it departs from the formulation's defaults, in words; empty if it does not.
     encoding
-        Encoding of the eigenvalue constraints, for max-min.
+        Encoding of the eigenvalue constraints, for max-min; by default the one that suits the
+        failures, see `max_min.default_encoding` and `unequal_max_min.default_encoding`.
     from_residual_minima
         Whether random starts are first brought to a residual minimum, for max-min.
     locked
@@ -46,7 +46,7 @@ class Setup:
     formulation: str
     model: str
     variant: str = ""
-    encoding: str = "shared-factor"
+    encoding: str = ""
     from_residual_minima: bool = False
     locked: int = 1
     failures: FailureModel | None = None
@@ -57,7 +57,7 @@ class Setup:
         for name in ("encoding", "from_residual_minima", "locked", "failures", "goal"):
             default, value = type(self).__dataclass_fields__[name].default, getattr(self, name)
             if value != default and name not in taken:
-                allowed = f"{default} for the formulation {self.formulation}"
+                allowed = f"{default or 'none'} for the formulation {self.formulation}"
                 raise InputError(name.replace("_", " "), value, allowed)
         unequal_max_min.checked_goal(self.goal)
         if self.failures is None:
@@ -66,6 +66,16 @@ class Setup:
         elif self.failures.locked != self.locked:
             allowed = f"{self.failures.locked}, as in the failure model"
             raise InputError("locked joints", self.locked, allowed)
+        if "encoding" in taken:
+            self._choose_encoding()
+
+    def _choose_encoding(self) -> None:
+        if not self.encoding and self.failures is not None:
+            chosen = unequal_max_min.default_encoding(self.failures, self.goal)
+            object.__setattr__(self, "encoding", chosen)
+        elif not self.encoding:
+            object.__setattr__(self, "encoding", max_min.default_encoding(self.locked))
+        max_min.check_encoding(self.encoding, self.locked, self.failures is None)
 
     def build(self, joints: int, task_dimension: int) -> Callable[[], Problem]:
         """Return what builds the problem, in a form that worker processes can be sent."""
@@ -73,8 +83,6 @@ class Setup:
         if "locked" in formulation(self.formulation).SETTINGS:
             # Here, not in the workers that build it: they take seconds to start.
             fallible = joints if self.failures is None else len(self.failures.fallible)
-            if self.encoding not in ENCODINGS:
-                raise InputError("encoding", self.encoding, "one of " + ", ".join(ENCODINGS))
             unequal_max_min.check_locked(joints - task_dimension, fallible, self.locked)
         if self.failures is not None:
             build = unequal_max_min.build
@@ -100,7 +108,13 @@ def setups(task_dimension: int) -> tuple[Setup, ...]:
     return (
         Setup(residual.NAME, first),
         Setup(max_min.NAME, first),
-        Setup(max_min.NAME, first, "from residual minima", from_residual_minima=True),
+        Setup(
+            max_min.NAME,
+            first,
+            "from residual minima",
+            "shared-factor",
+            from_residual_minima=True,
+        ),
         Setup(max_min.NAME, first, "one factor per failure", "factor-per-deletion"),
         Setup(
             max_min.NAME,
@@ -116,8 +130,11 @@ def setups(task_dimension: int) -> tuple[Setup, ...]:
 
 
 def solver_options(
-    name: str, solver: str, options: Mapping[str, object]
+    name: str, solver: str, options: Mapping[str, object], encoding: str = ""
 ) -> Mapping[str, object]:
-    """Return the options over the formulation's own for this solver."""
-    own = "OPTIONS" if solver == "ipopt" else f"{solver.upper()}_OPTIONS"
-    return {**getattr(formulation(name), own, {}), **options}
+    """Return the options over the formulation's and the encoding's own for this solver."""
+    stated = formulation(name)
+    if solver != "ipopt":
+        return {**getattr(stated, f"{solver.upper()}_OPTIONS", {}), **options}
+    own = getattr(stated, "ENCODING_OPTIONS", {}).get(encoding, {})
+    return {**own, **stated.OPTIONS, **options}

@@ -9,7 +9,7 @@ from formulations.measures.unequal_failures import FailureModel
 from formulations.solving.outcome import Outcome
 from formulations.solving.record import judge
 from formulations.solving.setup import Setup, solver_options
-from formulations.unequal_max_min import Goal, default_encoding
+from formulations.unequal_max_min import Goal
 from nlp.arrays import Rng
 from nlp.errors import InputError
 from nlp.multistart import default_workers, multistart
@@ -77,12 +77,10 @@ def solve(
     """
     if encoding is not None and "encoding" not in catalogue.formulation(formulation).SETTINGS:
         raise InputError("encoding", encoding, f"none for the formulation {formulation}")
-    if encoding is None:
-        encoding = "shared-factor" if failures is None else default_encoding(failures, goal)
     setup = Setup(
         formulation,
         model,
-        encoding=encoding,
+        encoding=encoding or "",
         from_residual_minima=from_residual_minima,
         locked=locked,
         failures=failures,
@@ -130,7 +128,7 @@ def run(
         starts=starts,
         rng=seed,
         workers=workers,
-        options=solver_options(setup.formulation, solver, options or {}),
+        options=solver_options(setup.formulation, solver, options or {}, setup.encoding),
         solver=solver,
         compiled=compiled,
         time_limit=time_limit,

@@ -64,7 +64,8 @@ def test_an_old_store_keeps_every_record_and_goes_on(old):
     before = before.fetchall()
     database.close()
     assert len(before) == 8
-    declared = declaration({**PLANAR, "starts": 6, "formulations": ["max-min"]})
+    asked = {"starts": 6, "formulations": ["max-min"], "encodings": ["shared-factor"]}
+    declared = declaration({**PLANAR, **asked})
     with Store(old, SCHEMA, writable=True) as store:
         kept = [(r["start"], r["merit"], r["jacobian"]) for r in store.rows()]
         assert kept == before
@@ -150,7 +151,7 @@ def test_commands_name_damaged_records_and_use_the_others(study, tmp_path):
         database.execute("UPDATE record SET merit = merit + 1e-9 WHERE cell = 2 AND start = 1")
     named = (
         f"Left out of {bad}: 1 damaged record: start 1 of cell 2 (formulation=max-min, "
-        "model=free, joints=3, task_dimension=2, locked=1, encoding=shared-factor, "
+        "model=free, joints=3, task_dimension=2, locked=1, encoding=two-stage, "
         "from_residual_minima=0, solver=ipopt, compiled=0, seed=0).\n"
     )
     shown = command("show", bad, "--records", "--to", "csv")

@@ -219,6 +219,6 @@ def test_writing_replaces_and_never_leaves_a_part(committed: Path, tmp_path: Pat
     assert read(target) == certificate
     with pytest.raises(FileError, match="a path to write to"):
         certificate.write(tmp_path / "none" / "certificate.json")
-    with pytest.raises(FileError, match="a path to write to"):
+    with pytest.raises(FileError, match="a file to write to"):
         certificate.write(tmp_path)
     assert [path.name for path in tmp_path.iterdir()] == ["certificate.json"]

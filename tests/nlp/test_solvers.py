@@ -12,7 +12,7 @@ import pytest
 from nlp import compiled
 from nlp.compiled import shared_library
 from nlp.errors import InputError, SolverOptionError
-from nlp.problem import Constraint, Problem
+from nlp.problem import Constraint, Problem, Stage
 from nlp.solver import Solver
 from nlp.task import Task
 
@@ -179,3 +179,25 @@ def test_a_constraint_that_is_not_a_number_is_a_violation_that_is_not():
     )
     solution = Solver(problem, {"max_iter": 1}).solve([1.0])
     assert np.isnan(solution.violation)
+
+
+def test_a_start_that_is_stuck_after_the_first_stage_is_tried_by_itself():
+    """log x from where the first stage ends, x = −1, has no value."""
+    x = ca.SX.sym("x")
+    first = Stage(Problem("first", x, (x + 1) ** 2), 5)
+    problem = Problem("log", x, x - ca.log(x), first=first)
+    solution = Solver(problem).solve([3.0])
+    assert solution.variables == pytest.approx([1.0])
+    ended = [one.return_status for one in (*solution.earlier, solution.status)]
+    assert ended == ["Solve_Succeeded", "Invalid_Number_Detected", "Solve_Succeeded"]
+
+
+def test_the_first_stage_may_be_the_answer():
+    x = ca.SX.sym("x")
+    first = Stage(Problem("first", x, (x - 2) ** 2), 5, lambda point: abs(point[0] - 2) < 1e-9)
+    problem = Problem("second", x, (x - 2) ** 4, first=first, outputs={"twice": 2 * x})
+    solution = Solver(problem).solve([3.0])
+    assert solution.status.iterations == 1
+    assert solution.earlier == ()
+    assert solution.problem == "second"
+    assert solution.outputs["twice"] == pytest.approx(4.0)

@@ -216,7 +216,7 @@ def test_the_table_shows_no_negative_zero():
     [
         (lambda: Setup("other", "free"), "one of residual, max-min, isotropy"),
         (lambda: Setup("residual", "free", locked=2), "1 for the formulation residual"),
-        (lambda: Setup("isotropy", "free", encoding="x"), "shared-factor"),
+        (lambda: Setup("isotropy", "free", encoding="x"), "none for the formulation isotropy"),
         (lambda: outcome(Setup("residual", "nothing")), "one of unit-revolute"),
         (lambda: arm("lever-revolute:5,prismatic:2", 8), "7 for lever-revolute:5,prismatic:2"),
         (lambda: arm("lever-revolute:x", 8), "NAME:COUNT"),

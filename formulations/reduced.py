@@ -1,0 +1,113 @@
+"""Max-min without auxiliary variables, and in two stages.
+
+::
+
+    maximise   log t                       over the joints' parameters x and t
+    subject to j_fᵀ (JJᵀ − tI)⁻¹ j_f ≤ 1   for every joint f
+               the joints' own constraints and bounds
+
+Where JJᵀ ≻ tI that is λ_min(JJᵀ − j_f j_fᵀ) ≥ t. The inverse is by LDLᵀ, unrolled, and NaN
+where JJᵀ − tI is not positive definite: the solver then shortens its step. Derivatives are
+written out, see `nlp.columns`.
+
+From random starts that is no faster than the shared factor. From a point of small residual,
+where JJᵀ is nearly (n/m)I, it takes a few iterations: so *two stages*, a few Gauss–Newton steps
+on the residual first. Where these attain the bound of eq. (6), they are the answer.
+
+It is stated for one joint at a time, all equally likely to fail. For k > 1 the condition is
+J_Fᵀ (JJᵀ − tI)⁻¹ J_F ⪯ I, a matrix inequality, which is not smooth without factors of its own.
+Where a joint never fails, JJᵀ − tI may be singular at the optimum.
+"""
+
+from collections.abc import Mapping
+from types import MappingProxyType
+
+import casadi as ca
+import numpy as np
+
+from formulations import residual
+from formulations.joints.joint import ColumnModel
+from nlp.arrays import FloatArray
+from nlp.columns import Columns, Reduced, inverse, second
+from nlp.options import OptionValue
+from nlp.problem import Constraint, Derivatives, Evaluation, Problem, Stage
+
+# The first stage: most iterations, and the ‖JJᵀ − (T/m)I‖_F/T up to which J attains eq. (6).
+_ITERATIONS = 12
+_ISOTROPIC = 1e-8
+# t starts where eq. (6) bounds it, or at this share of λ_min(JJᵀ) if that is less.
+_LEVEL = 0.9
+# What Fatrop needs: the frame's directions have no curvature, and with a smaller tolerance some
+# starts never meet it. The value found is 2e-8 below the optimum then.
+_SHIFT = 1e-4
+FATROP_OPTIONS: Mapping[str, OptionValue] = MappingProxyType({"tol": 1e-6})
+
+
+def build(arm: ColumnModel, two_stages: bool = True) -> Problem:
+    """State the problem for an arm, with the residual stage before it or without."""
+    variables, t = arm.symbols(), ca.SX.sym("t")
+    matrix, constraints = arm.matrix(variables), arm.constraints(variables)
+    m, n = arm.shape
+    inverted = inverse(matrix @ matrix.T - t * ca.SX.eye(m))
+    rows = ca.sum1(matrix * (inverted @ matrix)).T
+    lower, upper = arm.bounds
+    gram = Evaluation(variables, [matrix @ matrix.T])
+
+    def lift(point: FloatArray) -> FloatArray:
+        squares = np.linalg.eigvalsh(gram(point)[0])
+        return np.append(point, min(_LEVEL * squares[0], (n - m) / n * squares.sum() / m))
+
+    return Problem(
+        name="max-min",
+        variables=ca.vertcat(variables, t),
+        objective=ca.log(t),
+        sense="maximise",
+        constraints=(*constraints, Constraint("deleted column", rows, -np.inf, 1.0)),
+        lower=np.append(lower, -np.inf),
+        upper=np.append(upper, np.inf),
+        outputs={"jacobian": matrix},
+        lift=lift,
+        options={"fatrop": FATROP_OPTIONS},
+        derivatives=_derivatives(variables, matrix, constraints),
+        first=_first(arm, variables, matrix) if two_stages else None,
+    )
+
+
+def _derivatives(
+    variables: ca.SX, matrix: ca.SX, constraints: tuple[Constraint, ...]
+) -> Derivatives:
+    own = ca.vertcat(*(constraint.expression for constraint in constraints))
+    reduced = Reduced(Columns.of(variables, matrix))
+    size, count = variables.numel(), own.numel()
+    z, sigma = ca.MX.sym("z", size + 1), ca.MX.sym("sigma")
+    multipliers = ca.MX.sym("lambda", count + matrix.shape[1])
+    x, t = z[:size], z[size]
+    slopes = reduced.slopes(x, t)
+    hessian = reduced.second(x, t, multipliers[count:])
+    hessian[size, size] -= sigma / t**2
+    if count:
+        plain = ca.Function("plain", [variables], [ca.jacobian(own, variables)])
+        slopes = ca.vertcat(ca.horzcat(plain(x), ca.MX(count, 1)), slopes)
+        hessian[:size, :size] += second(variables, own)(x, multipliers[:count])
+    return Derivatives(
+        ca.Function("hessian", [z, sigma, multipliers], [hessian]),
+        ca.Function("slopes", [z], [slopes]),
+        # Fatrop does not converge where joints have equations of their own.
+        None if count else _SHIFT,
+    )
+
+
+def _first(arm: ColumnModel, variables: ca.SX, matrix: ca.SX) -> Stage:
+    gram, norms = matrix @ matrix.T, ca.sum1(matrix**2)
+    trace = ca.sum2(norms)
+    defect = gram - trace / arm.shape[0] * ca.SX.eye(arm.shape[0])
+    unlike = ca.mmax(ca.fabs(norms - trace / arm.shape[1]))
+    evaluation = Evaluation(variables, [trace, ca.norm_fro(defect), unlike])
+    fixed = arm.fixed_trace is not None
+
+    def is_answer(point: FloatArray) -> bool:
+        total, *gaps = (value[0, 0] for value in evaluation(point))
+        return fixed and bool(max(gaps) <= _ISOTROPIC * total)
+
+    before = residual.build(arm, hessian="gauss-newton")
+    return Stage(before, _ITERATIONS, is_answer)

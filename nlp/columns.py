@@ -1,0 +1,193 @@
+"""A matrix whose columns depend on variables, and derivatives written out in matrix operations.
+
+Automatic differentiation of J(x) Jᵀ(x), of its inverse and of what follows from them gives
+hundreds of thousands of scalar operations. Written in matrices they are a few products. Let
+d_p be the derivative of the one column k(p) that the variable p moves, and D = (d_p). Where a
+variable moves several columns, as in a robot, p is an entry of J itself, D is made of identity
+matrices, and the chain rule leads on to x. A subscript x means: expanded by [k, k].
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+# Below this pivot a matrix counts as not positive definite.
+_LEAST_PIVOT = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class Columns:
+    """A matrix J(x), ready for derivatives of functions of it.
+
+    Attributes
+    ----------
+    owner
+        k(p), the column that each variable moves.
+    matrix
+        Function of x: J, shape (m, n), and D, shape (m, len(owner)).
+    chain
+        Function of x: ∂vec(J)/∂x where a variable moves several columns; None elsewhere.
+    curvature
+        Function of x and Y, shape (m, n): second derivatives of ⟨Y, J⟩.
+    """
+
+    owner: tuple[int, ...]
+    matrix: ca.Function
+    chain: ca.Function | None
+    curvature: ca.Function
+
+    @classmethod
+    def of(cls, variables: ca.SX, matrix: ca.SX) -> Columns:
+        """Return the columns of a matrix of expressions."""
+        m, n = matrix.shape
+        slopes = ca.jacobian(ca.vec(matrix), variables)
+        rows, columns = (np.array(part, dtype=int) for part in slopes.sparsity().get_triplet())
+        moved = [sorted(set(rows[columns == p] // m)) for p in range(variables.numel())]
+        if all(len(one) <= 1 for one in moved):
+            owner = tuple(int(one[0]) if one else 0 for one in moved)
+            own = [slopes[m * k : m * (k + 1), p] for p, k in enumerate(owner)]
+            chain, directions = None, ca.horzcat(*own)
+        else:
+            owner = tuple(k for k in range(n) for _ in range(m))
+            chain = ca.Function("chain", [variables], [ca.densify(slopes)])
+            directions = ca.SX(np.tile(np.eye(m), n))
+        weights = ca.SX.sym("Y", m, n)
+        second = ca.hessian(ca.dot(weights, ca.densify(matrix)), variables)[0]
+        values = [ca.densify(matrix), ca.densify(directions)]
+        return cls(
+            owner,
+            ca.Function("matrix", [variables], values),
+            chain,
+            ca.Function("curvature", [variables, weights], [second]),
+        )
+
+    def slopes(self, x: ca.MX, own: ca.MX) -> ca.MX:
+        """Return first derivatives in x from those in p."""
+        return own if self.chain is None else own @ self.chain(x)
+
+    def second(self, x: ca.MX, own: ca.MX, gradient: ca.MX) -> ca.MX:
+        """Return second derivatives in x from those in p and the gradient in J, (m, n)."""
+        bent = self.curvature(x, gradient)
+        if self.chain is None:
+            return own + bent
+        chain = self.chain(x)
+        return chain.T @ own @ chain + bent
+
+
+def gauss_newton(columns: Columns, x: ca.MX) -> ca.MX:
+    """Return a positive definite approximation of the Hessian of ½‖S‖_F².
+
+    S = JJᵀ − (‖J‖_F²/m) I. Derivatives of S among themselves, and (‖S‖_F/10 + 1e-8) I: where
+    S is not zero at the minimum, they alone leave out what holds the frame's directions. ::
+
+        ∂_p S = d_p jᵀ + j d_pᵀ − (τ_p/m) I,  τ_p = 2 d_p·j,  j the column k(p)
+        ⟨∂_p S, ∂_q S⟩ = 2 (DᵀD ∘ (JᵀJ)ₓ + R ∘ Rᵀ) − ττᵀ/m,  R_pq = j_k(p)·d_q
+    """
+    k = list(columns.owner)
+    jacobian, directions = columns.matrix(x)
+    m = jacobian.shape[0]
+    gram = jacobian @ jacobian.T
+    defect = gram - ca.trace(gram) / m * ca.MX.eye(m)
+    alike, across = jacobian.T @ jacobian, (jacobian.T @ directions)[k, :]
+    trace = 2 * ca.diag(across)
+    own = 2 * (directions.T @ directions * alike[k, k] + across * across.T)
+    own -= trace @ trace.T / m
+    if columns.chain is not None:
+        chain = columns.chain(x)
+        own = chain.T @ own @ chain
+    return own + (0.1 * ca.sqrt(ca.sumsqr(defect)) + 1e-8) * ca.MX.eye(own.shape[0])
+
+
+def second(variables: ca.SX, rows: ca.SX) -> ca.Function:
+    """Return the function of x and λ that is the Hessian of λ·rows(x)."""
+    weights = ca.SX.sym("lambda", rows.numel())
+    found = ca.hessian(ca.dot(weights, rows), variables)[0]
+    return ca.Function("second", [variables, weights], [found])
+
+
+def inverse(matrix: ca.SX) -> ca.SX:
+    """Return the inverse of a positive definite matrix by LDLᵀ; NaN where it is not one.
+
+    A solver then shortens its step; a large finite value would mislead it.
+    """
+    size = matrix.shape[0]
+    lower = ca.SX.eye(size)
+    pivots: list[ca.SX] = []
+    for j in range(size):
+        known = sum((lower[j, i] ** 2 * pivots[i] for i in range(j)), ca.SX(0))
+        pivot = matrix[j, j] - known
+        pivots.append(ca.if_else(pivot > _LEAST_PIVOT, pivot, np.nan))
+        for row in range(j + 1, size):
+            known = sum((lower[row, i] * lower[j, i] * pivots[i] for i in range(j)), ca.SX(0))
+            lower[row, j] = (matrix[row, j] - known) / pivots[j]
+    root = ca.SX.eye(size)  # L⁻¹, by forward substitution
+    for i in range(size):
+        for j in range(i):
+            root[i, j] = -sum((lower[i, r] * root[r, j] for r in range(j, i)), ca.SX(0))
+    scaled = ca.vertcat(*(root[i, :] / pivots[i] for i in range(size)))
+    return ca.densify(root.T @ scaled)
+
+
+@dataclass(frozen=True, eq=False)
+class Reduced:
+    """g_f = j_fᵀ (JJᵀ − tI)⁻¹ j_f and its derivatives, t last among the variables.
+
+    Parameters
+    ----------
+    columns
+        J(x).
+    """
+
+    columns: Columns
+
+    def slopes(self, x: ca.MX, t: ca.MX) -> ca.MX:
+        """Return ∂g/∂(x, t), shape (n, size + 1): 2 (I − K)[:, k] ∘ R and ‖w_f‖²."""
+        jacobian, directions = self.columns.matrix(x)
+        m, n = jacobian.shape
+        solved = _inverse(m)(jacobian @ jacobian.T, t) @ jacobian
+        apart = (ca.MX.eye(n) - jacobian.T @ solved)[:, list(self.columns.owner)]
+        own = 2 * apart * (solved.T @ directions)
+        return ca.horzcat(self.columns.slopes(x, own), ca.sum1(solved**2).T)
+
+    def second(self, x: ca.MX, t: ca.MX, multipliers: ca.MX) -> ca.MX:
+        """Return second derivatives of Σ λ_f g_f, shape (size + 1, size + 1).
+
+        With P = (JJᵀ − tI)⁻¹, W = PJ, K = JᵀW, R = WᵀD, Λ = diag λ, C = WΛWᵀ, Q = JᵀCJ, and
+        the gradient in J, 2 (WΛ − CJ)::
+
+            xx  2 [T + Tᵀ + DᵀCD ∘ (K − I)ₓ + DᵀPD ∘ (Q − λ1ᵀ∘K − 1λᵀ∘K + Λ)ₓ
+                   − (λ1ᵀ + 1λᵀ)ₓ ∘ Rᵀ[:, k] ∘ R[k, :]],   T = (DᵀCJ)[:, k] ∘ R[k, :]
+            xt  2 d_pᵀ (λ P w − P C j − C w),  the columns of k(p)
+            tt  2 tr(PC)
+        """
+        k = list(self.columns.owner)
+        jacobian, directions = self.columns.matrix(x)
+        m, n = jacobian.shape
+        inverted = _inverse(m)(jacobian @ jacobian.T, t)
+        solved = inverted @ jacobian
+        gram, across = jacobian.T @ solved, (solved.T @ directions)[k, :]
+        weighted = solved @ ca.diag(multipliers)
+        middle = weighted @ solved.T
+        bent = middle @ jacobian
+        pairs = ca.repmat(multipliers, 1, n) + ca.repmat(multipliers.T, n, 1)
+        rest = jacobian.T @ bent - pairs * gram + ca.diag(multipliers)
+        turned = (directions.T @ bent)[:, k] * across
+        own = turned + turned.T - pairs[k, k] * across.T * across
+        own += (directions.T @ (middle @ directions)) * (gram - ca.MX.eye(n))[k, k]
+        own += (directions.T @ (inverted @ directions)) * rest[k, k]
+        gradient = 2 * (weighted - bent)
+        mixed = inverted @ (weighted - bent) - middle @ solved
+        by_level = 2 * ca.sum1(directions * mixed[:, k])
+        corner = 2 * ca.dot(inverted, middle)
+        edge = self.columns.slopes(x, by_level).T
+        return ca.blockcat(
+            [[self.columns.second(x, 2 * own, gradient), edge], [edge.T, corner]]
+        )
+
+
+def _inverse(size: int) -> ca.Function:
+    gram, level = ca.SX.sym("M", size, size), ca.SX.sym("t")
+    return ca.Function("inverse", [gram, level], [inverse(gram - level * ca.SX.eye(size))])

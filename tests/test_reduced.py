@@ -1,0 +1,169 @@
+"""Max-min in reduced space: its derivatives, its two stages, and what it refuses."""
+
+from functools import partial
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from formulations import max_min, measures, reduced, residual
+from formulations.catalogue import arm
+from formulations.measures.unequal_failures import FailureModel
+from formulations.solving.setup import Setup
+from formulations.solving.solve import solve
+from nlp.errors import InputError
+from nlp.multistart import multistart
+from nlp.solver import Solver
+
+UNIT_7R = arm("unit-revolute", 7)
+BEST = {7: 0.5714829681, 8: np.sqrt(2 / 3), 12: np.sqrt(2)}
+
+
+class Coupled:
+    """A robot in miniature: four variables move all seven columns."""
+
+    shape, size = (6, 7), 4
+    bounds = np.full(4, -np.inf), np.full(4, np.inf)
+    fixed_trace = 14.0
+
+    def symbols(self):
+        return ca.SX.sym("q", 4)
+
+    def matrix(self, variables):
+        mixed = np.random.default_rng(3).normal(size=(21, 4))
+        return UNIT_7R.matrix(ca.SX(mixed) @ variables)
+
+    def constraints(self, _):
+        return ()
+
+    def sample(self, rng):
+        return rng.normal(size=4)
+
+
+ARMS = {
+    "unit revolute": UNIT_7R,
+    "lever, prismatic": arm("lever-revolute:5,prismatic:3", 8),
+    "planar": arm("free", 3, 2),
+    "positional": arm("free-mean", 5, 3),
+    "coupled": Coupled(),
+}
+
+
+def at_a_point(problem, one):
+    """Values to differentiate at: x, σ and λ, with JJᵀ − tI positive definite."""
+    rng = np.random.default_rng(5)
+    x = one.sample(rng)
+    rows = sum(constraint.expression.numel() for constraint in problem.constraints)
+    if problem.size > one.size:
+        jacobian = np.array(ca.Function("J", [v := one.symbols()], [one.matrix(v)])(x))
+        x = np.append(x, 0.4 * measures.singular_values(jacobian)[-1] ** 2)
+    return x, 0.7, rng.uniform(-1, 1, rows)
+
+
+@pytest.mark.parametrize("one", ARMS.values(), ids=ARMS)
+def test_written_derivatives_are_those_of_the_expressions(one):
+    problem = reduced.build(one)
+    z, rows = problem.variables, ca.vertcat(*(c.expression for c in problem.constraints))
+    sigma, multipliers = ca.SX.sym("sigma"), ca.SX.sym("lambda", rows.numel())
+    lagrangian = sigma * problem.objective + ca.dot(multipliers, rows)
+    slopes = ca.Function("slopes", [z], [ca.jacobian(rows, z)])
+    gradient = ca.Function(
+        "g", [z, sigma, multipliers], [ca.densify(ca.gradient(lagrangian, z))]
+    )
+    second = ca.jacobian(ca.gradient(lagrangian, z), z)
+    hessian = ca.Function("h", [z, sigma, multipliers], [second])
+    x, *rest = at_a_point(problem, one)
+    written = np.array(problem.derivatives.hessian(x, *rest))
+    scale = np.abs(written).max()
+    np.testing.assert_allclose(
+        np.array(problem.derivatives.jacobian(x)), np.array(slopes(x)), atol=1e-9
+    )
+    np.testing.assert_allclose(written, np.array(hessian(x, *rest)), atol=1e-9 * scale)
+    steps = 1e-6 * np.eye(x.size)
+    ends = [[np.array(gradient(x + s * h, *rest)) for s in (1, -1)] for h in steps]
+    differences = [(after - before) / 2e-6 for after, before in ends]
+    np.testing.assert_allclose(written, np.hstack(differences), atol=1e-5 * scale)
+
+
+@pytest.mark.parametrize("one", ARMS.values(), ids=ARMS)
+def test_gauss_newton_is_the_squared_derivative_of_the_residual(one):
+    problem = residual.build(one, hessian="gauss-newton")
+    x, m = problem.variables, one.shape[0]
+    matrix = one.matrix(x)
+    gram = matrix @ matrix.T
+    defect = gram - ca.trace(gram) / m * ca.SX.eye(m)
+    slopes = ca.jacobian(ca.vec(defect), x)
+    wanted = slopes.T @ slopes + (0.1 * ca.norm_fro(defect) + 1e-8) * ca.SX.eye(one.size)
+    point, _, multipliers = at_a_point(problem, one)
+    found = problem.derivatives.hessian(point, 1.0, 0 * multipliers)
+    expected = ca.Function("w", [x], [wanted])(point)
+    np.testing.assert_allclose(np.array(found), np.array(expected), atol=1e-9)
+
+
+@pytest.mark.parametrize("joints", BEST)
+def test_two_stages_reach_the_best_and_keep_both_accounts(joints):
+    outcome = solve(joints=joints, starts=10, workers=1)
+    assert len(outcome.reached) == 10
+    assert outcome.best.merit == pytest.approx(BEST[joints], abs=2e-9)
+    for record in outcome.records:
+        stages = [*record.earlier, record.status]
+        assert len(stages) == (1 if joints == 12 else len(stages)) <= 2
+        assert all(one.iterations <= 12 for one in record.earlier)
+        if joints == 7:
+            assert [one["iterations"] for one in record.to_dict()["earlier"]] == [12]
+    assert outcome.setup.encoding == "two-stage"
+
+
+def test_levers_reach_the_best():
+    outcome = solve(model="lever-revolute", starts=4, workers=1)
+    assert len(outcome.reached) == 4
+    assert outcome.best.merit == pytest.approx(0.5746489, abs=1e-6)
+
+
+def test_both_stages_by_fatrop():
+    study = multistart(
+        partial(max_min.build, UNIT_7R), UNIT_7R.sample, starts=10, solver="fatrop"
+    )
+    for run in study.results:
+        sigma = measures.worst_case_sigma(run.solution.outputs["jacobian"])
+        assert sigma == pytest.approx(BEST[7], abs=1e-7)
+        assert run.solution.status.success
+        assert run.solution.compiled
+
+
+def test_options_go_to_both_stages_and_the_first_has_a_limit_of_its_own():
+    solution = Solver(max_min.build(UNIT_7R), {"max_iter": 3}).solve(
+        UNIT_7R.sample(np.random.default_rng(0))
+    )
+    assert [one.iterations for one in (*solution.earlier, solution.status)] == [3, 3]
+    assert not solution.status.success
+
+
+@pytest.mark.parametrize("encoding", max_min.REDUCED)
+def test_a_start_without_rank_is_a_status(encoding):
+    solution = Solver(max_min.build(UNIT_7R, encoding=encoding)).solve(np.zeros(21))
+    assert solution.status.return_status
+
+
+@pytest.mark.parametrize("encoding", max_min.REDUCED)
+@pytest.mark.parametrize(
+    "more", [{"locked": 2}, {"failures": FailureModel.equally_likely(8, never=[0])}]
+)
+def test_refuses_what_it_does_not_state(encoding, more):
+    with pytest.raises(InputError, match="one of shared-factor"):
+        Setup("max-min", "unit-revolute", encoding=encoding, **more)
+    if "locked" in more:
+        with pytest.raises(InputError, match="encoding is"):
+            max_min.build(arm("unit-revolute", 8), encoding=encoding, **more)
+
+
+def test_fatrop_refuses_joints_with_equations():
+    with pytest.raises(InputError, match="fatrop for max-min"):
+        Solver(reduced.build(arm("lever-revolute", 7)), name="fatrop")
+
+
+def test_the_hessian_of_the_residual_is_one_of_two():
+    with pytest.raises(InputError, match="exact, gauss-newton"):
+        residual.build(UNIT_7R, hessian="other")
+    with pytest.raises(InputError, match="invariant"):
+        residual.build(UNIT_7R, "paper", hessian="gauss-newton")
