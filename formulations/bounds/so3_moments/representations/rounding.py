@@ -4,7 +4,8 @@ Standard model of floating point without underflow: every operation has a relati
 most u, and sums of K products, in any order, one of at most γ_K = Ku/(1 − Ku) relative to the
 sum of the absolute values (Higham, 2002); u = 2⁻⁵³ in double precision, 2⁻⁶⁴ or less in
 extended precision. A complex product has one of at most √5 u. Exact values have norms that are
-known: columns of D^l are unit vectors, and coupling is an isometry; that keeps the bounds small.
+known: columns of D^l are unit vectors, and coupling is an isometry; that keeps the bounds
+small.
 
 A configuration is a list of quaternions whose entries are doubles; its rotations are those of
 the exactly normalised quaternions.
