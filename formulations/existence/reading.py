@@ -24,6 +24,7 @@ from formulations.existence.exact_jacobian import ExactJacobian
 from nlp.errors import FileError
 
 FILE_BYTES = 2_000_000
+MOST_VALUES = 500_000
 DIGITS = 40
 RATIONAL = re.compile(rf"-?(0|[1-9][0-9]{{0,{DIGITS - 1}}})(/[1-9][0-9]{{0,{DIGITS - 1}}})?")
 
@@ -41,7 +42,7 @@ def read(path: Path | str) -> Certificate:
     CertificateError
         If the JSON text is not a well-formed certificate.
     """
-    return _certificate(_loaded(path))
+    return _certificate(loaded(path))
 
 
 def read_either(path: Path | str) -> Certificate | ExactJacobian:
@@ -52,22 +53,30 @@ def read_either(path: Path | str) -> Certificate | ExactJacobian:
     FileError, CertificateError
         As `read` does.
     """
-    value = _loaded(path)
+    value = loaded(path)
     if isinstance(value, dict) and "columns" in value:
         return _exact_jacobian(value)
     return _certificate(value)
 
 
-def _loaded(path: Path | str) -> Any:
-    """Return what the JSON text in a file says."""
+def loaded(path: Path | str, most: int = FILE_BYTES) -> Any:
+    """Return what the JSON text in a file of at most `most` bytes says.
+
+    Raises
+    ------
+    FileError, CertificateError
+        As `read` does.
+    """
     try:
         with Path(path).open("rb") as file:
-            content = file.read(FILE_BYTES + 1)
+            content = file.read(most + 1)
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or error
         raise FileError(str(path), f"not readable ({reason})", "a readable file") from error
-    if len(content) > FILE_BYTES:
-        raise FileError(str(path), "too large", f"a file of at most {FILE_BYTES} bytes")
+    if len(content) > most:
+        raise FileError(str(path), "too large", f"a file of at most {most} bytes")
+    if sum(map(content.count, (b",", b"[", b"{"))) > MOST_VALUES:
+        raise FileError(str(path), "too complex", f"at most {MOST_VALUES} values")
     try:
         text = content.decode("utf-8")
         return json.loads(text, object_pairs_hook=_distinct_keys, parse_int=_short_integer)
@@ -88,7 +97,8 @@ def _rational(value: Any) -> Fraction:
     return Fraction(value)
 
 
-def _fields(value: Any, *names: str) -> dict[str, Any]:
+def fields_of(value: Any, *names: str) -> dict[str, Any]:
+    """Return an object with exactly these keys; CertificateError if it is none."""
     if not isinstance(value, dict):
         raise CertificateError(f"{shown(value)} is not an object with {', '.join(names)}.")
     for name in names:
@@ -103,9 +113,9 @@ def _fields(value: Any, *names: str) -> dict[str, Any]:
 def _equation(value: Any) -> tuple[Any, tuple[int, ...]]:
     """Return kind and place; the record decides whether there is such an equation."""
     if isinstance(value, dict) and value.get("kind") == "row-sum":
-        return "row-sum", (_fields(value, "kind", "row")["row"],)
-    fields = _fields(value, "kind", "entry")
-    return fields["kind"], _at("entry", _list_of(_same), fields["entry"])
+        return "row-sum", (fields_of(value, "kind", "row")["row"],)
+    fields = fields_of(value, "kind", "entry")
+    return fields["kind"], at("entry", list_of(_same), fields["entry"])
 
 
 def _placed(equation: tuple[Any, tuple[int, ...]], **parts: Any) -> Multiplier:
@@ -117,24 +127,26 @@ def _record(make: Callable[..., Record], **parts: Reader[Any]) -> Reader[Record]
     """Return the reader of an object with exactly these parts."""
 
     def read_record(value: Any) -> Record:
-        fields = _fields(value, *parts)
+        fields = fields_of(value, *parts)
         return make(
-            **{name: _at(name, read_one, fields[name]) for name, read_one in parts.items()}
+            **{name: at(name, read_one, fields[name]) for name, read_one in parts.items()}
         )
 
     return read_record
 
 
-def _list_of(read_one: Reader[Record]) -> Reader[tuple[Record, ...]]:
+def list_of(read_one: Reader[Record]) -> Reader[tuple[Record, ...]]:
+    """Return the reader of a list; each part is read by `read_one`."""
+
     def read_all(value: Any) -> tuple[Record, ...]:
         if not isinstance(value, list):
             raise CertificateError(f"{shown(value)} is not a list.")
-        return tuple(_at(f"[{place}]", read_one, item) for place, item in enumerate(value))
+        return tuple(at(f"[{place}]", read_one, item) for place, item in enumerate(value))
 
     return read_all
 
 
-def _at(place: str, read_one: Reader[Record], value: Any) -> Record:
+def at(place: str, read_one: Reader[Record], value: Any) -> Record:
     """Read a part; if it is refused, put its place into the message."""
     try:
         return read_one(value)
@@ -164,26 +176,26 @@ def _number_term(value: Any) -> tuple[Fraction, tuple[Any, ...]]:
     """Read a coefficient and the indices of roots; the record checks the indices."""
     if not isinstance(value, list) or len(value) != 2:
         raise CertificateError(f"{shown(value)} is not a list of a coefficient and its roots.")
-    return _rational(value[0]), _list_of(_same)(value[1])
+    return _rational(value[0]), list_of(_same)(value[1])
 
 
-_pairs = _list_of(_list_of(_same))
+_pairs = list_of(list_of(_same))
 _monomial: dict[str, Reader[Any]] = {"coefficient": _rational, "w": _pairs, "wbar": _pairs}
 _term = _record(Term, **_monomial)
-_square = _record(Square, weight=_rational, terms=_list_of(_term))
+_square = _record(Square, weight=_rational, terms=list_of(_term))
 _multiplier = _record(_placed, equation=_equation, **_monomial)
 _certificate = _record(
     Certificate,
     joints=_same,
     constant=_rational,
-    squares=_list_of(_square),
-    multipliers=_list_of(_multiplier),
+    squares=list_of(_square),
+    multipliers=list_of(_multiplier),
 )
-_number = _list_of(_number_term)
+_number = list_of(_number_term)
 _exact_jacobian = _record(
     ExactJacobian,
     joints=_same,
     six_joint_arms=_same,
-    roots=_list_of(_number),
-    columns=_list_of(_list_of(_number)),
+    roots=list_of(_number),
+    columns=list_of(list_of(_number)),
 )

@@ -8,18 +8,14 @@ errors of these values, |f| ≤ δ everywhere, and ρ = b + s̄ + f ≥ b − δ
 
 from collections.abc import Sequence
 from math import inf, nextafter
+from pathlib import Path
 
 import numpy as np
 
 from formulations.bounds.certified import best_known
-from formulations.bounds.so3_moments.blocks.enclosed_squares import (
-    SAFETY,
-    enclosed_block,
-    enclosed_sums,
-)
-from formulations.bounds.so3_moments.blocks.invariant_basis import invariant_basis
-from formulations.bounds.so3_moments.blocks.invariants import invariant_dimension
+from formulations.bounds.so3_moments.blocks.enclosed_squares import enclosed_block
 from formulations.bounds.so3_moments.blocks.sampled_blocks import SectorBlocks, sector_families
+from formulations.bounds.so3_moments.certificate import BoundCertificate, squares_of
 from formulations.bounds.so3_moments.global_bound import GlobalBound
 from formulations.bounds.so3_moments.programs.multipliers import (
     refined_multipliers,
@@ -28,27 +24,24 @@ from formulations.bounds.so3_moments.programs.multipliers import (
 from formulations.bounds.so3_moments.relaxation import (
     Progress,
     check_joints,
-    residual_values,
     silent,
     solve_relaxation,
 )
 from formulations.bounds.so3_moments.representations.rounding import (
-    EXTENDED_UNIT,
-    ROTATION_ENTRY,
-    UNIT,
-    gamma,
     require_extended_precision,
 )
-from formulations.bounds.so3_moments.representations.wigner import (
-    jacobians_of,
-    random_rotations,
-)
 from formulations.bounds.so3_moments.residual_bound import residual_preset
+from formulations.bounds.so3_moments.verification import (
+    candidate_points,
+    sum_of_squares_defect,
+)
 from nlp.arrays import FloatArray, Rng, one_blas_thread
 from nlp.errors import InputError
+from nlp.files import prepare_file, write_text
 
 _DEGREE = 12
-_CANDIDATES, _POINTS = 1000, 600
+# A certificate states the bound that was proved less this.
+_MARGIN = 1e-8
 # Multipliers well inside of the cone can be made to satisfy the equations to the last digits.
 _GAP = 3e-8
 _HOW_CHECKED = (
@@ -64,6 +57,7 @@ def rigorous_residual_bound(
     *,
     rng: Rng = 0,
     progress: Progress = silent,
+    out: Path | None = None,
 ) -> GlobalBound:
     """Prove a lower bound on ½‖JJᵀ − (n/3)I‖_F² of all unit revolute Jacobians.
 
@@ -74,9 +68,12 @@ def rigorous_residual_bound(
     joints
         Number n of joints, 6 to 9.
     rng
-        Seed of the configurations, or a generator.
+        Seed of the configurations of the program, or a generator. Those of the proof are
+        those of `verify_bound`.
     progress
         Receives a short message at each step.
+    out
+        Where to write the certificate; nowhere if left out.
 
     Returns
     -------
@@ -92,8 +89,12 @@ def rigorous_residual_bound(
         If the solver gives no multipliers.
     NoBasisError
         If the points do not determine all invariants.
+    FileError
+        If the certificate cannot be written.
     """
     require_extended_precision()
+    if out is not None:
+        prepare_file(out)
     sectors = residual_preset(preset)
     check_joints(joints)
     generator = np.random.default_rng(rng)
@@ -101,12 +102,15 @@ def rigorous_residual_bound(
     solved = solve_relaxation(families, joints, generator, gap=_GAP, progress=progress)
     multipliers = refined_multipliers(solved.program, solved.multipliers)
     progress("bounding the difference of the two sides over all configurations")
-    candidates = random_rotations(generator, _CANDIDATES, joints, extended=True)
+    candidates, points = candidate_points(joints, _DEGREE)
     claimed = solved.program.dual_value(multipliers)
     details = bound_defect(
-        families, multipliers, claimed, candidates, points=_POINTS, progress=progress
+        families, multipliers, claimed, candidates, points=points, progress=progress
     )
-    bound = max(0.0, nextafter(claimed - details["defect"], -inf))
+    proved = nextafter(claimed - details["defect"], -inf)
+    if out is not None:
+        certificate = residual_certificate(families, multipliers, claimed, proved)
+        write_text(out, certificate.to_json())
     evidence = solved.evidence(
         _HOW_CHECKED,
         {"claimed_bound": claimed, **details},
@@ -115,7 +119,9 @@ def rigorous_residual_bound(
         phase="proof",
     )
     best = best_known("residual", "unit-revolute", joints)
-    return GlobalBound("residual", joints, preset, "rigorous", bound, best, **vars(evidence))
+    return GlobalBound(
+        "residual", joints, preset, "rigorous", max(0.0, proved), best, **vars(evidence)
+    )
 
 
 def bound_defect(
@@ -159,59 +165,36 @@ def bound_defect(
     ------
     InputError
         If a block has rows of more than half of `degree`: then its squares are outside of the
-        space of invariants; or if the rotations are not in extended precision.
+        space of invariants.
     NoBasisError
         If the points do not determine all invariants.
     """
     for sector in (family.sector for family in families):
         if 2 * sector.degree > degree:
             raise InputError("families", sector, f"rows of degree at most {degree // 2}")
-    if candidates.dtype != np.longdouble:
-        raise InputError("candidates", candidates.dtype, "rotations in extended precision")
-    dimension = invariant_dimension(candidates.shape[1], degree)
-    progress(f"proving a basis of the {dimension} invariants of degree {degree}")
-    basis, rotations = invariant_basis(candidates, degree, dimension, points)
-    sums, errors = np.zeros(len(rotations)), np.zeros(len(rotations))
-    remaining = iter(multipliers)
-    for number, family in enumerate(families, start=1):
-        progress(f"evaluating sums of squares with error bounds: {number} of {len(families)}")
-        enclosed = [
-            enclosed_block(family, block, _root(next(remaining))) for block in family.blocks
-        ]
-        part, wrong = enclosed_sums(family, enclosed, rotations)
-        sums += part
-        errors += wrong
-    residuals = residual_values(rotations).astype(float)
-    values = residuals - claimed - sums
-    errors += residual_error(rotations)
-    errors += gamma(len(families) + 4) * (residuals + abs(claimed) + sums)
-    errors *= SAFETY
-    return {
-        "largest_value": float(np.abs(values).max()),
-        "largest_error": float(errors.max()),
-        "amplification": basis.amplification,
-        "basis_defect": basis.defect,
-        "defect": basis.largest_value(values, errors),
-    }
+    factors = map(multiplier_factor, multipliers)
+    enclosed = (
+        (family, [enclosed_block(family, block, next(factors)) for block in family.blocks])
+        for family in families
+    )
+    return sum_of_squares_defect(enclosed, claimed, candidates, degree, points, progress)
 
 
-def residual_error(rotations: FloatArray) -> FloatArray:
-    """Return a bound on the rounding error of the residual at each point.
+def residual_certificate(
+    families: Sequence[SectorBlocks],
+    multipliers: Sequence[FloatArray],
+    claimed: float,
+    proved: float,
+) -> BoundCertificate:
+    """Return the certificate of a bound that was proved with these multipliers.
 
-    The entries of J are off by `ROTATION_ENTRY` units, those of JJᵀ by the sum over the
-    columns, and a square by twice the entry times that.
+    The bound that it states is a little below: another machine rounds otherwise.
     """
-    jacobians = jacobians_of(rotations)
-    joints = jacobians.shape[-1]
-    unit = EXTENDED_UNIT if rotations.dtype == np.longdouble else UNIT
-    entry = joints * (2.1 * ROTATION_ENTRY * unit + 1.1 * gamma(joints + 4, unit))
-    gram = jacobians @ jacobians.swapaxes(-1, -2) - joints / 3 * np.eye(6)
-    size = np.sqrt(np.sum(gram**2, axis=(-1, -2)))
-    whole = 6.0 * entry
-    return np.asarray(SAFETY * (size * whole + whole**2 + gamma(40, unit) * size**2), float)
+    squares = squares_of(families, [multiplier_factor(x) for x in multipliers])
+    return BoundCertificate("residual", families[0].joints, proved - _MARGIN, claimed, squares)
 
 
-def _root(multiplier: FloatArray) -> FloatArray:
-    """Return R with RRᵀ the nearest semidefinite matrix, without columns of zeros."""
+def multiplier_factor(multiplier: FloatArray) -> FloatArray:
+    """Return L with LLᵀ the nearest semidefinite matrix, without columns of zeros."""
     root, _ = semidefinite_root(multiplier)
     return np.asarray(root[:, root.any(axis=0)])

@@ -6,6 +6,7 @@ carry odd m and summing over tableaux.
 """
 
 from collections.abc import Sequence
+from functools import cached_property
 from itertools import combinations
 from typing import Protocol, TypeAlias
 
@@ -61,7 +62,11 @@ class RowBlocks:
             PermutedRows(labels, places, sector.spin) for labels in sector.label_sets(joints)
         ]
         self.rows = [entry for entry in rows if entry.length]
-        self.blocks: list[AdaptedRows] = adapted_rows(self.rows, sector.charge)
+
+    @cached_property
+    def blocks(self) -> list[AdaptedRows]:
+        """The rows of each block."""
+        return adapted_rows(self.rows, self.sector.charge)
 
     @property
     def largest_spin(self) -> int:

@@ -61,20 +61,30 @@ def young_bases(
     values, vectors = np.linalg.eigh(0.5 * (operator + operator.T))
     found: dict[Shapes, FloatArray] = {}
     for shapes in product(*(tuple(partitions(len(group))) for group in groups)):
-        names = tableau_contents(shapes)
-        start = names.index(tuple(row_reading_contents(shape) for shape in shapes))
+        start = tableau_contents(shapes)[first_tableau(shapes)]
         contents = {
             joint: content
-            for group, row in zip(groups, names[start], strict=True)
+            for group, row in zip(groups, start, strict=True)
             for joint, content in zip(group, row, strict=False)
         }
         wanted = sum(_WEIGHTS[joint] * content for joint, content in contents.items())
         near = vectors[:, np.abs(values - wanted) < _WINDOW]
         first = _joint_eigenvectors(near, elements, contents)
         if first.shape[1]:
-            bases = _all_tableaux(first, start, exchanges, groups, shapes)
-            found[shapes] = _averaged(bases, exchanges, groups, shapes)
+            found[shapes] = all_tableaux(first, exchanges, groups, shapes)
     return found
+
+
+def first_tableau(shapes: Shapes) -> int:
+    """Return the number of the tableau that is filled row after row."""
+    return tableau_contents(shapes).index(tuple(map(row_reading_contents, shapes)))
+
+
+def all_tableaux(
+    first: FloatArray, exchanges: Mapping[int, FloatArray], groups: Groups, shapes: Shapes
+) -> FloatArray:
+    """Return the bases of all tableaux, (tableaux, rows, columns), from that of the first."""
+    return _averaged(_derived(first, exchanges, groups, shapes), exchanges, groups, shapes)
 
 
 def _jucys_murphy(exchanges: Mapping[int, FloatArray], groups: Groups) -> dict[int, FloatArray]:
@@ -107,14 +117,11 @@ def _joint_eigenvectors(
     return np.asarray(near @ vectors[:, values < 0.5])
 
 
-def _all_tableaux(
-    first: FloatArray,
-    start: int,
-    exchanges: Mapping[int, FloatArray],
-    groups: Groups,
-    shapes: Shapes,
+def _derived(
+    first: FloatArray, exchanges: Mapping[int, FloatArray], groups: Groups, shapes: Shapes
 ) -> FloatArray:
-    """Return the bases of all tableaux from that of one, by Young's orthogonal form."""
+    """Return the bases of all tableaux from that of the first, by Young's orthogonal form."""
+    start = first_tableau(shapes)
     bases: dict[int, FloatArray] = {start: first}
     waiting = [start]
     while waiting:
