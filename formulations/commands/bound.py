@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from enum import StrEnum
+from pathlib import Path
 from typing import Annotated, Any
 
 import typer
@@ -40,6 +41,7 @@ _USED_BY = {
     "order": (Quantity.EXISTENCE,),
     "preset": _UNIT_REVOLUTE,
     "rigorous": _UNIT_REVOLUTE,
+    "out": (Quantity.RESIDUAL,),
     "seed": _UNIT_REVOLUTE,
     "solver": (Quantity.WORST_CASE, Quantity.EXISTENCE, Quantity.RESIDUAL),
 }
@@ -94,6 +96,15 @@ def bound(
             "theorem.",
         ),
     ] = False,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="residual, with --rigorous: where to write the certificate (JSON), for "
+            "`lockedjoint verify`.",
+            show_default=False,
+        ),
+    ] = None,
     seed: Seed = 0,
     solver: Annotated[
         str | None,
@@ -129,7 +140,7 @@ def bound(
         plain = _worst_case(joints, task_dimension, trace, lever_arm, conic)
         text = _without_multipliers
     else:
-        plain = _unit_revolute(quantity, joints, preset, rigorous, seed, solver)
+        plain = _unit_revolute(quantity, joints, preset, rigorous, seed, solver, out)
     show(plain, as_json, text)
     if plain.get("verdict") == "undecided" or plain.get("singular_value_bound", 0) is None:
         raise typer.Exit(UNDECIDED)
@@ -152,7 +163,13 @@ def _worst_case(
 
 
 def _unit_revolute(
-    quantity: Quantity, joints: int, preset: str, rigorous: bool, seed: int, solver: str | None
+    quantity: Quantity,
+    joints: int,
+    preset: str,
+    rigorous: bool,
+    seed: int,
+    solver: str | None,
+    out: Path | None,
 ) -> dict[str, Any]:
     from formulations.bounds.so3_moments.max_min_bound import max_min_bound
     from formulations.bounds.so3_moments.residual_bound import residual_bound
@@ -163,10 +180,12 @@ def _unit_revolute(
         if rigorous:
             raise InputError("--solver", solver, "none with --rigorous")
         check_solver(solver, "predictor-corrector")
+    if out is not None and not rigorous:
+        raise InputError("--out", str(out), "none without --rigorous")
     if quantity is Quantity.MAX_MIN:
         found = max_min_bound(preset, joints, rigorous=rigorous, rng=seed, progress=progress)
     elif rigorous:
-        found = rigorous_residual_bound(preset, joints, rng=seed, progress=progress)
+        found = rigorous_residual_bound(preset, joints, rng=seed, progress=progress, out=out)
     else:
         found = residual_bound(preset, joints, solver=solver, rng=seed, progress=progress)
     return found.to_dict()

@@ -1,11 +1,11 @@
-"""``lockedjoint verify``: check a certificate in exact arithmetic, by expansion alone."""
+"""``lockedjoint verify``: check a certificate in code that shares nothing with the search."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
-from formulations.commands.arguments import Json, whole_option
+from formulations.commands.arguments import Json, progress, whole_option
 from formulations.commands.output import show
 
 MOST_SAMPLES = 1_000_000
@@ -16,7 +16,7 @@ def verify(
         Path | None,
         typer.Argument(
             metavar="FILE",
-            help="A certificate in JSON; by default the one that the package includes.",
+            help="A certificate in JSON; by default that of nonexistence in the package.",
             show_default=False,
         ),
     ] = None,
@@ -32,41 +32,42 @@ def verify(
     ] = 0,
     as_json: Json = False,
 ) -> None:
-    """Verify that no optimally failure-tolerant 7R Jacobian exists, or that an nR does, n ≥ 8.
+    """Verify that an optimally failure-tolerant Jacobian exists, that none does, or a bound.
 
-    Expands the polynomials, or multiplies out the columns, in exact arithmetic, in code that
-    shares nothing with the derivation. Exit status 0 if the proof holds, 1 if it does not, 2
-    if the file is unreadable.
+    Existence and nonexistence: expands the polynomials, or multiplies out the columns, in
+    exact arithmetic. A bound of `lockedjoint bound --rigorous`: evaluates its sum of squares
+    with all rounding errors bounded, in minutes. The code shares nothing with the derivation
+    or the solver. Exit status 0 if the proof holds, 1 if it does not, 2 if the file is
+    unreadable.
     """
-    from formulations.existence.certificate import CertificateError
-    from formulations.existence.evaluate import defects
-    from formulations.existence.exact_jacobian import ExactJacobian, verify_existence
-    from formulations.existence.reading import read_either
+    from formulations.bounds.so3_moments.certificate import read_any
+    from formulations.existence.certificate import Certificate
+    from formulations.existence.exact_jacobian import ExactJacobian
     from formulations.existence.theorem import package_certificate
-    from formulations.existence.verify import verify as expand
     from nlp.errors import InputError
 
-    certificate = package_certificate() if file is None else read_either(file)
-    if isinstance(certificate, ExactJacobian):
-        if samples:
-            allowed = "0 for a certificate of existence, which has no identity to evaluate"
-            raise InputError("--samples", samples, allowed)
-        equations = verify_existence(certificate)
-        n = certificate.joints
-        verdict = f"proved: an optimally failure-tolerant {n}R Jacobian exists"
-        sizes = {
-            "joints": n,
-            "columns": len(certificate.columns),
-            "six_joint_arms": certificate.six_joint_arms,
-            "square_roots": len(certificate.roots),
-            "equations": equations,
-        }
-        show({"verdict": verdict, **sizes}, as_json)
+    certificate = package_certificate() if file is None else read_any(file)
+    if isinstance(certificate, Certificate):
+        show(_nonexistence(certificate, samples), as_json)
         return
+    if samples:
+        allowed = "0 for a certificate of existence or of a bound, without such an identity"
+        raise InputError("--samples", samples, allowed)
+    if isinstance(certificate, ExactJacobian):
+        show(_existence(certificate), as_json)
+    else:
+        show(_bound(certificate), as_json)
+
+
+def _nonexistence(certificate: Any, samples: int) -> dict[str, Any]:
+    from formulations.existence.certificate import CertificateError
+    from formulations.existence.evaluate import defects
+    from formulations.existence.verify import verify as expand
+
     report = expand(certificate)
     if samples and any(defects(certificate, samples=samples)):
         raise CertificateError("the identity does not hold at a random matrix.")
-    found = {
+    return {
         "verdict": "proved: no optimally failure-tolerant 7R Jacobian exists",
         "joints": report.joints,
         "constant": str(report.constant),
@@ -75,4 +76,27 @@ def verify(
         "averages_that_cancelled": report.monomials,
         "random_matrices": samples,
     }
-    show(found, as_json)
+
+
+def _existence(certificate: Any) -> dict[str, Any]:
+    from formulations.existence.exact_jacobian import verify_existence
+
+    equations = verify_existence(certificate)
+    n = certificate.joints
+    return {
+        "verdict": f"proved: an optimally failure-tolerant {n}R Jacobian exists",
+        "joints": n,
+        "columns": len(certificate.columns),
+        "six_joint_arms": certificate.six_joint_arms,
+        "square_roots": len(certificate.roots),
+        "equations": equations,
+    }
+
+
+def _bound(certificate: Any) -> dict[str, Any]:
+    from formulations.bounds.so3_moments.verification import verify_bound
+
+    found = verify_bound(certificate, progress=progress)
+    symbol = {"residual": "½‖JJᵀ − (n/3)I‖_F²"}[found.quantity]
+    statement = f"{symbol} ≥ {found.claimed} for every unit revolute {found.joints}R Jacobian"
+    return {"verdict": f"proved: {statement}", **found.to_dict()}

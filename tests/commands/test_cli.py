@@ -267,6 +267,7 @@ def test_reproduce_writes_every_row(lockedjoint, tmp_path):
         ("bound", "--quantity", "residual", "--solver", "NOTHING", "--preset", "low"),
         ("bound", "--quantity", "residual", "--rigorous", "--solver", "CLARABEL"),
         ("bound", "--quantity", "max-min", "--preset", "localised", "--rigorous"),
+        ("bound", "--quantity", "residual", "--out", "bound.json"),
         ("bound", "--quantity", "max-min", "--lever-arm", "1"),
         ("bound", "--rigorous"),
         ("bound", "--preset", "fast"),

@@ -7,7 +7,7 @@ errors of these values, |f| ≤ δ everywhere, and ρ = b + s̄ + f ≥ b − δ
 """
 
 from collections.abc import Sequence
-from math import inf, nextafter
+from math import floor, inf, nextafter
 from pathlib import Path
 
 import numpy as np
@@ -33,20 +33,20 @@ from formulations.bounds.so3_moments.representations.rounding import (
 from formulations.bounds.so3_moments.residual_bound import residual_preset
 from formulations.bounds.so3_moments.verification import (
     candidate_points,
+    degree_of,
     sum_of_squares_defect,
 )
 from nlp.arrays import FloatArray, Rng, one_blas_thread
 from nlp.errors import InputError
 from nlp.files import prepare_file, write_text
 
-_DEGREE = 12
-# A certificate states the bound that was proved less this.
-_MARGIN = 1e-8
+# A certificate states the bound that was proved, less 1e-8 and rounded down to as many digits.
+_DIGITS = 8
 # Multipliers well inside of the cone can be made to satisfy the equations to the last digits.
 _GAP = 3e-8
 _HOW_CHECKED = (
-    "sum of squares by construction; its difference from the residual is an invariant of "
-    "degree 12, bounded everywhere by its values at as many points, all rounding bounded"
+    "sum of squares by construction; its difference from the residual is an invariant "
+    "polynomial, bounded everywhere by its values at points, all rounding bounded"
 )
 
 
@@ -64,7 +64,8 @@ def rigorous_residual_bound(
     Parameters
     ----------
     preset
-        ``"fast"``, ``"compact"`` or ``"tight"``: where the sum of squares comes from.
+        ``"low"``, ``"fast"``, ``"compact"`` or ``"tight"``: where the sum of squares comes
+        from.
     joints
         Number n of joints, 6 to 9.
     rng
@@ -102,10 +103,17 @@ def rigorous_residual_bound(
     solved = solve_relaxation(families, joints, generator, gap=_GAP, progress=progress)
     multipliers = refined_multipliers(solved.program, solved.multipliers)
     progress("bounding the difference of the two sides over all configurations")
-    candidates, points = candidate_points(joints, _DEGREE)
+    degree = degree_of(sectors)
+    candidates, points = candidate_points(joints, degree)
     claimed = solved.program.dual_value(multipliers)
     details = bound_defect(
-        families, multipliers, claimed, candidates, points=points, progress=progress
+        families,
+        multipliers,
+        claimed,
+        candidates,
+        degree=degree,
+        points=points,
+        progress=progress,
     )
     proved = nextafter(claimed - details["defect"], -inf)
     if out is not None:
@@ -130,7 +138,7 @@ def bound_defect(
     claimed: float,
     candidates: FloatArray,
     *,
-    degree: int = _DEGREE,
+    degree: int = 12,
     points: int | None = None,
     progress: Progress = silent,
 ) -> dict[str, float]:
@@ -190,8 +198,9 @@ def residual_certificate(
 
     The bound that it states is a little below: another machine rounds otherwise.
     """
+    stated = (floor(proved * 10**_DIGITS) - 1) / 10**_DIGITS
     squares = squares_of(families, [multiplier_factor(x) for x in multipliers])
-    return BoundCertificate("residual", families[0].joints, proved - _MARGIN, claimed, squares)
+    return BoundCertificate("residual", families[0].joints, stated, claimed, squares)
 
 
 def multiplier_factor(multiplier: FloatArray) -> FloatArray:

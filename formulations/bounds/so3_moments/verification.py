@@ -6,10 +6,11 @@ the difference of the two sides is evaluated at points of the verifier's own cho
 determines an invariant polynomial everywhere (docs/bounds.md, section 3).
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import asdict, dataclass
+from functools import cache
 from math import inf, nextafter
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -35,6 +36,7 @@ from formulations.bounds.so3_moments.representations.rounding import (
     gamma,
     require_extended_precision,
 )
+from formulations.bounds.so3_moments.representations.row_sectors import RowSector
 from formulations.bounds.so3_moments.representations.wigner import (
     jacobians_of,
     random_rotations,
@@ -45,11 +47,12 @@ from nlp.arrays import FloatArray, Rng, one_blas_thread
 from nlp.errors import InputError
 
 # One sector: its rows, and its squares with bounds on what is wrong with them.
-EnclosedSector: TypeAlias = tuple[SectorBlocks, Sequence[EnclosedBlock]]
+EnclosedSector: TypeAlias = tuple[SectorBlocks, list[EnclosedBlock]]
 Progress: TypeAlias = Callable[[str], None]
 
 # Candidates and points for each invariant: as many as determine them well.
 _CANDIDATES, _POINTS = 2.1, 1.26
+_dimension = cache(invariant_dimension)
 
 
 @dataclass(frozen=True)
@@ -79,6 +82,10 @@ class VerifiedBound:
     squares: int
     check: Mapping[str, float]
 
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain values for the command line and JSON."""
+        return asdict(self)
+
 
 @one_blas_thread()
 def verify_bound(
@@ -107,8 +114,7 @@ def verify_bound(
         If this machine has no extended precision.
     """
     require_extended_precision()
-    degree = max((2 * sector.degree for sector, _ in certificate.sectors), default=4)
-    degree = max(degree, 4)
+    degree = degree_of(sector for sector, _ in certificate.sectors)
     candidates, points = candidate_points(certificate.joints, degree, rng)
     check = sum_of_squares_defect(
         _enclosed(certificate), certificate.constant, candidates, degree, points, progress
@@ -126,9 +132,14 @@ def verify_bound(
     )
 
 
+def degree_of(sectors: Iterable[RowSector]) -> int:
+    """Return the largest degree of squares of rows of these sectors, and of the residual."""
+    return max((2 * sector.degree for sector in sectors if sector.degree > 2), default=4)
+
+
 def candidate_points(joints: int, degree: int, rng: Rng = 0) -> tuple[FloatArray, int]:
     """Return candidates for the points, in extended precision, and how many to keep."""
-    dimension = invariant_dimension(joints, degree)
+    dimension = _dimension(joints, degree)
     generator = np.random.default_rng(rng)
     count = round(_CANDIDATES * dimension) + 10
     points = round(_POINTS * dimension) + 5
@@ -136,7 +147,7 @@ def candidate_points(joints: int, degree: int, rng: Rng = 0) -> tuple[FloatArray
 
 
 def sum_of_squares_defect(
-    sectors: Iterator[EnclosedSector] | Sequence[EnclosedSector],
+    sectors: Iterable[EnclosedSector],
     constant: float,
     candidates: FloatArray,
     degree: int,
@@ -177,7 +188,7 @@ def sum_of_squares_defect(
     """
     if candidates.dtype != np.longdouble:
         raise InputError("candidates", candidates.dtype, "rotations in extended precision")
-    dimension = invariant_dimension(candidates.shape[1], degree)
+    dimension = _dimension(candidates.shape[1], degree)
     progress(f"proving a basis of the {dimension} invariants of degree {degree}")
     basis, rotations = invariant_basis(candidates, degree, dimension, points)
     sums, errors = np.zeros(len(rotations)), np.zeros(len(rotations))

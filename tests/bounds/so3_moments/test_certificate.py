@@ -1,0 +1,439 @@
+"""The certificate of a bound proves what it states; whatever is done to it proves no more."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from base64 import b64decode, b64encode
+from collections.abc import Callable
+from dataclasses import replace
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from formulations.bounds.so3_moments import certificate as format_module
+from formulations.bounds.so3_moments import rigorous_residual, verification
+from formulations.bounds.so3_moments.blocks import sampled_blocks
+from formulations.bounds.so3_moments.blocks.sampled_blocks import sector_families
+from formulations.bounds.so3_moments.certificate import (
+    BoundCertificate,
+    IllFormedError,
+    read_any,
+)
+from formulations.bounds.so3_moments.programs.multipliers import refined_multipliers
+from formulations.bounds.so3_moments.relaxation import solve_relaxation
+from formulations.bounds.so3_moments.representations.row_sectors import degree_sectors
+from formulations.bounds.so3_moments.representations.wigner import random_rotations
+from formulations.bounds.so3_moments.rigorous_residual import (
+    residual_certificate,
+    rigorous_residual_bound,
+)
+from formulations.bounds.so3_moments.verification import enclosed_residuals, verify_bound
+from formulations.existence.certificate import Certificate, CertificateError
+from formulations.existence.exact_jacobian import ExactJacobian
+from nlp.errors import FileError
+
+ROOT = Path(__file__).parents[3]
+Change = Callable[[dict[str, Any]], object]
+
+
+@pytest.fixture(scope="module")
+def certificate() -> BoundCertificate:
+    """Six joints, rows of degree 4: ρ ≥ −1e-5, where 0 is attained."""
+    families = sector_families(degree_sectors(4, range(1), range(1)), 6)
+    solved = solve_relaxation(families, 6, np.random.default_rng(0), gap=1e-6)
+    multipliers = refined_multipliers(solved.program, solved.multipliers)
+    constant = solved.program.dual_value(multipliers)
+    return residual_certificate(families, multipliers, constant, constant - 1e-5)
+
+
+@pytest.fixture
+def document(certificate: BoundCertificate) -> dict[str, Any]:
+    loaded: dict[str, Any] = json.loads(certificate.to_json())
+    return loaded
+
+
+@pytest.fixture(scope="module", autouse=True)
+def one_basis() -> Any:
+    """The basis does not depend on the file, and takes most of the time: made once."""
+    made: dict[bytes, Any] = {}
+    basis = verification.invariant_basis
+
+    def once(candidates: Any, *arguments: Any) -> Any:
+        key = candidates.tobytes()
+        if key not in made:
+            made[key] = basis(candidates, *arguments)
+        return made[key]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(verification, "invariant_basis", once)
+        yield
+
+
+def written(path: Path, document: dict[str, Any]) -> Path:
+    path.write_text(json.dumps(document))
+    return path
+
+
+def test_it_is_read_as_it_was_written_and_proves_its_bound(
+    certificate: BoundCertificate, tmp_path: Path
+) -> None:
+    path = tmp_path / "bound.json"
+    path.write_text(certificate.to_json())
+    read = read_any(path)
+    assert read.to_json() == certificate.to_json()
+    found = verify_bound(read)
+    assert -1.1e-5 < found.claimed <= found.bound < 0
+    assert found.claimed == certificate.bound
+    assert found.squares == sum(
+        block.factor.shape[1] for _, blocks in certificate.sectors for block in blocks
+    )
+
+
+def test_the_proof_holds_at_other_points(certificate: BoundCertificate) -> None:
+    first, second = (verify_bound(certificate, rng=seed).bound for seed in (1, 2))
+    assert first != second
+    assert min(first, second) >= certificate.bound
+
+
+def test_other_signs_and_orders_of_eigenvectors_prove_the_same(
+    certificate: BoundCertificate,
+) -> None:
+    """U is replaced by UQ and L by QᵀL, as if another machine had made the bases."""
+    rng = np.random.default_rng(3)
+
+    def turned(block: Any) -> Any:
+        factor = block.factor.copy()
+        rows: dict[int, Any] = {}
+        for number, one in enumerate(block.rows):
+            size = one.basis.shape[1]
+            same = [r for r in rows.values() if r[0] == one.first]
+            q = same[0][1] if same else np.linalg.qr(rng.standard_normal((size, size)))[0]
+            rows[number] = (one.first, q)
+            if not same:
+                place = slice(one.first, one.first + size)
+                factor[place] = q.T @ block.factor[place]
+        parts = tuple(
+            replace(one, basis=one.basis @ rows[number][1])
+            for number, one in enumerate(block.rows)
+        )
+        return replace(block, rows=parts, factor=factor)
+
+    other = replace(
+        certificate,
+        sectors=tuple((s, tuple(map(turned, blocks))) for s, blocks in certificate.sectors),
+    )
+    bounds = [verify_bound(one).bound for one in (certificate, other)]
+    assert bounds[0] == pytest.approx(bounds[1], abs=1e-10)
+
+
+def test_nothing_is_shared_with_the_search(
+    certificate: BoundCertificate, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    code = (
+        "import sys, formulations.bounds.so3_moments.verification;"
+        "print(*(m for m in sys.modules if m.startswith(('cvxpy', 'clarabel', 'casadi')) or"
+        " m.startswith('formulations.')))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], check=True, capture_output=True, text=True, cwd=ROOT
+    )
+    loaded = {name.removeprefix("formulations.") for name in done.stdout.split()}
+    room = "bounds.so3_moments"
+    assert f"{room}.verification" in loaded
+    for name in ("relaxation", "residual_bound", "rigorous_residual", "programs"):
+        assert not any(one.startswith(f"{room}.{name}") for one in loaded)
+    assert not any(one.startswith(("cvxpy", "clarabel", "casadi")) for one in loaded)
+
+    def searched(*_: Any, **__: Any) -> Any:
+        raise AssertionError("the verifier must not sample blocks or find bases")
+
+    monkeypatch.setattr(sampled_blocks, "adapted_rows", searched)
+    monkeypatch.setattr(sampled_blocks.RowBlocks, "mean_squares", searched)
+    path = tmp_path / "bound.json"
+    path.write_text(certificate.to_json())
+    assert verify_bound(read_any(path)).bound >= certificate.bound
+
+
+def matrix_of(text: str) -> Any:
+    return np.frombuffer(b64decode(text), dtype="<f8").copy()
+
+
+def text_of(matrix: Any) -> str:
+    return b64encode(matrix.astype("<f8").tobytes()).decode()
+
+
+def at(document: Any, *way: Any) -> Any:
+    for step in way:
+        document = document[step]
+    return document
+
+
+def put(*way_and_value: Any) -> Change:
+    *way, key, value = way_and_value
+
+    def change(document: dict[str, Any]) -> None:
+        at(document, *way)[key] = value
+
+    return change
+
+
+def without(*way: Any) -> Change:
+    *before, key = way
+    return lambda document: at(document, *before).pop(key)
+
+
+def twice(*way: Any, times: int = 1) -> Change:
+    return lambda document: at(document, *way).extend(at(document, *way)[:1] * times)
+
+
+def entries(*way_and_change: Any) -> Change:
+    """Change the entries of a matrix."""
+    *way, key, changed = way_and_change
+
+    def change(document: dict[str, Any]) -> None:
+        matrix = matrix_of(at(document, *way)[key])
+        changed(matrix)
+        at(document, *way)[key] = text_of(matrix)
+
+    return change
+
+
+def setting(place: int, value: float) -> Callable[[Any], None]:
+    def change(matrix: Any) -> None:
+        matrix[place] = value
+
+    return change
+
+
+def scaled(factor: float) -> Callable[[Any], None]:
+    def change(matrix: Any) -> None:
+        matrix *= factor
+
+    return change
+
+
+BLOCK = ("sectors", 0, "blocks", 0)
+ROWS = (*BLOCK, "rows", 0)
+ILL_FORMED: dict[str, Change] = {
+    **{f"no {name}": without(name) for name in ("format", "joints", "bound", "sectors")},
+    **{f"no {name} of a block": without(*BLOCK, name) for name in ("shapes", "factor", "rows")},
+    **{f"no {name} of rows": without(*ROWS, name) for name in ("labels", "first", "basis")},
+    "no constant": without("constant"),
+    "unknown key": put("solver", "CLARABEL"),
+    "unknown key of a sector": put("sectors", 0, "locked", 1),
+    "other format": put("format", "lockedjoint bound 2"),
+    "other quantity": put("quantity", "max-min"),
+    "quantity is a list": put("quantity", []),
+    "five joints": put("joints", 5),
+    "ten joints": put("joints", 10),
+    "joints not whole": put("joints", 6.0),
+    "joints true": put("joints", True),
+    "bound NaN": put("bound", float("nan")),
+    "bound infinite": put("bound", -float("inf")),
+    "bound huge": put("bound", -1e300),
+    "bound a text": put("bound", "-1.0"),
+    "constant NaN": put("constant", float("nan")),
+    "sectors an object": put("sectors", {}),
+    "a sector twice": twice("sectors"),
+    "very many sectors": twice("sectors", times=10_000),
+    "negative charge": put("sectors", 0, "charge", -2),
+    "degree 8": put("sectors", 0, "degree", 8),
+    "spin 4": put("sectors", 0, "spin", 4),
+    "parity": put("sectors", 0, "odd", 1),
+    "a block three times": twice("sectors", 0, "blocks", times=2),
+    "no such shape": put(*BLOCK, "shapes", [[7], []]),
+    "shape not whole": put(*BLOCK, "shapes", 1, [6.0]),
+    "no such labels": put(*ROWS, "labels", [[[1, 1]], []]),
+    "labels a number": put(*ROWS, "labels", 1),
+    "first negative": put(*ROWS, "first", -1),
+    "first far away": put(*ROWS, "first", 9_999),
+    "no columns": put(*ROWS, "columns", 0),
+    "very many columns": put(*ROWS, "columns", 10**12),
+    "rows empty": put(*BLOCK, "rows", []),
+    "rows twice": twice(*BLOCK, "rows"),
+    "no squares": put(*BLOCK, "squares", 0),
+    "more squares than columns": put(*BLOCK, "squares", 10_000),
+    "basis cut": lambda d: put(*ROWS, "basis", at(d, *ROWS, "basis")[:-4])(d),
+    "basis longer": lambda d: put(*ROWS, "basis", at(d, *ROWS, "basis") + "AAAA")(d),
+    "basis not base64": lambda d: put(*ROWS, "basis", "?" + at(d, *ROWS, "basis")[1:])(d),
+    "basis not ASCII": lambda d: put(*ROWS, "basis", "é" + at(d, *ROWS, "basis")[1:])(d),
+    "basis a list": put(*ROWS, "basis", [0.0]),
+    "basis NaN": entries(*ROWS, "basis", setting(0, float("nan"))),
+    "factor infinite": entries(*BLOCK, "factor", setting(0, float("inf"))),
+    "factor huge": entries(*BLOCK, "factor", setting(0, 1e200)),
+}
+
+
+@pytest.mark.parametrize("name", ILL_FORMED)
+def test_ill_formed_files_are_refused_in_one_sentence(
+    name: str, document: dict[str, Any], tmp_path: Path
+) -> None:
+    ILL_FORMED[name](document)
+    with pytest.raises((IllFormedError, FileError)) as refused:
+        read_any(written(tmp_path / "bound.json", document))
+    assert refused.value.exit_status == 2
+    assert len(str(refused.value)) < 400
+    assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        '{"quantity": 1',
+        '{"quantity": 1, "quantity": 1}',
+        "[" * 10**6,
+        '{"quantity": [1' + ",1" * 10**6,
+    ],
+)
+def test_what_is_no_json_or_too_complex_is_refused(text: str, tmp_path: Path) -> None:
+    path = tmp_path / "bound.json"
+    path.write_text(text)
+    with pytest.raises((IllFormedError, FileError)):
+        read_any(path)
+
+
+def test_too_large_a_file_is_refused(
+    certificate: BoundCertificate, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    path = tmp_path / "bound.json"
+    path.write_text(certificate.to_json())
+    monkeypatch.setattr(format_module, "FILE_BYTES", path.stat().st_size - 1)
+    with pytest.raises(FileError, match="too large"):
+        read_any(path)
+
+
+# The block that matters most: the residual is nearly its square.
+MAIN = ("sectors", 1, "blocks", 4)
+
+
+def reverse_factors(document: dict[str, Any]) -> None:
+    for sector in document["sectors"]:
+        for block in sector["blocks"]:
+            block["factor"] = text_of(matrix_of(block["factor"])[::-1])
+
+
+def claim_more(document: dict[str, Any]) -> None:
+    document["bound"] += 0.01
+    document["constant"] += 0.01
+
+
+FALSE: dict[str, Change] = {
+    "a larger bound": put("bound", 1e-3),
+    "a larger constant": claim_more,
+    "a smaller constant": lambda d: put("constant", d["constant"] - 0.01)(d),
+    "a factor of a basis": entries(*MAIN, "rows", 2, "basis", scaled(1.01)),
+    "one entry of a basis": entries(*MAIN, "rows", 2, "basis", setting(0, 1.0)),
+    "a factor of a factor": entries(*MAIN, "factor", scaled(0.99)),
+    "a large factor": entries(*MAIN, "factor", scaled(1e4)),
+    "factors reversed": reverse_factors,
+    "a sector missing": without("sectors", 1),
+    "no sectors": put("sectors", []),
+    "no blocks": put("sectors", 1, "blocks", []),
+}
+STILL_TRUE: dict[str, Change] = {
+    "a smaller bound": put("bound", -0.5),
+    "signs of a factor": entries(*MAIN, "factor", scaled(-1.0)),
+    "the last digits": entries(*MAIN, "factor", scaled(1 + 1e-13)),
+    "sectors in another order": lambda d: d["sectors"].reverse(),
+    "blocks in another order": lambda d: at(d, "sectors", 1, "blocks").reverse(),
+}
+
+
+@pytest.mark.parametrize("name", FALSE)
+def test_squares_that_do_not_prove_the_bound_are_rejected(
+    name: str, document: dict[str, Any], tmp_path: Path
+) -> None:
+    FALSE[name](document)
+    read = read_any(written(tmp_path / "bound.json", document))
+    with pytest.raises(CertificateError, match=r"prove only residual ≥ -?[0-9]") as rejected:
+        verify_bound(read)
+    assert rejected.value.exit_status == 1
+
+
+@pytest.mark.parametrize("name", STILL_TRUE)
+def test_changes_that_prove_it_as_well_are_accepted(
+    name: str, document: dict[str, Any], tmp_path: Path
+) -> None:
+    STILL_TRUE[name](document)
+    found = verify_bound(read_any(written(tmp_path / "bound.json", document)))
+    assert found.claimed == document["bound"] <= found.bound <= 0
+
+
+def test_random_changes_never_prove_too_much(document: dict[str, Any], tmp_path: Path) -> None:
+    """Isotropic 6R Jacobians exist: ρ ≥ c is false for every c > 0."""
+    rng = np.random.default_rng(4)
+    for _ in range(4):
+        sector = document["sectors"][rng.integers(len(document["sectors"]))]
+        block = sector["blocks"][rng.integers(len(sector["blocks"]))]
+        size = rng.choice([-1, 1]) * 10.0 ** rng.integers(-9, 3)
+        entry = int(rng.integers(block["squares"]))
+        entries("factor", lambda m, entry=entry, size=size: m.__setitem__(entry, size))(block)
+        document["constant"] += float(rng.uniform(0, 0.01))
+        document["bound"] = 1e-9
+        with pytest.raises(CertificateError, match="prove only"):
+            verify_bound(read_any(written(tmp_path / "b.json", document)))
+
+
+def test_the_committed_certificate_is_well_formed() -> None:
+    read = read_any(ROOT / "results" / "bounds" / "residual_compact_certificate.json")
+    assert isinstance(read, BoundCertificate)
+    assert (read.quantity, read.joints) == ("residual", 7)
+    assert 0.0566 < read.bound < read.constant < 0.0568265457
+
+
+def test_other_certificates_are_read_as_before() -> None:
+    folder = ROOT / "results" / "existence"
+    assert isinstance(read_any(folder / "certificate.json"), Certificate)
+    assert isinstance(read_any(folder / "optimal_8.json"), ExactJacobian)
+
+
+def test_residuals_are_enclosed() -> None:
+    """Against rational arithmetic; quaternions are doubles."""
+    rotations = random_rotations(np.random.default_rng(5), 4, 7, extended=True)
+    quaternions = np.random.default_rng(5).standard_normal((4, 7, 4))
+    values, errors = enclosed_residuals(rotations)
+    for value, error, joints in zip(values, errors, quaternions, strict=True):
+        gram = [[Fraction(-7, 3) * (i == k) for k in range(6)] for i in range(6)]
+        for quaternion in joints:
+            w, x, y, z = map(Fraction, map(float, quaternion))
+            v = (w * w + x * x - y * y - z * z, 2 * (x * y + w * z), 2 * (x * z - w * y))
+            omega = (2 * (x * y - w * z), w * w - x * x + y * y - z * z, 2 * (y * z + w * x))
+            column = [c / (w * w + x * x + y * y + z * z) for c in (*v, *omega)]
+            for i in range(6):
+                for k in range(6):
+                    gram[i][k] += column[i] * column[k]
+        exact = sum(entry**2 for row in gram for entry in row) / 2
+        assert abs(exact - Fraction(float(value))) <= Fraction(float(error))
+        assert error < 1e-14 * value
+
+
+def test_verify_and_bound_on_the_command_line(
+    lockedjoint: Any, document: dict[str, Any], tmp_path: Path
+) -> None:
+    written(tmp_path / "true.json", document)
+    done = lockedjoint("verify", "true.json", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    stated = f"proved: ½‖JJᵀ − (n/3)I‖_F² ≥ {document['bound']} for every unit revolute 6R"
+    assert stated in done.stdout
+    written(tmp_path / "false.json", document | {"bound": 0.01})
+    done = lockedjoint("verify", "false.json", cwd=tmp_path)
+    assert (done.returncode, done.stdout) == (1, "")
+    assert done.stderr.startswith("Error: the file states residual ≥ 0.01, but its squares")
+    assert len(done.stderr.strip().splitlines()) == 1
+
+
+def test_bound_writes_a_certificate(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    few = degree_sectors(4, range(1), range(1))
+    monkeypatch.setattr(rigorous_residual, "residual_preset", lambda _: few)
+    path = tmp_path / "folder" / "bound.json"
+    found = rigorous_residual_bound("low", 6, out=path)
+    verified = verify_bound(read_any(path))
+    assert verified.claimed <= found.check["claimed_bound"] - found.check["defect"]
+    assert verified.claimed == pytest.approx(verified.bound, abs=3e-8)
+    with pytest.raises(FileError):
+        rigorous_residual_bound("low", 6, out=tmp_path)
