@@ -41,6 +41,8 @@ FORMAT = "lockedjoint bound 1"
 FILE_BYTES = 20_000_000
 # Limits on what a file may ask for; presets stay far below them.
 _JOINTS, _SECTORS, _LARGEST = range(6, 10), 100, 1e6
+# Smaller entries are 0, so that no product underflows.
+_SMALLEST = 1e-30
 _SECTOR_LIMITS = {"odd": 6, "charge": 6, "spin": 3, "degree": 6}
 
 # What a certificate can bound. Another quantity adds its name here, its case in `verify_bound`.
@@ -189,7 +191,11 @@ def _block_fields(block: BlockSquares) -> dict[str, Any]:
 
 
 def _encoded(matrix: FloatArray) -> str:
-    return b64encode(np.ascontiguousarray(matrix, dtype="<f8").tobytes()).decode()
+    return b64encode(_without_tiny(matrix).astype("<f8").tobytes()).decode()
+
+
+def _without_tiny(matrix: FloatArray) -> FloatArray:
+    return np.where(np.abs(matrix) < _SMALLEST, 0.0, matrix)
 
 
 def _certificate(value: Any) -> BoundCertificate:
@@ -299,7 +305,7 @@ def _matrix(value: Any, shape: tuple[int, int]) -> FloatArray:
     matrix = np.frombuffer(content, dtype="<f8").reshape(shape).astype(float)
     if not np.all(np.abs(matrix) <= _LARGEST):  # nor NaN
         raise CertificateError(f"an entry is not a number of size up to {_LARGEST:g}.")
-    return matrix
+    return _without_tiny(matrix)
 
 
 def _distinct(name: str, values: Sequence[Any], most: int) -> None:

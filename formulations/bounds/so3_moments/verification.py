@@ -51,7 +51,7 @@ EnclosedSector: TypeAlias = tuple[SectorBlocks, list[EnclosedBlock]]
 Progress: TypeAlias = Callable[[str], None]
 
 # Candidates and points for each invariant: as many as determine them well.
-_CANDIDATES, _POINTS = 2.1, 1.26
+_CANDIDATES, _POINTS = 2.08, 1.25
 _dimension = cache(invariant_dimension)
 
 

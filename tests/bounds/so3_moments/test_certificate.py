@@ -380,7 +380,7 @@ def test_random_changes_never_prove_too_much(document: dict[str, Any], tmp_path:
 
 
 def test_the_committed_certificate_is_well_formed() -> None:
-    read = read_any(ROOT / "results" / "bounds" / "residual_compact_certificate.json")
+    read = read_any(ROOT / "results" / "bounds" / "certificates" / "residual_compact.json")
     assert isinstance(read, BoundCertificate)
     assert (read.quantity, read.joints) == ("residual", 7)
     assert 0.0566 < read.bound < read.constant < 0.0568265457

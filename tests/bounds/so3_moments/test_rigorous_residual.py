@@ -43,7 +43,8 @@ from formulations.bounds.so3_moments.representations.wigner import (
     random_rotations,
     wigner_matrices,
 )
-from formulations.bounds.so3_moments.rigorous_residual import bound_defect, residual_error
+from formulations.bounds.so3_moments.rigorous_residual import bound_defect
+from formulations.bounds.so3_moments.verification import enclosed_residuals
 from nlp.errors import InputError
 
 
@@ -281,9 +282,10 @@ def test_errors_of_wigner_functions_and_rows_stay_below_their_bounds() -> None:
 def test_residuals_are_off_by_less_than_their_bound(so3: SimpleNamespace) -> None:
     rotations = so3.haar_rotations(6, 20, 7)
     turned = so3.haar_rotations(7, 1, 1)[0, 0] @ rotations
-    difference = np.abs(residual_values(turned) - residual_values(rotations))
-    assert np.all(difference < residual_error(rotations) + residual_error(turned))
-    assert residual_error(rotations).max() < 1e-11
+    (first, error), (second, other) = map(enclosed_residuals, (rotations, turned))
+    assert np.all(np.abs(first - second) < error + other)
+    assert error.max() < 1e-11
+    assert first == pytest.approx(residual_values(rotations), rel=1e-13)
 
 
 def test_refined_multipliers_satisfy_the_equations_better(
