@@ -12,7 +12,7 @@ format is refused, and sizes are limited before anything of that size is built.
 import json
 from base64 import b64decode, b64encode
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from itertools import product
@@ -26,13 +26,20 @@ from formulations.bounds.so3_moments.blocks.sampled_blocks import SectorBlocks
 from formulations.bounds.so3_moments.representations.permuted_rows import PermutedRows
 from formulations.bounds.so3_moments.representations.row_sectors import Label, RowSector
 from formulations.bounds.so3_moments.representations.young_basis import (
-    Groups,
     Shapes,
     first_tableau,
     tableau_contents,
 )
 from formulations.existence.certificate import CertificateError
-from formulations.existence.reading import at, fields_of, list_of, loaded, read_either
+from formulations.existence.reading import (
+    Reader,
+    Record,
+    at,
+    fields_of,
+    list_of,
+    loaded,
+    read_either,
+)
 from formulations.existence.relaxation.tableaux import partitions
 from nlp.arrays import FloatArray
 from nlp.errors import LockedJointError, shown
@@ -164,6 +171,8 @@ def read_any(path: Path | str) -> Any:
             return _certificate(value)
     except CertificateError as error:
         raise IllFormedError(f"{path} is no certificate: {error}") from None
+    except RecursionError:
+        raise IllFormedError(f"{path} is no certificate: it is nested too deeply.") from None
     return read_either(path)
 
 
@@ -208,8 +217,9 @@ def _certificate(value: Any) -> BoundCertificate:
         raise CertificateError(f"quantity: {shown(quantity)} is not known.")
     joints = at("joints", partial(_whole, allowed=_JOINTS), parts["joints"])
     bound, constant = (at(name, _number, parts[name]) for name in ("bound", "constant"))
-    sectors = at("sectors", list_of(partial(_sector, joints=joints)), parts["sectors"])
-    _distinct("sectors", [sector for sector, _ in sectors], _SECTORS)
+    read_sector = partial(_sector, joints=joints)
+    sectors = at("sectors", _short_list(read_sector, _SECTORS), parts["sectors"])
+    _distinct("sectors", [sector for sector, _ in sectors])
     return BoundCertificate(quantity, joints, bound, constant, sectors)
 
 
@@ -223,55 +233,59 @@ def _sector(value: Any, joints: int) -> tuple[RowSector, tuple[BlockSquares, ...
         sector = RowSector(*numbers)
     except LockedJointError as error:
         raise CertificateError(str(error)) from None
-    rows = {entry.parts: entry for entry in SectorBlocks(sector, joints).rows}
-    read_block = partial(_block, rows=rows, places=sector.places(joints))
-    blocks = at("blocks", list_of(read_block), parts["blocks"])
+    # Compared as texts: 1.0 and True would be equal to 1 as well.
+    rows = {repr(entry.parts): entry for entry in SectorBlocks(sector, joints).rows}
+    places = sector.places(joints)
+    shapes = {repr(one): one for one in product(*(partitions(len(group)) for group in places))}
     # A shape has at most two blocks: even and odd under conjugation.
-    _distinct("blocks", [(*block.shapes, two) for block, two in _counted(blocks)], 10**4)
+    read_blocks = _short_list(partial(_block, rows=rows, shapes=shapes), 2 * len(shapes))
+    blocks = at("blocks", read_blocks, parts["blocks"])
+    seen = Counter(block.shapes for block in blocks)
+    if max(seen.values(), default=0) > 2:
+        raise CertificateError("blocks: more than two have the same shapes.")
     return sector, blocks
 
 
-def _counted(blocks: Sequence[BlockSquares]) -> list[tuple[BlockSquares, int]]:
-    """Return each block, and 0 for the first of a shape, 1 for all others."""
-    seen: Counter[Shapes] = Counter()
-    found = []
-    for block in blocks:
-        found.append((block, min(seen[block.shapes], 1)))
-        seen[block.shapes] += 1
-    return found
-
-
-def _block(value: Any, rows: dict[Any, PermutedRows], places: Groups) -> BlockSquares:
+def _block(
+    value: Any, rows: Mapping[str, PermutedRows], shapes: Mapping[str, Shapes]
+) -> BlockSquares:
     parts = fields_of(value, "shapes", "rows", "squares", "factor")
-    shapes = _tuples(parts["shapes"])
-    # Not only equal: 1.0 and True are equal to 1 as well.
-    known = {repr(one): one for one in product(*(partitions(len(group)) for group in places))}
-    if repr(shapes) not in known:
+    found = shapes.get(repr(_tuples(parts["shapes"])))
+    if found is None:
         raise CertificateError(f"shapes: {shown(parts['shapes'])} are none of this sector.")
-    tableaux = len(tableau_contents(known[repr(shapes)]))
-    read_rows = partial(_rows, rows=rows, tableaux=tableaux)
-    found = at("rows", list_of(read_rows), parts["rows"])
-    _distinct("rows", [one.labels for one in found], len(rows))
-    size = max((one.first + one.basis.shape[1] for one in found), default=0)
-    if size > sum(one.basis.shape[1] for one in found):
+    read_rows = partial(_rows, rows=rows, tableaux=len(tableau_contents(found)))
+    together = at("rows", _short_list(read_rows, len(rows)), parts["rows"])
+    _distinct("rows", [one.labels for one in together])
+    size = max((one.first + one.basis.shape[1] for one in together), default=0)
+    if size > sum(one.basis.shape[1] for one in together):
         raise CertificateError(f"rows: {size} columns, but not all of them occur.")
     squares = at("squares", partial(_whole, allowed=range(1, size + 1)), parts["squares"])
     factor = at("factor", partial(_matrix, shape=(size, squares)), parts["factor"])
-    return BlockSquares(known[repr(shapes)], found, factor)
+    return BlockSquares(found, together, factor)
 
 
-def _rows(value: Any, rows: dict[Any, PermutedRows], tableaux: int) -> BlockRows:
+def _rows(value: Any, rows: Mapping[str, PermutedRows], tableaux: int) -> BlockRows:
     parts = fields_of(value, "labels", "first", "columns", "basis")
-    known = {repr(labels): entry for labels, entry in rows.items()}
-    entry = known.get(repr(_tuples(parts["labels"])))
+    entry = rows.get(repr(_tuples(parts["labels"])))
     if entry is None:
         raise CertificateError(f"labels: {shown(parts['labels'])} are none of this sector.")
-    # As many independent rows there are for each tableau, at most.
+    # At most as many as there are independent rows for each tableau.
     most = entry.length // tableaux
     columns = at("columns", partial(_whole, allowed=range(1, most + 1)), parts["columns"])
     first = at("first", partial(_whole, allowed=range(10**4)), parts["first"])
     basis = at("basis", partial(_matrix, shape=(entry.length, columns)), parts["basis"])
     return BlockRows(entry.parts, first, basis)
+
+
+def _short_list(read_one: Reader[Record], most: int) -> Reader[tuple[Record, ...]]:
+    """Return the reader of a list of limited length, which is checked first."""
+
+    def read_all(value: Any) -> tuple[Record, ...]:
+        if isinstance(value, list) and len(value) > most:
+            raise CertificateError(f"{len(value)} are more than {most}.")
+        return list_of(read_one)(value)
+
+    return read_all
 
 
 def _tuples(value: Any) -> Any:
@@ -308,8 +322,6 @@ def _matrix(value: Any, shape: tuple[int, int]) -> FloatArray:
     return _without_tiny(matrix)
 
 
-def _distinct(name: str, values: Sequence[Any], most: int) -> None:
-    if len(values) > most:
-        raise CertificateError(f"{name}: {len(values)} are more than {most}.")
+def _distinct(name: str, values: Sequence[Any]) -> None:
     if len(set(values)) < len(values):
-        raise CertificateError(f"{name}: one is given more often than a bound needs.")
+        raise CertificateError(f"{name}: one is given twice.")

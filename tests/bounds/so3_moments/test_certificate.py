@@ -297,6 +297,19 @@ def test_what_is_no_json_or_too_complex_is_refused(text: str, tmp_path: Path) ->
         read_any(path)
 
 
+@pytest.mark.parametrize("depth", range(100, 1000, 100))
+def test_deeply_nested_parts_are_refused(
+    depth: int, certificate: BoundCertificate, tmp_path: Path
+) -> None:
+    path = tmp_path / "bound.json"
+    nested = "[" * depth + "]" * depth
+    for start in ('"joints": ', '"labels": '):
+        before, after = certificate.to_json().split(start, 1)
+        path.write_text(f'{before}{start}{nested}, "rest": {after}')
+        with pytest.raises((IllFormedError, FileError)):
+            read_any(path)
+
+
 def test_too_large_a_file_is_refused(
     certificate: BoundCertificate, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
