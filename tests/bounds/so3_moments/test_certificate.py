@@ -43,7 +43,7 @@ Change = Callable[[dict[str, Any]], object]
 
 @pytest.fixture(scope="module")
 def certificate() -> BoundCertificate:
-    """Six joints, rows of degree 4: ρ ≥ −1.3e-5, where 0 is attained."""
+    """Six joints, rows of degree 4: ρ ≥ −1.6e-5, where 0 is attained."""
     families = sector_families(degree_sectors(4, range(1), range(1)), 6)
     solved = solve_relaxation(families, 6, np.random.default_rng(0), gap=1e-6)
     multipliers = refined_multipliers(solved.program, solved.multipliers)
@@ -87,7 +87,7 @@ def test_it_is_read_as_it_was_written_and_proves_its_bound(
     read = read_any(path)
     assert read.to_json() == certificate.to_json()
     found = verify_bound(read)
-    assert -1.3e-5 < found.claimed <= found.bound < 0
+    assert -1.6e-5 < found.claimed <= found.bound < 0
     assert found.claimed == certificate.bound
     assert found.squares == sum(
         block.factor.shape[1] for _, blocks in certificate.sectors for block in blocks
@@ -447,7 +447,7 @@ def test_bound_writes_a_certificate(monkeypatch: pytest.MonkeyPatch, tmp_path: P
     found = rigorous_residual_bound("low", 6, out=path)
     verified = verify_bound(read_any(path))
     constant, defect = found.check["claimed_bound"], found.check["defect"]
-    assert verified.claimed == pytest.approx(constant - 1.25 * defect, abs=2e-8)
+    assert verified.claimed == pytest.approx(constant - 1.5 * defect, abs=2e-8)
     assert verified.claimed < verified.bound < constant
     with pytest.raises(FileError):
         rigorous_residual_bound("low", 6, out=tmp_path)
