@@ -11,6 +11,7 @@ blocks of low degree; and localisers of J_f J_fᵀ − tI. If positive semidefin
 """
 
 from dataclasses import dataclass, replace
+from fractions import Fraction
 from math import inf, isfinite, nextafter, sqrt
 
 import numpy as np
@@ -42,6 +43,18 @@ _HOW_CHECKED = (
 
 
 @dataclass(frozen=True)
+class ResidualDistance:
+    """The function g(x) = (limit − ρ(x))/unit of rotations (configurations, n, 3, 3)."""
+
+    limit: float
+    unit: float
+
+    def __call__(self, rotations: FloatArray) -> FloatArray:
+        """Return g, (configurations,), in the precision of the rotations."""
+        return np.asarray((self.limit - residual_values(rotations)) / self.unit)
+
+
+@dataclass(frozen=True)
 class Conditions:
     """The conditions of a worst case that are used.
 
@@ -62,12 +75,8 @@ class Conditions:
 
 def condition_families(conditions: Conditions, joints: int, t: float) -> list[BlockFamily]:
     """Return the blocks that are positive semidefinite wherever the worst case is σ² ≥ t."""
-    limit = largest_residual(joints, t)
-    size = 5 * joints / 3  # the mean of ρ, so that all blocks have a similar size
-
-    def distance(rotations: FloatArray) -> FloatArray:
-        return np.asarray((limit - residual_values(rotations)) / size)
-
+    # In units of the mean of ρ all blocks have a similar size.
+    distance = ResidualDistance(largest_residual(joints, t), 5 * joints / 3)
     krylov = [KrylovLocaliser(sector, joints, t) for sector in conditions.krylov]
     return [
         *sector_families(conditions.plain, joints),
@@ -121,7 +130,10 @@ def exclude_worst_case(
 
 
 def largest_residual(joints: int, t: float) -> float:
-    """Return ρ_max(t), the largest ½ Σ (λ_k − n/3)² that t allows; −inf if it allows none.
+    """Return an upper bound on ρ_max(t), the largest ½ Σ (λ_k − n/3)² that t allows.
+
+    It is proved in rational arithmetic, and above ρ_max(t) by less than 1e-9 of it, as long as
+    ρ_max(t) is not tiny. It is −inf if t allows no spectrum at all.
 
     Parameters
     ----------
@@ -132,14 +144,21 @@ def largest_residual(joints: int, t: float) -> float:
 
     Notes
     -----
-    With d = λ − t, a maximum has d³ − a d² + ν = 0 for all six d and some a and ν ≥ 0, which
-    has at most two positive roots. So p eigenvalues are (6−p)y above the mean and the others
-    py below it, p = 1 … 5, and y is where the condition holds with equality.
+    With d = λ − t > 0 the conditions are Σ d_k = 6c, c = n/3 − t, and Σ 1/d_k ≤ (n − 6)/t: a
+    compact set. Where the second is not active, a stationary point of ½ Σ (d_k − c)² has all
+    d_k = c and is no maximum unless it is the only point. Elsewhere a maximum has
+    d³ − a d² + ν = 0 for all six d and some a and ν ≥ 0, which has at most two positive roots.
+    So p eigenvalues are (6−p)y above the mean and the others py below it, 1 ≤ p ≤ 5, and
+    ρ = 3p(6−p)y². There p/(c + (6−p)y) + (6−p)/(c − py) grows with y ≥ 0, as it is convex and
+    has slope 0 at y = 0. So any y at which it exceeds (n − 6)/t is above all that are allowed.
     """
-    mean, limit = joints / 3 - positive("t", t), (joints - 6) / t
+    mean = Fraction(joints, 3) - Fraction(positive("t", t))
+    limit = Fraction(joints - 6) / Fraction(t)
     if mean <= 0 or 6 / mean > limit:
         return -inf
-    return max(3 * p * (6 - p) * _largest_spread(p, mean, limit) ** 2 for p in range(1, 6))
+    largest = max(3 * p * (6 - p) * _largest_spread(p, mean, limit) ** 2 for p in range(1, 6))
+    # The conversion is correctly rounded.
+    return nextafter(float(largest), inf)
 
 
 def worst_case_limit(joints: int, residual: float) -> float:
@@ -175,10 +194,20 @@ def worst_case_limit(joints: int, residual: float) -> float:
     return sigma
 
 
-def _largest_spread(count: int, mean: float, limit: float) -> float:
-    """Return the largest y with p/(mean + (6−p)y) + (6−p)/(mean − py) ≤ limit, rounded up."""
-    low, high = 0.0, mean / count
+def _largest_spread(count: int, mean: Fraction, limit: Fraction) -> Fraction:
+    """Return a y above all with p/(mean + (6−p)y) + (6−p)/(mean − py) ≤ limit."""
+
+    def allowed(y: Fraction) -> bool:
+        high, low = mean + (6 - count) * y, mean - count * y
+        return low > 0 and count / high + (6 - count) / low <= limit
+
+    low, high, bound = 0.0, float(mean) / count, float(limit)
     while low < (middle := 0.5 * (low + high)) < high:
-        spent = count / (mean + (6 - count) * middle) + (6 - count) / (mean - count * middle)
-        low, high = (middle, high) if spent <= limit else (low, middle)
-    return nextafter(high, inf)
+        spent = count / (float(mean) + (6 - count) * middle)
+        spent += (6 - count) / (float(mean) - count * middle)
+        low, high = (middle, high) if spent <= bound else (low, middle)
+    # The bisection only suggests where to look: what is returned is checked exactly.
+    step = Fraction(mean) / 2**48
+    while allowed(candidate := Fraction(high) + step):
+        step *= 2
+    return candidate
