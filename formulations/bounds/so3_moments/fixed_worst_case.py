@@ -10,6 +10,7 @@ blocks of low degree; and localisers of J_f J_fᵀ − tI. If positive semidefin
 Σ tr X = 1 make Σ ⟨X, B(x)⟩ equal to a negative number for all x, t is not reached.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from math import inf, isfinite, nextafter, sqrt
@@ -24,6 +25,7 @@ from formulations.bounds.so3_moments.programs.moment_program import margin_progr
 from formulations.bounds.so3_moments.relaxation import (
     FRESH,
     Progress,
+    SolvedRelaxation,
     residual_values,
     silent,
     solve_relaxation,
@@ -116,9 +118,7 @@ def exclude_worst_case(
     """
     generator = np.random.default_rng(rng)
     families = condition_families(conditions, joints, t)
-    solved = solve_relaxation(
-        families, joints, generator, adapt=margin_program, gap=_GAP, progress=progress
-    )
+    solved = solve_exclusion(families, joints, generator, progress)
     progress("checking the identity at fresh configurations")
     fresh = random_rotations(generator, FRESH, joints)
     # 0 − bound = Σ ⟨X, B(x)⟩ for all x.
@@ -127,6 +127,18 @@ def exclude_worst_case(
         identity, lambda where: np.zeros(len(where)), fresh, _HOW_CHECKED, unit_trace=True
     )
     return -bound, evidence
+
+
+def solve_exclusion(
+    families: Sequence[BlockFamily],
+    joints: int,
+    rng: np.random.Generator,
+    progress: Progress = silent,
+) -> SolvedRelaxation:
+    """Return the solution of the program with the largest s such that every block is ⪰ sI."""
+    return solve_relaxation(
+        families, joints, rng, adapt=margin_program, gap=_GAP, progress=progress
+    )
 
 
 def largest_residual(joints: int, t: float) -> float:
