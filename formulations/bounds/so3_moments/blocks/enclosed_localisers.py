@@ -5,12 +5,13 @@ A scaled block is a sum of squares, see `enclosed_squares`, times the computed f
 A Krylov localiser with X = LLᵀ is Σ ⟨H_f, Σ_j r_j r_jᵀ⟩. Let L_k be the rows of L that go with
 the power k of M, and r_k = A_{T,k}ᵀφ with A_{T,k} = U_T L_k: the columns of L are vectors
 w_j = Σ_k r_{jk} v_k with v_k = M^k j_f, and H_f = V_fᵀ(J_f J_fᵀ − tI)V_f with V_f = (v_0, v_1, v_2).
-So it is not negative where J_f J_fᵀ ⪰ tI, whatever the A_{T,k} are. If the computed r is off by
-at most w (Euclidean norm of all numbers together), ⟨H, rrᵀ⟩ is off by at most
-‖H‖(2|r|w + w²). An exchange of two joints other than f does not change H_f, so the same holds for
-the differences under permutations: with e as in `enclosed_squares`, for all powers together,
-⟨H, rrᵀ⟩ differs from its average by at most ‖H‖ ℓe(|r| + ℓe). The average is invariant, and not
-negative where J_f J_fᵀ ⪰ tI.
+So it is not negative where J_f J_fᵀ ⪰ tI, whatever the A_{T,k} are. Let |r_k| be the Euclidean
+norm of all numbers r_{jk} of an order together, and w_k a bound on that of their errors. Then the
+computed ⟨H, rrᵀ⟩ is off by at most Σ_kl |H_kl|(2|r_k|w_l + w_k w_l), |r_k| of the computed ones.
+An exchange of two joints other than f does not change H_f, and mixes the tableaux alike for all
+powers. So, with e_k as in `enclosed_squares`, it differs from its average over permutations by at
+most Σ_kl |H_kl|(|r_k| ℓe_l + ℓe_k ℓe_l). The average is invariant, and not negative where
+J_f J_fᵀ ⪰ tI.
 """
 
 from collections.abc import Iterable, Sequence
@@ -97,32 +98,33 @@ def enclosed_krylov_sum(
     terms = 0
     for locked in range(family.joints):
         forms, form_errors = krylov_forms(jacobians, locked, family.limit)
-        form_norms = SAFETY * np.sqrt(np.sum(forms**2, axis=(1, 2)).astype(float)) + form_errors
+        bounds = SAFETY * np.abs(forms).astype(float) + form_errors[:, None, None]
         orders = family.orders(locked)
         for order in orders:
             plain = family.plain_values(wigner, order)
             norms = plain_norms(family, plain)
             for powers, mistake in zip(blocks, mistakes, strict=True):
-                one = next(iter(powers.values()))
+                chosen = np.array(list(powers))
                 values = [block_values(block, plain, count) for block in powers.values()]
-                chosen = list(powers)
                 grams = _grams(values)
+                here = (slice(None), chosen[:, None], chosen)
+                found = np.sum(forms[here] * grams, axis=(1, 2)).astype(float)
                 squares = np.trace(grams, axis1=1, axis2=2).astype(float)
-                form = forms[:, chosen][:, :, chosen]
-                found = np.sum(form * grams, axis=(1, 2)).astype(float)
-                wrong = _norm_of(fixed + relative @ norms for fixed, relative in mistake)
-                step = _norm_of(block.step(norms) for block in powers.values())
-                size = SAFETY * np.sqrt(squares) + wrong
+                wrong = np.array([fixed + relative @ norms for fixed, relative in mistake]).T
+                steps = np.array([block.step(norms) for block in powers.values()]).T
+                lengths = np.diagonal(grams, axis1=1, axis2=2).astype(float)
+                lengths = SAFETY * np.sqrt(lengths) + wrong
+                h = bounds[here]
+                size = _form_value(lengths, lengths, h)
                 # Squares and their sums as in `enclosed_squares`, then nine products.
                 units = 24 + values[0].shape[0] * values[0].shape[2] // 2**11
-                error = form_norms * (
-                    2 * size * wrong + step * (size + step) + gamma(units) * squares
-                )
+                error = _form_value(lengths, 2 * wrong + steps, h) + _form_value(wrong, wrong, h)
+                error += _form_value(steps, steps, h) + gamma(units) * size
                 error += form_errors * squares
-                weight = 1.0 / (family.joints * len(orders) * one.scale)
+                weight = 1.0 / (family.joints * len(orders) * next(iter(powers.values())).scale)
                 total += weight * found
                 errors += SAFETY * weight * error
-                sizes += SAFETY * weight * form_norms * squares
+                sizes += SAFETY * weight * size
                 terms += 1
     return EnclosedSum(total, SAFETY * (errors + gamma(terms + 8) * sizes), SAFETY * sizes)
 
@@ -186,6 +188,11 @@ def _grams(values: Sequence[FloatArray]) -> FloatArray:
             products = np.sum(first * second, axis=(0, 2), dtype=np.longdouble)
             found[:, k, l] = found[:, l, k] = products
     return found
+
+
+def _form_value(first: FloatArray, second: FloatArray, forms: FloatArray) -> FloatArray:
+    """Return aᵀHb, (configurations,), of a and b, (configurations, powers)."""
+    return np.asarray(np.sum(first[:, :, None] * forms * second[:, None, :], axis=(1, 2)))
 
 
 def _norm_of(parts: Iterable[FloatArray]) -> FloatArray:
