@@ -157,10 +157,10 @@ def largest_residual(joints: int, t: float) -> float:
     Notes
     -----
     With d = λ − t > 0 the conditions are Σ d_k = 6c, c = n/3 − t, and Σ 1/d_k ≤ (n − 6)/t: a
-    compact set. Where the second is not active, a stationary point of ½ Σ (d_k − c)² has all
-    d_k = c and is no maximum unless it is the only point. Elsewhere a maximum has
-    d³ − a d² + ν = 0 for all six d and some a and ν ≥ 0, which has at most two positive roots.
-    So p eigenvalues are (6−p)y above the mean and the others py below it, 1 ≤ p ≤ 5, and
+    compact set. If all d_k = c, ρ = 0. Any other maximum of ½ Σ (d_k − c)² has the second
+    condition active, since the function is convex, and the gradients of both are independent.
+    So d³ − a d² + ν = 0 for all six d and some a and ν ≥ 0: at most two positive roots.
+    Hence p eigenvalues are (6−p)y above the mean and the others py below it, 1 ≤ p ≤ 5, and
     ρ = 3p(6−p)y². There p/(c + (6−p)y) + (6−p)/(c − py) grows with y ≥ 0, as it is convex and
     has slope 0 at y = 0. So any y at which it exceeds (n − 6)/t is above all that are allowed.
     """

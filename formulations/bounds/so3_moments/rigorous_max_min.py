@@ -2,8 +2,9 @@
 
 Let s(x) = Σ ⟨X, B(x)⟩ be the sum of squares and localisers of `fixed_worst_case`, averaged over
 all orders of the joints, and c < 0 the constant that it equals but for rounding. Where σ² ≥ t,
-s ≥ 0, whatever the factors of the multipliers are. f = s − c is an invariant polynomial of degree at
-most 12 in J. So |f| ≤ δ everywhere, as in `rigorous_residual`. If c + δ < 0, no Jacobian has σ² ≥ t.
+s ≥ 0, whatever the factors of the multipliers are. f = s − c is an invariant polynomial of
+degree at most 12 in J. So |f| ≤ δ everywhere, as in `rigorous_residual`. If c + δ < 0, no
+Jacobian has σ² ≥ t.
 """
 
 from collections.abc import Sequence

@@ -3,15 +3,16 @@
 A scaled block is a sum of squares, see `enclosed_squares`, times the computed factor g.
 
 A Krylov localiser with X = LLᵀ is Σ ⟨H_f, Σ_j r_j r_jᵀ⟩. Let L_k be the rows of L that go with
-the power k of M, and r_k = A_{T,k}ᵀφ with A_{T,k} = U_T L_k: the columns of L are vectors
-w_j = Σ_k r_{jk} v_k with v_k = M^k j_f, and H_f = V_fᵀ(J_f J_fᵀ − tI)V_f with V_f = (v_0, v_1, v_2).
-So it is not negative where J_f J_fᵀ ⪰ tI, whatever the A_{T,k} are. Let |r_k| be the Euclidean
-norm of all numbers r_{jk} of an order together, and w_k a bound on that of their errors. Then the
-computed ⟨H, rrᵀ⟩ is off by at most Σ_kl |H_kl|(2|r_k|w_l + w_k w_l), |r_k| of the computed ones.
-An exchange of two joints other than f does not change H_f, and mixes the tableaux alike for all
-powers. So, with e_k as in `enclosed_squares`, it differs from its average over permutations by at
-most Σ_kl |H_kl|(|r_k| ℓe_l + ℓe_k ℓe_l). The average is invariant, and not negative where
-J_f J_fᵀ ⪰ tI.
+the power k of M, A_{T,k} = U_T L_k, and r_k = A_{T,k}ᵀφ. The columns of L stand for the vectors
+w_j = Σ_k r_{jk} v_k, v_k = M^k j_f, and H_f = Vᵀ(J_f J_fᵀ − tI)V with V = (v_0, v_1, v_2).
+So the localiser is not negative where J_f J_fᵀ ⪰ tI, whatever the A_{T,k} are.
+
+Let |r_k| be the Euclidean norm of all r_{jk} of one order, and w_k a bound on that of their
+errors. Then the computed ⟨H, rrᵀ⟩ is off by at most Σ_kl |H_kl|(2|r_k|w_l + w_k w_l). An
+exchange of two joints other than f does not change H_f, and mixes the tableaux alike for all
+powers. So, with e_k as in `enclosed_squares`, ⟨H, rrᵀ⟩ differs from its average over
+permutations by at most Σ_kl |H_kl|(|r_k| ℓe_l + ℓe_k ℓe_l). The average is invariant, and not
+negative where J_f J_fᵀ ⪰ tI.
 """
 
 from collections.abc import Iterable, Sequence
@@ -90,10 +91,10 @@ def enclosed_krylov_sum(
     count = len(rotations)
     wigner = wigner_matrices(rotations, family.largest_spin)
     jacobians = jacobians_of(rotations)
-    blocks = [
-        _powers(family, number, root) for number, root in enumerate(roots) if root.any()
+    blocks = [_powers(family, number, root) for number, root in enumerate(roots) if root.any()]
+    mistakes = [
+        [product_error(family, block) for block in powers.values()] for powers in blocks
     ]
-    mistakes = [[product_error(family, block) for block in powers.values()] for powers in blocks]
     total, errors, sizes = np.zeros(count), np.zeros(count), np.zeros(count)
     terms = 0
     for locked in range(family.joints):
@@ -118,7 +119,9 @@ def enclosed_krylov_sum(
                 size = _form_value(lengths, lengths, h)
                 # Squares and their sums as in `enclosed_squares`, then nine products.
                 units = 24 + values[0].shape[0] * values[0].shape[2] // 2**11
-                error = _form_value(lengths, 2 * wrong + steps, h) + _form_value(wrong, wrong, h)
+                error = _form_value(lengths, 2 * wrong + steps, h) + _form_value(
+                    wrong, wrong, h
+                )
                 error += _form_value(steps, steps, h) + gamma(units) * size
                 error += form_errors * squares
                 weight = 1.0 / (family.joints * len(orders) * next(iter(powers.values())).scale)
@@ -184,10 +187,10 @@ def _grams(values: Sequence[FloatArray]) -> FloatArray:
     count = values[0].shape[1]
     found = np.zeros((count, len(values), len(values)), dtype=np.longdouble)
     for k, first in enumerate(values):
-        for l, second in enumerate(values[: k + 1]):
+        for other, second in enumerate(values[: k + 1]):
             products = np.sum(first * second, axis=(0, 2), dtype=np.longdouble)
-            found[:, k, l] = found[:, l, k] = products
-    return found
+            found[:, k, other] = found[:, other, k] = products
+    return np.asarray(found)
 
 
 def _form_value(first: FloatArray, second: FloatArray, forms: FloatArray) -> FloatArray:

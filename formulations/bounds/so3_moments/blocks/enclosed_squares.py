@@ -80,9 +80,7 @@ class EnclosedBlock:
         return np.asarray(SAFETY * self.exchanges * largest)
 
 
-def enclosed_block(
-    family: RowBlocks, block: AdaptedRows, columns: FloatArray
-) -> EnclosedBlock:
+def enclosed_block(family: RowBlocks, block: AdaptedRows, columns: FloatArray) -> EnclosedBlock:
     """Return A_T = U_T · columns of a block, with its bounds; columns (size, count).
 
     Sets of labels whose A_T is 0 are left out; not all of them may be.
