@@ -3,7 +3,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from fractions import Fraction
-from itertools import permutations
+from itertools import permutations, product
 from math import nextafter, sqrt
 from types import ModuleType
 from typing import Any
@@ -76,31 +76,71 @@ def dot(first: list[Fraction], second: list[Fraction]) -> Fraction:
     return sum((a * b for a, b in zip(first, second, strict=True)), Fraction(0))
 
 
-@pytest.mark.parametrize("precise", [True, False])
-def test_forms_of_krylov_vectors_are_enclosed_at_an_exact_jacobian(precise: bool) -> None:
-    rotations, rows, locked = extended(3, 1, 7), exact_jacobian(3, 7), 2
+def exact_form(rows: list[list[Fraction]], locked: int) -> list[list[Fraction]]:
+    """Return H = Vᵀ(J_f J_fᵀ − tI)V."""
     columns = [list(column) for column in zip(*rows, strict=True)]
     vectors = [columns[locked]]
     for _ in range(2):
-        turned = [dot(column, vectors[-1]) * Fraction(3, 7) for column in columns]
+        turned = [dot(column, vectors[-1]) * Fraction(3, len(columns)) for column in columns]
         vectors.append([dot(row, turned) for row in rows])
     kept = [column for joint, column in enumerate(columns) if joint != locked]
-    forms, errors = krylov_forms(
-        jacobians_of(rotations if precise else rotations.astype(float)), locked, LIMIT
+    return [
+        [
+            (sum(dot(j, a) * dot(j, b) for j in kept) - Fraction(LIMIT) * dot(a, b)) / 2
+            for b in vectors
+        ]
+        for a in vectors
+    ]
+
+
+def exactly(number: Any) -> Fraction:
+    """Return a number in extended precision as a fraction."""
+    return Fraction(float(number)) + Fraction(float(number - float(number)))
+
+
+@pytest.mark.parametrize("precise", [True, False])
+def test_forms_of_krylov_vectors_are_enclosed_at_an_exact_jacobian(precise: bool) -> None:
+    rotations, exact = extended(3, 1, 7), exact_form(exact_jacobian(3, 7), 2)
+    jacobians = jacobians_of(rotations if precise else rotations.astype(float))
+    (form,), (error,) = krylov_forms(jacobians, 2, LIMIT)
+    square = sum((exactly(form[k, m]) - exact[k][m]) ** 2 for k in range(3) for m in range(3))
+    assert 1e-4 * error < sqrt(square) < error
+    assert error < (1e-13 if precise else 1e-9)
+
+
+def test_a_sum_is_enclosed_at_an_exact_jacobian() -> None:
+    """Vectors without polynomials: the mean of ⟨H_f, LLᵀ⟩ over the locked joints."""
+    family = KrylovLocaliser(RowSector(0, 0, 0, 4, 0), 4, LIMIT)
+    constant = next(n for n, rows in enumerate(family.rows) if not rows.labels)
+    roots = [np.zeros((size, 2)) for size in family.sizes]
+    values = np.array([[1.0, 0.3], [-1.1, 0.7], [0.2, 0.9]])
+    for block, (chosen, powers), root in zip(
+        family.blocks, family.selections, roots, strict=True
+    ):
+        for number, place, _ in block.parts:
+            if number == constant:
+                here = chosen == place.start
+                root[here] = values[powers[here]]
+    found = enclosed_krylov_sum(family, roots, extended(3, 1, 4))
+    squares = [
+        [dot(*map(fractions, pair)) for pair in product([row], values)] for row in values
+    ]
+    rows = exact_jacobian(3, 4)
+    forms = [exact_form(rows, locked) for locked in range(4)]
+    exact = sum(
+        (form[k][m] * squares[k][m] for form in forms for k in range(3) for m in range(3)),
+        Fraction(0),
     )
-    square = Fraction(0)
-    for k, first in enumerate(vectors):
-        for m, second in enumerate(vectors):
-            exact = sum(dot(j, first) * dot(j, second) for j in kept)
-            exact = (exact - Fraction(LIMIT) * dot(first, second)) / 2
-            high, low = float(forms[0, k, m]), float(forms[0, k, m] - float(forms[0, k, m]))
-            square += (Fraction(high) + Fraction(low) - exact) ** 2
-    assert 1e-4 * errors[0] < sqrt(square) < errors[0]
-    assert errors[0] < (1e-13 if precise else 1e-10)
+    assert abs(Fraction(found.values[0]) - exact / 4) < found.errors[0]
+    assert found.errors[0] < 1e-13 * found.sizes[0]
+    assert abs(found.values[0]) > 0.01
+
+
+def fractions(row: FloatArray) -> list[Fraction]:
+    return [Fraction(x) for x in row.tolist()]
 
 
 def test_the_residual_is_enclosed_at_an_exact_jacobian() -> None:
-    """n/3 has to be as precise as the rest."""
     rotations, rows = extended(3, 1, 7), exact_jacobian(3, 7)
     shift = Fraction(7, 3)
     exact = sum(
@@ -108,9 +148,8 @@ def test_the_residual_is_enclosed_at_an_exact_jacobian() -> None:
         for i, a in enumerate(rows)
         for k, b in enumerate(rows)
     )
-    found = residual_values(rotations)[0]
-    high, low = float(found), float(found - float(found))
-    assert abs(Fraction(high) + Fraction(low) - exact / 2) < residual_error(rotations)[0]
+    found = exactly(residual_values(rotations)[0])
+    assert abs(found - exact / 2) < residual_error(rotations)[0]
 
 
 @pytest.mark.parametrize("t", [0.32, 0.3279, 0.3284, nextafter(1 / 3, 0), 1 / 3 - 1e-9])
