@@ -70,7 +70,7 @@ def max_min_bound(
         Of the residual bound: ``"low"``, ``"fast"``, ``"compact"`` or ``"tight"``. Or
         ``"localised"``: exclude one fixed worst case, σ² = 0.3279, by conditions that it
         implies, which is sharper (0.20 % above what is attained) and takes about four
-        minutes and 1.3 GB; for 7 joints.
+        minutes, or six if rigorous, and 1.3 GB; for 7 joints.
     joints
         Number n of joints, 7 to 9. From 8 joints on, isotropic Jacobians exist, the residual
         can be 0 and the bound is that of eq. (6); nothing is computed then.
