@@ -263,7 +263,6 @@ bound --quantity residual --order 3
 bound --quantity residual --seed {e64}
 bound --quantity residual --seed -1
 bound --quantity residual --lever-arm 2
-bound --quantity max-min --preset localised --rigorous
 bound --quantity max-min --preset nothing
 bound --quantity max-min --lever-arm 1
 bound --quantity max-min --task-dimension 3

@@ -178,6 +178,9 @@ RUNS: Mapping[str, Callable[[Effort], Mapping[str, Any]]] = MappingProxyType(
             _unit_revolute, partial(max_min_bound, rigorous=True), "compact"
         ),
         "max_min_localised.json": partial(_unit_revolute, max_min_bound, "localised"),
+        "max_min_localised_rigorous.json": partial(
+            _unit_revolute, partial(max_min_bound, rigorous=True), "localised"
+        ),
     }
 )
 

@@ -266,7 +266,6 @@ def test_reproduce_writes_every_row(lockedjoint, tmp_path):
         ("bound", "--quantity", "residual", "--joints", "12"),
         ("bound", "--quantity", "residual", "--solver", "NOTHING", "--preset", "low"),
         ("bound", "--quantity", "residual", "--rigorous", "--solver", "CLARABEL"),
-        ("bound", "--quantity", "max-min", "--preset", "localised", "--rigorous"),
         ("bound", "--quantity", "residual", "--out", "bound.json"),
         ("bound", "--quantity", "max-min", "--lever-arm", "1"),
         ("bound", "--rigorous"),

@@ -9,5 +9,6 @@ and `programs` in this order, then:
     residual_bound       a lower bound on the residual, numerical
     rigorous_residual    a lower bound on the residual that is a theorem
     fixed_worst_case     the conditions that a worst case implies, and its exclusion
+    rigorous_max_min     the same as a theorem
     max_min_bound        an upper bound on the worst case
 """

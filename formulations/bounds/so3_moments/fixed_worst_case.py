@@ -10,7 +10,9 @@ blocks of low degree; and localisers of J_f J_fᵀ − tI. If positive semidefin
 Σ tr X = 1 make Σ ⟨X, B(x)⟩ equal to a negative number for all x, t is not reached.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from fractions import Fraction
 from math import inf, isfinite, nextafter, sqrt
 
 import numpy as np
@@ -23,6 +25,7 @@ from formulations.bounds.so3_moments.programs.moment_program import margin_progr
 from formulations.bounds.so3_moments.relaxation import (
     FRESH,
     Progress,
+    SolvedRelaxation,
     residual_values,
     silent,
     solve_relaxation,
@@ -39,6 +42,18 @@ _HOW_CHECKED = (
     "a sum of squares and localisers equal to a negative constant at fresh random "
     "configurations; multipliers made positive semidefinite, largest difference subtracted"
 )
+
+
+@dataclass(frozen=True)
+class ResidualDistance:
+    """The function g(x) = (limit − ρ(x))/unit of rotations (configurations, n, 3, 3)."""
+
+    limit: float
+    unit: float
+
+    def __call__(self, rotations: FloatArray) -> FloatArray:
+        """Return g, (configurations,), in the precision of the rotations."""
+        return np.asarray((self.limit - residual_values(rotations)) / self.unit)
 
 
 @dataclass(frozen=True)
@@ -62,12 +77,8 @@ class Conditions:
 
 def condition_families(conditions: Conditions, joints: int, t: float) -> list[BlockFamily]:
     """Return the blocks that are positive semidefinite wherever the worst case is σ² ≥ t."""
-    limit = largest_residual(joints, t)
-    size = 5 * joints / 3  # the mean of ρ, so that all blocks have a similar size
-
-    def distance(rotations: FloatArray) -> FloatArray:
-        return np.asarray((limit - residual_values(rotations)) / size)
-
+    # In units of the mean of ρ all blocks have a similar size.
+    distance = ResidualDistance(largest_residual(joints, t), 5 * joints / 3)
     krylov = [KrylovLocaliser(sector, joints, t) for sector in conditions.krylov]
     return [
         *sector_families(conditions.plain, joints),
@@ -107,9 +118,7 @@ def exclude_worst_case(
     """
     generator = np.random.default_rng(rng)
     families = condition_families(conditions, joints, t)
-    solved = solve_relaxation(
-        families, joints, generator, adapt=margin_program, gap=_GAP, progress=progress
-    )
+    solved = solve_exclusion(families, joints, generator, progress)
     progress("checking the identity at fresh configurations")
     fresh = random_rotations(generator, FRESH, joints)
     # 0 − bound = Σ ⟨X, B(x)⟩ for all x.
@@ -120,8 +129,23 @@ def exclude_worst_case(
     return -bound, evidence
 
 
+def solve_exclusion(
+    families: Sequence[BlockFamily],
+    joints: int,
+    rng: np.random.Generator,
+    progress: Progress = silent,
+) -> SolvedRelaxation:
+    """Return the solution of the program with the largest s such that every block is ⪰ sI."""
+    return solve_relaxation(
+        families, joints, rng, adapt=margin_program, gap=_GAP, progress=progress
+    )
+
+
 def largest_residual(joints: int, t: float) -> float:
-    """Return ρ_max(t), the largest ½ Σ (λ_k − n/3)² that t allows; −inf if it allows none.
+    """Return an upper bound on ρ_max(t), the largest ½ Σ (λ_k − n/3)² that t allows.
+
+    It is proved in rational arithmetic, and above ρ_max(t) by less than 1e-9 of it, as long as
+    ρ_max(t) is not tiny. It is −inf if t allows no spectrum at all.
 
     Parameters
     ----------
@@ -132,14 +156,21 @@ def largest_residual(joints: int, t: float) -> float:
 
     Notes
     -----
-    With d = λ − t, a maximum has d³ − a d² + ν = 0 for all six d and some a and ν ≥ 0, which
-    has at most two positive roots. So p eigenvalues are (6−p)y above the mean and the others
-    py below it, p = 1 … 5, and y is where the condition holds with equality.
+    With d = λ − t > 0 the conditions are Σ d_k = 6c, c = n/3 − t, and Σ 1/d_k ≤ (n − 6)/t: a
+    compact set. If all d_k = c, ρ = 0. Any other maximum of ½ Σ (d_k − c)² has the second
+    condition active, since the function is convex, and the gradients of both are independent.
+    So d³ − a d² + ν = 0 for all six d and some a and ν ≥ 0: at most two positive roots.
+    Hence p eigenvalues are (6−p)y above the mean and the others py below it, 1 ≤ p ≤ 5, and
+    ρ = 3p(6−p)y². There p/(c + (6−p)y) + (6−p)/(c − py) grows with y ≥ 0, as it is convex and
+    has slope 0 at y = 0. So any y at which it exceeds (n − 6)/t is above all that are allowed.
     """
-    mean, limit = joints / 3 - positive("t", t), (joints - 6) / t
+    mean = Fraction(joints, 3) - Fraction(positive("t", t))
+    limit = Fraction(joints - 6) / Fraction(t)
     if mean <= 0 or 6 / mean > limit:
         return -inf
-    return max(3 * p * (6 - p) * _largest_spread(p, mean, limit) ** 2 for p in range(1, 6))
+    largest = max(3 * p * (6 - p) * _largest_spread(p, mean, limit) ** 2 for p in range(1, 6))
+    # The conversion is correctly rounded.
+    return nextafter(float(largest), inf)
 
 
 def worst_case_limit(joints: int, residual: float) -> float:
@@ -175,10 +206,20 @@ def worst_case_limit(joints: int, residual: float) -> float:
     return sigma
 
 
-def _largest_spread(count: int, mean: float, limit: float) -> float:
-    """Return the largest y with p/(mean + (6−p)y) + (6−p)/(mean − py) ≤ limit, rounded up."""
-    low, high = 0.0, mean / count
+def _largest_spread(count: int, mean: Fraction, limit: Fraction) -> Fraction:
+    """Return a y above all with p/(mean + (6−p)y) + (6−p)/(mean − py) ≤ limit."""
+
+    def allowed(y: Fraction) -> bool:
+        high, low = mean + (6 - count) * y, mean - count * y
+        return low > 0 and count / high + (6 - count) / low <= limit
+
+    low, high, bound = 0.0, float(mean) / count, float(limit)
     while low < (middle := 0.5 * (low + high)) < high:
-        spent = count / (mean + (6 - count) * middle) + (6 - count) / (mean - count * middle)
-        low, high = (middle, high) if spent <= limit else (low, middle)
-    return nextafter(high, inf)
+        spent = count / (float(mean) + (6 - count) * middle)
+        spent += (6 - count) / (float(mean) - count * middle)
+        low, high = (middle, high) if spent <= bound else (low, middle)
+    # The bisection only suggests where to look: what is returned is checked exactly.
+    step = Fraction(mean) / 2**48
+    while allowed(candidate := Fraction(high) + step):
+        step *= 2
+    return candidate

@@ -18,6 +18,7 @@ from formulations.bounds.so3_moments.representations.row_sectors import (
     without_repetition,
 )
 from formulations.bounds.so3_moments.residual_bound import RESIDUAL_PRESETS, residual_bound
+from formulations.bounds.so3_moments.rigorous_max_min import prove_exclusion
 from formulations.bounds.so3_moments.rigorous_residual import rigorous_residual_bound
 from nlp.arrays import Rng, one_blas_thread
 from nlp.errors import InputError
@@ -69,19 +70,20 @@ def max_min_bound(
         Of the residual bound: ``"low"``, ``"fast"``, ``"compact"`` or ``"tight"``. Or
         ``"localised"``: exclude one fixed worst case, σ² = 0.3279, by conditions that it
         implies, which is sharper (0.20 % above what is attained) and takes about four
-        minutes and 1.3 GB; for 7 joints, numerical only.
+        minutes, or six if rigorous, and 1.3 GB; for 7 joints.
     joints
         Number n of joints, 7 to 9. From 8 joints on, isotropic Jacobians exist, the residual
         can be 0 and the bound is that of eq. (6); nothing is computed then.
     rigorous
-        Start from a proved bound on the residual.
+        Bound all rounding errors too, those of the residual's bound or of the exclusion.
     rng, progress
         As in `residual_bound`.
 
     Returns
     -------
     GlobalBound
-        On σ, of the kind of the residual's bound; ``"closed form"`` from 8 joints on.
+        On σ, ``"numerical"`` or ``"rigorous"``; ``"closed form"`` from 8 joints on, or where
+        the preset ``"localised"`` does not exclude its worst case.
 
     Raises
     ------
@@ -95,8 +97,6 @@ def max_min_bound(
     if preset not in (*RESIDUAL_PRESETS, LOCALISED):
         raise InputError("preset", preset, ", ".join((*RESIDUAL_PRESETS, LOCALISED)))
     check_joints(joints, smallest=7)
-    if preset == LOCALISED and rigorous:
-        raise InputError("rigorous", rigorous, f"False for the preset {LOCALISED}")
     best = best_known("max-min", "unit-revolute", joints)
     if joints > 7:
         bound = worst_case_limit(joints, 0.0)
@@ -104,7 +104,7 @@ def max_min_bound(
             "max-min", joints, preset, "closed form", bound, best, how_checked="eq. (6)"
         )
     if preset == LOCALISED:
-        return _localised(joints, best, rng, progress)
+        return _localised(joints, best, rigorous, rng, progress)
     lower_bound = rigorous_residual_bound if rigorous else residual_bound
     residual = lower_bound(preset, joints, rng=rng, progress=progress)
     start = time.perf_counter()
@@ -120,11 +120,12 @@ def max_min_bound(
     )
 
 
-def _localised(joints: int, best: float | None, rng: Rng, progress: Progress) -> GlobalBound:
+def _localised(
+    joints: int, best: float | None, rigorous: bool, rng: Rng, progress: Progress
+) -> GlobalBound:
     """Return the root of the squared worst case if it is excluded, else the bound (6)."""
-    margin, evidence = exclude_worst_case(
-        EXCLUDED, CONDITIONS, joints, rng=rng, progress=progress
-    )
+    exclude = prove_exclusion if rigorous else exclude_worst_case
+    margin, evidence = exclude(EXCLUDED, CONDITIONS, joints, rng=rng, progress=progress)
     excluded = margin < 0
     squared = EXCLUDED if excluded else (joints - 6) / 3
     evidence = replace(
@@ -132,6 +133,7 @@ def _localised(joints: int, best: float | None, rng: Rng, progress: Progress) ->
         how_checked=evidence.how_checked if excluded else "not excluded; eq. (6)",
         check={"excluded": EXCLUDED, "margin": margin, **evidence.check},
     )
-    kind: Kind = "numerical" if excluded else "closed form"
+    proved: Kind = "rigorous" if rigorous else "numerical"
+    kind: Kind = proved if excluded else "closed form"
     bound = sqrt(squared) + ROUNDING
     return GlobalBound("max-min", joints, LOCALISED, kind, bound, best, **vars(evidence))

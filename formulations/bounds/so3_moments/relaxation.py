@@ -55,7 +55,8 @@ def residual_values(rotations: FloatArray) -> FloatArray:
     """Return ρ = ½‖JJᵀ − (n/3)I‖_F² at rotations (configurations, n, 3, 3)."""
     jacobians = jacobians_of(rotations)
     gram = jacobians @ jacobians.swapaxes(-1, -2)
-    defect = gram - jacobians.shape[-1] / 3 * np.eye(6)
+    # n · I is exact; one division in the precision of the rotations.
+    defect = gram - jacobians.shape[-1] * np.eye(6, dtype=gram.dtype) / 3
     return np.asarray(0.5 * np.sum(defect**2, axis=(-1, -2)))
 
 

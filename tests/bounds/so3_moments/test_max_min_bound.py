@@ -135,11 +135,6 @@ def test_unknown_presets_are_refused() -> None:
         max_min_bound("unknown", 8)
 
 
-def test_no_proof_is_claimed_for_the_localised_bound() -> None:
-    with pytest.raises(InputError):
-        max_min_bound("localised", 7, rigorous=True)
-
-
 def test_an_exclusion_needs_a_negative_margin(monkeypatch: pytest.MonkeyPatch) -> None:
     """With conditions that exclude nothing the plain bound is reported."""
     monkeypatch.setattr(max_min_module, "CONDITIONS", SMALL)

@@ -22,7 +22,7 @@ from math import sqrt
 
 import numpy as np
 
-from formulations.bounds.so3_moments.blocks.sampled_blocks import SectorBlocks
+from formulations.bounds.so3_moments.blocks.sampled_blocks import RowBlocks, SectorBlocks
 from formulations.bounds.so3_moments.representations.adapted_rows import AdaptedRows
 from formulations.bounds.so3_moments.representations.permuted_rows import PermutedRows
 from formulations.bounds.so3_moments.representations.rounding import (
@@ -70,20 +70,26 @@ class EnclosedBlock:
         plain_norms
             Bounds on |φ| of each set of labels of the sector, (sets, configurations).
         """
-        used = plain_norms[[number for number, _ in self.parts]]
-        step = self.exchanges * np.max(self.differences @ used, axis=0, initial=0.0)
+        step = self.step(plain_norms)
         return np.asarray(SAFETY * step * (norm + step))
 
+    def step(self, plain_norms: FloatArray) -> FloatArray:
+        """Return ℓe, (configurations,); `plain_norms` as in `asymmetry`."""
+        used = plain_norms[[number for number, _ in self.parts]]
+        largest = np.max(self.differences @ used, axis=0, initial=0.0)
+        return np.asarray(SAFETY * self.exchanges * largest)
 
-def enclosed_block(
-    family: SectorBlocks, block: AdaptedRows, columns: FloatArray
-) -> EnclosedBlock:
-    """Return A_T = U_T · columns of a block, with its bounds; columns (size, count)."""
+
+def enclosed_block(family: RowBlocks, block: AdaptedRows, columns: FloatArray) -> EnclosedBlock:
+    """Return A_T = U_T · columns of a block, with its bounds; columns (size, count).
+
+    Sets of labels whose A_T is 0 are left out; not all of them may be.
+    """
     merged: dict[int, FloatArray] = {}
     for number, place, coefficients in block.parts:
         part = coefficients @ columns[place.start : place.stop]
         merged[number] = merged[number] + part if number in merged else part
-    parts = tuple(merged.items())
+    parts = tuple((number, a) for number, a in merged.items() if a.any())
     rows = [family.rows[number] for number, _ in parts]
     exchanges = sum(len(place) * (len(place) - 1) // 2 for place in rows[0].places)
     differences = _exchange_differences(rows, [a for _, a in parts], block)
@@ -139,7 +145,7 @@ def enclosed_sums(
     return total, SAFETY * (errors + gamma(len(orders) * len(blocks) + 8) * total)
 
 
-def plain_norms(family: SectorBlocks, plain: Sequence[FloatArray]) -> FloatArray:
+def plain_norms(family: RowBlocks, plain: Sequence[FloatArray]) -> FloatArray:
     """Return bounds on |φ| of each set of labels, (sets, configurations)."""
     count = max(values.shape[1] for values in plain)
     norms = [
@@ -150,7 +156,7 @@ def plain_norms(family: SectorBlocks, plain: Sequence[FloatArray]) -> FloatArray
     return SAFETY * np.array(norms)
 
 
-def product_error(family: SectorBlocks, block: EnclosedBlock) -> tuple[float, FloatArray]:
+def product_error(family: RowBlocks, block: EnclosedBlock) -> tuple[float, FloatArray]:
     """Bound the Euclidean norm of the error of Aᵀφ for one order, see `_block_sum`.
 
     Returns
@@ -180,15 +186,19 @@ def _block_sum(
     block: EnclosedBlock, plain: Sequence[FloatArray], wrong: FloatArray, count: int
 ) -> tuple[FloatArray, FloatArray]:
     """Return Σ_T |A_Tᵀφ|² and a bound on its error, of one order."""
-    components = plain[0].shape[2]
+    found = block_values(block, plain, count)
+    # Squares are added up in extended precision: at most 2¹¹ terms for one more unit.
+    squared = np.sum(found**2, axis=(0, 2), dtype=np.longdouble).astype(float)
+    units = 4 + found.shape[0] * found.shape[2] // 2**11
+    error = 2 * np.sqrt(squared) * wrong + wrong**2 + gamma(units) * squared
+    return squared, SAFETY * error
+
+
+def block_values(block: EnclosedBlock, plain: Sequence[FloatArray], count: int) -> FloatArray:
+    """Return A_Tᵀφ of one order, (tableaux · columns, configurations, components)."""
     found = np.zeros((1, 1))
     for number, a in block.parts:
         values = np.tile(plain[number], (1, count // plain[number].shape[1], 1))
         flat = a.transpose(0, 2, 1).reshape(-1, a.shape[1])
         found = found + flat @ values.reshape(len(values), -1)
-    # Squares are added up in extended precision: at most 2¹¹ terms for one more unit.
-    squares = found.reshape(-1, count, components) ** 2
-    squared = np.sum(squares, axis=(0, 2), dtype=np.longdouble).astype(float)
-    units = 4 + found.shape[0] * components // 2**11
-    error = 2 * np.sqrt(squared) * wrong + wrong**2 + gamma(units) * squared
-    return squared, SAFETY * error
+    return found.reshape(-1, count, plain[0].shape[2])

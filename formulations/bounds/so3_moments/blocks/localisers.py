@@ -107,17 +107,19 @@ class KrylovLocaliser(RowBlocks):
         weighted = [np.zeros((len(rotations), size, size)) for size in self.sizes]
         unit = [np.zeros_like(block) for block in weighted]
         for locked in range(self.joints):
-            vectors = krylov_vectors(jacobians, locked)
-            kept = np.delete(jacobians, locked, axis=2).swapaxes(1, 2) @ vectors
+            vectors, kept = krylov_vectors(jacobians, locked)
             grams = kept.swapaxes(1, 2) @ kept, vectors.swapaxes(1, 2) @ vectors
-            others = [joint for joint in range(self.joints) if joint != locked]
-            orders = [(locked, *order) for order in choices_first(others, self.sector.odd)]
-            squares = self.mean_squares(wigner, orders, share=self.joints)
+            squares = self.mean_squares(wigner, self.orders(locked), share=self.joints)
             for number, (chosen, powers) in enumerate(self.selections):
                 found = squares[number][:, chosen[:, None], chosen]
                 weighted[number] += found * grams[0][:, powers[:, None], powers]
                 unit[number] += found * grams[1][:, powers[:, None], powers]
         return weighted, unit
+
+    def orders(self, locked: int) -> list[tuple[int, ...]]:
+        """Return orders of the joints that put the locked one and each choice of k first."""
+        others = [joint for joint in range(self.joints) if joint != locked]
+        return [(locked, *order) for order in choices_first(others, self.sector.odd)]
 
     def _selection(self, block: AdaptedRows) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
         """Return which scalar row, and which power of M, makes each row of a block."""
@@ -130,16 +132,19 @@ class KrylovLocaliser(RowBlocks):
         return np.concatenate(allowed), np.concatenate(powers)
 
 
-def krylov_vectors(jacobians: FloatArray, locked: int) -> FloatArray:
-    """Return j_f, M j_f, M² j_f in units of the mean, (configurations, 6, powers).
+def krylov_vectors(jacobians: FloatArray, locked: int) -> tuple[FloatArray, FloatArray]:
+    """Return V = (j_f, M j_f, M² j_f) in units of the mean, and J_fᵀV.
 
-    j_f is in units of √2, M in units of n/3.
+    j_f is in units of √2, M in units of n/3. In the precision of the Jacobians, shapes
+    (configurations, 6, powers) and (configurations, n − 1, powers).
     """
-    joints = jacobians.shape[2]
-    vector = jacobians[:, :, locked] / np.sqrt(2)
+    real = jacobians.dtype.type
+    mean = real(jacobians.shape[2]) / 3
+    vector = jacobians[:, :, locked] / np.sqrt(real(2))
     found = [vector]
     for _ in range(1, POWERS):
-        turned = (jacobians.swapaxes(1, 2) @ vector[..., None]) / (joints / 3)
+        turned = (jacobians.swapaxes(1, 2) @ vector[..., None]) / mean
         vector = (jacobians @ turned)[..., 0]
         found.append(vector)
-    return np.stack(found, axis=-1)
+    vectors = np.stack(found, axis=-1)
+    return vectors, np.delete(jacobians, locked, axis=2).swapaxes(1, 2) @ vectors

@@ -1,0 +1,349 @@
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from fractions import Fraction
+from itertools import permutations, product
+from math import nextafter, sqrt
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+import pytest
+
+from formulations.bounds.so3_moments import fixed_worst_case
+from formulations.bounds.so3_moments import max_min_bound as max_min_module
+from formulations.bounds.so3_moments import rigorous_max_min as rigorous_module
+from formulations.bounds.so3_moments.blocks import enclosed_localisers
+from formulations.bounds.so3_moments.blocks.enclosed_localisers import (
+    enclosed_krylov_sum,
+    enclosed_product,
+    krylov_forms,
+)
+from formulations.bounds.so3_moments.blocks.localisers import KrylovLocaliser, ScaledBlocks
+from formulations.bounds.so3_moments.blocks.sampled_blocks import BlockFamily, SectorBlocks
+from formulations.bounds.so3_moments.fixed_worst_case import (
+    Conditions,
+    ResidualDistance,
+    condition_families,
+    largest_residual,
+    solve_exclusion,
+)
+from formulations.bounds.so3_moments.global_bound import Evidence
+from formulations.bounds.so3_moments.max_min_bound import max_min_bound
+from formulations.bounds.so3_moments.programs.multipliers import refined_multipliers
+from formulations.bounds.so3_moments.relaxation import residual_values
+from formulations.bounds.so3_moments.representations.row_sectors import RowSector
+from formulations.bounds.so3_moments.representations.wigner import (
+    jacobians_of,
+    random_rotations,
+)
+from formulations.bounds.so3_moments.rigorous_max_min import (
+    check_degrees,
+    enclosed_condition,
+    exclusion_defect,
+)
+from formulations.bounds.so3_moments.verification import enclosed_residuals
+from nlp.arrays import FloatArray
+from nlp.errors import InputError
+
+SMALL = Conditions(
+    plain=tuple(RowSector(k, 0, 0, 4) for k in (0, 2, 4)),
+    scaled=(RowSector(0, 0, 0, 2), RowSector(2, 0, 0, 2)),
+    krylov=(RowSector(0, 0, 0, 2, 0), RowSector(1, 0, 0, 2, 1)),
+)
+LIMIT = 0.3
+
+
+def extended(seed: int, count: int, joints: int) -> FloatArray:
+    return random_rotations(np.random.default_rng(seed), count, joints, extended=True)
+
+
+def exact_jacobian(seed: int, joints: int) -> list[list[Fraction]]:
+    """Return the six rows of J at the first configuration of `extended`."""
+    rows: list[list[Fraction]] = [[] for _ in range(6)]
+    for q in np.random.default_rng(seed).standard_normal((1, joints, 4))[0]:
+        w, x, y, z = map(Fraction, q.tolist())
+        norm = w * w + x * x + y * y + z * z
+        v = (w * w + x * x - y * y - z * z, 2 * (x * y + w * z), 2 * (x * z - w * y))
+        omega = (2 * (x * y - w * z), w * w - x * x + y * y - z * z, 2 * (y * z + w * x))
+        for row, entry in zip(rows, (*v, *omega), strict=True):
+            row.append(entry / norm)
+    return rows
+
+
+def dot(first: list[Fraction], second: list[Fraction]) -> Fraction:
+    return sum((a * b for a, b in zip(first, second, strict=True)), Fraction(0))
+
+
+def exact_form(rows: list[list[Fraction]], locked: int) -> list[list[Fraction]]:
+    """Return H = Vᵀ(J_f J_fᵀ − tI)V."""
+    columns = [list(column) for column in zip(*rows, strict=True)]
+    vectors = [columns[locked]]
+    for _ in range(2):
+        turned = [dot(column, vectors[-1]) * Fraction(3, len(columns)) for column in columns]
+        vectors.append([dot(row, turned) for row in rows])
+    kept = [column for joint, column in enumerate(columns) if joint != locked]
+    return [
+        [
+            (sum(dot(j, a) * dot(j, b) for j in kept) - Fraction(LIMIT) * dot(a, b)) / 2
+            for b in vectors
+        ]
+        for a in vectors
+    ]
+
+
+def exactly(number: Any) -> Fraction:
+    """Return a number in extended precision as a fraction."""
+    return Fraction(float(number)) + Fraction(float(number - float(number)))
+
+
+@pytest.mark.parametrize("precise", [True, False])
+def test_forms_of_krylov_vectors_are_enclosed_at_an_exact_jacobian(precise: bool) -> None:
+    rotations, exact = extended(3, 1, 7), exact_form(exact_jacobian(3, 7), 2)
+    jacobians = jacobians_of(rotations if precise else rotations.astype(float))
+    (form,), (error,) = krylov_forms(jacobians, 2, LIMIT)
+    square = sum((exactly(form[k, m]) - exact[k][m]) ** 2 for k in range(3) for m in range(3))
+    assert 1e-4 * error < sqrt(square) < error
+    assert error < (1e-13 if precise else 1e-9)
+
+
+def test_a_sum_is_enclosed_at_an_exact_jacobian() -> None:
+    """Vectors without polynomials: the mean of ⟨H_f, LLᵀ⟩ over the locked joints."""
+    family = KrylovLocaliser(RowSector(0, 0, 0, 4, 0), 4, LIMIT)
+    constant = next(n for n, rows in enumerate(family.rows) if not rows.labels)
+    roots = [np.zeros((size, 2)) for size in family.sizes]
+    values = np.array([[1.0, 0.3], [-1.1, 0.7], [0.2, 0.9]])
+    for block, (chosen, powers), root in zip(
+        family.blocks, family.selections, roots, strict=True
+    ):
+        for number, place, _ in block.parts:
+            if number == constant:
+                here = chosen == place.start
+                root[here] = values[powers[here]]
+    found = enclosed_krylov_sum(family, roots, extended(3, 1, 4))
+    squares = [
+        [dot(*map(fractions, pair)) for pair in product([row], values)] for row in values
+    ]
+    rows = exact_jacobian(3, 4)
+    forms = [exact_form(rows, locked) for locked in range(4)]
+    exact = sum(
+        (form[k][m] * squares[k][m] for form in forms for k in range(3) for m in range(3)),
+        Fraction(0),
+    )
+    assert abs(Fraction(found.values[0]) - exact / 4) < found.errors[0]
+    assert found.errors[0] < 1e-13 * found.sizes[0]
+    assert abs(found.values[0]) > 0.01
+
+
+def fractions(row: FloatArray) -> list[Fraction]:
+    return [Fraction(x) for x in row.tolist()]
+
+
+def test_the_residual_is_enclosed_at_an_exact_jacobian() -> None:
+    rotations, rows = extended(3, 1, 7), exact_jacobian(3, 7)
+    shift = Fraction(7, 3)
+    exact = sum(
+        (dot(a, b) - (shift if i == k else 0)) ** 2
+        for i, a in enumerate(rows)
+        for k, b in enumerate(rows)
+    )
+    found = exactly(residual_values(rotations)[0])
+    assert abs(found - exact / 2) < enclosed_residuals(rotations)[1][0]
+
+
+@pytest.mark.parametrize("t", [0.32, 0.3279, 0.3284, nextafter(1 / 3, 0), 1 / 3 - 1e-9])
+def test_the_limit_of_the_residual_is_above_all_spectra_that_t_allows(t: float) -> None:
+    """One large eigenvalue and five equal ones: the condition in rational arithmetic."""
+    bound, mean = largest_residual(7, t), Fraction(7, 3) - Fraction(t)
+
+    def allowed(residual: Fraction) -> bool:
+        y = Fraction(sqrt(residual / 15))
+        return 1 / (mean + 5 * y) + 5 / (mean - y) <= 1 / Fraction(t)
+
+    assert not allowed(Fraction(bound))
+    if bound > 1e-9:
+        assert allowed(Fraction(bound) * (1 - Fraction(1, 10**9)))
+
+
+@pytest.mark.parametrize("count", range(1, 6))
+def test_a_wrong_bisection_is_noticed(count: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What is returned is what rational arithmetic confirms, wherever the bisection ends."""
+    mean, limit = Fraction(7, 3) - Fraction(0.32), 1 / Fraction(0.32)
+    good = fixed_worst_case._largest_spread(count, mean, limit)
+    assert count / (mean + (6 - count) * good) + (6 - count) / (mean - count * good) > limit
+    monkeypatch.setattr(fixed_worst_case, "float", lambda x: 0.9 * x, raising=False)
+    assert fixed_worst_case._largest_spread(count, mean, limit) > good * (
+        1 - Fraction(1, 10**9)
+    )
+
+
+KINDS = {
+    "plain": lambda: SectorBlocks(RowSector(2, 0, 1, 4), 4),
+    "scaled": lambda: ScaledBlocks(
+        SectorBlocks(RowSector(2, 0, 1, 4), 4), ResidualDistance(0.1, 8.0)
+    ),
+    "krylov": lambda: KrylovLocaliser(RowSector(0, 0, 0, 4, 0), 4, LIMIT),
+    "krylov, odd joints": lambda: KrylovLocaliser(RowSector(2, 0, 1, 4, 0), 4, LIMIT),
+    "krylov, odd locked joint": lambda: KrylovLocaliser(RowSector(1, 2, 1, 4, 1), 4, LIMIT),
+}
+
+
+@pytest.fixture(params=KINDS.values(), ids=KINDS)
+def family(request: pytest.FixtureRequest) -> BlockFamily:
+    """Return blocks that a test may change."""
+    return request.param()
+
+
+def random_multipliers(family: BlockFamily, seed: int) -> list[FloatArray]:
+    rng = np.random.default_rng(seed)
+    roots = [rng.standard_normal((size, size)) for size in family.sizes]
+    return [root @ root.T for root in roots]
+
+
+def test_sums_are_enclosed(family: BlockFamily, plain: ModuleType) -> None:
+    rotations, multipliers = extended(4, 2, 4), random_multipliers(family, 5)
+    found = enclosed_condition(family, multipliers, rotations)
+    other = plain.plain_condition_sum(family, rotations.astype(float), multipliers)
+    # The second way is in double precision, without bounds.
+    assert np.all(np.abs(found.values - other) < found.errors + 1e-13 * found.sizes)
+    assert np.all(found.errors < 1e-10 * found.sizes)
+    assert np.all(np.abs(found.values) <= found.sizes * (1 + 1e-9))
+
+
+def krylov() -> tuple[KrylovLocaliser, list[FloatArray]]:
+    family = KrylovLocaliser(RowSector(1, 0, 0, 4, 1), 4, LIMIT)
+    rng = np.random.default_rng(6)
+    return family, [rng.standard_normal((size, 2)) for size in family.sizes]
+
+
+@pytest.mark.parametrize("amount", [1e-3, 30.0])
+@pytest.mark.parametrize("sign", [-1, 1])
+def test_errors_of_the_rows_are_covered(
+    amount: float, sign: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Values that are off by known amounts, in the directions that matter most."""
+    family, roots = krylov()
+    rotations = extended(7, 3, 4)
+    good = enclosed_krylov_sum(family, roots, rotations)
+    values, error = enclosed_localisers.block_values, enclosed_localisers.product_error
+
+    def shifted(*arguments: Any) -> FloatArray:
+        found = values(*arguments)
+        lengths = np.sqrt(np.sum(found**2, axis=(0, 2)))
+        return found + sign * amount * found / lengths[:, None]
+
+    def larger(*arguments: Any) -> tuple[float, FloatArray]:
+        fixed, relative = error(*arguments)
+        return fixed + amount, relative
+
+    monkeypatch.setattr(enclosed_localisers, "block_values", shifted)
+    monkeypatch.setattr(enclosed_localisers, "product_error", larger)
+    wrong = enclosed_krylov_sum(family, roots, rotations)
+    distance = np.abs(wrong.values - good.values)
+    assert np.all(distance > 1e3 * good.errors)
+    assert np.all(distance <= wrong.errors)
+
+
+def test_errors_of_the_forms_are_covered(monkeypatch: pytest.MonkeyPatch) -> None:
+    family, roots = krylov()
+    rotations, forms = extended(7, 3, 4), enclosed_localisers.krylov_forms
+    good = enclosed_krylov_sum(family, roots, rotations)
+
+    def shifted(*arguments: Any) -> tuple[FloatArray, FloatArray]:
+        found, errors = forms(*arguments)
+        return found + 1e-3 * np.eye(3), errors + 1e-3 * sqrt(3)
+
+    monkeypatch.setattr(enclosed_localisers, "krylov_forms", shifted)
+    wrong = enclosed_krylov_sum(family, roots, rotations)
+    distance = np.abs(wrong.values - good.values)
+    assert np.all(distance > 1e3 * good.errors)
+    assert np.all(distance <= wrong.errors)
+
+
+def test_the_distance_from_the_average_over_orders_is_covered(family: BlockFamily) -> None:
+    """Rows that are not symmetric: their average over all orders of the joints is meant."""
+    (rotations,) = extended(8, 1, 4)
+    rows = family.family if isinstance(family, ScaledBlocks) else family
+    for block in rows.blocks:
+        for _, _, coefficients in block.parts:
+            coefficients[0, 0] += 1e-3
+    everywhere = rotations[list(permutations(range(4)))]
+    found = enclosed_condition(family, random_multipliers(family, 9), everywhere)
+    distance = np.abs(found.values - found.values.mean())
+    assert distance.max() > 1e-7 * found.sizes.max()
+    assert np.all(distance <= found.errors)
+
+
+@pytest.mark.parametrize("factor", [-2.0, 3.0])
+def test_products_are_enclosed(factor: float) -> None:
+    g, wrong, s, error = (np.array([x]) for x in (factor, 0.5, 2.0, 0.25))
+    product = enclosed_product(g, wrong, s, error)
+    for a in (-0.5, 0.5):
+        for b in (-0.25, 0.25):
+            assert abs((factor + a) * (2 + b) - product.values[0]) <= product.errors[0]
+    assert product.errors[0] < 1.0001 * (0.5 * 2.25 + abs(factor) * 0.25)
+
+
+def test_too_large_degrees_are_refused(family: BlockFamily) -> None:
+    more = 0 if isinstance(family, SectorBlocks) else 4
+    check_degrees([family], 8 + more)
+    with pytest.raises(InputError, match="degree at most 3"):
+        check_degrees([family], 7 + more)
+    with pytest.raises(InputError, match="degree at most"):
+        exclusion_defect([family], [], -1.0, extended(1, 5, 4), degree=6)
+
+
+def test_unknown_blocks_are_refused() -> None:
+    scaled = ScaledBlocks(SectorBlocks(RowSector(0, 0, 0, 2), 4), residual_values)
+    with pytest.raises(InputError, match="rounding"):
+        enclosed_condition(scaled, random_multipliers(scaled, 1), extended(1, 1, 4))
+    with pytest.raises(InputError, match="blocks of rows"):
+        check_degrees([ScaledBlocks(scaled, residual_values)], 12)
+
+
+def test_the_defect_covers_whatever_is_wrong(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A worst case of 30 is impossible: J_f J_fᵀ ⪰ tI cannot hold."""
+    monkeypatch.setattr(fixed_worst_case, "largest_residual", lambda *_: 90.0)
+    families = condition_families(SMALL, 4, 30.0)
+    solved = solve_exclusion(families, 4, np.random.default_rng(0))
+    multipliers = refined_multipliers(solved.program, solved.multipliers)
+    constant = -replace(solved.sampled, objective=np.zeros(solved.sampled.moments)).dual_value(
+        multipliers
+    )
+    points = extended(11, 60, 4)
+
+    def defect(
+        factor: float = 1.0, shift: float = 0.0, blocks: Sequence[Any] = families
+    ) -> float:
+        changed = [factor * x for x in multipliers]
+        return exclusion_defect(blocks, changed, constant + shift, points, degree=8)["defect"]
+
+    assert constant < -1
+    assert defect() < 1e-5
+    assert defect(shift=-0.1) > 0.1
+    assert defect(factor=1.01) > 1e-3
+    other = condition_families(SMALL, 4, 30.01)
+    assert defect(blocks=other) > 1e-4
+
+
+@pytest.mark.parametrize(("margin", "kind"), [(-1e-7, "rigorous"), (0.0, "closed form")])
+def test_only_a_negative_margin_is_a_proof(
+    margin: float, kind: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(
+        max_min_module, "prove_exclusion", lambda *_, **__: (margin, Evidence())
+    )
+    result = max_min_bound("localised", 7, rigorous=True)
+    assert result.kind == kind
+    limit = Fraction(max_min_module.EXCLUDED) if margin < 0 else Fraction(1, 3)
+    assert limit < Fraction(result.bound) ** 2 < limit + Fraction(1, 10**9)
+
+
+def test_a_proof_bounds_the_whole_constant(monkeypatch: pytest.MonkeyPatch) -> None:
+    """c + δ is what has to be negative."""
+    details = {"largest_value": 0.0, "defect": 123.0}
+    monkeypatch.setattr(rigorous_module, "exclusion_defect", lambda *_, **__: details)
+    margin, evidence = rigorous_module.prove_exclusion(0.3265, SMALL, 7)
+    assert margin == pytest.approx(123.0 + evidence.check["constant"])
+    assert evidence.check["defect"] == 123.0
