@@ -101,7 +101,6 @@ def test_the_record_is_for_unit_revolute_joints_only():
         Arm((*[UnitRevolute()] * 6, Prismatic())),
     ):
         assert certified_bound("residual", other) == Bound(0.0, "closed form")
-        assert certified_bound("isotropy", other).kind == "closed form"
         assert numerical_bound("max-min", other) is None
 
 
