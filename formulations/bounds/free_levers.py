@@ -1,10 +1,10 @@
 """Bounds on the worst case of revolute joints with free lever arms.
 
-Divide every v_i by |v_i|: the result J' is a unit revolute Jacobian, so its residual is at least
-a proved bound ρ. If the worst case of J is close to eq. (6), J is nearly isotropic and every
-|v_i| is close to 1, so the residual of J' is small. Both cannot be if ρ > 0. The theorems and
-their proofs are in docs/bounds.md, section 5. What decides is rational arithmetic, on the very
-doubles that are returned; roots are rounded to the side on which the bound holds.
+Divide every v_i by |v_i|: the result J' is a unit revolute Jacobian, so its residual is at
+least a proved bound ρ. If the worst case of J is close to eq. (6), J is nearly isotropic and
+every |v_i| is close to 1, so the residual of J' is small. Both cannot be if ρ > 0. The theorems
+and their proofs are in docs/bounds.md, section 5. Whether a double is a bound is decided in
+rational arithmetic; roots are rounded to the side on which the bound holds.
 """
 
 from collections.abc import Callable

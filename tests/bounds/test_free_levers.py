@@ -159,7 +159,7 @@ def test_the_best_isotropic_jacobian_meets_theorem_a():
     ]
     own = residual(unit(best))
     sigma = measures.worst_case_sigma(best)
-    assert 0.1 < own
+    assert own > 0.1
     assert not excludes_isotropic(own, sigma)
     assert excludes_isotropic(3 * own, sigma)
     assert sigma < certified_bound("isotropy", arm("lever-revolute", 7)).value < 0.5375
@@ -183,4 +183,3 @@ def test_the_bounds_are_for_the_arms_for_which_they_are_proved(monkeypatch):
     monkeypatch.setattr(certified, "_stored", lambda _: ())
     plain = Bound(measures.sigma_bound(6, 7, 14), "closed form")
     assert certified_bound("isotropy", arm("lever-revolute", 7)) == plain
-
