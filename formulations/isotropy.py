@@ -24,7 +24,7 @@ from formulations.bounds.certified import (
     NONE_EXISTS,
     Bound,
     has_no_isotropic,
-    largest_worst_case,
+    largest_isotropic_worst_case,
 )
 from formulations.isotropy_equations import (
     constant_where_isotropic,
@@ -111,7 +111,7 @@ def bound(arm: Arm, locked: int = 1, certified: bool = True) -> Bound | None:
     """
     if has_no_isotropic(arm):
         return NONE_EXISTS if certified else None
-    return largest_worst_case(arm, locked, certified)
+    return largest_isotropic_worst_case(arm, locked, certified)
 
 
 def _not_implied(arm: ColumnModel, variables: ca.SX) -> tuple[Constraint, ...]:

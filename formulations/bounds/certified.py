@@ -15,6 +15,7 @@ from math import isnan
 from typing import Any
 
 from formulations import measures
+from formulations.bounds import free_levers
 from formulations.bounds.closed_form import excludes as excludes_worst_case
 from formulations.existence.theorem import excludes
 from formulations.joints.arm import Arm
@@ -82,8 +83,40 @@ def largest_worst_case(arm: Arm, locked: int = 1, certified: bool = True) -> Bou
     proved = least_residual(arm)
     if stored and proved and not excludes_worst_case(arm.shape[1], proved.value, stored.value):
         raise ArithmeticError("the bound on record does not follow from that on the residual")
-    bounds = [Bound(value, "closed form"), stored]
+    short = all(
+        isinstance(joint, UnitRevolute)
+        or (isinstance(joint, LeverRevolute) and joint.length <= 1)
+        for joint in arm.joints
+    )
+    levers = _on_levers(free_levers.max_min_limit, arm) if short else None
+    bounds = [Bound(value, "closed form"), stored, levers]
     return min((one for one in bounds if one), key=lambda one: one.value)
+
+
+def largest_isotropic_worst_case(
+    arm: Arm, locked: int = 1, certified: bool = True
+) -> Bound | None:
+    """Return the best upper bound on the worst case (5) of isotropic Jacobians, or None.
+
+    The parameters are those of `largest_worst_case`. Lever arms may be of any length:
+    isotropic revolute joints have Σ|v_i|² = n.
+    """
+    worst_case = largest_worst_case(arm, locked, certified)
+    levers = _on_levers(free_levers.isotropic_limit, arm) if certified else None
+    bounds = [one for one in (worst_case, levers) if one]
+    return min(bounds, key=lambda one: one.value, default=None)
+
+
+def _on_levers(limit: Callable[[float, int], float], arm: Arm) -> Bound | None:
+    """Return a bound that follows from the residual of as many unit revolute joints, or None.
+
+    It is known in the same way as the bound on that residual.
+    """
+    joints = len(arm.joints)
+    if not all(isinstance(joint, (UnitRevolute, LeverRevolute)) for joint in arm.joints):
+        return None
+    residual = _on_record("residual", Arm.of(UnitRevolute(), joints), "rigorous", max)
+    return residual and Bound(limit(residual.value, joints), residual.kind)
 
 
 def has_no_isotropic(arm: Arm) -> bool:

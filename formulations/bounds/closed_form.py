@@ -94,7 +94,7 @@ def excludes(joints: int, residual: float, sigma: float) -> bool:
     if mean <= t or _spent([(mean, 6)], t) > redundancy:
         return True  # not even equal eigenvalues meet the condition
     for p in range(1, 6):
-        y = _root_below(least / (3 * p * (6 - p)))
+        y = root_below(least / (3 * p * (6 - p)))
         spectrum = [(mean + (6 - p) * y, p), (mean - p * y, 6 - p)]
         if mean - p * y > t and _spent(spectrum, t) <= redundancy:
             return False
@@ -108,7 +108,7 @@ def _spent(spectrum: Sequence[tuple[Fraction, int]], t: Fraction) -> Fraction | 
     return t * sum(Fraction(many) / (value - t) for value, many in spectrum)
 
 
-def _root_below(square: Fraction, scale: int = 10**20) -> Fraction:
+def root_below(square: Fraction, scale: int = 10**20) -> Fraction:
     """Return a rational number not above the square root, and close to it."""
     root = math.isqrt(square.numerator * scale**2 // square.denominator)
     return Fraction(root, scale)
