@@ -211,19 +211,21 @@ def test_sums_are_enclosed(family: BlockFamily, plain: ModuleType) -> None:
     assert np.all(np.abs(found.values) <= found.sizes * (1 + 1e-9))
 
 
-def krylov() -> tuple[KrylovLocaliser, list[FloatArray]]:
-    family = KrylovLocaliser(RowSector(1, 0, 0, 4, 1), 4, LIMIT)
+def krylov(degree: int = 4) -> tuple[KrylovLocaliser, list[FloatArray]]:
+    """Return a localiser and random roots; of degree 2 it has one power of M only."""
+    family = KrylovLocaliser(RowSector(1, 0, 0, degree, 1), 4, LIMIT)
     rng = np.random.default_rng(6)
     return family, [rng.standard_normal((size, 2)) for size in family.sizes]
 
 
 @pytest.mark.parametrize("amount", [1e-3, 30.0])
 @pytest.mark.parametrize("sign", [-1, 1])
+@pytest.mark.parametrize("degree", [2, 4])
 def test_errors_of_the_rows_are_covered(
-    amount: float, sign: int, monkeypatch: pytest.MonkeyPatch
+    amount: float, sign: int, degree: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Values that are off by known amounts, in the directions that matter most."""
-    family, roots = krylov()
+    family, roots = krylov(degree)
     rotations = extended(7, 3, 4)
     good = enclosed_krylov_sum(family, roots, rotations)
     values, error = enclosed_localisers.block_values, enclosed_localisers.product_error

@@ -119,9 +119,8 @@ def enclosed_krylov_sum(
                 size = _form_value(lengths, lengths, h)
                 # Squares and their sums as in `enclosed_squares`, then nine products.
                 units = 24 + values[0].shape[0] * values[0].shape[2] // 2**11
-                error = _form_value(lengths, 2 * wrong + steps, h) + _form_value(
-                    wrong, wrong, h
-                )
+                # `lengths` holds w already: 2(|r| + w)w is more than 2|r|w + w².
+                error = _form_value(lengths, 2 * wrong + steps, h)
                 error += _form_value(steps, steps, h) + gamma(units) * size
                 error += form_errors * squares
                 weight = 1.0 / (family.joints * len(orders) * next(iter(powers.values())).scale)
