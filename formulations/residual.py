@@ -125,7 +125,7 @@ def _derivatives(
     rows = ca.vertcat(*(constraint.expression for constraint in constraints))
     x, sigma = ca.MX.sym("x", variables.numel()), ca.MX.sym("sigma")
     multipliers = ca.MX.sym("lambda", rows.numel())
-    own = sigma * gauss_newton(Columns.of(variables, matrix), x)
+    own = gauss_newton(Columns.of(variables, matrix), x, sigma)
     own += second(variables, rows)(x, multipliers)
     return Derivatives(ca.Function("hessian", [x, sigma, multipliers], [own]), shift=0.0)
 
