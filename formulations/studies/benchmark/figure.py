@@ -37,7 +37,9 @@ def drawn(rows: Sequence[Row]) -> Figure:
             axes = figure.add_subplot(len(panels), 1, place)
             for mark, ((peer,), line) in enumerate(groups(same, "peer")):
                 known = [row for row in line if not isnan(row.cpu_seconds_per_success)]
-                colour = next((c for begins, c in _COLOURS.items() if peer.startswith(begins)), "")
+                colour = next(
+                    (c for begins, c in _COLOURS.items() if peer.startswith(begins)), ""
+                )
                 axes.plot(
                     [row.joints for row in known],
                     [1e3 * row.cpu_seconds_per_success for row in known],

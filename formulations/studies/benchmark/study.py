@@ -3,14 +3,14 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from math import isnan
-from statistics import median
 from pathlib import Path
+from statistics import median
 
-from formulations.studies.benchmark.figure import drawn
 from formulations.files.figure import content, figure_class
 from formulations.solving.outcome import REACHED_BEST
 from formulations.studies import pages
 from formulations.studies.benchmark import peers
+from formulations.studies.benchmark.figure import drawn
 from formulations.studies.benchmark.measurement import NEAR, Row, measure
 from formulations.studies.benchmark.peers import CLASSICAL, DEFAULT, FAST
 from formulations.studies.pages import groups
@@ -104,7 +104,9 @@ def study(sizes: Sequence[int] = SIZES, time_limit: float = TIME_LIMIT) -> Study
         for size in sizes:
             for (_,), same in groups(peers.PEERS, "formulation"):
                 rows: Sequence[Row] = ()
-                for found in measure(same, size, starts, effort.seed, time_limit, effort.progress):
+                for found in measure(
+                    same, size, starts, effort.seed, time_limit, effort.progress
+                ):
                     yield Part(rows=found, replaces=len(rows))
                     rows = found
                 everything += rows
