@@ -37,6 +37,7 @@ _ITERATIONS = 12
 _ISOTROPIC = 1e-8
 # t starts where eq. (6) bounds it, or at this share of λ_min(JJᵀ) if that is less.
 _LEVEL = 0.9
+_ALIKE = 1e-9
 # What Fatrop needs: the frame's directions have no curvature, and with a smaller tolerance some
 # starts never meet it. The value found is 2e-8 below the optimum then.
 _SHIFT = 1e-4
@@ -52,6 +53,11 @@ def build(arm: ColumnModel, two_stages: bool = True) -> Problem:
     rows = ca.sum1(matrix * (inverted @ matrix)).T
     lower, upper = arm.bounds
     gram = Evaluation(variables, [matrix @ matrix.T])
+    norms = Evaluation(variables, [ca.sum1(matrix**2)])(arm.sample(np.random.default_rng(0)))[0]
+    # Fatrop does not converge where joints have equations of their own. From random starts, or
+    # with columns of several lengths, its restoration phase may add to the Hessian forever,
+    # where neither iterations nor time are limited.
+    shift = _SHIFT if two_stages and not constraints and np.ptp(norms) < _ALIKE else None
 
     def lift(point: FloatArray) -> FloatArray:
         squares = np.linalg.eigvalsh(gram(point)[0])
@@ -68,13 +74,13 @@ def build(arm: ColumnModel, two_stages: bool = True) -> Problem:
         outputs={"jacobian": matrix},
         lift=lift,
         options={"fatrop": FATROP_OPTIONS},
-        derivatives=_derivatives(variables, matrix, constraints),
+        derivatives=_derivatives(variables, matrix, constraints, shift),
         first=_first(arm, variables, matrix) if two_stages else None,
     )
 
 
 def _derivatives(
-    variables: ca.SX, matrix: ca.SX, constraints: tuple[Constraint, ...]
+    variables: ca.SX, matrix: ca.SX, constraints: tuple[Constraint, ...], shift: float | None
 ) -> Derivatives:
     own = ca.vertcat(*(constraint.expression for constraint in constraints))
     reduced = Reduced(Columns.of(variables, matrix))
@@ -92,8 +98,7 @@ def _derivatives(
     return Derivatives(
         ca.Function("hessian", [z, sigma, multipliers], [hessian]),
         ca.Function("slopes", [z], [slopes]),
-        # Fatrop does not converge where joints have equations of their own.
-        None if count else _SHIFT,
+        shift,
     )
 
 

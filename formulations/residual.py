@@ -24,6 +24,7 @@ from formulations.bounds.certified import Bound, least_residual
 from formulations.isotropy_equations import residuals
 from formulations.joints.arm import Arm
 from formulations.joints.joint import ColumnModel
+from formulations.joints.kinds import UnitRevolute
 from nlp.arrays import FloatArray
 from nlp.columns import Columns, gauss_newton, second
 from nlp.errors import InputError
@@ -68,7 +69,7 @@ def build(
     arm: ColumnModel,
     weighting: str = "invariant",
     rows: str = "derived",
-    hessian: str = "exact",
+    hessian: str | None = None,
 ) -> Problem:
     """State the problem for an arm.
 
@@ -81,8 +82,9 @@ def build(
     rows
         ``"derived"`` from JJᵀ, or ``"appendix"``: the Appendix's closed forms.
     hessian
-        ``"exact"``; or ``"gauss-newton"``, see `nlp.columns.gauss_newton`: faster where the
-        residual is zero at the minimum, far slower where it is not. Of the invariant weighting.
+        ``"exact"``; or ``"gauss-newton"``, see `nlp.columns.gauss_newton`: twice as fast where
+        the residual is zero at the minimum, far slower where it is not. Of the invariant
+        weighting. By default, where it is zero: for eight unit revolute joints or more.
 
     Raises
     ------
@@ -94,6 +96,9 @@ def build(
         raise InputError("weighting", weighting, "one of " + ", ".join(DIAGONAL_WEIGHTS))
     if rows not in ROWS:
         raise InputError("rows", rows, "one of " + ", ".join(ROWS))
+    vanishes = arm.shape[0] == 6 and arm.shape[1] >= 8 and _unit_revolute(arm)
+    if hessian is None:
+        hessian = "gauss-newton" if vanishes and weighting == "invariant" else "exact"
     if hessian not in HESSIANS:
         raise InputError("hessian", hessian, "one of " + ", ".join(HESSIANS))
     if hessian != "exact" and weighting != "invariant":
@@ -119,13 +124,17 @@ def build(
     )
 
 
+def _unit_revolute(arm: ColumnModel) -> bool:
+    return isinstance(arm, Arm) and all(isinstance(one, UnitRevolute) for one in arm.joints)
+
+
 def _derivatives(
     variables: ca.SX, matrix: ca.SX, constraints: Sequence[Constraint]
 ) -> Derivatives:
     rows = ca.vertcat(*(constraint.expression for constraint in constraints))
     x, sigma = ca.MX.sym("x", variables.numel()), ca.MX.sym("sigma")
     multipliers = ca.MX.sym("lambda", rows.numel())
-    own = sigma * gauss_newton(Columns.of(variables, matrix), x)
+    own = gauss_newton(Columns.of(variables, matrix), x, sigma)
     own += second(variables, rows)(x, multipliers)
     return Derivatives(ca.Function("hessian", [x, sigma, multipliers], [own]), shift=0.0)
 

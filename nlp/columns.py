@@ -77,8 +77,8 @@ class Columns:
         return chain.T @ own @ chain + bent
 
 
-def gauss_newton(columns: Columns, x: ca.MX) -> ca.MX:
-    """Return a positive definite approximation of the Hessian of ½‖S‖_F².
+def gauss_newton(columns: Columns, x: ca.MX, scale: ca.MX | float = 1.0) -> ca.MX:
+    """Return a positive definite approximation of the Hessian of ½‖S‖_F², times a scale.
 
     S = JJᵀ − (‖J‖_F²/m) I. Derivatives of S among themselves, and (‖S‖_F/10 + 1e-8) I: where
     S is not zero at the minimum, they alone leave out what holds the frame's directions. ::
@@ -91,14 +91,18 @@ def gauss_newton(columns: Columns, x: ca.MX) -> ca.MX:
     m = jacobian.shape[0]
     gram = jacobian @ jacobian.T
     defect = gram - ca.trace(gram) / m * ca.MX.eye(m)
-    alike, across = jacobian.T @ jacobian, (jacobian.T @ directions)[k, :]
+    # Scaled while it is small: each pass over the result takes as long as its arithmetic.
+    scaled = (2 * scale * directions).T
+    across = (jacobian.T @ directions)[k, :]
     trace = 2 * ca.diag(across)
-    own = 2 * (directions.T @ directions * alike[k, k] + across * across.T)
-    own -= trace @ trace.T / m
+    own = (scaled @ directions) * (jacobian.T @ jacobian)[k, k]
+    own += across * (scaled @ jacobian)[:, k]
+    own = ca.mac(trace * (-scale / m), trace.T, own)
     if columns.chain is not None:
         chain = columns.chain(x)
         own = chain.T @ own @ chain
-    return own + (0.1 * ca.sqrt(ca.sumsqr(defect)) + 1e-8) * ca.MX.eye(own.shape[0])
+    shift = scale * (0.1 * ca.sqrt(ca.sumsqr(defect)) + 1e-8)
+    return own + ca.diag(ca.repmat(shift, own.shape[0], 1))
 
 
 def second(variables: ca.SX, rows: ca.SX) -> ca.Function:

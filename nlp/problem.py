@@ -70,7 +70,7 @@ class Stage:
     Attributes
     ----------
     problem
-        The problem, in the variables that the next problem's lift takes.
+        The problem, in the variables that the next problem's lift takes; without a first stage.
     iterations
         Most iterations, unless the caller's ``max_iter`` is lower.
     is_answer
@@ -80,6 +80,10 @@ class Stage:
     problem: Problem
     iterations: int
     is_answer: Callable[[FloatArray], bool] = lambda _: False
+
+    def __post_init__(self) -> None:
+        if self.problem.first is not None:
+            raise InputError("stage", f"{self.problem.name} with a first stage", "two stages")
 
 
 @dataclass(frozen=True, eq=False)

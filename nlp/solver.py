@@ -7,7 +7,7 @@ the same iterations take a third of the time.
 """
 
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import casadi as ca
@@ -19,7 +19,7 @@ from nlp.compiled import callbacks, compiled_callbacks, compiled_functions
 from nlp.errors import InputError
 from nlp.interrupts import deferred_interrupt
 from nlp.options import QUIET, OptionValue, check_options
-from nlp.problem import Evaluation, Problem
+from nlp.problem import Constraint, Evaluation, Problem
 from nlp.solution import LIMIT, SUCCESS, Solution, Status
 
 # CasADi's names of derivatives, and of the options that replace them.
@@ -80,12 +80,10 @@ class Solver:
         lower = [problem.lower, *(constraint.lower for constraint in problem.constraints)]
         upper = [problem.upper, *(constraint.upper for constraint in problem.constraints)]
         self._bounds = np.stack([np.concatenate(lower), np.concatenate(upper)])
-        self._shape = x.sparsity()
-        # Converted once: on small problems the conversion is felt at every start.
-        parts = np.split(self._bounds, [problem.size], axis=1)  # of variables, of constraints
-        limits = [ca.DM(side) for part in parts for side in part]
-        zeros = (ca.DM.zeros(problem.size), ca.DM.zeros(g.numel()))
-        self._arguments = [ca.DM(), *limits, *zeros]
+        self._call = _Call(self._solver, self._bounds, problem.size)
+        self._bounded = np.flatnonzero(np.isfinite(self._bounds).any(axis=0))
+        self._limits = self._bounds[:, self._bounded]
+        self._blocks = _slices(problem.constraints)
         self._evaluation = Evaluation(x, [problem.objective, g, *problem.outputs.values()])
 
     def solve(self, start: npt.ArrayLike) -> Solution:
@@ -109,41 +107,40 @@ class Solver:
         KeyboardInterrupt
             If the user interrupted while the solver ran.
         """
+        with deferred_interrupt(limited=True):
+            return self._solve(np.asarray(start, dtype=float))
+
+    def _solve(self, start: FloatArray) -> Solution:
         earlier: tuple[Status, ...] = ()
-        starts = [np.asarray(start, dtype=float)]
+        starts = [start]
         stage = self.problem.first
         if stage is not None and self._first is not None:
-            before = self._first.solve(start)
-            x = before.variables
-            if before.status.success and stage.is_answer(x):
-                return self._solution(self.problem.lift(x), before.status, before.earlier, {})
-            earlier = (*before.earlier, before.status)
-            starts = [x, *starts] if np.all(np.isfinite(x)) else starts
-        solution = self._from(starts[0], earlier)
-        if self._name == "ipopt" and len(starts) > 1 and _stuck(solution.status):
-            solution = self._from(starts[1], (*earlier, solution.status))
-        return solution
+            x, _, status = self._first._from(start)
+            if status.success and stage.is_answer(x):
+                return self._solution(self.problem.lift(x), {}, status, ())
+            earlier = (status,)
+            starts = [x, start] if np.isfinite(x).all() else starts
+        x, multipliers, status = self._from(starts[0])
+        if self._name == "ipopt" and len(starts) > 1 and _stuck(status):
+            earlier = (*earlier, status)
+            x, multipliers, status = self._from(starts[1])
+        return self._solution(x, self._multipliers(multipliers), status, earlier)
 
-    def _from(self, start: FloatArray, earlier: tuple[Status, ...]) -> Solution:
+    def _from(self, start: FloatArray) -> tuple[FloatArray, FloatArray, Status]:
+        """Return the point, its multipliers, and how the solver ended."""
         problem = self.problem
         x0 = finite_vector("start", problem.lift(start), problem.size)
         cpu, wall = time.process_time(), time.perf_counter()
-        with deferred_interrupt(limited=True):
-            found, _, _, _, multipliers, _ = self._solver.call(
-                [ca.DM(self._shape, x0), *self._arguments]
-            )
+        x, multipliers = self._call(x0)
         cpu, wall = time.process_time() - cpu, time.perf_counter() - wall
-        status = self._status(cpu, wall)
-        return self._solution(
-            _dense(found), status, earlier, self._multipliers(_dense(multipliers))
-        )
+        return x, multipliers, self._status(cpu, wall)
 
     def _solution(
         self,
         x: FloatArray,
+        multipliers: Mapping[str, FloatArray],
         status: Status,
         earlier: tuple[Status, ...],
-        multipliers: Mapping[str, FloatArray],
     ) -> Solution:
         problem = self.problem
         objective, g, *outputs = self._evaluation(x)
@@ -153,15 +150,25 @@ class Solver:
             status=status,
             variables=x,
             objective=float(objective[0, 0]),
-            violation=_excess(np.concatenate([x, g.ravel()]), self._bounds),
+            violation=self._violation(x, g),
             outputs=dict(zip(problem.outputs, outputs, strict=True)),
             multipliers=multipliers,
             compiled=self.compiled,
             earlier=earlier,
         )
 
+    def _violation(self, x: FloatArray, g: FloatArray) -> float:
+        """Largest distance outside the bounds; NaN if a value is NaN."""
+        values = np.concatenate([x, g.ravel()]) if g.size else x
+        if np.isnan(values).any():
+            return float("nan")
+        lower, upper = self._limits
+        values = values[self._bounded]
+        excess = np.maximum(lower - values, values - upper)
+        return float(excess.max(initial=0.0))
+
     def _status(self, cpu: float, wall: float) -> Status:
-        stats: Mapping[str, Any] = self._solver.stats()
+        stats: Mapping[str, Any] = self._solver.stats(self._call.memory)
         ended = str(stats["return_status"])
         if self._name == "fatrop":  # which only says whether it converged
             ended = SUCCESS if stats["success"] else f"Fatrop_Return_Flag_{ended}"
@@ -176,10 +183,42 @@ class Solver:
         )
 
     def _multipliers(self, stacked: FloatArray) -> dict[str, FloatArray]:
-        constraints = self.problem.constraints
-        ends = np.cumsum([constraint.expression.numel() for constraint in constraints])
-        parts = np.split(stacked, ends[:-1].astype(int))
-        return {block.name: part for block, part in zip(constraints, parts, strict=False)}
+        return {name: stacked[rows] for name, rows in self._blocks.items()}
+
+
+class _Call:
+    """Calls CasADi's solver on arrays of its own, as `Evaluation` does a function.
+
+    Its usual call converts every argument and result, at every start.
+
+    Attributes
+    ----------
+    memory
+        Which of the solver's memories it uses; statistics are asked for by it.
+    """
+
+    def __init__(self, solver: ca.Function, bounds: FloatArray, size: int) -> None:
+        self.memory = int(solver.checkout())
+        solver.release(self.memory)  # the buffer takes it
+        buffer: Any
+        buffer, self._run = solver.buffer()
+        (lbx, lbg), (ubx, ubg) = (np.split(side, [size]) for side in bounds)
+        self._start, self._found = np.zeros(size), np.zeros(size)
+        self._multipliers = np.zeros(bounds.shape[1] - size)
+        arguments = {"x0": self._start, "lbx": lbx, "ubx": ubx, "lbg": lbg, "ubg": ubg}
+        for name, array in arguments.items():
+            if array.size:
+                buffer.set_arg(solver.index_in(name), array.data)
+        for name, array in {"x": self._found, "lam_g": self._multipliers}.items():
+            if array.size:
+                buffer.set_res(solver.index_out(name), array.data)
+        self._buffer = buffer, arguments  # the buffer does not keep the arrays alive
+
+    def __call__(self, start: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the solver's point and the multipliers of the constraints."""
+        self._start[:] = start
+        self._run()
+        return self._found.copy(), self._multipliers.copy()
 
 
 def solve(
@@ -246,13 +285,10 @@ def _last(stats: Mapping[str, Mapping[str, list[float]]], name: str) -> float:
     return float(history[-1]) if history else float("nan")
 
 
-def _dense(column: ca.DM) -> FloatArray:
-    # Several times faster than DM's own conversion to an array.
-    return np.array(column.nonzeros(), dtype=np.float64)
-
-
-def _excess(values: FloatArray, bounds: FloatArray) -> float:
-    """Largest distance outside the bounds, shape (2, size); NaN if a value is NaN."""
-    lower, upper = bounds
-    with np.errstate(invalid="ignore"):  # infinite values without bounds
-        return float(np.max(np.maximum(lower - values, values - upper), initial=0.0))
+def _slices(constraints: Sequence[Constraint]) -> dict[str, slice]:
+    """Rows of each block among those of all."""
+    ends = np.cumsum([0, *(one.expression.numel() for one in constraints)]).tolist()
+    return {
+        one.name: slice(first, last)
+        for one, first, last in zip(constraints, ends, ends[1:], strict=False)
+    }

@@ -157,9 +157,13 @@ def test_refuses_what_it_does_not_state(encoding, more):
             max_min.build(arm("unit-revolute", 8), encoding=encoding, **more)
 
 
-def test_fatrop_refuses_joints_with_equations():
+@pytest.mark.parametrize(
+    ("model", "two_stages"),
+    [("lever-revolute", True), ("unit-revolute:6,prismatic:2", True), ("unit-revolute", False)],
+)
+def test_fatrop_refuses_where_it_may_not_end(model, two_stages):
     with pytest.raises(InputError, match="fatrop for max-min"):
-        Solver(reduced.build(arm("lever-revolute", 7)), name="fatrop")
+        Solver(reduced.build(arm(model, 8), two_stages), name="fatrop", compiled=True)
 
 
 def test_the_hessian_of_the_residual_is_one_of_two():

@@ -4,6 +4,7 @@ import csv
 import importlib.util
 import json
 import os
+import re
 import subprocess
 import sys
 import time
@@ -17,8 +18,9 @@ from formulations import measures
 from formulations.catalogue import arm
 from formulations.commands.app import app
 from formulations.studies.benchmark import unit_revolute as hand
+from formulations.studies.benchmark.figure import drawn
 from formulations.studies.benchmark.measurement import NotRunError, Peer, Row, each, measure
-from formulations.studies.benchmark.peers import PEERS
+from formulations.studies.benchmark.peers import DEFAULT, FAST, PEERS
 from formulations.studies.benchmark.study import growth, targets
 
 SEVEN = arm("unit-revolute", 7)
@@ -142,26 +144,43 @@ def test_success_is_what_the_jacobian_says_not_the_peer():
     assert [row.starts for row in rows] == [5, 5, 5, 5, 0, 0]
     assert rows[0].relative == 1
     assert rows[0].cpu_seconds_per_success == rows[0].cpu_seconds_per_start > 0
+    assert min(rows[0].rounds) <= rows[0].cpu_seconds_per_success <= max(rows[0].rounds)
     assert np.isnan(rows[1].cpu_seconds_per_success)
     notes = [row.note for row in rows[4:]]
     assert notes == ["not installed: nothing", "too few residuals"]
 
 
-def row(peer, milliseconds, formulation="residual"):
-    return Row(formulation, 7, peer, "", 1, 1, 1, 1, 0.001, milliseconds / 1e3, 1.0, 0.0, "")
+def row(peer, *milliseconds, formulation="residual", joints=7):
+    first, second, third = (one / 1e3 for one in milliseconds)
+    times = (0.001, second, 1.0, first, second, third)
+    return Row(formulation, joints, peer, "", 3, 3, 3, 3, *times, 0.0, "")
 
 
-def test_targets_are_said_to_be_met_or_missed():
+def test_targets_are_met_or_missed_by_the_median_of_the_rounds():
     rows = [
-        row("scipy least_squares trf", 10.0),
-        row("lockedjoint, Ipopt (default)", 4.0),
-        row("lockedjoint, Ipopt, compiled", 4.0),
+        row("scipy least_squares trf", 10.0, 12.0, 9.0),
+        row(DEFAULT, 4.0, 4.0, 4.0),
+        row(FAST, 1.0, 2.0, 0.5),
+        row("JAX, one", 3.0, 3.0, 3.0),
+        row("JAX, two", 1.0, 1.0, 1.0),
+        row("scipy least_squares trf", 10.0, 10.0, 10.0, joints=8),
+        row(FAST, 1.0, 1.0, 1.0, joints=8),
     ]
-    said = targets(rows)
-    assert "default at least 2 times trf: 2.50, met" in said
-    assert "compiled at least 3 times trf: 2.50, missed" in said
-    assert "fast path at least 15 times trf: nan, not measured" in said
+    said = re.sub(" +", " ", targets(rows))
+    assert "| default ≥ 2 × trf | 2.5 (2.25–3), met | not measured |" in said
+    assert "| fast path ≥ 15 × trf | 10 (6–18), missed | 10 (10–10), not asked |" in said
+    assert "| fast path ≥ 1 × JAX | 1 (0.5–2), met | not measured |" in said, "the faster JAX"
+    assert "| fast path ≤ 5 × floor | not measured |" in said
     assert "| residual" in growth(rows)
+
+
+def test_every_peer_is_a_line_of_the_figure():
+    pytest.importorskip("matplotlib")
+    rows = [row(name, 1.0, 2.0, 3.0, joints=n) for name in (DEFAULT, "other") for n in (7, 8)]
+    rows += [row("stuck", *[float("nan")] * 3), row(FAST, 1, 1, 1, formulation="max-min")]
+    first, second = drawn(rows).axes
+    assert [list(line.get_ydata()) for line in first.lines] == [[2.0, 2.0]] * 2 + [[]]
+    assert first.get_yscale() == second.get_yscale() == "log"
 
 
 @pytest.mark.skipif(importlib.util.find_spec("scipy") is None, reason="peers not installed")
@@ -177,7 +196,7 @@ def test_the_command_writes_its_tables(tmp_path, monkeypatch):
     rows = json.loads(done.output)["rows"]
     assert [row["joints"] for row in rows] == [7] * 5 + [8] * 5
     page = (tmp_path / "benchmark.md").read_text(encoding="utf-8")
-    for text in ("seed: 0", "scipy", "residual, 7R", "Growth", "8R", "success"):
+    for text in ("seed: 0", "scipy", "residual, 7R", "Growth", "8R", "success", "cost.svg"):
         assert text in page
     assert len((tmp_path / "benchmark.csv").read_text().splitlines()) == 11
 
@@ -220,7 +239,7 @@ def test_who_uses_up_its_time_is_stopped_and_shown():
     rounds = list(
         measure([fixed(SEVEN.jacobian), fixed(slow)], 7, starts=12, seed=0, time_limit=0.05)
     )
-    assert [rows[0].starts for rows in rounds] == [3, 6, 9, 12], "known after every round"
+    assert [rows[0].starts for rows in rounds] == [4, 8, 12], "known after every round"
     quick, stopped = rounds[-1]
     assert (quick.starts, quick.note) == (12, "")
     assert (stopped.asked, stopped.starts) == (12, 3)
@@ -248,4 +267,4 @@ def test_ctrl_c_keeps_the_rounds_that_were_done(tmp_path, monkeypatch):
     (line,) = csv.DictReader(
         (tmp_path / "incomplete" / "benchmark.csv").read_text().splitlines()
     )
-    assert (line["asked"], line["starts"]) == ("12", "3")
+    assert (line["asked"], line["starts"]) == ("12", "4")

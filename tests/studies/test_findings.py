@@ -32,7 +32,8 @@ def test_nothing_from_nothing(study):
 
 def timed(peer, milliseconds):
     seconds = milliseconds / 1e3
-    return BenchmarkRow("residual", 7, peer, "", 10, 10, 10, 10, seconds, seconds, 1.0, 0.0, "")
+    times = (seconds, seconds, 1.0, seconds, seconds, seconds)
+    return BenchmarkRow("residual", 7, peer, "", 10, 10, 10, 10, *times, 0.0, "")
 
 
 def test_the_benchmark_names_the_quickest_of_either_side():

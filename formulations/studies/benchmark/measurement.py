@@ -22,8 +22,10 @@ from nlp.task import generator
 
 # Answers within `REACHED_BEST` of the best of all peers are successes; within this, near.
 NEAR = 1e-3
-# Peers take turns, so that any other load on the machine affects all of them alike.
-_ROUNDS = 4
+NAN = float("nan")
+# Peers take turns, so that any other load on the machine affects all of them alike. Each round
+# is a repetition with starts of its own; ratios are given with their spread over the rounds.
+ROUNDS = 3
 # From starts, shape (K, size of the arm), to Jacobians, shape (K, m, n).
 Run: TypeAlias = Callable[[FloatArray], FloatArray]
 
@@ -84,6 +86,8 @@ class Row:
     relative
         Time per success as a multiple of that of the first peer with the same statement and
         size, which is this library's default.
+    first, second, third
+        Processor time per success in each round; NaN without one.
     setup_seconds
         Wall time of setting up: derivatives, compilation.
     note
@@ -101,8 +105,16 @@ class Row:
     cpu_seconds_per_start: float = field(metadata=column("CPU ms per start", scale=1e3))
     cpu_seconds_per_success: float = field(metadata=column("CPU ms per success", scale=1e3))
     relative: float = field(metadata=column("relative to default"))
+    first: float = field(metadata=HIDDEN)
+    second: float = field(metadata=HIDDEN)
+    third: float = field(metadata=HIDDEN)
     setup_seconds: float = field(metadata=column("set-up s"))
     note: str
+
+    @property
+    def rounds(self) -> tuple[float, ...]:
+        """Processor time per success in each round."""
+        return (self.first, self.second, self.third)
 
 
 @dataclass(eq=False)
@@ -111,8 +123,18 @@ class _Trial:
     run: Run | None = None
     note: str = ""
     setup: float = float("nan")
-    seconds: float = 0.0
-    merits: list[float] = field(default_factory=list)
+    times: list[float] = field(default_factory=list)
+    turns: list[list[float]] = field(default_factory=list)
+
+    @property
+    def seconds(self) -> float:
+        """Processor time of all turns."""
+        return sum(self.times)
+
+    @property
+    def merits(self) -> list[float]:
+        """Merits of all turns' answers."""
+        return [merit for turn in self.turns for merit in turn]
 
     def solve(self, starts: FloatArray) -> FloatArray:
         """Return the peer's Jacobians, without its warnings: only its answers count."""
@@ -128,6 +150,12 @@ class _Trial:
     def per(self, count: int) -> float:
         """Return processor seconds per start or success; NaN if there is none."""
         return self.seconds / count if count else float("nan")
+
+    def per_success(self, best: float) -> list[float]:
+        """Return processor seconds per success in each round."""
+        counts = [np.sum(np.abs(np.array(turn) - best) <= REACHED_BEST) for turn in self.turns]
+        found = [t / n if n else NAN for t, n in zip(self.times, counts, strict=True)]
+        return [*found, *[NAN] * ROUNDS][:ROUNDS]
 
 
 def measure(
@@ -156,7 +184,7 @@ def measure(
     """
     built = arm("unit-revolute", joints)
     points = np.array([built.sample(generator(seed, index)) for index in range(starts)])
-    batch = -(-starts // _ROUNDS)
+    batch = -(-starts // ROUNDS)
     trials = []
     # Without a cache everything is compiled anew: set-up times include compilation.
     with (
@@ -194,6 +222,8 @@ def _take_turn(
     trial: _Trial, built: Arm, points: FloatArray, batch: int, time_limit: float
 ) -> None:
     done = 0
+    trial.times.append(0.0)
+    trial.turns.append([])
     while trial.run and done < len(points) and trial.seconds < time_limit:
         wanted = _as_many(trial, len(points) - done, time_limit)
         given = points[done : done + wanted]
@@ -201,9 +231,9 @@ def _take_turn(
             given = np.resize(given, (batch, points.shape[1]))
         began = time.process_time()
         jacobians = trial.solve(given)
-        trial.seconds += time.process_time() - began
+        trial.times[-1] += time.process_time() - began
         merit = formulation(trial.peer.formulation).merit
-        trial.merits += [
+        trial.turns[-1] += [
             merit(matrix) if in_model(built, matrix) else float("nan")
             for matrix in jacobians[:wanted]
         ]
@@ -231,6 +261,7 @@ def _rows(trials: Sequence[_Trial], joints: int, asked: int, time_limit: float) 
         if trial.run is not None and trial.seconds >= time_limit and starts < asked:
             note = f"stopped after {time_limit:g} s"
         success = trial.within(best, REACHED_BEST)
+        first, second, third = trial.per_success(best)
         rows.append(
             Row(
                 formulation=trial.peer.formulation,
@@ -244,6 +275,9 @@ def _rows(trials: Sequence[_Trial], joints: int, asked: int, time_limit: float) 
                 cpu_seconds_per_start=trial.per(starts),
                 cpu_seconds_per_success=trial.per(success),
                 relative=trial.per(success) / unit,
+                first=first,
+                second=second,
+                third=third,
                 setup_seconds=trial.setup,
                 note=note,
             )
