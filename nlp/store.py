@@ -289,7 +289,9 @@ class Store(AbstractContextManager["Store", None]):
         )
         given = [*(condition.value for condition in conditions), *values]
         kinds = self.schema.columns
-        with self._clear(), closing(self._database.execute(statement, given)) as found:
+        with self._clear(), ExitStack() as finished:
+            found = self._database.execute(statement, given)
+            finished.callback(_end, found)
             names = [column[0] for column in found.description]
             empty = [math.nan if kinds.get(n, "REAL") == "REAL" else None for n in names]
             for line in found:
@@ -493,6 +495,11 @@ class Store(AbstractContextManager["Store", None]):
             damaged = code in _DAMAGE or no_database
             kind = StoreError if damaged else FileError
             raise kind("store", str(self.path), _advice(reason)) from None
+
+
+def _end(found: sqlite3.Cursor) -> None:
+    with suppress(sqlite3.ProgrammingError):  # the store was closed before its reader ended
+        found.close()
 
 
 def _is_file(path: Path) -> bool:

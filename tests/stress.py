@@ -16,6 +16,7 @@ import time
 from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
+from itertools import count
 
 import pytest
 
@@ -104,8 +105,10 @@ def wait_for_work(process, folder):
 
 def test_kills(lockedjoint, tmp_path, tally):
     draw, at_work = random.Random(1), 0
-    while tally.faults < 50:
-        folder = campaign_in(tmp_path / str(tally.faults))
+    for number in count():
+        if tally.faults >= 50:
+            break
+        folder = campaign_in(tmp_path / str(number))
         status = None
         while status != 0:
             process = lockedjoint.start(*CAMPAIGN, "--workers", 2, cwd=folder)
@@ -212,7 +215,9 @@ ENDS = [(0, signal.SIGKILL)] * 3 + [(0, signal.SIGSTOP)] * 2 + [(1, signal.SIGKI
 
 def test_dead_schedulers(lockedjoint, tmp_path, tally):
     pytest.importorskip("distributed")
-    draw = random.Random(4)
+    began = time.monotonic()
+    lockedjoint("campaign", "--help", cwd=tmp_path)
+    start, draw = time.monotonic() - began, random.Random(4)
     delays = [draw.uniform(0, 2) for _ in ENDS]
 
     def ended(number):
@@ -244,4 +249,4 @@ def test_dead_schedulers(lockedjoint, tmp_path, tally):
             tally.compare(folder / "s.db")
     print(f"\nat most {worst:.1f} s until the error")
     tally.report("dead schedulers")
-    assert worst < 20  # 15 s, and the start of a process on a busy machine
+    assert worst < 15 + 3 * start  # three: Dask is imported, too, and other work may begin
