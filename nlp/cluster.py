@@ -226,9 +226,11 @@ def _check_address(address: str) -> None:
     if not separator or scheme not in backends or scheme == "inproc":
         raise InputError("scheduler", address, allowed)
     try:
-        get_address_host_port(address, strict=True)
+        _, port = get_address_host_port(address, strict=True)
     except ValueError:
         raise InputError("scheduler", address, allowed) from None
+    if not 0 < port < 1 << 16:
+        raise InputError("scheduler", address, f"{allowed}, a port from 1 to 65535")
     if scheme in ("tls", "wss"):
         try:
             context = Security().get_connection_args("client")["ssl_context"]

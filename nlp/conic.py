@@ -1,12 +1,17 @@
 """Run a conic solver through cvxpy and keep the status that it reports."""
 
+import contextvars
+import threading
 import warnings
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from concurrent.futures import Future, wait
 from typing import Any
 
 import cvxpy as cp
 
 from nlp.errors import InputError, SolverOptionError
+
+_PULSE = 0.2  # seconds
 
 
 def check_solver(solver: str, *others: str) -> None:
@@ -46,7 +51,7 @@ def run(program: cp.Problem, solver: str, options: Mapping[str, Any] | None = No
         # cvxpy warns of inaccurate answers; the status has the same information.
         warnings.simplefilter("ignore", UserWarning)
         try:
-            program.solve(solver=solver, **(options or {}))
+            _aside(lambda: program.solve(solver=solver, **(options or {})))
         except cp.SolverError as error:
             return f"solver_error: {error}"
         except (AttributeError, TypeError, ValueError) as error:
@@ -54,3 +59,28 @@ def run(program: cp.Problem, solver: str, options: Mapping[str, Any] | None = No
                 raise
             raise SolverOptionError("options", dict(options), str(error)) from error
     return str(program.status)
+
+
+def _aside(call: Callable[[], object]) -> None:
+    """Call in a thread of its own: a compiled solver would hold Ctrl-C back until its end.
+
+    After a Ctrl-C the thread goes on until the solver ends, or the process does.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        call()
+        return
+    done: Future[None] = Future()
+
+    def work() -> None:
+        try:
+            call()
+        except BaseException as error:
+            done.set_exception(error)
+        else:
+            done.set_result(None)
+
+    context = contextvars.copy_context()  # such as NumPy's handling of overflow
+    threading.Thread(target=context.run, args=(work,), daemon=True).start()
+    while not wait([done], timeout=_PULSE).done:  # in turns: a signal may reach another thread
+        pass
+    done.result()

@@ -1,7 +1,8 @@
-"""Files read and written whole, or not at all; and what must not be overwritten."""
+"""Files read and written whole, or not at all; what must not be overwritten; texts read."""
 
 import json
 import os
+import re
 import stat
 import tempfile
 from collections.abc import Iterable
@@ -17,6 +18,12 @@ _SQLITE = b"SQLite format 3\0"
 _SIDECARS = ("-wal", "-shm", "-journal")
 # Files that are read at once are smaller than this.
 MOST_BYTES = 200_000_000
+# Numbers in a text. `int` and `float` take underscores and digits of other scripts, too.
+_WHOLE = re.compile(r"\s*[+-]?[0-9]{1,30}\s*", re.ASCII)
+_REAL = re.compile(
+    r"\s*[+-]?(([0-9]+([.][0-9]*)?|[.][0-9]+)(e[+-]?[0-9]+)?|inf|infinity|nan)\s*",
+    re.ASCII | re.IGNORECASE,
+)
 
 
 def prepare_folder(folder: Path, name: str = "output folder") -> Path:
@@ -103,6 +110,20 @@ def load_json(content: bytes, path: Path) -> Any:
     except (ValueError, RecursionError):
         why = "a number is too long, or it is nested too deeply"
     raise FileError("file", str(path), f"valid JSON ({why})")
+
+
+def whole_in(text: str) -> int:
+    """Return the whole number that a text is, of at most 30 digits; ValueError if none."""
+    if not _WHOLE.fullmatch(text):
+        raise ValueError("no whole number")
+    return int(text)
+
+
+def real_in(text: str) -> float:
+    """Return the number that a text is, NaN and infinity included; ValueError if none."""
+    if not _REAL.fullmatch(text):
+        raise ValueError("no number")
+    return float(text)
 
 
 def write_text(path: Path, text: str) -> None:

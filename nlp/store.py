@@ -5,8 +5,9 @@ A *cell* is a problem with all that decides its records, and a record is what be
 start of a cell. Floats are eight-byte floats in the file, so they come back bit for bit. NaN,
 which SQL does not have, is kept as NULL. The caller's `Schema` lists the columns.
 
-Every record has a checksum. A store is verified when it is opened: SQLite's own structure, then
-every record. Records that arrive later are verified before the next query reads them.
+Every record has a checksum. A store is verified when it is opened: its tables, SQLite's own
+structure, then every record. Records that arrive later are verified before the next query reads
+them.
 """
 
 import math
@@ -19,9 +20,9 @@ from pathlib import Path
 from typing import Any, TypeAlias
 
 from nlp.errors import FileError, InputError, StoreError
-from nlp.store_checks import Checksum, Damage, plain, sentence
+from nlp.store_checks import Checksum, Damage, fits, plain, sentence
 from nlp.store_lock import WriterLock
-from nlp.store_schema import Condition, Schema, Value
+from nlp.store_schema import Condition, Kind, Schema, Value
 
 # Which types the values have, the schema knows.
 Row: TypeAlias = dict[str, Any]
@@ -72,7 +73,7 @@ class Store(AbstractContextManager["Store", None]):
         self._verified = 0  # row of the last record that was verified
         self._salvage = salvage
         self._begun: dict[tuple[int, int], Checksum] = {}
-        if not writable and not path.is_file():
+        if not writable and not _is_file(path):
             raise FileError("store", str(path), "the file of a campaign")
         with ExitStack() as opened, self._clear():
             if writable:
@@ -83,6 +84,7 @@ class Store(AbstractContextManager["Store", None]):
             if writable:
                 opened.callback(self._empty_log)
             self._prepare(writable)
+            self._check_tables()
             self._check_pages()
             self._verify()
             self._opened = opened.pop_all()
@@ -287,7 +289,9 @@ class Store(AbstractContextManager["Store", None]):
         )
         given = [*(condition.value for condition in conditions), *values]
         kinds = self.schema.columns
-        with self._clear(), closing(self._database.execute(statement, given)) as found:
+        with self._clear(), ExitStack() as finished:
+            found = self._database.execute(statement, given)
+            finished.callback(_end, found)
             names = [column[0] for column in found.description]
             empty = [math.nan if kinds.get(n, "REAL") == "REAL" else None for n in names]
             for line in found:
@@ -321,8 +325,26 @@ class Store(AbstractContextManager["Store", None]):
             text = self._database.execute(select, (environment,)).fetchone()
             if settings is None or text is None:
                 return None
+            kinds: list[Kind] = [*self.schema.settings.values(), "TEXT"]
+            if not all(map(fits, kinds, (*settings.values(), *text))):
+                return None
             self._begun[key] = Checksum(list(settings.values()), text[0])
         return self._begun[key]
+
+    def _check_tables(self) -> None:
+        """Refuse a file with other tables or columns, and with triggers or views."""
+        select = "SELECT name, type FROM main.sqlite_master WHERE name NOT LIKE 'sqlite_%'"
+        with self._clear():
+            found: dict[str, object] = dict(self._database.execute(select).fetchall())
+            for table in found:
+                columns = self._database.execute(
+                    "SELECT name, type FROM pragma_table_xinfo(?, 'main') WHERE NOT hidden",
+                    (table,),
+                )
+                if found[table] == "table":
+                    found[table] = dict(columns.fetchall())
+        if found != self.schema.tables():
+            raise StoreError("store", str(self.path), "one that is intact (other tables)")
 
     def _check_pages(self) -> None:
         """Refuse a file whose structure is damaged: which records it has is not known then."""
@@ -337,12 +359,14 @@ class Store(AbstractContextManager["Store", None]):
             f"SELECT rowid, cell, environment, start, checksum, {', '.join(names)} "
             "FROM main.record WHERE rowid > ? ORDER BY rowid"
         )
+        kinds: list[Kind] = ["INTEGER", *self.schema.values.values()]
         damaged = []
         with self._clear():
             for row in self._database.execute(select, (self._verified,)):
                 self._verified, cell, environment, start, kept, *values = row
                 checksum = self._checksum(cell, environment)
-                if checksum is None or checksum(start, names, values) != kept:
+                same = checksum is not None and checksum(start, names, values) == kept
+                if not (same and all(map(fits, kinds, (start, *values)))):
                     damaged.append((self._verified, cell, start))
             if damaged:
                 insert = "INSERT INTO temp.damaged (id, cell, start) VALUES (?, ?, ?)"
@@ -360,6 +384,7 @@ class Store(AbstractContextManager["Store", None]):
                 isolation_level=None,  # transactions are those of `_transaction` only
             )
             opened.text_factory = _text
+            opened.execute("PRAGMA trusted_schema = OFF")  # it may come from anybody
             try:
                 opened.execute("PRAGMA schema_version").fetchone()  # reads the file
             except BaseException:
@@ -470,6 +495,18 @@ class Store(AbstractContextManager["Store", None]):
             damaged = code in _DAMAGE or no_database
             kind = StoreError if damaged else FileError
             raise kind("store", str(self.path), _advice(reason)) from None
+
+
+def _end(found: sqlite3.Cursor) -> None:
+    with suppress(sqlite3.ProgrammingError):  # the store was closed before its reader ended
+        found.close()
+
+
+def _is_file(path: Path) -> bool:
+    try:
+        return path.is_file()
+    except OSError:  # a name that is too long
+        return False
 
 
 def _text(raw: bytes) -> str:

@@ -17,14 +17,29 @@ from nlp.store_schema import Kind, Value
 _LONGEST = 40
 # As many runs of starts, and as many cells, are in a sentence.
 _MOST = 8
+_TYPES: Mapping[Kind, type] = {"INTEGER": int, "REAL": float, "TEXT": str, "BLOB": bytes}
 
 
 def plain(kind: Kind, value: Any) -> Value:
     """Return a value as it comes back from a column of this kind; NaN as None."""
     if value is None or (isinstance(value, float) and math.isnan(value)):
         return None
-    reads: Mapping[Kind, type] = {"INTEGER": int, "REAL": float, "TEXT": str, "BLOB": bytes}
-    return reads[kind](value)  # type: ignore[no-any-return]
+    return _TYPES[kind](value)  # type: ignore[no-any-return]
+
+
+def fits(kind: Kind, value: object) -> bool:
+    """Whether a value of the file is of its column's kind, or NULL; text must be in UTF-8."""
+    if isinstance(value, str):
+        return kind == "TEXT" and (value.isascii() or _encodable(value))
+    return value is None or type(value) is _TYPES[kind]
+
+
+def _encodable(text: str) -> bool:
+    try:
+        text.encode()
+    except UnicodeEncodeError:
+        return False
+    return True
 
 
 class Checksum:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Literal, TypeAlias
 
 from nlp.errors import InputError
+from nlp.files import real_in, whole_in
 
 Kind = Literal["INTEGER", "REAL", "TEXT", "BLOB"]
 Value: TypeAlias = str | int | float | bytes | None
@@ -69,6 +70,18 @@ class Schema:
             f"PRAGMA user_version = {self.version}",
         ]
 
+    def tables(self) -> dict[str, dict[str, str]]:
+        """Return the columns of each table, and their types."""
+        return {
+            "cell": {"id": "INTEGER", **self.settings},
+            "environment": {"id": "INTEGER", "environment": "TEXT"},
+            "record": {
+                **dict.fromkeys(("cell", "start", "environment"), "INTEGER"),
+                **self.values,
+                "checksum": "BLOB",
+            },
+        }
+
     def records(self, last: int) -> str:
         """Return the SELECT of the intact records, with number and settings of their ``cell``.
 
@@ -124,7 +137,7 @@ def _number(column: str, kind: Kind, text: str) -> int | float:
     if kind == "INTEGER" and text.lower() in truth:
         return truth[text.lower()]
     try:
-        number = int(text) if kind == "INTEGER" else float(text)
+        number = whole_in(text) if kind == "INTEGER" else real_in(text)
     except ValueError:
         number = math.nan
     if math.isnan(number) or (isinstance(number, int) and abs(number) >= 2**63):

@@ -16,6 +16,7 @@ import time
 from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
+from itertools import count
 
 import pytest
 
@@ -24,7 +25,7 @@ from nlp.errors import LockedJointError
 from nlp.store import Store
 
 pytestmark = [pytest.mark.slow, pytest.mark.processes]
-STARTS, CELLS = 400, 6
+STARTS, CELLS = 150, 6
 TOML = f"""
 starts = {STARTS}
 formulations = ["residual", "max-min", "isotropy"]
@@ -96,17 +97,27 @@ def campaign_in(folder):
     return folder
 
 
+def wait_for_work(process, folder):
+    """Wait until a campaign has opened its store, or ended."""
+    while process.poll() is None and not (folder / "s.db-wal").exists():
+        time.sleep(0.02)
+
+
 def test_kills(lockedjoint, tmp_path, tally):
     draw, at_work = random.Random(1), 0
-    while tally.faults < 50:
-        folder = campaign_in(tmp_path / str(tally.faults))
+    for number in count():
+        if tally.faults >= 50:
+            break
+        folder = campaign_in(tmp_path / str(number))
         status = None
         while status != 0:
             process = lockedjoint.start(*CAMPAIGN, "--workers", 2, cwd=folder)
             try:
                 # At least one in five runs is left alone, so that also slow machines end.
                 spared = tally.faults >= 50 or draw.random() < 0.2
-                timeout = None if spared else draw.uniform(0.5, 5)
+                if not spared and draw.random() < 0.8:
+                    wait_for_work(process, folder)
+                timeout = None if spared else draw.uniform(0, 1)
                 _, err = process.communicate(timeout=timeout)
                 status = process.returncode
                 assert status == 0, err
@@ -204,30 +215,38 @@ ENDS = [(0, signal.SIGKILL)] * 3 + [(0, signal.SIGSTOP)] * 2 + [(1, signal.SIGKI
 
 def test_dead_schedulers(lockedjoint, tmp_path, tally):
     pytest.importorskip("distributed")
-    draw, worst = random.Random(4), 0.0
-    for number in range(10):
+    began = time.monotonic()
+    lockedjoint("campaign", "--help", cwd=tmp_path)
+    start, draw = time.monotonic() - began, random.Random(4)
+    delays = [draw.uniform(0, 2) for _ in ENDS]
+
+    def ended(number):
+        """Return status, output and how long it took from the fault."""
         folder = campaign_in(tmp_path / str(number))
         if number >= len(ENDS):
             began = time.monotonic()
             with socket.create_server(("127.0.0.1", 0)) as server:  # it accepts, and is silent
                 address = f"tcp://127.0.0.1:{server.getsockname()[1]}"
                 done = lockedjoint(*CAMPAIGN, "--scheduler", address, cwd=folder)
-            status, err = done.returncode, done.stderr
-        else:
-            with cluster(folder, lockedjoint.environment()) as (address, processes):
-                process = lockedjoint.start(*CAMPAIGN, "--scheduler", address, cwd=folder)
-                while not (folder / "s.db").exists() and process.poll() is None:
-                    time.sleep(0.05)
-                time.sleep(draw.uniform(0, 2))
-                victim, sent = ENDS[number]
-                os.kill(processes[victim].pid, sent)
-                began = time.monotonic()
-                err, status = process.communicate(timeout=60)[1], process.returncode
-        worst = max(worst, time.monotonic() - began)
-        assert (status, err.count("\n")) == (1, 1), err
-        tally.add(status, err)
-        assert lockedjoint(*CAMPAIGN, cwd=folder).returncode == 0
-        tally.compare(folder / "s.db")
+            return folder, done.returncode, done.stderr, time.monotonic() - began
+        with cluster(folder, lockedjoint.environment()) as (address, processes):
+            process = lockedjoint.start(*CAMPAIGN, "--scheduler", address, cwd=folder)
+            wait_for_work(process, folder)
+            time.sleep(delays[number])
+            victim, sent = ENDS[number]
+            os.kill(processes[victim].pid, sent)
+            began = time.monotonic()
+            err = process.communicate(timeout=120)[1]
+            return folder, process.returncode, err, time.monotonic() - began
+
+    worst = 0.0
+    with ThreadPoolExecutor(2) as two:
+        for folder, status, err, seconds in two.map(ended, range(10)):
+            worst = max(worst, seconds)
+            tally.add(status, err)
+            assert (status, err.count("\n")) == (1, 1), err
+            assert lockedjoint(*CAMPAIGN, cwd=folder).returncode == 0
+            tally.compare(folder / "s.db")
     print(f"\nat most {worst:.1f} s until the error")
     tally.report("dead schedulers")
-    assert worst < 20  # 15 s, and the start of a process on a busy machine
+    assert worst < 15 + 3 * start  # three: Dask is imported, too, and other work may begin

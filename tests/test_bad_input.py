@@ -9,14 +9,15 @@ from __future__ import annotations
 import io
 import json
 import os
-import re
 import shlex
+import shutil
 import subprocess
 import sys
 import time
 from contextlib import redirect_stderr, redirect_stdout
 from itertools import product
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 import pytest
@@ -24,10 +25,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from formulations.__main__ import main
+from formulations.campaign.records import SCHEMA
 from formulations.commands.app import COMMANDS
+from nlp.store import Store
 
 ROOT = Path(__file__).parents[1]
-SECONDS, MEMORY = 10, 4 * 2**30
+SECONDS, MEMORY = 5, 4 * 2**30
 
 WORDS = {
     "n400": "9" * 400,
@@ -79,6 +82,7 @@ compare --ipopt tol=inf
 compare --ipopt tol=nan
 compare --ipopt tol=-1
 compare --ipopt tol=0
+compare --ipopt max_iter=1_0
 compare --ipopt max_iter={e32}
 compare --ipopt max_iter=-1
 compare --ipopt max_iter=1.5
@@ -181,6 +185,7 @@ solve max-min --never-fails 0,1,2,3,4,5,6
 solve max-min --failure-probabilities 0.1,0.2
 solve max-min --failure-probabilities 1
 solve max-min --failure-probabilities nan
+solve max-min --failure-probabilities 0_1
 solve max-min --failure-probabilities inf
 solve max-min --failure-probabilities 0
 solve max-min --failure-probabilities -0.1
@@ -189,7 +194,6 @@ solve max-min --failure-probabilities ''
 solve max-min --failure-probabilities 0.1 --joints {tera}
 solve max-min --never-fails 1 --joints {tera}
 solve max-min --solver nothing
-solve max-min --solver fatrop
 solve residual --solver fatrop --ipopt tol=inf
 solve residual --solver fatrop --ipopt tol=nan
 solve residual --solver fatrop --ipopt tol=0
@@ -228,7 +232,6 @@ bound --lever-arm inf
 bound --lever-arm -1
 bound --lever-arm 0
 bound --lever-arm 1 --task-dimension 3
-bound --lever-arm 1 --task-dimension 6
 bound --lever-arm 1 --trace 3
 bound --lever-arm 1 --joints {tera}
 bound --solver NOTHING
@@ -423,6 +426,11 @@ assess arm.urdf --point 1,2
 assess arm.urdf --point 1,2,3,4
 assess arm.urdf --point a,b,c
 assess arm.urdf --point nan,0,0
+assess arm.urdf --point 1_0,0,0
+assess arm.urdf --point ٣,0,0
+assess arm.urdf --held j0=0_1
+assess arm.urdf --configuration 0,0,0,0,0,0,0_1
+assess digits_arm.urdf
 assess arm.urdf --point 1e308,1e308,0
 assess arm.urdf --point {n400},0,0
 assess arm.urdf --held nothing=1
@@ -511,6 +519,12 @@ show valid.db --group-by nothing
 show valid.db --group-by ''
 show valid.db --group-by joints,joints
 show valid.db --group-by joints --records
+show valid.db --where joints=1_0
+show valid.db --where joints=٣
+show valid.db --where merit=1_0
+figure optima --out a.svg --store {path}
+join {path} valid.db
+join valid.json valid.db
 show valid.db --records --optima
 show valid.db --out valid.csv/a.csv
 show valid.db --out .
@@ -655,6 +669,8 @@ JACOBIANS = {
     "words.csv": b"x,y,z\n1,2,3\n",
     "semicolons.csv": b"1;2;3\n4;5;6\n",
     "complex.csv": b"1j,2,3\n4,5,6\n",
+    "underscores.csv": b"1_0,2,3\n4,5,6\n",
+    "scripts.csv": "١,2,3\n4,5,6\n".encode(),
     "digits.csv": b"9" * 400 + b",2,3\n4,5,6\n",
     "overflow.csv": b"1e200,2,3\n4,1e200,6\n",
     "quoted.csv": b'"1","2","3"\n"4","5","6"\n',
@@ -712,13 +728,22 @@ def _urdf(joints: int) -> bytes:
     return f'<robot name="made">{links}{rows}</robot>'.encode()
 
 
+def _store() -> bytes:
+    """A store of two cells, four starts each, with checksums."""
+    with TemporaryDirectory() as folder:
+        path = Path(folder, "s.db")
+        shutil.copy(ROOT / "tests/campaign/stores/version_1.db", path)
+        Store(path, SCHEMA, writable=True).close()
+        return path.read_bytes()
+
+
 VALID = {
     "valid.csv": b"1,0,0.5\n0,1,0.5\n",
     "valid.npy": _saved(np.array([[1, 0, 0.5], [0, 1, 0.5]])),
     "valid.json": b'{"jacobian": [[1, 0, 0.5], [0, 1, 0.5]]}',
     "valid.toml": _toml(),
     "arm.urdf": _urdf(7),
-    "valid.db": (ROOT / "tests/campaign/stores/version_1.db").read_bytes(),
+    "valid.db": _store(),
     "certificate.json": (ROOT / "results/existence/certificate.json").read_bytes(),
 }
 MORE = {
@@ -726,6 +751,7 @@ MORE = {
     "seven.csv": "\n".join(",".join(map(str, row)) for row in SEVEN).encode(),
     "several.json": b'[{"jacobian": [[1,0,1],[0,1,1]]}, {"jacobian": [[1,0,1],[0,1,1]]}]',
     "long.urdf": _urdf(40),
+    "digits_arm.urdf": _urdf(7).replace(b"0.05", b"0_5"),
     "valid.txt": b"1,2,3\n4,5,6\n",
     "valid": b"1,2,3\n4,5,6\n",
 }
@@ -744,8 +770,8 @@ DAMAGED = {
     for name, valid in VALID.items()
     for damage, content in _damaged(valid).items()
 }
-# Damage that leaves what still can be read.
-HARMLESS = {"cut_valid.csv", "utf16_arm.urdf"}
+# Damage that leaves what still can be read; of a store, see tests/campaign/test_stores.py.
+HARMLESS = {"cut_valid.csv", "utf16_arm.urdf", "nul_inside_valid.db"}
 
 
 def _cases() -> list[tuple[str, ...]]:
@@ -791,15 +817,19 @@ def folder(tmp_path_factory):
 
 
 def _state(place: Path) -> dict[str, tuple[int, int]]:
+    """Sizes and times of all files, apart from those that SQLite keeps beside what it reads."""
+    with os.scandir(place) as entries:
+        about = {one.name: one.stat(follow_symlinks=False) for one in entries}
     return {
-        str(path.relative_to(place)): (path.lstat().st_size, path.lstat().st_mtime_ns)
-        for path in place.rglob("*")
+        name: (one.st_size, one.st_mtime_ns)
+        for name, one in about.items()
+        if not name.endswith((".db-shm", ".db-wal"))
     }
 
 
 def refused(words: tuple[str, ...], place: Path) -> str:
     """Run a command in this process, check all that is promised, return its sentence."""
-    before, began = _state(place), time.monotonic()
+    before, began = _state(place), (time.process_time(), time.monotonic())
     out, err = io.StringIO(), io.StringIO()
     argv, there = sys.argv, Path.cwd()
     sys.argv = ["lockedjoint", *words]
@@ -818,24 +848,11 @@ def refused(words: tuple[str, ...], place: Path) -> str:
     assert said.count("\n") == 1
     assert len(said) < 2000
     assert _state(place) == before, "nothing half-written"
-    assert time.monotonic() - began < SECONDS
+    assert time.process_time() - began[0] < SECONDS
+    assert time.monotonic() - began[1] < 3 * SECONDS  # also on a machine with other work
     return said
 
 
-# Mended where these rooms are rebuilt: outputs, stores, numbers of a URDF, Dask.
-PENDING = re.compile(
-    r"--out (\.|d{200}.*)$|--data \.$|^show |^join |\.db|_arm\.urdf"
-    r"|arm\.urdf --(length 1e|point 1e)|--scheduler"
-)
-
-
-@pytest.fixture
-def _pending(request, words):
-    if PENDING.search(" ".join(words)):
-        request.applymarker(pytest.mark.xfail(strict=False, reason="another room"))
-
-
-@pytest.mark.usefixtures("_pending")
 @pytest.mark.parametrize("words", CASES, ids=lambda words: " ".join(words)[:60])
 def test_one_sentence(words, folder):
     refused(words, folder)
@@ -873,7 +890,7 @@ NUMBERS = [
 ]
 
 
-@settings(max_examples=100)
+@settings(max_examples=60)
 @given(
     option=st.sampled_from(NUMBERS), junk=JUNK | st.text("①²³xyz,;.", min_size=2, max_size=9)
 )
@@ -882,7 +899,7 @@ def test_no_option_takes_junk_for_a_number(option, junk, folder):
     refused((*command.split(), f"--{name}", junk), folder)
 
 
-@settings(max_examples=100)
+@settings(max_examples=60)
 @given(
     name=st.sampled_from(["valid.csv", "valid.npy", "valid.json", "valid.toml"]),
     place=st.floats(0, 1, exclude_max=True),

@@ -19,7 +19,7 @@ from formulations.joints.arm import Arm
 from formulations.solving.record import Record, judge
 from formulations.solving.setup import Setup, solver_options
 from nlp.arrays import FloatArray
-from nlp.errors import InputError
+from nlp.errors import InputError, StoreError
 from nlp.solution import Solution, Status
 from nlp.store_schema import Kind, Schema, Value
 from nlp.task import Run, Task
@@ -169,7 +169,17 @@ def _accounts(earlier: Sequence[Status]) -> str:
 
 
 def jacobian_of(raw: bytes, task_dimension: int, joints: int) -> FloatArray:
-    """Return the Jacobian that a record keeps, shape (m, n)."""
+    """Return the Jacobian that a record keeps, shape (m, n).
+
+    Raises
+    ------
+    StoreError
+        If it has another size: the checksum of a record does not prove who made it.
+    """
+    m, n = task_dimension, joints
+    if not (isinstance(raw, bytes) and m >= 1 and n >= 1 and len(raw) == 8 * m * n):
+        found = f"{len(raw)} bytes" if isinstance(raw, bytes) else "missing"
+        raise StoreError("Jacobian of a record", found, f"{m} x {n} numbers of 8 bytes")
     return np.frombuffer(raw, "<f8").reshape(task_dimension, joints).astype(np.float64)
 
 

@@ -139,6 +139,8 @@ def grouped(
     for name in by or ():
         if name not in SETTINGS:
             raise InputError("group", name, "one of " + ", ".join(SETTINGS))
+    if len(set(by or ())) != len(by or ()):
+        raise InputError("groups", ",".join(by or ()), "every setting once")
     select = f"SELECT DISTINCT cell, {', '.join(SETTINGS)} FROM chosen"
     cells = pd.DataFrame(store.query(select, conditions), columns=["cell", *SETTINGS])
     by = by or [*_ALWAYS, *differing(cells, _ALWAYS, PROBLEM)]

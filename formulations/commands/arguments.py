@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-import re
 import sys
 from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 import typer
 
 from nlp.errors import LARGEST, InputError, SolverOptionError, shown
+from nlp.files import real_in, whole_in
 
 if TYPE_CHECKING:
     from formulations.measures.unequal_failures import FailureModel
@@ -23,16 +24,15 @@ MOST_STARTS = 10**9
 # More joints and task dimensions than any statement or bound is computed for.
 MOST_JOINTS = 1000
 MOST_DIMENSIONS = 100
-# What a whole number in a text looks like; int() takes more, such as digits of other scripts.
-_WHOLE = re.compile(r"\s*[+-]?[0-9]{1,30}\s*")
-_REAL = re.compile(r"\s*[+-]?([0-9]+[.]?[0-9]*|[.][0-9]+)([eE][+-]?[0-9]+)?\s*")
 
 
 def whole(lowest: int, highest: int = LARGEST) -> Callable[[str], int]:
     """Return a parser of whole numbers from `lowest` to `highest`."""
 
     def whole_number(text: str) -> int:
-        number = int(text) if _WHOLE.fullmatch(str(text)) else None
+        number = None
+        with suppress(ValueError):
+            number = whole_in(str(text))
         if number is not None and lowest <= number <= highest:
             return number
         above = "" if number is not None and number < lowest else f" and at most {highest}"
@@ -83,7 +83,9 @@ def progress(sentence: str) -> None:
 
 def positive(text: str) -> float:
     """Parse a finite number above 0."""
-    number = float(text) if _REAL.fullmatch(str(text)) else float("nan")
+    number = float("nan")
+    with suppress(ValueError):
+        number = real_in(str(text))
     if not 0 < number < float("inf"):
         raise typer.BadParameter(f"{shown(text)} given; allowed: a finite number above 0.")
     return number
@@ -169,7 +171,7 @@ def ipopt_options(settings: Sequence[str] | None) -> dict[str, object]:
 
 
 def _number(text: str) -> str | int | float:
-    for kind in (_whole, float):
+    for kind in (whole_in, real_in):
         try:
             return kind(text)
         except ValueError:
@@ -192,23 +194,17 @@ def failure_model(
     from formulations.measures.unequal_failures import FailureModel
 
     words = "joints counted from 0, separated by commas"
-    never = _numbers(never_fails, _whole, "joints that never fail", words)
+    never = _numbers(never_fails, whole_in, "joints that never fail", words)
     if probabilities is None:
         return FailureModel.equally_likely(joints, locked, never)
     words = "numbers separated by commas"
-    values = _numbers(probabilities, float, "failure probabilities", words)
+    values = _numbers(probabilities, real_in, "failure probabilities", words)
     if len(values) == 1:
         values *= joints
     if len(values) != joints:
         allowed = f"{joints} numbers, one for each joint, or one for all"
         raise InputError("failure probabilities", probabilities, allowed)
     return FailureModel(tuple(values)).sparing(never, locked)
-
-
-def _whole(text: str) -> int:
-    if not _WHOLE.fullmatch(text):
-        raise ValueError
-    return int(text)
 
 
 def _numbers(text: str | None, kind: Callable[[str], T], name: str, allowed: str) -> list[T]:

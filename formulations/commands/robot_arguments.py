@@ -11,7 +11,7 @@ import typer
 
 from formulations.commands.arguments import positive
 from nlp.errors import FileError, InputError
-from nlp.files import load_json, read_bytes
+from nlp.files import load_json, read_bytes, real_in
 
 if TYPE_CHECKING:
     from formulations.robots.chain import Chain
@@ -180,7 +180,7 @@ def pairs(settings: Sequence[str], name: str = "--configuration") -> dict[str, f
 def number(name: str, value: object) -> float:
     """Return a finite number; InputError if it is none."""
     try:
-        read = float(value)  # type: ignore[arg-type]
+        read = real_in(value) if isinstance(value, str) else float(value)  # type: ignore[arg-type]
     except (TypeError, ValueError, OverflowError):
         read = math.nan
     if isinstance(value, bool) or not math.isfinite(read):

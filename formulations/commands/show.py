@@ -82,7 +82,9 @@ def show(
             raise InputError("--where, --to or --out", "given", allowed)
         _check(store, as_json)
         return
-    if to == "parquet" and out is None and not as_json:
+    if as_json and to != "markdown":
+        raise InputError("--to", to, "none with --json")
+    if to == "parquet" and out is None:
         raise InputError("--out", "missing", "a file, for parquet")
     conditions = [condition(SCHEMA, text) for text in where or ()]
     if out is not None:

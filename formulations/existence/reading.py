@@ -72,20 +72,26 @@ def loaded(path: Path | str, most: int = FILE_BYTES) -> Any:
             content = file.read(most + 1)
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or error
-        raise FileError(str(path), f"not readable ({reason})", "a readable file") from error
+        raise FileError(
+            shown(str(path)), f"not readable ({reason})", "a readable file"
+        ) from error
     if len(content) > most:
-        raise FileError(str(path), "too large", f"a file of at most {most} bytes")
+        raise FileError(shown(str(path)), "too large", f"a file of at most {most} bytes")
     if sum(map(content.count, (b",", b"[", b"{"))) > MOST_VALUES:
-        raise FileError(str(path), "too complex", f"at most {MOST_VALUES} values")
+        raise FileError(shown(str(path)), "too complex", f"at most {MOST_VALUES} values")
     try:
         text = content.decode("utf-8")
         return json.loads(text, object_pairs_hook=_distinct_keys, parse_int=_short_integer)
     except UnicodeDecodeError as error:
-        raise FileError(str(path), "not in UTF-8", "a JSON text in UTF-8") from error
+        raise FileError(shown(str(path)), "not in UTF-8", "a JSON text in UTF-8") from error
     except json.JSONDecodeError as error:
-        raise FileError(str(path), f"not JSON ({error})", "a complete JSON text") from error
+        raise FileError(
+            shown(str(path)), f"not JSON ({error})", "a complete JSON text"
+        ) from error
     except RecursionError as error:
-        raise FileError(str(path), "nested too deeply", "a certificate in JSON") from error
+        raise FileError(
+            shown(str(path)), "nested too deeply", "a certificate in JSON"
+        ) from error
 
 
 def _rational(value: Any) -> Fraction:

@@ -113,6 +113,7 @@ def stored(path: Path) -> pd.DataFrame:
     # The gate, `Record.trusted`, in the words of the store.
     feasible = (records["valid"] == 1) & (records["violation"] <= FEASIBLE)
     counted = records["status"].isin([SUCCESS, ACCEPTABLE]) & feasible
+    counted &= np.isfinite(records["worst_case_sigma"])
     table = records[list(SHOWN)].assign(label=labels, counted=counted)
     return table.assign(problem=labels.str.split().str.join(" "))[list(COLUMNS)]
 

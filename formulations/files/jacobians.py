@@ -12,7 +12,7 @@ import numpy.typing as npt
 from formulations.measures import as_jacobian
 from nlp.arrays import FloatArray
 from nlp.errors import FileError, InputError
-from nlp.files import load_json, read_bytes
+from nlp.files import load_json, read_bytes, real_in
 
 Named = tuple[str, FloatArray]
 
@@ -62,9 +62,9 @@ def only_jacobian(path: Path, pick: int | None = None) -> FloatArray:
 def _read_csv(path: Path, content: bytes) -> list[tuple[str, npt.ArrayLike]]:
     try:
         lines = content.decode("utf-8-sig").splitlines()
-        rows = [[float(cell) for cell in line.split(",")] for line in lines if line.strip()]
-    except ValueError as reason:
-        allowed = f"rows of numbers separated by commas ({reason})"
+        rows = [[real_in(cell) for cell in line.split(",")] for line in lines if line.strip()]
+    except ValueError:
+        allowed = "rows of numbers separated by commas, in UTF-8"
         raise FileError("file", str(path), allowed) from None
     if len({len(row) for row in rows}) != 1:
         raise FileError("file", str(path), "rows of one length")

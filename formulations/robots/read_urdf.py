@@ -22,7 +22,7 @@ import numpy as np
 from formulations.robots.chain import LARGEST
 from nlp.arrays import FloatArray
 from nlp.errors import FileError, InputError
-from nlp.files import read_bytes
+from nlp.files import read_bytes, real_in
 
 if TYPE_CHECKING:
     from lxml.etree import _Element
@@ -229,7 +229,7 @@ def _kinematic_part(root: _Element) -> _Element:
 def _check_numbers(where: str, text: str, count: int, largest: float) -> None:
     """Raise InputError unless a text has so many numbers, none of them NaN or too large."""
     try:
-        numbers = [float(part) for part in text.split()]
+        numbers = [real_in(part) for part in text.split()]
     except ValueError:
         numbers = []
     if len(numbers) != count or not all(abs(number) <= largest for number in numbers):

@@ -13,6 +13,7 @@ import numpy as np
 from formulations.bounds.certified import NONE_EXISTS
 from formulations.catalogue import formulation
 from formulations.joints.arm import Arm
+from formulations.measures.canonical import distinct
 from formulations.solving.record import Record
 from nlp.solution import INFEASIBLE
 
@@ -55,6 +56,16 @@ class Outcome:
             return ()
         best = self._pick(trusted).merit
         return tuple(one for one in trusted if abs(one.merit - best) <= REACHED_BEST)
+
+    @cached_property
+    def distinct_optima(self) -> int:
+        """Classes among `reached`, modulo frame, phase, order and signs.
+
+        0 where they are not counted: if the user interrupted, or failures are unequal.
+        """
+        if not (self.complete and self.reached and self.setup.failures is None):
+            return 0
+        return len(distinct([record.jacobian for record in self.reached]))
 
     @property
     def best(self) -> Record:

@@ -10,7 +10,6 @@ import numpy as np
 from formulations import measures
 from formulations.catalogue import arm, certified_bound, models_of, numerical_bound
 from formulations.files.table import HIDDEN, column
-from formulations.measures.canonical import distinct
 from formulations.solving.outcome import Outcome
 from formulations.solving.setup import setups
 from formulations.studies.study import Effort, Part, Study
@@ -52,7 +51,8 @@ class Row:
     violation
         Largest violation of any constraint there.
     distinct_optima
-        Classes among the starts that reached the best, modulo frame, phase, order and signs.
+        Classes among the starts that reached the best, modulo frame, phase, order and signs;
+        0 also if the user interrupted.
     iterations_median, cpu_seconds_per_start, cpu_seconds_per_success
         Processor time, with the drawing of the start, without building the solver.
     relative_cost
@@ -197,7 +197,7 @@ def row_of(outcome: Outcome, default: Row | None = None) -> Row:
         condition_number=shown.condition_number,
         isotropy_defect=shown.isotropy_defect,
         violation=shown.violation,
-        distinct_optima=len(distinct([record.jacobian for record in best])) if best else 0,
+        distinct_optima=outcome.distinct_optima,
         iterations_median=float(np.median([record.status.iterations for record in records])),
         cpu_seconds_per_start=seconds / len(records),
         cpu_seconds_per_success=per_success,

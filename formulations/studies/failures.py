@@ -9,7 +9,6 @@ import numpy as np
 from formulations import max_min, measures
 from formulations.bounds import unequal_failures
 from formulations.files.table import Table, column
-from formulations.measures.canonical import distinct
 from formulations.measures.unequal_failures import (
     FailureModel,
     expected_sigma,
@@ -127,7 +126,8 @@ class Row:
     worst_case_sigma, expected_sigma
         Over the failures that can happen, of the same Jacobian.
     distinct_optima
-        Classes among the starts that reached the best where all joints are alike; 0 elsewhere.
+        Classes among the starts that reached the best where all joints are alike; 0 elsewhere,
+        and if the user interrupted.
     iterations_median, cpu_seconds_per_start
         Processor time, with the drawing of the start, without building the solver.
     """
@@ -186,7 +186,6 @@ def row_of(case: Case, outcome: Outcome) -> Row:
     best, jacobian = outcome.reached, outcome.best.jacobian
     n, k = case.joints, setup.locked
     failures = setup.failures or FailureModel.equally_likely(n, k)
-    alike = setup.failures is None
     found = merit(jacobian, failures, setup.goal) if best else float("nan")
     bound = _bound(case, outcome, jacobian)
     return Row(
@@ -206,7 +205,7 @@ def row_of(case: Case, outcome: Outcome) -> Row:
         gap_percent=measures.gap_percent(found, bound),
         worst_case_sigma=possible_worst_case_sigma(jacobian, failures),
         expected_sigma=expected_sigma(jacobian, failures),
-        distinct_optima=len(distinct([one.jacobian for one in best])) if best and alike else 0,
+        distinct_optima=outcome.distinct_optima,
         iterations_median=float(np.median([one.status.iterations for one in records])),
         cpu_seconds_per_start=float(np.mean([one.cpu_seconds for one in records])),
     )

@@ -10,7 +10,7 @@ between leaves all files of the new result in the two folders; the next run move
 import json
 import shutil
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -86,6 +86,10 @@ class Effort:
         )
         if not outcome.records:
             raise KeyboardInterrupt
+        try:
+            _ = outcome.distinct_optima  # now: it may take longer than an interrupt can wait
+        except KeyboardInterrupt:
+            outcome = replace(outcome, complete=False)
         return outcome
 
 

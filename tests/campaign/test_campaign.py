@@ -32,13 +32,14 @@ TOML = "\n".join(f"{key} = {json.dumps(value)}" for key, value in PLANAR.items()
 RECORDS = 6 * 150
 
 
-CAMPAIGN = ("campaign", "campaign.toml", "--workers", 2)
+CAMPAIGN = ("campaign", "campaign.toml")
 
 
 @pytest.fixture(scope="module")
 def launch(lockedjoint):
     def launch(folder, *more, store="study.db"):
-        return lockedjoint.start(*CAMPAIGN, "--store", store, *more, cwd=folder)
+        where = () if "--scheduler" in more else ("--workers", 2)
+        return lockedjoint.start(*CAMPAIGN, "--store", store, *where, *more, cwd=folder)
 
     return launch
 

@@ -13,11 +13,13 @@ import typer.testing
 from formulations.campaign.campaign import Declaration, declaration, run
 from formulations.campaign.records import SCHEMA, TIMES, Cell
 from formulations.commands.app import app
-from formulations.figures.optima import stored
+from formulations.figures.optima import make, stored
+from formulations.figures.picture import NothingFoundError, Request
 from formulations.solving.setup import Setup
-from nlp.errors import FileError, InputError, StoreError
+from nlp.errors import FileError, InputError, LockedJointError, StoreError
 from nlp.processes import Processes, end_idle_processes
 from nlp.store import Store
+from nlp.store_checks import Checksum
 from nlp.store_schema import condition
 
 # Made by version 0.1.0 as of November 2026: two cells of planar 3R, four starts each.
@@ -193,6 +195,54 @@ def test_a_damaged_structure_is_one_sentence(study, tmp_path, how, said, name):
     assert (status, done.stdout) == (1, "")
     assert said in sentence
     assert not (tmp_path / "new.db").exists()
+
+
+def signed(database):
+    """Compute all checksums anew: they are no secret."""
+    settings, values = list(SCHEMA.settings), list(SCHEMA.values)
+    select = f"SELECT id, {', '.join(settings)} FROM cell"
+    cells = {key: line for key, *line in database.execute(select)}
+    environments = dict(database.execute("SELECT id, environment FROM environment"))
+    select = f"SELECT rowid, cell, environment, start, {', '.join(values)} FROM record"
+    for row, cell, environment, start, *line in database.execute(select).fetchall():
+        made = Checksum(cells[cell], environments[environment])(start, values, line)
+        database.execute("UPDATE record SET checksum = ? WHERE rowid = ?", (made, row))
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        "UPDATE record SET jacobian = x'00'",
+        "UPDATE record SET jacobian = NULL",
+        "UPDATE record SET jacobian = CAST(x'000000000000f87f' || jacobian AS BLOB)",
+        "UPDATE record SET merit = 'abc'",
+        "UPDATE record SET worst_case_sigma = NULL",
+        "UPDATE record SET start = -1 - start, earlier = '{'",
+        "UPDATE record SET status = CAST(x'ff' AS TEXT)",
+        "UPDATE cell SET joints = -3",
+        "UPDATE cell SET task_dimension = 1000000000, joints = 1000000000",
+        "UPDATE cell SET model = 'other', locked = 99, options = '{'",
+        "UPDATE cell SET locked = 99",
+        "UPDATE cell SET formulation = formulation || 'x'",
+        "CREATE TRIGGER more AFTER INSERT ON record BEGIN DELETE FROM record; END",
+        "CREATE VIEW more AS SELECT * FROM record",
+        "ALTER TABLE record ADD COLUMN more TEXT",
+    ],
+)
+def test_a_hostile_store_with_right_checksums_is_no_traceback(study, tmp_path, change):
+    path = Path(shutil.copy(study, tmp_path / "bad.db"))
+    with closing(sqlite3.connect(path)) as database, database:
+        database.text_factory = lambda raw: raw.decode(errors="surrogateescape")
+        database.execute(change)
+        signed(database)
+    commands = (("show",), ("show", "--records", "--json"), ("show", "--optima"))
+    for name, *options in (*commands, ("join", tmp_path / "new.db")):
+        done = command(name, *options, path)
+        if done.exit_code != 0:
+            assert isinstance(done.exception, SystemExit | LockedJointError), done.exception
+    if "sigma" in change:
+        with pytest.raises(NothingFoundError):
+            make(Request(starts=1, store=path))
 
 
 def test_a_second_campaign_on_a_store_is_refused(study, tmp_path):

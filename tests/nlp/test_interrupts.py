@@ -47,6 +47,13 @@ CASES = {
         "    except KeyboardInterrupt: seen.append('swallowed')",
         "swallowed answered",
     ),
+    "conic solver": (
+        "import hashlib, threading, types, nlp.conic\n"
+        "slow = lambda **_: hashlib.pbkdf2_hmac('md5', b'', b'', 10**7) and seen.append(0)\n"
+        "threading.Timer(0.1, signal.raise_signal, (signal.SIGINT,)).start()\n"
+        "nlp.conic.run(types.SimpleNamespace(solve=slow), 'CLARABEL')",
+        "answered",
+    ),
     "writing": (
         "with deferred_interrupt():\n"
         "    signal.raise_signal(signal.SIGINT); time.sleep(1); seen.append('ended')",
