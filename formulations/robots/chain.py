@@ -36,12 +36,15 @@ class ChainJoint:
         Whether its position is a length, in metres, and not an angle, in radians.
     lower, upper
         Its limits, narrowed by those of joints on the chain that mimic it.
+    velocity
+        Its largest speed, narrowed likewise, in radians or metres per second.
     """
 
     name: str
     prismatic: bool
     lower: float
     upper: float
+    velocity: float = np.inf
 
 
 @dataclass(frozen=True)

@@ -178,8 +178,11 @@ def _ranges(moving: Sequence[_Driven]) -> list[ChainJoint]:
     """Return each driving joint, its limits narrowed by those of the joints that follow it."""
     ranges: dict[str, tuple[float, float]] = {}
     drivers: dict[str, Joint] = {}
+    speeds: dict[str, float] = {}
     for joint, driver, multiplier, offset in moving:
         drivers[driver.name] = driver
+        speed = min(driver.limit.velocity, joint.limit.velocity / abs(multiplier))
+        speeds[driver.name] = min(speeds.get(driver.name, np.inf), speed)
         own = (driver.limit.lower, driver.limit.upper)
         lower, upper = ranges.get(driver.name, own)
         limits = (joint.limit.lower, joint.limit.upper)
@@ -190,7 +193,7 @@ def _ranges(moving: Sequence[_Driven]) -> list[ChainJoint]:
             allowed = "limits that leave room together with those of the joints that mimic it"
             raise RobotError(f"limits of joint {name}", "contradictory", allowed)
     return [
-        ChainJoint(name, driver.type == "prismatic", *ranges[name])
+        ChainJoint(name, driver.type == "prismatic", *ranges[name], speeds[name])
         for name, driver in drivers.items()
     ]
 

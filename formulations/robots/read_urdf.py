@@ -36,7 +36,7 @@ _KINEMATIC = ("parent", "child", "origin", "axis", "limit", "mimic")
 _NUMBERS = {
     "origin": (("xyz", 3), ("rpy", 3)),
     "axis": (("xyz", 3),),
-    "limit": (("lower", 1), ("upper", 1)),
+    "limit": (("lower", 1), ("upper", 1), ("velocity", 1)),
     "mimic": (("multiplier", 1), ("offset", 1)),
 }
 _INSTALL = "an installed yourdfpy, which 'pip install yourdfpy' provides"
@@ -160,7 +160,10 @@ def parse_urdf(content: bytes) -> RobotTree:
     robot = yourdfpy.URDF.load(reduced, build_scene_graph=False, load_meshes=False).robot
     for joint in robot.joints:
         lower, upper = _limits(joint)
-        joint.limit = yourdfpy.Limit(lower=lower, upper=upper)
+        speed = joint.limit.velocity if joint.limit is not None else None
+        # Files that know no speed write 0; nothing could move.
+        speed = float(speed) if speed else np.inf
+        joint.limit = yourdfpy.Limit(lower=lower, upper=upper, velocity=abs(speed))
         joint.origin = np.eye(4) if joint.origin is None else joint.origin
         if joint.type in MOVING:
             joint.axis = _axis(joint)

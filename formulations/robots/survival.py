@@ -1,0 +1,418 @@
+"""Which joints of a robot may lock along a path: a test in NumPy, many configurations at once.
+
+The test knows nothing of how a trajectory was found. For a joint f and a sample k it holds
+joint f at its value there and follows the rest of the path, sample by sample, with the other
+joints: damped least squares, within their limits, without a jump from one solution to another.
+Where the arm keeps self-motion after the failure, it may first move along that, and starts
+again from several of its points. After a failure there is no limit of time: the arm slows
+down as it has to.
+
+Arrays have configurations last: q has shape (n, B), a Jacobian shape (rows, n, B). One NumPy
+operation then does as much work as it can, and no small matrices are factored one at a time.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from formulations.robots.chain import Chain
+from nlp.arrays import FloatArray
+
+BoolArray = npt.NDArray[np.bool_]
+# A pose is reached if position (metres) and orientation (radians) are off by less, each entry.
+TOLERANCE = 1e-5
+# Most iterations at a sample, and the largest change of a joint in one of them.
+_ITERATIONS, _STEP = 12, 0.3
+# A joint that moves further between two samples has jumped to another solution, or the arm
+# passes a singularity: radians or metres.
+JUMP = 0.5
+# Damping: this times the squared error, and never less than the second.
+_DAMPING, _LEAST = 1e-2, 1e-10
+# Configurations done together: what fits into a processor's cache.
+_CHUNK = 1500
+
+
+class Kinematics:
+    """Forward kinematics, Jacobian and damped least squares for many configurations.
+
+    Parameters
+    ----------
+    chain
+        The joints.
+    orientation
+        Whether the orientation of the tip counts, besides the position of its point.
+    """
+
+    def __init__(self, chain: Chain, orientation: bool) -> None:
+        self.orientation = orientation
+        self.rows = 6 if orientation else 3
+        self.size = len(chain.joints)
+        self.lower, self.upper = (side[:, None] for side in chain.limits)
+        ranged = np.isfinite(self.lower) & np.isfinite(self.upper)
+        self._middle = chain.mid_range[:, None]
+        self._widths = np.where(ranged, self.upper - self.lower, np.inf)
+        self._end = np.array(chain.end)
+        self._motions = []
+        for motion in chain.motions:
+            pose, axis = np.array(motion.placement), np.array(motion.axis)
+            cross = np.cross(np.eye(3), axis)
+            parts = [pose[:3, :3], pose[:3, :3] @ cross, pose[:3, :3] @ cross @ cross]
+            stacked = np.concatenate([part.T for part in parts])
+            self._motions.append((motion, stacked, pose[:3, 3], pose[:3, :3] @ axis))
+
+    def forward(self, q: FloatArray, jacobian: bool = True) -> tuple[FloatArray, ...]:
+        """Return position (3, B), rotation (3, 3, B) and, if asked, J of shape (rows, n, B)."""
+        count = q.shape[1]
+        turn = np.repeat(np.eye(3)[:, :, None], count, axis=2)
+        origin = np.zeros((3, count))
+        screws = []
+        for motion, stacked, shift, direction in self._motions:
+            origin = origin + np.matmul(shift, turn)
+            axis = np.matmul(direction, turn)
+            screws.append((motion, axis, origin))
+            value = motion.multiplier * q[motion.variable] + motion.offset
+            parts = np.matmul(stacked, turn)
+            if motion.translates:
+                origin = origin + value * axis
+                turn = parts[:, :3]
+            else:
+                turn = parts[:, :3] + np.sin(value) * parts[:, 3:6]
+                turn += (1 - np.cos(value)) * parts[:, 6:]
+        origin = origin + np.matmul(self._end[:3, 3], turn)
+        turn = np.matmul(self._end[:3, :3].T, turn)
+        if not jacobian:
+            return origin, turn
+        matrix = np.zeros((self.rows, self.size, count))
+        for motion, axis, start in screws:
+            column = matrix[:, motion.variable]
+            scale = motion.multiplier
+            if motion.translates:
+                column[:3] += scale * axis
+                continue
+            x, y, z = origin - start
+            column[0] += scale * (axis[1] * z - axis[2] * y)
+            column[1] += scale * (axis[2] * x - axis[0] * z)
+            column[2] += scale * (axis[0] * y - axis[1] * x)
+            if self.orientation:
+                column[3:] += scale * axis
+        return origin, turn, matrix
+
+    def error(
+        self, origin: FloatArray, turn: FloatArray, position: FloatArray, rotation: FloatArray
+    ) -> FloatArray:
+        """Return what is missing to a pose, shape (rows, B): metres, and a rotation vector.
+
+        The pose is one for all, (3, 1) and (3, 3, 1), or one for each.
+        """
+        missing = position - origin
+        if not self.orientation:
+            return missing
+        # R·Rᵀ of the wanted and the present rotation; its axis times the sine of its angle.
+        product = np.einsum("ikb,jkb->ijb", np.broadcast_to(rotation, turn.shape), turn)
+        vector = np.stack([product[2, 1], product[0, 2], product[1, 0]])
+        vector -= np.stack([product[1, 2], product[2, 0], product[0, 1]])
+        sine = np.sqrt(np.sum(vector**2, axis=0)) / 2
+        cosine = (product[0, 0] + product[1, 1] + product[2, 2] - 1) / 2
+        angle = np.arctan2(sine, cosine)
+        return np.concatenate([missing, vector / 2 * (angle / np.maximum(sine, 1e-12))])
+
+    def reach(
+        self,
+        q: FloatArray,
+        position: FloatArray,
+        rotation: FloatArray,
+        free: BoolArray | None = None,
+        iterations: int = _ITERATIONS,
+        centre: float = 0.0,
+    ) -> tuple[FloatArray, BoolArray]:
+        """Move configurations to a pose by damped least squares, within the limits.
+
+        Parameters
+        ----------
+        q
+            Where they start, shape (n, B).
+        position, rotation
+            The pose, see `error`.
+        free
+            Joints that may move, shape (n, B) or (n, 1); all if left out.
+        iterations
+            Most iterations.
+        centre
+            How far the first step goes towards the middle of the joints' ranges along the
+            self-motion, as a share of the way.
+
+        Returns
+        -------
+        numpy.ndarray
+            Configurations, shape (n, B).
+        numpy.ndarray
+            Which of them reached the pose, shape (B,).
+        """
+        q = q.copy()
+        movable = np.broadcast_to(True if free is None else free, q.shape).copy()
+        done = np.zeros(q.shape[1], dtype=bool)
+        active = np.arange(q.shape[1])
+        for iteration in range(iterations + 1):
+            position_, rotation_ = _some(position, active), _some(rotation, active)
+            origin, turn, matrix = self.forward(q[:, active])
+            missing = self.error(origin, turn, position_, rotation_)
+            near = np.max(np.abs(missing), axis=0) < TOLERANCE
+            if not (centre and iteration == 0):
+                done[active[near]] = True
+                left = ~near
+                active, matrix, missing = active[left], matrix[:, :, left], missing[:, left]
+            if not active.size or iteration == iterations:
+                break
+            matrix = matrix * movable[:, active]
+            damping = _DAMPING * np.sum(missing**2, axis=0) + _LEAST
+            if centre and iteration == 0:
+                drift = centre * (self._middle - q[:, active]) * np.isfinite(self._widths)
+                drift *= movable[:, active]
+                missing = missing - np.einsum("inb,nb->ib", matrix, drift)
+                step = drift + _least_squares(matrix, missing, damping)
+            else:
+                step = _least_squares(matrix, missing, damping)
+            step *= np.minimum(1, _STEP / np.maximum(np.max(np.abs(step), axis=0), 1e-12))
+            moved = q[:, active] + step
+            kept = np.clip(moved, self.lower, self.upper)
+            # A joint that is pushed against its limit stays there while the others go on.
+            movable[:, active] &= np.abs(moved - kept) < 1e-9
+            q[:, active] = kept
+        return q, done
+
+
+def _some(pose: FloatArray, which: npt.NDArray[np.intp]) -> FloatArray:
+    return pose if pose.shape[-1] == 1 else pose[..., which]
+
+
+def _least_squares(matrix: FloatArray, missing: FloatArray, damping: FloatArray) -> FloatArray:
+    """Return Jᵀ(JJᵀ + λ)⁻¹e for each of many, shape (n, B): Cholesky, entry by entry."""
+    rows = len(matrix)
+    factor: list[list[FloatArray]] = []
+    right: list[FloatArray] = []
+    for i in range(rows):
+        line: list[FloatArray] = []
+        for j in range(i + 1):
+            entry = np.einsum("nb,nb->b", matrix[i], matrix[j])
+            if i == j:
+                entry += damping
+            for k in range(j):
+                entry -= line[k] * (factor[j][k] if j < i else line[k])
+            line.append(np.sqrt(np.maximum(entry, 1e-14)) if i == j else entry / factor[j][j])
+        factor.append(line)
+        value = missing[i].copy()
+        for k in range(i):
+            value -= line[k] * right[k]
+        right.append(value / line[i])
+    for i in reversed(range(rows)):
+        for k in range(i + 1, rows):
+            right[i] = right[i] - factor[k][i] * right[k]
+        right[i] = right[i] / factor[i][i]
+    return np.asarray(np.einsum("inb,ib->nb", matrix, np.stack(right)))
+
+
+@dataclass(frozen=True, eq=False)
+class Poses:
+    """The samples of a path: positions (N, 3) and rotations (N, 3, 3)."""
+
+    positions: FloatArray
+    rotations: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.positions)
+
+    def at(self, sample: int) -> tuple[FloatArray, FloatArray]:
+        """Return one pose as `Kinematics` takes it."""
+        return self.positions[sample][:, None], self.rotations[sample][:, :, None]
+
+
+def follow(
+    kinematics: Kinematics,
+    q: FloatArray,
+    poses: Poses,
+    first: int,
+    *,
+    step: int = 1,
+    joint: npt.NDArray[np.intp] | None = None,
+    centre: float = 0.0,
+) -> tuple[FloatArray, npt.NDArray[np.intp]]:
+    """Follow the path from one sample to its end, or backwards to its start.
+
+    Parameters
+    ----------
+    kinematics
+        The arm.
+    q
+        Configurations at the first sample, shape (n, B).
+    poses
+        The path.
+    first
+        The sample where they start.
+    step
+        1 to the end, -1 to the start.
+    joint
+        The joint of each that is locked, shape (B,); none if left out.
+    centre
+        See `Kinematics.reach`.
+
+    Returns
+    -------
+    numpy.ndarray
+        Configurations, shape (N, n, B), NaN where a pose was not reached.
+    numpy.ndarray
+        The last sample that each reached, shape (B,).
+    """
+    count = q.shape[1]
+    track = np.full((len(poses), *q.shape), np.nan)
+    track[first] = q
+    last = np.full(count, first)
+    free = None if joint is None else np.arange(len(q))[:, None] != joint
+    before, now, alive = q, q, np.arange(count)
+    end = len(poses) if step > 0 else -1
+    for sample in range(first + step, end, step):
+        mask = None if free is None else free[:, alive]
+        moved, alive_now = _advance(kinematics, before, now, poses.at(sample), mask, centre)
+        before, now, alive = now[:, alive_now], moved[:, alive_now], alive[alive_now]
+        if not alive.size:
+            break
+        track[sample][:, alive] = now
+        last[alive] = sample
+    return track, last
+
+
+def _advance(
+    kinematics: Kinematics,
+    before: FloatArray,
+    now: FloatArray,
+    pose: tuple[FloatArray, FloatArray],
+    free: BoolArray | None,
+    centre: float,
+) -> tuple[FloatArray, BoolArray]:
+    """Go on by one sample; `before` is the configuration one sample earlier."""
+    guess = now if centre else np.clip(2 * now - before, kinematics.lower, kinematics.upper)
+    moved, reached = kinematics.reach(guess, *pose, free, centre=centre)
+    return moved, reached & (np.max(np.abs(moved - now), axis=0) < JUMP)
+
+
+def survivors(
+    kinematics: Kinematics,
+    nodes: FloatArray,
+    samples: npt.NDArray[np.intp],
+    poses: Poses,
+    restarts: int = 4,
+    seed: int = 0,
+) -> npt.NDArray[np.intp]:
+    """Lock each joint at each of many configurations and finish the path.
+
+    Parameters
+    ----------
+    kinematics
+        The arm.
+    nodes
+        Configurations on the path, shape (n, B).
+    samples
+        The sample of the path that each is at, shape (B,).
+    poses
+        The path.
+    restarts
+        Where the locked arm keeps self-motion: from how many other points of it to try again.
+    seed
+        Of those points.
+
+    Returns
+    -------
+    numpy.ndarray
+        The last sample that is reached after joint f locks, shape (n, B); the path is
+        finished if it is ``len(poses) - 1``.
+    """
+    size, count = nodes.shape
+    redundant = size - 1 > kinematics.rows
+    locked, which = (one.ravel() for one in np.mgrid[:size, :count])
+    last = np.empty(size * count, dtype=np.intp)
+    for chunk in _chunks(samples[which]):
+        q, joint = nodes[:, which[chunk]], locked[chunk]
+        last[chunk] = _finish(kinematics, q, joint, samples[which[chunk]], poses, redundant)
+    rng = np.random.default_rng(seed)
+    for _ in range(restarts if redundant else 0):
+        failed = np.flatnonzero(last < len(poses) - 1)
+        if not failed.size:
+            break
+        for chunk in _chunks(samples[which[failed]]):
+            part = failed[chunk]
+            q, joint, start = nodes[:, which[part]], locked[part], samples[which[part]]
+            q = _elsewhere(kinematics, q, joint, start, poses, rng)
+            ended = _finish(kinematics, q, joint, start, poses, redundant)
+            last[part] = np.maximum(last[part], ended)
+    return last.reshape(size, count)
+
+
+def _chunks(samples: npt.NDArray[np.intp]) -> list[npt.NDArray[np.intp]]:
+    """Split into parts whose samples are near each other."""
+    order = np.argsort(samples, kind="stable")
+    return np.array_split(order, max(1, -(-len(order) // _CHUNK)))
+
+
+def _finish(
+    kinematics: Kinematics,
+    q: FloatArray,
+    joint: npt.NDArray[np.intp],
+    samples: npt.NDArray[np.intp],
+    poses: Poses,
+    redundant: bool,
+) -> npt.NDArray[np.intp]:
+    """Follow the rest of the path, each from its own sample; return the last one reached."""
+    last = samples.copy()
+    free = np.arange(len(q))[:, None] != joint
+    now, before = q.copy(), q.copy()
+    alive = np.ones(q.shape[1], dtype=bool)
+    # Towards the middle of the ranges, where the arm still can: limits then come later.
+    centre = 0.1 if redundant else 0.0
+    for sample in range(int(samples.min(initial=len(poses))) + 1, len(poses)):
+        active = np.flatnonzero(alive & (samples < sample))
+        if not active.size:
+            continue
+        moved, going = _advance(
+            *(kinematics, before[:, active], now[:, active], poses.at(sample)),
+            *(free[:, active], centre),
+        )
+        before[:, active] = now[:, active]
+        now[:, active] = moved
+        alive[active] = going
+        last[active[going]] = sample
+    return last
+
+
+def _elsewhere(
+    kinematics: Kinematics,
+    q: FloatArray,
+    joint: npt.NDArray[np.intp],
+    samples: npt.NDArray[np.intp],
+    poses: Poses,
+    rng: np.random.Generator,
+) -> FloatArray:
+    """Move along the self-motion that the locked arm keeps, in steps at the same pose."""
+    free = np.arange(len(q))[:, None] != joint
+    position = poses.positions[samples].T
+    rotation = np.moveaxis(poses.rotations[samples], 0, 2)
+    push = rng.normal(size=q.shape)
+    push *= 0.25 / np.sqrt(np.sum(push**2, axis=0))
+    for _ in range(int(rng.integers(2, 9))):
+        shifted = np.clip(q + push * free, kinematics.lower, kinematics.upper)
+        moved, reached = kinematics.reach(shifted, position, rotation, free)
+        reached &= np.max(np.abs(moved - q), axis=0) < JUMP
+        q = np.where(reached, moved, q)
+    return q
+
+
+def on_path(
+    kinematics: Kinematics, poses: Poses, sample: int, starts: int, rng: np.random.Generator
+) -> FloatArray:
+    """Return configurations at a pose, within the limits, from random starts; shape (n, B)."""
+    least = np.where(np.isfinite(kinematics.lower), kinematics.lower, -np.pi)
+    largest = np.where(np.isfinite(kinematics.upper), kinematics.upper, np.pi)
+    drawn = rng.uniform(np.maximum(least, -2 * np.pi), np.minimum(largest, 2 * np.pi), (len(least), starts))
+    q, reached = kinematics.reach(drawn, *poses.at(sample), iterations=60)
+    return q[:, reached]
