@@ -18,6 +18,7 @@ COMMANDS = (
     "realise",
     "assess",
     "posture",
+    "path",
     "robots",
     "bound",
     "prove",

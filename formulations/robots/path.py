@@ -187,8 +187,7 @@ class PathPlan:
                 {
                     "joint": name,
                     "percent": 100 * float(np.mean(kept)),
-                    "minimum_norm_percent": base
-                    and 100 * float(np.mean(base.survives[:, f])),
+                    "minimum_norm_percent": base and 100 * float(np.mean(base.survives[:, f])),
                     "ceiling_percent": float(self.joint_ceiling[f]),
                     "hopeless_until": float(self.times[hopeless]) if hopeless >= 0 else None,
                     "others_end": [float(lost.min()), float(lost.max())] if lost.size else None,
@@ -261,7 +260,9 @@ def narrowed(chain: Chain, limits: Mapping[str, tuple[float, float]]) -> Chain:
             raise InputError("joint of --limits", name, allowed)
         joint = chain.joints[chain.names.index(name)]
         if not max(lower, joint.lower) < min(upper, joint.upper):
-            allowed = f"lower < upper, with room in the robot's [{joint.lower:g}, {joint.upper:g}]"
+            allowed = (
+                f"lower < upper, with room in the robot's [{joint.lower:g}, {joint.upper:g}]"
+            )
             raise InputError(f"--limits of {name}", f"[{lower:g}, {upper:g}]", allowed)
     joints = tuple(
         replace(
@@ -362,8 +363,10 @@ class _Planner:
         base = None
         for anchor in anchors:
             found = on_path(self.kinematics, self.poses, int(anchor), 6 * per_anchor, self.rng)
-            for part, centre in ((found[:, : (per_anchor + 1) // 2], 0.0),
-                                 (found[:, (per_anchor + 1) // 2 : per_anchor], 0.05)):
+            for part, centre in (
+                (found[:, : (per_anchor + 1) // 2], 0.0),
+                (found[:, (per_anchor + 1) // 2 : per_anchor], 0.05),
+            ):
                 ahead, _ = follow(self.kinematics, part, self.poses, int(anchor), centre=centre)
                 back, _ = follow(
                     self.kinematics, part, self.poses, int(anchor), step=-1, centre=centre
@@ -421,9 +424,7 @@ class _Planner:
         push *= self.rng.uniform(0.02, 0.3, count) / np.linalg.norm(push, axis=0)
         tracks = np.full((*best.shape, count), np.nan)
         for sample, point in enumerate(best):
-            start = np.clip(
-                point[:, None] + push, self.kinematics.lower, self.kinematics.upper
-            )
+            start = np.clip(point[:, None] + push, self.kinematics.lower, self.kinematics.upper)
             q, reached = self.kinematics.reach(start, *self.poses.at(sample))
             tracks[sample] = np.where(reached, q, np.nan)
         tracks[:, :, 0] = best
@@ -468,7 +469,9 @@ class _Planner:
         where = place_name(float(self.places[k + 1]))
         if least > _SPEED:
             allowed = f"at least {1.1 * least:.2g} times as much time there"
-            raise InputError(f"speed of {names} at {where}", f"{least:.3g} of its limit", allowed)
+            raise InputError(
+                f"speed of {names} at {where}", f"{least:.3g} of its limit", allowed
+            )
         allowed = "a path that one trajectory follows within the joints' limits"
         raise InputError(where, "reached from no configuration before it", allowed)
 

@@ -413,6 +413,8 @@ def on_path(
     """Return configurations at a pose, within the limits, from random starts; shape (n, B)."""
     least = np.where(np.isfinite(kinematics.lower), kinematics.lower, -np.pi)
     largest = np.where(np.isfinite(kinematics.upper), kinematics.upper, np.pi)
-    drawn = rng.uniform(np.maximum(least, -2 * np.pi), np.minimum(largest, 2 * np.pi), (len(least), starts))
+    drawn = rng.uniform(
+        np.maximum(least, -2 * np.pi), np.minimum(largest, 2 * np.pi), (len(least), starts)
+    )
     q, reached = kinematics.reach(drawn, *poses.at(sample), iterations=60)
     return q[:, reached]

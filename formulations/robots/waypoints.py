@@ -1,4 +1,4 @@
-"""The path of a tool: waypoints in order of time, read from a file, and samples between them."""
+"""The path of a tool: waypoints in order of time, and samples between them."""
 
 from __future__ import annotations
 
@@ -55,7 +55,9 @@ class ToolPath:
             raise InputError("waypoints", f"{len(self.positions)}", f"at most {_MOST}")
         for k, point in enumerate(self.positions):
             if not np.all(np.abs(point) <= LARGEST):
-                raise InputError(f"waypoint {k + 1}", _shown(point), "finite numbers, in metres")
+                raise InputError(
+                    f"waypoint {k + 1}", _shown(point), "finite numbers, in metres"
+                )
         if self.quaternions is not None:
             for k, turn in enumerate(self.quaternions):
                 if not abs(np.linalg.norm(turn) - 1) < 1e-2:
@@ -64,7 +66,9 @@ class ToolPath:
         for k, gap in enumerate(() if self.times is None else np.diff(self.times)):
             if not (gap > 0 and np.isfinite(gap)):
                 allowed = "times that increase from waypoint to waypoint"
-                raise InputError(f"time of waypoint {k + 2}", _later(self.times, k + 1), allowed)
+                raise InputError(
+                    f"time of waypoint {k + 2}", _later(self.times, k + 1), allowed
+                )
         still = np.flatnonzero(self._lengths() < 1e-9)
         if self.times is None and still.size:
             name = f"waypoint {still[0] + 2}"
@@ -200,7 +204,9 @@ def _numbers(k: int, count: int, line: Sequence[object]) -> list[float]:
     except ValueError:
         numbers = [float("nan")]
     if not all(abs(one) <= LARGEST for one in numbers):
-        raise InputError(name, ",".join(shown(str(cell), 30) for cell in line), "finite numbers")
+        raise InputError(
+            name, ",".join(shown(str(cell), 30) for cell in line), "finite numbers"
+        )
     return numbers
 
 
