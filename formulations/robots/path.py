@@ -49,11 +49,11 @@ _REACH = 2000
 # Samples at which tracks begin.
 _ANCHORS = 5
 # What one squared radian of motion between two samples costs, in joints that survive.
-_MOTION = 1.0
+_MOTION = 10.0
 # Speeds stay below this share of their limits until the polish.
 _SPEED = 0.98
 # The polish: weights of smoothness, against 1 for each squared radian off the target.
-_SMOOTHNESS = (1.0, 30.0)
+_SMOOTHNESS = (0.3, 3.0, 30.0)
 _POLISH = {"max_iter": 60, "tol": 1e-7, "acceptable_tol": 1e-5, "acceptable_iter": 5}
 
 
@@ -380,7 +380,7 @@ class _Planner:
                 extra = on_path(self.kinematics, self.poses, sample, _REACH, self.rng)
                 if not extra.shape[1]:
                     self._refuse(sample)
-                self._add(sample, extra[:, : self.search.tracks])
+                self._add({sample: extra[:, : self.search.tracks]})
         return base
 
     def _minimum_norm(self, starts: FloatArray) -> FloatArray | None:
@@ -405,17 +405,18 @@ class _Planner:
             self.nodes[sample].append(nodes[:, here])
             self.ends[sample].append(ends[:, here])
 
-    def _add(self, sample: int, nodes: FloatArray) -> None:
-        track = np.full((len(self.times), *nodes.shape), np.nan)
-        track[sample] = nodes
-        self._add_tracks(track)
+    def _add(self, found: Mapping[int, FloatArray]) -> None:
+        """Add configurations at some samples, shape (n, B) at each."""
+        most = max((one.shape[1] for one in found.values()), default=0)
+        tracks = np.full((len(self.times), self.arm.size, most), np.nan)
+        for sample, nodes in found.items():
+            tracks[sample, :, : nodes.shape[1]] = nodes
+        self._add_tracks(tracks)
 
     def _add_scattered(self) -> None:
         """Add configurations that no track led to: for the ceiling."""
-        for sample in range(0, len(self.times), 2):
-            found = on_path(self.kinematics, self.poses, sample, 60, self.rng)
-            if found.shape[1]:
-                self._add(sample, found)
+        some = range(0, len(self.times), 2)
+        self._add({k: on_path(self.kinematics, self.poses, k, 60, self.rng) for k in some})
 
     def _beside(self, best: FloatArray) -> FloatArray:
         """Return tracks beside a sequence: each is pushed the same way at all samples."""
@@ -425,7 +426,7 @@ class _Planner:
         tracks = np.full((*best.shape, count), np.nan)
         for sample, point in enumerate(best):
             start = np.clip(point[:, None] + push, self.kinematics.lower, self.kinematics.upper)
-            q, reached = self.kinematics.reach(start, *self.poses.at(sample))
+            q, reached = self.kinematics.reach(start, *self.poses.at(sample), iterations=12)
             tracks[sample] = np.where(reached, q, np.nan)
         tracks[:, :, 0] = best
         return tracks

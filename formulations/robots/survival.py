@@ -25,14 +25,14 @@ BoolArray = npt.NDArray[np.bool_]
 # A pose is reached if position (metres) and orientation (radians) are off by less, each entry.
 TOLERANCE = 1e-5
 # Most iterations at a sample, and the largest change of a joint in one of them.
-_ITERATIONS, _STEP = 12, 0.3
+_ITERATIONS, _STEP = 6, 0.3
 # A joint that moves further between two samples has jumped to another solution, or the arm
 # passes a singularity: radians or metres.
 JUMP = 0.5
 # Damping: this times the squared error, and never less than the second.
 _DAMPING, _LEAST = 1e-2, 1e-10
 # Configurations done together: what fits into a processor's cache.
-_CHUNK = 1500
+_CHUNK = 3000
 
 
 class Kinematics:

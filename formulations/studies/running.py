@@ -14,6 +14,7 @@ from formulations.studies import (
     existence,
     failures,
     figures,
+    paths,
     reproduction,
     robots,
 )
@@ -35,6 +36,7 @@ STUDIES: Mapping[str, Study] = MappingProxyType(
             failures.study(),
             figures.study(),
             robots.study(),
+            paths.study(),
             benchmark.study(),
         )
     }
