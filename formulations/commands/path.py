@@ -34,6 +34,14 @@ def path(
     tip: robot.Tip = None,
     base: robot.Base = None,
     point: robot.Point = None,
+    task: Annotated[
+        str | None,
+        typer.Option(
+            metavar="DIRECTIONS",
+            help="Directions to be kept: all, position, or some of vx,vy,vz,wx,wy,wz.",
+            show_default="all for poses, position for positions",
+        ),
+    ] = None,
     held: robot.Held = None,
     limits: Annotated[
         list[str] | None,
@@ -71,7 +79,7 @@ def path(
     from nlp.files import prepare_file, write_bytes, write_text
 
     wanted = read_waypoints(waypoints)
-    task = "all" if wanted.has_orientation else "position"
+    task = task or ("all" if wanted.has_orientation else "position")
     arm = robot.arm(file, tip, base, point, task, "base", None, held)
     arm = RobotArm(narrowed(arm.chain, _limits(limits or [])), arm.task)
     if out is not None:

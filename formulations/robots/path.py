@@ -26,7 +26,7 @@ import numpy.typing as npt
 
 from formulations import measures
 from formulations.robots.chain import Chain, listed, nearest, rotation
-from formulations.robots.robot_arm import RobotArm, Task
+from formulations.robots.robot_arm import RobotArm
 from formulations.robots.survival import (
     JUMP,
     BoolArray,
@@ -281,7 +281,7 @@ def plan_path(arm: RobotArm, path: ToolPath, search: PathSearch | None = None) -
     Parameters
     ----------
     arm
-        The robot; its task is replaced by that of the path: position, or all six directions.
+        The robot, with the directions in which the path has to be kept, along the base's axes.
     path
         The path.
     search
@@ -290,11 +290,14 @@ def plan_path(arm: RobotArm, path: ToolPath, search: PathSearch | None = None) -
     Raises
     ------
     InputError
-        If the arm is not redundant for the path, a waypoint or the path between two is out of
-        reach, or the limits of speed leave too little time.
+        If the task has orientations and the waypoints have none, a waypoint or the path between
+        two is out of reach, or the limits of speed leave too little time.
     """
     search = search or PathSearch()
-    arm = replace(arm, task=Task.parse("all" if path.has_orientation else "position"))
+    task = arm.task
+    if task.frame != "base" or not (path.has_orientation or max(task.rows) < 3):
+        allowed = "linear directions along the base's axes; poses allow rotations too"
+        raise InputError("task", f"{','.join(task.directions)} ({task.frame})", allowed)
     return _Planner(arm, path, search).plan()
 
 
@@ -304,7 +307,7 @@ class _Planner:
     def __init__(self, arm: RobotArm, path: ToolPath, search: PathSearch) -> None:
         self.arm, self.search = arm, search
         self.times, self.poses, self.places = path.sampled(search.samples, search.duration)
-        self.kinematics = Kinematics(arm.chain, path.has_orientation)
+        self.kinematics = Kinematics(arm.chain, arm.task.rows)
         self.rng = np.random.default_rng(search.seed)
         velocity = np.array([joint.velocity for joint in arm.chain.joints])
         #: Most motion between two samples, shape (N - 1, n).
@@ -490,7 +493,7 @@ class _Planner:
         problem = transcription(
             self.arm.chain,
             self.poses,
-            self.kinematics.orientation,
+            self.arm.task.rows,
             self.most,
             *self._targets(found),
             weight,
@@ -566,7 +569,7 @@ class _Planner:
 def transcription(
     chain: Chain,
     poses: Poses,
-    orientation: bool,
+    rows: Sequence[int],
     most: FloatArray,
     target: FloatArray,
     weight: FloatArray,
@@ -585,8 +588,8 @@ def transcription(
         The joints.
     poses
         One for each sample.
-    orientation
-        Whether the orientation counts.
+    rows
+        The directions that count; see `Kinematics`.
     most
         Largest motion of each joint between two samples, shape (N - 1, n).
     target, weight
@@ -602,10 +605,9 @@ def transcription(
     off = []
     for k in range(count):
         position, rotated = pose(q[:, k])
-        off.append(position - poses.positions[k])
-        if orientation:
-            product = rotated.T @ ca.DM(poses.rotations[k])
-            off.append(ca.inv_skew((product - product.T) / 2))
+        product = rotated @ ca.DM(poses.rotations[k].T)
+        turned = ca.inv_skew((product - product.T) / 2)
+        off.append(ca.vertcat(position - poses.positions[k], turned)[list(rows)])
     bend = q[:, 2:] - 2 * q[:, 1:-1] + q[:, :-2]
     objective = ca.sumsqr(ca.DM(np.sqrt(weight.T)) * (q - ca.DM(target.T)))
     blocks = [Constraint("pose", ca.vertcat(*off), 0.0, 0.0)]

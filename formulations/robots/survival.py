@@ -13,6 +13,7 @@ operation then does as much work as it can, and no small matrices are factored o
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -42,13 +43,13 @@ class Kinematics:
     ----------
     chain
         The joints.
-    orientation
-        Whether the orientation of the tip counts, besides the position of its point.
+    rows
+        The directions that count, of vx, vy, vz, wx, wy, wz along the axes of the base.
     """
 
-    def __init__(self, chain: Chain, orientation: bool) -> None:
-        self.orientation = orientation
-        self.rows = 6 if orientation else 3
+    def __init__(self, chain: Chain, rows: Sequence[int] = range(6)) -> None:
+        self.rows = list(rows)
+        self.orientation = max(self.rows) > 2
         self.size = len(chain.joints)
         self.lower, self.upper = (side[:, None] for side in chain.limits)
         ranged = np.isfinite(self.lower) & np.isfinite(self.upper)
@@ -85,7 +86,7 @@ class Kinematics:
         turn = np.matmul(self._end[:3, :3].T, turn)
         if not jacobian:
             return origin, turn
-        matrix = np.zeros((self.rows, self.size, count))
+        matrix = np.zeros((6 if self.orientation else 3, self.size, count))
         for motion, axis, start in screws:
             column = matrix[:, motion.variable]
             scale = motion.multiplier
@@ -98,7 +99,7 @@ class Kinematics:
             column[2] += scale * (axis[0] * y - axis[1] * x)
             if self.orientation:
                 column[3:] += scale * axis
-        return origin, turn, matrix
+        return origin, turn, matrix[self.rows]
 
     def error(
         self, origin: FloatArray, turn: FloatArray, position: FloatArray, rotation: FloatArray
@@ -109,7 +110,7 @@ class Kinematics:
         """
         missing = position - origin
         if not self.orientation:
-            return missing
+            return np.asarray(missing[self.rows])
         # R·Rᵀ of the wanted and the present rotation; its axis times the sine of its angle.
         product = np.einsum("ikb,jkb->ijb", np.broadcast_to(rotation, turn.shape), turn)
         vector = np.stack([product[2, 1], product[0, 2], product[1, 0]])
@@ -117,7 +118,8 @@ class Kinematics:
         sine = np.sqrt(np.sum(vector**2, axis=0)) / 2
         cosine = (product[0, 0] + product[1, 1] + product[2, 2] - 1) / 2
         angle = np.arctan2(sine, cosine)
-        return np.concatenate([missing, vector / 2 * (angle / np.maximum(sine, 1e-12))])
+        vector *= angle / np.maximum(sine, 1e-12) / 2
+        return np.concatenate([missing, vector])[self.rows]
 
     def reach(
         self,
@@ -329,7 +331,7 @@ def survivors(
         finished if it is ``len(poses) - 1``.
     """
     size, count = nodes.shape
-    redundant = size - 1 > kinematics.rows
+    redundant = size - 1 > len(kinematics.rows)
     locked, which = (one.ravel() for one in np.mgrid[:size, :count])
     last = np.empty(size * count, dtype=np.intp)
     for chunk in _chunks(samples[which]):

@@ -85,7 +85,7 @@ class ToolPath:
         Parameters
         ----------
         samples
-            How many at least; there are as many as waypoints, if those are more.
+            About how many; at least one for each waypoint.
         duration
             Seconds for the whole path, if no times are given.
 

@@ -53,7 +53,7 @@ class StudyPath:
         """Return the arm and the path; poses for an arm of six task directions."""
         arm = self.robot.arm()
         home = np.array(json.loads(self.home)) if self.home else arm.chain.mid_range
-        kinematics = Kinematics(arm.chain, orientation=True)
+        kinematics = Kinematics(arm.chain)
         origin, turn, _ = kinematics.forward(home[:, None])
         offsets = np.array([(*one, 0, 0, 0)[:6] for one in json.loads(self.waypoints)])
         positions = origin[:, 0] + offsets[:, :3]

@@ -1,0 +1,296 @@
+"""The path command and what it rests on: kinematics, the survival test, the search."""
+
+import csv
+import json
+from dataclasses import replace
+
+import casadi as ca
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from formulations.robots.chain_between import chain_between
+from formulations.robots.path import (
+    PathSearch,
+    narrowed,
+    plan_path,
+    tip_pose,
+    transcription,
+)
+from formulations.robots.robot_arm import RobotArm, Task
+from formulations.robots.survival import Kinematics, Poses, follow, on_path, survivors
+from formulations.robots.waypoints import ToolPath, read_waypoints
+from nlp.errors import InputError
+from nlp.solver import solve
+
+QUICK = PathSearch(samples=12, tracks=15, rounds=1)
+
+
+def arm_of(made, text, tip, task="all"):
+    return RobotArm(chain_between(made.tree(text), tip), Task.parse(task))
+
+
+@pytest.fixture(scope="module")
+def arm(made):
+    return arm_of(made, made.offset_arm(), "l7")
+
+
+@pytest.fixture(scope="module")
+def planar(made):
+    """Three unit links in a plane, the last one of length 0.6."""
+    joints = made.serial(["0 0 0", "1 0 0", "1 0 0"], ("0 0 1",) * 3)
+    wide = 'lower="-3.1" upper="3.1" effort="1" velocity="2"'
+    joints = [
+        one.replace('lower="-2" upper="2" effort="1" velocity="1"', wide) for one in joints
+    ]
+    tip = made.joint("end", "l3", "tip", kind="fixed", xyz="0.6 0 0")
+    return arm_of(made, made.urdf([*joints, tip]), "tip", "vx,vy")
+
+
+def line(arm, reach=0.15, count=12):
+    """Poses along a line through the pose midway between the limits."""
+    kinematics = Kinematics(arm.chain)
+    origin, turn, _ = kinematics.forward(arm.chain.mid_range[:, None] + 0.4)
+    along = np.linspace(-reach, reach, count)[:, None]
+    positions = origin[:, 0] + along * np.array([0.2, 1.0, -0.3])
+    return kinematics, Poses(positions, np.repeat(turn[..., 0][None], count, 0))
+
+
+def tool_path(poses):
+    quaternions = Rotation.from_matrix(poses.rotations[[0, -1]]).as_quat()
+    return ToolPath(poses.positions[[0, -1]], quaternions)
+
+
+def test_kinematics_are_those_of_the_chain(made):
+    mimic = '<mimic joint="j1" multiplier="-0.5" offset="0.2"/>'
+    joints = made.serial(
+        ["0.1 0 0.3"] * 7, j2={"kind": "prismatic"}, j4={"mimic": mimic}, j5={"rpy": "1 2 3"}
+    )
+    arm = arm_of(made, made.urdf(joints), "l7", "position")
+    rng = np.random.default_rng(0)
+    q = np.stack([arm.sample(rng) for _ in range(5)], axis=1)
+    origins, turns, matrices = Kinematics(arm.chain).forward(q)
+    for k in range(5):
+        origin, turn = map(ca.evalf, tip_pose(arm.chain, ca.SX(q[:, k])))
+        assert origins[:, k] == pytest.approx(np.array(origin).ravel(), abs=1e-12)
+        assert turns[..., k] == pytest.approx(np.array(turn), abs=1e-12)
+        assert matrices[..., k] == pytest.approx(arm.metric_jacobian(q[:, k]), abs=1e-12)
+
+
+def test_inverse_kinematics_reach_the_pose_within_limits(arm):
+    kinematics, poses = line(arm)
+    found = on_path(kinematics, poses, 3, 100, np.random.default_rng(1))
+    assert found.shape[1] > 10
+    lower, upper = arm.bounds
+    assert np.all((found >= lower[:, None]) & (found <= upper[:, None]))
+    origin, turn, _ = kinematics.forward(found)
+    assert np.max(np.abs(kinematics.error(origin, turn, *poses.at(3)))) < 1e-5
+    assert np.max(np.abs(turn - poses.rotations[3][..., None])) < 3e-5
+
+
+def test_survivors_are_those_of_elementary_geometry(planar):
+    """After a lock a planar 3R is a planar 2R: it reaches a ring, and keeps its elbow."""
+    lengths = np.array([1.0, 1.0, 0.6])
+    # Out and in again.
+    radii = np.concatenate([np.linspace(1.2, 2.4, 40), np.linspace(2.38, 1.0, 46)])
+    positions = np.stack([radii, 0 * radii, 0 * radii], axis=1)
+    poses = Poses(positions, np.repeat(np.eye(3)[None], len(radii), 0))
+    kinematics = Kinematics(planar.chain, planar.task.rows)
+    nodes = on_path(kinematics, poses, 0, 100, np.random.default_rng(2))
+    ends = survivors(kinematics, nodes, np.zeros(nodes.shape[1], dtype=int), poses)
+
+    def rings(q):
+        base = lengths[0] * np.array([np.cos(q[0]), np.sin(q[0])])
+        first = np.hypot(lengths[0] + lengths[1] * np.cos(q[1]), lengths[1] * np.sin(q[1]))
+        second = np.hypot(lengths[1] + lengths[2] * np.cos(q[2]), lengths[2] * np.sin(q[2]))
+        yield np.linalg.norm(positions[:, :2] - base, axis=1), lengths[1], lengths[2]
+        yield radii, first, lengths[2]
+        yield radii, lengths[0], second
+
+    told = {True: 0, False: 0}
+    for q, end in zip(nodes.T, ends.T, strict=True):
+        for joint, (distance, one, other) in enumerate(rings(q)):
+            inside = np.minimum(distance - abs(one - other), one + other - distance)
+            outside = np.flatnonzero(inside < -1e-3)
+            if outside.size:
+                # It gets to the border, unless a limit of a joint ends it before.
+                told[False] += end[joint] >= outside[0] - 3
+                assert end[joint] < outside[0]
+            elif np.min(inside) > 0.01:
+                told[True] += end[joint] == len(radii) - 1
+    assert min(told.values()) > 10, told
+
+
+def test_a_locked_joint_stays_and_the_pose_is_kept(arm):
+    kinematics, poses = line(arm)
+    start = on_path(kinematics, poses, 0, 20, np.random.default_rng(3))[:, :5]
+    joint = np.arange(5)
+    track, last = follow(kinematics, start, poses, 0, joint=joint)
+    for k in range(5):
+        q = track[: last[k] + 1, :, k]
+        assert np.all(q[:, k] == start[k, k])
+        origin, _, _ = kinematics.forward(q.T)
+        np.testing.assert_allclose(origin.T, poses.positions[: last[k] + 1], atol=2e-5)
+
+
+def test_the_plan_survives_more_than_minimum_norm_and_keeps_all_limits(arm):
+    kinematics, poses = line(arm)
+    found = plan_path(arm, tool_path(poses), QUICK)
+    share = found.planned.share
+    assert found.minimum_norm is None or share >= found.minimum_norm.share
+    assert share <= found.ceiling <= np.mean(found.joint_ceiling) + 1e-9
+    q = found.planned.configurations
+    lower, upper = arm.bounds
+    assert np.all((q >= lower) & (q <= upper))
+    assert found.speed <= 1.0
+    origin, _, _ = kinematics.forward(q.T)
+    np.testing.assert_allclose(origin.T, found.poses.positions, atol=2e-5)
+    # Measured again, by hand: the survivors of one sample.
+    ends = survivors(kinematics, q[[4]].T, np.array([4]), found.poses)
+    assert (ends[:, 0] == 11).tolist() == found.planned.survives[4].tolist()
+    assert np.all(found.planned.survives[-1])
+    again = plan_path(arm, tool_path(poses), QUICK)
+    assert np.array_equal(again.planned.configurations, q)
+
+
+def test_a_joint_whose_ranges_do_not_meet_is_hopeless(planar):
+    """Near the base and then at full stretch: joint 1 of a planar 3R has no common angle."""
+    path = ToolPath(np.array([[1.2, 0, 0], [2.55, 0, 0]]))
+    chain = narrowed(planar.chain, {"j1": (0.0, 3.1), "j2": (0.0, 3.1)})
+    search = replace(QUICK, samples=20, duration=30.0)
+    found = plan_path(RobotArm(chain, planar.task), path, search)
+    rows = {one["joint"]: one for one in found.joint_rows()}
+    # At 1.2 joints 1 and 2 may be anywhere between, but at 2.55 both are nearly straight.
+    assert found.joint_ceiling[1] < 100
+    for row, hopeless in zip(rows.values(), found.hopeless_until, strict=True):
+        assert (row["hopeless_until"] is None) == (hopeless < 0)
+        if hopeless >= 0:
+            assert not found.planned.survives[
+                : hopeless + 1, found.joints.index(row["joint"])
+            ].any()
+
+
+def test_the_polish_is_smooth_on_the_path_and_within_speeds(arm):
+    kinematics, poses = line(arm)
+    start = on_path(kinematics, poses, 0, 20, np.random.default_rng(3))
+    track, last = follow(kinematics, start, poses, 0)
+    q = track[:, :, int(np.argmax(last))]
+    most = np.abs(np.diff(q, axis=0)) + 0.05
+    jagged = q + 0.02 * np.random.default_rng(5).normal(size=q.shape)
+    problem = transcription(
+        *(arm.chain, poses, range(6), most, q, np.full(q.shape, 0.1), 3.0),
+    )
+    found = solve(problem, np.clip(jagged, *arm.bounds).ravel())
+    assert found.status.acceptable
+    moved = found.variables.reshape(q.shape)
+    assert found.feasible
+    assert np.linalg.norm(np.diff(moved, 2, axis=0)) <= np.linalg.norm(np.diff(q, 2, axis=0))
+    assert np.all(np.abs(np.diff(moved, axis=0)) <= most)
+    origin, _, _ = kinematics.forward(moved.T)
+    np.testing.assert_allclose(origin.T, poses.positions, atol=1e-5)
+
+
+FORMS = {
+    "a.csv": "0,0,1,0.1,0.2,0.3\n1,0,1,0,0,0\n",
+    "b.csv": "\ufeffyaw,x,y,z,roll,pitch\n0.3,0,0,1,0.1,0.2\n\n0,1,0,1,0,0\n",
+    "c.json": "[[0,0,1,0.1,0.2,0.3],[1,0,1,0,0,0]]",
+    "d.json": '{"waypoints": [{"x":0,"y":0,"z":1,"roll":0.1,"pitch":0.2,"yaw":0.3},'
+    '{"x":1,"y":0,"z":1,"roll":0,"pitch":0,"yaw":0}]}',
+    "e.csv": "x,y,z,qx,qy,qz,qw\n0,0,1,{}\n1,0,1,0,0,0,1\n",
+}
+
+
+@pytest.mark.parametrize("name", FORMS)
+def test_waypoints_in_every_form(tmp_path, name):
+    turn = Rotation.from_euler("xyz", [0.1, 0.2, 0.3])
+    shown = ",".join(map(str, turn.as_quat()))
+    (tmp_path / name).write_text(FORMS[name].replace("{}", shown), encoding="utf-8")
+    path = read_waypoints(tmp_path / name)
+    times, poses, places = path.sampled(11, 5.0)
+    assert times == pytest.approx(np.linspace(0, 5, 11))
+    assert poses.positions[5] == pytest.approx([0.5, 0, 1])
+    half = Rotation.from_rotvec(turn.as_rotvec() / 2).as_matrix()
+    assert poses.rotations[0] == pytest.approx(turn.as_matrix())
+    assert poses.rotations[5] == pytest.approx(half)
+    assert places[[0, 5, 10]] == pytest.approx([1, 1.5, 2])
+
+
+BAD = {
+    "": "not empty",
+    "x,y\n0,0\n1,1\n": "columns of the waypoints is x,y",
+    "0,0,0\n": "at least two",
+    "0,0,0\n0,zero,1\n": "waypoint 2 is 0,zero,1",
+    "0,0,0\n0,1\n": "waypoint 2 is of 2 entries",
+    "0,0,0\n0,0,inf\n": "waypoint 2",
+    "0,0\n": "waypoint 1 is of 2 numbers",
+    "0,0,0\n1,0,0\n1,0,0\n": "waypoint 3 is the same",
+    "t,x,y,z\n0,0,0,0\n1,1,0,0\n1,2,0,0\n": "time of waypoint 3 is 1 s after 1 s",
+    "x,y,z,qx,qy,qz,qw\n0,0,1,0,0,0,1\n1,0,0,0,0,0,2\n": "waypoint 2 is 0, 0, 0, 2",
+}
+
+
+@pytest.mark.parametrize("text", BAD)
+def test_bad_waypoints_are_named(tmp_path, text):
+    (tmp_path / "w.csv").write_text(text)
+    with pytest.raises(InputError, match=BAD[text]):
+        read_waypoints(tmp_path / "w.csv")
+
+
+@pytest.mark.parametrize(
+    ("points", "duration", "said"),
+    [
+        ([[1.2, 0, 0], [3, 0, 0], [1, 0, 0]], 10.0, "waypoint 2 is out of reach at"),
+        ([[-2, 1.6, 0], [2, 1.6, 0], [2, 3, 0]], 10.0, "waypoint 3 is out of reach"),
+        ([[2.5, 0.3, 0], [2.5, -0.3, 0], [-2.0, -1.6, 0]], 50.0, "between waypoints 2 and 3"),
+        ([[1.2, 0, 0], [2.2, 0, 0]], 0.05, "speed of j. at the path between"),
+    ],
+)
+def test_paths_that_cannot_be_followed_are_refused(planar, points, duration, said):
+    if "between waypoints 2" in said:  # the way leads through where the arm cannot fold to
+        planar = RobotArm(
+            narrowed(planar.chain, {"j1": (-0.5, 0.5), "j2": (-0.5, 0.5)}), planar.task
+        )
+    with pytest.raises(InputError, match=said):
+        plan_path(
+            planar, ToolPath(np.array(points, dtype=float)), replace(QUICK, duration=duration)
+        )
+
+
+def test_limits_that_contradict_are_refused(arm):
+    for limits, said in (
+        ({"j9": (0, 1)}, "joint of --limits is j9"),
+        ({"j1": (1, 0)}, r"limits of j1 is \[1, 0\]"),
+        ({"j1": (3, 4)}, r"with room in the robot's \[-2, 2\]"),
+    ):
+        with pytest.raises(InputError, match=said):
+            narrowed(arm.chain, limits)
+    assert narrowed(arm.chain, {"j1": (0, 9)}).joints[1].upper == 2
+
+
+def test_speeds_are_read_and_narrowed_by_mimics(made):
+    mimic = '<mimic joint="j1" multiplier="4"/>'
+    joints = made.serial(["0 0 0.3"] * 7, j2={"mimic": mimic}, j3={"kind": "continuous"})
+    chain = chain_between(made.tree(made.urdf(joints)), "l7")
+    assert [one.velocity for one in chain.joints] == [1, 0.25, np.inf, 1, 1, 1]
+
+
+def test_the_command_writes_what_it_says(lockedjoint, made, arm, tmp_path):
+    (tmp_path / "robot.urdf").write_text(made.offset_arm())
+    _, poses = line(arm)
+    lines = [",".join(map(str, poses.positions[k].tolist())) for k in (0, -1)]
+    (tmp_path / "w.csv").write_text("x,y,z\n" + "\n".join(lines))
+    words = ("path", "robot.urdf", "--waypoints", "w.csv", "--samples", 8, "--tracks", 8)
+    done = lockedjoint(*words, "--out", "here", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    for said in ("survives", "minimum norm", "ceiling", "Written to here", "| j6 "):
+        assert said in done.stdout
+    found = json.loads((tmp_path / "here/path.json").read_text())
+    with (tmp_path / "here/path.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert [float(row["j3"]) for row in rows] == [
+        point[3] for point in found["trajectory"]["configurations"]
+    ]
+    assert (tmp_path / "here/path.svg").read_text().count("joints that may lock") == 1
+    far = lockedjoint(*words, "--limits", "j1=2:1", cwd=tmp_path)
+    assert far.returncode == 2
+    assert far.stderr.count("\n") == 1
