@@ -471,6 +471,14 @@ posture arm.urdf --tip nothing
 posture arm.urdf --length nan
 posture arm.urdf --out .
 posture arm.urdf --out valid.csv/a.json
+path arm.urdf
+path arm.urdf --waypoints missing.csv
+path missing.urdf --waypoints valid.csv
+path arm.urdf --waypoints deep.json
+path arm.urdf --waypoints valid.csv
+path arm.urdf --waypoints zero.csv
+path arm.urdf --waypoints valid.csv --duration 0
+path arm.urdf --waypoints valid.csv --samples 1
 # campaigns and stores
 campaign
 campaign valid.toml

@@ -12,7 +12,7 @@ import typer
 
 from formulations.commands import robot_arguments as robot
 from formulations.commands.arguments import Json, Seed, positive, progress, whole_option
-from formulations.commands.output import as_text, show
+from formulations.commands.output import INTERRUPTED, as_text, show
 from nlp.errors import InputError
 
 if TYPE_CHECKING:
@@ -106,6 +106,9 @@ def path(
     show(plain, as_json, lambda _: _text(found))
     if out is not None and not as_json:
         typer.echo(f"\nWritten to {out}: {', '.join(_FILES)}")
+    if not found.complete:
+        typer.echo("Interrupted: this is the best trajectory found by then.", err=True)
+        raise typer.Exit(INTERRUPTED)
 
 
 def _limits(settings: list[str]) -> dict[str, tuple[float, float]]:

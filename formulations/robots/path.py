@@ -39,6 +39,7 @@ from formulations.robots.survival import (
 from formulations.robots.waypoints import ToolPath, place_name
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
+from nlp.interrupts import deferred_interrupt
 from nlp.problem import Constraint, Problem
 from nlp.solution import ACCEPTABLE, LIMIT, SUCCESS
 from nlp.solver import Solver
@@ -52,6 +53,8 @@ _ANCHORS = 5
 _MOTION = 10.0
 # Speeds stay below this share of their limits until the polish.
 _SPEED = 0.98
+# Shares that differ by less, in points, are the same.
+_SAME = 1e-9
 # The polish: weights of smoothness, against 1 for each squared radian off the target.
 _SMOOTHNESS = (0.3, 3.0, 30.0)
 _POLISH = {"max_iter": 60, "tol": 1e-7, "acceptable_tol": 1e-5, "acceptable_iter": 5}
@@ -158,6 +161,8 @@ class PathPlan:
         Largest distance of the tool from the path midway between samples, in metres.
     speed
         Largest joint speed, as a share of its limit; 0 if there are no limits.
+    complete
+        Whether the search ended; if not, the user interrupted it.
     """
 
     joints: tuple[str, ...]
@@ -174,6 +179,7 @@ class PathPlan:
     statuses: tuple[str, ...]
     deviation: float
     speed: float
+    complete: bool = True
 
     def joint_rows(self) -> list[dict[str, object]]:
         """Return a line for each joint: shares that survive, and where the others end."""
@@ -209,6 +215,7 @@ class PathPlan:
             "polished": self.polished,
             "status_counts": {one: self.statuses.count(one) for one in set(self.statuses)},
             "configurations_tested": self.nodes,
+            "complete": self.complete,
             "joints": self.joint_rows(),
             "times": self.times.tolist(),
             "places": self.places.tolist(),
@@ -289,9 +296,11 @@ def plan_path(arm: RobotArm, path: ToolPath, search: PathSearch | None = None) -
 
     Raises
     ------
+    KeyboardInterrupt
+        If interrupted before a first trajectory was found.
     InputError
-        If the task has orientations and the waypoints have none, a waypoint or the path between
-        two is out of reach, or the limits of speed leave too little time.
+        If the task has orientations and the waypoints have none, a waypoint or the path
+        between two is out of reach, or the limits of speed leave too little time.
     """
     search = search or PathSearch()
     task = arm.task
@@ -323,24 +332,25 @@ class _Planner:
         base = self._candidates()
         search.progress("dynamic programming")
         best = self._sequence()
-        for _ in range(search.rounds):
-            self._add_tracks(self._beside(best))
-            best = self._sequence()
-        self._add_scattered()
-        found = self._measured(best)
-        statuses: list[str] = []
-        polished = False
-        for weight in _SMOOTHNESS if search.polish else ():
-            search.progress(f"polish, smoothness {weight:g}")
-            status, moved = self._polished(found, weight)
-            statuses.append(status)
-            if moved is None:
-                continue
-            tried = self._measured(moved)
-            alike = tried.share > found.share - 1e-9 and tried.roughness < found.roughness
-            if tried.share > found.share + 1e-9 or alike:
-                found, polished = tried, True
-        return self._report(found, base, statuses, polished)
+        found, statuses, polished, complete = None, [], False, True
+        try:
+            for _ in range(search.rounds):
+                self._add_tracks(self._beside(best))
+                best = self._sequence()
+            self._add_scattered()
+            found = self._measured(best)
+            for weight in _SMOOTHNESS if search.polish else ():
+                search.progress(f"polish, smoothness {weight:g}")
+                status, moved = self._polished(found, weight)
+                statuses.append(status)
+                tried = found if moved is None else self._measured(moved)
+                gain = tried.share - found.share
+                if gain > _SAME or (gain > -_SAME and tried.roughness < found.roughness):
+                    found, polished = tried, True
+        except KeyboardInterrupt:  # the best sequence so far is an answer, too
+            complete = False
+        found = found or self._measured(best)
+        return replace(self._report(found, base, statuses, polished), complete=complete)
 
     def _check_reach(self) -> None:
         """Refuse a path with a waypoint that is out of reach."""
@@ -403,10 +413,11 @@ class _Planner:
             return
         nodes = tracks[samples, :, which].T
         ends = survivors(self.kinematics, nodes, samples, self.poses, seed=self.search.seed)
-        for sample in np.unique(samples):
-            here = samples == sample
-            self.nodes[sample].append(nodes[:, here])
-            self.ends[sample].append(ends[:, here])
+        with deferred_interrupt():  # both or neither
+            for sample in np.unique(samples):
+                here = samples == sample
+                self.nodes[sample].append(nodes[:, here])
+                self.ends[sample].append(ends[:, here])
 
     def _add(self, found: Mapping[int, FloatArray]) -> None:
         """Add configurations at some samples, shape (n, B) at each."""
@@ -614,9 +625,9 @@ def transcription(
     finite = np.isfinite(most)
     if np.any(finite):
         steps = ca.vec(q[:, 1:] - q[:, :-1])
-        rows = np.flatnonzero(finite.ravel())
-        bound = most.ravel()[rows] * 0.999
-        blocks.append(Constraint("speed", steps[rows.tolist()], -bound, bound))
+        limited = np.flatnonzero(finite.ravel())
+        bound = most.ravel()[limited] * 0.999
+        blocks.append(Constraint("speed", steps[limited.tolist()], -bound, bound))
     lower, upper = chain.limits
     return Problem(
         name="path",
