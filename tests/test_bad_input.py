@@ -475,10 +475,11 @@ path arm.urdf
 path arm.urdf --waypoints missing.csv
 path missing.urdf --waypoints valid.csv
 path arm.urdf --waypoints deep.json
-path arm.urdf --waypoints valid.csv
 path arm.urdf --waypoints zero.csv
 path arm.urdf --waypoints valid.csv --duration 0
 path arm.urdf --waypoints valid.csv --samples 1
+path arm.urdf --waypoints valid.csv --limits nothing
+path arm.urdf --waypoints valid.csv --limits nothing=1:0
 # campaigns and stores
 campaign
 campaign valid.toml

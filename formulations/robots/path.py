@@ -310,6 +310,11 @@ def plan_path(arm: RobotArm, path: ToolPath, search: PathSearch | None = None) -
     return _Planner(arm, path, search).plan()
 
 
+def check_reach(arm: RobotArm, path: ToolPath) -> None:
+    """Raise InputError if a waypoint is out of the arm's reach; see `plan_path`."""
+    _Planner(arm, path, PathSearch()).check_reach()
+
+
 class _Planner:
     """One search: the arm, the samples, and all nodes so far."""
 
@@ -327,7 +332,7 @@ class _Planner:
 
     def plan(self) -> PathPlan:
         search = self.search
-        self._check_reach()
+        self.check_reach()
         search.progress("candidate tracks")
         base = self._candidates()
         search.progress("dynamic programming")
@@ -352,8 +357,8 @@ class _Planner:
         found = found or self._measured(best)
         return replace(self._report(found, base, statuses, polished), complete=complete)
 
-    def _check_reach(self) -> None:
-        """Refuse a path with a waypoint that is out of reach."""
+    def check_reach(self) -> None:
+        """Raise InputError if a waypoint is out of reach."""
         whole = np.flatnonzero(np.abs(self.places - np.round(self.places)) < 1e-9)
         for sample in whole:
             if not on_path(self.kinematics, self.poses, int(sample), 200, self.rng).shape[1]:

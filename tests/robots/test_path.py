@@ -295,7 +295,7 @@ def test_the_command_writes_what_it_says(lockedjoint, made, arm, tmp_path):
     _, poses = line(arm)
     lines = [",".join(map(str, poses.positions[k].tolist())) for k in (0, -1)]
     (tmp_path / "w.csv").write_text("x,y,z\n" + "\n".join(lines))
-    words = ("path", "robot.urdf", "--waypoints", "w.csv", "--samples", 8, "--tracks", 8)
+    words = ("path", "robot.urdf", "--waypoints", "w.csv", "--samples", 6, "--tracks", 8)
     done = lockedjoint(*words, "--out", "here", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     for said in ("survives", "minimum norm", "ceiling", "Written to here", "| j6 "):
@@ -307,6 +307,3 @@ def test_the_command_writes_what_it_says(lockedjoint, made, arm, tmp_path):
         point[3] for point in found["trajectory"]["configurations"]
     ]
     assert (tmp_path / "here/path.svg").read_text().count("joints that may lock") == 1
-    far = lockedjoint(*words, "--limits", "j1=2:1", cwd=tmp_path)
-    assert far.returncode == 2
-    assert far.stderr.count("\n") == 1
