@@ -23,6 +23,7 @@ from formulations.files.provenance import read_header
 from formulations.files.table import Table, read_rows
 from formulations.reproduction.row import Row as ReproductionRow
 from formulations.reproduction.row import Verdict
+from formulations.robots.survival import Kinematics, survivors
 from formulations.studies import existence as existence_study
 from formulations.studies.benchmark.study import growth, targets
 from formulations.studies.bounds import RUNS, BoundRow, RelaxationRow, Source, row_of
@@ -30,6 +31,8 @@ from formulations.studies.comparison import Row as ComparisonRow
 from formulations.studies.failures import Row as FailureRow
 from formulations.studies.front_page import formulation_table, learned, read_all
 from formulations.studies.pages import groups
+from formulations.studies.paths import PATHS
+from formulations.studies.paths import Row as PathRow
 from formulations.studies.robots import Row as RobotRow
 from formulations.studies.running import STUDIES
 from formulations.studies.study import Effort
@@ -170,6 +173,24 @@ def test_postures_of_the_robots_are_those_of_the_table():
         assert one["configuration"] == row.configuration
 
 
+def test_trajectories_survive_what_the_table_says():
+    stored = json.loads((RESULTS / "paths/trajectories.json").read_text(encoding="utf-8"))
+    table = rows("paths", PathRow)
+    assert [(one.arm, one.path) for one in PATHS] == [(row.arm, row.path) for row in table]
+    for one, row in zip(stored, table, strict=True):
+        share = 100 * np.mean(one["survivors"]) / row.joints
+        assert share == pytest.approx(row.percent)
+        assert not row.minimum_norm_percent > row.percent
+        assert row.percent <= row.ceiling_percent
+    # One of them is measured again from the configurations that are stored.
+    arm, path = PATHS[0].stated()
+    q = np.array(stored[0]["configurations"])
+    _, poses, _ = path.sampled(len(q), 10.0)
+    ends = survivors(Kinematics(arm.chain), q.T, np.arange(len(q)), poses)
+    kept = 100 * np.mean(ends == len(q) - 1)
+    assert kept == pytest.approx(table[0].percent, abs=0.5)
+
+
 def test_points_of_the_trade_off():
     with (RESULTS / "figures/trade-off.csv").open(encoding="utf-8") as file:
         points = list(csv.DictReader(file))
@@ -255,5 +276,5 @@ def test_the_front_page_names_every_study_and_what_was_left_out():
         assert f"({study.name}/{study.page})" in FRONT
         assert f"`{study.command}`" in FRONT
     left = FRONT.partition("## Left out of this run")[2]
-    for name in ("robots", "benchmark"):
+    for name in ("robots", "paths", "benchmark"):
         assert f"- {name}: " in left
