@@ -143,6 +143,11 @@ def study(only: str | None = None) -> Study:
             }
             yield Part(rows=[row_of(one, arm, found, cpu)], entries=[entry], files=files)
 
+    def check() -> None:
+        # A waypoint out of reach is better known before all the others are planned.
+        for one in chosen:
+            check_reach(*one.stated())
+
     return Study(
         name="paths",
         title="trajectories along which joints may lock",
@@ -154,8 +159,7 @@ def study(only: str | None = None) -> Study:
         compute=compute,
         long=True,
         entries="trajectories.json",
-        # A waypoint out of reach is better known before all the others are planned.
-        check=lambda: [check_reach(*one.stated()) for one in chosen],
+        check=check,
     )
 
 
