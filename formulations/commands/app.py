@@ -18,6 +18,7 @@ COMMANDS = (
     "realise",
     "assess",
     "posture",
+    "workspace",
     "robots",
     "bound",
     "prove",

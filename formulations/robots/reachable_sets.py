@@ -177,7 +177,7 @@ class ReachableSets:
 
     def centres(self, voxels: Bits) -> FloatArray:
         """Centres of voxels in the frame of joint 1, shape (k, 3)."""
-        return (np.argwhere(voxels) + self._corner) * self.voxel
+        return np.asarray((np.argwhere(voxels) + self.corner) * self.voxel)
 
     @property
     def unit(self) -> float:
@@ -186,7 +186,8 @@ class ReachableSets:
 
     def _prepare(self) -> None:
         """Make the grids, cropped to what is reached at all, and the maps between them."""
-        arm, reach, self._grids = self.arm, float(np.linalg.norm(self.arm.tip)), []
+        arm, reach = self.arm, float(np.linalg.norm(self.arm.tip))
+        self._grids: list[_Cylinder] = []
         for step in reversed(arm.steps):
             reach += max(abs(step.lower), abs(step.upper)) if step.prismatic else 0.0
             radii = int(reach / self.voxel) + 2
@@ -232,7 +233,7 @@ class ReachableSets:
         if not self.arm.is_planar:
             rows.append(np.arange(first.height) + first.bottom)
         self.shape = tuple(len(one) for one in rows)
-        self._corner = np.array([one[0] for one in rows] + [0] * (3 - len(rows)))[: len(rows)]
+        self.corner = np.array([one[0] for one in rows] + [0] * (3 - len(rows)))[: len(rows)]
         places = np.stack(np.meshgrid(*rows, indexing="ij"), axis=-1).reshape(-1, len(rows))
         points = np.zeros((len(places), 3))
         points[:, : len(rows)] = places * self.voxel
@@ -242,14 +243,17 @@ class ReachableSets:
         one = self.arm.steps[joint]
         step = 2 * self.voxel if one.prismatic else self.step
         count = max(2, int(np.ceil((one.upper - one.lower) / step)) + 1)
-        return np.linspace(one.lower, one.upper, count)
+        places = np.linspace(one.lower, one.upper, count)
+        return places[:-1] if one.endless else places
 
     def _within(self, joint: int, limits: Ranges) -> npt.NDArray[np.intp]:
         places = self.slices[joint]
-        low, high = limits[joint]
-        first = max(int(np.searchsorted(places, low + _TINY)) - 1, 0)
-        last = min(int(np.searchsorted(places, high - _TINY)), len(places) - 1)
-        return np.arange(first, last + 1)
+        unit = places[1] - places[0]
+        first, last = ((one - places[0]) / unit for one in limits[joint])
+        found = np.arange(np.floor(first + _TINY), np.ceil(last - _TINY) + 1).astype(int)
+        if self.arm.steps[joint].endless:
+            return np.unique(found % len(places))
+        return np.unique(np.clip(found, 0, len(places) - 1))
 
     def _from_tip(self, limits: Ranges) -> list[_Reach]:
         """For each joint the set in its moving frame, from the joints after it."""

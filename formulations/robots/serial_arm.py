@@ -37,6 +37,11 @@ class Step:
     lower: float
     upper: float
 
+    @property
+    def endless(self) -> bool:
+        """Whether it can make a full turn, so that its angles have no ends."""
+        return not self.prismatic and self.upper - self.lower >= _TURN - 1e-9
+
 
 @dataclass(frozen=True, eq=False)
 class SerialArm:
@@ -190,12 +195,16 @@ class SerialArm:
         """
         rng = np.random.default_rng(seed)
         size = float(np.sum(self.links))
+        turning = np.array([one.endless for one in self.steps])
         left = np.arange(len(points))
         for _ in range(_RESTARTS):
             if not len(left):
                 break
             low, high, target = lower[left], upper[left], points[left]
-            found = self._nearest(rng.uniform(low, high), low, high, target, size)
+            q = rng.uniform(low, high)
+            full = turning & (high - low >= _TURN - 1e-9)  # has no ends to stop at
+            low, high = np.where(full, -np.inf, low), np.where(full, np.inf, high)
+            found = self._nearest(q, low, high, target, size)
             left = left[~found]
         reached = np.ones(len(points), dtype=bool)
         reached[left] = False

@@ -1,8 +1,9 @@
-"""What a failure costs of the workspace, and the limits and link lengths that keep the most.
+"""What failures leave of the workspace, and the limits and link lengths that keep the most.
 
 See `reachable_sets` for the definition. Planar arms of three joints without physical limits
 are measured in closed form, `planar_workspace`; others on a grid. The grid over-estimates, so
-layers of its voxels are removed until inverse kinematics confirms a sample of the surface.
+the size is that of its voxels times the share of a random sample of points in them for which
+inverse kinematics finds every configuration that is needed.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from dataclasses import dataclass, replace
 from itertools import permutations
 
 import numpy as np
+import numpy.typing as npt
 from scipy import ndimage
 from scipy.optimize import differential_evolution, minimize
 
@@ -24,15 +26,20 @@ from nlp.errors import InputError
 #: A joint's artificial limits are at least this far apart, in radians, when they are chosen: a
 #: joint that does not move is no joint.
 LEAST_WIDTH = np.deg2rad(10.0)
-#: Voxels of the surface that inverse kinematics checks.
-SAMPLE = 80
-_MOST_LAYERS = 5
+#: Starts of the search on a grid.
+STARTS = 4
+#: Points that inverse kinematics checks.
+SAMPLE = 400
+# Depths below the surface, in voxels, for which the share that passes is given.
+_DEPTHS = 4
 # The grid on which limits are compared is coarser, by this, than that of the answer.
 _COARSER = 2.0
-_DRAWS = 60
+_DRAWS = 100
 # Ends of intervals move by these, as multiples of the coarse slice, and link lengths by these
 # shares of their sum.
 _MOVES = (4, 2, 1)
+# How the two ends of an interval move: apart, one of them, together, both the same way.
+_ENDS = ((-1, 1), (-1, 0), (0, 1), (1, 0), (0, -1), (1, -1), (-1, -1), (1, 1))
 _SHIFTS = (0.1, 0.05, 0.025)
 Progress = Callable[[str], None]
 
@@ -51,19 +58,19 @@ class Workspace:
         2 for an area, 3 for a volume.
     size, error
         Area or volume in m² or m³, and how far it may be from the truth: of the quadrature, or
-        half the difference between the raw grid and what is confirmed of it.
+        two standard errors of the sample.
+    raw
+        The same of all voxels, an over-estimate.
     before
         Size of what is reached within the artificial limits, if no joint fails, raw.
     physical
         The same within the physical limits.
     fatal
         Joints whose own failures, somewhere within their artificial limits, leave nothing.
-    layers
-        Layers of voxels that were removed, until all of the sample passed; None if the result is
-        in closed form or some did not pass.
     passed
-        Share of a sample of the surface's voxels that pass inverse kinematics before the failure
-        and after every one, after 0, 1, … layers were removed.
+        Share of the sampled points that pass inverse kinematics, before the failure and after
+        every one, by their depth below the surface: 0, 1, 2 voxels, or more. Empty in closed
+        form.
     sets
         The reachable sets.
     """
@@ -73,10 +80,10 @@ class Workspace:
     dimension: int
     size: float
     error: float
+    raw: float
     before: float
     physical: float
     fatal: tuple[str, ...]
-    layers: int | None
     passed: tuple[float, ...]
     sets: ReachableSets
 
@@ -101,8 +108,8 @@ class Workspace:
             "links": dict(zip(names, self.arm.links.tolist(), strict=True)),
             "voxel": self.sets.voxel,
             "slice": self.sets.step,
-            "layers_removed": self.layers,
-            "passed_inverse_kinematics": list(self.passed),
+            "raw": self.raw,
+            "passed_by_depth": [None if one != one else one for one in self.passed],
         }
 
 
@@ -148,53 +155,57 @@ def measured(
         dimension=2 if arm.is_planar else 3,
         size=0.0,
         error=0.0,
+        raw=unit * float(raw.sum()),
         before=unit * float(before.sum()),
         physical=unit * float(sets.before(arm.physical).sum()),
         fatal=sets.against(limits),
-        layers=None,
         passed=(),
         sets=sets,
     )
     if planar is not None:
         size, error = planar.area_with_error()
         return replace(found, size=size, error=error)
-    inner, passed = raw, []
-    for layer in range(_MOST_LAYERS + 1):
-        surface = inner & ~ndimage.binary_erosion(inner)
-        if not surface.any():
-            break
-        progress(f"inverse kinematics below {layer} layers")
-        passed.append(float(np.mean(verified(sets, limits, surface))))
-        if passed[-1] == 1.0:
-            break
-        inner = ndimage.binary_erosion(inner)
-    confirmed = bool(passed) and passed[-1] == 1.0
-    least, most = unit * float(inner.sum()) * confirmed, unit * float(raw.sum())
-    return replace(
-        found,
-        size=(least + most) / 2,
-        error=(most - least) / 2,
-        layers=len(passed) - 1 if confirmed else None,
-        passed=tuple(passed),
-    )
+    if not raw.any():
+        return found
+    progress("inverse kinematics")
+    passed, depths = verified(sets, limits, raw)
+    share, count = float(passed.mean()), len(passed)
+    # The estimate of a binomial variance that does not vanish if all pass.
+    guarded = (share * count + 1) / (count + 2)
+    error = 2 * found.raw * float(np.sqrt(guarded * (1 - guarded) / count))
+    groups = [passed[depths == k] for k in range(_DEPTHS - 1)] + [passed[depths >= _DEPTHS - 1]]
+    by_depth = tuple(float(np.mean(one)) if len(one) else float("nan") for one in groups)
+    return replace(found, size=found.raw * share, error=error, passed=by_depth)
 
 
-def verified(sets: ReachableSets, limits: Ranges, voxels: Bits, sample: int = SAMPLE) -> Bits:
-    """Return which of a sample of voxels inverse kinematics finds in the workspace.
+def verified(
+    sets: ReachableSets, limits: Ranges, voxels: Bits, sample: int = SAMPLE
+) -> tuple[Bits, npt.NDArray[np.intp]]:
+    """Check a random sample of points in voxels by inverse kinematics.
 
-    Each is reached within the artificial limits, and with each joint at each of its slices,
-    which include the next ones outside the limits, within the physical limits.
+    A point passes if it is reached within the artificial limits, and with each joint at each
+    of its slices, which include the next ones outside the limits, within the physical limits.
+
+    Returns
+    -------
+    numpy.ndarray
+        Which points pass, shape (sample,).
+    numpy.ndarray
+        How many voxels they are below the surface.
     """
     arm, rng = sets.arm, np.random.default_rng(0)
+    inner = (slice(1, -1),) * voxels.ndim
+    layers = ndimage.distance_transform_cdt(np.pad(voxels, 1), metric="taxicab")[inner]
+    below = layers[voxels] - 1
     centres = sets.centres(voxels)
-    centres = centres[rng.permutation(len(centres))[:sample]]
-    points = np.zeros((len(centres), 3))
-    points[:, : centres.shape[1]] = centres
+    drawn = rng.integers(len(centres), size=sample)
+    points = np.zeros((sample, 3))
+    inside = rng.uniform(-0.5, 0.5, (sample, centres.shape[1])) * sets.voxel
+    points[:, : centres.shape[1]] = centres[drawn] + inside
     if arm.is_planar:
         points[:, 2] = arm.frames(np.zeros((1, len(arm.steps))))[2][0, 2]
-    passed = np.ones(len(points), dtype=bool)
     lower, upper = (np.array(one) for one in zip(*limits, strict=True))
-    passed &= arm.reaches(points, *_repeated(lower, upper, len(points)))
+    passed = arm.reaches(points, *_repeated(lower, upper, sample))
     lower, upper = (np.array(one) for one in zip(*arm.physical, strict=True))
     for joint in sets.slices:
         places = sets.places(joint, limits)
@@ -204,7 +215,13 @@ def verified(sets: ReachableSets, limits: Ranges, voxels: Bits, sample: int = SA
         low[:, joint] = high[:, joint] = np.tile(places, len(left))
         found = arm.reaches(targets, low, high).reshape(len(left), len(places))
         passed[left] = found.all(axis=1)
-    return passed
+    return passed, below[drawn]
+
+
+def _repeated(
+    lower: FloatArray, upper: FloatArray, count: int
+) -> tuple[FloatArray, FloatArray]:
+    return np.tile(lower, (count, 1)), np.tile(upper, (count, 1))
 
 
 def closed_form(arm: SerialArm, limits: Ranges) -> Planar3R | None:
@@ -212,8 +229,8 @@ def closed_form(arm: SerialArm, limits: Ranges) -> Planar3R | None:
 
     They have one if the arm is planar, has three joints and no physical limits.
     """
-    free = all(high - low >= 2 * np.pi - 1e-9 for low, high in arm.physical)
-    if not (arm.is_planar and len(arm.steps) == 3 and free and min(arm.links) > 0):
+    free = all(one.endless for one in arm.steps)
+    if not (arm.is_planar and len(arm.steps) == 3 and free):
         return None
     axes, origins, tip = arm.frames(np.zeros((1, 3)))
     ends = np.array([*origins[:, 0], tip[0]])[:, :2]
@@ -226,12 +243,16 @@ def closed_form(arm: SerialArm, limits: Ranges) -> Planar3R | None:
         for s, b, (low, high) in zip(turned, bent, limits, strict=True)
     ]
     lengths = np.hypot(links[:, 0], links[:, 1])
+    if min(lengths) < 1e-6:
+        return None
     return Planar3R(tuple(lengths.tolist()), tuple(ranges))  # type: ignore[arg-type]
 
 
 def check_limits(arm: SerialArm, limits: Ranges) -> None:
     """Raise InputError unless artificial limits are in order and within the physical ones."""
     for step, (low, high) in zip(arm.steps, limits, strict=True):
+        if step.endless and -4 * np.pi <= low <= high <= min(low + 2 * np.pi, 4 * np.pi):
+            continue
         if not step.lower - 1e-6 <= low <= high <= step.upper + 1e-6:
             allowed = f"two numbers in order within [{step.lower:.7g}, {step.upper:.7g}]"
             raise InputError(f"artificial limits of {step.name}", f"{low:g}:{high:g}", allowed)
@@ -246,7 +267,7 @@ def best_limits(
     *,
     lengths: bool = False,
     least_width: float = LEAST_WIDTH,
-    starts: int = 2,
+    starts: int = STARTS,
     seed: int = 0,
     progress: Progress = lambda _: None,
 ) -> tuple[SerialArm, Ranges]:
@@ -331,7 +352,7 @@ class _Pattern:
         self._known: dict[Ranges, float] = {}
 
     def merit(self, limits: Ranges) -> float:
-        """Size of the workspace; where it is empty, minus the failures that are against it."""
+        """Size of the workspace; where it is empty, minus the least number of failures against a voxel."""
         if limits not in self._known:
             kept = self.sets.after(limits)
             if kept.any():
@@ -342,11 +363,7 @@ class _Pattern:
 
     def run(self, rng: np.random.Generator, start: int) -> Ranges:
         """Climb from the best of random intervals."""
-        drawn = []
-        for _ in range(_DRAWS):
-            middle = [rng.uniform(*one) for one in self.sets.arm.physical]
-            widths = [self._width(joint, 4) for joint in range(len(middle))]
-            drawn.append(self._within(middle, widths))
+        drawn = [self._drawn(rng) for _ in range(_DRAWS)]
         limits = self.climbed(max(drawn, key=self.merit), _MOVES)
         self._progress(f"start {start}: {self.merit(limits):.4g}")
         return limits
@@ -358,7 +375,7 @@ class _Pattern:
             while better:
                 better = False
                 for joint in self.sets.slices:
-                    for low, high in ((-1, 0), (0, 1), (1, 0), (0, -1), (-1, -1), (1, 1)):
+                    for low, high in _ENDS:
                         by = move * self._unit(joint)
                         other = self._moved(limits, joint, low * by, high * by)
                         if other and self.merit(other) > self.merit(limits):
@@ -366,30 +383,31 @@ class _Pattern:
         return limits
 
     def _moved(self, limits: Ranges, joint: int, low: float, high: float) -> Ranges | None:
-        least, most = self.sets.arm.physical[joint]
-        first, last = limits[joint]
-        first, last = max(first + low, least), min(last + high, most)
-        width = self._least if not self.sets.arm.steps[joint].prismatic else self._unit(joint)
-        if last - first < min(width, most - least) - 1e-9:
+        one = self.sets.arm.steps[joint]
+        first, last = limits[joint][0] + low, limits[joint][1] + high
+        if one.endless:
+            last = min(last, first + 2 * np.pi)
+        else:
+            first, last = max(first, one.lower), min(last, one.upper)
+        width = self._unit(joint) if one.prismatic else self._least
+        if last - first < min(width, one.upper - one.lower) - 1e-9:
             return None
         return (*limits[:joint], (first, last), *limits[joint + 1 :])
 
-    def _within(self, middle: Sequence[float], widths: Sequence[float]) -> Ranges:
-        return tuple(
-            (max(one - width / 2, low), min(one + width / 2, high))
-            if joint in self.sets.slices
-            else (low, high)
-            for joint, (one, width, (low, high)) in enumerate(
-                zip(middle, widths, self.sets.arm.physical, strict=True)
-            )
-        )
+    def _drawn(self, rng: np.random.Generator) -> Ranges:
+        """Draw intervals; joints that do not move the tip keep their physical limits."""
+        limits = self.sets.arm.physical
+        for joint in self.sets.slices:
+            low, high = limits[joint]
+            half = max(rng.uniform(0, (high - low) / 2), self._least / 2)
+            middle = rng.uniform(low, high)
+            ends = (max(middle - half, low), min(middle + half, high))
+            limits = (*limits[:joint], ends, *limits[joint + 1 :])
+        return limits
 
     def _unit(self, joint: int) -> float:
         prismatic = self.sets.arm.steps[joint].prismatic
         return 2 * self.sets.voxel if prismatic else self.sets.step
-
-    def _width(self, joint: int, units: int) -> float:
-        return max(units * self._unit(joint), 2 * self._least)
 
 
 def _best_planar(
@@ -425,7 +443,7 @@ def _best_planar(
     bounds += [(0.0, 1.0)] * (2 if lengths else 0)
     progress("differential evolution")
     found = differential_evolution(
-        merit, bounds, rng=seed, maxiter=80, popsize=12, tol=1e-6, polish=False
+        merit, bounds, rng=seed, maxiter=60, popsize=12, tol=1e-6, polish=False
     )
     progress("Nelder–Mead")
     options = {"xatol": 1e-7, "fatol": 1e-10, "maxiter": 2000}
