@@ -9,7 +9,7 @@ import numpy as np
 import typer
 
 from formulations.commands import robot_arguments as robot
-from formulations.commands.arguments import Json, Seed, positive, whole_option
+from formulations.commands.arguments import Json, Seed, positive, refuse_unused, whole_option
 from formulations.commands.arguments import progress as show_progress
 from formulations.commands.output import as_text, show
 from nlp.errors import InputError
@@ -22,6 +22,7 @@ _CHOICES = ("limits", "lengths")
 
 
 def workspace(
+    context: typer.Context,
     file: robot.File,
     tip: robot.Tip = None,
     limits: Annotated[
@@ -92,9 +93,11 @@ def workspace(
     from formulations.robots.workspace import workspace as found_workspace
     from nlp.files import prepare_file, write_bytes
 
-    if optimise is not None and optimise not in _CHOICES:
+    if optimise is None:
+        refuse_unused(context, ("least_width", "starts", "seed"), "no --optimise")
+    elif optimise not in _CHOICES:
         raise InputError("--optimise", optimise, "limits or lengths")
-    if optimise is not None and limits:
+    elif limits:
         raise InputError("--limits", " ".join(limits), "none with --optimise")
     arm = SerialArm.from_chain(robot.chain(file, tip, base, point, held))
     chosen = _limits(limits or [], arm)

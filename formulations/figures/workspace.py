@@ -24,7 +24,7 @@ def draw(found: Workspace) -> Figure:
     ----------
     found
         The workspace of a planar arm, which is drawn whole, or of a spatial one: its section
-        through the axis of the first joint and that across it where most is kept.
+        through the axis of the first joint, and that across it where most is kept.
 
     Returns
     -------
@@ -43,7 +43,7 @@ def draw(found: Workspace) -> Figure:
         else:
             left, right = figure.subplots(1, 2)
             kept = layers[2] if layers[2].any() else layers[0]
-            across = int(np.argmax(kept.sum(axis=(0, 2))))
+            across = -int(sets.corner[1])
             level = int(np.argmax(kept.sum(axis=(0, 1))))
             _section(left, found, [one[:, across] for one in layers], (0, 2))
             _section(right, found, [one[:, :, level] for one in layers], (0, 1))

@@ -30,7 +30,8 @@ from nlp.errors import InputError
 SLICE = np.deg2rad(5.0)
 _TURN = 2 * np.pi
 _TINY = 1e-9
-_MOST_CELLS = 20_000_000
+_LEAST_SLICE = np.deg2rad(0.0999)
+_MOST_CELLS = 5_000_000
 
 
 @dataclass(frozen=True)
@@ -109,12 +110,13 @@ class ReachableSets:
         step: float = SLICE,
         progress: Callable[[str], None] = lambda _: None,
     ) -> None:
-        if not 0 < voxel < np.inf:
-            raise InputError("voxel", voxel, "a finite number above 0, in metres")
-        if not 0 < step <= np.pi / 4:
-            raise InputError("slice", step, "above 0 and at most an eighth of a turn")
         if len(arm.steps) < 2 or all(arm.idle[1:]):
             raise InputError("arm", "of one moving joint", "two or more that move the tip")
+        if not 0 < voxel < np.inf:
+            raise InputError("voxel", voxel, "a finite number above 0, in metres")
+        if not _LEAST_SLICE <= step <= np.pi / 4:
+            allowed = "0.1 to 45 degrees"
+            raise InputError("slice", f"{np.rad2deg(step):g} degrees", allowed)
         self.arm, self.voxel, self.step = arm, voxel, step
         self._solid = 2 if arm.is_planar else 3
         self._prepare()

@@ -21,7 +21,7 @@ _TURN = 2 * np.pi
 _TINY = 1e-6
 # Inverse kinematics: random starts, steps of each, and what counts as reached, as a share of
 # the sum of the links.
-_RESTARTS, _STEPS, _REACHED = 12, 60, 1e-4
+_RESTARTS, _STEPS, _REACHED = 24, 80, 1e-4
 
 
 @dataclass(frozen=True, eq=False)

@@ -28,6 +28,8 @@ from nlp.errors import InputError
 LEAST_WIDTH = np.deg2rad(10.0)
 #: Starts of the search on a grid.
 STARTS = 4
+#: Generations of the search in closed form.
+GENERATIONS = 60
 #: Points that inverse kinematics checks.
 SAMPLE = 400
 # Depths below the surface, in voxels, for which the share that passes is given.
@@ -268,6 +270,7 @@ def best_limits(
     lengths: bool = False,
     least_width: float = LEAST_WIDTH,
     starts: int = STARTS,
+    generations: int = GENERATIONS,
     seed: int = 0,
     progress: Progress = lambda _: None,
 ) -> tuple[SerialArm, Ranges]:
@@ -288,6 +291,8 @@ def best_limits(
         Least width of the limits of a revolute joint, in radians.
     starts
         Of the pattern search.
+    generations
+        Of the differential evolution.
     seed
         Of what is random.
     progress
@@ -303,7 +308,7 @@ def best_limits(
     if not 0 < least_width <= np.pi:
         raise InputError("least width", least_width, "above 0 and at most half a turn")
     if closed_form(arm, arm.physical) is not None:
-        return _best_planar(arm, lengths, least_width, seed, progress)
+        return _best_planar(arm, lengths, least_width, generations, seed, progress)
     rng = np.random.default_rng(seed)
     search = _Pattern(arm, _COARSER * voxel, least_width, progress)
     found = [search.run(rng, k) for k in range(starts)]
@@ -352,7 +357,7 @@ class _Pattern:
         self._known: dict[Ranges, float] = {}
 
     def merit(self, limits: Ranges) -> float:
-        """Size of the workspace; where it is empty, minus the least number of failures against a voxel."""
+        """Size of the workspace; where it is empty, minus the failures against a voxel."""
         if limits not in self._known:
             kept = self.sets.after(limits)
             if kept.any():
@@ -411,7 +416,12 @@ class _Pattern:
 
 
 def _best_planar(
-    arm: SerialArm, lengths: bool, least_width: float, seed: int, progress: Progress
+    arm: SerialArm,
+    lengths: bool,
+    least_width: float,
+    generations: int,
+    seed: int,
+    progress: Progress,
 ) -> tuple[SerialArm, Ranges]:
     """Choose the limits, and the lengths if asked for, of a planar 3R arm."""
     total, reference = float(np.sum(arm.links)), closed_form(arm, arm.physical)
@@ -442,11 +452,20 @@ def _best_planar(
     bounds = [half_turn, (0.0, np.pi), half_turn, (-np.pi, np.pi), half_turn]
     bounds += [(0.0, 1.0)] * (2 if lengths else 0)
     progress("differential evolution")
+    # A fair choice for most arms: narrow limits of joint 1, half a turn of the others.
+    first = np.array([np.pi / 9, 0.0, np.pi / 2, 0.0, np.pi / 2, 1 / 3, 2 / 3][: len(bounds)])
     found = differential_evolution(
-        merit, bounds, rng=seed, maxiter=60, popsize=12, tol=1e-6, polish=False
+        merit,
+        bounds,
+        x0=np.clip(first, *np.transpose(bounds)),
+        rng=seed,
+        maxiter=generations,
+        popsize=12,
+        tol=1e-6,
+        polish=False,
     )
     progress("Nelder–Mead")
-    options = {"xatol": 1e-7, "fatol": 1e-10, "maxiter": 2000}
+    options = {"xatol": 1e-5, "fatol": 1e-8 * total**2, "maxiter": 600}
     found = minimize(merit, found.x, method="Nelder-Mead", bounds=bounds, options=options)
     best = stated(found.x)
     chosen = arm.with_links(best.lengths) if lengths else arm

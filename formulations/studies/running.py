@@ -16,6 +16,7 @@ from formulations.studies import (
     figures,
     reproduction,
     robots,
+    workspaces,
 )
 from formulations.studies.benchmark import study as benchmark
 from formulations.studies.study import Effort, Study
@@ -35,6 +36,7 @@ STUDIES: Mapping[str, Study] = MappingProxyType(
             failures.study(),
             figures.study(),
             robots.study(),
+            workspaces.study(),
             benchmark.study(),
         )
     }
