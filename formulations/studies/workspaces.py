@@ -128,7 +128,7 @@ def _compute(effort: Effort, _: Path) -> Iterator[Part]:
         effort.progress(f"{one.name}, {_PHYSICAL}")
         found = found_workspace(arm, arm.physical, voxel, progress=effort.progress)
         yield _part(one.name, _PHYSICAL, found)
-        _, limits = best_limits(
+        arm, limits = best_limits(
             arm, voxel, starts=starts, seed=effort.seed, progress=effort.progress
         )
         yield _part(one.name, _LIMITS, measured(found.sets, limits, effort.progress))
