@@ -162,7 +162,9 @@ def _text(found: Workspace) -> str:
         kept["passed by depth"] = f"{shares} of voxels 0, 1, … layers below the surface"
         kept["raw voxels"] = f"{found.raw:.6g} {unit}"
     if found.fatal:
-        kept["fatal"] = f"{', '.join(found.fatal)}: nothing is kept if it locks anywhere"
+        kept["fatal"] = (
+            f"{', '.join(found.fatal)}: nothing is kept, because of where it may lock"
+        )
     lines = [as_text(kept), "", "joint: artificial limits"]
     for step, (low, high) in zip(found.arm.steps, found.limits, strict=True):
         whole = " (physical)" if (low, high) == (step.lower, step.upper) else ""

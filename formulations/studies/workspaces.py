@@ -83,7 +83,7 @@ def study() -> Study:
         template="workspaces.md.j2",
         tables={"workspaces": Row},
         command="lockedjoint report --only workspaces --out results",
-        takes="up to a quarter of an hour, matplotlib and packages of robots",
+        takes="two minutes, matplotlib and packages of robots",
         compute=_compute,
         long=True,
         check=_check,
