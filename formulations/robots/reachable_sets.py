@@ -88,7 +88,7 @@ class ReachableSets:
     Parameters
     ----------
     arm
-        The arm; it has at least two joints that move the tip.
+        The arm. More joints move its tip than the workspace has dimensions.
     voxel
         Edge of the grid's cells, in metres.
     step
@@ -100,7 +100,8 @@ class ReachableSets:
     Raises
     ------
     InputError
-        If the voxels are not above 0, or too small for the memory.
+        If too few joints move the tip, or the voxels are not above 0 or too small for the
+        memory.
     """
 
     def __init__(
@@ -110,15 +111,17 @@ class ReachableSets:
         step: float = SLICE,
         progress: Callable[[str], None] = lambda _: None,
     ) -> None:
-        if len(arm.steps) < 2 or all(arm.idle[1:]):
-            raise InputError("arm", "of one moving joint", "two or more that move the tip")
+        self._solid = 2 if arm.is_planar else 3
+        moving = len(arm.steps) - sum(arm.idle)
+        if moving <= self._solid:
+            allowed = f"more than {self._solid}: with one locked, what is reached has no size"
+            raise InputError("number of joints that move the tip", moving, allowed)
         if not 0 < voxel < np.inf:
             raise InputError("voxel", voxel, "a finite number above 0, in metres")
         if not _LEAST_SLICE <= step <= np.pi / 4:
             allowed = "0.1 to 45 degrees"
             raise InputError("slice", f"{np.rad2deg(step):g} degrees", allowed)
         self.arm, self.voxel, self.step = arm, voxel, step
-        self._solid = 2 if arm.is_planar else 3
         self._prepare()
         self.slices: dict[int, FloatArray] = {}
         self._kept: dict[int, list[npt.NDArray[np.uint8]]] = {}

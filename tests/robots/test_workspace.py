@@ -210,11 +210,15 @@ def test_a_planar_arm_is_recognised_however_it_is_described(made, axes, yaw):
 def test_a_joint_on_whose_axis_the_tip_is_does_not_count(made):
     arm = shown(
         made,
-        made.urdf(made.serial(["0 0 0.3", "0.1 0 0.2", "0.2 0 0.2", "0 0 0.1"], made.AXES[:4])),
+        made.urdf(
+            made.serial(
+                ["0 0 0.3", "0.1 0 0.2", "0.2 0 0.2", "0.2 0 0.1", "0 0 0.1"], made.AXES[:5]
+            )
+        ),
     )
-    assert arm.idle == (False, False, False, True) if arm.tip[2] else arm.idle[-1]
+    assert arm.idle == (False, False, False, False, True)
     sets = ReachableSets(arm, 0.05, np.deg2rad(30))
-    assert 3 not in sets.slices
+    assert 4 not in sets.slices
 
 
 # The best limits and lengths ------------------------------------------------------------------
@@ -309,11 +313,11 @@ def test_a_workspace_that_is_empty_is_a_result():
         (("--slice", "90"), "0.1 to 45 degrees"),
         (("--figure", "a.txt"), "a name that ends in"),
         (("--tip", "nothing"), "tip is nothing"),
-        (("--tip", "l1"), "one moving joint"),
+        (("--tip", "l4"), "joints that move the tip is 3; allowed: more than 3"),
     ],
 )
 def test_bad_input(made, tmp_path, monkeypatch, capsys, arguments, sentence):
-    (tmp_path / "arm.urdf").write_text(made.offset_arm(4))
+    (tmp_path / "arm.urdf").write_text(made.offset_arm(6))
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("sys.argv", ["lockedjoint", "workspace", "arm.urdf", *arguments])
     with pytest.raises(SystemExit) as ended:
