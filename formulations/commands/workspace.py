@@ -88,6 +88,7 @@ def workspace(
     within the physical limits alone, many arms keep nothing.
     """
     from formulations.files.figure import content, kind_of
+    from formulations.robots.reachable_sets import check_grid
     from formulations.robots.serial_arm import SerialArm
     from formulations.robots.workspace import best_limits, check_limits
     from formulations.robots.workspace import workspace as found_workspace
@@ -106,6 +107,7 @@ def workspace(
     if out is not None:
         prepare_file(out, inputs=[file])
     size = voxel or float(np.sum(arm.links)) / 50
+    check_grid(arm, size, float(np.deg2rad(step)))
     if optimise is not None:
         width, both = float(np.deg2rad(least_width)), optimise == "lengths"
         arm, chosen = best_limits(

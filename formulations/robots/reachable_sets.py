@@ -111,16 +111,8 @@ class ReachableSets:
         step: float = SLICE,
         progress: Callable[[str], None] = lambda _: None,
     ) -> None:
+        self._grids = check_grid(arm, voxel, step)
         self._solid = 2 if arm.is_planar else 3
-        moving = len(arm.steps) - sum(arm.idle)
-        if moving <= self._solid:
-            allowed = f"more than {self._solid}: with one locked, what is reached has no size"
-            raise InputError("number of joints that move the tip", moving, allowed)
-        if not 0 < voxel < np.inf:
-            raise InputError("voxel", voxel, "a finite number above 0, in metres")
-        if not _LEAST_SLICE <= step <= np.pi / 4:
-            allowed = "0.1 to 45 degrees"
-            raise InputError("slice", f"{np.rad2deg(step):g} degrees", allowed)
         self.arm, self.voxel, self.step = arm, voxel, step
         self._prepare()
         self.slices: dict[int, FloatArray] = {}
@@ -191,20 +183,7 @@ class ReachableSets:
 
     def _prepare(self) -> None:
         """Make the grids, cropped to what is reached at all, and the maps between them."""
-        arm, reach = self.arm, float(np.linalg.norm(self.arm.tip))
-        self._grids: list[_Cylinder] = []
-        for step in reversed(arm.steps):
-            reach += max(abs(step.lower), abs(step.upper)) if step.prismatic else 0.0
-            radii = int(reach / self.voxel) + 2
-            height = 1 if arm.is_planar else 2 * radii + 1
-            plane = -(height // 2)
-            angles = max(16, round(_TURN * radii))
-            grid = _Cylinder(self.voxel, plane, height, 0, radii, angles)
-            if grid.size > _MOST_CELLS:
-                allowed = f"larger: the grid has at most {_MOST_CELLS} cells"
-                raise InputError("voxel", f"{self.voxel:g}", allowed)
-            self._grids.insert(0, grid)
-            reach += float(np.linalg.norm(step.placement[:3, 3]))
+        arm = self.arm
         if arm.is_planar:
             # Heights of the links along the axes do not matter.
             steps = [replace(one, placement=_flat(one.placement)) for one in arm.steps]
@@ -353,6 +332,41 @@ class ReachableSets:
     def _unpacked(self, bits: npt.NDArray[np.uint8]) -> Bits:
         count = int(np.prod(self.shape))
         return np.unpackbits(bits, count=count).view(bool).reshape(self.shape)
+
+
+def check_grid(arm: SerialArm, voxel: float, step: float) -> list[_Cylinder]:
+    """Return the grid of each joint, for all that links of such lengths can reach.
+
+    Raises
+    ------
+    InputError
+        As `ReachableSets` does.
+    """
+    solid = 2 if arm.is_planar else 3
+    moving = len(arm.steps) - sum(arm.idle)
+    if moving <= solid:
+        allowed = f"more than {solid}: with one locked, what is reached has no size"
+        raise InputError("number of joints that move the tip", moving, allowed)
+    if not 0 < voxel < np.inf:
+        raise InputError("voxel", voxel, "a finite number above 0, in metres")
+    if not _LEAST_SLICE <= step <= np.pi / 4:
+        allowed = "0.1 to 45 degrees"
+        raise InputError("slice", f"{np.rad2deg(step):g} degrees", allowed)
+    reach = float(np.linalg.norm(arm.tip))
+    grids: list[_Cylinder] = []
+    for joint in reversed(arm.steps):
+        reach += max(abs(joint.lower), abs(joint.upper)) if joint.prismatic else 0.0
+        radii = int(reach / voxel) + 2
+        height = 1 if arm.is_planar else 2 * radii + 1
+        plane = -(height // 2)
+        angles = max(16, round(_TURN * radii))
+        grid = _Cylinder(voxel, plane, height, 0, radii, angles)
+        if grid.size > _MOST_CELLS:
+            allowed = f"larger: the grid has at most {_MOST_CELLS} cells"
+            raise InputError("voxel", f"{voxel:g}", allowed)
+        grids.insert(0, grid)
+        reach += float(np.linalg.norm(joint.placement[:3, 3]))
+    return grids
 
 
 def _flat(placement: FloatArray) -> FloatArray:

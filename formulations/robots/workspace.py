@@ -18,7 +18,7 @@ from scipy import ndimage
 from scipy.optimize import differential_evolution, minimize
 
 from formulations.robots.planar_workspace import Planar3R
-from formulations.robots.reachable_sets import SLICE, ReachableSets
+from formulations.robots.reachable_sets import SLICE, ReachableSets, check_grid
 from formulations.robots.serial_arm import Bits, Ranges, SerialArm
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
@@ -307,6 +307,7 @@ def best_limits(
     """
     if not 0 < least_width <= np.pi:
         raise InputError("least width", least_width, "above 0 and at most half a turn")
+    check_grid(arm, voxel, SLICE)
     if closed_form(arm, arm.physical) is not None:
         return _best_planar(arm, lengths, least_width, generations, seed, progress)
     rng = np.random.default_rng(seed)
