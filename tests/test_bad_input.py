@@ -480,6 +480,18 @@ path arm.urdf --waypoints valid.csv --duration 0
 path arm.urdf --waypoints valid.csv --samples 1
 path arm.urdf --waypoints valid.csv --limits nothing
 path arm.urdf --waypoints valid.csv --limits nothing=1:0
+workspace
+workspace missing.urdf --tip a
+workspace arm.urdf --optimise nothing
+workspace arm.urdf --limits nothing
+workspace arm.urdf --limits {long}=0:1
+workspace arm.urdf --voxel nan
+workspace arm.urdf --voxel 1e-300
+workspace arm.urdf --slice 1e-300
+workspace arm.urdf --optimise limits --least-width 1e300
+workspace arm.urdf --starts 2
+workspace arm.urdf --figure a.doc
+workspace arm.urdf --out .
 # campaigns and stores
 campaign
 campaign valid.toml
@@ -770,7 +782,7 @@ READERS = {
     "valid.npy": ("measure *", "realise *", "figure singular-values --out a.svg --jacobian *"),
     "valid.json": ("measure *", "realise *", "assess arm.urdf --configuration *"),
     "valid.toml": ("campaign * --store new.db",),
-    "arm.urdf": ("assess *", "posture *"),
+    "arm.urdf": ("assess *", "posture *", "workspace *"),
     "valid.db": ("show *", "join new.db *", "figure optima --out a.svg --store *"),
     "certificate.json": ("verify *",),
 }
@@ -891,6 +903,7 @@ NUMBERS = [
         "realise valid.csv": "length tolerance pick seed samples shortlist radius",
         "assess arm.urdf": "locked length",
         "posture arm.urdf": "locked length starts seed workers",
+        "workspace arm.urdf": "voxel slice",
         "campaign valid.toml --store new.db": "workers chunk time-limit",
         "figure seven-axes --out a.svg": "pick starts seed workers",
         "report": "starts seed workers",

@@ -86,6 +86,17 @@ def test_the_infeasible_row_is_the_committed_one(comparison):
     assert "| exactly isotropic, unit lever arms | – | – | proved infeasible |" in README
 
 
+def test_the_workspaces_are_those_of_the_table():
+    path = ROOT / "results" / "workspaces" / "workspaces.csv"
+    with path.open(encoding="utf-8") as file:
+        rows = {(row["arm"], row["choice"]): row for row in csv.DictReader(file)}
+    physical, best = (rows["Franka Panda", name] for name in ("physical limits", "best limits"))
+    assert (physical["size"], physical["fatal"]) == ("0.0", "panda_joint4")
+    assert f"Panda reaches {float(physical['physical']):.2f} m³" in README
+    kept = f"keeps {float(best['size']):.2f} m³, {float(best['percent_kept']):.0f} %"
+    assert kept in README
+
+
 def test_the_number_of_reproduced_rows():
     path = ROOT / "results" / "reproduction" / "reproduction.csv"
     with path.open(encoding="utf-8") as file:

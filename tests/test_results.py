@@ -23,6 +23,7 @@ from formulations.files.provenance import read_header
 from formulations.files.table import Table, read_rows
 from formulations.reproduction.row import Row as ReproductionRow
 from formulations.reproduction.row import Verdict
+from formulations.robots.planar_workspace import Planar3R
 from formulations.robots.survival import Kinematics, survivors
 from formulations.studies import existence as existence_study
 from formulations.studies.benchmark.study import growth, targets
@@ -36,6 +37,7 @@ from formulations.studies.paths import Row as PathRow
 from formulations.studies.robots import Row as RobotRow
 from formulations.studies.running import STUDIES
 from formulations.studies.study import Effort
+from formulations.studies.workspaces import Row as WorkspaceRow
 
 RESULTS = Path(__file__).parents[1] / "results"
 FRONT = (RESULTS / "README.md").read_text(encoding="utf-8")
@@ -106,6 +108,19 @@ def test_bound_6_as_a_program(file):
     [row] = [row for row in rows("bounds", BoundRow) if row.file == file]
     assert RUNS[file](Effort())["singular_value_bound"] == pytest.approx(row.bound, abs=SAME)
     assert row.bound == pytest.approx(row.closed_form, abs=SAME)
+
+
+def test_the_planar_workspaces():
+    found = [row for row in rows("workspaces", WorkspaceRow) if row.method == "closed form"]
+    assert [row.choice for row in found] == [
+        "as given",
+        "best limits",
+        "best limits and lengths",
+    ]
+    for row in found:
+        limits = tuple((low, high) for low, high in row.limits.values())
+        anew = Planar3R(tuple(row.links.values()), limits)
+        assert anew.area_with_error()[0] == pytest.approx(row.size, abs=SAME)
 
 
 def test_the_relaxation_of_order_2():

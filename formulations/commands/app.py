@@ -19,6 +19,7 @@ COMMANDS = (
     "assess",
     "posture",
     "path",
+    "workspace",
     "robots",
     "bound",
     "prove",

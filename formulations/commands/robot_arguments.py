@@ -89,12 +89,20 @@ def arm(
     held: list[str] | None,
 ) -> RobotArm:
     """Read the robot and return the arm; InputError if anything is wrong with it."""
-    from formulations.robots.chain import listed
-    from formulations.robots.chain_between import chain_between
-    from formulations.robots.read_urdf import read_urdf
     from formulations.robots.robot_arm import RobotArm, Task
 
     directions = Task.parse(task, frame)
+    return RobotArm(chain(file, tip, base, point, held), directions, length)
+
+
+def chain(
+    file: Path, tip: str | None, base: str | None, point: str | None, held: list[str] | None
+) -> Chain:
+    """Read the robot and return its chain; InputError if anything is wrong with it."""
+    from formulations.robots.chain import listed
+    from formulations.robots.chain_between import chain_between
+    from formulations.robots.read_urdf import read_urdf
+
     offset = [number("--point", part) for part in (point or "0,0,0").split(",")]
     if len(offset) != 3:
         raise InputError("--point", point, "three numbers X,Y,Z, in metres")
@@ -104,8 +112,7 @@ def arm(
         allowed = f"a link of {tree.name}; its last ones are {listed(tree.leaves)}"
         raise InputError("--tip", "missing", allowed)
     tip = tree.leaves[0] if tip is None else tip
-    links = chain_between(tree, tip, base, locked, offset)
-    return RobotArm(links, directions, length)
+    return chain_between(tree, tip, base, locked, offset)
 
 
 def print_notes(found: RobotAssessment) -> None:

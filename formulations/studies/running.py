@@ -17,6 +17,7 @@ from formulations.studies import (
     paths,
     reproduction,
     robots,
+    workspaces,
 )
 from formulations.studies.benchmark import study as benchmark
 from formulations.studies.study import Effort, Study
@@ -37,6 +38,7 @@ STUDIES: Mapping[str, Study] = MappingProxyType(
             figures.study(),
             robots.study(),
             paths.study(),
+            workspaces.study(),
             benchmark.study(),
         )
     }

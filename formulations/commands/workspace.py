@@ -1,0 +1,175 @@
+"""``lockedjoint workspace``: what failures leave of the workspace, and the best limits."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import numpy as np
+import typer
+
+from formulations.commands import robot_arguments as robot
+from formulations.commands.arguments import Json, Seed, positive, refuse_unused, whole_option
+from formulations.commands.arguments import progress as show_progress
+from formulations.commands.output import as_text, show
+from nlp.errors import InputError
+
+if TYPE_CHECKING:
+    from formulations.robots.serial_arm import Ranges, SerialArm
+    from formulations.robots.workspace import Workspace
+
+_CHOICES = ("limits", "lengths")
+
+
+def workspace(
+    context: typer.Context,
+    file: robot.File,
+    tip: robot.Tip = None,
+    limits: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="JOINT=LOW:HIGH",
+            help="Artificial limits of a joint, radians or metres. May be repeated.",
+            show_default="the physical limits",
+        ),
+    ] = None,
+    optimise: Annotated[
+        str | None,
+        typer.Option(
+            metavar="WHAT",
+            help="limits: choose the artificial limits that keep the most; lengths: link "
+            "lengths of equal sum, too.",
+            show_default=False,
+        ),
+    ] = None,
+    voxel: Annotated[
+        float | None,
+        typer.Option(
+            parser=positive,
+            metavar="METRES",
+            help="Edge of the grid's cells.",
+            show_default="a fiftieth of the sum of the links",
+        ),
+    ] = None,
+    step: Annotated[
+        float,
+        typer.Option(
+            "--slice",
+            parser=positive,
+            metavar="DEGREES",
+            help="Distance of the angles at which a joint may lock.",
+        ),
+    ] = 5.0,
+    least_width: Annotated[
+        float,
+        typer.Option(
+            parser=positive,
+            metavar="DEGREES",
+            help="Least width of limits that are chosen.",
+        ),
+    ] = 10.0,
+    starts: Annotated[int, whole_option(1, "K", "Starts of the search on a grid.", 10**6)] = 4,
+    base: robot.Base = None,
+    point: robot.Point = None,
+    held: robot.Held = None,
+    seed: Seed = 0,
+    figure: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Draw the workspace: SVG, PNG or PDF."),
+    ] = None,
+    out: robot.JsonFile = None,
+    as_json: Json = False,
+) -> None:
+    """Measure the workspace that is kept whatever joint fails, or make it largest.
+
+    A position is kept if the arm reaches it within the artificial limits, and with any joint
+    locked anywhere within its artificial limits and the others within their physical limits.
+    The orientation of the tool is free. The first command to try is with --optimise limits:
+    within the physical limits alone, many arms keep nothing.
+    """
+    from formulations.files.figure import content, kind_of
+    from formulations.robots.reachable_sets import check_grid
+    from formulations.robots.serial_arm import SerialArm
+    from formulations.robots.workspace import best_limits, check_limits
+    from formulations.robots.workspace import workspace as found_workspace
+    from nlp.files import prepare_file, write_bytes
+
+    if optimise is None:
+        refuse_unused(context, ("least_width", "starts", "seed"), "no --optimise")
+    elif optimise not in _CHOICES:
+        raise InputError("--optimise", optimise, "limits or lengths")
+    elif limits:
+        raise InputError("--limits", " ".join(limits), "none with --optimise")
+    arm = SerialArm.from_chain(robot.chain(file, tip, base, point, held))
+    chosen = _limits(limits or [], arm)
+    check_limits(arm, chosen)
+    picture = kind_of(prepare_file(figure, "--figure", [file])) if figure else ""
+    if out is not None:
+        prepare_file(out, inputs=[file])
+    size = voxel or float(np.sum(arm.links)) / 50
+    check_grid(arm, size, float(np.deg2rad(step)))
+    if optimise is not None:
+        width, both = float(np.deg2rad(least_width)), optimise == "lengths"
+        arm, chosen = best_limits(
+            arm,
+            size,
+            lengths=both,
+            least_width=width,
+            starts=starts,
+            seed=seed,
+            progress=show_progress,
+        )
+    found = found_workspace(arm, chosen, size, float(np.deg2rad(step)), show_progress)
+    show_progress("")
+    if figure is not None:
+        from formulations.figures.workspace import draw
+
+        write_bytes(figure, content(draw(found), picture))
+    show(found.to_dict(), as_json, lambda _: _text(found), out)
+
+
+def _limits(settings: list[str], arm: SerialArm) -> Ranges:
+    from formulations.robots.chain import listed, nearest
+
+    names = [one.name for one in arm.steps]
+    found = dict(zip(names, arm.physical, strict=True))
+    given = set()
+    for setting in settings:
+        name, equals, both = (part.strip() for part in setting.partition("="))
+        low, colon, high = both.partition(":")
+        if not (name and equals and colon):
+            raise InputError("--limits", setting, "JOINT=LOW:HIGH, radians or metres")
+        if name not in found:
+            allowed = f"one of {listed(names)}{nearest(name, names)}"
+            raise InputError("--limits of joint", name, allowed)
+        if name in given:
+            raise InputError("--limits", f"{name} twice", "every joint once")
+        given.add(name)
+        ends = [robot.number(f"--limits of {name}", one) for one in (low, high)]
+        found[name] = (ends[0], ends[1])
+    return tuple(found.values())
+
+
+def _text(found: Workspace) -> str:
+    unit = "m²" if found.dimension == 2 else "m³"
+    values = found.to_dict()
+    kept: dict[str, object] = {
+        f"{values['quantity']} kept": f"{found.size:.6g} {unit}, error {found.error:.2g}",
+        "without failure": f"{found.before:.6g} {unit}",
+        "within physical limits": f"{found.physical:.6g} {unit}",
+        "method": str(values["method"]),
+    }
+    if found.passed:
+        shares = ", ".join(f"{100 * one:.0f} %" for one in found.passed)
+        kept["passed by depth"] = f"{shares} of voxels 0, 1, … layers below the surface"
+        kept["raw voxels"] = f"{found.raw:.6g} {unit}"
+    if found.fatal:
+        kept["fatal"] = (
+            f"{', '.join(found.fatal)}: nothing is kept, because of where it may lock"
+        )
+    lines = [as_text(kept), "", "joint: artificial limits"]
+    for step, (low, high) in zip(found.arm.steps, found.limits, strict=True):
+        whole = " (physical)" if (low, high) == (step.lower, step.upper) else ""
+        lines.append(f"  {step.name}: {low:.4f} to {high:.4f}{whole}")
+    lines.append("links: " + "  ".join(f"{one:.4f}" for one in found.arm.links))
+    return "\n".join(lines)

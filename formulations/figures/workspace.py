@@ -1,0 +1,82 @@
+"""What failures leave of a robot's workspace: the plane, or two sections of the space."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from formulations.files.figure import BLUE, INK, ORANGE, PALE, PAPER, SMALL, styled
+from formulations.robots.serial_arm import Bits
+from formulations.robots.workspace import Workspace
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+_LEGEND = ("physical limits", "artificial limits", "kept after any failure")
+
+
+def draw(found: Workspace) -> Figure:
+    """Draw what is reached, and what of it is kept.
+
+    Parameters
+    ----------
+    found
+        The workspace of a planar arm, which is drawn whole, or of a spatial one: its section
+        through the axis of the first joint, and that across it where most is kept.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+    """
+    sets = found.sets
+    layers = [sets.before(found.arm.physical), sets.before(found.limits), found.voxels]
+    flat = found.dimension == 2
+    with styled(4.6 if flat else 7.4, 4.6 if flat else 4.0) as figure:
+        unit = "m²" if flat else "m³"
+        share = 100 * found.size / found.physical if found.physical else 0.0
+        title = f"{found.size:.3g} {unit} kept, {share:.0f} % of what is reached"
+        figure.suptitle(title, x=0.02, ha="left", color=INK)
+        if flat:
+            _section(figure.subplots(), found, layers, (0, 1))
+        else:
+            left, right = figure.subplots(1, 2)
+            kept = layers[2] if layers[2].any() else layers[0]
+            across = -int(sets.corner[1])
+            level = int(np.argmax(kept.sum(axis=(0, 1))))
+            _section(left, found, [one[:, across] for one in layers], (0, 2))
+            _section(right, found, [one[:, :, level] for one in layers], (0, 1))
+            for axes, axis, place in ((left, 1, across), (right, 2, level)):
+                height = (place + sets.corner[axis]) * sets.voxel
+                axes.set_title(f"{'xyz'[axis]} = {height:.2f} m", fontsize=SMALL)
+        from matplotlib.patches import Patch
+
+        colours = (PALE, BLUE, ORANGE)
+        patches = [
+            Patch(color=one, label=name) for one, name in zip(colours, _LEGEND, strict=True)
+        ]
+        figure.legend(handles=patches, loc="outside lower center", ncols=3, frameon=False)
+    return figure
+
+
+def _section(axes: Axes, found: Workspace, layers: list[Bits], shown: tuple[int, int]) -> None:
+    from matplotlib.colors import ListedColormap
+
+    sets = found.sets
+    level = np.max([(k + 1) * one for k, one in enumerate(layers)], axis=0)
+    first, second = ((sets.corner[k] - 0.5) * sets.voxel for k in shown)
+    rows, columns = level.shape
+    extent = (first, first + rows * sets.voxel, second, second + columns * sets.voxel)
+    colours = ListedColormap([PAPER, PALE, BLUE, ORANGE])
+    axes.imshow(
+        level.T,
+        origin="lower",
+        extent=extent,
+        cmap=colours,
+        vmin=0,
+        vmax=3,
+        interpolation="nearest",
+    )
+    axes.set_xlabel(f"{'xyz'[shown[0]]} (m)")
+    axes.set_ylabel(f"{'xyz'[shown[1]]} (m)")

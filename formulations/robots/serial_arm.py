@@ -1,0 +1,262 @@
+"""A serial arm in one form: every joint acts on the z axis of its frame; many q at once."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from formulations.robots.chain import Chain
+from nlp.arrays import FloatArray
+from nlp.errors import InputError
+
+Bits = npt.NDArray[np.bool_]
+#: Lower and upper limit of each joint, in radians or metres.
+Ranges = tuple[tuple[float, float], ...]
+_TURN = 2 * np.pi
+# Links and distances from an axis below this are none, in metres.
+_TINY = 1e-6
+# Inverse kinematics: random starts, steps of each, and what counts as reached, as a share of
+# the sum of the links.
+_RESTARTS, _STEPS, _REACHED = 24, 80, 1e-4
+
+
+@dataclass(frozen=True, eq=False)
+class Step:
+    """A joint: its placement A in the frame of the previous one, its kind and its limits.
+
+    It turns about, or moves along, the z axis of its frame.
+    """
+
+    name: str
+    placement: FloatArray
+    prismatic: bool
+    lower: float
+    upper: float
+
+    @property
+    def endless(self) -> bool:
+        """Whether it can make a full turn, so that its angles have no ends."""
+        return not self.prismatic and self.upper - self.lower >= _TURN - 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class SerialArm:
+    """Joints from base to tip, and the tip's point in the frame of the last one.
+
+    Parameters
+    ----------
+    steps
+        The joints.
+    tip
+        Shape (3,).
+    """
+
+    steps: tuple[Step, ...]
+    tip: FloatArray
+
+    @classmethod
+    def from_chain(cls, chain: Chain) -> SerialArm:
+        """Return the arm of a chain.
+
+        Raises
+        ------
+        InputError
+            If a joint moves others with it, or a prismatic joint has no limits.
+        """
+        drivers = [one.variable for one in chain.motions]
+        if drivers != list(range(len(chain.joints))):
+            raise InputError("joints", "coupled by mimicry", "a chain of independent joints")
+        before = np.eye(4)
+        steps = []
+        for motion, joint in zip(chain.motions, chain.joints, strict=True):
+            if motion.multiplier != 1 or motion.offset != 0:
+                allowed = "a joint that follows no other one"
+                raise InputError(f"joint {joint.name}", "a mimic joint", allowed)
+            turn = _to_axis(np.array(motion.axis))
+            low, high = _physical(joint.name, joint.prismatic, joint.lower, joint.upper)
+            placement = before @ np.array(motion.placement) @ turn
+            steps.append(Step(joint.name, placement, motion.translates, low, high))
+            before = turn.T
+        return cls(tuple(steps), (before @ np.array(chain.end))[:3, 3])
+
+    @classmethod
+    def planar(cls, lengths: Sequence[float], physical: Ranges | None = None) -> SerialArm:
+        """Return a planar arm of revolute joints; without limits by default."""
+        ranges = physical or ((-np.pi, np.pi),) * len(lengths)
+        steps = []
+        for k, (low, high) in enumerate(ranges):
+            placement = np.eye(4)
+            placement[0, 3] = lengths[k - 1] if k else 0.0
+            steps.append(Step(f"joint_{k + 1}", placement, False, low, high))
+        return cls(tuple(steps), np.array([lengths[-1], 0.0, 0.0]))
+
+    @property
+    def physical(self) -> Ranges:
+        """Physical limits of every joint."""
+        return tuple((one.lower, one.upper) for one in self.steps)
+
+    @cached_property
+    def is_planar(self) -> bool:
+        """Whether all axes are parallel revolute ones, so that the tip moves in a plane."""
+        parallel = all(np.hypot(*one.placement[:2, 2]) < _TINY for one in self.steps[1:])
+        return parallel and not any(one.prismatic for one in self.steps)
+
+    @cached_property
+    def idle(self) -> tuple[bool, ...]:
+        """Which joints cannot move the tip: those at the end whose axis it is on."""
+        found, point = [], self.tip
+        for step in reversed(self.steps):
+            found.append(bool(not step.prismatic and np.hypot(*point[:2]) < _TINY))
+            if not found[-1]:
+                break
+            point = moved(step.placement, point)
+        return (*([False] * (len(self.steps) - len(found))), *reversed(found))
+
+    @cached_property
+    def links(self) -> FloatArray:
+        """Lengths of the links after each joint: the translations of the placements."""
+        offsets = [one.placement[:3, 3] for one in self.steps[1:]]
+        return np.array([np.linalg.norm(one) for one in (*offsets, self.tip)])
+
+    def with_links(self, lengths: Sequence[float] | FloatArray) -> SerialArm:
+        """Return the arm with its links scaled to other lengths."""
+        old = self.links
+        factors = [
+            new / one if one > _TINY else 1.0 for new, one in zip(lengths, old, strict=True)
+        ]
+        steps = [self.steps[0]]
+        for step, factor in zip(self.steps[1:], factors, strict=False):
+            placement = step.placement.copy()
+            placement[:3, 3] *= factor
+            steps.append(replace(step, placement=placement))
+        return SerialArm(tuple(steps), self.tip * factors[-1])
+
+    def frames(self, q: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return axes and origins of the joints, and the tip, in the frame of joint 1.
+
+        Parameters
+        ----------
+        q
+            Shape (k, n).
+
+        Returns
+        -------
+        numpy.ndarray
+            Axes, shape (n, k, 3).
+        numpy.ndarray
+            Origins, shape (n, k, 3).
+        numpy.ndarray
+            Tip, shape (k, 3).
+        """
+        count, n = q.shape
+        turn, origin = np.tile(np.eye(3), (count, 1, 1)), np.zeros((count, 3))
+        axes, origins = np.empty((n, count, 3)), np.empty((n, count, 3))
+        for k, step in enumerate(self.steps):
+            if k:
+                origin = origin + turn @ step.placement[:3, 3]
+                turn = turn @ step.placement[:3, :3]
+            axes[k], origins[k] = turn[:, :, 2], origin
+            if step.prismatic:
+                origin = origin + q[:, k, None] * axes[k]
+                continue
+            cos, sin = np.cos(q[:, k])[:, None], np.sin(q[:, k])[:, None]
+            x, y = turn[:, :, 0], turn[:, :, 1]
+            turn = np.stack([x * cos + y * sin, y * cos - x * sin, axes[k]], axis=2)
+        return axes, origins, origin + turn @ self.tip
+
+    def positions(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return tips (k, 3) in the frame of joint 1, and Jacobians (k, 3, n), for q (k, n)."""
+        axes, origins, tip = self.frames(q)
+        columns = np.cross(axes, tip - origins)
+        sliding = [one.prismatic for one in self.steps]
+        columns[sliding] = axes[sliding]
+        return tip, columns.transpose(1, 2, 0)
+
+    def reaches(
+        self, points: FloatArray, lower: FloatArray, upper: FloatArray, seed: int = 0
+    ) -> Bits:
+        """Return for which points inverse kinematics finds a configuration within limits.
+
+        Damped least squares for all points at once, from random configurations. A point that
+        is not reached may still be reachable.
+
+        Parameters
+        ----------
+        points
+            Targets in the frame of joint 1, shape (k, 3).
+        lower, upper
+            Limits for each of them, shape (k, n); equal ones are a locked joint.
+        seed
+            Of the random configurations.
+        """
+        rng = np.random.default_rng(seed)
+        size = float(np.sum(self.links))
+        turning = np.array([one.endless for one in self.steps])
+        left = np.arange(len(points))
+        for _ in range(_RESTARTS):
+            if not len(left):
+                break
+            low, high, target = lower[left], upper[left], points[left]
+            q = rng.uniform(low, high)
+            full = turning & (high - low >= _TURN - 1e-9)  # has no ends to stop at
+            low, high = np.where(full, -np.inf, low), np.where(full, np.inf, high)
+            found = self._nearest(q, low, high, target, size)
+            left = left[~found]
+        reached = np.ones(len(points), dtype=bool)
+        reached[left] = False
+        return reached
+
+    def _nearest(
+        self, q: FloatArray, low: FloatArray, high: FloatArray, target: FloatArray, size: float
+    ) -> Bits:
+        """Return which targets damped least squares reaches from q."""
+        reached = np.zeros(len(q), dtype=bool)
+        left = np.arange(len(q))
+        for _ in range(_STEPS):
+            tip, matrix = self.positions(q[left])
+            error = target[left] - tip
+            far = np.linalg.norm(error, axis=1) > _REACHED * size
+            reached[left[~far]] = True
+            left, error, matrix = left[far], error[far], matrix[far]
+            if not len(left):
+                break
+            matrix = matrix * (high[left] > low[left])[:, None, :]
+            square = matrix @ matrix.transpose(0, 2, 1)
+            damping = 1e-6 * size**2 + 0.01 * np.sum(error**2, axis=1)
+            square[:, range(3), range(3)] += damping[:, None]
+            pushed = np.linalg.solve(square, error[:, :, None])
+            step = np.clip((matrix.transpose(0, 2, 1) @ pushed)[:, :, 0], -0.5, 0.5)
+            q[left] = np.clip(q[left] + step, low[left], high[left])
+        return reached
+
+
+def _physical(name: str, prismatic: bool, low: float, high: float) -> tuple[float, float]:
+    if not prismatic:
+        return (low, high) if high - low < _TURN else (-np.pi, np.pi)
+    if not np.isfinite(high - low):
+        raise InputError(f"joint {name}", "a slider without limits", "finite limits")
+    return low, high
+
+
+def _to_axis(axis: FloatArray) -> FloatArray:
+    """Return a rotation that takes the z axis to a unit vector, 4×4."""
+    x = np.eye(3)[np.argmin(np.abs(axis))]
+    x = np.cross(axis, x) if abs(axis[2]) < 1 - 1e-12 else np.array([1.0, 0, 0])
+    x = x / np.linalg.norm(x)
+    turn = np.eye(4)
+    turn[:3, :3] = np.column_stack([x, np.cross(axis, x), axis])
+    return turn
+
+
+def moved(placement: FloatArray, points: FloatArray) -> FloatArray:
+    """Return points (k, 3) in the frame that a placement, 4×4, is relative to."""
+    return np.asarray(points @ placement[:3, :3].T + placement[:3, 3])
+
+
+def moved_back(placement: FloatArray, points: FloatArray) -> FloatArray:
+    """Return points (k, 3) in the frame that a placement, 4×4, is of."""
+    return np.asarray((points - placement[:3, 3]) @ placement[:3, :3])

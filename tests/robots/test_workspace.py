@@ -1,0 +1,328 @@
+"""Failure-tolerant workspaces: closed form, grid and brute force agree; symmetries; search."""
+
+import json
+
+import numpy as np
+import pytest
+
+from formulations.__main__ import main
+from formulations.robots import workspace as module
+from formulations.robots.chain_between import chain_between
+from formulations.robots.planar_workspace import Planar3R
+from formulations.robots.reachable_sets import ReachableSets
+from formulations.robots.robot_arm import RobotArm, Task
+from formulations.robots.serial_arm import SerialArm
+from formulations.robots.workspace import best_limits, closed_form, measured, workspace
+from nlp.errors import InputError
+
+EQUAL = (1 / 3, 1 / 3, 1 / 3)
+PUBLISHED = tuple((-x, x) for x in np.radians([20, 90, 90]))
+
+
+def in_degrees(*limits):
+    return tuple(tuple(np.radians(one).tolist()) for one in limits)
+
+
+ODD = ((0.4, 0.33, 0.27), in_degrees((-30, 15), (-50, 110), (20, 110)))
+# Angles beyond a half turn either way.
+WRAPPED = ((0.178, 0.329, 0.493), in_degrees((0, 285), (-145, 206), (-256, -246)))
+
+
+def shown(made, text):
+    return SerialArm.from_chain(chain_between(made.tree(text), f"l{text.count('<joint')}"))
+
+
+def brute_force(lengths, limits, points, angles=60):
+    """Which points are kept: all locked angles on a grid, the two-link arm that is left."""
+    first, second, third = lengths
+    middle = np.mean(limits[0])
+    turned = (
+        points
+        @ np.array([[np.cos(middle), -np.sin(middle)], [np.sin(middle), np.cos(middle)]]).T
+    )
+    kept = np.ones(len(points), dtype=bool)
+    far = np.linalg.norm(turned, axis=1)
+    for joint, (low, high) in enumerate(limits):
+        for angle in np.linspace(low, high, angles):
+            one, two, gap = {
+                0: (second, third, turned - first * np.array([np.cos(angle), np.sin(angle)])),
+                1: (abs(first + second * np.exp(1j * angle)), third, turned),
+                2: (first, abs(second + third * np.exp(1j * angle)), turned),
+            }[joint]
+            distance = np.linalg.norm(gap, axis=1)
+            kept &= (abs(one - two) <= distance) & (distance <= one + two)
+    # No failure: configurations on a grid that pass at most `near` from the circle of p.
+    q2, q3 = (grid.ravel() for grid in np.meshgrid(*(np.linspace(*x, 300) for x in limits[1:])))
+    tip = first + second * np.exp(1j * q2) + third * np.exp(1j * (q2 + q3))
+    before = []
+    for radius, place in zip(far, turned @ [1, 1j], strict=True):
+        bearings = np.angle(place / tip[np.abs(np.abs(tip) - radius) < 4e-3])
+        low, high = limits[0]
+        before.append(np.any((bearings - low) % (2 * np.pi) <= high - low))
+    return kept & np.array(before)
+
+
+@pytest.mark.parametrize(("lengths", "limits"), [(EQUAL, PUBLISHED), ODD, WRAPPED])
+def test_the_closed_form_is_what_brute_force_finds(lengths, limits):
+    arm = Planar3R(lengths, limits)
+    points = np.random.default_rng(0).uniform(-1, 1, (200, 2))
+    ours = arm.contains(points)
+    around = [
+        arm.contains(points + by) for by in 0.02 * np.array([(1, 0), (-1, 0), (0, 1), (0, -1)])
+    ]
+    away = np.all(np.equal(around, ours), axis=0)  # from the boundary
+    assert np.sum(ours & away) > 3
+    assert np.sum(~ours & away) > 50
+    assert np.array_equal(ours[away], brute_force(lengths, limits, points)[away])
+
+
+@pytest.mark.parametrize(("lengths", "limits"), [(EQUAL, PUBLISHED), ODD, WRAPPED])
+def test_the_area_is_that_of_the_points(lengths, limits):
+    arm = Planar3R(lengths, limits)
+    x = (np.arange(150) + 0.5) / 75 - 1
+    inside = arm.contains(np.stack(np.meshgrid(x, x), axis=-1).reshape(-1, 2))
+    assert arm.area() == pytest.approx(4 * inside.mean(), abs=1e-2)
+    mirrored = tuple((-high, -low) for low, high in limits)
+    assert Planar3R(lengths, mirrored).area() == pytest.approx(arm.area(), abs=1e-9)
+
+
+def test_the_published_area():
+    arm = Planar3R(EQUAL, PUBLISHED)
+    size, error = arm.area_with_error()
+    assert size == pytest.approx(0.355811, abs=1.5e-6)
+    assert error < 1e-5
+    assert arm.area() == pytest.approx(size, abs=5e-5)
+
+
+def test_what_is_not_kept():
+    """Physical limits keep nothing: joint 3 may fold the arm; then joint 1 alone is left."""
+    turn = (-np.pi, np.pi)
+    assert Planar3R(EQUAL, (turn,) * 3).area() == 0
+    assert Planar3R(EQUAL, (turn,) * 3).shortfall > 0
+    still = ((0, 0), (0.5, 0.5), (1, 1))
+    assert Planar3R(EQUAL, still).area() == pytest.approx(0, abs=1e-9)
+    with pytest.raises(InputError, match="lengths"):
+        Planar3R((1, 0, 1), still)
+    with pytest.raises(InputError, match="limits"):
+        Planar3R(EQUAL, ((0, 0), (1, 0.5), (1, 1)))
+
+
+# On a grid -----------------------------------------------------------------------------------
+
+
+def test_the_grid_agrees_with_the_closed_form(monkeypatch):
+    arm = SerialArm.planar(EQUAL)
+    exact = workspace(arm, PUBLISHED, 0.02, np.deg2rad(10))
+    assert exact.to_dict()["method"] == "closed form"
+    monkeypatch.setattr(module, "closed_form", lambda *_: None)
+    found = measured(exact.sets, PUBLISHED)
+    assert abs(found.size - exact.size) < max(found.error, 0.02)
+    assert found.raw > exact.size  # over-estimates
+    assert found.passed[0] < 0.7 < 0.95 < found.passed[2]
+    assert found.physical == pytest.approx(np.pi, rel=0.05)
+    inside = Planar3R(EQUAL, PUBLISHED).contains(found.sets.centres(np.ones_like(found.voxels)))
+    missed = inside.reshape(found.voxels.shape) & ~found.voxels
+    assert missed.sum() < 0.01 * inside.sum()
+
+
+@pytest.fixture(scope="module")
+def spatial(made):
+    slider = {"kind": "prismatic", "limit": 'lower="-0.1" upper="0.15"'}
+    offsets = ["0.1 0 0.2", "0 0.1 0.1", "0.2 0 0", "0 0 0.25", "0 0 0.2"]
+    joints = made.serial(offsets, made.AXES[:5], j2=slider)
+    end = made.joint("end", "l5", "l6", "fixed", xyz="0.1 0 0.1")
+    return made.urdf([*joints, end])
+
+
+def test_positions_are_those_of_the_chain(spatial, made):
+    chain = chain_between(made.tree(spatial), "l6")
+    arm, judge = SerialArm.from_chain(chain), RobotArm(chain, Task(("vx", "vy", "vz")))
+    q = np.random.default_rng(0).uniform(-0.1, 0.1, (4, 5))
+    _, ours = arm.positions(q)
+    turn = arm.steps[0].placement[:3, :3]
+    theirs = np.array([judge.metric_jacobian(one)[:3] for one in q])
+    assert turn @ ours == pytest.approx(theirs, abs=1e-12)
+    # The derivative of the position is the Jacobian.
+    by = 1e-6 * np.eye(5)[3]
+    moved = (arm.positions(q + by)[0] - arm.positions(q - by)[0]) / 2e-6
+    assert moved == pytest.approx(ours[:, :, 3], abs=1e-8)
+
+
+def test_the_reachable_set_holds_every_position_and_is_found_by_inverse_kinematics(
+    spatial, made
+):
+    arm = shown(made, spatial)
+    limits = tuple((0.8 * low, 0.5 * high) for low, high in arm.physical)
+    sets = ReachableSets(arm, 0.04, np.deg2rad(20))
+    low, high = np.transpose(limits)
+    q = np.random.default_rng(0).uniform(low, high, (3000, 5))
+    place = np.rint(arm.positions(q)[0] / 0.04).astype(int) - sets.corner
+    voxels = sets.before(limits)
+    assert voxels[tuple(place.T)].mean() > 0.99
+    kept = voxels & sets.after(limits)
+    if kept.any():
+        assert module.verified(sets, limits, kept, 50)[0].mean() > 0.3
+    with_slider = sets.slices[2]
+    assert with_slider[0] == pytest.approx(-0.1)
+    assert np.diff(with_slider).max() <= 0.08 + 1e-12
+
+
+def test_limits_of_the_first_joint_may_be_turned(made):
+    """Its zero is free if it has no limits; the bearing of the workspace turns with it."""
+    arm = SerialArm.planar((0.25, 0.25, 0.25, 0.25))
+    sets = ReachableSets(arm, 0.02, np.deg2rad(10))
+    areas = []
+    for middle in (0.0, np.pi, -1.0):
+        limits = ((middle - 0.6, middle + 0.6), *((-1.8, 1.8),) * 3)
+        areas.append(sets.unit * (sets.before(limits) & sets.after(limits)).sum())
+    assert areas[0] > 0.5
+    assert areas == pytest.approx([areas[0]] * 3, rel=0.05)
+
+
+# In a URDF ----------------------------------------------------------------------------------
+
+
+def planar_urdf(made, lengths, axes=("0 0 1",) * 3, kind="continuous", yaw="0"):
+    places = ["0 0 0", *(f"{one} 0 0.05" for one in lengths)]
+    joints = [
+        made.joint(
+            f"j{k}", f"l{k}", f"l{k + 1}", kind, xyz=places[k], rpy=f"0 0 {yaw}", axis=axes[k]
+        )
+        for k in range(len(lengths))
+    ]
+    tip = made.joint("end", f"l{len(lengths)}", "tip", "fixed", xyz=places[-1])
+    return made.urdf([*joints, tip])
+
+
+@pytest.mark.parametrize("axes", [("0 0 1",) * 3, ("0 0 1", "0 0 -1", "0 0 1")])
+@pytest.mark.parametrize("yaw", ["0", "0.7"])
+def test_a_planar_arm_is_recognised_however_it_is_described(made, axes, yaw):
+    chain = chain_between(made.tree(planar_urdf(made, ODD[0], axes, yaw=yaw)), "tip")
+    arm = SerialArm.from_chain(chain)
+    assert arm.is_planar
+    form = closed_form(arm, arm.physical)
+    assert form.lengths == pytest.approx(ODD[0])
+    best = Planar3R(*ODD)
+    back = closed_form(arm, module._in_joints(arm, best))
+    assert back.area() == pytest.approx(best.area(), rel=1e-9)
+
+
+def test_a_joint_on_whose_axis_the_tip_is_does_not_count(made):
+    arm = shown(
+        made,
+        made.urdf(
+            made.serial(
+                ["0 0 0.3", "0.1 0 0.2", "0.2 0 0.2", "0.2 0 0.1", "0 0 0.1"], made.AXES[:5]
+            )
+        ),
+    )
+    assert arm.idle == (False, False, False, False, True)
+    sets = ReachableSets(arm, 0.05, np.deg2rad(30))
+    assert 4 not in sets.slices
+
+
+# The best limits and lengths ------------------------------------------------------------------
+
+
+def test_the_search_in_closed_form(made):
+    arm = SerialArm.planar(EQUAL)
+    same, limits = best_limits(arm, 0.02, generations=1)
+    other, both = best_limits(arm, 0.02, generations=1, lengths=True)
+    assert same is arm
+    assert closed_form(arm, limits).area() > Planar3R(EQUAL, PUBLISHED).area()
+    assert closed_form(other, both).area() > Planar3R(EQUAL, PUBLISHED).area()
+    assert other.links.sum() == pytest.approx(1)
+    assert min(high - low for low, high in both) > np.deg2rad(9.99)
+    module.check_limits(other, both)
+
+
+def test_the_search_on_a_grid():
+    arm = SerialArm.planar((0.25,) * 4)
+    _, limits = best_limits(arm, 0.05, starts=1)
+    longer, both = best_limits(arm, 0.05, starts=1, lengths=True)
+    assert longer.links.sum() == pytest.approx(1)
+    sizes = [
+        (sets.before(one) & sets.after(one)).sum() * sets.unit
+        for sets, one in (
+            (ReachableSets(arm, 0.03), limits),
+            (ReachableSets(longer, 0.03), both),
+        )
+    ]
+    assert 0.5 < sizes[0] < sizes[1]
+    with pytest.raises(InputError, match="least width is 4"):
+        best_limits(arm, 0.05, least_width=4)
+
+
+# The command --------------------------------------------------------------------------------
+
+
+def test_workspace_of_a_file(lockedjoint, made, tmp_path):
+    (tmp_path / "arm.urdf").write_text(planar_urdf(made, (0.3333333333333333,) * 3))
+    ends = [
+        f"--limits=j{k}={low!r}:{high!r}"
+        for k, (low, high) in enumerate(np.array(PUBLISHED).tolist())
+    ]
+    done = lockedjoint(
+        *(
+            "workspace",
+            "arm.urdf",
+            *ends,
+            "--voxel",
+            0.05,
+            "--slice",
+            20,
+            "--out",
+            "a.json",
+            "--figure",
+            "a.svg",
+        ),
+        cwd=tmp_path,
+    )
+    assert done.returncode == 0, done.stderr
+    assert "area kept               0.35581" in done.stdout
+    found = json.loads((tmp_path / "a.json").read_text())
+    assert found["limits"]["j1"] == pytest.approx([-np.pi / 2, np.pi / 2])
+    assert "kept after any failure" in (tmp_path / "a.svg").read_text()
+
+
+def test_a_workspace_that_is_empty_is_a_result():
+    found = workspace(SerialArm.planar((0.5, 0.3, 0.2)), ((-np.pi, np.pi),) * 3, 0.05)
+    assert found.size == 0
+    assert found.fatal != ()
+    assert found.to_dict()["share_kept"] == 0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        (("--limits", "j9=0:1"), "one of j0, j1, j2, j3"),
+        (("--limits", "j0=0"), "allowed: JOINT=LOW:HIGH"),
+        (
+            ("--limits", "j0=1:0"),
+            "artificial limits of j0 is 1:0; allowed: two numbers in order",
+        ),
+        (("--limits", "j0=-9:0"), "within [-2, 2]"),
+        (("--limits", "j0=0:1", "--limits", "j0=0:1"), "every joint once"),
+        (("--limits", "j0=0:x"), "a finite number"),
+        (("--optimise", "all"), "limits or lengths"),
+        (("--optimise", "limits", "--limits", "j0=0:1"), "none with --optimise"),
+        (("--optimise", "limits", "--least-width", "200"), "at most half a turn"),
+        (("--starts", "3"), "none with no --optimise"),
+        (("--voxel", "1e-9"), "cells"),
+        (("--voxel", "0"), "above 0"),
+        (("--slice", "90"), "0.1 to 45 degrees"),
+        (("--figure", "a.txt"), "a name that ends in"),
+        (("--tip", "nothing"), "tip is nothing"),
+        (("--tip", "l4"), "joints that move the tip is 3; allowed: more than 3"),
+    ],
+)
+def test_bad_input(made, tmp_path, monkeypatch, capsys, arguments, sentence):
+    (tmp_path / "arm.urdf").write_text(made.offset_arm(6))
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("sys.argv", ["lockedjoint", "workspace", "arm.urdf", *arguments])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    said = capsys.readouterr().err
+    assert ended.value.code == 2
+    assert sentence in said
+    assert said.count("\n") == 1
