@@ -73,16 +73,22 @@ def largest_worst_case(arm: Arm, locked: int = 1, certified: bool = True) -> Bou
     locked
         How many joints lock at once. What is on record for one holds for more.
     certified
-        Whether it must be proved. Then what is on record is checked, in rational arithmetic,
-        to follow from the bound on the residual that is on record.
+        Whether it must be proved. Then those on record that say that they follow from a bound
+        on the residual are checked to do so, in rational arithmetic.
     """
     if not certified:
         return _on_record("max-min", arm, "numerical", min)
     value = measures.sigma_bound(*arm.shape, arm.largest_trace, locked)
     stored = _on_record("max-min", arm, "rigorous", min)
     proved = least_residual(arm)
-    if stored and proved and not excludes_worst_case(arm.shape[1], proved.value, stored.value):
-        raise ArithmeticError("the bound on record does not follow from that on the residual")
+    for one in _stored("record.json") if stored and proved else ():
+        follows = one["quantity"] == "max-min" and "residual_bound" in one["check"]
+        if follows and one["joints"] == arm.shape[1]:
+            given, limit = float(one["check"]["residual_bound"]), float(one["bound"])
+            enough = proved is not None and given <= proved.value
+            if not enough or not excludes_worst_case(arm.shape[1], given, limit):
+                text = "the bound on record does not follow from that on the residual"
+                raise ArithmeticError(text)
     short = all(
         isinstance(joint, UnitRevolute)
         or (isinstance(joint, LeverRevolute) and joint.length <= 1)
