@@ -55,7 +55,10 @@ from formulations.bounds.so3_moments.representations.wigner import (
 from nlp.arrays import FloatArray, Rng
 
 _SAMPLES = 520
-_GAP = 1e-8
+# The gap is relative to a shift of some thousands; the margin is about 1e-6.
+_GAP = 1e-13
+_ACCURACY = 3e-9
+_ENOUGH = 3e-7
 
 
 @dataclass(frozen=True)
@@ -173,7 +176,9 @@ def exclude_with_signs(
     program = margin_program(sampled)
     clock.append(time.perf_counter())
     progress(f"solving with {PREDICTOR_CORRECTOR}: {sampled.size}")
-    outcome = solve_with_predictor_corrector(program, gap=_GAP, progress=progress)
+    outcome = solve_with_predictor_corrector(
+        program, gap=_GAP, accuracy=_ACCURACY, enough=_ENOUGH, progress=progress
+    )
     clock.append(time.perf_counter())
     seconds = dict(zip(("blocks", "solver"), np.diff(clock).tolist(), strict=True))
     together = [*families[0], *families[1]]

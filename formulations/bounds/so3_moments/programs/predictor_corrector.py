@@ -17,6 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from math import inf
 
 import numpy as np
 from numpy.typing import NDArray
@@ -65,6 +66,7 @@ def solve_with_predictor_corrector(
     *,
     gap: float = 1e-9,
     accuracy: float = 1e-8,
+    enough: float = inf,
     progress: Callable[[str], None] | None = None,
 ) -> ConicOutcome:
     """Return pseudo-moments and positive definite multipliers.
@@ -76,13 +78,16 @@ def solve_with_predictor_corrector(
     gap, accuracy
         Stop where ⟨X, S⟩ is below `gap` and no dual equation is off by more than `accuracy`,
         both relative to the largest coefficient of the objective, at least 1.
+    enough
+        Stop also where the multipliers give a larger bound than this, and no dual equation is
+        off by more than `accuracy`.
     progress
         Receives a short message at every fifth iteration.
 
     Returns
     -------
     ConicOutcome
-        Status ``"optimal"``, ``"stalled: …"``, ``"iteration_limit"`` or
+        Status ``"optimal"``, ``"enough"``, ``"stalled: …"``, ``"iteration_limit"`` or
         ``"no_interior_start"``.
     """
     y = np.zeros(program.moments - 1)
@@ -109,6 +114,9 @@ def solve_with_predictor_corrector(
             )
         if order * mu < gap * scale and residual < accuracy * scale:
             status = "optimal"
+            break
+        if residual < accuracy and program.dual_value(x) > enough:
+            status = "enough"
             break
         if iterations == _MOST_ITERATIONS:
             break
