@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from formulations.bounds.so3_moments import null_vector_bound
 from formulations.bounds.so3_moments.blocks.null_vector import (
     Form,
     FormLocaliser,
@@ -19,6 +20,8 @@ from formulations.bounds.so3_moments.blocks.null_vector import (
     signs_by_null_vector,
 )
 from formulations.bounds.so3_moments.blocks.sampled_blocks import SectorBlocks
+from formulations.bounds.so3_moments.fixed_worst_case import Conditions
+from formulations.bounds.so3_moments.max_min_bound import max_min_bound
 from formulations.bounds.so3_moments.null_vector_bound import (
     UnsignedConditions,
     unsigned_families,
@@ -36,6 +39,7 @@ from formulations.bounds.so3_moments.representations.permuted_rows import Permut
 from formulations.bounds.so3_moments.representations.row_sectors import (
     RowSector,
     UnsignedSector,
+    degree_sectors,
 )
 from formulations.bounds.so3_moments.representations.wigner import jacobians_of
 from nlp.arrays import FloatArray
@@ -207,3 +211,33 @@ def test_unsigned_rows_of_one_parity_pattern_are_those_of_the_signed_sectors() -
 
     signed = sum(comb(7, k) * rows(RowSector(k, 2, 1, 4)) for k in (0, 2, 4))
     assert rows(UnsignedSector(2, 1, 4)) == signed
+
+
+@pytest.mark.parametrize("deviation", [None, -0.5])
+def test_a_small_program_excludes_what_is_impossible_and_not_what_is_attained(
+    deviation: float | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A negative δ₀ asks for |s|² < 0."""
+    monkeypatch.setattr(null_vector_bound, "_SAMPLES", 120)
+    if deviation is not None:
+        monkeypatch.setattr(null_vector_bound, "null_vector_deviation", lambda _: deviation)
+    signed = Conditions(
+        plain=tuple(RowSector(k, c, 0, 4) for k in (0, 2, 4) for c in (0, 2)),
+        scaled=tuple(degree_sectors(2, range(3))),
+    )
+    unsigned = UnsignedConditions(
+        plain=unsigned_sectors(2, range(3)) + unsigned_sectors(1, range(2)),
+        near=unsigned_sectors(1, range(2)),
+        scaled=(UnsignedSector(0, 0, 0),),
+        gram=(UnsignedSector(0, 0, 0, True), *unsigned_sectors(1, range(2), locked=True)),
+        krylov=(UnsignedSector(0, 0, 0, True),),
+    )
+    margin, evidence = null_vector_bound.exclude_with_signs(0.3265, signed, unsigned)
+    assert evidence.check["leftover"] < 1e-6
+    assert evidence.status == ("optimal" if deviation is None else "enough")
+    assert (margin < 0) == (deviation is not None)
+
+
+def test_no_proof_is_claimed() -> None:
+    with pytest.raises(InputError):
+        max_min_bound("null-vector", 7, rigorous=True)
