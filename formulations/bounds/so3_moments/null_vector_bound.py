@@ -6,7 +6,9 @@ columns (`fixed_worst_case`), and of degree 8, not invariant. They share the fun
 """
 
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from math import sqrt
 
 import numpy as np
@@ -33,6 +35,7 @@ from formulations.bounds.so3_moments.fixed_worst_case import (
 )
 from formulations.bounds.so3_moments.global_bound import Evidence
 from formulations.bounds.so3_moments.programs.moment_program import (
+    MomentProgram,
     joined_program,
     margin_program,
 )
@@ -55,10 +58,9 @@ from formulations.bounds.so3_moments.representations.wigner import (
 from nlp.arrays import FloatArray, Rng
 
 _SAMPLES = 520
-# The gap is relative to a shift of some thousands; the margin is about 1e-6.
+# Relative to a shift of some thousands; the margin is about 1e-6.
 _GAP = 1e-13
-_ACCURACY = 3e-9
-_ENOUGH = 3e-7
+_MARGIN_OVER_RESIDUAL = 10.0
 
 
 @dataclass(frozen=True)
@@ -177,7 +179,7 @@ def exclude_with_signs(
     clock.append(time.perf_counter())
     progress(f"solving with {PREDICTOR_CORRECTOR}: {sampled.size}")
     outcome = solve_with_predictor_corrector(
-        program, gap=_GAP, accuracy=_ACCURACY, enough=_ENOUGH, progress=progress
+        program, gap=_GAP, stop=partial(excludes_t, sampled), progress=progress
     )
     clock.append(time.perf_counter())
     seconds = dict(zip(("blocks", "solver"), np.diff(clock).tolist(), strict=True))
@@ -191,6 +193,12 @@ def exclude_with_signs(
         sampled, lambda where: np.zeros(len(where)), fresh, HOW_CHECKED, unit_trace=True
     )
     return -bound, evidence
+
+
+def excludes_t(sampled: MomentProgram, multipliers: Sequence[FloatArray]) -> bool:
+    """Whether multipliers exclude t by more than their residual."""
+    residual = float(np.linalg.norm(sampled.dual_residual(multipliers)))
+    return sampled.dual_value(multipliers) > _MARGIN_OVER_RESIDUAL * residual
 
 
 def _evaluated(

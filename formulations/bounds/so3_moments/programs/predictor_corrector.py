@@ -17,7 +17,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from math import inf
 
 import numpy as np
 from numpy.typing import NDArray
@@ -66,7 +65,7 @@ def solve_with_predictor_corrector(
     *,
     gap: float = 1e-9,
     accuracy: float = 1e-8,
-    enough: float = inf,
+    stop: Callable[[Sequence[FloatArray]], bool] | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> ConicOutcome:
     """Return pseudo-moments and positive definite multipliers.
@@ -78,9 +77,8 @@ def solve_with_predictor_corrector(
     gap, accuracy
         Stop where ⟨X, S⟩ is below `gap` and no dual equation is off by more than `accuracy`,
         both relative to the largest coefficient of the objective, at least 1.
-    enough
-        Stop also where the multipliers give a larger bound than this, and no dual equation is
-        off by more than `accuracy`.
+    stop
+        Stop also where this is true for the multipliers.
     progress
         Receives a short message at every fifth iteration.
 
@@ -115,7 +113,7 @@ def solve_with_predictor_corrector(
         if order * mu < gap * scale and residual < accuracy * scale:
             status = "optimal"
             break
-        if residual < accuracy and program.dual_value(x) > enough:
+        if stop is not None and stop(x):
             status = "enough"
             break
         if iterations == _MOST_ITERATIONS:
