@@ -60,7 +60,7 @@ from nlp.arrays import FloatArray, Rng
 _SAMPLES = 520
 # Relative to a shift of some thousands; the margin is about 1e-6.
 _GAP = 1e-13
-_MARGIN_OVER_RESIDUAL = 10.0
+_MARGIN_OVER_RESIDUAL = 30.0
 
 
 @dataclass(frozen=True)
