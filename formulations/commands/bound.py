@@ -85,7 +85,7 @@ def bound(
         str,
         typer.Option(
             help="residual, max-min: fast (seconds), compact, tight (minutes); for max-min "
-            "also localised."
+            "also localised, null-vector."
         ),
     ] = "fast",
     rigorous: Annotated[

@@ -181,6 +181,7 @@ RUNS: Mapping[str, Callable[[Effort], Mapping[str, Any]]] = MappingProxyType(
         "max_min_localised_rigorous.json": partial(
             _unit_revolute, partial(max_min_bound, rigorous=True), "localised"
         ),
+        "max_min_null_vector.json": partial(_unit_revolute, max_min_bound, "null-vector"),
     }
 )
 

@@ -42,7 +42,7 @@ from formulations.existence.reading import (
 )
 from formulations.existence.relaxation.tableaux import partitions
 from nlp.arrays import FloatArray
-from nlp.errors import LockedJointError, shown
+from nlp.errors import InputError, LockedJointError, shown
 
 FORMAT = "lockedjoint bound 1"
 FILE_BYTES = 20_000_000
@@ -140,6 +140,9 @@ def squares_of(
     remaining = iter(factors)
     found = []
     for family in families:
+        sector = family.sector
+        if not isinstance(sector, RowSector):
+            raise InputError("families", sector, "invariant under the signs of the columns")
         blocks = []
         for block in family.blocks:
             start = first_tableau(block.shapes)
@@ -151,7 +154,7 @@ def squares_of(
             if factor.size:
                 blocks.append(BlockSquares(block.shapes, rows, factor))
         if blocks:
-            found.append((family.sector, tuple(blocks)))
+            found.append((sector, tuple(blocks)))
     return tuple(found)
 
 

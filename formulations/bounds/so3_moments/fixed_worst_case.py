@@ -38,7 +38,7 @@ from nlp.errors import InputError
 _GAP = 1e-8
 #: Room for rounding in the closed form, far more than bisection in doubles needs.
 ROUNDING = 1e-12
-_HOW_CHECKED = (
+HOW_CHECKED = (
     "a sum of squares and localisers equal to a negative constant at fresh random "
     "configurations; multipliers made positive semidefinite, largest difference subtracted"
 )
@@ -124,7 +124,7 @@ def exclude_worst_case(
     # 0 − bound = Σ ⟨X, B(x)⟩ for all x.
     identity = replace(solved.sampled, objective=np.zeros(solved.sampled.moments))
     bound, evidence = solved.checked(
-        identity, lambda where: np.zeros(len(where)), fresh, _HOW_CHECKED, unit_trace=True
+        identity, lambda where: np.zeros(len(where)), fresh, HOW_CHECKED, unit_trace=True
     )
     return -bound, evidence
 

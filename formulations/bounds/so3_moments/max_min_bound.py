@@ -12,6 +12,7 @@ from formulations.bounds.so3_moments.fixed_worst_case import (
     worst_case_limit,
 )
 from formulations.bounds.so3_moments.global_bound import GlobalBound, Kind
+from formulations.bounds.so3_moments.null_vector_bound import exclude_with_signs
 from formulations.bounds.so3_moments.relaxation import Progress, check_joints, silent
 from formulations.bounds.so3_moments.representations.row_sectors import (
     RowSector,
@@ -28,8 +29,9 @@ _HOW_CHECKED = (
     "was checked so: "
 )
 LOCALISED = "localised"
-# The squared worst case that is excluded for seven joints.
-EXCLUDED = 0.3279
+NULL_VECTOR = "null-vector"
+# The squared worst cases that are excluded for seven joints.
+EXCLUDED = {LOCALISED: 0.3279, NULL_VECTOR: 0.3276}
 # Squares of total spin 2 and 3 matter here, though not for the residual.
 _SQUARES = [
     *(RowSector(0, c, spin, 6) for c in (0, 2) for spin in (0, 1, 2)),
@@ -70,7 +72,9 @@ def max_min_bound(
         Of the residual bound: ``"low"``, ``"fast"``, ``"compact"`` or ``"tight"``. Or
         ``"localised"``: exclude one fixed worst case, σ² = 0.3279, by conditions that it
         implies, which is sharper (0.20 % above what is attained) and takes about four
-        minutes, or six if rigorous, and 1.3 GB; for 7 joints.
+        minutes, or six if rigorous, and 1.3 GB; for 7 joints. ``"null-vector"`` adds
+        conditions on the columns with the signs of the null vector, and excludes
+        σ² = 0.3276, numerically only, in about eight minutes and 3 GB.
     joints
         Number n of joints, 7 to 9. From 8 joints on, isotropic Jacobians exist, the residual
         can be 0 and the bound is that of eq. (6); nothing is computed then.
@@ -94,17 +98,19 @@ def max_min_bound(
     -----
     The measure and eq. (6) are those of Maciejewski and Roberts (1995).
     """
-    if preset not in (*RESIDUAL_PRESETS, LOCALISED):
-        raise InputError("preset", preset, ", ".join((*RESIDUAL_PRESETS, LOCALISED)))
+    if preset not in (*RESIDUAL_PRESETS, *EXCLUDED):
+        raise InputError("preset", preset, ", ".join((*RESIDUAL_PRESETS, *EXCLUDED)))
     check_joints(joints, smallest=7)
+    if preset == NULL_VECTOR and rigorous:
+        raise InputError("rigorous", rigorous, f"False for the preset {preset}")
     best = best_known("max-min", "unit-revolute", joints)
     if joints > 7:
         bound = worst_case_limit(joints, 0.0)
         return GlobalBound(
             "max-min", joints, preset, "closed form", bound, best, how_checked="eq. (6)"
         )
-    if preset == LOCALISED:
-        return _localised(joints, best, rigorous, rng, progress)
+    if preset in EXCLUDED:
+        return _excluded(preset, best, rigorous, rng, progress)
     lower_bound = rigorous_residual_bound if rigorous else residual_bound
     residual = lower_bound(preset, joints, rng=rng, progress=progress)
     start = time.perf_counter()
@@ -120,20 +126,24 @@ def max_min_bound(
     )
 
 
-def _localised(
-    joints: int, best: float | None, rigorous: bool, rng: Rng, progress: Progress
+def _excluded(
+    preset: str, best: float | None, rigorous: bool, rng: Rng, progress: Progress
 ) -> GlobalBound:
     """Return the root of the squared worst case if it is excluded, else the bound (6)."""
-    exclude = prove_exclusion if rigorous else exclude_worst_case
-    margin, evidence = exclude(EXCLUDED, CONDITIONS, joints, rng=rng, progress=progress)
+    squared, joints = EXCLUDED[preset], 7
+    if preset == NULL_VECTOR:
+        exclusion = exclude_with_signs(squared, CONDITIONS, rng=rng, progress=progress)
+    else:
+        exclude = prove_exclusion if rigorous else exclude_worst_case
+        exclusion = exclude(squared, CONDITIONS, joints, rng=rng, progress=progress)
+    margin, evidence = exclusion
     excluded = margin < 0
-    squared = EXCLUDED if excluded else (joints - 6) / 3
     evidence = replace(
         evidence,
         how_checked=evidence.how_checked if excluded else "not excluded; eq. (6)",
-        check={"excluded": EXCLUDED, "margin": margin, **evidence.check},
+        check={"excluded": squared, "margin": margin, **evidence.check},
     )
     proved: Kind = "rigorous" if rigorous else "numerical"
     kind: Kind = proved if excluded else "closed form"
-    bound = sqrt(squared) + ROUNDING
-    return GlobalBound("max-min", joints, LOCALISED, kind, bound, best, **vars(evidence))
+    bound = sqrt(squared if excluded else (joints - 6) / 3) + ROUNDING
+    return GlobalBound("max-min", joints, preset, kind, bound, best, **vars(evidence))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
@@ -14,6 +15,7 @@ from scipy.spatial.transform import Rotation
 from threadpoolctl import threadpool_limits
 
 Floats = NDArray[np.float64]
+ATTAINED = Path(__file__).parents[3] / "results" / "comparison" / "jacobians.json"
 
 
 @pytest.fixture(autouse=True, scope="package")
@@ -91,3 +93,22 @@ def plain() -> ModuleType:
     module = module_from_spec(spec)
     spec.loader.exec_module(module)
     return module
+
+
+@pytest.fixture(scope="session")
+def attained() -> tuple[Floats, float]:
+    """Return the rotations of the best known 7R and its squared worst case, by SVD."""
+    records = json.loads(ATTAINED.read_text(encoding="utf-8"))
+    jacobians = [
+        np.array(record["jacobian"])
+        for record in records
+        if record["formulation"] == "max-min" and record["model"] == "unit-revolute"
+    ]
+
+    def worst(jacobian: Floats) -> float:
+        kept = [np.delete(jacobian, f, axis=1) for f in range(7)]
+        return min(float(np.linalg.svd(j, compute_uv=False)[-1]) for j in kept)
+
+    best = max(jacobians, key=worst)
+    v, omega = best[:3].T, best[3:].T
+    return np.stack([v, omega, np.cross(v, omega)], axis=-1)[None], worst(best) ** 2

@@ -1,8 +1,6 @@
 from __future__ import annotations
 
-import json
 from dataclasses import replace
-from pathlib import Path
 from types import ModuleType, SimpleNamespace
 
 import numpy as np
@@ -30,26 +28,6 @@ from nlp.arrays import FloatArray
 from nlp.errors import InputError
 
 SECTORS = [(0, 0, 0, 4, 0), (2, 0, 1, 4, 0), (1, 2, 1, 4, 1), (2, 1, 2, 3, 1)]
-ATTAINED = Path(__file__).parents[3] / "results" / "comparison" / "jacobians.json"
-
-
-@pytest.fixture(scope="module")
-def attained() -> tuple[FloatArray, float]:
-    """Return the rotations of the best known 7R and its squared worst case, by SVD."""
-    records = json.loads(ATTAINED.read_text(encoding="utf-8"))
-    jacobians = [
-        np.array(record["jacobian"])
-        for record in records
-        if record["formulation"] == "max-min" and record["model"] == "unit-revolute"
-    ]
-
-    def worst(jacobian: FloatArray) -> float:
-        kept = [np.delete(jacobian, f, axis=1) for f in range(7)]
-        return min(float(np.linalg.svd(j, compute_uv=False)[-1]) for j in kept)
-
-    best = max(jacobians, key=worst)
-    v, omega = best[:3].T, best[3:].T
-    return np.stack([v, omega, np.cross(v, omega)], axis=-1)[None], worst(best) ** 2
 
 
 def lowest_eigenvalue(families: list[KrylovLocaliser], where: FloatArray) -> float:

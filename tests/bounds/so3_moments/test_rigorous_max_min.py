@@ -338,7 +338,7 @@ def test_only_a_negative_margin_is_a_proof(
     )
     result = max_min_bound("localised", 7, rigorous=True)
     assert result.kind == kind
-    limit = Fraction(max_min_module.EXCLUDED) if margin < 0 else Fraction(1, 3)
+    limit = Fraction(max_min_module.EXCLUDED["localised"]) if margin < 0 else Fraction(1, 3)
     assert limit < Fraction(result.bound) ** 2 < limit + Fraction(1, 10**9)
 
 

@@ -20,7 +20,10 @@ from formulations.bounds.so3_moments.representations.permuted_rows import (
     Assignment,
     PermutedRows,
 )
-from formulations.bounds.so3_moments.representations.row_sectors import RowSector
+from formulations.bounds.so3_moments.representations.row_sectors import (
+    RowSector,
+    UnsignedSector,
+)
 from formulations.bounds.so3_moments.representations.wigner import (
     ComplexArray,
     coupling,
@@ -54,7 +57,7 @@ class RowBlocks:
         Number n of joints.
     """
 
-    def __init__(self, sector: RowSector, joints: int) -> None:
+    def __init__(self, sector: RowSector | UnsignedSector, joints: int) -> None:
         self.sector = sector
         self.joints = joints
         places = sector.places(joints)
@@ -130,7 +133,9 @@ class SectorBlocks(RowBlocks):
         return self.mean_squares(wigner_matrices(rotations, self.largest_spin), self.orders)
 
 
-def sector_families(sectors: Sequence[RowSector], joints: int) -> list[SectorBlocks]:
+def sector_families(
+    sectors: Sequence[RowSector | UnsignedSector], joints: int
+) -> list[SectorBlocks]:
     """Return the blocks of all sectors that have rows for `joints` joints."""
     families = [SectorBlocks(sector, joints) for sector in sectors]
     return [family for family in families if family.blocks]

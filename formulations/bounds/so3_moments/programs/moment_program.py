@@ -124,17 +124,54 @@ def moment_program(values: FloatArray, blocks: Sequence[FloatArray]) -> MomentPr
         If the objective is not in the span of the entries.
     """
     samples = len(values)
-    basis = _orthonormal_functions(blocks, samples)
-    coordinates = basis.T / samples
-    objective = coordinates @ values
+    basis = _orthonormal_functions(blocks, np.ones((samples, 1)))
+    objective = basis.T @ values / samples
     if np.abs(basis @ objective - values).max() > 1e-8 * np.abs(values).max():
         raise OutsideSpanError("the objective is outside of the span of the blocks' entries")
+    return MomentProgram(objective, tuple(_expanded(block, basis) for block in blocks))
+
+
+def joined_program(
+    first: Sequence[FloatArray], second: Sequence[FloatArray], common: Sequence[FloatArray]
+) -> MomentProgram:
+    """Return a program of blocks from two spaces of functions, with objective 0.
+
+    Neither space contains the other; they share the span of a few entries. Each block depends
+    on the unknowns of its own space only, which the solver makes use of.
+
+    Parameters
+    ----------
+    first, second
+        Each block, shape (samples, size, size).
+    common
+        Blocks whose entries span the intersection of the two spaces.
+
+    Raises
+    ------
+    TooFewSamplesError
+        If there might be as many independent functions in one space as samples.
+    """
+    samples = len(common[0])
+    shared = _orthonormal_functions(common, np.ones((samples, 1)))
+    bases = [_orthonormal_functions(blocks, shared) for blocks in (first, second)]
+    own = [basis.shape[1] - shared.shape[1] for basis in bases]
+    moments = shared.shape[1] + sum(own)
     expanded = []
-    for block in blocks:
-        size = block.shape[1]
-        found = (coordinates @ block.reshape(samples, -1)).reshape(-1, size, size)
-        expanded.append(0.5 * (found + found.transpose(0, 2, 1)))
-    return MomentProgram(objective, tuple(expanded))
+    for blocks, basis, start in zip((first, second), bases, (0, own[0]), strict=True):
+        places = np.arange(basis.shape[1])
+        places[shared.shape[1] :] += start
+        for block in blocks:
+            found = np.zeros((moments, *block.shape[1:]))
+            found[places] = _expanded(block, basis)
+            expanded.append(found)
+    return MomentProgram(np.zeros(moments), tuple(expanded))
+
+
+def _expanded(block: FloatArray, basis: FloatArray) -> FloatArray:
+    """Return the coefficients of a block's entries, (functions, size, size), symmetric."""
+    samples, size = block.shape[:2]
+    found = (basis.T / samples @ block.reshape(samples, -1)).reshape(-1, size, size)
+    return np.asarray(0.5 * (found + found.transpose(0, 2, 1)))
 
 
 def margin_program(program: MomentProgram) -> MomentProgram:
@@ -164,12 +201,14 @@ def margin_program(program: MomentProgram) -> MomentProgram:
     return MomentProgram(objective, tuple(blocks))
 
 
-def _orthonormal_functions(blocks: Sequence[FloatArray], samples: int) -> FloatArray:
-    """Return an orthonormal basis of the functions at the samples, the first constant.
+def _orthonormal_functions(blocks: Sequence[FloatArray], known: FloatArray) -> FloatArray:
+    """Return an orthonormal basis of the functions at the samples, the known ones first.
 
-    Random combinations of the entries have the same span and are fewer.
+    `known` holds orthonormal functions, (samples, functions), the first constant. Random
+    combinations of the entries have the same span and are fewer.
     """
     rng = np.random.default_rng(_SEED)
+    samples = len(known)
     mixed = np.zeros((samples, samples))
     entries = 0
     for block in blocks:
@@ -177,10 +216,9 @@ def _orthonormal_functions(blocks: Sequence[FloatArray], samples: int) -> FloatA
         entries += flat.shape[1]
         mixed += flat @ rng.standard_normal((flat.shape[1], samples))
     mixed /= np.sqrt(entries)
-    centred = mixed - mixed.mean(axis=0)
+    centred = mixed - known @ (known.T @ mixed / samples)
     vectors, strengths, _ = np.linalg.svd(centred)
     rank = int(np.sum(strengths > _RELATIVE_RANK * strengths[0]))
-    if rank >= samples - 2:
+    if rank + known.shape[1] >= samples - 1:
         raise TooFewSamplesError(f"{samples} samples for at least {rank} functions")
-    constant = np.ones((samples, 1))
-    return np.hstack([constant, np.sqrt(samples) * vectors[:, :rank]])
+    return np.hstack([known, np.sqrt(samples) * vectors[:, :rank]])

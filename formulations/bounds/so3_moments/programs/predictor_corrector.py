@@ -13,10 +13,13 @@ where K = sym(dX dS S⁻¹) of the predictor (μ = 0, K = 0) corrects for the pr
 1997; Mehrotra, 1992).
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.linalg import blas, cho_factor, cho_solve, solve_triangular
 
 from formulations.bounds.so3_moments.programs.moment_program import ConicOutcome, MomentProgram
@@ -27,6 +30,24 @@ _START = 1.0  # multiple of the unit matrix to start X from
 _MOST_ITERATIONS = 100
 _STALLED = 1e-4
 _SHIFTS = (0.0, 1e-15, 1e-14, 1e-13, 1e-12, 1e-11, 1e-10, 1e-9)
+
+
+@dataclass(frozen=True, eq=False)
+class _Terms:
+    """The unknowns that occur in a block, ascending, and their A_j."""
+
+    unknowns: NDArray[np.intp]
+    slopes: FloatArray
+
+    @classmethod
+    def of(cls, block: FloatArray) -> _Terms:
+        occurs = np.any(block[1:], axis=(1, 2))
+        slopes = block[1:] if occurs.all() else block[1:][occurs]
+        return cls(np.flatnonzero(occurs), slopes)
+
+    def combined(self, y: FloatArray) -> FloatArray:
+        """Return Σ y_j A_j."""
+        return np.asarray(np.tensordot(y[self.unknowns], self.slopes, axes=1))
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,6 +65,7 @@ def solve_with_predictor_corrector(
     *,
     gap: float = 1e-9,
     accuracy: float = 1e-8,
+    stop: Callable[[Sequence[FloatArray]], bool] | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> ConicOutcome:
     """Return pseudo-moments and positive definite multipliers.
@@ -55,23 +77,28 @@ def solve_with_predictor_corrector(
     gap, accuracy
         Stop where ⟨X, S⟩ is below `gap` and no dual equation is off by more than `accuracy`,
         both relative to the largest coefficient of the objective, at least 1.
+    stop
+        Stop also where this is true for the multipliers.
     progress
         Receives a short message at every fifth iteration.
 
     Returns
     -------
     ConicOutcome
-        Status ``"optimal"``, ``"stalled: …"``, ``"iteration_limit"`` or
+        Status ``"optimal"``, ``"enough"``, ``"stalled: …"``, ``"iteration_limit"`` or
         ``"no_interior_start"``.
     """
     y = np.zeros(program.moments - 1)
     x = [_START * np.eye(size) for size in program.sizes]
     order = sum(program.sizes)
     scale = max(1.0, float(np.abs(program.objective).max()))
+    terms = [_Terms.of(block) for block in program.blocks]
     status = "iteration_limit"
     iterations = 0
     for iterations in range(_MOST_ITERATIONS + 1):
-        slacks = [block[0] + np.tensordot(y, block[1:], axes=1) for block in program.blocks]
+        slacks = [
+            block[0] + one.combined(y) for block, one in zip(program.blocks, terms, strict=True)
+        ]
         point = _factor(x, slacks)
         if point is None:
             status = "no_interior_start" if iterations == 0 else "stalled: factorisation failed"
@@ -86,9 +113,12 @@ def solve_with_predictor_corrector(
         if order * mu < gap * scale and residual < accuracy * scale:
             status = "optimal"
             break
+        if stop is not None and stop(x):
+            status = "enough"
+            break
         if iterations == _MOST_ITERATIONS:
             break
-        moved = _step(program, point, slacks, mu, order)
+        moved = _step(program, terms, point, slacks, mu, order)
         if moved is None:
             status = "stalled: Schur complement not positive definite"
             break
@@ -102,14 +132,19 @@ def solve_with_predictor_corrector(
 
 
 def _step(
-    program: MomentProgram, point: _Point, slacks: list[FloatArray], mu: float, order: int
+    program: MomentProgram,
+    terms: list[_Terms],
+    point: _Point,
+    slacks: list[FloatArray],
+    mu: float,
+    order: int,
 ) -> tuple[FloatArray, list[FloatArray], float, float] | None:
     """Return dy, dX and the lengths of the steps in y and X."""
-    schur = _factored(_schur_complement(program, point))
+    schur = _factored(_schur_complement(terms, point, program.moments - 1))
     if schur is None:
         return None
     nothing = [np.zeros_like(block) for block in point.x]
-    dy, dx, ds = _direction(program, point, schur, 0.0, nothing)
+    dy, dx, ds = _direction(program, terms, point, schur, 0.0, nothing)
     primal, dual = _longest(point.s_root, ds), _longest(point.x_root, dx)
     after = _inner(
         [a + dual * b for a, b in zip(point.x, dx, strict=True)],
@@ -120,13 +155,14 @@ def _step(
         _symmetric(a @ b @ inverse)
         for a, b, inverse in zip(dx, ds, point.s_inverse, strict=True)
     ]
-    dy, dx, ds = _direction(program, point, schur, max(centring, 1e-3) * mu, correction)
+    dy, dx, ds = _direction(program, terms, point, schur, max(centring, 1e-3) * mu, correction)
     primal, dual = _longest(point.s_root, ds), _longest(point.x_root, dx)
     return dy, dx, primal, dual
 
 
 def _direction(
     program: MomentProgram,
+    terms: list[_Terms],
     point: _Point,
     schur: tuple[FloatArray, bool],
     mu: float,
@@ -136,7 +172,7 @@ def _direction(
         mu * inverse - extra for inverse, extra in zip(point.s_inverse, correction, strict=True)
     ]
     dy = cho_solve(schur, -program.dual_residual(goals), check_finite=False)
-    ds = [np.tensordot(dy, block[1:], axes=1) for block in program.blocks]
+    ds = [one.combined(dy) for one in terms]
     dx = [
         goal - x - _symmetric(x @ slope @ inverse)
         for goal, x, slope, inverse in zip(goals, point.x, ds, point.s_inverse, strict=True)
@@ -144,18 +180,18 @@ def _direction(
     return dy, dx, ds
 
 
-def _schur_complement(program: MomentProgram, point: _Point) -> FloatArray:
-    """Return M_ij = ⟨G_i, G_j⟩ with G_j = (root of X)ᵀ A_j (root of S)⁻ᵀ."""
-    unknowns = program.moments - 1
+def _schur_complement(terms: list[_Terms], point: _Point, unknowns: int) -> FloatArray:
+    """Return M_ij = ⟨G_i, G_j⟩ with G_j = (root of X)ᵀ A_j (root of S)⁻ᵀ; lower triangle."""
     found = np.zeros((unknowns, unknowns), order="F")
-    for block, x_root, s_root in zip(program.blocks, point.x_root, point.s_root, strict=True):
-        size = len(x_root)
+    for one, x_root, s_root in zip(terms, point.x_root, point.s_root, strict=True):
+        size, count = len(x_root), len(one.unknowns)
         right = solve_triangular(s_root, np.eye(size), lower=True, check_finite=False).T
-        scaled = x_root.T @ (block[1:].reshape(-1, size) @ right).reshape(-1, size, size)
-        found = blas.dsyrk(
-            1.0, scaled.reshape(unknowns, -1).T, beta=1.0, c=found, trans=1, lower=1,
-            overwrite_c=1,
-        )  # fmt: skip
+        scaled = x_root.T @ (one.slopes.reshape(-1, size) @ right).reshape(-1, size, size)
+        flat = scaled.reshape(count, -1).T
+        if count == unknowns:
+            found = blas.dsyrk(1.0, flat, beta=1.0, c=found, trans=1, lower=1, overwrite_c=1)
+        else:
+            found[np.ix_(one.unknowns, one.unknowns)] += blas.dsyrk(1.0, flat, trans=1, lower=1)
     return np.asarray(found)
 
 

@@ -81,6 +81,69 @@ class RowSector:
         return self.degree >= other.degree and replace(self, degree=other.degree) == other
 
 
+@dataclass(frozen=True, order=True)
+class UnsignedSector:
+    """The products with one behaviour under all symmetries, column signs not among them.
+
+    Where the signs of the columns are fixed, m of any parity may occur at any joint.
+
+    Parameters
+    ----------
+    charge
+        Sum c of all m, not negative.
+    spin
+        Total spin L to which the product is coupled.
+    degree
+        Largest degree d in the entries of J.
+    locked
+        Whether joint 0 is locked, so that only the others are permuted.
+
+    Raises
+    ------
+    InputError
+        Unless all are non-negative and c ≡ d (mod 2).
+    """
+
+    charge: int
+    spin: int
+    degree: int
+    locked: bool = False
+
+    def __post_init__(self) -> None:
+        values = (self.charge, self.spin, self.degree)
+        if min(values) < 0 or (self.charge - self.degree) % 2:
+            allowed = "non-negative integers with c ≡ d modulo 2"
+            raise InputError("unsigned sector (c, L, d)", values, allowed)
+
+    @property
+    def odd(self) -> int:
+        """0: no joints are set apart by their parity."""
+        return 0
+
+    def places(self, joints: int) -> tuple[range, ...]:
+        """Return the groups of joints: the locked one if any, the others."""
+        return (range(1), range(1, joints)) if self.locked else (range(joints),)
+
+    def label_sets(self, joints: int) -> list[tuple[tuple[Label, ...], ...]]:
+        """Return the labels that the groups of `joints` joints can carry."""
+        labels = sorted(_labels_of_parity(0, self.degree) + _labels_of_parity(1, self.degree))
+        heads: list[tuple[tuple[Label, ...], ...]] = [()]
+        if self.locked:
+            heads = [((),), *(((label,),) for label in labels)]
+        found = []
+        for head in heads:
+            taken = [label for part in head for label in part]
+            left = self.degree - sum(map(label_degree, taken))
+            charge = self.charge - sum(m for _, m in taken)
+            found += [
+                (*head, rest)
+                for size in range(joints - len(head) + 1)
+                for rest in _multisets(labels, size, left)
+                if sum(m for _, m in rest) == charge
+            ]
+        return found
+
+
 def label_degree(label: Label) -> int:
     """Return the degree of D^l_{Mm} as a polynomial in the entries of J."""
     spin, m = label

@@ -1,0 +1,243 @@
+"""Every condition with the signs of the null vector holds at configurations at their own t."""
+
+from __future__ import annotations
+
+from math import comb
+from types import ModuleType, SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from formulations.bounds.so3_moments import null_vector_bound
+from formulations.bounds.so3_moments.blocks.null_vector import (
+    Form,
+    FormLocaliser,
+    deviation_form,
+    gram_form,
+    krylov_form,
+    null_vector_deviation,
+    signs_by_null_vector,
+)
+from formulations.bounds.so3_moments.blocks.sampled_blocks import SectorBlocks
+from formulations.bounds.so3_moments.fixed_worst_case import Conditions
+from formulations.bounds.so3_moments.max_min_bound import max_min_bound
+from formulations.bounds.so3_moments.null_vector_bound import (
+    UnsignedConditions,
+    unsigned_families,
+    unsigned_sectors,
+)
+from formulations.bounds.so3_moments.programs.moment_program import (
+    joined_program,
+    margin_program,
+    moment_program,
+)
+from formulations.bounds.so3_moments.programs.predictor_corrector import (
+    solve_with_predictor_corrector,
+)
+from formulations.bounds.so3_moments.representations.permuted_rows import PermutedRows
+from formulations.bounds.so3_moments.representations.row_sectors import (
+    RowSector,
+    UnsignedSector,
+    degree_sectors,
+)
+from formulations.bounds.so3_moments.representations.wigner import jacobians_of
+from nlp.arrays import FloatArray
+from nlp.errors import InputError
+
+SMALL = UnsignedConditions(
+    plain=(),
+    near=unsigned_sectors(2, range(2)),
+    scaled=unsigned_sectors(1, range(2)),
+    gram=unsigned_sectors(2, range(2), locked=True)
+    + unsigned_sectors(1, range(2), locked=True),
+    krylov=unsigned_sectors(2, range(2), locked=True),
+)
+
+
+def worst_case(rotations: FloatArray) -> float:
+    """Return the squared worst case of one configuration, by SVD."""
+    (jacobian,) = jacobians_of(rotations)
+    kept = [np.delete(jacobian, f, axis=1) for f in range(7)]
+    return min(float(np.linalg.svd(j, compute_uv=False)[-1]) for j in kept) ** 2
+
+
+def near(rotations: FloatArray, distance: float, seed: int) -> FloatArray:
+    """Turn every joint by a random angle of about the distance, and flip random columns."""
+    rng = np.random.default_rng(seed)
+    turns = Rotation.from_rotvec(distance * rng.standard_normal((7, 3))).as_matrix()
+    turned = turns @ rotations[0]
+    turned[..., :2] *= rng.choice([-1.0, 1.0], (7, 1, 1))
+    return turned[None]
+
+
+def configurations(attained: FloatArray, so3: SimpleNamespace) -> list[FloatArray]:
+    """Return random configurations, and some near the best known one."""
+    scattered = list(so3.haar_rotations(11, 3, 7)[:, None])
+    return scattered + [near(attained, d, k) for k, d in enumerate((0, 1e-3, 0.03, 0.1, 0.3))]
+
+
+def lowest(where: FloatArray, t: float, conditions: UnsignedConditions = SMALL) -> float:
+    return min(
+        float(np.linalg.eigvalsh(block[0])[0])
+        for family in unsigned_families(conditions, t)
+        for block in family.evaluate(where)
+    )
+
+
+def test_all_conditions_hold_at_their_own_worst_case(
+    attained: tuple[FloatArray, float], so3: SimpleNamespace
+) -> None:
+    for where in configurations(attained[0], so3):
+        assert lowest(signs_by_null_vector(where), worst_case(where) - 1e-9) > -1e-9
+
+
+def test_other_signs_and_a_larger_worst_case_do_not_meet_them(
+    attained: tuple[FloatArray, float],
+) -> None:
+    where = signs_by_null_vector(attained[0])
+    assert lowest(where, 0.333) < -1e-3
+    where[0, 3, :, :2] *= -1
+    assert lowest(where, attained[1] - 1e-9) < -0.1
+
+
+def test_the_deviation_is_bounded_by_the_worst_case(
+    attained: tuple[FloatArray, float], so3: SimpleNamespace
+) -> None:
+    """7 − (Σn_f)² = sᵀM⁻¹s ≤ δ₀, and n_f² ≥ t/(2 + t)."""
+    for where in configurations(attained[0], so3):
+        (jacobian,) = jacobians_of(signs_by_null_vector(where))
+        null = np.abs(np.linalg.svd(jacobian)[2][-1])
+        total, t = jacobian.sum(axis=1), worst_case(where)
+        spread = total @ np.linalg.solve(jacobian @ jacobian.T, total)
+        assert spread == pytest.approx(7 - null.sum() ** 2, abs=1e-9)
+        assert spread <= null_vector_deviation(t)
+        assert null.min() ** 2 >= t / (2 + t) - 1e-12
+
+
+@pytest.mark.parametrize(
+    ("form", "written_out"),
+    [
+        (gram_form(0.3), lambda j, f: (np.delete(j, f, 1).sum(1) ** 2).sum() / 6 - 0.3),
+        (
+            krylov_form(0.3),
+            lambda j, f: ((np.delete(j, f, 1).T @ j[:, f]) ** 2).sum() / 2 - 0.3,
+        ),
+        (
+            deviation_form(0.01),
+            lambda j, f: (
+                (0.01 * ((j.T @ j[:, f]) ** 2).sum() - (j.sum(1) @ j[:, f]) ** 2) / 0.72
+            ),
+        ),
+    ],
+)
+def test_without_polynomials_it_is_the_mean_form(
+    form: Form, written_out: object, so3: SimpleNamespace
+) -> None:
+    where = so3.haar_rotations(3, 1, 7)
+    (jacobian,) = so3.jacobian(where)
+    (block,) = FormLocaliser(UnsignedSector(0, 0, 0, True), form).evaluate(where)
+    assert callable(written_out)
+    mean = np.mean([written_out(jacobian, f) for f in range(7)])
+    np.testing.assert_allclose(block[0, 0, 0], mean)
+
+
+@pytest.mark.parametrize("sector", [(1, 1, 3, False), (2, 1, 2, True), (1, 2, 3, True)])
+def test_blocks_keep_all_symmetries_but_the_sign_of_one_column(
+    sector: tuple[int, int, int, bool], so3: SimpleNamespace
+) -> None:
+    one = UnsignedSector(*sector)
+    family = FormLocaliser(one, gram_form(0.3)) if one.locked else SectorBlocks(one, 7)
+    here = so3.haar_rotations(1, 1, 7)
+    rng = np.random.default_rng(2)
+    frame = so3.haar_rotations(5, 1, 1)[0, 0]
+    phase = Rotation.from_rotvec([0, 0, 0.7]).as_matrix() @ np.diag([1.0, -1.0, -1.0])
+    there = frame @ here[:, rng.permutation(7)] @ phase
+    flipped = there.copy()
+    flipped[0, 2, :, :2] *= -1
+    changes = []
+    for a, b, c in zip(*(family.evaluate(x) for x in (here, there, flipped)), strict=True):
+        np.testing.assert_allclose(a, b, atol=1e-11)
+        changes.append(np.abs(a - c).max())
+    assert max(changes) > 1e-3
+
+
+def test_the_plain_average_is_the_same_sum(so3: SimpleNamespace, plain: ModuleType) -> None:
+    family = SectorBlocks(UnsignedSector(1, 1, 3), 5)
+    roots = [np.random.default_rng(size).standard_normal((size, size)) for size in family.sizes]
+    multipliers = [root @ root.T for root in roots]
+    where = so3.haar_rotations(5, 2, 5)
+    blocks = family.evaluate(where)
+    short = sum(np.tensordot(b, x, axes=2) for x, b in zip(multipliers, blocks, strict=True))
+    found = plain.averaged_sum_of_squares(family, where, multipliers)
+    np.testing.assert_allclose(found, short)
+
+
+def test_joined_spaces_give_the_bound_of_one_space() -> None:
+    """Functions 1, a, b and 1, a, c: the joined program distinguishes 1, a, b, c."""
+    rng = np.random.default_rng(0)
+    a, b, c = rng.uniform(-1, 1, (3, 40))
+
+    def two(x: FloatArray, y: FloatArray) -> FloatArray:
+        """Return [[1 + x, y], [y, 1 − x]], and so x² + y² ≤ 1."""
+        return np.stack([np.stack([1 + x, y], -1), np.stack([y, 1 - x], -1)], -1)
+
+    first, second = [two(a, b)], [two(a, c), (a - 1.5)[:, None, None]]
+    joined = joined_program(first, second, [(1 + a)[:, None, None]])
+    assert joined.moments == 4
+    together = moment_program(a, [*first, *second])
+    margins = []
+    for program in (joined, together):
+        outcome = solve_with_predictor_corrector(margin_program(program), gap=1e-9)
+        assert outcome.multipliers is not None
+        margins.append(margin_program(program).dual_value(outcome.multipliers))
+    # a ≤ 1 − s from the blocks, a ≥ 1.5 + s from the last condition: s = −1/4.
+    np.testing.assert_allclose(margins, 0.25, atol=1e-6)
+
+
+@pytest.mark.parametrize("values", [(1, 0, 2), (0, -1, 2)])
+def test_impossible_sectors_are_refused(values: tuple[int, int, int]) -> None:
+    with pytest.raises(InputError):
+        UnsignedSector(*values)
+
+
+def test_unsigned_rows_of_one_parity_pattern_are_those_of_the_signed_sectors() -> None:
+    """Every row has some number of odd joints, so the numbers of plain rows agree."""
+
+    def rows(sector: RowSector | UnsignedSector) -> int:
+        places = sector.places(7)
+        sets = sector.label_sets(7)
+        return sum(PermutedRows(labels, places, sector.spin).length for labels in sets)
+
+    signed = sum(comb(7, k) * rows(RowSector(k, 2, 1, 4)) for k in (0, 2, 4))
+    assert rows(UnsignedSector(2, 1, 4)) == signed
+
+
+@pytest.mark.parametrize("deviation", [None, -0.5])
+def test_a_small_program_excludes_what_is_impossible_and_not_what_is_attained(
+    deviation: float | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A negative δ₀ asks for |s|² < 0."""
+    monkeypatch.setattr(null_vector_bound, "_SAMPLES", 120)
+    if deviation is not None:
+        monkeypatch.setattr(null_vector_bound, "null_vector_deviation", lambda _: deviation)
+    signed = Conditions(
+        plain=tuple(RowSector(k, c, 0, 4) for k in (0, 2, 4) for c in (0, 2)),
+        scaled=tuple(degree_sectors(2, range(3))),
+    )
+    unsigned = UnsignedConditions(
+        plain=unsigned_sectors(2, range(3)) + unsigned_sectors(1, range(2)),
+        near=unsigned_sectors(1, range(2)),
+        scaled=(UnsignedSector(0, 0, 0),),
+        gram=(UnsignedSector(0, 0, 0, True), *unsigned_sectors(1, range(2), locked=True)),
+        krylov=(UnsignedSector(0, 0, 0, True),),
+    )
+    margin, evidence = null_vector_bound.exclude_with_signs(0.3265, signed, unsigned)
+    assert evidence.status == ("optimal" if deviation is None else "enough")
+    assert (margin < 0) == (deviation is not None)
+    assert evidence.check["leftover"] < max(1e-6, -margin)
+
+
+def test_no_proof_is_claimed() -> None:
+    with pytest.raises(InputError):
+        max_min_bound("null-vector", 7, rigorous=True)
