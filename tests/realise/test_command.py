@@ -91,7 +91,7 @@ def test_figures_and_files(realise, folder):
         (["planar.json", "--criterion", "reach", "--order", "0,1,2"], "none with --order"),
         (["planar.json", "--to", "figure", "--json"], "none with --to figure"),
         (["planar.json", "--to", "figure", "--out", "a.gif"], "kind of figure is gif"),
-        (["planar.json", "--to", "urdf", "--out", "planar.json/x"], "folder of --out"),
+        (["planar.json", "--to", "urdf", "--out", "planar.json/x"], "--out is planar.json/x"),
         (["planar.json", "--task", "spatial"], "task is spatial; allowed: planar"),
         (["planar.json", "--length", "-1"], "allowed: a finite number above 0"),
         (["seven.npy", "--kinds", "PRRRRRR"], "column 0 is"),
