@@ -56,7 +56,8 @@ def rows(
 def solutions(joints: int, seed: int, starts: int) -> list[Solution]:
     """Residual minimisation from random starts."""
     arm = Arm.of(UnitRevolute(), joints)
-    return search(partial(residual.build, arm), arm.sample, starts, seed, {"tol": 1e-12})
+    build = partial(residual.build, arm, hessian="exact")
+    return search(build, arm.sample, starts, seed, {"tol": 1e-12})
 
 
 def polished(solution: Solution) -> FloatArray:

@@ -27,7 +27,7 @@ from nlp.errors import InputError
 _RANK_TOLERANCE = 1e-6
 # Corrections first leave out directions that the equations hardly see: where the rank is
 # about to drop, a full step goes far along them for nothing.
-_CUTOFFS = (3e-3, 1e-6)
+_CUTOFFS = (3e-3, 1e-6, 1e-8)
 _RESIDUAL_TOLERANCE = 1e-13
 _CORRECTIONS = 50
 

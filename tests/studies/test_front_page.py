@@ -56,7 +56,7 @@ def test_a_minimum_is_global_only_where_the_bound_meets_it(tables):
     text = item({**tables, "bounds": loose}, "The residual minimum")
     assert len(text) == 1
     assert "global" not in text[0]
-    assert "Rigorously, nothing is below 0.05596." in text[0]
+    assert "Rigorously, nothing is below 0.05665." in text[0]
 
 
 def test_a_minimum_is_one_jacobian_only_where_one_was_counted(tables):
