@@ -14,8 +14,7 @@ from itertools import permutations
 
 import numpy as np
 import numpy.typing as npt
-from scipy import ndimage
-from scipy.optimize import differential_evolution, minimize
+from scipy import ndimage, optimize
 
 from formulations.robots.planar_workspace import Planar3R
 from formulations.robots.reachable_sets import SLICE, ReachableSets, check_grid
@@ -459,7 +458,7 @@ def _best_planar(
     # Two populations, with it and without: it attracts the first to its own optimum.
     found = min(
         (
-            differential_evolution(
+            optimize.differential_evolution(
                 merit,
                 bounds,
                 x0=x0,
@@ -475,7 +474,9 @@ def _best_planar(
     )
     progress("Nelder–Mead")
     options = {"xatol": 1e-5, "fatol": 1e-8 * total**2, "maxiter": 10 * generations}
-    found = minimize(merit, found.x, method="Nelder-Mead", bounds=bounds, options=options)
+    found = optimize.minimize(
+        merit, found.x, method="Nelder-Mead", bounds=bounds, options=options
+    )
     best = stated(found.x)
     chosen = arm.with_links(best.lengths) if lengths else arm
     return chosen, _in_joints(chosen, best)
