@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+from math import radians
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import numpy as np
 import typer
 
 from formulations.commands import robot_arguments as robot
@@ -106,10 +106,10 @@ def workspace(
     picture = kind_of(prepare_file(figure, "--figure", [file])) if figure else ""
     if out is not None:
         prepare_file(out, inputs=[file])
-    size = voxel or float(np.sum(arm.links)) / 50
-    check_grid(arm, size, float(np.deg2rad(step)))
+    size = voxel or float(sum(arm.links)) / 50
+    check_grid(arm, size, radians(step))
     if optimise is not None:
-        width, both = float(np.deg2rad(least_width)), optimise == "lengths"
+        width, both = radians(least_width), optimise == "lengths"
         arm, chosen = best_limits(
             arm,
             size,
@@ -119,7 +119,7 @@ def workspace(
             seed=seed,
             progress=show_progress,
         )
-    found = found_workspace(arm, chosen, size, float(np.deg2rad(step)), show_progress)
+    found = found_workspace(arm, chosen, size, radians(step), show_progress)
     show_progress("")
     if figure is not None:
         from formulations.figures.workspace import draw

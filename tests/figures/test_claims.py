@@ -12,6 +12,7 @@ from itertools import combinations
 import numpy as np
 import pytest
 
+from formulations.catalogue import arm, certified_bound
 from formulations.figures import FIGURES, figure_1, optima, trade_off
 from formulations.figures.picture import Request
 from formulations.reproduction import reference
@@ -125,7 +126,8 @@ def recomputed(name, picture):
             found += [sigma for _, sigma in ends]
         return found
     seven = [one for one in RECORDS if one.trusted and one.jacobian.shape == (6, 7)]
-    found = [np.sqrt(1 / 3), 0.5763216, *(worst(one.jacobian) for one in seven)]
+    proved = certified_bound("max-min", arm("unit-revolute", 7)).value
+    found = [np.sqrt(1 / 3), proved, *(worst(one.jacobian) for one in seven)]
     if name == "singular-values":
         values = table[table["locked_joint"].notna()].groupby("jacobian")["value"].min()
         for value in values:

@@ -228,7 +228,7 @@ def test_messages_stay_short(made):
 def test_time_is_linear_in_links():
     """Where it was quadratic, 10 000 links took more than ten seconds."""
     n = 10_000
-    limit = SimpleNamespace(lower=-1.0, upper=1.0)
+    limit = SimpleNamespace(lower=-1.0, upper=1.0, velocity=1.0)
     more = {"type": "revolute", "limit": limit, "mimic": None}
     more |= {"origin": np.eye(4), "axis": np.array([0.0, 0.0, 1.0])}
     joints = [SimpleNamespace(name=str(k), parent=k, child=k + 1, **more) for k in range(n)]
