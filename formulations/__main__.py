@@ -1,10 +1,12 @@
 """Entry point of ``lockedjoint`` and of ``python -m formulations``."""
 
+import os
 import sys
 
 from nlp.interrupts import INTERRUPTED, answer_interrupts, settle_interrupts
 
 USAGE_ERROR = 2
+BROKEN_PIPE = 1
 
 
 def main() -> None:
@@ -27,15 +29,21 @@ def _run() -> int:
     from formulations.commands.app import app
     from nlp.errors import LockedJointError
 
+    command = typer.main.get_command(app)
     try:
-        status = app(sys.argv[1:] or ["--help"], standalone_mode=False)
+        # Not by calling it: an interrupt that Typer answers would be one without a sentence.
+        with command.make_context("lockedjoint", sys.argv[1:] or ["--help"]) as context:
+            command.invoke(context)
+    except typer.Exit as ended:
+        return ended.exit_code
     except LockedJointError as error:
         return _fail(str(error), error.exit_status)
     except typer.TyperException as error:
         return _fail(error.format_message(), USAGE_ERROR)
-    except typer.Abort:
-        raise KeyboardInterrupt from None
-    return status if isinstance(status, int) else 0
+    except BrokenPipeError:  # whoever reads the output has ended; nor can the rest be flushed
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return BROKEN_PIPE
+    return 0
 
 
 def _fail(sentence: str, status: int) -> int:

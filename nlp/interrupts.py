@@ -1,12 +1,14 @@
 """Ctrl-C: answered at once, or held back until something is finished."""
 
+import atexit
 import io
 import os
 import signal
+import sys
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager, redirect_stderr
+from contextlib import ExitStack, contextmanager, redirect_stderr, suppress
 from types import FrameType
 
 INTERRUPTED = 130  # exit status
@@ -28,12 +30,17 @@ def answer_interrupts() -> None:
     """
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         signal.signal(signal.SIGINT, _raise)
+        # The last of all: while Python takes itself down there is nothing left to interrupt.
+        atexit.register(signal.signal, signal.SIGINT, signal.SIG_IGN)
 
 
 def settle_interrupts() -> None:
-    """Raise KeyboardInterrupt if a Ctrl-C was held back and not answered; stop listening."""
+    """Raise KeyboardInterrupt if a Ctrl-C was held back and not answered; stop listening.
+
+    A later one ends the process at once, with the same sentence and status.
+    """
     if signal.getsignal(signal.SIGINT) is _raise:
-        signal.signal(signal.SIGINT, signal.SIG_DFL)  # the next one ends the process
+        signal.signal(signal.SIGINT, _end)
     _alarm(0)
     if _pressed is not None:
         raise KeyboardInterrupt
@@ -45,12 +52,19 @@ def _raise(_: int, frame: FrameType | None) -> None:
     _pressed = _pressed or now
     if _importing(frame):
         if now - _pressed > _LONGEST:
-            os.write(2, b"Interrupted.\n")
-            os._exit(INTERRUPTED)
+            _end(_, frame)
         if _alarm(_AGAIN):
             return
     _pressed = None
     raise KeyboardInterrupt
+
+
+def _end(_: int, __: FrameType | None) -> None:
+    """End this process where an exception would be lost, or be shown with a traceback."""
+    with suppress(Exception):  # the output of a command that was about to end
+        sys.stdout.flush()
+    os.write(2, b"Interrupted.\n")
+    os._exit(INTERRUPTED)
 
 
 def _alarm(seconds: float) -> bool:
@@ -115,13 +129,13 @@ def deferred_interrupt(limited: bool = False) -> Iterator[None]:
             quiet.enter_context(redirect_stderr(io.StringIO()))  # CasADi's own message
             raise KeyboardInterrupt
 
-    signal.signal(signal.SIGINT, hold)
-    try:
-        with quiet:
+    with quiet:  # closed last: an alarm of the last moment must not redirect for good
+        signal.signal(signal.SIGINT, hold)
+        try:
             yield
-    finally:
-        if pressed:
-            _alarm(0)
-        signal.signal(signal.SIGINT, before)
+        finally:
+            signal.signal(signal.SIGINT, before)
+            if pressed:
+                _alarm(0)
     if pressed:
         raise KeyboardInterrupt

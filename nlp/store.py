@@ -79,6 +79,8 @@ class Store(AbstractContextManager["Store", None]):
             if writable:
                 self._lock = WriterLock(path)
                 opened.callback(self._lock.release)
+            else:
+                opened.callback(self._remove_empty_log)
             self._database = self._connected(writable)
             opened.callback(lambda: self._database.close())
             if writable:
@@ -102,6 +104,23 @@ class Store(AbstractContextManager["Store", None]):
         with suppress(sqlite3.OperationalError):  # others read the log
             self._database.execute("PRAGMA busy_timeout = 100")
             self._database.execute("PRAGMA wal_checkpoint(TRUNCATE)")
+
+    def _beside(self, ending: str) -> Path:
+        """Return a file of SQLite's; it is beside what a link leads to."""
+        whole = self.path.resolve()
+        return whole.with_name(whole.name + ending)
+
+    def _remove_empty_log(self) -> None:
+        """Have SQLite remove the empty log that it made to read the store.
+
+        It does when the last connection that could write is closed: not while others read or
+        write. There is nothing in the log that this connection could bring into the file.
+        """
+        with suppress(OSError, sqlite3.Error):
+            if self._beside("-wal").stat().st_size == 0 and not self._beside("-journal").exists():
+                uri = f"{self.path.absolute().as_uri()}?mode=rw"
+                with closing(sqlite3.connect(uri, uri=True, timeout=0)) as writing:
+                    writing.execute("PRAGMA schema_version").fetchone()
 
     @property
     def damaged(self) -> tuple[Damage, ...]:
@@ -401,7 +420,7 @@ class Store(AbstractContextManager["Store", None]):
                 sqlite3.SQLITE_READONLY,
             ):
                 raise
-            log = self.path.with_name(f"{self.path.name}-wal")
+            log = self._beside("-wal")
             if log.exists() and log.stat().st_size:
                 allowed = (
                     f"one in a folder to write to, since its last records are in {log.name}"

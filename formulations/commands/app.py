@@ -1,13 +1,9 @@
 """The command line ``lockedjoint``: names the commands; each is a file in `commands`."""
 
-from collections.abc import Callable
-from functools import wraps
 from importlib import import_module
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
-
-from nlp.interrupts import INTERRUPTED
 
 # In the order in which the help lists them; each is the function of its name in its file.
 COMMANDS = (
@@ -41,23 +37,9 @@ app = typer.Typer(
 )
 
 
-def _interruptible(command: Callable[..., None]) -> Callable[..., None]:
-    """Return the command with a sentence after Ctrl-C; Typer would end without one."""
-
-    @wraps(command)
-    def run(*arguments: Any, **settings: Any) -> None:
-        try:
-            command(*arguments, **settings)
-        except KeyboardInterrupt:
-            typer.echo("Interrupted.", err=True)
-            raise typer.Exit(INTERRUPTED) from None
-
-    return run
-
-
 for name in COMMANDS:
     module = import_module(f"formulations.commands.{name}")
-    app.command()(_interruptible(getattr(module, name)))
+    app.command()(getattr(module, name))
 
 
 def _print_version(wanted: bool) -> None:

@@ -1,10 +1,13 @@
 """Ctrl-C is answered once, whatever swallows exceptions meanwhile."""
 
+import signal
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+
+from nlp import interrupts
 
 ROOT = Path(__file__).parents[2]
 SWALLOWS = """
@@ -72,3 +75,27 @@ def test_an_interrupt_is_answered_once(tmp_path, case):
     script.write_text(path + BEGIN + body + END)
     done = subprocess.run([sys.executable, script], capture_output=True, text=True, check=False)
     assert (done.stdout.strip(), done.stderr) == (said, "")
+
+
+def test_after_the_work_it_ends_the_process_in_the_same_words():
+    """Python would show a traceback of an exception that is raised while it ends."""
+    path = f"import sys; sys.path.insert(0, {str(ROOT)!r})"
+    ending = "import atexit; atexit.register(signal.raise_signal, signal.SIGINT)\n"
+    script = path + BEGIN + "    pass\nfinally: settle_interrupts()\nprint('output')\n" + ending
+    done = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, check=False
+    )
+    assert (done.returncode, done.stdout, done.stderr) == (130, "output\n", "Interrupted.\n")
+
+
+def test_a_late_alarm_does_not_hide_what_is_written_afterwards(monkeypatch):
+    """Between the end of the block and that of the alarm, the handler is the one from before."""
+    monkeypatch.setattr(interrupts, "_alarm", lambda _: signal.raise_signal(signal.SIGINT))
+    before, stderr = signal.getsignal(signal.SIGINT), sys.stderr
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        with pytest.raises(KeyboardInterrupt), interrupts.deferred_interrupt():
+            signal.raise_signal(signal.SIGINT)
+        assert sys.stderr is stderr
+    finally:
+        signal.signal(signal.SIGINT, before)

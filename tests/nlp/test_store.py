@@ -307,6 +307,25 @@ def without_privileges():
         os.seteuid(0)
 
 
+def test_reading_leaves_no_file_beside_a_store(tmp_path):
+    path = filled(tmp_path / "s.db")
+    (tmp_path / "link.db").symlink_to(path)
+    with Store(tmp_path / "link.db", SCHEMA) as one:
+        with Store(path, SCHEMA) as other:
+            assert other.count() == 5
+        assert (tmp_path / "s.db-shm").exists(), "another one reads"
+        assert len(list(one.rows())) == 5
+    assert sorted(os.listdir(tmp_path)) == ["link.db", "s.db"]
+    with Store(path, SCHEMA) as reader:
+        with Store(path, SCHEMA, writable=True) as store:
+            store.add(1, [(9, record(9.0))], "v1")
+            with Store(path, SCHEMA) as another:
+                assert another.count() == 6
+            store.add(1, [(10, record(9.0))], "v1")
+        assert reader.count() == 7
+    assert sorted(os.listdir(tmp_path)) == ["link.db", "s.db"]
+
+
 @pytest.mark.skipif(not hasattr(os, "seteuid"), reason="no users")
 @pytest.mark.parametrize("log", [None, b"", b"records"])
 def test_a_store_in_a_folder_that_is_not_writable_can_be_read(log):

@@ -207,6 +207,8 @@ def test_a_name_is_a_path(made, tmp_path, monkeypatch):
         assert len(read_urdf(path).joints) == 7
     with pytest.raises(FileError, match="no such file"):
         read_urdf("none.urdf")
+    with pytest.raises(FileError, match="null"):
+        read_urdf("a\0b")
 
 
 def test_a_file_that_is_too_large(made, tmp_path, monkeypatch):
