@@ -13,20 +13,22 @@ from types import FrameType
 
 INTERRUPTED = 130  # exit status
 
-_AGAIN = 0.02  # seconds until the handler looks again whether an import has ended
-_LONGEST = 1.0  # seconds that an import may hold an interrupt back
+_CASADI = os.path.join("casadi", "casadi.py")  # noqa: PTH118
+_AGAIN = 0.02  # seconds until the handler looks again whether it may raise
+_LONGEST = 1.0  # seconds that an interrupt may be held back
 _TO_END = 0.7  # seconds that a start has to end after Ctrl-C
 
 _pressed: float | None = None  # when, as long as it is not answered
 
 
 def answer_interrupts() -> None:
-    """Raise KeyboardInterrupt at Ctrl-C, but not inside of an import or of generated code.
+    """Raise KeyboardInterrupt at Ctrl-C, but not where it would be lost.
 
     Extension modules swallow an exception that is raised while they are imported, or turn it
-    into another one: the interrupt would be lost. After one that was raised in generated code,
-    Python exits with another status. For command lines; does nothing where another handler
-    than Python's own is in place.
+    into another one, and CasADi one that is raised in Python code which it calls, for instance
+    to convert an argument. After one that was raised in generated code, Python exits with
+    another status. For command lines; does nothing where another handler than Python's own is
+    in place.
     """
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         signal.signal(signal.SIGINT, _raise)
@@ -50,7 +52,7 @@ def _raise(_: int, frame: FrameType | None) -> None:
     global _pressed
     now = time.monotonic()
     _pressed = _pressed or now
-    if _importing(frame):
+    if _is_lost(frame):
         if now - _pressed > _LONGEST:
             _end(_, frame)
         if _alarm(_AGAIN):
@@ -85,9 +87,14 @@ def _look_again(_: int, frame: FrameType | None) -> None:
         handler(signal.SIGINT, frame)
 
 
-def _importing(frame: FrameType | None) -> bool:
+def _is_lost(frame: FrameType | None) -> bool:
+    """Whether an exception may not get through: in an import, or in what CasADi calls."""
+    innermost = frame
     while frame is not None and frame.f_back is not None:
-        if frame.f_code.co_filename.startswith(("<frozen importlib", "<string>")):
+        file = frame.f_code.co_filename
+        if file.startswith(("<frozen importlib", "<string>")):
+            return True
+        if file.endswith(_CASADI) and frame is not innermost:
             return True
         frame = frame.f_back
     return False

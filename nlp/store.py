@@ -117,7 +117,10 @@ class Store(AbstractContextManager["Store", None]):
         write. There is nothing in the log that this connection could bring into the file.
         """
         with suppress(OSError, sqlite3.Error):
-            if self._beside("-wal").stat().st_size == 0 and not self._beside("-journal").exists():
+            if (
+                self._beside("-wal").stat().st_size == 0
+                and not self._beside("-journal").exists()
+            ):
                 uri = f"{self.path.absolute().as_uri()}?mode=rw"
                 with closing(sqlite3.connect(uri, uri=True, timeout=0)) as writing:
                     writing.execute("PRAGMA schema_version").fetchone()

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 import os
 from collections import Counter
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from graphlib import CycleError, TopologicalSorter
@@ -34,11 +35,12 @@ _XACRO = "plain URDF (run xacro on the file first)"
 _KINEMATIC = ("parent", "child", "origin", "axis", "limit", "mimic")
 # How many numbers each attribute has.
 _NUMBERS = {
-    "origin": (("xyz", 3), ("rpy", 3)),
-    "axis": (("xyz", 3),),
-    "limit": (("lower", 1), ("upper", 1), ("velocity", 1)),
-    "mimic": (("multiplier", 1), ("offset", 1)),
+    **{("origin", "xyz"): 3, ("origin", "rpy"): 3, ("axis", "xyz"): 3},
+    **{("limit", "lower"): 1, ("limit", "upper"): 1, ("limit", "velocity"): 1},
+    **{("mimic", "multiplier"): 1, ("mimic", "offset"): 1},
 }
+_REQUIRED = (("parent", "link"), ("child", "link"), ("mimic", "joint"))
+_NAMES = {attribute for _, attribute in _REQUIRED}
 _INSTALL = "an installed yourdfpy, which 'pip install yourdfpy' provides"
 # Limits may be of any size, and infinite.
 _LARGEST = {"limit": math.inf}
@@ -199,34 +201,47 @@ def _xml(content: bytes) -> _Element:
 
 
 def _kinematic_part(root: _Element) -> _Element:
-    """Return what of the robot bears on kinematics; check that all required parts exist."""
-    from lxml import etree
+    """Leave of the robot what bears on kinematics; check that all required parts exist."""
+    name = root.get("name", "robot")
+    root.attrib.clear()
+    root.set("name", name)
+    for element in list(root):
+        if element.tag == "link":
+            link = _attribute(element, "name", "a link")
+            element.clear()
+            element.set("name", link)
+        elif element.tag == "joint":
+            _keep_kinematics(element)
+        else:
+            root.remove(element)
+    return root
 
-    reduced = etree.Element("robot", name=root.get("name", "robot"))
-    for link in root.findall("link"):
-        etree.SubElement(reduced, "link", name=_attribute(link, "name", "a link"))
-    for joint in root.findall("joint"):
-        name = _attribute(joint, "name", "a joint")
-        kind = _attribute(joint, "type", f"joint {name}")
-        if kind not in KINDS:
-            raise InputError(f"type of joint {name}", kind, "one of " + ", ".join(KINDS))
+
+def _keep_kinematics(joint: _Element) -> None:
+    name = _attribute(joint, "name", "a joint")
+    kind = _attribute(joint, "type", f"joint {name}")
+    if kind not in KINDS:
+        raise InputError(f"type of joint {name}", kind, "one of " + ", ".join(KINDS))
+    parts: dict[str, _Element] = {}
+    for part in list(joint):
         # Where a part is there several times, the first counts.
-        parts = {part.tag: part for part in reversed(joint) if part.tag in _KINEMATIC}
-        for tag, attribute in (("parent", "link"), ("child", "link"), ("mimic", "joint")):
-            part = parts.get(tag)
-            if part is not None:
-                _attribute(part, attribute, f"<{tag}> of joint {name}")
-            elif tag != "mimic":
-                raise InputError(f"joint {name}", f"without <{tag}>", "a parent and a child")
-        copied = etree.SubElement(reduced, "joint", name=name, type=kind)
-        for tag, part in parts.items():
-            etree.SubElement(copied, tag, part.attrib)
-            for attribute, count in _NUMBERS.get(tag, ()):
-                text = part.get(attribute)
-                if text is not None:
-                    where = f"{attribute} of <{tag}> of joint {name}"
-                    _check_numbers(where, text, count, _LARGEST.get(tag, LARGEST))
-    return reduced
+        if part.tag in _KINEMATIC and part.tag not in parts:
+            parts[part.tag] = part
+        else:
+            joint.remove(part)
+    for tag, attribute in _REQUIRED:
+        if tag in parts:
+            _attribute(parts[tag], attribute, f"<{tag}> of joint {name}")
+        elif tag != "mimic":
+            raise InputError(f"joint {name}", f"without <{tag}>", "a parent and a child")
+    for tag, part in parts.items():
+        for attribute, text in part.items():
+            count = _NUMBERS.get((tag, attribute), 0)
+            if count:
+                where = f"{attribute} of <{tag}> of joint {name}"
+                _check_numbers(where, text, count, _LARGEST.get(tag, LARGEST))
+            elif attribute not in _NAMES:
+                del part.attrib[attribute]
 
 
 def _check_numbers(where: str, text: str, count: int, largest: float) -> None:
@@ -286,10 +301,23 @@ def _check_tree(tree: RobotTree) -> None:
     if len(roots) > 1:
         shown = ", ".join(roots[:4])
         raise RobotError("robot", f"in pieces that start at {shown}", "one connected tree")
+    # From the root every link is reached, or else there is a cycle beside.
+    below: dict[str, list[str]] = {}
+    for joint in tree.joints:
+        below.setdefault(joint.parent, []).append(joint.child)
+    reached = roots
+    for link in reached:
+        reached.extend(below.get(link, ()))
+    if len(reached) < len(tree.links):
+        cycle = set(_cycle(tree))
+        shown = ", ".join([link for link in tree.links if link in cycle][:4])
+        allowed = "a tree of links and joints"
+        raise RobotError("robot", f"cyclic (through {shown})", allowed)
+
+
+def _cycle(tree: RobotTree) -> Sequence[str]:
     try:
         TopologicalSorter({joint.child: [joint.parent] for joint in tree.joints}).prepare()
     except CycleError as error:
-        cycle = set(error.args[1])
-        shown = ", ".join([link for link in tree.links if link in cycle][:4])
-        allowed = "a tree of links and joints"
-        raise RobotError("robot", f"cyclic (through {shown})", allowed) from None
+        return list(error.args[1])
+    return ()

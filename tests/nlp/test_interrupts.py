@@ -33,6 +33,14 @@ print(*seen)
 CASES = {
     "import": ("import swallows; time.sleep(5)", "answered"),
     "import at the very end": ("import swallows; settle_interrupts()", "answered"),
+    "conversion by CasADi": (
+        "import casadi as ca\n"
+        "class Odd:\n"
+        "    def __SX__(self): signal.raise_signal(signal.SIGINT); return ca.SX(1)\n"
+        "seen.append(str(ca.sin(Odd()).is_constant()))\n"
+        "time.sleep(5)",
+        "True answered",
+    ),
     "short start": (
         "with deferred_interrupt(limited=True):\n"
         "    signal.raise_signal(signal.SIGINT); seen.append('ended')",

@@ -32,6 +32,15 @@ def test_reads_kinematics_and_nothing_else(made):
     assert (joint.limit.lower, joint.limit.upper) == (-2.0, 2.0)
 
 
+def test_what_does_not_bear_on_kinematics_may_be_wrong(made):
+    """Such as an effort that is no number."""
+    limit = 'lower="-1" upper="1" effort="x" velocity="2"'
+    text = made.urdf([made.joint("a", "0", "1", limit=limit)])
+    text = text.replace("<origin", '<dynamics damping="x"/><!-- x --><origin k="x"')
+    (joint,) = parse_urdf(text.encode()).joints
+    assert (joint.limit.lower, joint.limit.upper, joint.limit.velocity) == (-1, 1, 2)
+
+
 LINK_WITH_BAD_MESH = (
     '<link name="tip"><visual><geometry><nonsense/></geometry></visual>'
     "<inertial><mass/></inertial></link>"
