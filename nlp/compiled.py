@@ -140,7 +140,8 @@ def _compile(code: bytes, command: Sequence[str]) -> Path:
         source, built = Path(scratch, "callbacks.c"), Path(scratch, "callbacks.so")
         source.write_bytes(code)
         build = [*command, "-o", str(built), str(source), "-lm"]
-        subprocess.run(build, check=True, capture_output=True)
+        # In a session of its own: a Ctrl-C is for us, and not a failure of the compiler.
+        subprocess.run(build, check=True, capture_output=True, start_new_session=True)
         content = built.read_bytes()
     library = folder / _library_name(name, content)
     write_bytes(library, content)

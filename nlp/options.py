@@ -172,7 +172,8 @@ def _trial(name: str, value: object) -> tuple[str, str]:
 def _try_linear_solver(options: str) -> None:
     """Solve in another process: some linear solvers, where missing, crash theirs."""
     command = [sys.executable, "-c", _LINEAR_SOLVER_TRIAL, options]
-    if subprocess.run(command, capture_output=True, check=False).returncode != 0:
+    tried = subprocess.run(command, capture_output=True, check=False, start_new_session=True)
+    if tried.returncode != 0:
         allowed = "a linear solver that this Ipopt can load; mumps always is"
         name = json.loads(options)["linear_solver"]
         raise SolverOptionError("Ipopt option linear_solver", name, allowed)

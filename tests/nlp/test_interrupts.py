@@ -97,7 +97,7 @@ def test_after_the_work_it_ends_the_process_in_the_same_words():
 
 
 def test_a_late_alarm_does_not_hide_what_is_written_afterwards(monkeypatch):
-    """Between the end of the block and that of the alarm, the handler is the one from before."""
+    """Once the block has ended, the handler is the one from before."""
     monkeypatch.setattr(interrupts, "_alarm", lambda _: signal.raise_signal(signal.SIGINT))
     before, stderr = signal.getsignal(signal.SIGINT), sys.stderr
     signal.signal(signal.SIGINT, signal.default_int_handler)

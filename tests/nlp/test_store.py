@@ -315,7 +315,7 @@ def test_reading_leaves_no_file_beside_a_store(tmp_path):
             assert other.count() == 5
         assert (tmp_path / "s.db-shm").exists(), "another one reads"
         assert len(list(one.rows())) == 5
-    assert sorted(os.listdir(tmp_path)) == ["link.db", "s.db"]
+    assert sorted(one.name for one in tmp_path.iterdir()) == ["link.db", "s.db"]
     with Store(path, SCHEMA) as reader:
         with Store(path, SCHEMA, writable=True) as store:
             store.add(1, [(9, record(9.0))], "v1")
@@ -323,7 +323,7 @@ def test_reading_leaves_no_file_beside_a_store(tmp_path):
                 assert another.count() == 6
             store.add(1, [(10, record(9.0))], "v1")
         assert reader.count() == 7
-    assert sorted(os.listdir(tmp_path)) == ["link.db", "s.db"]
+    assert sorted(one.name for one in tmp_path.iterdir()) == ["link.db", "s.db"]
 
 
 @pytest.mark.skipif(not hasattr(os, "seteuid"), reason="no users")
