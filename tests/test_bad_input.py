@@ -476,10 +476,29 @@ path arm.urdf --waypoints missing.csv
 path missing.urdf --waypoints valid.csv
 path arm.urdf --waypoints deep.json
 path arm.urdf --waypoints zero.csv
-path arm.urdf --waypoints valid.csv --duration 0
-path arm.urdf --waypoints valid.csv --samples 1
-path arm.urdf --waypoints valid.csv --limits nothing
-path arm.urdf --waypoints valid.csv --limits nothing=1:0
+path arm.urdf --waypoints fifo.csv
+path arm.urdf --waypoints huge.json
+path arm.urdf --waypoints digits.json
+path arm.urdf --waypoints {path}
+path arm.urdf --waypoints way.csv --duration 0
+path arm.urdf --waypoints way.csv --duration inf
+path arm.urdf --waypoints way.csv --duration x
+path arm.urdf --waypoints way.csv --samples 1
+path arm.urdf --waypoints way.csv --samples {tera}
+path arm.urdf --waypoints way.csv --tracks 1
+path arm.urdf --waypoints way.csv --tracks {e64}
+path arm.urdf --waypoints way.csv --seed {e64}
+path arm.urdf --waypoints way.csv --limits nothing
+path arm.urdf --waypoints way.csv --limits nothing=0:1
+path arm.urdf --waypoints way.csv --limits j0=1:0
+path arm.urdf --waypoints way.csv --limits j0=0:nan
+path arm.urdf --waypoints way.csv --limits j0=0:1 --limits j0=0:1
+path arm.urdf --waypoints way.csv --tip nothing
+path arm.urdf --waypoints way.csv --task nothing
+path arm.urdf --waypoints way.csv --held nothing=1
+path arm.urdf --waypoints way.csv --point 1,2
+path arm.urdf --waypoints way.csv --out valid.csv
+path arm.urdf --waypoints way.csv --out valid.csv/deeper
 workspace
 workspace missing.urdf --tip a
 workspace arm.urdf --optimise nothing
@@ -773,6 +792,7 @@ MORE = {
     "several.json": b'[{"jacobian": [[1,0,1],[0,1,1]]}, {"jacobian": [[1,0,1],[0,1,1]]}]',
     "long.urdf": _urdf(40),
     "digits_arm.urdf": _urdf(7).replace(b"0.05", b"0_5"),
+    "way.csv": b"x,y,z\n0.5,0.2,1\n0.4,0.3,1\n",
     "valid.txt": b"1,2,3\n4,5,6\n",
     "valid": b"1,2,3\n4,5,6\n",
 }
@@ -782,7 +802,7 @@ READERS = {
     "valid.npy": ("measure *", "realise *", "figure singular-values --out a.svg --jacobian *"),
     "valid.json": ("measure *", "realise *", "assess arm.urdf --configuration *"),
     "valid.toml": ("campaign * --store new.db",),
-    "arm.urdf": ("assess *", "posture *", "workspace *"),
+    "arm.urdf": ("assess *", "posture *", "workspace *", "path * --waypoints way.csv"),
     "valid.db": ("show *", "join new.db *", "figure optima --out a.svg --store *"),
     "certificate.json": ("verify *",),
 }
@@ -912,7 +932,7 @@ NUMBERS = [
 ]
 
 
-@settings(max_examples=60)
+@settings(max_examples=40)
 @given(
     option=st.sampled_from(NUMBERS), junk=JUNK | st.text("①²³xyz,;.", min_size=2, max_size=9)
 )
@@ -921,7 +941,7 @@ def test_no_option_takes_junk_for_a_number(option, junk, folder):
     refused((*command.split(), f"--{name}", junk), folder)
 
 
-@settings(max_examples=60)
+@settings(max_examples=40)
 @given(
     name=st.sampled_from(["valid.csv", "valid.npy", "valid.json", "valid.toml"]),
     place=st.floats(0, 1, exclude_max=True),
