@@ -17,7 +17,7 @@ import numpy.typing as npt
 from nlp.arrays import FloatArray, finite_vector
 from nlp.compiled import callbacks, compiled_callbacks, compiled_functions
 from nlp.errors import InputError
-from nlp.generated import Generated, generated
+from nlp.generated import INVALID, Generated, generated
 from nlp.interrupts import deferred_interrupt
 from nlp.options import QUIET, OptionValue, check_options
 from nlp.problem import Constraint, Evaluation, Problem
@@ -139,10 +139,18 @@ class Solver:
         """Return the point, its multipliers, and how the solver ended."""
         problem = self.problem
         x0 = finite_vector("start", problem.lift(start), self._size)
+        if self._name == "fatrop" and isinstance(self._call, _Call) and not self._defined(x0):
+            nan = float("nan")
+            lost = Status(INVALID, 0, nan, nan, nan, 0.0, 0.0)
+            return x0, np.zeros(self._bounds.shape[1] - self._size), lost
         cpu, wall = time.process_time(), time.perf_counter()
         x, multipliers = self._call(x0)
         cpu, wall = time.process_time() - cpu, time.perf_counter() - wall
         return x, multipliers, self._status(cpu, wall)
+
+    def _defined(self, x: FloatArray) -> bool:
+        """Whether the functions have values; from where they do not, Fatrop never ends."""
+        return all(bool(np.isfinite(one).all()) for one in self._evaluation(x))
 
     def _solution(
         self,
