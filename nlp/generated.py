@@ -26,7 +26,8 @@ INVALID = "Invalid_Number_Detected"  # Ipopt's word
 _MOST_ITERATIONS = 10_000
 # The entry point: Fatrop would not end from a start at which the objective is not finite.
 _ENTRY = """
-CASADI_SYMBOL_EXPORT void solve_from(const casadi_real* start, casadi_real* found, int* ended) {{
+CASADI_SYMBOL_EXPORT
+void solve_from(const casadi_real* start, casadi_real* found, int* ended) {{
   static const casadi_real* arg[{arg}];
   static casadi_real* res[{res}];
   static casadi_int iw[{iw}];
