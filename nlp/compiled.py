@@ -25,9 +25,9 @@ from nlp.files import write_bytes
 from nlp.problem import Derivatives
 
 # Straight-line code: higher levels take many times longer to compile and run no faster.
-_FLAGS = ("-O1", "-fPIC", "-shared")
+STRAIGHT = ("-O1", "-fPIC", "-shared")
 # Products of matrices are loops.
-_LOOPS = ("-O3", "-fPIC", "-shared")
+LOOPS = ("-O3", "-fPIC", "-shared")
 # CasADi's product of dense matrices adds to one entry at a time. With its inner loops exchanged
 # the compiler works on several entries at once; each sum keeps its order.
 _ENTRIES, _TERMS = "for (j=0; j<nrow_x; ++j) {", "for (k=0; k<ncol_x; ++k) {"
@@ -60,7 +60,12 @@ def compiled_functions(functions: Sequence[ca.Function]) -> Path | None:
     generator = ca.CodeGenerator("callbacks")
     for function in functions:
         generator.add(function)
-    return shared_library(str(generator.dump()).replace(*_PRODUCT).encode(), _LOOPS)
+    return shared_library(faster_products(str(generator.dump())).encode(), LOOPS)
+
+
+def faster_products(code: str) -> str:
+    """Return CasADi's code with products of matrices that a compiler can vectorise."""
+    return code.replace(*_PRODUCT)
 
 
 def callbacks(
@@ -112,7 +117,7 @@ def callbacks(
     )
 
 
-def shared_library(code: bytes, flags: Sequence[str] = _FLAGS) -> Path | None:
+def shared_library(code: bytes, flags: Sequence[str] = STRAIGHT) -> Path | None:
     """Return the library made of C code; None, with a warning, if there cannot be one."""
     compiler, why = _compiler(), "there is no C compiler; set CC to one"
     if compiler is not None:

@@ -17,6 +17,7 @@ import numpy.typing as npt
 from nlp.arrays import FloatArray, finite_vector
 from nlp.compiled import callbacks, compiled_callbacks, compiled_functions
 from nlp.errors import InputError
+from nlp.generated import INVALID, Generated, generated
 from nlp.interrupts import deferred_interrupt
 from nlp.options import QUIET, OptionValue, check_options
 from nlp.problem import Constraint, Evaluation, Problem
@@ -71,16 +72,21 @@ class Solver:
         # A NaN is an answer too: the step is shortened. There are no parameters.
         settings |= {"show_eval_warnings": False, "calc_lam_p": False}
         self.problem = problem
-        self._name = name
+        self._name, self._size = name, problem.size
         x = problem.variables
         g = ca.vertcat(*(constraint.expression for constraint in problem.constraints))
         sign = 1.0 if problem.sense == "minimise" else -1.0
         program = {"x": x, "f": sign * problem.objective, "g": g}
-        self._solver, self.compiled = _built(problem, program, name, settings, compiled)
         lower = [problem.lower, *(constraint.lower for constraint in problem.constraints)]
         upper = [problem.upper, *(constraint.upper for constraint in problem.constraints)]
         self._bounds = np.stack([np.concatenate(lower), np.concatenate(upper)])
-        self._call = _Call(self._solver, self._bounds, problem.size)
+        built = _built(problem, program, name, settings, compiled)
+        self._call: _Call | Generated
+        if isinstance(built, Generated):
+            self._call, self.compiled = built, True
+        else:
+            self._call = _Call(built[0], self._bounds, problem.size, name)
+            self.compiled = built[1]
         self._bounded = np.flatnonzero(np.isfinite(self._bounds).any(axis=0))
         self._limits = self._bounds[:, self._bounded]
         self._blocks = _slices(problem.constraints)
@@ -107,8 +113,11 @@ class Solver:
         KeyboardInterrupt
             If the user interrupted while the solver ran.
         """
+        point = np.asarray(start, dtype=float)
+        if isinstance(self._call, Generated):  # milliseconds, in which nothing can get lost
+            return self._solve(point)
         with deferred_interrupt(limited=True):
-            return self._solve(np.asarray(start, dtype=float))
+            return self._solve(point)
 
     def _solve(self, start: FloatArray) -> Solution:
         earlier: tuple[Status, ...] = ()
@@ -129,11 +138,19 @@ class Solver:
     def _from(self, start: FloatArray) -> tuple[FloatArray, FloatArray, Status]:
         """Return the point, its multipliers, and how the solver ended."""
         problem = self.problem
-        x0 = finite_vector("start", problem.lift(start), problem.size)
+        x0 = finite_vector("start", problem.lift(start), self._size)
+        if self._name == "fatrop" and isinstance(self._call, _Call) and not self._defined(x0):
+            nan = float("nan")
+            lost = Status(INVALID, 0, nan, nan, nan, 0.0, 0.0)
+            return x0, np.zeros(self._bounds.shape[1] - self._size), lost
         cpu, wall = time.process_time(), time.perf_counter()
         x, multipliers = self._call(x0)
         cpu, wall = time.process_time() - cpu, time.perf_counter() - wall
         return x, multipliers, self._status(cpu, wall)
+
+    def _defined(self, x: FloatArray) -> bool:
+        """Whether the functions have values; from where they do not, Fatrop never ends."""
+        return all(bool(np.isfinite(one).all()) for one in self._evaluation(x))
 
     def _solution(
         self,
@@ -162,22 +179,21 @@ class Solver:
         values = np.concatenate([x, g.ravel()]) if g.size else x
         if np.isnan(values).any():
             return float("nan")
+        if not self._bounded.size:
+            return 0.0
         lower, upper = self._limits
         values = values[self._bounded]
         excess = np.maximum(lower - values, values - upper)
         return float(excess.max(initial=0.0))
 
     def _status(self, cpu: float, wall: float) -> Status:
-        stats: Mapping[str, Any] = self._solver.stats(self._call.memory)
-        ended = str(stats["return_status"])
-        if self._name == "fatrop":  # which only says whether it converged
-            ended = SUCCESS if stats["success"] else f"Fatrop_Return_Flag_{ended}"
+        ended, iterations, history = self._call.ended()
         return Status(
             return_status=ended,
-            iterations=int(stats["iter_count"]),
-            primal_infeasibility=_last(stats, "inf_pr"),
-            dual_infeasibility=_last(stats, "inf_du"),
-            barrier=_last(stats, "mu"),
+            iterations=iterations,
+            primal_infeasibility=_last(history, "inf_pr"),
+            dual_infeasibility=_last(history, "inf_du"),
+            barrier=_last(history, "mu"),
             cpu_seconds=cpu,
             wall_seconds=wall,
         )
@@ -190,16 +206,12 @@ class _Call:
     """Calls CasADi's solver on arrays of its own, as `Evaluation` does a function.
 
     Its usual call converts every argument and result, at every start.
-
-    Attributes
-    ----------
-    memory
-        Which of the solver's memories it uses; statistics are asked for by it.
     """
 
-    def __init__(self, solver: ca.Function, bounds: FloatArray, size: int) -> None:
-        self.memory = int(solver.checkout())
-        solver.release(self.memory)  # the buffer takes it
+    def __init__(self, solver: ca.Function, bounds: FloatArray, size: int, name: str) -> None:
+        self._solver, self._name = solver, name
+        self._memory = int(solver.checkout())  # by which statistics are asked for
+        solver.release(self._memory)  # the buffer takes it
         buffer: Any
         buffer, self._run = solver.buffer()
         (lbx, lbg), (ubx, ubg) = (np.split(side, [size]) for side in bounds)
@@ -219,6 +231,14 @@ class _Call:
         self._start[:] = start
         self._run()
         return self._found.copy(), self._multipliers.copy()
+
+    def ended(self) -> tuple[str, int, Mapping[str, Any]]:
+        """Return how the solver ended, its iterations, and the statistics of each."""
+        stats: Mapping[str, Any] = self._solver.stats(self._memory)
+        ended = str(stats["return_status"])
+        if self._name == "fatrop":  # which only says whether it converged
+            ended = SUCCESS if stats["success"] else f"Fatrop_Return_Flag_{ended}"
+        return ended, int(stats["iter_count"]), stats.get("iterations", {})
 
 
 def solve(
@@ -249,11 +269,13 @@ def _built(
     name: str,
     settings: Mapping[str, Any],
     compiled: bool,
-) -> tuple[ca.Function, bool]:
-    """Return CasADi's solver, and whether its functions are compiled."""
+) -> tuple[ca.Function, bool] | Generated:
+    """Return CasADi's solver, and whether its functions are compiled; or all of it in C."""
     sign = 1.0 if problem.sense == "minimise" else -1.0
     if problem.derivatives is not None:
         functions = callbacks(problem.derivatives, program, sign, name)
+        if name == "fatrop" and (ours := generated(problem, program, functions, settings)):
+            return ours
         if name == "fatrop":  # takes derivatives from a library only
             library = compiled_functions(functions)
             if library is None:
@@ -262,6 +284,8 @@ def _built(
             return ca.nlpsol("solver", name, str(library), settings), True
         own = {_OPTIONS[one.name()]: one for one in functions if one.name() in _OPTIONS}
         settings = {**settings, **own}
+    elif name == "fatrop" and compiled and (ours := generated(problem, program, (), settings)):
+        return ours
     solver = ca.nlpsol("solver", name, program, settings)
     library = compiled_callbacks(solver) if compiled else None
     if library is None:
@@ -280,8 +304,8 @@ def _check_for_fatrop(problem: Problem) -> None:
         raise InputError("solver", "fatrop", "ipopt; this CasADi comes without Fatrop")
 
 
-def _last(stats: Mapping[str, Mapping[str, list[float]]], name: str) -> float:
-    history = stats.get("iterations", {}).get(name, [])
+def _last(histories: Mapping[str, Sequence[float]], name: str) -> float:
+    history = histories.get(name, ())
     return float(history[-1]) if history else float("nan")
 
 

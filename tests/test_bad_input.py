@@ -165,6 +165,10 @@ solve max-min --model :7
 solve max-min --model lever-revolute:3,prismatic:3
 solve max-min --model ,
 solve max-min --encoding nothing
+solve max-min --encoding reduced --joints 8 --locked 2
+solve max-min --encoding two-stage --joints 8 --locked 2
+solve max-min --encoding reduced --solver fatrop
+solve max-min --encoding shared-factor --solver fatrop
 solve residual --encoding shared-factor
 solve residual --from-residual-minima
 solve residual --goal expected

@@ -139,9 +139,13 @@ def test_options_go_to_both_stages_and_the_first_has_a_limit_of_its_own():
     assert not solution.status.success
 
 
-@pytest.mark.parametrize("encoding", max_min.REDUCED)
-def test_a_start_without_rank_is_a_status(encoding):
-    solution = Solver(max_min.build(UNIT_7R, encoding=encoding)).solve(np.zeros(21))
+@pytest.mark.parametrize(
+    ("encoding", "solver"),
+    [("reduced", "ipopt"), ("two-stage", "ipopt"), ("two-stage", "fatrop")],
+)
+def test_a_start_without_rank_is_a_status(encoding, solver):
+    problem = max_min.build(UNIT_7R, encoding=encoding)
+    solution = Solver(problem, name=solver, compiled=solver == "fatrop").solve(np.zeros(21))
     assert solution.status.return_status
 
 

@@ -9,10 +9,10 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from nlp import compiled
+from nlp import compiled, generated
 from nlp.compiled import shared_library
 from nlp.errors import InputError, SolverOptionError
-from nlp.problem import Constraint, Problem, Stage
+from nlp.problem import Constraint, Derivatives, Problem, Stage
 from nlp.solver import Solver
 from nlp.task import Task
 
@@ -201,3 +201,48 @@ def test_the_first_stage_may_be_the_answer():
     assert solution.earlier == ()
     assert solution.problem == "second"
     assert solution.outputs["twice"] == pytest.approx(4.0)
+
+
+def steep():
+    """Exponential, with its own Hessian: infinite from x = 1000 on."""
+    x, z, sigma, none = ca.SX.sym("x"), *(ca.MX.sym(name, *shape) for name, shape in SHAPES)
+    hessian = ca.Function("hessian", [z, sigma, none], [sigma * ca.exp(z)])
+    return Problem("steep", x, ca.exp(x) - x, derivatives=Derivatives(hessian, shift=0.0))
+
+
+SHAPES = (("z", (1,)), ("sigma", (1,)), ("lambda", (0,)))
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="elsewhere Fatrop is called through CasADi")
+@pytest.mark.parametrize("make", [rosenbrock, steep])
+def test_generated_code_takes_the_same_steps_as_casadi(make, monkeypatch):
+    starts = np.random.default_rng(1).normal(size=(5, make().size))
+    direct = Solver(make(), {}, "fatrop", True)
+    assert isinstance(direct._call, generated.Generated)
+    monkeypatch.setattr("nlp.solver.generated", lambda *_: None)
+    usual = Solver(make(), {}, "fatrop", True)
+    assert not isinstance(usual._call, generated.Generated)
+    for start in starts:
+        one, two = direct.solve(start), usual.solve(start)
+        assert one.status.return_status == two.status.return_status == "Solve_Succeeded"
+        assert one.status.iterations == two.status.iterations > 0
+        np.testing.assert_array_equal(one.variables, two.variables)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="elsewhere Fatrop is called through CasADi")
+def test_generated_code_says_how_it_ended():
+    short = Solver(rosenbrock(), {"max_iter": 3}, "fatrop", True).solve([-1.0, 2.0])
+    assert short.status.return_status == "Fatrop_Return_Flag_1"
+    assert 3 <= short.status.iterations <= 4  # it counts the last one, too
+    solver = Solver(steep(), {}, "fatrop", True)
+    lost = solver.solve([1000.0])
+    assert (lost.status.return_status, lost.status.iterations) == (generated.INVALID, 0)
+    assert lost.variables == [1000.0]
+    assert solver.solve([1.0]).status.success, "the next start is not affected"
+
+
+def test_what_could_run_for_long_is_called_through_casadi():
+    """Where signals are heard."""
+    solver = Solver(rosenbrock(), {"max_iter": 10**6}, "fatrop", True)
+    assert not isinstance(solver._call, generated.Generated)
+    assert solver.solve([-1.0, 2.0]).status.success
