@@ -15,6 +15,7 @@ joints, which are designed at mean square lever arm 1.
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Literal, TypeAlias
@@ -25,6 +26,8 @@ import numpy.typing as npt
 
 from formulations.joints.joint import check_length
 from formulations.robots.chain import LARGEST, Chain
+from formulations.robots.chain_between import chain_between
+from formulations.robots.read_robot import read_robot
 from nlp.arrays import FloatArray, finite_vector
 from nlp.errors import InputError
 from nlp.problem import Constraint
@@ -129,6 +132,41 @@ class RobotArm:
                 raise InputError(
                     "length", self.length, f"{1 / LARGEST:g} to {LARGEST:g} metres"
                 )
+
+    @classmethod
+    def read(
+        cls,
+        source: object,
+        tip: str | None = None,
+        base: str | None = None,
+        task: Task | str = "all",
+        length: float | None = None,
+        held: Mapping[str, float] | None = None,
+        point: Sequence[float] = (0.0, 0.0, 0.0),
+    ) -> RobotArm:
+        """Return an arm of a robot that a file or a model describes.
+
+        Parameters
+        ----------
+        source
+            A path or a model; see `formulations.robots.read_robot`.
+        tip, base, held, point
+            Links, joints that have locked and the tip's point, see `chain_between`; by
+            default the only last link, the root, none and the origin.
+        task
+            A task, or its directions as `Task.parse` reads them.
+        length
+            Characteristic length ℓ in metres; by default that of each configuration.
+
+        Raises
+        ------
+        InputError
+            If the robot cannot be read, a name is unknown, or the joints are too few.
+        """
+        tree = read_robot(source)
+        tip = tree.last_link() if tip is None else tip
+        chain = chain_between(tree, tip, base, held, point)
+        return cls(chain, Task.parse(task) if isinstance(task, str) else task, length)
 
     @property
     def shape(self) -> tuple[int, int]:
