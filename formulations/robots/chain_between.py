@@ -200,7 +200,7 @@ def _displacement(joint: Joint, value: float) -> FloatArray:
     if joint.type == "prismatic":
         pose[:3, 3] = value * joint.axis
     else:
-        pose[:3, :3] = np.array(ca.evalf(rotation(joint.axis, value)))
+        pose[:3, :3] = np.array(ca.evalf(rotation(joint.axis.tolist(), value)))
     return pose
 
 

@@ -291,33 +291,39 @@ def pinocchio_tree(model: Any) -> RobotTree:
     followed = dict(zip(model.mimicking_joints, model.mimicked_joints, strict=True))
     joints = []
     for k in range(1, model.njoints):
-        kind, axis, mimic = _pinocchio_motion(model, k, followed.get(k))
-        place, speed = model.joints[k].idx_q, model.joints[k].idx_v
-        limit = Limit()
-        if kind in ("revolute", "prismatic") and mimic is None:
-            lower, upper = model.lowerPositionLimit[place], model.upperPositionLimit[place]
-            limit = Limit(float(lower), float(upper), float(model.velocityLimit[speed]))
-        joints.append(
-            joint_between(
-                *(links[model.parents[k]], links[k], model.names[k], kind),
-                np.array(model.jointPlacements[k].homogeneous),
-                *(axis, limit, mimic),
-            )
-        )
+        joint, title = model.joints[k], model.names[k]
+        kind, axis = _pinocchio_motion(joint)
+        limit, mimic = Limit(), None
+        if k in followed:
+            own = joint.extract()
+            mimic = Mimic(model.names[followed[k]], float(own.scaling), float(own.offset))
+            axis = axis / own.scaling if own.scaling else axis
+        elif kind in ("revolute", "prismatic"):
+            lower = float(model.lowerPositionLimit[joint.idx_q])
+            upper = float(model.upperPositionLimit[joint.idx_q])
+            limit = Limit(lower, upper, float(model.velocityLimit[joint.idx_v]))
+        ends = links[model.parents[k]], links[k]
+        origin = model.jointPlacements[k].homogeneous
+        joints.append(joint_between(*ends, title, kind, origin, axis, limit, mimic))
     others = [one for one in frames if one[0] not in named]
     joints += [
         joint_between(links[joint], title, f"fixed {title}", "fixed", pose)
         for title, joint, pose in others
     ]
-    return RobotTree(model.name or "robot", (*links, *(one[0] for one in others)), tuple(joints))
+    names = (*links, *(title for title, _, _ in others))
+    return RobotTree(model.name or "robot", names, tuple(joints))
 
 
-def _pinocchio_motion(
-    model: Any, k: int, followed: int | None
-) -> tuple[str, FloatArray, Mimic | None]:
-    """Return kind, axis and mimicry of a joint, from the subspace of its motion."""
-    joint, mimic = model.joints[k], None
-    return "floating", np.zeros(3), mimic
+def _pinocchio_motion(joint: Any) -> tuple[str, FloatArray]:
+    """Return kind and axis of a joint, from the subspace (v; ω) of its motion."""
+    screw = np.array(joint.createData().S, dtype=float).T
+    kind = joint.shortname().removeprefix("JointModel")
+    # Helical joints, whose name begins with H, turn and move along.
+    if screw.shape != (6,) or not kind.startswith(("R", "P", "Mimic")):
+        return kind, np.zeros(3)
+    if np.any(screw[3:]):
+        return "continuous" if joint.nq == 2 else "revolute", screw[3:]
+    return "prismatic", screw[:3]
 
 
 # --- MJCF --------------------------------------------------------------------------------
@@ -375,17 +381,21 @@ def _copy_kinematics(source: _Element, target: _Element, place: str) -> None:
         values = {name: value for name, value in one.items() if name in attributes}
         inner = _CHILDREN.get(one.tag, one.tag)
         copied = etree.SubElement(target, one.tag, values)
-        if inner in _KEPT and place != "equality" and not (place, one.tag) == ("default", "equality"):
+        if (
+            inner in _KEPT
+            and place != "equality"
+            and (place, one.tag) != ("default", "equality")
+        ):
             _copy_kinematics(one, copied, inner)
 
 
 def mujoco_tree(model: Any) -> RobotTree:
     """Return the robot of a `mujoco.MjModel`.
 
-    Bodies and sites are links. Joints count their positions as in ``qpos``. An equality that makes
-    one joint a linear function of another is mimicry; joints that any other active equality
-    couples, and ball and free joints, cannot be part of a chain. Tendons, and welds to
-    mocap bodies, are not looked at.
+    Bodies and sites are links. Positions of joints count as in ``qpos``. An equality that
+    makes one joint a linear function of another is mimicry; joints that any other active
+    equality couples, and ball and free joints, cannot be part of a chain. Tendons, and welds
+    to mocap bodies, are not looked at.
     """
     import mujoco
 
@@ -395,7 +405,10 @@ def mujoco_tree(model: Any) -> RobotTree:
     # A body and a site may have the same name.
     sites = [f"{one} (site)" if one in bodies else one for one in sites]
     followed, coupled = _equalities(model, titles)
-    kinds = {int(mujoco.mjtJoint.mjJNT_SLIDE): "prismatic", int(mujoco.mjtJoint.mjJNT_HINGE): "revolute"}
+    kinds = {
+        int(mujoco.mjtJoint.mjJNT_SLIDE): "prismatic",
+        int(mujoco.mjtJoint.mjJNT_HINGE): "revolute",
+    }
     links, joints = list(bodies), []
     for body in range(1, model.nbody):
         parent = bodies[model.body_parentid[body]]
@@ -436,7 +449,9 @@ def _equalities(model: Any, titles: list[str]) -> tuple[dict[int, Mimic], set[in
     followed: dict[int, Mimic] = {}
     coupled: set[int] = set()
     for k in np.flatnonzero(model.eq_active0):
-        kind, one, other = (int(v[k]) for v in (model.eq_type, model.eq_obj1id, model.eq_obj2id))
+        kind, one, other = (
+            int(v[k]) for v in (model.eq_type, model.eq_obj1id, model.eq_obj2id)
+        )
         if kind == mjtEq.mjEQ_JOINT:
             # q - q0 = a0 + a1 (p - p0) + a2 (p - p0)^2 + …
             shift, factor, *curved = model.eq_data[k, :5].tolist()

@@ -79,7 +79,7 @@ def joint_between(
     kind: str,
     origin: npt.ArrayLike,
     axis: npt.ArrayLike = (0.0, 0.0, 1.0),
-    limit: Limit = Limit(),  # noqa: B008 (it is a frozen value)
+    limit: Limit = Limit(),
     mimic: Mimic | None = None,
 ) -> Joint:
     """Return a joint whose axis has norm 1, and whose limits beyond `LARGEST` are none.
@@ -112,9 +112,7 @@ def joint_between(
     upper = upper if upper <= LARGEST else np.inf
     # Files that know no speed write 0; nothing could move.
     speed = abs(limit.velocity) if abs(limit.velocity) > 0 else np.inf
-    return Joint(
-        name, kind, parent, child, pose, direction, Limit(lower, upper, speed), mimic
-    )
+    return Joint(name, kind, parent, child, pose, direction, Limit(lower, upper, speed), mimic)
 
 
 @dataclass(frozen=True, eq=False)
