@@ -11,7 +11,7 @@ import pytest
 import roboticstoolbox as rtb
 import yourdfpy
 
-from formulations.__main__ import main
+from formulations.commands.app import app
 from formulations.robots.chain_between import chain_between
 from formulations.robots.read_robot import dh_tree, read_robot
 from formulations.robots.read_urdf import read_urdf
@@ -439,9 +439,9 @@ def test_the_command_line_takes_all_of_them(tmp_path, monkeypatch, capsys):
     (tmp_path / "arm.csv").write_bytes(table("modified"))
     for robot, tip in (("robot.xml", "hand"), ("arm.csv", "tip")):
         task = ["--task", "position", "--json"]
-        assert main(["assess", robot, "--tip", tip, *task]) == 0
+        app(["assess", robot, "--tip", tip, *task], standalone_mode=False)
         found = json.loads(capsys.readouterr().out)
         arm = RobotArm.read(robot, tip, task="position")
         assert np.array(found["jacobian"]) == pytest.approx(arm.jacobian(arm.chain.mid_range))
-    assert main(["assess", "robot.xml"]) == 2
-    assert "--tip is missing" in capsys.readouterr().err
+    with pytest.raises(InputError, match="--tip is missing"):
+        app(["assess", "robot.xml"], standalone_mode=False)
