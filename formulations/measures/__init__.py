@@ -21,8 +21,9 @@ TIE = 1e-6
 MOST_SETS = 100_000
 # The fourth powers of larger entries are too near the largest floating-point number.
 LARGEST_ENTRY = 1e70
-# Steps of Newton's method, which converges in about ten; a number below every weight.
-_NEWTON, _TINY = 100, 1e-200
+# Steps of Newton's method, which converges in about ten; a weight that is none; a root that is
+# infinite; a slope that is none.
+_NEWTON, _NO_WEIGHT, _NO_ROOT, _NO_SLOPE = 100, 1e-100, 1e150, 1e-300
 # Entries of J that are decomposed at once.
 _CHUNK = 1_000_000
 
@@ -221,13 +222,13 @@ def worst_case_sigma_batch(jacobians: npt.ArrayLike) -> WorstCases:
     outer, values, inner = np.linalg.svd(stack)
     least = values[:, -1]
     squares = inner**2
-    floor = np.where(least > 0, least, 1.0)[:, None]
-    ratios = np.where(values > least[:, None], floor / np.maximum(values, floor), 1.0) ** 2
+    smaller = values > least[:, None]
+    ratios = np.where(smaller, least[:, None] / np.where(smaller, values, 1.0), 1.0) ** 2
     joint, rest = _worst_downdate(squares[:, :m], ratios, np.sum(squares[:, m:], axis=1))
     each = np.arange(count)
     sigma = least * np.sqrt(rest / (1.0 + rest))
     weights = inner[each, :m, joint] * np.sqrt(ratios) / (1.0 + rest[:, None] * (1.0 - ratios))
-    weights[:, -1] += _TINY  # the answer where the last row of Vᵀ is 0 at this joint
+    weights[:, -1] += _NO_WEIGHT  # the answer where the last row of Vᵀ is 0 at this joint
     weights /= np.linalg.norm(weights, axis=1, keepdims=True)
     left = (outer @ weights[:, :, None])[:, :, 0]
     right = (left[:, None, :] @ stack)[:, 0, :]
@@ -260,9 +261,9 @@ def _worst_downdate(
     size = (ratios[:, None, :] @ squares)[:, 0, :]
     slack = 1.0 - ratios
     bent = ((ratios * slack)[:, None, :] @ squares)[:, 0, :]
-    lowest = null / np.maximum(size, _TINY)
-    limit = size - null * bent / np.maximum(size, _TINY)
-    highest = np.where(limit > 0, null / np.maximum(limit, _TINY), np.inf)
+    lowest = np.minimum(null / np.maximum(size, _NO_SLOPE), _NO_ROOT)
+    limit = size - lowest * bent
+    highest = np.where(limit > 0, null / np.maximum(limit, _NO_SLOPE), np.inf)
     few = lowest <= np.min(highest, axis=1, keepdims=True) * (1 + 1e-9)
     row, joint = np.nonzero(few)
     scaled, slack, target = squares[row, :, joint] * ratios[row], slack[row], null[row, joint]
@@ -271,8 +272,8 @@ def _worst_downdate(
         below = 1.0 + found[:, None] * slack
         terms = scaled / below
         slope = np.einsum("ki,ki->k", terms, 1.0 / below)
-        step = (target - found * np.sum(terms, axis=1)) / np.maximum(slope, _TINY)
-        found = np.minimum(found + np.maximum(step, 0.0), 1.0 / _TINY)
+        step = (target - found * np.sum(terms, axis=1)) / np.maximum(slope, _NO_SLOPE)
+        found = np.minimum(found + np.maximum(step, 0.0), _NO_ROOT)
         if np.all(step <= 1e-15 * found):
             break
     root = np.full(null.shape, np.inf)
