@@ -2,7 +2,9 @@
 
 import builtins
 import json
+import re
 from io import StringIO
+from pathlib import Path
 
 import mujoco
 import numpy as np
@@ -210,6 +212,14 @@ def test_names_limits_and_speeds_of_a_table(tmp_path):
     assert lower.tolist() == [-np.pi / 2, 0.0, -np.inf]
     assert upper.tolist() == [np.pi, 0.5, np.inf]
     assert [one.velocity for one in arm.chain.joints] == [2.0, np.inf, np.inf]
+
+
+def test_the_table_of_the_page():
+    page = (Path(__file__).parents[2] / "docs/robots.md").read_text("utf-8")
+    text = "# convention" + page.partition("\n# convention")[2].partition("```")[0]
+    chain = RobotArm.read(dh_tree(text.encode()), task="vx").chain
+    assert (chain.names, chain.prismatic) == (("pan", "lift"), (False, True))
+    assert chain.limits[1] == pytest.approx([np.radians(166), 0.4])
 
 
 GOOD = "# convention: standard\nkind,a,d,alpha_rad,theta_rad\nR,1,0,0,0\n"
@@ -445,3 +455,19 @@ def test_the_command_line_takes_all_of_them(tmp_path, monkeypatch, capsys):
         assert np.array(found["jacobian"]) == pytest.approx(arm.jacobian(arm.chain.mid_range))
     with pytest.raises(InputError, match="--tip is missing"):
         app(["assess", "robot.xml"], standalone_mode=False)
+
+
+@pytest.mark.filterwarnings("ignore:Converted matrix")  # pink hands dense matrices to Clarabel
+def test_the_example_for_pink(tmp_path, monkeypatch, capsys):
+    """As docs/robots.md has it, and with the result that is printed there."""
+    page = (Path(__file__).parents[2] / "docs/robots.md").read_text("utf-8")
+    code, after = page.partition("```python\nimport numpy")[2].split("```\n", 1)
+    declared = next(one for one in ARMS if one.name.startswith("Franka"))
+    (tmp_path / "panda.urdf").write_bytes(declared.path.read_bytes())
+    monkeypatch.chdir(tmp_path)
+    exec(compile(f"import numpy{code}", "example", "exec"), {"__name__": "example"})
+    before, raised, off = map(float, re.findall(r"[0-9.]+", capsys.readouterr().out))
+    shown = [float(one) for one in re.findall(r"[0-9.]+", after.split("```")[1])]
+    assert [before, raised] == pytest.approx(shown[:2], abs=0.005)
+    assert raised > 4 * before
+    assert off < 2
