@@ -17,7 +17,6 @@ import csv
 import math
 import os
 from collections.abc import Iterator, Mapping
-from io import StringIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -190,9 +189,10 @@ def _dh_rows(
     lines: list[str], modified: bool
 ) -> Iterator[tuple[FloatArray, str, FloatArray, str, Limit]]:
     """Each row: motion before the joint, its kind, motion after it, its name and limits."""
-    text = StringIO("\n".join(line for line in lines if line and not line.startswith("#")))
+    # One by one, so that no quotation mark joins lines.
+    texts = [line for line in lines if line.strip() and not line.startswith("#")]
     try:
-        header, *rows = csv.reader(text)
+        header, *rows = (next(csv.reader([text], strict=True)) for text in texts)
     except (csv.Error, ValueError):
         raise InputError("content", "no table", "a line of columns' names, and rows") from None
     header = [one.strip().lower() for one in header]

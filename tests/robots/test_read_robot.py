@@ -230,6 +230,7 @@ TABLES = {
     "table is without kind": "# convention: standard\na,d,alpha_rad,theta_rad\n1,0,0,0",
     "table is without rows": GOOD.replace("R,1,0,0,0\n", ""),
     "content is no table": "# convention: standard\n",
+    "content is no table; allowed: a line": GOOD.replace(",0,0\n", ',"0,0\n'),
     "column alpha is without a unit": GOOD.replace("alpha_rad", "alpha"),
     "column alpha is missing": GOOD.replace("alpha_rad,", ""),
     "column theta is there twice": GOOD.replace("alpha_rad", "theta_deg"),
