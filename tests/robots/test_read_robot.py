@@ -360,6 +360,29 @@ def test_a_model_of_mujoco_is_its_file(tmp_path):
     assert RobotArm.read(plain(), **settings) == RobotArm.read(mjcf(tmp_path), **settings)
 
 
+@pytest.mark.parametrize(("name", "tip"), [("Franka", "panda_link7"), ("UFactory", "link7")])
+def test_real_arms_in_mujoco(name, tip):
+    """Arms that mujoco has compiled from their URDF: its Jacobians, and those of the URDF."""
+    declared = next(one for one in ARMS if one.name.startswith(name))
+    text = declared.path.read_text()
+    for part in ("visual", "collision"):
+        text = re.sub(f"<{part}\\b.*?</{part}>", "", text, flags=re.DOTALL)
+    model = mujoco.MjModel.from_xml_string(text)
+    arm, file = RobotArm.read(model, tip), RobotArm.read(declared.path, tip)
+    assert arm.chain.names == file.chain.names
+    body, data = model.body(tip).id, mujoco.MjData(model)
+    for point in drawn(arm):
+        data.qpos[[model.joint(one).qposadr[0] for one in arm.chain.names]] = point
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)
+        theirs = np.zeros((2, 3, model.nv))
+        mujoco.mj_jacBody(model, data, theirs[0], theirs[1], body)
+        places = [model.joint(one).dofadr[0] for one in arm.chain.names]
+        ours = arm.metric_jacobian(point)
+        assert ours == pytest.approx(theirs.reshape(6, -1)[:, places], abs=EXACT)
+        assert ours == pytest.approx(file.metric_jacobian(point), abs=EXACT)
+
+
 SMALL = """<mujoco><worldbody><body name="a"><joint name="a" axis="0 1 0" type="hinge"/>
 <body name="b" pos="0 0 1"><joint name="b" axis="0 1 0"/><body name="c" pos="0 0 1">
 <joint name="c" axis="0 1 0"/><body name="d" pos="0 0 1"/></body></body></body></worldbody>
