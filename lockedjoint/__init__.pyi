@@ -38,6 +38,7 @@ from formulations.realise.write_urdf import urdf as urdf
 from formulations.robots.chain_between import chain_between as chain_between
 from formulations.robots.path import plan_path as plan_path
 from formulations.robots.posture import best_posture as best_posture
+from formulations.robots.read_robot import read_robot as read_robot
 from formulations.robots.read_urdf import read_urdf as read_urdf
 from formulations.robots.robot_arm import RobotArm as RobotArm
 from formulations.robots.waypoints import read_waypoints as read_waypoints

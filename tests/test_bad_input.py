@@ -409,6 +409,14 @@ figure optima --out a.svg --store valid.db --seed 3
 # robots
 assess
 assess missing.urdf
+assess missing.csv
+assess missing.xml
+assess valid.csv
+assess valid.json
+assess dh.csv
+assess dh.csv --tip nothing
+assess mjcf.xml --tip nothing
+assess mjcf.xml --base nothing
 assess .
 assess arm.urdf --tip nothing
 assess arm.urdf --tip ''
@@ -772,6 +780,12 @@ def _urdf(joints: int) -> bytes:
     return f'<robot name="made">{links}{rows}</robot>'.encode()
 
 
+# The same arm of four joints as a table and as MJCF.
+_DH = "# convention: standard\nkind,a,d,alpha_deg,theta_deg\n" + "R,0.3,0.1,90,0\n" * 4
+_MJCF = "".join(f'<body name="l{k}" pos="0 0 1"><joint name="j{k}"/>' for k in range(4))
+_MJCF = f"<mujoco><worldbody>{_MJCF}{'</body>' * 4}</worldbody></mujoco>"
+
+
 def _store() -> bytes:
     """A store of two cells, four starts each, with checksums."""
     with TemporaryDirectory() as folder:
@@ -787,6 +801,8 @@ VALID = {
     "valid.json": b'{"jacobian": [[1, 0, 0.5], [0, 1, 0.5]]}',
     "valid.toml": _toml(),
     "arm.urdf": _urdf(7),
+    "dh.csv": _DH.encode(),
+    "mjcf.xml": _MJCF.encode(),
     "valid.db": _store(),
     "certificate.json": (ROOT / "results/existence/certificate.json").read_bytes(),
 }
@@ -807,6 +823,8 @@ READERS = {
     "valid.json": ("measure *", "realise *", "assess arm.urdf --configuration *"),
     "valid.toml": ("campaign * --store new.db",),
     "arm.urdf": ("assess *", "posture *", "workspace *", "path * --waypoints way.csv"),
+    "dh.csv": ("assess * --task position",),
+    "mjcf.xml": ("assess * --task vx",),
     "valid.db": ("show *", "join new.db *", "figure optima --out a.svg --store *"),
     "certificate.json": ("verify *",),
 }
@@ -816,7 +834,7 @@ DAMAGED = {
     for damage, content in _damaged(valid).items()
 }
 # Damage that leaves what still can be read; of a store, see tests/campaign/test_stores.py.
-HARMLESS = {"cut_valid.csv", "utf16_arm.urdf", "nul_inside_valid.db"}
+HARMLESS = {"cut_valid.csv", "utf16_arm.urdf", "utf16_mjcf.xml", "nul_inside_valid.db"}
 
 
 def _cases() -> list[tuple[str, ...]]:

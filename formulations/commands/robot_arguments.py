@@ -19,7 +19,13 @@ if TYPE_CHECKING:
     from formulations.robots.robot_assessment import RobotAssessment
     from nlp.arrays import FloatArray
 
-File = Annotated[Path, typer.Argument(metavar="URDF", help="The robot, a URDF file.")]
+File = Annotated[
+    Path,
+    typer.Argument(
+        metavar="ROBOT",
+        help="The robot: a URDF file, an MJCF file, or a Denavit–Hartenberg table (.csv).",
+    ),
+]
 Tip = Annotated[
     str | None,
     typer.Option(
@@ -99,19 +105,15 @@ def chain(
     file: Path, tip: str | None, base: str | None, point: str | None, held: list[str] | None
 ) -> Chain:
     """Read the robot and return its chain; InputError if anything is wrong with it."""
-    from formulations.robots.chain import listed
     from formulations.robots.chain_between import chain_between
-    from formulations.robots.read_urdf import read_urdf
+    from formulations.robots.read_robot import read_robot
 
     offset = [number("--point", part) for part in (point or "0,0,0").split(",")]
     if len(offset) != 3:
         raise InputError("--point", point, "three numbers X,Y,Z, in metres")
     locked = pairs(held or [], "--held")
-    tree = read_urdf(file)
-    if tip is None and len(tree.leaves) > 1:
-        allowed = f"a link of {tree.name}; its last ones are {listed(tree.leaves)}"
-        raise InputError("--tip", "missing", allowed)
-    tip = tree.leaves[0] if tip is None else tip
+    tree = read_robot(file)
+    tip = tree.last_link("--tip") if tip is None else tip
     return chain_between(tree, tip, base, locked, offset)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TypeAlias
 
 import casadi as ca
 import numpy as np
@@ -21,16 +21,12 @@ from formulations.robots.chain import (
     nearest,
     rotation,
 )
-from formulations.robots.read_urdf import MOVING, RobotError, RobotTree
+from formulations.robots.tree import MOVING, Joint, RobotError, RobotTree
 from nlp.arrays import FloatArray, finite_vector
 from nlp.errors import InputError
 
-if TYPE_CHECKING:
-    from yourdfpy import Joint
-
-    # A moving joint, the joint that drives it (mostly itself), multiplier and offset.
-    _Driven: TypeAlias = tuple[Joint, Joint, float, float]
-
+# A moving joint, the joint that drives it (mostly itself), multiplier and offset.
+_Driven: TypeAlias = tuple[Joint, Joint, float, float]
 
 # Robots that exist have one or two; following rows of any length would take quadratic time.
 _MOST_MIMICS = 100
@@ -204,7 +200,7 @@ def _displacement(joint: Joint, value: float) -> FloatArray:
     if joint.type == "prismatic":
         pose[:3, 3] = value * joint.axis
     else:
-        pose[:3, :3] = np.array(ca.evalf(rotation(joint.axis, value)))
+        pose[:3, :3] = np.array(ca.evalf(rotation(joint.axis.tolist(), value)))
     return pose
 
 

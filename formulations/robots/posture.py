@@ -13,9 +13,9 @@ import numpy.typing as npt
 
 from formulations import catalogue, max_min, measures
 from formulations.robots.chain import LARGEST
-from formulations.robots.read_urdf import RobotError
 from formulations.robots.robot_arm import RobotArm
 from formulations.robots.robot_assessment import RobotAssessment, assess
+from formulations.robots.tree import RobotError
 from formulations.solving.outcome import REACHED_BEST
 from nlp.arrays import FloatArray
 from nlp.errors import InputError

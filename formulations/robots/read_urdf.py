@@ -1,4 +1,4 @@
-"""Read a URDF file with yourdfpy: links and joints, checked to form one tree.
+"""Read a URDF file with yourdfpy.
 
 What does not bear on kinematics (meshes, inertias, transmissions, simulator tags) is removed
 before yourdfpy parses the file, so that it can be neither missing nor wrong. Numbers are
@@ -9,11 +9,8 @@ from __future__ import annotations
 
 import math
 import os
-from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass
-from graphlib import CycleError, TopologicalSorter
 from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -21,15 +18,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from formulations.robots.chain import LARGEST
-from nlp.arrays import FloatArray
+from formulations.robots.tree import MOVING, Joint, Limit, Mimic, RobotTree, joint_between
 from nlp.errors import FileError, InputError
 from nlp.files import read_bytes, real_in
 
 if TYPE_CHECKING:
     from lxml.etree import _Element
-    from yourdfpy import Joint
+    from yourdfpy import Joint as UrdfJoint
+    from yourdfpy import Robot as UrdfRobot
 
-MOVING = ("revolute", "continuous", "prismatic")
 KINDS = (*MOVING, "fixed", "floating", "planar")
 _XACRO = "plain URDF (run xacro on the file first)"
 _KINEMATIC = ("parent", "child", "origin", "axis", "limit", "mimic")
@@ -41,77 +38,12 @@ _NUMBERS = {
 }
 _REQUIRED = (("parent", "link"), ("child", "link"), ("mimic", "joint"))
 _NAMES = {attribute for _, attribute in _REQUIRED}
+NOT_INSTALLED = "not installed"
 _INSTALL = "an installed yourdfpy, which 'pip install yourdfpy' provides"
 # Limits may be of any size, and infinite.
 _LARGEST = {"limit": math.inf}
-# An axis that is shorter is taken for zero.
-_SHORTEST_AXIS = 1e-9
 # In bytes; 150 000 links take 30 MB, and robots that exist less than 1 MB.
-_LARGEST_FILE = 50_000_000
-
-
-class RobotError(InputError):
-    """A robot that is malformed, or that needs more than this library supports."""
-
-
-@dataclass(frozen=True, eq=False)
-class RobotTree:
-    """Links and joints that form one tree.
-
-    Attributes
-    ----------
-    name
-        Name of the robot.
-    links
-        Names of its links.
-    joints
-        Joints of yourdfpy, with every field given that `read_urdf` lists.
-
-    Raises
-    ------
-    RobotError
-        If names repeat, a joint names a link that does not exist, or the links do not form
-        one tree.
-    """
-
-    name: str
-    links: tuple[str, ...]
-    joints: tuple[Joint, ...]
-
-    def __post_init__(self) -> None:
-        named = [("link", link) for link in self.links]
-        named += [("joint", joint.name) for joint in self.joints]
-        for (kind, name), count in Counter(named).items():
-            if count > 1:
-                raise RobotError(f"{kind} {name}", f"there {count} times", "every name once")
-        links = set(self.links)
-        for joint in self.joints:
-            for side, link in (("parent", joint.parent), ("child", joint.child)):
-                if link not in links:
-                    allowed = "the name of a <link> of the robot"
-                    raise RobotError(f"{side} of joint {joint.name}", link, allowed)
-        _check_tree(self)
-
-    @property
-    def root(self) -> str:
-        """The link that is no joint's child."""
-        children = {joint.child for joint in self.joints}
-        return next(link for link in self.links if link not in children)
-
-    @property
-    def leaves(self) -> tuple[str, ...]:
-        """Links that are no joint's parent."""
-        parents = {joint.parent for joint in self.joints}
-        return tuple(link for link in self.links if link not in parents)
-
-    def path(self, tip: str) -> tuple[Joint, ...]:
-        """Joints from the root to a link, in order."""
-        above = {joint.child: joint for joint in self.joints}
-        path: list[Joint] = []
-        while tip in above:
-            path.append(above[tip])
-            tip = path[-1].parent
-        return tuple(reversed(path))
+LARGEST_FILE = 50_000_000
 
 
 def read_urdf(path: str | os.PathLike[str]) -> RobotTree:
@@ -125,11 +57,7 @@ def read_urdf(path: str | os.PathLike[str]) -> RobotTree:
     Returns
     -------
     RobotTree
-        Of each joint, `origin` is the pose in the parent's frame, a homogeneous 4×4 matrix
-        in metres; `axis` is a unit vector in the joint's frame if the joint moves; and
-        `limit.lower` and `limit.upper` are radians or metres, infinite without limits and
-        where their size is above `LARGEST`. A
-        revolute or prismatic joint without ``<limit>`` is invalid URDF: it has the limits
+        A revolute or prismatic joint without ``<limit>`` is invalid URDF: it has the limits
         0 and 0, the defaults of the attributes, or none of its own if it mimics another.
 
     Raises
@@ -139,12 +67,16 @@ def read_urdf(path: str | os.PathLike[str]) -> RobotTree:
     InputError
         If the library that reads URDF is not installed.
     """
-    path = Path(path)
-    content = read_bytes(path, most=_LARGEST_FILE)
+    return from_file(Path(path), parse_urdf)
+
+
+def from_file(path: Path, parse: Callable[[bytes], RobotTree]) -> RobotTree:
+    """Return what is parsed from a file's content; FileError, which names the file, if none."""
+    content = read_bytes(path, most=LARGEST_FILE)
     try:
-        return parse_urdf(content)
+        return parse(content)
     except InputError as error:
-        if error.argument == "yourdfpy":
+        if error.value == NOT_INSTALLED:
             raise
         where = f"{path}: {error.argument}"
         raise FileError(where, error.value, error.allowed) from None
@@ -152,29 +84,57 @@ def read_urdf(path: str | os.PathLike[str]) -> RobotTree:
 
 def parse_urdf(content: bytes) -> RobotTree:
     """Read a robot from the text of a URDF file; InputError if it is none."""
+    root = xml_root(content)
+    if root.tag != "robot":
+        raise InputError("root element", f"<{root.tag}>", "<robot>, as in URDF")
+    return urdf_tree(root)
+
+
+def urdf_tree(root: _Element) -> RobotTree:
+    """Read a robot from the root element of a URDF; InputError if it is wrong."""
+    if any("xacro" in str(element.tag) for element in root.iter()):
+        raise InputError("content", "xacro", _XACRO)
+    reduced = _kinematic_part(root)
     try:
         import yourdfpy
         from lxml import etree
     except ModuleNotFoundError:
-        raise InputError("yourdfpy", "not installed", _INSTALL) from None
-
-    reduced = BytesIO(etree.tostring(_kinematic_part(_xml(content))))
-    robot = yourdfpy.URDF.load(reduced, build_scene_graph=False, load_meshes=False).robot
-    for joint in robot.joints:
-        lower, upper = _limits(joint)
-        speed = joint.limit.velocity if joint.limit is not None else None
-        # Files that know no speed write 0; nothing could move.
-        speed = float(speed) if speed else np.inf
-        joint.limit = yourdfpy.Limit(lower=lower, upper=upper, velocity=abs(speed))
-        joint.origin = np.eye(4) if joint.origin is None else joint.origin
-        if joint.type in MOVING:
-            joint.axis = _axis(joint)
-    return RobotTree(robot.name, tuple(link.name for link in robot.links), tuple(robot.joints))
+        raise InputError("yourdfpy", NOT_INSTALLED, _INSTALL) from None
+    content = BytesIO(etree.tostring(reduced))
+    return yourdfpy_tree(
+        yourdfpy.URDF.load(content, build_scene_graph=False, load_meshes=False).robot
+    )
 
 
-def _xml(content: bytes) -> _Element:
-    """Root of the XML; undeclared name spaces, which simulators' tags have, are no error."""
-    from lxml import etree
+def yourdfpy_tree(robot: UrdfRobot) -> RobotTree:
+    """Return the robot of a model of yourdfpy; InputError if it is wrong."""
+    links = tuple(link.name for link in robot.links)
+    return RobotTree(robot.name, links, tuple(_joint(joint) for joint in robot.joints))
+
+
+def _joint(joint: UrdfJoint) -> Joint:
+    mimic = joint.mimic
+    if mimic is not None:
+        factor = 1.0 if mimic.multiplier is None else float(mimic.multiplier)
+        mimic = Mimic(mimic.joint, factor, float(mimic.offset or 0.0))
+    return joint_between(
+        *(joint.parent, joint.child, joint.name, joint.type),
+        np.eye(4) if joint.origin is None else joint.origin,
+        (1.0, 0.0, 0.0) if joint.axis is None else joint.axis,
+        _limit(joint),
+        mimic,
+    )
+
+
+def xml_root(content: bytes) -> _Element:
+    """Return the root of the XML; InputError if it is none, or declares entities.
+
+    Undeclared name spaces, which simulators' tags have, are no error.
+    """
+    try:
+        from lxml import etree
+    except ModuleNotFoundError:
+        raise InputError("lxml", NOT_INSTALLED, _INSTALL) from None
 
     if content.startswith(b"\x1f\x8b"):
         raise InputError(
@@ -193,10 +153,6 @@ def _xml(content: bytes) -> _Element:
     declared = root.getroottree().docinfo.internalDTD
     if declared is not None and declared.entities():
         raise InputError("content", "XML with <!ENTITY>", "URDF without entities")
-    if root.tag != "robot":
-        raise InputError("root element", f"<{root.tag}>", "<robot>, as in URDF")
-    if any("xacro" in str(element.tag) for element in root.iter()):
-        raise InputError("content", "xacro", _XACRO)
     return root
 
 
@@ -263,61 +219,11 @@ def _attribute(element: _Element, name: str, what: str) -> str:
     return str(value)
 
 
-def _limits(joint: Joint) -> tuple[float, float]:
-    no_limit = joint.limit is None
-    if joint.type not in ("revolute", "prismatic") or (no_limit and joint.mimic is not None):
-        return -np.inf, np.inf
+def _limit(joint: UrdfJoint) -> Limit:
+    limit = joint.limit
+    speed = float((limit.velocity if limit else None) or 0.0)
+    if joint.type not in ("revolute", "prismatic") or (limit is None and joint.mimic):
+        return Limit(velocity=speed)
     # By the URDF specification a limit that is left out is zero.
-    lower = 0.0 if no_limit else joint.limit.lower or 0.0
-    upper = 0.0 if no_limit else joint.limit.upper or 0.0
-    if not lower <= upper or lower > LARGEST or upper < -LARGEST:
-        shown = f"[{lower:g}, {upper:g}]"
-        allowed = f"lower <= upper, with a position of size at most {LARGEST:g} between them"
-        raise InputError(f"limits of joint {joint.name}", shown, allowed)
-    return (
-        lower if lower >= -LARGEST else -np.inf,
-        upper if upper <= LARGEST else np.inf,
-    )
-
-
-def _axis(joint: Joint) -> FloatArray:
-    axis = np.asarray(joint.axis, dtype=float)
-    length = float(np.linalg.norm(axis))
-    if length <= _SHORTEST_AXIS:
-        shown = " ".join(f"{entry:g}" for entry in axis)
-        raise InputError(f"axis of joint {joint.name}", shown, "three numbers, not all zero")
-    return np.asarray(axis / length)
-
-
-def _check_tree(tree: RobotTree) -> None:
-    if not tree.links:
-        raise RobotError("robot", "without a <link>", "at least one link")
-    children = Counter(joint.child for joint in tree.joints)
-    for link, count in children.items():
-        if count > 1:
-            allowed = "one parent at most: closed loops are not supported"
-            raise RobotError(f"link {link}", f"the child of {count} joints", allowed)
-    roots = [link for link in tree.links if link not in children]
-    if len(roots) > 1:
-        shown = ", ".join(roots[:4])
-        raise RobotError("robot", f"in pieces that start at {shown}", "one connected tree")
-    # From the root every link is reached, or else there is a cycle beside.
-    below: dict[str, list[str]] = {}
-    for joint in tree.joints:
-        below.setdefault(joint.parent, []).append(joint.child)
-    reached = roots
-    for link in reached:
-        reached.extend(below.get(link, ()))
-    if len(reached) < len(tree.links):
-        cycle = set(_cycle(tree))
-        shown = ", ".join([link for link in tree.links if link in cycle][:4])
-        allowed = "a tree of links and joints"
-        raise RobotError("robot", f"cyclic (through {shown})", allowed)
-
-
-def _cycle(tree: RobotTree) -> Sequence[str]:
-    try:
-        TopologicalSorter({joint.child: [joint.parent] for joint in tree.joints}).prepare()
-    except CycleError as error:
-        return list(error.args[1])
-    return ()
+    lower, upper = (limit.lower, limit.upper) if limit else (None, None)
+    return Limit(float(lower or 0.0), float(upper or 0.0), speed)

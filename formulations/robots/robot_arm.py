@@ -15,22 +15,28 @@ joints, which are designed at mean square lever arm 1.
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Literal, TypeAlias
+from typing import Any, Literal, TypeAlias, cast
 
 import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
+from formulations import measures
 from formulations.joints.joint import check_length
 from formulations.robots.chain import LARGEST, Chain
-from nlp.arrays import FloatArray, finite_vector
+from formulations.robots.chain_between import chain_between
+from formulations.robots.read_robot import read_robot
+from nlp.arrays import FloatArray, as_floats, finite_vector
 from nlp.errors import InputError
 from nlp.problem import Constraint
 
 # A joint without limits, or with wider ones, is drawn from twice this: one turn, two metres.
 _HALF_TURN, _HALF_TRAVEL = np.pi, 1.0
+# Configurations that are evaluated at once: memory stays bounded.
+_AT_ONCE = 10_000
 
 DIRECTIONS = ("vx", "vy", "vz", "wx", "wy", "wz")
 GROUPS = {"all": DIRECTIONS, "position": DIRECTIONS[:3], "orientation": DIRECTIONS[3:]}
@@ -130,6 +136,41 @@ class RobotArm:
                     "length", self.length, f"{1 / LARGEST:g} to {LARGEST:g} metres"
                 )
 
+    @classmethod
+    def read(
+        cls,
+        source: object,
+        tip: str | None = None,
+        base: str | None = None,
+        task: Task | str = "all",
+        length: float | None = None,
+        held: Mapping[str, float] | None = None,
+        point: Sequence[float] = (0.0, 0.0, 0.0),
+    ) -> RobotArm:
+        """Return an arm of a robot that a file or a model describes.
+
+        Parameters
+        ----------
+        source
+            A path or a model; see `formulations.robots.read_robot`.
+        tip, base, held, point
+            Links, joints that have locked and the tip's point, see `chain_between`; by
+            default the only last link, the root, none and the origin.
+        task
+            A task, or its directions as `Task.parse` reads them.
+        length
+            Characteristic length ℓ in metres; by default that of each configuration.
+
+        Raises
+        ------
+        InputError
+            If the robot cannot be read, a name is unknown, or the joints are too few.
+        """
+        tree = read_robot(source)
+        tip = tree.last_link() if tip is None else tip
+        chain = chain_between(tree, tip, base, held, point)
+        return cls(chain, Task.parse(task) if isinstance(task, str) else task, length)
+
     @property
     def shape(self) -> tuple[int, int]:
         """(m, n): task dimension and number of joints."""
@@ -206,6 +247,46 @@ class RobotArm:
             raise InputError("characteristic length", "0", allowed)
         return float(np.sqrt(square))
 
+    def worst_case(self, configurations: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
+        """Worst-case σ (eq. 5) and its gradient at many configurations, as a cost.
+
+        The Jacobian is that of `jacobian`, in units of ℓ; the gradient takes into account that
+        ℓ follows the configuration. Where failures tie it is that of one of them, a
+        generalised gradient; see `measures.WorstCases`. Limits are not looked at.
+
+        Parameters
+        ----------
+        configurations
+            Positions of the free joints, radians or metres, shape (N, n); or one, (n,).
+
+        Returns
+        -------
+        numpy.ndarray
+            σ, shape (N,) or ().
+        numpy.ndarray
+            ∂σ/∂q, shape (N, n) or (n,).
+
+        Raises
+        ------
+        InputError
+            If the shape is another, a number is not finite, or J is not.
+        """
+        points = as_floats("configurations", configurations)
+        n = self.size
+        if points.ndim not in (1, 2) or points.shape[-1] != n:
+            allowed = f"shape (N, {n}) or ({n},)"
+            raise InputError("configurations", f"an array of shape {points.shape}", allowed)
+        if not np.all(np.isfinite(points)):
+            raise InputError(
+                "configurations", "an array with NaN or infinity", "finite numbers"
+            )
+        rows = points.reshape(-1, n)
+        sigma, gradient = np.empty(len(rows)), np.empty(rows.shape)
+        for k in range(0, len(rows), _AT_ONCE):
+            part = slice(k, k + _AT_ONCE)
+            sigma[part], gradient[part] = self._worst_case(np.ascontiguousarray(rows[part]))
+        return sigma.reshape(points.shape[:-1]), gradient.reshape(points.shape)
+
     @property
     def depends_on_length(self) -> bool:
         """Whether ratios of singular values depend on ℓ; if not, ℓ is only a unit of length."""
@@ -221,6 +302,15 @@ class RobotArm:
         least = np.where(wide, centre - spans, lower)
         largest = np.where(wide, centre + spans, upper)
         return np.asarray(rng.uniform(least, largest))
+
+    def _worst_case(self, rows: FloatArray) -> tuple[FloatArray, FloatArray]:
+        count, (m, n) = len(rows), self.shape
+        matrices, slope = _batch_functions(self, count)
+        stack, gradient = np.empty((count, n, m)), np.empty((count, n))
+        _call(matrices, stack, rows)
+        worst = measures.worst_case_sigma_batch(stack.transpose(0, 2, 1))
+        _call(slope, gradient, rows, worst.left, worst.right)
+        return worst.sigma, gradient
 
     @property
     def _follows_configuration(self) -> bool:
@@ -245,3 +335,22 @@ class RobotArm:
 def _metric_function(arm: RobotArm) -> ca.Function:
     q = arm.symbols()
     return ca.Function("metric", [q], [arm._symbolic_metric(q)])
+
+
+@lru_cache(maxsize=64)
+def _batch_functions(arm: RobotArm, count: int) -> tuple[ca.Function, ca.Function]:
+    """Return J(q), and the gradient of uᵀJ(q)v, at so many configurations at once."""
+    q, u, v = arm.symbols(), ca.SX.sym("u", arm.shape[0]), ca.SX.sym("v", arm.shape[1])
+    matrix = ca.densify(arm.matrix(q))  # what follows has room for all entries
+    slope = ca.densify(ca.gradient(ca.bilin(matrix, u, v), q))
+    matrices = ca.Function("matrices", [q], [matrix])
+    return matrices.map(count), ca.Function("slope", [q, u, v], [slope]).map(count)
+
+
+def _call(function: ca.Function, result: FloatArray, *arguments: FloatArray) -> None:
+    """Evaluate on the memory of arrays: a row here is a column of CasADi, nothing is copied."""
+    buffer, evaluate = cast("Any", function).buffer()
+    for k, one in enumerate(arguments):
+        buffer.set_arg(k, one.data)
+    buffer.set_res(0, result.data)
+    evaluate()

@@ -1,5 +1,6 @@
 """The column model robot: real arms against pinocchio, scaling, invariances."""
 
+import time
 from dataclasses import replace
 from functools import lru_cache
 
@@ -203,6 +204,92 @@ def test_axes_that_all_meet_in_the_tip_have_no_lever_arm(made):
         arm.jacobian(np.zeros(4))
     turning = RobotArm(arm.chain, Task.parse("orientation"))
     assert np.linalg.norm(turning.jacobian(np.ones(4)), axis=0) == pytest.approx(np.ones(4))
+
+
+@pytest.mark.parametrize("name", ["Franka", "KUKA", "UFactory", "TIAGo,", "PR2"])
+@pytest.mark.parametrize(("task", "length"), [("all", None), ("all", 0.3), ("position", None)])
+def test_worst_cases_of_many_postures(name, task, length):
+    """Against the measure of each posture, and central differences away from ties."""
+    arm = RobotArm(real(name).chain, Task.parse(task, "tip"), length)
+    rng, h = np.random.default_rng(2), 1e-6
+    points = np.array([arm.sample(rng) for _ in range(40)])
+    sigma, gradient = arm.worst_case(points)
+    alone = [measures.worst_case_sigma(arm.jacobian(point)) for point in points]
+    assert sigma == pytest.approx(np.array(alone), abs=1e-13)
+    left = np.sort([measures.locked_singular_values(arm.jacobian(one)) for one in points])
+    smooth = (left[:, 0] > 1e-3) & (left[:, 1] - left[:, 0] > 1e-3)
+    assert np.sum(smooth) > 10 or (name, task) == ("KUKA", "all")
+    steps = h * np.eye(arm.size)
+    ahead, behind = (
+        np.array([arm.worst_case(points + t * step)[0] for step in steps]) for t in (1, -1)
+    )
+    slopes = (ahead - behind).T / (2 * h)
+    assert gradient[smooth] == pytest.approx(slopes[smooth], abs=1e-6)
+
+
+def test_many_postures_are_fast():
+    """Measured at 20 times a loop that has no gradient; half of that is the least accepted."""
+    arm = real("Franka")
+    rng = np.random.default_rng(0)
+    points = np.array([arm.sample(rng) for _ in range(1000)])
+
+    def seconds(work):
+        begun = time.process_time()
+        work()
+        return time.process_time() - begun
+
+    arm.worst_case(points)
+    batch = min(seconds(lambda: arm.worst_case(points)) for _ in range(4))
+    some = points[:250]
+    loop = seconds(lambda: [measures.worst_case_sigma(arm.jacobian(one)) for one in some])
+    assert 4 * loop > 10 * batch
+
+
+def test_worst_cases_where_the_jacobian_has_zeros(made):
+    """Entries that are zero by structure, and joints that mimic."""
+    mimic = '<mimic joint="j0" multiplier="-0.5" offset="0.2"/>'
+    joints = made.serial(["0 0 1"] * 4, ("0 1 0",) * 4, j2={"mimic": mimic})
+    arm = RobotArm(chain_between(made.tree(made.urdf(joints)), "l4"), Task(("vx", "vz")))
+    points = np.random.default_rng(0).uniform(-1, 1, (30, 3))
+    sigma, gradient = arm.worst_case(points)
+    for point, value, slope in zip(points, sigma, gradient, strict=True):
+        assert value == pytest.approx(measures.worst_case_sigma(arm.jacobian(point)), abs=1e-13)
+        alone, same = arm.worst_case(point)
+        assert (alone.shape, same.shape) == ((), (3,))
+        assert alone == pytest.approx(value, abs=1e-14)
+        assert same == pytest.approx(slope, abs=1e-12)
+
+
+def test_more_postures_than_are_evaluated_at_once(monkeypatch):
+    arm = real("Franka")
+    points = np.array([arm.sample(np.random.default_rng(k)) for k in range(7)])
+    whole = arm.worst_case(points)
+    monkeypatch.setattr("formulations.robots.robot_arm._AT_ONCE", 3)
+    for one, other in zip(whole, arm.worst_case(points), strict=True):
+        assert one == pytest.approx(other, abs=1e-14)
+    sigma, gradient = arm.worst_case(np.zeros((0, 7)))
+    assert (sigma.shape, gradient.shape) == ((0,), (0, 7))
+
+
+@pytest.mark.parametrize(
+    ("points", "sentence"),
+    [
+        (np.zeros(6), r"configurations is an array of shape \(6,\); allowed: shape \(N, 7\)"),
+        (np.zeros((2, 2, 7)), "an array of shape"),
+        (np.full((1, 7), np.nan), "NaN or infinity"),
+        ([["a"] * 7], "real numbers"),
+    ],
+)
+def test_what_is_no_batch_of_postures(points, sentence):
+    with pytest.raises(InputError, match=sentence):
+        real("Franka").worst_case(points)
+
+
+def test_worst_cases_without_a_length(made):
+    joints = made.serial(["0 0 0.2"] + ["0 0 0"] * 3, ("0 0 1", "0 1 0", "0 0 1", "0 1 0"))
+    arm = RobotArm(chain_between(made.tree(made.urdf(joints)), "l4"), Task.parse("position"))
+    with pytest.raises(InputError, match="Jacobian 0 is not finite"):
+        arm.worst_case(np.zeros((2, 4)))
 
 
 @pytest.mark.parametrize("text", ["", "vx,vx", "up", "position,vx", "vx,,vy"])

@@ -11,7 +11,8 @@ import pytest
 
 from formulations.robots import read_urdf as reading
 from formulations.robots.chain_between import chain_between
-from formulations.robots.read_urdf import RobotTree, parse_urdf, read_urdf
+from formulations.robots.read_urdf import parse_urdf, read_urdf
+from formulations.robots.tree import RobotTree
 from nlp.errors import FileError, InputError
 
 
@@ -223,7 +224,7 @@ def test_a_name_is_a_path(made, tmp_path, monkeypatch):
 def test_a_file_that_is_too_large(made, tmp_path, monkeypatch):
     path = tmp_path / "arm.urdf"
     path.write_text(made.offset_arm())
-    monkeypatch.setattr(reading, "_LARGEST_FILE", 100)
+    monkeypatch.setattr(reading, "LARGEST_FILE", 100)
     with pytest.raises(FileError, match="at most 100 bytes"):
         read_urdf(path)
 

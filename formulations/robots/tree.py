@@ -1,0 +1,218 @@
+"""A robot as links and joints, checked to form one tree, whatever it was read from."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from graphlib import CycleError, TopologicalSorter
+
+import numpy as np
+import numpy.typing as npt
+
+from formulations.robots.chain import LARGEST, listed
+from nlp.arrays import FloatArray, as_floats
+from nlp.errors import InputError
+
+MOVING = ("revolute", "continuous", "prismatic")
+# An axis that is shorter is taken for zero.
+_SHORTEST_AXIS = 1e-9
+
+
+class RobotError(InputError):
+    """A robot that is malformed, or that needs more than this library supports."""
+
+
+@dataclass(frozen=True)
+class Limit:
+    """Where a joint can be, in radians or metres, and how fast it can move, per second."""
+
+    lower: float = -np.inf
+    upper: float = np.inf
+    velocity: float = np.inf
+
+
+@dataclass(frozen=True)
+class Mimic:
+    """What a joint follows: it is at ``multiplier`` · position of ``joint`` + ``offset``."""
+
+    joint: str
+    multiplier: float = 1.0
+    offset: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Joint:
+    """A joint between two links; `joint_between` makes it and checks its numbers.
+
+    Attributes
+    ----------
+    name
+        Its name.
+    type
+        One of `MOVING`, ``"fixed"``, or anything else, which cannot be part of a chain.
+    parent, child
+        Names of the links.
+    origin
+        Its frame at position 0 in that of the parent, homogeneous, in metres, shape (4, 4).
+        It is the frame of the child.
+    axis
+        Unit vector in its frame that it turns about or moves along.
+    limit, mimic
+        See there.
+    """
+
+    name: str
+    type: str
+    parent: str
+    child: str
+    origin: FloatArray
+    axis: FloatArray
+    limit: Limit = Limit()
+    mimic: Mimic | None = None
+
+
+def joint_between(
+    parent: str,
+    child: str,
+    name: str,
+    kind: str,
+    origin: npt.ArrayLike,
+    axis: npt.ArrayLike = (0.0, 0.0, 1.0),
+    limit: Limit = Limit(),
+    mimic: Mimic | None = None,
+) -> Joint:
+    """Return a joint whose axis has norm 1, and whose limits beyond `LARGEST` are none.
+
+    Raises
+    ------
+    InputError
+        If a number is NaN, infinite or too large, the axis is zero, or the limits contradict.
+    """
+    pose = as_floats(f"origin of joint {name}", origin)
+    if pose.shape != (4, 4) or not np.all(np.abs(pose) <= LARGEST):
+        allowed = f"a homogeneous 4×4 matrix, with entries of size at most {LARGEST:g}"
+        raise InputError(f"origin of joint {name}", "no such matrix", allowed)
+    direction = np.array([0.0, 0.0, 1.0])
+    if kind in MOVING:
+        direction = as_floats(f"axis of joint {name}", axis)
+        length = float(np.linalg.norm(direction)) if direction.shape == (3,) else 0.0
+        if not _SHORTEST_AXIS < length < math.inf:
+            shown = " ".join(f"{entry:g}" for entry in direction.ravel()[:4])
+            raise InputError(f"axis of joint {name}", shown, "three numbers, not all zero")
+        direction = direction / length
+        if mimic is not None and not (abs(mimic.multiplier) + abs(mimic.offset) < math.inf):
+            shown = f"multiplier {mimic.multiplier:g} and offset {mimic.offset:g}"
+            raise InputError(f"<mimic> of joint {name}", shown, "finite numbers")
+    lower, upper = limit.lower, limit.upper
+    if not lower <= upper or lower > LARGEST or upper < -LARGEST:
+        allowed = f"lower <= upper, with a position of size at most {LARGEST:g} between them"
+        raise InputError(f"limits of joint {name}", f"[{lower:g}, {upper:g}]", allowed)
+    lower = lower if lower >= -LARGEST else -np.inf
+    upper = upper if upper <= LARGEST else np.inf
+    # Files that know no speed write 0; nothing could move.
+    speed = abs(limit.velocity) if abs(limit.velocity) > 0 else np.inf
+    return Joint(name, kind, parent, child, pose, direction, Limit(lower, upper, speed), mimic)
+
+
+@dataclass(frozen=True, eq=False)
+class RobotTree:
+    """Links and joints that form one tree.
+
+    Attributes
+    ----------
+    name
+        Name of the robot.
+    links
+        Names of its links.
+    joints
+        Its joints.
+
+    Raises
+    ------
+    RobotError
+        If names repeat, a joint names a link that does not exist, or the links do not form
+        one tree.
+    """
+
+    name: str
+    links: tuple[str, ...]
+    joints: tuple[Joint, ...]
+
+    def __post_init__(self) -> None:
+        named = [("link", link) for link in self.links]
+        named += [("joint", joint.name) for joint in self.joints]
+        for (kind, name), count in Counter(named).items():
+            if count > 1:
+                raise RobotError(f"{kind} {name}", f"there {count} times", "every name once")
+        links = set(self.links)
+        for joint in self.joints:
+            for side, link in (("parent", joint.parent), ("child", joint.child)):
+                if link not in links:
+                    allowed = "the name of a <link> of the robot"
+                    raise RobotError(f"{side} of joint {joint.name}", link, allowed)
+        _check_tree(self)
+
+    @property
+    def root(self) -> str:
+        """The link that is no joint's child."""
+        children = {joint.child for joint in self.joints}
+        return next(link for link in self.links if link not in children)
+
+    @property
+    def leaves(self) -> tuple[str, ...]:
+        """Links that are no joint's parent."""
+        parents = {joint.parent for joint in self.joints}
+        return tuple(link for link in self.links if link not in parents)
+
+    def last_link(self, argument: str = "tip") -> str:
+        """Return the only leaf; InputError, which names the argument, if there are several."""
+        leaves = self.leaves
+        if len(leaves) > 1:
+            allowed = f"a link of {self.name}; its last ones are {listed(leaves)}"
+            raise InputError(argument, "missing", allowed)
+        return leaves[0]
+
+    def path(self, tip: str) -> tuple[Joint, ...]:
+        """Joints from the root to a link, in order."""
+        above = {joint.child: joint for joint in self.joints}
+        path: list[Joint] = []
+        while tip in above:
+            path.append(above[tip])
+            tip = path[-1].parent
+        return tuple(reversed(path))
+
+
+def _check_tree(tree: RobotTree) -> None:
+    if not tree.links:
+        raise RobotError("robot", "without a <link>", "at least one link")
+    children = Counter(joint.child for joint in tree.joints)
+    for link, count in children.items():
+        if count > 1:
+            allowed = "one parent at most: closed loops are not supported"
+            raise RobotError(f"link {link}", f"the child of {count} joints", allowed)
+    roots = [link for link in tree.links if link not in children]
+    if len(roots) > 1:
+        shown = ", ".join(roots[:4])
+        raise RobotError("robot", f"in pieces that start at {shown}", "one connected tree")
+    # From the root every link is reached, or else there is a cycle beside.
+    below: dict[str, list[str]] = {}
+    for joint in tree.joints:
+        below.setdefault(joint.parent, []).append(joint.child)
+    reached = roots
+    for link in reached:
+        reached.extend(below.get(link, ()))
+    if len(reached) < len(tree.links):
+        cycle = set(_cycle(tree))
+        shown = ", ".join([link for link in tree.links if link in cycle][:4])
+        allowed = "a tree of links and joints"
+        raise RobotError("robot", f"cyclic (through {shown})", allowed)
+
+
+def _cycle(tree: RobotTree) -> Sequence[str]:
+    try:
+        TopologicalSorter({joint.child: [joint.parent] for joint in tree.joints}).prepare()
+    except CycleError as error:
+        return list(error.args[1])
+    return ()

@@ -1,0 +1,497 @@
+"""Robots from elsewhere: each against the library that it comes from."""
+
+import builtins
+import json
+import re
+from io import StringIO
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pinocchio as pin
+import pytest
+import roboticstoolbox as rtb
+import yourdfpy
+
+from formulations.commands.app import app
+from formulations.robots.chain_between import chain_between
+from formulations.robots.read_robot import dh_tree, read_robot
+from formulations.robots.read_urdf import read_urdf
+from formulations.robots.robot_arm import RobotArm, Task
+from formulations.studies.robots import ARMS
+from nlp.errors import FileError, InputError
+
+EXACT = 1e-12
+POINTS = 20
+
+
+def drawn(arm, seed=3):
+    rng = np.random.default_rng(seed)
+    return [arm.sample(rng) for _ in range(POINTS)]
+
+
+# --- files and models of URDF ------------------------------------------------------------
+
+
+def test_a_model_of_yourdfpy_is_its_file(made, tmp_path):
+    path = tmp_path / "arm.urdf"
+    path.write_text(made.offset_arm())
+    ours = RobotArm.read(str(path))
+    theirs = RobotArm.read(yourdfpy.URDF.load(str(path)), "l7")
+    assert theirs == ours == RobotArm(chain_between(read_urdf(path), "l7"))
+    assert RobotArm.read(read_robot(path)) == ours
+
+
+def test_mimicry_and_missing_limits_of_yourdfpy(made):
+    mimic = '<mimic joint="a" multiplier="-0.5" offset="0.2"/>'
+    text = made.urdf(
+        [
+            made.joint("a", "0", "1"),
+            made.joint("b", "1", "2", "prismatic", limit=""),
+            made.joint("c", "2", "3", mimic=mimic),
+        ]
+    )
+    model = yourdfpy.URDF.load(StringIO(text))
+    chain = chain_between(read_robot(model), "3")
+    assert chain == chain_between(made.tree(text), "3")
+    assert (chain.names, dict(chain.immobile)) == (("a",), {"b": 0.0})
+    model.robot.joints[0].origin[0, 3] = np.nan
+    with pytest.raises(InputError, match="origin of joint a"):
+        read_robot(model)
+
+
+# --- pinocchio ---------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["Franka", "KUKA", "UFactory", "TIAGo,", "PR2"])
+def test_a_model_of_pinocchio_is_its_file(name):
+    declared = next(one for one in ARMS if one.name.startswith(name))
+    model = pin.buildModelFromUrdf(str(declared.path), mimic=True)
+    arm = RobotArm.read(model, declared.tip, task=declared.task)
+    file = declared.arm()
+    assert arm.chain.names == file.chain.names
+    assert np.array(arm.bounds) == pytest.approx(np.array(file.bounds))
+    data = model.createData()
+    for point in drawn(arm):
+        ours = arm.metric_jacobian(point)
+        assert ours == pytest.approx(file.metric_jacobian(point), abs=EXACT)
+        assert ours == pytest.approx(of_pinocchio(model, data, arm, point), abs=EXACT)
+
+
+def of_pinocchio(model, data, arm, point):
+    q, places = pin.neutral(model), []
+    for name, value in zip(arm.chain.names, point, strict=True):
+        joint = model.joints[model.getJointId(name)]
+        both = value if joint.nq == 1 else [np.cos(value), np.sin(value)]
+        q[joint.idx_q : joint.idx_q + joint.nq] = both
+        places.append(joint.idx_v)
+    frame = model.getFrameId(arm.chain.tip)
+    full = pin.computeFrameJacobian(model, data, q, frame, pin.LOCAL_WORLD_ALIGNED)
+    return full[:, places]
+
+
+def built(*joints):
+    """A pinocchio model without a single frame of a body, joints j0, j1, …"""
+    model, last = pin.Model(), 0
+    for k, joint in enumerate(joints):
+        place = pin.SE3(pin.exp3(np.array([0.3, -0.2, 0.1 * k])), np.array([0.1, 0.2, 0.3]))
+        last = model.addJoint(last, joint, place, f"j{k}")
+    frame = pin.Frame("tool", last, pin.SE3(np.eye(3), np.ones(3)), pin.FrameType.OP_FRAME)
+    model.addFrame(frame)
+    return model
+
+
+def test_every_kind_of_pinocchio_joint():
+    axis = np.array([1.0, 2.0, 2.0]) / 3
+    model = built(
+        pin.JointModelRX(),
+        pin.JointModelRUBZ(),
+        pin.JointModelRevoluteUnaligned(axis),
+        pin.JointModelPrismaticUnaligned(axis),
+        pin.JointModelPY(),
+    )
+    arm = RobotArm.read(model, "tool", task="position", length=1.0)
+    assert arm.chain.prismatic == (False, False, False, True, True)
+    data = model.createData()
+    for point in drawn(arm):
+        theirs = of_pinocchio(model, data, arm, point)
+        assert arm.metric_jacobian(point) == pytest.approx(theirs, abs=EXACT)
+
+
+@pytest.mark.parametrize(
+    "joint", [pin.JointModelHX(0.1), pin.JointModelFreeFlyer(), pin.JointModelSphericalZYX()]
+)
+def test_other_kinds_are_in_the_tree_but_in_no_chain(joint):
+    model = built(joint, pin.JointModelRX(), pin.JointModelRY())
+    with pytest.raises(InputError, match="joint j0 is"):
+        RobotArm.read(model, "tool")
+    assert RobotArm.read(model, "tool", base="j0", task="vx").size == 2
+
+
+def test_mimicry_of_pinocchio(made):
+    mimic = '<mimic joint="a" multiplier="-0.5" offset="0.2"/>'
+    joints = [
+        made.joint("a", "0", "1", axis="0 1 1"),
+        made.joint("b", "1", "2", axis="1 0 0"),
+        made.joint("c", "2", "3", axis="1 2 0", mimic=mimic),
+    ]
+    text = made.urdf(joints)
+    model = pin.buildModelFromXML(text, mimic=True)
+    arm = RobotArm.read(model, "3", task="vx")
+    file = RobotArm(chain_between(made.tree(text), "3"), Task(("vx",)))
+    for point in drawn(file):
+        ours = arm.metric_jacobian(point)
+        assert ours == pytest.approx(file.metric_jacobian(point), abs=EXACT)
+        assert ours == pytest.approx(
+            of_pinocchio(model, model.createData(), arm, point), abs=EXACT
+        )
+
+
+# --- Denavit–Hartenberg tables -----------------------------------------------------------
+
+ROWS = (
+    ("revolute", 0.31, 0.10, -1.1, 0.2),
+    ("prismatic", 0.12, 0.05, 0.7, -0.4),
+    ("revolute", -0.20, 0.00, 1.5707963267948966, 0.0),
+    ("fixed", 0.07, 0.02, 0.3, 0.9),
+    ("revolute", 0.00, 0.25, 0.0, 2.0),
+    ("revolute", 0.11, -0.15, -0.6, -0.3),
+)
+
+
+def table(convention, degrees=False):
+    unit, scale = ("deg", 180 / np.pi) if degrees else ("rad", 1.0)
+    lines = [f"# convention: {convention}", f"kind,d,a,alpha_{unit},theta_{unit}"]
+    lines += [
+        f"{kind},{d!r},{a!r},{alpha * scale!r},{theta * scale!r}"
+        for kind, d, a, alpha, theta in ROWS
+    ]
+    return "\n".join(lines).encode()
+
+
+def of_toolbox(convention):
+    """The same arm in roboticstoolbox; the fixed row is a joint that stays at 0."""
+    makers = {
+        "standard": (rtb.RevoluteDH, rtb.PrismaticDH),
+        "modified": (rtb.RevoluteMDH, rtb.PrismaticMDH),
+    }
+    turning, sliding = makers[convention]
+    links = [
+        sliding(theta=theta, a=a, alpha=alpha, offset=d)
+        if kind == "prismatic"
+        else turning(d=d, a=a, alpha=alpha, offset=theta)
+        for kind, d, a, alpha, theta in ROWS
+    ]
+    return rtb.DHRobot(links)
+
+
+@pytest.mark.parametrize("convention", ["standard", "modified"])
+@pytest.mark.parametrize("degrees", [False, True])
+def test_tables_agree_with_the_toolbox(convention, degrees):
+    arm = RobotArm.read(dh_tree(table(convention, degrees)), task="position", length=1.0)
+    assert arm.chain.prismatic == (False, True, False, False, False)
+    theirs = of_toolbox(convention)
+    for point in drawn(arm):
+        full = theirs.jacob0(np.insert(point, 3, 0.0))
+        ours = arm.metric_jacobian(point)
+        assert ours == pytest.approx(np.delete(full, 3, axis=1), abs=EXACT)
+
+
+def test_names_limits_and_speeds_of_a_table(tmp_path):
+    path = tmp_path / "Wrist.CSV"
+    path.write_text(
+        "# made by hand\n#Convention: Modified\n"
+        "joint,kind,a,alpha_deg,d,theta_rad,lower_deg,upper_deg,velocity_rad\n"
+        "pan,R,0,0,0.3,0,-90,180,2\nlift,P,0,90,0.1,0,0,0.5,\n,r,0.2,0,0,0,,,\n",
+        "utf-8-sig",
+    )
+    arm = RobotArm.read(path, task="vx,vz", length=1.0)
+    assert arm.chain.robot == "Wrist"
+    assert arm.chain.names == ("pan", "lift", "joint_3")
+    lower, upper = arm.bounds
+    assert lower.tolist() == [-np.pi / 2, 0.0, -np.inf]
+    assert upper.tolist() == [np.pi, 0.5, np.inf]
+    assert [one.velocity for one in arm.chain.joints] == [2.0, np.inf, np.inf]
+
+
+def test_the_table_of_the_page():
+    page = (Path(__file__).parents[2] / "docs/robots.md").read_text("utf-8")
+    text = "# convention" + page.partition("\n# convention")[2].partition("```")[0]
+    chain = RobotArm.read(dh_tree(text.encode()), task="vx").chain
+    assert (chain.names, chain.prismatic) == (("pan", "lift"), (False, True))
+    assert chain.limits[1] == pytest.approx([np.radians(166), 0.4])
+
+
+GOOD = "# convention: standard\nkind,a,d,alpha_rad,theta_rad\nR,1,0,0,0\n"
+TABLES = {
+    "convention is missing": GOOD.replace("# convention: standard", "#"),
+    "convention is craig": GOOD.replace("standard", "craig"),
+    "column is b": GOOD.replace("kind,a,", "kind,b,"),
+    "table is without kind": "# convention: standard\na,d,alpha_rad,theta_rad\n1,0,0,0",
+    "table is without rows": GOOD.replace("R,1,0,0,0\n", ""),
+    "content is no table": "# convention: standard\n",
+    "content is no table; allowed: a line": GOOD.replace(",0,0\n", ',"0,0\n'),
+    "column alpha is without a unit": GOOD.replace("alpha_rad", "alpha"),
+    "column alpha is missing": GOOD.replace("alpha_rad,", ""),
+    "column theta is there twice": GOOD.replace("alpha_rad", "theta_deg"),
+    "column upper is without a unit": GOOD.replace("alpha_rad", "upper,alpha_rad"),
+    "column is a;": GOOD.replace("kind,a,", "kind,a,a,"),
+    "row 1 is of 4 cells": GOOD.replace("R,1,0,0,0", "R,1,0,0"),
+    "kind in row 1 is screw": GOOD.replace("R,", "screw,"),
+    "a in row 1 is x": GOOD.replace("R,1", "R,x"),
+    "a in row 1 is empty": GOOD.replace("R,1", "R,"),
+    "a in row 1 is nan": GOOD.replace("R,1", "R,nan"),
+    "theta_rad in row 1 is inf": GOOD.replace("0,0\n", "0,inf\n"),
+    "origin of joint fixed tip": GOOD.replace("R,1", "R,1e300"),
+}
+
+
+@pytest.mark.parametrize("sentence", TABLES)
+def test_a_faulty_table_gets_one_sentence(sentence, tmp_path):
+    path = tmp_path / "arm.csv"
+    path.write_text(TABLES[sentence])
+    with pytest.raises(FileError) as caught:
+        read_robot(path)
+    assert f"{path}: {sentence}" in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_bytes_that_are_no_text(tmp_path):
+    path = tmp_path / "arm.csv"
+    path.write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(FileError, match="not in UTF-8"):
+        read_robot(path)
+    path.write_text("# convention: standard\nkind,a,d\n" + "R,1,0\n" * 20_000)
+    with pytest.raises(FileError, match="column theta is missing"):
+        read_robot(path)
+    path.write_text(GOOD + "R,1,0,0,0\n" * 10_000)
+    with pytest.raises(FileError, match="at most 10000 rows"):
+        read_robot(path)
+
+
+# --- MJCF --------------------------------------------------------------------------------
+
+MJCF = """
+<mujoco model="everything">
+  <compiler angle="radian" eulerseq="zyx" meshdir="nowhere" autolimits="true"/>
+  <default><joint axis="0 1 0"/><default class="slider">
+    <joint type="slide" axis="1 0 1" range="-0.2 0.3"/><geom density="5"/></default></default>
+  <asset><mesh name="m" file="missing.stl"/><texture name="t" file="/etc/hostname"/></asset>
+  <extension><plugin plugin="mujoco.elasticity.cable"/></extension>
+  <worldbody>
+    <light pos="0 0 3"/><geom type="plane" size="1 1 1"/>
+    <body name="base" pos="0.1 0.2 0.3" euler="0.3 0.2 -0.5">
+      <body name="shoulder" pos="0 0 0.2" quat="1 0.2 -0.3 0.5">
+        <joint name="pan" pos="0.05 0.02 -0.1" range="-2 2" ref="0.4"/>
+        <joint name="tilt" axis="1 1 0" pos="0 0.1 0"/>
+        <geom type="mesh" mesh="m"/>
+        <frame pos="0.1 0 0" axisangle="0 0 1 0.7">
+          <body name="arm" pos="0.3 0 0">
+            <inertial pos="0 0 0" mass="2" diaginertia="1 1 1"/>
+            <joint name="slide" class="slider" ref="0.1"/>
+            <body name="hand" pos="0 0.1 0.2" xyaxes="0 1 0 0 0 1">
+              <joint name="roll" axis="0 0 1" range="-1 1"/>
+              <joint name="follow" axis="1 0 0" ref="0.2"/>
+              <site name="hand" pos="0.1 0.2 0.05" euler="0.1 0.2 0.3"/>
+            </body>
+          </body>
+        </frame>
+      </body>
+    </body>
+    <body name="ball"><freejoint/><geom size="0.1"/></body>
+  </worldbody>
+  <equality><joint joint1="follow" joint2="roll" polycoef="0.1 -0.5 0 0 0"/></equality>
+  <actuator><motor joint="pan"/></actuator>
+</mujoco>
+"""
+
+
+def mjcf(tmp_path, text=MJCF, name="robot.xml"):
+    path = tmp_path / name
+    path.write_text(text)
+    return path
+
+
+def plain(text=MJCF):
+    """The same, compiled by mujoco as it is, without the files that are not there."""
+    for one in (
+        '<plugin plugin="mujoco.elasticity.cable"/>',
+        '<mesh name="m" file="missing.stl"/><texture name="t" file="/etc/hostname"/>',
+        '<geom type="mesh" mesh="m"/>',
+    ):
+        text = text.replace(one, "")
+    text = text.replace("<compiler ", '<compiler boundmass="1" boundinertia="1" ')
+    return mujoco.MjModel.from_xml_string(text)
+
+
+def of_mujoco(model, point, site=True):
+    data, q = mujoco.MjData(model), dict(point)
+    for name, value in q.items():
+        data.qpos[model.joint(name).qposadr[0]] = value
+    mujoco.mj_kinematics(model, data)
+    mujoco.mj_comPos(model, data)
+    linear, angular = np.zeros((3, model.nv)), np.zeros((3, model.nv))
+    k = model.site("hand").id
+    mujoco.mj_jacSite(model, data, linear, angular, k)
+    full = np.vstack([linear, angular])
+    return {name: full[:, model.joint(name).dofadr[0]] for name in q}
+
+
+def test_mjcf_agrees_with_mujoco(tmp_path):
+    """Defaults, frames, several joints to a body, anchors, references, an equality."""
+    arm = RobotArm.read(mjcf(tmp_path), "hand (site)", task="position", length=1.0)
+    assert arm.chain.names == ("pan", "tilt", "slide", "roll")
+    assert arm.chain.robot == "everything"
+    lower, upper = arm.bounds
+    assert lower == pytest.approx([-2, -np.inf, -0.2, -1])
+    assert upper == pytest.approx([2, np.inf, 0.3, 1])
+    model = plain()
+    for point in drawn(arm):
+        q = dict(zip(arm.chain.names, point, strict=True))
+        # follow - 0.2 = 0.1 - 0.5 roll
+        columns = of_mujoco(model, {**q, "follow": 0.3 - 0.5 * q["roll"]})
+        columns["roll"] = columns["roll"] - 0.5 * columns.pop("follow")
+        ours = arm.metric_jacobian(point)
+        assert ours == pytest.approx(np.column_stack(list(columns.values())), abs=EXACT)
+
+
+def test_a_model_of_mujoco_is_its_file(tmp_path):
+    settings = {"tip": "hand", "task": "position", "length": 1.0}
+    assert RobotArm.read(plain(), **settings) == RobotArm.read(mjcf(tmp_path), **settings)
+
+
+@pytest.mark.parametrize(("name", "tip"), [("Franka", "panda_link7"), ("UFactory", "link7")])
+def test_real_arms_in_mujoco(name, tip):
+    """Arms that mujoco has compiled from their URDF: its Jacobians, and those of the URDF."""
+    declared = next(one for one in ARMS if one.name.startswith(name))
+    text = declared.path.read_text()
+    for part in ("visual", "collision"):
+        text = re.sub(f"<{part}\\b.*?</{part}>", "", text, flags=re.DOTALL)
+    model = mujoco.MjModel.from_xml_string(text)
+    arm, file = RobotArm.read(model, tip), RobotArm.read(declared.path, tip)
+    assert arm.chain.names == file.chain.names
+    body, data = model.body(tip).id, mujoco.MjData(model)
+    for point in drawn(arm):
+        data.qpos[[model.joint(one).qposadr[0] for one in arm.chain.names]] = point
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)
+        theirs = np.zeros((2, 3, model.nv))
+        mujoco.mj_jacBody(model, data, theirs[0], theirs[1], body)
+        places = [model.joint(one).dofadr[0] for one in arm.chain.names]
+        ours = arm.metric_jacobian(point)
+        assert ours == pytest.approx(theirs.reshape(6, -1)[:, places], abs=EXACT)
+        assert ours == pytest.approx(file.metric_jacobian(point), abs=EXACT)
+
+
+SMALL = """<mujoco><worldbody><body name="a"><joint name="a" axis="0 1 0" type="hinge"/>
+<body name="b" pos="0 0 1"><joint name="b" axis="0 1 0"/><body name="c" pos="0 0 1">
+<joint name="c" axis="0 1 0"/><body name="d" pos="0 0 1"/></body></body></body></worldbody>
+<equality></equality></mujoco>"""
+REFUSED = {
+    "content is MJCF with <include>": SMALL.replace("<mujoco>", '<mujoco><include file="x"/>'),
+    "content is MJCF with <attach>": SMALL.replace('<body name="d"', "<attach/><body "),
+    "content is MJCF with <replicate>": SMALL.replace(
+        '<body name="d"', '<replicate count="1000000000"/><body '
+    ),
+    "content is an equality of tendons": SMALL.replace("<equality>", "<equality><tendon/>"),
+    "content is 20004 bodies": SMALL.replace(
+        '<body name="d" pos="0 0 1"/>', "<body/><site/>" * 9_998 + "<site/><site/>"
+    ),
+    "content is MJCF that mujoco refuses": SMALL.replace("hinge", "screw"),
+    "content is not XML": SMALL[:-3],
+    "content is XML with <!ENTITY>": "<!DOCTYPE m [<!ENTITY e 'x'>]>" + SMALL,
+    "origin of joint b": SMALL.replace('name="b" pos="0 0 1"', 'name="b" pos="0 0 1e30"'),
+    "mujoco refuses (Error: axis too small": SMALL.replace(
+        'axis="0 1 0" type', 'axis="0 0 0" type'
+    ),
+    "root element is <sdf>; allowed: <robot> (URDF) or <mujoco> (MJCF)": "<sdf/>",
+}
+
+
+@pytest.mark.parametrize("sentence", REFUSED)
+def test_faulty_mjcf_gets_one_sentence(sentence, tmp_path, monkeypatch, capfd):
+    monkeypatch.chdir(tmp_path)
+    path = mjcf(tmp_path, REFUSED[sentence])
+    with pytest.raises(FileError) as caught:
+        read_robot(path)
+    assert sentence in str(caught.value)
+    assert "\n" not in str(caught.value)
+    assert capfd.readouterr() == ("", "")
+    assert [one.name for one in tmp_path.iterdir()] == ["robot.xml"]  # no log of mujoco
+
+
+LOOPS = {
+    "coupled by an equality": '<connect body1="d" body2="world" anchor="0 0 0"/>',
+    "joint c is coupled": '<weld body1="d" body2="b"/>',
+    "joint b is coupled": '<joint joint1="b" joint2="a" polycoef="0 1 0.5 0 0"/>',
+    "joint a is coupled": '<joint joint1="a"/>',
+}
+
+
+@pytest.mark.parametrize("sentence", LOOPS)
+def test_coupled_joints_are_in_no_chain(sentence, tmp_path):
+    """Ignored, they would be counted as joints that move by themselves."""
+    path = mjcf(tmp_path, SMALL.replace("<equality>", f"<equality>{LOOPS[sentence]}"))
+    with pytest.raises(InputError, match=sentence):
+        RobotArm.read(path, task="vx")
+    off = LOOPS[sentence].replace("/>", ' active="false"/>')
+    path = mjcf(tmp_path, SMALL.replace("<equality>", f"<equality>{off}"))
+    assert RobotArm.read(path, task="vx").size == 3
+
+
+def test_free_and_ball_joints_are_in_no_chain(tmp_path):
+    path = mjcf(tmp_path, SMALL.replace('type="hinge"', 'type="ball"'))
+    with pytest.raises(InputError, match="joint a is ball or free"):
+        RobotArm.read(path, task="vx")
+    assert RobotArm.read(path, base="a", task="vx").chain.names == ("b", "c")
+
+
+@pytest.mark.parametrize("source", [None, 7, {}, b"robot.urdf", pin.SE3.Identity()])
+def test_other_sources_are_refused(source):
+    with pytest.raises(InputError, match="robot is of type"):
+        read_robot(source)
+
+
+@pytest.mark.parametrize("library", ["mujoco", "lxml"])
+def test_a_library_that_is_not_there_is_named(library, monkeypatch, tmp_path):
+    imported = builtins.__import__
+
+    def without(name, *rest, **more):
+        if name == library:
+            raise ModuleNotFoundError(name)
+        return imported(name, *rest, **more)
+
+    path = mjcf(tmp_path)
+    monkeypatch.setattr(builtins, "__import__", without)
+    with pytest.raises(InputError, match=f"{library} is not installed.*pip install"):
+        read_robot(path)
+
+
+def test_the_command_line_takes_all_of_them(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    mjcf(tmp_path)
+    (tmp_path / "arm.csv").write_bytes(table("modified"))
+    for robot, tip in (("robot.xml", "hand"), ("arm.csv", "tip")):
+        task = ["--task", "position", "--json"]
+        app(["assess", robot, "--tip", tip, *task], standalone_mode=False)
+        found = json.loads(capsys.readouterr().out)
+        arm = RobotArm.read(robot, tip, task="position")
+        assert np.array(found["jacobian"]) == pytest.approx(arm.jacobian(arm.chain.mid_range))
+    with pytest.raises(InputError, match="--tip is missing"):
+        app(["assess", "robot.xml"], standalone_mode=False)
+
+
+@pytest.mark.filterwarnings("ignore:Converted matrix")  # pink hands dense matrices to Clarabel
+def test_the_example_for_pink(tmp_path, monkeypatch, capsys):
+    """As docs/robots.md has it, and with the result that is printed there."""
+    page = (Path(__file__).parents[2] / "docs/robots.md").read_text("utf-8")
+    code, after = page.partition("```python\nimport numpy")[2].split("```\n", 1)
+    declared = next(one for one in ARMS if one.name.startswith("Franka"))
+    (tmp_path / "panda.urdf").write_bytes(declared.path.read_bytes())
+    monkeypatch.chdir(tmp_path)
+    exec(compile(f"import numpy{code}", "example", "exec"), {"__name__": "example"})
+    before, raised, off = map(float, re.findall(r"[0-9.]+", capsys.readouterr().out))
+    shown = [float(one) for one in re.findall(r"[0-9.]+", after.split("```")[1])]
+    assert [before, raised] == pytest.approx(shown[:2], abs=0.005)
+    assert raised > 4 * before
+    assert off < 2
