@@ -156,7 +156,7 @@ def parse_urdf(content: bytes) -> RobotTree:
     except ModuleNotFoundError:
         raise InputError("yourdfpy", "not installed", _INSTALL) from None
 
-    reduced = BytesIO(etree.tostring(_kinematic_part(_xml(content))))
+    reduced = BytesIO(etree.tostring(_kinematic_part(xml_root(content))))
     robot = yourdfpy.URDF.load(reduced, build_scene_graph=False, load_meshes=False).robot
     for joint in robot.joints:
         lower, upper = _limits(joint)
@@ -170,7 +170,7 @@ def parse_urdf(content: bytes) -> RobotTree:
     return RobotTree(robot.name, tuple(link.name for link in robot.links), tuple(robot.joints))
 
 
-def _xml(content: bytes) -> _Element:
+def xml_root(content: bytes) -> _Element:
     """Root of the XML; undeclared name spaces, which simulators' tags have, are no error."""
     from lxml import etree
 
@@ -225,11 +225,11 @@ def _kinematic_part(root: _Element) -> _Element:
                 text = part.get(attribute)
                 if text is not None:
                     where = f"{attribute} of <{tag}> of joint {name}"
-                    _check_numbers(where, text, count, _LARGEST.get(tag, LARGEST))
+                    check_numbers(where, text, count, _LARGEST.get(tag, LARGEST))
     return reduced
 
 
-def _check_numbers(where: str, text: str, count: int, largest: float) -> None:
+def check_numbers(where: str, text: str, count: int, largest: float) -> None:
     """Raise InputError unless a text has so many numbers, none of them NaN or too large."""
     try:
         numbers = [real_in(part) for part in text.split()]
