@@ -58,8 +58,8 @@ def assess(
     and how the answer depends on the characteristic length in which metres are measured.
     By default joints without limits are at 0.
     """
-    from formulations.bounds.unequal_failures import assess_scenarios
     from formulations.robots.robot_assessment import assess as assess_robot
+    from formulations.robots.robot_assessment import assess_unequal
     from nlp.files import prepare_file
 
     arm = robot.arm(file, tip, base, point, task, frame, length, held)
@@ -73,7 +73,7 @@ def assess(
     text = robot_text(found, {}, source)
     if models is not None:
         known = failure_probabilities is not None
-        unequal = assess_scenarios(found.jacobian, models, probabilities_known=known)
+        unequal = assess_unequal(arm, found.jacobian, models, known)
         plain |= unequal
         text += f"\n\n{failures_text(unequal)}"
     show(plain, as_json, lambda _: text, out)

@@ -30,14 +30,19 @@ from nlp.errors import InputError
 from nlp.problem import Constraint
 from nlp.solution import FEASIBLE
 
-# Random starts of the inverse kinematics; ten times as many where none of them reaches.
-_STARTS = 1000
+# Random starts of the inverse kinematics: so many at once, at most so often, until there are
+# enough configurations on a curve, or on a self-motion of more dimensions.
+_STARTS, _ROUNDS = 1000, 5
+_ENOUGH, _ENOUGH_WIDE = 400, 2500
 _ITERATIONS = 60
 # Random configurations where no pose is given.
 _FREE = 3000
 # Ranges after a failure: cells of a joint's range, configurations near each, random ones.
 _CELLS, _NEAREST, _RANDOM = 40, 6, 4
 _SEED = 1995
+# Where few configurations keep links apart: starts are so many of the best, unless even the
+# best of all misses the distance by more, in metres.
+_BEST, _SHORT = 20, 0.03
 # Inverse kinematics ends this near to the pose, or to its tolerances: metres and radians.
 _REACHED = 2e-5
 
@@ -179,7 +184,7 @@ class HeldArm(RobotArm):
         return blocks
 
     def sample(self, rng: np.random.Generator) -> FloatArray:
-        """Draw a configuration at the pose whose links keep their distance."""
+        """Draw a configuration at the pose whose links keep, or nearly keep, their distance."""
         drawn = self.configurations
         return drawn[:, int(rng.integers(drawn.shape[1]))].copy()
 
@@ -199,29 +204,30 @@ class HeldArm(RobotArm):
 
     @cached_property
     def configurations(self) -> FloatArray:
-        """Random configurations that hold the pose and the distances, shape (n, B).
+        """Random configurations that hold the pose and nearly the distances, shape (n, B).
 
         Raises
         ------
         InputError
             If the pose is out of reach.
         RobotError
-            If links are too near each other at every configuration at the pose.
+            If links are far too near each other at every configuration at the pose.
         """
         found = self._at_pose
         if self.clearance is None:
             return found
-        kept = self.clearance.is_kept(found)
-        if not np.any(kept):
-            gaps = self.clearance.distances(found)
-            at = int(np.argmax(np.min(gaps, axis=0)))
-            k = int(np.argmin(gaps[:, at]))
-            first, second = (self.clearance.links[i].name for i in self.clearance.pairs[k])
+        gaps = self.clearance.distances(found)
+        least = np.min(gaps, axis=0)
+        order = np.argsort(-least)[: max(int(np.sum(self.clearance.is_kept(found))), _BEST)]
+        best = int(order[0])
+        if least[best] < self.clearance.least - _SHORT:
+            pair = self.clearance.pairs[int(np.argmin(gaps[:, best]))]
+            first, second = self.clearance.names(pair)
             where = f"clearance of {self.description}"
-            best = f"{gaps[k, at]:.3g} m between capsules of {first} and {second} at best"
-            allowed = f"at least {self.clearance.least:g} m at one of {found.shape[1]} tried"
-            raise RobotError(where, best, allowed)
-        return np.asarray(found[:, kept])
+            nearest = f"{least[best]:.3g} m between capsules of {first} and {second} at best"
+            allowed = f"at least {self.clearance.least:g} m at one of {len(least)} tried"
+            raise RobotError(where, nearest, allowed)
+        return np.asarray(found[:, order])
 
     def locked_reach(self, configuration: FloatArray) -> tuple[LockedReach, ...]:
         """Return where each joint may lock so that the pose can still be reached.
@@ -265,13 +271,17 @@ class HeldArm(RobotArm):
             free = [super(HeldArm, self).sample(rng) for _ in range(_FREE)]
             return np.stack(free, axis=1)
         low, high = self.kinematics.ranges
-        tried = []
-        for starts in (_STARTS, 10 * _STARTS):
-            drawn = rng.uniform(low, high, (self.size, starts))
-            q, reached = self._reached(drawn)
-            if np.any(reached):
-                return q[:, reached]
+        tried, found, count = [], [], 0
+        curve = self.size - len(self.pose.rows) <= 1
+        for _ in range(_ROUNDS):
+            if count >= (_ENOUGH if curve else _ENOUGH_WIDE):
+                break
+            q, reached = self._reached(rng.uniform(low, high, (self.size, _STARTS)))
             tried.append(q)
+            found.append(q[:, reached])
+            count += int(np.sum(reached))
+        if count:
+            return np.concatenate(found, axis=1)
         off, angle = self.pose.errors(self.kinematics, np.concatenate(tried, axis=1))
         best = int(np.argmin(off + angle))
         shown = ", ".join(f"{x:.6g}" for x in self.pose.position)

@@ -18,14 +18,13 @@ import numpy as np
 import numpy.typing as npt
 
 from formulations import catalogue, max_min, measures, unequal_max_min
-from formulations.bounds.unequal_failures import assess_scenarios
 from formulations.measures.unequal_failures import Scenarios, scenarios
 from formulations.robots.chain import LARGEST
 from formulations.robots.clearance import Clearance, Closest
 from formulations.robots.held_pose import HeldArm, LockedReach, Pose
 from formulations.robots.read_urdf import RobotError
 from formulations.robots.robot_arm import RobotArm
-from formulations.robots.robot_assessment import RobotAssessment, assess
+from formulations.robots.robot_assessment import RobotAssessment, assess, assess_unequal
 from formulations.solving.outcome import REACHED_BEST
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
@@ -85,7 +84,7 @@ class Posture:
     clearance
         Where links keep a distance: the nearest two, and what was looked at.
     failures
-        Where failures are unequal: what `assess_scenarios` says.
+        Where failures are unequal: what `assess_unequal` says.
     """
 
     formulation: str
@@ -272,11 +271,8 @@ def best_posture(
     shown = max(best, key=lambda one: one.worst_case_sigma)
     point, failures = shown.configuration, None
     if search.failures is not None:
-        failures = assess_scenarios(
-            arm.jacobian(point),
-            search.failures,
-            probabilities_known=search.probabilities_known,
-        )
+        known = search.probabilities_known
+        failures = assess_unequal(arm, arm.jacobian(point), search.failures, known)
     return Posture(
         formulation=search.formulation,
         assessment=assess(arm, point, search.locked),
