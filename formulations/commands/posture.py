@@ -115,7 +115,7 @@ def _held(found: Posture) -> dict[str, str]:
         lines["closest links"] = f"{one.closest.distance:.4g} m: {pair} ({one.pairs} pairs)"
         if one.closest_left_out is not None:
             pair, near = " and ".join(one.closest_left_out.links), one.closest_left_out.distance
-            lines["left out"] = f"{len(one.left_out)} pairs; closest {near:.4g} m: {pair}"
+            lines["left out"] = f"{near:.4g} m: {pair}, the closest of {len(one.left_out)}"
     return lines
 
 

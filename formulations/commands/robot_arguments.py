@@ -166,7 +166,10 @@ def pose(text: str | None, tolerance: str | None) -> Pose | None:
             raise InputError("--tolerance", tolerance, "none without --at")
         return None
     position, quaternion = read_pose(text)
-    near = [number("--tolerance", part) for part in (tolerance or "0").split(",")]
+    near = [
+        number("--tolerance", part)
+        for part in ("0" if tolerance is None else tolerance).split(",")
+    ]
     if len(near) > (1 if quaternion is None else 2):
         words = "METRES" if quaternion is None else "METRES or METRES,RADIANS"
         raise InputError("--tolerance", tolerance, f"{words} for such a pose")

@@ -261,7 +261,8 @@ def best_posture(
     if not valid:
         counts = ", ".join(f"{status} {count}" for status, count in sorted(statuses.items()))
         where = f"posture of {arm.description} for {search.formulation}"
-        allowed = f"a task or robot for which one exists ({counts})"
+        free = "pose or distance" if isinstance(arm, HeldArm) else "task or robot"
+        allowed = f"a {free} for which one exists ({counts})"
         raise RobotError(where, f"not found from {len(study.results)} starts", allowed)
     pick = min if catalogue.formulation(search.formulation).SENSE == "minimise" else max
     converged = [one for one in valid if one.return_status in (SUCCESS, ACCEPTABLE)]
