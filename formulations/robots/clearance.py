@@ -60,6 +60,8 @@ _MARGIN = 1e-6
 _SAMPLES = 500
 # Pairs that come no nearer than this beyond what is asked for are no constraints, in metres.
 _NEAR = 0.1
+# Pairs times configurations done together: memory stays bounded.
+_CHUNK = 100_000
 # Added to squared lengths of segments, in square metres: a point is a segment, too.
 _TINY = 1e-10
 
@@ -211,6 +213,12 @@ class Clearance:
         numpy.ndarray
             Shape (pairs, B), below zero where capsules overlap.
         """
+        size = max(1, _CHUNK // len(self.pairs))
+        count = configurations.shape[1]
+        parts = [configurations[:, k : k + size] for k in range(0, count, size)]
+        return np.concatenate([self._distances(one) for one in parts], axis=1)
+
+    def _distances(self, configurations: FloatArray) -> FloatArray:
         turns, origins = self._frames(configurations)
         starts, ends = (
             np.stack(
