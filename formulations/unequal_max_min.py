@@ -9,6 +9,9 @@ and the joints' own bounds. The first maximises the probability-weighted worst c
 min_F σ_F/w_F, the second the expected dexterity Σ P(F) σ_F. With equal probabilities and every
 joint fallible the first is `max_min`, which is built here too.
 
+Over several scenarios of P the worst takes the largest w_F of any, and the expectation is the
+least over them: maximise e subject to e ≤ Σ P_i(F) s_F for every scenario i.
+
 Sets of one level share the factors of an encoding: one group per distinct weight for the
 first, one per set for the second. At an optimum of the expectation that gives a joint up,
 s_f = 0, the constraint s_f² ≤ λ_min has no multiplier: Ipopt slows down there, and the answer,
@@ -17,6 +20,7 @@ as any, is judged from J alone.
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from math import comb
 from types import MappingProxyType
 from typing import Literal, cast, get_args
 
@@ -26,12 +30,16 @@ import numpy as np
 from formulations import measures
 from formulations.joints.joint import ColumnModel
 from formulations.measures import unequal_failures
-from formulations.measures.unequal_failures import FailureModel
+from formulations.measures.unequal_failures import (
+    Scenarios,
+    largest_weights,
+    scenarios,
+)
 from nlp.arrays import FloatArray, whole_number
 from nlp.errors import InputError
 from nlp.matrix_inequality import ENCODINGS, Encoding
 from nlp.options import OptionValue
-from nlp.problem import Problem
+from nlp.problem import Constraint, Problem
 
 Goal = Literal["worst", "expected"]
 Sets = tuple[tuple[int, ...], ...]
@@ -58,11 +66,12 @@ class _Levels:
     objective: ca.SX
     encoded: tuple[Encoding, ...]
     start: Callable[[FloatArray], tuple[FloatArray, FloatArray]]
+    constraints: tuple[Constraint, ...] = ()
 
 
 def build(
     arm: ColumnModel,
-    failures: FailureModel,
+    failures: Scenarios,
     goal: Goal = "worst",
     encoding: str | None = None,
 ) -> Problem:
@@ -73,7 +82,8 @@ def build(
     arm
         The joints.
     failures
-        Which joints may fail, how likely, and how many at once.
+        Which joints may fail, how likely, and how many at once; or several such models, for
+        the least over them.
     goal
         ``"worst"`` or ``"expected"``.
     encoding
@@ -90,7 +100,9 @@ def build(
     if encoding not in ENCODINGS:
         raise InputError("encoding", encoding, "one of " + ", ".join(ENCODINGS))
     m, n = arm.shape
-    check_locked(n - m, len(failures.fallible), failures.locked)
+    failures = scenarios(failures)
+    for one in failures:
+        check_locked(n - m, len(one.fallible), one.locked)
     attained = attained_merit(arm, failures, goal)
     variables = arm.symbols()
     jacobian = arm.matrix(variables)
@@ -105,6 +117,7 @@ def build(
         sense="maximise",
         constraints=(
             *arm.constraints(variables),
+            *levels.constraints,
             *(constraint for one in levels.encoded for constraint in one.constraints),
         ),
         lower=lower,
@@ -115,7 +128,7 @@ def build(
     )
 
 
-def default_encoding(failures: FailureModel, goal: Goal = "worst") -> str:
+def default_encoding(failures: Scenarios, goal: Goal = "worst") -> str:
     """Return the encoding that most starts succeed with.
 
     The shared factor where all joints are alike. Elsewhere JJᵀ − tI may be singular at the
@@ -123,11 +136,12 @@ def default_encoding(failures: FailureModel, goal: Goal = "worst") -> str:
     of 8 of 20 starts reach the best with one positive factor per deletion.
     """
     checked_goal(goal)
-    alike = len(failures.fallible) == failures.joints and len(_by_weight(failures)) == 1
+    models, groups = scenarios(failures), list(_by_weight(failures).values())
+    alike = len(groups) == 1 and len(groups[0]) == comb(models[0].joints, models[0].locked)
     return "shared-factor" if goal == "worst" and alike else "positive-factor-per-deletion"
 
 
-def merit(jacobian: FloatArray, failures: FailureModel, goal: Goal = "worst") -> float:
+def merit(jacobian: FloatArray, failures: Scenarios, goal: Goal = "worst") -> float:
     """What the statement maximises, from J alone."""
     if goal == "expected":
         return unequal_failures.expected_sigma(jacobian, failures)
@@ -146,7 +160,7 @@ def check_locked(redundancy: int, fallible: int, locked: int) -> None:
 
 
 def attained_merit(
-    arm: ColumnModel, failures: FailureModel, goal: Goal = "worst", enough: float = np.inf
+    arm: ColumnModel, failures: Scenarios, goal: Goal = "worst", enough: float = np.inf
 ) -> float:
     """Return the best merit of configurations drawn at random, or the first above enough.
 
@@ -156,9 +170,10 @@ def attained_merit(
         If k exceeds the redundancy, or no configuration has a merit above zero.
     """
     m, n = arm.shape
-    if failures.locked > n - m:
+    locked = scenarios(failures)[0].locked
+    if locked > n - m:
         allowed = f"at most the degree of redundancy, {n - m}"
-        raise InputError("locked joints", failures.locked, allowed)
+        raise InputError("locked joints", locked, allowed)
     rng = np.random.default_rng(1995)
     best = 0.0
     for _ in range(_SAMPLES):
@@ -178,7 +193,7 @@ def checked_goal(goal: str) -> Goal:
     return cast(Goal, goal)
 
 
-def _worst(jacobian: ca.SX, failures: FailureModel, attained: float, encoding: str) -> _Levels:
+def _worst(jacobian: ca.SX, failures: Scenarios, attained: float, encoding: str) -> _Levels:
     level, floor = ca.SX.sym("t"), 0.5 * attained**2
     groups = _by_weight(failures)
     encoded = tuple(
@@ -196,25 +211,31 @@ def _worst(jacobian: ca.SX, failures: FailureModel, attained: float, encoding: s
     return _Levels(level, np.array([floor]), ca.log(level), encoded, start)
 
 
-def _expected(
-    jacobian: ca.SX, failures: FailureModel, attained: float, encoding: str
-) -> _Levels:
-    shares = failures.shares()
-    symbols = ca.SX.sym("s", len(shares))
+def _expected(jacobian: ca.SX, failures: Scenarios, attained: float, encoding: str) -> _Levels:
+    models = scenarios(failures)
+    sets = list(largest_weights(failures))
+    symbols, least = ca.SX.sym("s", len(sets)), ca.SX.sym("e")
+    shares = np.array([[one.shares().get(joints, 0.0) for joints in sets] for one in models])
+    means = ca.DM(shares) @ symbols
     pivot = _NEARLY_SINGULAR * attained
     encoded = tuple(
         ENCODINGS[encoding](jacobian, symbols[i] ** 2, (joints,), pivot)
-        for i, joints in enumerate(shares)
+        for i, joints in enumerate(sets)
     )
 
-    def start(numeric: FloatArray) -> tuple[FloatArray, FloatArray]:
-        found = unequal_failures.possible_sigmas(numeric, failures)
-        reach = np.sqrt(_LEVEL_SHARE) * measures.singular_values(numeric)[-1]
-        left = np.clip(list(found.values()), min(0.1 * attained, reach), reach)
-        return left, left**2
+    several = len(models) > 1
 
-    objective = ca.dot(ca.DM(list(shares.values())), symbols)
-    return _Levels(symbols, np.zeros(len(shares)), objective, encoded, start)
+    def start(numeric: FloatArray) -> tuple[FloatArray, FloatArray]:
+        found = measures.remaining_singular_values(numeric, sets)[:, -1]
+        reach = np.sqrt(_LEVEL_SHARE) * measures.singular_values(numeric)[-1]
+        left = np.clip(found, min(0.1 * attained, reach), reach)
+        return np.append(left, np.min(shares @ left)) if several else left, left**2
+
+    if not several:
+        return _Levels(symbols, np.zeros(len(sets)), means[0], encoded, start)
+    rows = Constraint("scenario", means - least, 0.0, np.inf)
+    unknowns = ca.vertcat(symbols, least)
+    return _Levels(unknowns, np.zeros(len(sets) + 1), least, encoded, start, (rows,))
 
 
 def _lift(arm: ColumnModel, levels: _Levels) -> Callable[[FloatArray], FloatArray]:
@@ -227,10 +248,10 @@ def _lift(arm: ColumnModel, levels: _Levels) -> Callable[[FloatArray], FloatArra
     return lift
 
 
-def _by_weight(failures: FailureModel) -> Mapping[float, Sets]:
+def _by_weight(failures: Scenarios) -> Mapping[float, Sets]:
     """Sets by weight, the largest first; weights that differ by rounding are one."""
     groups: dict[float, list[tuple[int, ...]]] = {}
-    for joints, weight in failures.weights().items():
+    for joints, weight in largest_weights(failures).items():
         near = [known for known in groups if abs(known - weight) <= 1e-9 * weight]
         groups.setdefault(near[0] if near else weight, []).append(joints)
     return MappingProxyType({w: tuple(groups[w]) for w in sorted(groups, reverse=True)})

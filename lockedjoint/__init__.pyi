@@ -36,6 +36,8 @@ from formulations.realise.choice import choose as choose
 from formulations.realise.from_jacobian import realise as realise
 from formulations.realise.write_urdf import urdf as urdf
 from formulations.robots.chain_between import chain_between as chain_between
+from formulations.robots.clearance import read_clearance as read_clearance
+from formulations.robots.held_pose import Pose as Pose
 from formulations.robots.path import plan_path as plan_path
 from formulations.robots.posture import best_posture as best_posture
 from formulations.robots.read_robot import read_robot as read_robot

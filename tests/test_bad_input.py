@@ -483,6 +483,35 @@ posture arm.urdf --tip nothing
 posture arm.urdf --length nan
 posture arm.urdf --out .
 posture arm.urdf --out valid.csv/a.json
+posture arm.urdf --at 1,2
+posture arm.urdf --at a,b,c
+posture arm.urdf --at 1,2,3,4
+posture arm.urdf --at nan,0,0
+posture arm.urdf --at {n400},0,0
+posture arm.urdf --at 1e308,0,0
+posture arm.urdf --at ''
+posture arm.urdf --at 0.3,0,1,2,0,0,0
+posture arm.urdf --at missing.json
+posture arm.urdf --at deep.json
+posture arm.urdf --at huge.json
+posture arm.urdf --at 100,0,0
+posture arm.urdf --at 0.3,0.4,1 --tolerance -1
+posture arm.urdf --at 0.3,0.4,1 --tolerance 0.1,0.1
+posture arm.urdf --at 0.3,0.4,1,0,0,0 --tolerance 0.1,4
+posture arm.urdf --at 0.3,0.4,1 --tolerance ''
+posture arm.urdf --tolerance 0.1
+posture arm.urdf --clearance 0
+posture arm.urdf --clearance 0.1
+posture arm.urdf --failure-probabilities 0.1,0.2
+posture arm.urdf --failure-probabilities 2
+posture arm.urdf --failure-probabilities 0.1 --failure-probabilities 0
+posture arm.urdf --formulation residual --failure-probabilities 0.1
+posture arm.urdf --never-fails nothing
+posture arm.urdf --never-fails 0,1,2,3,4,5,6
+posture arm.urdf --goal nothing
+posture arm.urdf --goal expected
+assess arm.urdf --failure-probabilities x
+assess arm.urdf --never-fails 9
 path arm.urdf
 path arm.urdf --waypoints missing.csv
 path missing.urdf --waypoints valid.csv

@@ -121,6 +121,19 @@ def test_moving_the_joints_moves_the_optimum():
         )
 
 
+@pytest.mark.parametrize("goal", ["worst", "expected"])
+def test_scenarios_against_brute_force(goal):
+    """It is not known which of three models holds; each alone allows more in expectation."""
+    models = tuple(FailureModel(tuple(np.roll((0.4, 0.02, 0.1, 0.1), k))) for k in range(3))
+    found, jacobian = best(PLANAR_4R, models, goal)
+    assert found == pytest.approx(by_brute_force(models, goal), abs=1e-5)
+    each = [unequal_max_min.merit(jacobian, one, goal) for one in models]
+    assert found == min(each)
+    alone, _ = best(PLANAR_4R, models[0], goal)
+    assert found < alone + 1e-6
+    assert goal == "worst" or found < alone - 1e-3
+
+
 @pytest.mark.parametrize(
     ("arguments", "allowed"),
     [

@@ -20,10 +20,12 @@ import numpy.typing as npt
 from formulations import measures
 from formulations.measures.unequal_failures import (
     FailureModel,
+    Scenarios,
     covered_probability,
     expected_sigma,
     overall_expected_sigma,
     possible_worst_case_sigma,
+    scenarios,
     weighted_worst_case,
 )
 from nlp.arrays import FloatArray, finite_vector, whole_number
@@ -193,3 +195,39 @@ def assess_failures(
         "overall_expected_sigma": overall_expected_sigma(matrix, failures) if known else None,
         "covered_probability": covered_probability(failures) if known else None,
     }
+
+
+def assess_scenarios(
+    jacobian: npt.ArrayLike, failures: Scenarios, *, probabilities_known: bool = True
+) -> dict[str, Any]:
+    """Return the measures of `assess_failures` over one or several failure models.
+
+    Parameters
+    ----------
+    jacobian, probabilities_known
+        See `assess_failures`.
+    failures
+        One model, or several of which any may hold.
+
+    Returns
+    -------
+    dict
+        What `assess_failures` returns, for one model. For several ``scenarios``, a list of
+        that, and before it the least of ``possible_worst_sigma``, ``weighted_worst_sigma`` and
+        ``expected_sigma`` over them, each with the least of the bounds, and the joints of the
+        least weighted worst case.
+    """
+    models = scenarios(failures)
+    each = [
+        assess_failures(jacobian, one, probabilities_known=probabilities_known)
+        for one in models
+    ]
+    if len(models) == 1:
+        return each[0]
+    least: dict[str, Any] = {
+        f"{name}_{kind}": min(one[f"{name}_{kind}"] for one in each)
+        for name in ("possible_worst", "weighted_worst", "expected")
+        for kind in ("sigma", "bound")
+    }
+    worst = min(each, key=lambda one: float(one["weighted_worst_sigma"]))
+    return {**least, "weighted_worst_joints": worst["weighted_worst_joints"], "scenarios": each}

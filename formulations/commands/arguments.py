@@ -142,6 +142,23 @@ Probabilities = Annotated[
         show_default=False,
     ),
 ]
+ProbabilitySets = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--failure-probabilities",
+        metavar="P,…",
+        help="Each joint's probability of failure, 0 for never; or one number for all. May be "
+        "repeated: the least over these scenarios counts.",
+        show_default=False,
+    ),
+]
+Goal = Annotated[
+    str,
+    typer.Option(
+        help="What max-min maximises where failures are unequal: worst, the least dexterity "
+        "over each failure's relative probability, or expected."
+    ),
+]
 NeverFails = Annotated[
     str | None,
     typer.Option(
@@ -205,6 +222,39 @@ def failure_model(
         allowed = f"{joints} numbers, one for each joint, or one for all"
         raise InputError("failure probabilities", probabilities, allowed)
     return FailureModel(tuple(values)).sparing(never, locked)
+
+
+def failure_scenarios(
+    probabilities: Sequence[str] | None,
+    never_fails: str | None,
+    names: Sequence[str],
+    locked: int,
+) -> tuple[FailureModel, ...] | None:
+    """Return the failure models that the options of a robot describe; None if none is given.
+
+    Parameters
+    ----------
+    probabilities
+        Each joint's, as often as there are scenarios.
+    never_fails
+        Joints by name, or counted from 0.
+    names
+        Names of the joints.
+    locked
+        How many joints lock at once.
+
+    Raises
+    ------
+    InputError
+        As `failure_model` does.
+    """
+    if never_fails is not None:
+        known = {name: str(k) for k, name in enumerate(names)}
+        parts = (part.strip() for part in never_fails.split(","))
+        never_fails = ",".join(known.get(part, part) for part in parts)
+    given: Sequence[str | None] = probabilities or [None]
+    models = [failure_model(one, never_fails, len(names), locked) for one in given]
+    return tuple(one for one in models if one is not None) or None
 
 
 def _numbers(text: str | None, kind: Callable[[str], T], name: str, allowed: str) -> list[T]:

@@ -4,12 +4,17 @@ from __future__ import annotations
 
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from formulations.commands import robot_arguments as robot
-from formulations.commands.arguments import Json, Locked
+from formulations.commands.arguments import (
+    Json,
+    Locked,
+    ProbabilitySets,
+    failure_scenarios,
+)
 from formulations.commands.output import as_text, show
 
 if TYPE_CHECKING:
@@ -40,6 +45,8 @@ def assess(
     frame: robot.Frame = "base",
     held: robot.Held = None,
     locked: Locked = 1,
+    failure_probabilities: ProbabilitySets = None,
+    never_fails: robot.NeverFails = None,
     base: robot.Base = None,
     point: robot.Point = None,
     out: robot.JsonFile = None,
@@ -52,16 +59,24 @@ def assess(
     By default joints without limits are at 0.
     """
     from formulations.robots.robot_assessment import assess as assess_robot
+    from formulations.robots.robot_assessment import assess_unequal
     from nlp.files import prepare_file
 
     arm = robot.arm(file, tip, base, point, task, frame, length, held)
+    models = failure_scenarios(failure_probabilities, never_fails, arm.chain.names, locked)
     if out is not None:
         prepare_file(out, inputs=[file, Path(configuration or file)])
     found = assess_robot(arm, robot.read_configuration(configuration, arm.chain), locked)
     robot.print_notes(found)
     source = "midway between the limits" if configuration is None else "as given"
     plain = {"model": found.robot, **asdict(found)}
-    show(plain, as_json, lambda _: robot_text(found, {}, source), out)
+    text = robot_text(found, {}, source)
+    if models is not None:
+        known = failure_probabilities is not None
+        unequal = assess_unequal(arm, found.jacobian, models, known)
+        plain |= unequal
+        text += f"\n\n{failures_text(unequal)}"
+    show(plain, as_json, lambda _: text, out)
 
 
 def robot_text(found: RobotAssessment, above: Mapping[str, object], source: str) -> str:
@@ -95,6 +110,15 @@ def robot_text(found: RobotAssessment, above: Mapping[str, object], source: str)
     }
     parts = [as_text(values), _failures(found.failures), _lengths(found)]
     return "\n\n".join(part for part in parts if part)
+
+
+def failures_text(found: Mapping[str, Any]) -> str:
+    """Return the measures of unequal failures, and those of each scenario."""
+    least = {name: value for name, value in found.items() if name != "scenarios"}
+    parts = [as_text(least)]
+    for k, one in enumerate(found.get("scenarios", ()), 1):
+        parts.append(f"scenario {k}\n{as_text(one)}")
+    return "\n\n".join(parts)
 
 
 def _worst(found: RobotAssessment) -> str:

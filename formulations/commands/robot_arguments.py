@@ -15,6 +15,8 @@ from nlp.files import load_json, read_bytes, real_in
 
 if TYPE_CHECKING:
     from formulations.robots.chain import Chain
+    from formulations.robots.clearance import Clearance
+    from formulations.robots.held_pose import Pose
     from formulations.robots.robot_arm import RobotArm
     from formulations.robots.robot_assessment import RobotAssessment
     from nlp.arrays import FloatArray
@@ -76,6 +78,45 @@ Held = Annotated[
         show_default=False,
     ),
 ]
+NeverFails = Annotated[
+    str | None,
+    typer.Option(
+        "--never-fails",
+        metavar="JOINT,…",
+        help="Joints that never fail, by name or counted from 0.",
+        show_default=False,
+    ),
+]
+At = Annotated[
+    str | None,
+    typer.Option(
+        "--at",
+        metavar="POSE",
+        help="Where the tip's point is to be, in the base's frame: x,y,z in metres, and for an "
+        "orientation too roll,pitch,yaw in radians or qx,qy,qz,qw; or a JSON file.",
+        show_default="anywhere",
+    ),
+]
+PoseTolerance = Annotated[
+    str | None,
+    typer.Option(
+        "--tolerance",
+        metavar="METRES[,RADIANS]",
+        help="How far the tip may be from --at.",
+        show_default="0,0",
+    ),
+]
+KeptDistance = Annotated[
+    float | None,
+    typer.Option(
+        "--clearance",
+        parser=positive,
+        metavar="METRES",
+        help="Distance that the links keep from each other. Needs coal; reads the meshes that "
+        "the URDF file names.",
+        show_default="they may touch",
+    ),
+]
 JsonFile = Annotated[
     Path | None,
     typer.Option("--out", metavar="FILE", help="Write the JSON there, Jacobian included."),
@@ -115,6 +156,36 @@ def chain(
     tree = read_robot(file)
     tip = tree.last_link("--tip") if tip is None else tip
     return chain_between(tree, tip, base, locked, offset)
+
+
+def pose(text: str | None, tolerance: str | None) -> Pose | None:
+    """Read --at and --tolerance; InputError if they are not what is allowed."""
+    from formulations.robots.held_pose import Pose
+    from formulations.robots.waypoints import read_pose
+
+    if text is None:
+        if tolerance is not None:
+            raise InputError("--tolerance", tolerance, "none without --at")
+        return None
+    position, quaternion = read_pose(text)
+    near = [
+        number("--tolerance", part)
+        for part in ("0" if tolerance is None else tolerance).split(",")
+    ]
+    if len(near) > (1 if quaternion is None else 2):
+        words = "METRES" if quaternion is None else "METRES or METRES,RADIANS"
+        raise InputError("--tolerance", tolerance, f"{words} for such a pose")
+    turn = None if quaternion is None else tuple(quaternion.tolist())
+    return Pose(tuple(position.tolist()), turn, *near)
+
+
+def kept_distance(file: Path, chain: Chain, least: float | None) -> Clearance | None:
+    """Read the links' geometry for --clearance; None if that is not given."""
+    if least is None:
+        return None
+    from formulations.robots.clearance import read_clearance
+
+    return read_clearance(file, chain, least)
 
 
 def print_notes(found: RobotAssessment) -> None:

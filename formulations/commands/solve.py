@@ -7,6 +7,7 @@ import typer
 
 from formulations.commands.arguments import (
     Compiled,
+    Goal,
     Ipopt,
     Joints,
     Json,
@@ -40,13 +41,7 @@ def solve(
     locked: Locked = 1,
     failure_probabilities: Probabilities = None,
     never_fails: NeverFails = None,
-    goal: Annotated[
-        str,
-        typer.Option(
-            help="What max-min maximises where failures are unequal: worst, the least "
-            "dexterity over each failure's relative probability, or expected."
-        ),
-    ] = "worst",
+    goal: Goal = "worst",
     encoding: Annotated[
         str | None,
         typer.Option(

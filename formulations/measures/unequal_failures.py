@@ -7,7 +7,8 @@ P(F | exactly k joints fail) and weight w_F, that share over the largest:
 - *probability-weighted worst case*: min_F σ_F/w_F, where a failure half as likely as the
   likeliest may leave half as much; what cannot fail does not count.
 
-With equal probabilities the second is eq. (5).
+With equal probabilities the second is eq. (5). Where it is not known which of several models
+holds, the *scenarios*, each measure is the least over them.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ import math
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from itertools import combinations
+from typing import TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -124,6 +126,38 @@ class FailureModel:
         }
 
 
+#: One model, or several of which any may hold.
+Scenarios: TypeAlias = FailureModel | tuple[FailureModel, ...]
+
+
+def scenarios(failures: Scenarios) -> tuple[FailureModel, ...]:
+    """Return one or several failure models as a tuple.
+
+    Raises
+    ------
+    InputError
+        If there is none, or they differ in the number of joints or of joints that lock.
+    """
+    models = (failures,) if isinstance(failures, FailureModel) else tuple(failures)
+    shapes = {(one.joints, one.locked) for one in models}
+    if len(shapes) != 1:
+        allowed = "at least one, all of as many joints, of which as many lock"
+        raise InputError("scenarios", f"{len(models)} failure models", allowed)
+    return models
+
+
+def largest_weights(failures: Scenarios) -> Mapping[tuple[int, ...], float]:
+    """Return the largest weight that each set of joints has in any scenario.
+
+    The least of min_F σ_F/w_F over the scenarios is min_F σ_F/w_F with these.
+    """
+    largest: dict[tuple[int, ...], float] = {}
+    for model in scenarios(failures):
+        for joints, weight in model.weights().items():
+            largest[joints] = max(weight, largest.get(joints, 0.0))
+    return dict(sorted(largest.items()))
+
+
 def _probability(value: float) -> float:
     number = isinstance(value, (int, float, np.number)) and not isinstance(value, bool)
     # The odds of a smaller positive number could underflow beside others.
@@ -132,24 +166,31 @@ def _probability(value: float) -> float:
     return float(value)
 
 
-def expected_sigma(jacobian: npt.ArrayLike, failures: FailureModel) -> float:
+def expected_sigma(jacobian: npt.ArrayLike, failures: Scenarios) -> float:
     """Mean of σ_F over the sets F of k joints, given that exactly k joints fail."""
-    sigmas = possible_sigmas(jacobian, failures)
-    return float(np.dot(list(failures.shares().values()), list(sigmas.values())))
+    return min(
+        float(
+            np.dot(list(one.shares().values()), list(possible_sigmas(jacobian, one).values()))
+        )
+        for one in scenarios(failures)
+    )
 
 
 def weighted_worst_case(
-    jacobian: npt.ArrayLike, failures: FailureModel
+    jacobian: npt.ArrayLike, failures: Scenarios
 ) -> tuple[float, tuple[int, ...]]:
     """Least σ_F/w_F and the joints, counted from 0, that realise it."""
-    sigmas, weights = possible_sigmas(jacobian, failures), failures.weights()
-    worst = min(sigmas, key=lambda joints: sigmas[joints] / weights[joints])
-    return sigmas[worst] / weights[worst], worst
+    found = []
+    for one in scenarios(failures):
+        sigmas, weights = possible_sigmas(jacobian, one), one.weights()
+        worst = min(sigmas, key=lambda joints: sigmas[joints] / weights[joints])
+        found.append((sigmas[worst] / weights[worst], worst))
+    return min(found, key=lambda pair: pair[0])
 
 
-def possible_worst_case_sigma(jacobian: npt.ArrayLike, failures: FailureModel) -> float:
+def possible_worst_case_sigma(jacobian: npt.ArrayLike, failures: Scenarios) -> float:
     """Least σ_F over the failures that can happen, however unlikely (eq. 5 for those)."""
-    return min(possible_sigmas(jacobian, failures).values())
+    return min(min(possible_sigmas(jacobian, one).values()) for one in scenarios(failures))
 
 
 def overall_expected_sigma(jacobian: npt.ArrayLike, failures: FailureModel) -> float:

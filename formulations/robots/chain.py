@@ -202,6 +202,22 @@ def rotation(axis: Sequence[float], angle: ca.SX | float) -> ca.SX:
     return ca.SX.eye(3) + ca.sin(angle) * cross + (1 - ca.cos(angle)) * (cross @ cross)
 
 
+def tip_pose(chain: Chain, positions: ca.SX) -> tuple[ca.SX, ca.SX]:
+    """Position (3, 1) and rotation (3, 3) of the tip, symbolically."""
+    turn, origin = ca.SX.eye(3), ca.SX.zeros(3)
+    for motion in chain.motions:
+        placement = np.array(motion.placement)
+        origin = origin + turn @ ca.DM(placement[:3, 3])
+        turn = turn @ ca.DM(placement[:3, :3])
+        value = motion.multiplier * positions[motion.variable] + motion.offset
+        if motion.translates:
+            origin = origin + turn @ ca.DM(motion.axis) * value
+        else:
+            turn = turn @ rotation(motion.axis, value)
+    end = np.array(chain.end)
+    return origin + turn @ ca.DM(end[:3, 3]), turn @ ca.DM(end[:3, :3])
+
+
 def check_limits(name: str, value: float, lower: float, upper: float) -> None:
     """Raise InputError unless a joint's position is within its limits."""
     if not lower - LIMIT_TOLERANCE <= value <= upper + LIMIT_TOLERANCE:

@@ -69,7 +69,7 @@ def chain_between(
     check_size("point", *offset[:3, 3])
 
     joints = {joint.name: joint for joint in tree.joints}
-    driven = {joint.name: _driven(joints, joint) for joint in path if joint.type in MOVING}
+    driven = {joint.name: driven_joint(joints, joint) for joint in path if joint.type in MOVING}
     known = {driver.name: driver.limit for _, driver, _, _ in driven.values()}
     for name, value in held.items():
         if name not in known:
@@ -102,7 +102,7 @@ def chain_between(
         if driver.name in fixed or k == 0.0:
             value = k * fixed.get(driver.name, 0.0) + c
             check_limits(joint.name, value, joint.limit.lower, joint.limit.upper)
-            pose = pose @ _displacement(joint, value)
+            pose = pose @ displacement(joint, value)
             continue
         slides, variable = joint.type == "prismatic", variables[driver.name]
         x, y, z = joint.axis.tolist()
@@ -139,7 +139,7 @@ def _path(tree: RobotTree, tip: str, base: str | None) -> tuple[Joint, ...]:
     return path
 
 
-def _driven(joints: Mapping[str, Joint], joint: Joint) -> _Driven:
+def driven_joint(joints: Mapping[str, Joint], joint: Joint) -> _Driven:
     """Return a joint, the joint that drives it, and by which multiplier and offset."""
     driver, multiplier, offset, seen = joint, 1.0, 0.0, {joint.name}
     while driver.mimic is not None:
@@ -194,7 +194,7 @@ def _ranges(moving: Sequence[_Driven]) -> list[ChainJoint]:
     ]
 
 
-def _displacement(joint: Joint, value: float) -> FloatArray:
+def displacement(joint: Joint, value: float) -> FloatArray:
     """Pose after a numeric displacement along or about the joint's axis, 4×4."""
     pose = np.eye(4)
     if joint.type == "prismatic":

@@ -25,7 +25,7 @@ import numpy as np
 import numpy.typing as npt
 
 from formulations import measures
-from formulations.robots.chain import Chain, listed, nearest, rotation
+from formulations.robots.chain import Chain, listed, nearest, tip_pose
 from formulations.robots.robot_arm import RobotArm
 from formulations.robots.survival import (
     JUMP,
@@ -642,19 +642,3 @@ def transcription(
         lower=np.tile(lower, count),
         upper=np.tile(upper, count),
     )
-
-
-def tip_pose(chain: Chain, positions: ca.SX) -> tuple[ca.SX, ca.SX]:
-    """Position (3, 1) and rotation (3, 3) of the tip, symbolically."""
-    turn, origin = ca.SX.eye(3), ca.SX.zeros(3)
-    for motion in chain.motions:
-        placement = np.array(motion.placement)
-        origin = origin + turn @ ca.DM(placement[:3, 3])
-        turn = turn @ ca.DM(placement[:3, :3])
-        value = motion.multiplier * positions[motion.variable] + motion.offset
-        if motion.translates:
-            origin = origin + turn @ ca.DM(motion.axis) * value
-        else:
-            turn = turn @ rotation(motion.axis, value)
-    end = np.array(chain.end)
-    return origin + turn @ ca.DM(end[:3, 3]), turn @ ca.DM(end[:3, :3])

@@ -1,4 +1,10 @@
-"""The most failure-tolerant posture of a robot within its joints' limits."""
+"""The most failure-tolerant posture of a robot within its joints' limits.
+
+Of all postures, or of those at a pose of the tool, with links that keep a distance from each
+other: see `held_pose`.
+"""
+
+from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Mapping
@@ -11,10 +17,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from formulations import catalogue, max_min, measures
+from formulations import catalogue, max_min, measures, unequal_max_min
+from formulations.measures.unequal_failures import Scenarios, scenarios
 from formulations.robots.chain import LARGEST
+from formulations.robots.clearance import Clearance, Closest
+from formulations.robots.held_pose import HeldArm, LockedReach, Pose
 from formulations.robots.robot_arm import RobotArm
-from formulations.robots.robot_assessment import RobotAssessment, assess
+from formulations.robots.robot_assessment import RobotAssessment, assess, assess_unequal
 from formulations.robots.tree import RobotError
 from formulations.solving.outcome import REACHED_BEST
 from nlp.arrays import FloatArray
@@ -69,6 +78,13 @@ class Posture:
         Ipopt's return statuses and how often each came.
     complete
         Whether all starts ended.
+    at
+        At a pose: how nearly it is reached, and where each joint may lock so that it can be
+        reached again.
+    clearance
+        Where links keep a distance: the nearest two, and what was looked at.
+    failures
+        Where failures are unequal: what `assess_unequal` says.
     """
 
     formulation: str
@@ -79,13 +95,70 @@ class Posture:
     reached_best: int
     status_counts: Mapping[str, int]
     complete: bool
+    at: AtPose | None = None
+    clearance: KeptClearance | None = None
+    failures: Mapping[str, Any] | None = None
 
     def to_dict(self) -> dict[str, object]:
         """Return the fields as plain values, the assessment's among them."""
         plain = asdict(self)
+        for name in ("at", "clearance"):  # only where they were asked for
+            plain = plain if plain[name] else {k: v for k, v in plain.items() if k != name}
+        plain |= plain.pop("failures") or {}
         formulation, assessment = plain.pop("formulation"), plain.pop("assessment")
         model = assessment["robot"]
         return {"formulation": formulation, "model": model, **assessment, **plain}
+
+
+@dataclass(frozen=True)
+class AtPose:
+    """A pose, and how it is reached.
+
+    Attributes
+    ----------
+    pose
+        What was asked for.
+    position_error, orientation_error
+        Distance in metres and angle in radians from it, by forward kinematics in NumPy.
+    after_failure
+        Where each joint may lock so that the others can reach the pose.
+    """
+
+    pose: Pose
+    position_error: float
+    orientation_error: float
+    after_failure: tuple[LockedReach, ...]
+
+
+@dataclass(frozen=True)
+class KeptClearance:
+    """How near links come to each other.
+
+    Attributes
+    ----------
+    least
+        The distance that was asked for, metres.
+    capsules
+        The least distance between capsules, metres.
+    closest
+        The nearest two links, by their geometry.
+    pairs
+        How many pairs of links were looked at.
+    left_out
+        Pairs that were not, see `clearance`.
+    closest_left_out
+        The nearest of these, by their geometry.
+    visual
+        Links whose visual geometry was taken, because they have no other.
+    """
+
+    least: float
+    capsules: float
+    closest: Closest
+    pairs: int
+    left_out: tuple[tuple[str, str], ...]
+    closest_left_out: Closest | None
+    visual: tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -98,6 +171,11 @@ class Search:
         A name in `formulations.catalogue`.
     locked
         How many joints lock at once; other than 1 if the formulation has that setting.
+    failures, goal
+        How likely each failure is, and what is maximised then; see `unequal_max_min`. Of
+        max-min. All joints alike if left out.
+    probabilities_known
+        Whether the probabilities mean anything beyond their ratios.
     starts, seed, workers
         See `nlp.multistart.multistart`.
     options
@@ -113,15 +191,36 @@ class Search:
     workers: int = 1
     options: Mapping[str, object] = field(default_factory=dict)
     progress: bool = False
+    failures: Scenarios | None = None
+    probabilities_known: bool = True
+    goal: unequal_max_min.Goal = "worst"
 
     def __post_init__(self) -> None:
         settings = catalogue.formulation(self.formulation).SETTINGS
+        unequal_max_min.checked_goal(self.goal)
+        if self.failures is not None:
+            if "failures" not in settings:
+                allowed = f"none for the formulation {self.formulation}"
+                raise InputError("failure probabilities", "given", allowed)
+            given = scenarios(self.failures)[0].locked
+            if given != self.locked:
+                raise InputError(
+                    "locked joints", self.locked, f"{given}, as in the failure model"
+                )
+        elif self.goal != "worst":
+            raise InputError("goal", self.goal, "worst where all failures are alike")
         if self.locked != 1 and "locked" not in settings:
             allowed = f"1 for the formulation {self.formulation}"
             raise InputError("locked joints", self.locked, allowed)
 
 
-def best_posture(arm: RobotArm, search: Search | None = None) -> Posture:
+def best_posture(
+    arm: RobotArm,
+    search: Search | None = None,
+    *,
+    at: Pose | None = None,
+    clearance: Clearance | None = None,
+) -> Posture:
     """Search for the posture that is best by a formulation's merit.
 
     Parameters
@@ -130,6 +229,10 @@ def best_posture(arm: RobotArm, search: Search | None = None) -> Posture:
         The robot, the task and the characteristic length.
     search
         What is optimised, and from how many starts; by default max-min from 100.
+    at
+        Where the tip's point is to be; free if left out.
+    clearance
+        Which distance links keep from each other; they may touch if left out.
 
     Raises
     ------
@@ -140,11 +243,13 @@ def best_posture(arm: RobotArm, search: Search | None = None) -> Posture:
         than variables.
     InputError
         If the length is given, the task has linear or rotational directions only, and the
-        formulation's merit is best for a small Jacobian.
+        formulation's merit is best for a small Jacobian. If the pose is out of reach.
     KeyboardInterrupt
         If interrupted before the first start ended.
     """
     search = search or Search()
+    if at is not None or clearance is not None:
+        arm = HeldArm(arm.chain, arm.task, arm.length, at, clearance)
     # At once, because it fails where the arm has no characteristic length.
     middle = arm.jacobian(arm.chain.mid_range)
     _check(arm, search, middle)
@@ -156,7 +261,8 @@ def best_posture(arm: RobotArm, search: Search | None = None) -> Posture:
     if not valid:
         counts = ", ".join(f"{status} {count}" for status, count in sorted(statuses.items()))
         where = f"posture of {arm.description} for {search.formulation}"
-        allowed = f"a task or robot for which one exists ({counts})"
+        free = "pose or distance" if isinstance(arm, HeldArm) else "task or robot"
+        allowed = f"a {free} for which one exists ({counts})"
         raise RobotError(where, f"not found from {len(study.results)} starts", allowed)
     pick = min if catalogue.formulation(search.formulation).SENSE == "minimise" else max
     converged = [one for one in valid if one.return_status in (SUCCESS, ACCEPTABLE)]
@@ -164,16 +270,44 @@ def best_posture(arm: RobotArm, search: Search | None = None) -> Posture:
     merit = pick(one.merit for one in ranked)
     best = [one for one in ranked if abs(one.merit - merit) <= REACHED_BEST]
     shown = max(best, key=lambda one: one.worst_case_sigma)
+    point, failures = shown.configuration, None
+    if search.failures is not None:
+        known = search.probabilities_known
+        failures = assess_unequal(arm, arm.jacobian(point), search.failures, known)
     return Posture(
         formulation=search.formulation,
-        assessment=assess(arm, shown.configuration, search.locked),
+        assessment=assess(arm, point, search.locked),
         mid_range_sigma=measures.worst_case_sigma(middle, search.locked),
         seed=search.seed,
         starts=len(study.results),
         reached_best=len(best) if converged else 0,
         status_counts=dict(sorted(statuses.items())),
         complete=study.complete,
+        at=None if at is None else _at_pose(arm, at, point),
+        clearance=None if clearance is None else kept_clearance(clearance, point),
+        failures=failures,
     )
+
+
+def kept_clearance(clearance: Clearance, configuration: FloatArray) -> KeptClearance:
+    """Measure how near links come to each other at a configuration, shape (n,)."""
+    return KeptClearance(
+        least=clearance.least,
+        capsules=float(np.min(clearance.distances(configuration[:, None]))),
+        closest=clearance.closest(configuration, clearance.pairs),
+        pairs=len(clearance.pairs),
+        left_out=tuple(map(clearance.names, clearance.left_out)),
+        closest_left_out=clearance.closest(configuration, clearance.left_out)
+        if clearance.left_out
+        else None,
+        visual=clearance.visual,
+    )
+
+
+def _at_pose(arm: RobotArm, pose: Pose, point: FloatArray) -> AtPose:
+    assert isinstance(arm, HeldArm)
+    off, angle = pose.errors(arm.kinematics, point[:, None])
+    return AtPose(pose, float(off[0]), float(angle[0]), arm.locked_reach(point))
 
 
 def fatal_failures(arm: RobotArm) -> tuple[str, ...]:
@@ -197,8 +331,11 @@ def _check(arm: RobotArm, search: Search, middle: FloatArray) -> None:
         name = stated.NAME
         allowed = f"none for the {name} of such a task, which a small Jacobian makes small"
         raise InputError("length", arm.length, allowed)
-    if "locked" in stated.SETTINGS:  # it needs full rank after every failure
-        fatal = fatal_failures(arm)
+    # It needs full rank after every failure that counts.
+    if "locked" in stated.SETTINGS and search.goal == "worst":
+        names, models = arm.chain.names, scenarios(search.failures) if search.failures else ()
+        fallible = {names[f] for one in models for f in one.fallible} or set(names)
+        fatal = [name for name in fatal_failures(arm) if name in fallible]
         if fatal:
             where = f"failure of {' or of '.join(fatal)}"
             allowed = "a chain and a task that tolerate every failure at some posture"
@@ -220,6 +357,8 @@ def _equal(constraint: Constraint) -> npt.NDArray[np.bool_]:
 
 def _problem(arm: RobotArm, search: Search) -> Problem:
     stated = catalogue.formulation(search.formulation)
+    if search.failures is not None:
+        return unequal_max_min.build(arm, search.failures, search.goal)
     taken: dict[str, Any] = {"locked": search.locked} if "locked" in stated.SETTINGS else {}
     if "encoding" in stated.SETTINGS and search.locked == 1:
         taken["encoding"] = _ENCODING
@@ -245,7 +384,7 @@ def _candidates(arm: RobotArm, search: Search) -> Study[_Candidate]:
     own = OPTIONS.get(search.formulation, stated.OPTIONS)
     return multistart(
         partial(_problem, arm, search),
-        partial(_promising_start, arm=arm, locked=search.locked),
+        partial(_promising_start, arm=arm, search=search),
         starts=search.starts,
         rng=search.seed,
         workers=search.workers,
@@ -256,10 +395,16 @@ def _candidates(arm: RobotArm, search: Search) -> Study[_Candidate]:
     )
 
 
-def _promising_start(rng: np.random.Generator, arm: RobotArm, locked: int) -> FloatArray:
+def _promising_start(rng: np.random.Generator, arm: RobotArm, search: Search) -> FloatArray:
     """Draw configurations at random and return the one with the best worst case."""
     drawn = [arm.sample(rng) for _ in range(DRAWS)]
-    return max(drawn, key=lambda point: measures.worst_case_sigma(arm.jacobian(point), locked))
+
+    def left(point: FloatArray) -> float:
+        if search.failures is None:
+            return measures.worst_case_sigma(arm.jacobian(point), search.locked)
+        return unequal_max_min.merit(arm.jacobian(point), search.failures, search.goal)
+
+    return max(drawn, key=left)
 
 
 def _judge(run: Run, arm: RobotArm, search: Search) -> _Candidate:
@@ -272,7 +417,12 @@ def _judge(run: Run, arm: RobotArm, search: Search) -> _Candidate:
         turned = np.where(endless, (point + np.pi) % (2 * np.pi) - np.pi, point)
         point = np.clip(turned, lower, upper)
         matrix = arm.jacobian(point)
-        merit = catalogue.formulation(search.formulation).merit(matrix, search.locked)
+        if not arm.holds(point):
+            pass
+        elif search.failures is not None:
+            merit = unequal_max_min.merit(matrix, search.failures, search.goal)
+        else:
+            merit = catalogue.formulation(search.formulation).merit(matrix, search.locked)
         sigma = measures.worst_case_sigma(matrix, search.locked)
     merit = merit if np.isfinite(merit) else float("nan")
     return _Candidate(run.solution.status.return_status, merit, sigma, point)

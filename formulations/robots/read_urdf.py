@@ -195,12 +195,12 @@ def _keep_kinematics(joint: _Element) -> None:
             count = _NUMBERS.get((tag, attribute), 0)
             if count:
                 where = f"{attribute} of <{tag}> of joint {name}"
-                _check_numbers(where, text, count, _LARGEST.get(tag, LARGEST))
+                check_numbers(where, text, count, _LARGEST.get(tag, LARGEST))
             elif attribute not in _NAMES:
                 del part.attrib[attribute]
 
 
-def _check_numbers(where: str, text: str, count: int, largest: float) -> None:
+def check_numbers(where: str, text: str, count: int, largest: float) -> None:
     """Raise InputError unless a text has so many numbers, none of them NaN or too large."""
     try:
         numbers = [real_in(part) for part in text.split()]

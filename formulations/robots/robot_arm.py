@@ -213,6 +213,10 @@ class RobotArm:
         """Return none: limits are bounds."""
         return ()
 
+    def holds(self, configuration: FloatArray) -> bool:  # noqa: ARG002
+        """Whether what is asked for besides limits holds: nothing is."""
+        return True
+
     def jacobian(self, variables: npt.ArrayLike) -> FloatArray:
         """Return the Jacobian at numeric positions, in units of ℓ, shape (m, n)."""
         return self.jacobian_at_length(variables, self.length_at(variables))

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from itertools import compress
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -9,6 +10,8 @@ from scipy.optimize import minimize_scalar
 
 from formulations import max_min, measures
 from formulations.bounds.certified import best_known
+from formulations.bounds.unequal_failures import assess_scenarios
+from formulations.measures.unequal_failures import Scenarios
 from formulations.robots.robot_arm import RobotArm
 from nlp.arrays import FloatArray
 
@@ -196,6 +199,17 @@ def at_length(arm: RobotArm, configuration: FloatArray, length: float, locked: i
         percent_of_bound=_percent(worst.sigma, bound),
         worst_case_joints=tuple(arm.chain.names[k] for k in worst.joints),
     )
+
+
+def assess_unequal(
+    arm: RobotArm, jacobian: npt.ArrayLike, failures: Scenarios, probabilities_known: bool
+) -> dict[str, Any]:
+    """Return what `assess_scenarios` says of a robot's Jacobian, with the joints' names."""
+    found = assess_scenarios(jacobian, failures, probabilities_known=probabilities_known)
+    for one in (found, *found.get("scenarios", ())):
+        for key in {"never_failing_joints", "weighted_worst_joints"} & set(one):
+            one[key] = [arm.chain.names[k] for k in one[key]]
+    return found
 
 
 def best_7r() -> float:

@@ -64,6 +64,13 @@ class Kinematics:
             stacked = np.concatenate([part.T for part in parts])
             self._motions.append((motion, stacked, pose[:3, 3], pose[:3, :3] @ axis))
 
+    @property
+    def ranges(self) -> tuple[FloatArray, FloatArray]:
+        """Least and largest positions to try, (n, 1) each: the limits, or two turns."""
+        least = np.where(np.isfinite(self.lower), self.lower, -np.pi)
+        largest = np.where(np.isfinite(self.upper), self.upper, np.pi)
+        return np.maximum(least, -2 * np.pi), np.minimum(largest, 2 * np.pi)
+
     def forward(self, q: FloatArray, jacobian: bool = True) -> tuple[FloatArray, ...]:
         """Return position (3, B), rotation (3, 3, B) and, if asked, J of shape (rows, n, B)."""
         count = q.shape[1]
@@ -413,10 +420,7 @@ def on_path(
     kinematics: Kinematics, poses: Poses, sample: int, starts: int, rng: np.random.Generator
 ) -> FloatArray:
     """Return configurations at a pose, within the limits, from random starts; shape (n, B)."""
-    least = np.where(np.isfinite(kinematics.lower), kinematics.lower, -np.pi)
-    largest = np.where(np.isfinite(kinematics.upper), kinematics.upper, np.pi)
-    drawn = rng.uniform(
-        np.maximum(least, -2 * np.pi), np.minimum(largest, 2 * np.pi), (len(least), starts)
-    )
+    least, largest = kinematics.ranges
+    drawn = rng.uniform(least, largest, (len(least), starts))
     q, reached = kinematics.reach(drawn, *poses.at(sample), iterations=60)
     return q[:, reached]

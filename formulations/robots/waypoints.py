@@ -25,6 +25,10 @@ _ALLOWED = (
     "columns x,y,z and, for poses, roll,pitch,yaw (radians) or qx,qy,qz,qw; t (seconds) may "
     "come besides; without a header three, six or seven numbers"
 )
+_POSE = (
+    "x,y,z, metres; or with roll,pitch,yaw (radians) or qx,qy,qz,qw (length 1) besides; or a "
+    "JSON file with such a list or object"
+)
 _MOST = 1000
 # How many metres a radian counts for, where times are shared out by length.
 _METRES_PER_RADIAN = 0.3
@@ -165,11 +169,59 @@ def read_waypoints(path: Path) -> ToolPath:
     return _from_lines(head, lines[1:]) if named else _from_lines(None, lines)
 
 
+def read_pose(text: str) -> tuple[FloatArray, FloatArray | None]:
+    """Read one pose.
+
+    Parameters
+    ----------
+    text
+        Three, six or seven numbers with commas, as a line of waypoints without header has
+        them; or the path of a ``.json`` file with such a list, or with an object of the
+        columns' names.
+
+    Returns
+    -------
+    numpy.ndarray
+        Position in metres, shape (3,).
+    numpy.ndarray or None
+        Orientation as a quaternion of length 1, scalar last, shape (4,).
+
+    Raises
+    ------
+    InputError
+        If it is something else.
+    """
+    content: object = text.split(",")
+    if text.lower().endswith(".json"):
+        content = load_json(read_bytes(Path(text), "pose"), Path(text))
+    head = list(content) if isinstance(content, dict) else None
+    numbers = list(content.values()) if isinstance(content, dict) else content
+    if not isinstance(numbers, list):
+        raise InputError("pose", shown(text), _POSE)
+    try:
+        positions, quaternions, _ = _columns(head, [numbers])
+    except InputError as error:
+        raise InputError("pose", f"{shown(text)} ({error.value})", _POSE) from None
+    if quaternions is None:
+        return positions[0], None
+    length = float(np.linalg.norm(quaternions[0]))
+    if not abs(length - 1) < 1e-2:
+        raise InputError("pose", f"{shown(text)} (length {length:.3g})", _POSE)
+    return positions[0], quaternions[0] / length
+
+
 def _values(first: Mapping[str, object], one: object) -> Sequence[object]:
     return [one.get(name) for name in first] if isinstance(one, dict) else [one]
 
 
 def _from_lines(head: Sequence[str] | None, lines: Sequence[Sequence[object]]) -> ToolPath:
+    return ToolPath(*_columns(head, lines))
+
+
+def _columns(
+    head: Sequence[str] | None, lines: Sequence[Sequence[object]]
+) -> tuple[FloatArray, FloatArray | None, FloatArray | None]:
+    """Positions, quaternions and times of lines of numbers."""
     if head is None:
         width = len(lines[0])
         names = {3: POSITION, 6: (*POSITION, *ANGLES), 7: (*POSITION, *QUATERNION)}.get(width)
@@ -192,7 +244,7 @@ def _from_lines(head: Sequence[str] | None, lines: Sequence[Sequence[object]]) -
     elif extra:
         quaternions = np.stack([columns[name] for name in QUATERNION], axis=1)
     positions = np.stack([columns[name] for name in POSITION], axis=1)
-    return ToolPath(positions, quaternions, columns.get(TIME))
+    return positions, quaternions, columns.get(TIME)
 
 
 def _numbers(k: int, count: int, line: Sequence[object]) -> list[float]:

@@ -10,7 +10,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from formulations import measures
-from formulations.bounds.unequal_failures import assess_failures, expected_bound, fallible_bound
+from formulations.bounds.unequal_failures import (
+    assess_failures,
+    assess_scenarios,
+    expected_bound,
+    fallible_bound,
+)
 from formulations.measures import unequal_failures
 from formulations.measures.unequal_failures import FailureModel
 from nlp.errors import InputError
@@ -167,3 +172,35 @@ def test_the_judge_of_unequal_failures_needs_no_solver():
         "sys.exit(len({'casadi', 'cvxpy', 'pandas'} & set(sys.modules)))"
     )
     assert subprocess.run([sys.executable, "-c", script], check=False).returncode == 0
+
+
+@given(cases(), st.integers(0, 5))
+def test_scenarios_are_the_least_over_the_models(case, seed):
+    """Also by the largest weights: one problem for all scenarios."""
+    jacobian, model = case
+    order = np.random.default_rng(seed).permutation(model.joints)
+    other = FailureModel(tuple(model.probabilities[k] for k in order), model.locked)
+    found = assess_scenarios(jacobian, (model, other))
+    for key, measure in (
+        ("expected_sigma", unequal_failures.expected_sigma),
+        ("possible_worst_sigma", unequal_failures.possible_worst_case_sigma),
+        ("weighted_worst_sigma", lambda j, f: unequal_failures.weighted_worst_case(j, f)[0]),
+    ):
+        least = min(measure(jacobian, one) for one in (model, other))
+        assert measure(jacobian, (model, other)) == least == found[key]
+        assert least <= found[key.replace("sigma", "bound")] * (1 + 1e-9)
+    weights = unequal_failures.largest_weights((model, other))
+    sigmas = {
+        joints: measures.remaining_singular_values(jacobian, [joints])[0, -1]
+        for joints in weights
+    }
+    assert min(sigmas[f] / w for f, w in weights.items()) == pytest.approx(
+        found["weighted_worst_sigma"], rel=1e-9, abs=1e-12
+    )
+
+
+def test_scenarios_are_of_one_shape():
+    one = FailureModel((0.1, 0.2, 0.3))
+    for wrong in ((), (one, FailureModel((0.1, 0.2))), (one, FailureModel((0.1, 0.2, 0.3), 2))):
+        with pytest.raises(InputError, match=f"scenarios is {len(wrong)} failure models"):
+            unequal_failures.scenarios(wrong)

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from formulations.robots.chain import tip_pose
 from formulations.robots.chain_between import chain_between
 from formulations.robots.path import (
     PathSearch,
     narrowed,
     plan_path,
-    tip_pose,
     transcription,
 )
 from formulations.robots.robot_arm import RobotArm, Task

@@ -1,0 +1,243 @@
+"""Capsules around links, their distances, and postures that keep links apart."""
+
+from functools import lru_cache
+
+import casadi as ca
+import coal
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from formulations.robots import clearance as module
+from formulations.robots.chain_between import chain_between
+from formulations.robots.clearance import read_clearance
+from formulations.robots.held_pose import HeldArm, Pose
+from formulations.robots.posture import Search, best_posture
+from formulations.robots.read_urdf import RobotError, read_urdf
+from formulations.robots.robot_arm import RobotArm, Task
+from formulations.studies.robots import ARMS
+from nlp.errors import InputError
+
+
+@lru_cache
+def panda():
+    declared = next(one for one in ARMS if one.name == "Franka Panda")
+    arm = declared.arm()
+    return declared, arm, read_clearance(declared.path, arm.chain, 0.02)
+
+
+def sampled(arm, count, seed=0):
+    rng = np.random.default_rng(seed)
+    return np.stack([arm.sample(rng) for _ in range(count)], axis=1)
+
+
+def write(made, path, geometry, lengths=(0.4, 0.4, 0.4, 0.4)):
+    """A planar arm whose links, along x, have the geometry given for each length."""
+    joints = made.serial(
+        ["0 0 0", *(f"{one} 0 0" for one in lengths[:-1])], ["0 0 1"] * len(lengths)
+    )
+    joints.append(made.joint("tool", f"l{len(lengths)}", "tip", "fixed",
+                             xyz=f"{lengths[-1]} 0 0"))  # fmt: skip
+    text = made.urdf(joints).replace('lower="-2" upper="2"', 'lower="-2.9" upper="2.9"')
+    for k, length in enumerate(lengths, 1):
+        link = f'<link name="l{k}"/>'
+        text = text.replace(link, f'<link name="l{k}">{geometry(length)}</link>')
+    path.write_text(text)
+    return RobotArm(chain_between(read_urdf(path), "tip"), Task(("vx", "vy")))
+
+
+def bar(length):
+    return (
+        f'<collision><origin xyz="{length / 2} 0 0" rpy="0 1.5707963267948966 0"/><geometry>'
+        f'<cylinder radius="0.03" length="{length - 0.1}"/></geometry></collision>'
+    )
+
+
+def test_capsules_contain_the_meshes():
+    _, _, found = panda()
+    for link, capsule in zip(found.links, found.capsules, strict=True):
+        for shape in link.shapes:
+            if shape.kind != "mesh":
+                continue
+            mesh = coal.MeshLoader().load(str(shape.file), np.ones(3))
+            pose = link.pose @ shape.pose
+            points = np.array(mesh.vertices()).reshape(-1, 3) @ pose[:3, :3].T + pose[:3, 3]
+            along = capsule.end - capsule.start
+            share = np.clip((points - capsule.start) @ along / (along @ along), 0, 1)
+            off = np.linalg.norm(points - capsule.start - share[:, None] * along, axis=1)
+            assert np.max(off) <= capsule.radius
+            assert np.max(off) >= capsule.radius - 0.01  # and no larger than need be
+
+
+@pytest.mark.parametrize(
+    ("kind", "size"), [("box", (0.3, 0.1, 0.2)), ("cylinder", (0.1, 0.4)), ("sphere", (0.2,))]
+)
+def test_capsules_contain_the_simple_shapes(kind, size):
+    """Points of coal's own solid, by its support in random directions."""
+    pose = np.eye(4)
+    pose[:3, 3] = 0.1, -0.2, 0.05
+    shape = module.Shape(kind, size, None, pose)
+    capsule = module._around(module.Link("a", 0, np.eye(4), (shape,), "collision"))
+    rng = np.random.default_rng(0)
+    points = rng.uniform(-0.3, 0.3, (20000, 3))
+    if kind == "box":
+        inside = np.all(np.abs(points) <= np.array(size) / 2, axis=1)
+    elif kind == "sphere":
+        inside = np.linalg.norm(points, axis=1) <= size[0]
+    else:
+        inside = (np.hypot(*points.T[:2]) <= size[0]) & (np.abs(points[:, 2]) <= size[1] / 2)
+    points = points[inside] + pose[:3, 3]
+    along = capsule.end - capsule.start
+    share = np.clip((points - capsule.start) @ along / max(along @ along, 1e-12), 0, 1)
+    off = np.linalg.norm(points - capsule.start - share[:, None] * along, axis=1)
+    assert len(points) > 100
+    assert 0.9 * capsule.radius < np.max(off) <= capsule.radius
+
+
+def test_distances_of_segments_three_times():
+    """In CasADi, in NumPy and by coal's capsules, parallel and crossing ones among them."""
+    rng = np.random.default_rng(1)
+    a, b, c, d = rng.normal(size=(4, 300, 3))
+    d[:50] = c[:50] + (b - a)[:50] * rng.uniform(-2, 2, (50, 1))  # parallel
+    d[50:60] = c[50:60]  # a point
+    symbols = [ca.SX.sym(name, 3) for name in "abcd"]
+    stated = ca.Function("gap", symbols, [ca.sqrt(module._gap_squared(*symbols))])
+    ours = module._between_segments(*(one[:, :, None] for one in (a, b, c, d)))[:, 0]
+    for k in range(300):
+        assert float(stated(a[k], b[k], c[k], d[k])) == pytest.approx(ours[k], abs=1e-4)
+        theirs = coal.distance(
+            *(*_capsule(a[k], b[k]), *_capsule(c[k], d[k])),
+            *(coal.DistanceRequest(), coal.DistanceResult()),
+        )
+        assert theirs + 0.002 == pytest.approx(ours[k], abs=1e-4)
+
+
+def _capsule(start, end):
+    """With a radius of 1 mm."""
+    turn = pin.Quaternion.FromTwoVectors(np.array([0, 0, 1.0]), end - start).matrix()
+    length = max(float(np.linalg.norm(end - start)), 1e-9)
+    return coal.Capsule(0.001, length), coal.Transform3s(turn, (start + end) / 2)
+
+
+def test_links_are_where_pinocchio_has_them():
+    """The least distance of the same pairs, by pinocchio's own geometry model."""
+    declared, arm, found = panda()
+    model = pin.buildModelFromUrdf(str(declared.path))
+    folders = [str(declared.path.parents[k]) for k in range(6)]
+    geometry = pin.buildGeomFromUrdf(
+        model, str(declared.path), pin.GeometryType.COLLISION, package_dirs=folders
+    )
+    pairs = {frozenset(found.names(pair)) for pair in found.pairs}
+    objects = geometry.geometryObjects
+    for i in range(len(objects)):
+        for j in range(i):
+            names = {model.frames[one.parentFrame].name for one in (objects[i], objects[j])}
+            if frozenset(names) in pairs:
+                geometry.addCollisionPair(pin.CollisionPair(j, i))
+    data, places = model.createData(), geometry.createData()
+    for point in sampled(arm, 6).T:
+        q = pin.neutral(model)
+        for name, value in zip(arm.chain.names, point, strict=True):
+            q[model.joints[model.getJointId(name)].idx_q] = value
+        pin.computeDistances(model, data, geometry, places, q)
+        theirs = min(one.min_distance for one in places.distanceResults)
+        ours = found.closest(point, found.pairs)
+        assert max(ours.distance, 0) == pytest.approx(max(theirs, 0), abs=1e-6)
+        assert np.min(found.distances(point[:, None])) <= max(ours.distance, 0) + 1e-9
+
+
+def test_what_is_stated_is_what_is_measured():
+    _, arm, found = panda()
+    q = ca.SX.sym("q", 7)
+    which = range(len(found.pairs))
+    stated = ca.Function("excess", [q], [found.excess(q, which)])
+    points = sampled(arm, 20)
+    radii = np.array([one.radius for one in found.capsules])
+    first, second = np.array(found.pairs).T
+    for k, gaps in enumerate(found.distances(points).T):
+        least = radii[first] + radii[second] + found.least
+        measured = ((gaps + radii[first] + radii[second]) / least) ** 2
+        assert np.array(stated(points[:, k])).ravel() == pytest.approx(measured, abs=1e-3)
+
+
+def test_neighbours_and_what_always_touches_are_left_out():
+    _, _, found = panda()
+    names = {frozenset(found.names(pair)) for pair in found.pairs}
+    assert {"panda_link0", "panda_link1"} not in names
+    assert {"panda_link7", "panda_hand"} not in names  # one body
+    assert {"panda_link0", "panda_hand"} in names
+    assert [found.names(pair) for pair in found.left_out] == [("panda_link5", "panda_link7")]
+
+
+def test_links_keep_the_distance_that_is_asked_for(made, tmp_path):
+    """A planar arm that folds otherwise; the distance costs something, and is used up."""
+    path = tmp_path / "bars.urdf"
+    arm = write(made, path, bar)
+    pose = Pose((0.25, 0.1, 0.0))
+    free = best_posture(arm, Search(starts=16), at=pose)
+    point = np.array(list(free.assessment.configuration.values()))
+    loose = read_clearance(path, arm.chain, 0.01)
+    asked = 0.17
+    assert loose.closest(point, loose.pairs).distance < asked
+    kept = best_posture(
+        arm, Search(starts=16), at=pose, clearance=read_clearance(path, arm.chain, asked)
+    )
+    assert kept.clearance.capsules >= asked - 1e-6
+    assert kept.clearance.closest.distance >= asked - 1e-6
+    assert kept.clearance.capsules == pytest.approx(asked, abs=1e-5)
+    assert kept.assessment.worst_case_sigma < free.assessment.worst_case_sigma - 1e-3
+    assert kept.at.position_error < 1e-6
+    held = HeldArm(arm.chain, arm.task, None, pose)
+    points = held.configurations
+    apart = read_clearance(path, arm.chain, asked).is_kept(points)
+    left = [arm_sigma(arm, q) for q in points[:, apart].T]
+    assert max(left) <= kept.assessment.worst_case_sigma + 1e-6
+
+
+def arm_sigma(arm, q):
+    matrix = arm.jacobian(q)
+    return min(
+        np.linalg.svd(np.delete(matrix, f, axis=1), compute_uv=False)[-1]
+        for f in range(arm.size)
+    )
+
+
+def test_what_no_posture_keeps_is_refused_with_the_best_seen(made, tmp_path):
+    path = tmp_path / "bars.urdf"
+    arm = write(made, path, bar)
+    with pytest.raises(RobotError, match=r"m between capsules of l1 and l\d at best; allowed"):
+        best_posture(arm, Search(starts=1), clearance=read_clearance(path, arm.chain, 3.0))
+
+
+@pytest.mark.parametrize(
+    ("geometry", "sentence"),
+    [
+        ("", "two links that are not adjacent"),
+        ("<collision><geometry/></collision>", "<collision> of link l1 is without geometry"),
+        ("<collision><geometry><cone/></geometry></collision>", "is <cone>; allowed: one box"),
+        ('<collision><geometry><sphere radius="-1"/></geometry></collision>', "sizes above 0"),
+        ('<collision><geometry><sphere radius="x"/></geometry></collision>', "one number"),
+        ("<collision><geometry><sphere/></geometry></collision>", "the attribute 'radius'"),
+        (
+            '<visual><geometry><mesh filename="package://a/b.stl"/></geometry></visual>',
+            "mesh of link l1 is package://a/b.stl; allowed: a file beside the URDF",
+        ),
+        (
+            '<visual><geometry><mesh filename="arm.urdf"/></geometry></visual>',
+            "arm.urdf; allowed: a mesh that can be read",
+        ),
+    ],
+)
+def test_geometry_that_is_none(made, tmp_path, geometry, sentence):
+    path = tmp_path / "arm.urdf"
+    arm = write(made, path, lambda _: geometry)
+    with pytest.raises(InputError, match=sentence):
+        read_clearance(path, arm.chain, 0.01)
+
+
+def test_without_coal_there_is_one_sentence(made, tmp_path, monkeypatch):
+    path = tmp_path / "arm.urdf"
+    arm = write(made, path, bar)
+    monkeypatch.setitem(__import__("sys").modules, "coal", None)
+    with pytest.raises(InputError, match="coal is not installed; allowed: an installed coal"):
+        read_clearance(path, arm.chain, 0.01)

@@ -1,0 +1,278 @@
+"""Postures at a pose: judged by pinocchio, by brute force, and where it is out of reach."""
+
+import json
+import sys
+from functools import lru_cache
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from scipy.spatial.transform import Rotation
+
+from formulations import measures
+from formulations.__main__ import main
+from formulations.measures.unequal_failures import FailureModel
+from formulations.robots import posture
+from formulations.robots.chain_between import chain_between
+from formulations.robots.held_pose import HeldArm, Pose
+from formulations.robots.posture import Search, best_posture
+from formulations.robots.robot_arm import RobotArm, Task
+from formulations.robots.survival import Kinematics
+from formulations.robots.waypoints import read_pose
+from formulations.studies.robots import ARMS
+from nlp.errors import InputError
+
+DOWN = (1.0, 0.0, 0.0, 0.0)
+
+
+@lru_cache
+def real(name, task="all"):
+    return next(one for one in ARMS if one.name.startswith(name) and one.task == task)
+
+
+@lru_cache
+def panda_down():
+    pose = Pose((0.4, 0.1, 0.5), DOWN)
+    return pose, best_posture(real("Franka").arm(), Search(starts=12), at=pose)
+
+
+def by_pinocchio(declared, configuration):
+    """Pose of the tip and worst case, without any of our kinematics or measures."""
+    model = pin.buildModelFromUrdf(str(declared.path))
+    q, places = pin.neutral(model), []
+    for name, value in configuration.items():
+        joint = model.joints[model.getJointId(name)]
+        q[joint.idx_q] = value
+        places.append(joint.idx_v)
+    frame, data = model.getFrameId(declared.tip), model.createData()
+    matrix = pin.computeFrameJacobian(model, data, q, frame, pin.LOCAL_WORLD_ALIGNED)[:, places]
+    matrix[:3] /= np.sqrt(np.sum(matrix[:3] ** 2) / np.sum(matrix[3:] ** 2))
+    left = [np.linalg.svd(np.delete(matrix, f, axis=1), compute_uv=False)[-1] for f in range(7)]
+    pin.framesForwardKinematics(model, data, q)
+    limits = model.lowerPositionLimit, model.upperPositionLimit
+    assert np.all((q >= limits[0]) & (q <= limits[1]))
+    return data.oMf[frame], min(left)
+
+
+def test_the_answer_by_pinocchio_alone():
+    pose, found = panda_down()
+    place, sigma = by_pinocchio(real("Franka"), found.assessment.configuration)
+    assert place.translation == pytest.approx(pose.position, abs=1e-7)
+    assert place.rotation == pytest.approx(np.diag([1.0, -1.0, -1.0]), abs=1e-7)
+    assert sigma == pytest.approx(found.assessment.worst_case_sigma, abs=1e-9)
+    assert found.at.position_error < 1e-7
+
+
+def test_a_kuka_with_a_tolerance_by_pinocchio_alone():
+    declared = real("KUKA")
+    turn = Rotation.from_euler("xyz", [2.5, 0.3, 0.2])
+    pose = Pose((0.5, 0.1, 0.6), tuple(turn.as_quat()), 0.02, 0.1)
+    found = best_posture(declared.arm(), Search(starts=2), at=pose)
+    place, sigma = by_pinocchio(declared, found.assessment.configuration)
+    off = np.linalg.norm(place.translation - pose.position)
+    angle = (Rotation.from_matrix(place.rotation) * turn.inv()).magnitude()
+    assert off == pytest.approx(found.at.position_error, abs=1e-8)
+    assert off <= pose.tolerance + 1e-6
+    assert angle == pytest.approx(found.at.orientation_error, abs=1e-7)
+    assert angle <= pose.angle + 1e-6
+    assert sigma == pytest.approx(found.assessment.worst_case_sigma, abs=1e-9)
+
+
+def test_a_tolerance_is_used_where_it_helps(made):
+    arm, point = planar(made, [1.0] * 4), (1.5, 0.8, 0.0)
+    search = Search(starts=3)
+    exact, near = (best_posture(arm, search, at=Pose(point, None, one)) for one in (0.0, 0.05))
+    assert near.at.position_error == pytest.approx(0.05, abs=1e-6)
+    assert near.assessment.worst_case_sigma > exact.assessment.worst_case_sigma + 1e-3
+
+
+def test_as_good_as_the_best_of_many_points_of_the_self_motion():
+    pose, found = panda_down()
+    arm = real("Franka").arm()
+    kinematics, rng = Kinematics(arm.chain), np.random.default_rng(8)
+    drawn = rng.uniform(*kinematics.ranges, (7, 1500))
+    target = np.array(pose.position)[:, None], pose.rotation[:, :, None]
+    points, reached = kinematics.reach(drawn, *target, iterations=60)
+    sampled = [measures.worst_case_sigma(arm.jacobian(q)) for q in points[:, reached].T]
+    assert len(sampled) > 200
+    assert max(sampled) <= found.assessment.worst_case_sigma + 1e-6
+
+
+def planar(made, lengths, limit=2.0):
+    joints = made.serial(
+        ["0 0 0", *(f"{one} 0 0" for one in lengths[:-1])], ["0 0 1"] * len(lengths)
+    )
+    text = made.urdf([*joints, made.joint("tool", f"l{len(lengths)}", "tip", "fixed",
+                                          xyz=f"{lengths[-1]} 0 0")])  # fmt: skip
+    text = text.replace('lower="-2" upper="2"', f'lower="-{limit}" upper="{limit}"')
+    return RobotArm(chain_between(made.tree(text), "tip"), Task(("vx", "vy")))
+
+
+def test_a_planar_arm_against_every_point_of_its_self_motion(made):
+    """Four unit links hold a point: two angles on a grid, the others in closed form."""
+    arm = planar(made, [1.0] * 4)
+    target = np.array([1.5, 0.8])
+    found = best_posture(arm, Search(starts=4), at=Pose((*target, 0.0)))
+
+    turns = np.linspace(-2, 2, 401)
+    first, second = (one.ravel() for one in np.meshgrid(turns, turns))
+    elbow = np.exp(1j * first) + np.exp(1j * (first + second))
+    rest = target @ (1, 1j) - elbow
+    best = 0.0
+    for side in (-1, 1):
+        with np.errstate(invalid="ignore"):
+            bend = side * np.arccos(np.abs(rest) / 2)  # of the third link from the way left
+        third = np.angle(rest) + bend - first - second
+        third = (third + np.pi) % (2 * np.pi) - np.pi
+        fourth = (-2 * bend + np.pi) % (2 * np.pi) - np.pi
+        ok = (np.abs(third) <= 2) & (np.abs(fourth) <= 2)
+        heading = np.cumsum(np.stack([first, second, third, fourth])[:, ok], axis=0)
+        arms = np.cumsum(np.exp(1j * heading)[::-1], axis=0)[::-1]
+        assert np.allclose(arms[0], target @ (1, 1j))
+        columns = arms / np.sqrt(np.mean(np.abs(arms) ** 2, axis=0))
+        kept = [np.delete(columns, f, axis=0) for f in range(4)]
+        left = [
+            (np.sum(np.abs(k) ** 2, axis=0) - np.abs(np.sum(k**2, axis=0))) / 2 for k in kept
+        ]
+        best = max(best, float(np.sqrt(np.max(np.min(left, axis=0)))))
+    assert best <= found.assessment.worst_case_sigma + 1e-9
+    assert best == pytest.approx(found.assessment.worst_case_sigma, abs=5e-3)
+
+
+def test_where_each_joint_of_a_planar_arm_may_lock(made):
+    """In closed form: the first joint's angle fixes how far the other two have to reach."""
+    arm = planar(made, [1.0, 0.8, 0.5], 3.14159)
+    held = HeldArm(arm.chain, arm.task, None, Pose((0.8, 0.4, 0.0)))
+    found = held.locked_reach(held.sample(np.random.default_rng(0)))
+    angles = np.linspace(-np.pi, np.pi, 2001)
+    far = np.abs(complex(0.8, 0.4) - np.exp(1j * angles))
+    share = 100 * np.mean((far <= 1.3) & (far >= 0.3))
+    assert found[0].joint == "j0"
+    assert found[0].percent == pytest.approx(share, abs=2.6)  # a cell is 2.5 %
+    span = np.abs(1.0 + 0.8 * np.exp(1j * angles))
+    there = abs(complex(0.8, 0.4))
+    share = 100 * np.mean((there <= span + 0.5) & (there >= span - 0.5))
+    assert found[1].percent == pytest.approx(share, abs=5.1)  # two ranges
+    assert len(found[1].ranges) == 2
+    assert found[1].ranges[0] == pytest.approx([-x for x in found[1].ranges[1][::-1]])
+
+
+def test_out_of_reach_is_said_with_how_far(made):
+    arm = planar(made, [1.0, 1.0, 1.0])
+    with pytest.raises(InputError, match=r"pose at \(3.2, 0, 0\) is out of reach.*0.2 m off"):
+        best_posture(arm, Search(starts=2), at=Pose((3.2, 0, 0)))
+    near = best_posture(arm, Search("residual", starts=1), at=Pose((3.2, 0, 0), tolerance=0.4))
+    assert near.at.position_error == pytest.approx(0.4, abs=1e-3)
+    turned = Pose((1.5, 0.5, 0), tuple(Rotation.from_euler("x", np.pi / 2).as_quat()))
+    with pytest.raises(InputError, match=r"out of reach.*m and .*° off"):
+        best_posture(arm, at=turned)
+
+
+def test_a_pose_that_was_not_reached_is_no_answer(made, monkeypatch):
+    """Whatever the solver says: a configuration beside the pose is dropped."""
+    arm = planar(made, [1.0, 1.0, 1.0, 1.0])
+    judge = posture._judge
+
+    def beside(run, **keywords):
+        run.solution.variables[0] += 1e-4
+        return judge(run, **keywords)
+
+    monkeypatch.setattr(posture, "_judge", beside)
+    with pytest.raises(InputError, match="not found from 2 starts"):
+        best_posture(arm, Search(starts=2), at=Pose((1.5, 0.8, 0)))
+
+
+def test_the_same_whatever_the_number_of_workers(made):
+    arm = planar(made, [1.0] * 4)
+    pose = Pose((1.5, 0.8, 0.0))
+    alone, shared = (
+        best_posture(arm, Search(starts=3, workers=w), at=pose).to_dict() for w in (1, 2)
+    )
+    assert alone == shared
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        ({"position": (1.0, 2.0)}, "position is"),
+        ({"position": (1.0, 2.0, np.nan)}, "position is"),
+        ({"quaternion": (1.0, 1.0, 0.0, 0.0)}, "quaternion is"),
+        ({"tolerance": -1.0}, "tolerance is -1.0"),
+        ({"quaternion": DOWN, "angle": 4.0}, "tolerance is 4.0"),
+        ({"angle": 0.1}, "only where the pose has an orientation"),
+    ],
+)
+def test_poses_that_are_none(arguments, sentence):
+    with pytest.raises(InputError, match=sentence):
+        Pose(**{"position": (0.0, 0.0, 0.0), **arguments})
+
+
+def test_a_pose_in_each_of_its_forms(tmp_path):
+    angles = [0.3, -0.2, 1.1]
+    turn = Rotation.from_euler("xyz", angles).as_quat()
+    rows = {
+        "list.json": [1, 2, 3, *angles],
+        "named.json": {"yaw": 1.1, "pitch": -0.2, "roll": 0.3, "x": 1, "y": 2, "z": 3},
+        "quaternion.json": [1, 2, 3, *turn],
+    }
+    texts = ["1,2,3,0.3,-0.2,1.1", "1,2,3," + ",".join(map(str, turn))]
+    for name, content in rows.items():
+        (tmp_path / name).write_text(json.dumps(content))
+        texts.append(str(tmp_path / name))
+    for text in texts:
+        position, quaternion = read_pose(text)
+        assert position == pytest.approx([1, 2, 3])
+        assert Rotation.from_quat(quaternion).as_matrix() == pytest.approx(
+            Rotation.from_quat(turn).as_matrix()
+        )
+    assert read_pose("1,2,3")[1] is None
+
+
+def test_scenarios_are_the_least_over_them(made):
+    """What is maximised under several failure models, beside what each alone allows."""
+    arm = planar(made, [1.0, 0.7, 0.6, 0.5])
+    models = (
+        FailureModel((0.1, 0.01, 0.1, 0.1)),
+        FailureModel((0.02, 0.1, 0.1, 0.0)),
+    )
+    pose = Pose((1.2, 0.8, 0.0))
+    for goal, key in (("worst", "weighted_worst_sigma"), ("expected", "expected_sigma")):
+        both = best_posture(arm, Search(starts=3, failures=models, goal=goal), at=pose).failures
+        assert both[key] == min(one[key] for one in both["scenarios"])
+        held = HeldArm(arm.chain, arm.task, None, pose)
+        for q in held.configurations[:, :300].T:
+            matrix = held.jacobian(q)
+            least = min(_unequal(matrix, one, goal) for one in models)
+            assert least <= both[key] + 1e-6
+
+
+def _unequal(matrix, failures, goal):
+    """One joint at a time, written out."""
+    odds = np.array([p / (1 - p) for p in failures.probabilities])
+    left = np.array(
+        [np.linalg.svd(np.delete(matrix, f, axis=1), compute_uv=False)[-1] for f in range(4)]
+    )
+    if goal == "expected":
+        return float(odds @ left / odds.sum())
+    return min(s * odds.max() / o for s, o in zip(left, odds, strict=True) if o > 0)
+
+
+def test_the_command_says_how_nearly_and_where_joints_may_lock(
+    made, tmp_path, monkeypatch, capfd
+):
+    (tmp_path / "robot.urdf").write_text(made.offset_arm())
+    (tmp_path / "pose.json").write_text('{"x": 0.3, "y": 0.4, "z": 1.1}')
+    monkeypatch.chdir(tmp_path)
+    command = "posture robot.urdf --task position --at pose.json --tolerance 0.01 --starts 2"
+    wanted = " --workers 1 --never-fails j3 --failure-probabilities 0.1 --out best.json"
+    monkeypatch.setattr(sys, "argv", ["lockedjoint", *(command + wanted).split()])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    shown = capfd.readouterr()
+    assert ended.value.code in (0, None), shown.err
+    for line in ("0.3, 0.4, 1.1 m, off by", "pose within reach where", "never failing joints"):
+        assert line in shown.out
+    found = json.loads((tmp_path / "best.json").read_text())
+    assert found["never_failing_joints"] == ["j3"]
+    assert found["at"]["pose"]["tolerance"] == 0.01
+    assert [one["joint"] for one in found["at"]["after_failure"]] == [f"j{k}" for k in range(7)]
