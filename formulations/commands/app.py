@@ -20,6 +20,7 @@ COMMANDS = (
     "posture",
     "path",
     "workspace",
+    "view",
     "robots",
     "bound",
     "prove",
