@@ -19,6 +19,9 @@ SWEEPS = 200
 TOUCHING = 1e-6
 # Radius of a link's body, in parts of the manipulator's size.
 LINK_RADIUS = 0.012
+# Cut from both ends of a body that collides, in parts of the size; and the largest share of the
+# link that is cut from one end.
+CUT, LARGEST_CUT = 2.5 * LINK_RADIUS, 0.45
 # `slide_apart`: gap between bodies that is enough, and farthest that a joint may slide, in parts
 # of the size; random moves tried at once, and how often.
 _ENOUGH, _FARTHEST = 2 * LINK_RADIUS, 0.5
@@ -81,6 +84,40 @@ def room(manipulator: Manipulator) -> Room:
     return Room(smallest if np.isfinite(smallest) else None, touching)
 
 
+def free_parts(manipulator: Manipulator) -> tuple[FloatArray, FloatArray]:
+    """Return starts and ends, shape (n, 3), of the part of each link that may collide.
+
+    Links are cut short at joints, by `CUT` and, where two links that do not touch would collide
+    nevertheless because they meet at a joint, by what `room` leaves out of them.
+    """
+    points, tip = manipulator.points, manipulator.end_effector
+    ends, lengths = _ends(points, tip), link_lengths(points, tip)
+    units = (ends - points) / np.where(lengths > 0, lengths, 1)[:, None]
+    cuts = np.minimum(CUT * manipulator.size, LARGEST_CUT * lengths)
+    cuts = np.stack([cuts, cuts])  # at the start, at the end
+
+    def parts() -> tuple[FloatArray, FloatArray]:
+        return points + cuts[0, :, None] * units, ends - cuts[1, :, None] * units
+
+    touching = room(manipulator).touching
+    starts, stops = parts()
+    for i, j in combinations(range(manipulator.joints), 2):
+        apart = segment_distance(starts[i], stops[i], starts[j], stops[j])
+        if apart > 2.1 * LINK_RADIUS * manipulator.size or (i, j) in touching:
+            continue
+        cut = float(_left_out(lengths, i, j))
+        cuts[1, i] = max(cuts[1, i], min(cut, LARGEST_CUT * lengths[i]))
+        cuts[0, j] = max(cuts[0, j], min(cut, LARGEST_CUT * lengths[j]))
+    return parts()
+
+
+def _left_out(lengths: FloatArray, i: int, j: int) -> FloatArray:
+    """How much `room` leaves out of link i at its end and of link j at its start, shape (…)."""
+    shorter = np.minimum(lengths[..., i], lengths[..., j])
+    between = lengths[..., i + 1 : j].sum(axis=-1)
+    return np.asarray(np.clip(shorter / 2 - between / 2, 0, None))
+
+
 def _distances(
     points: FloatArray, end_effector: FloatArray
 ) -> tuple[list[tuple[int, int]], FloatArray]:
@@ -92,17 +129,14 @@ def _distances(
     pairs = list(combinations(range(points.shape[-2]), 2))
     distances = np.full((*points.shape[:-2], len(pairs)), np.inf)
     for k, (i, j) in enumerate(pairs):
-        shorter = np.minimum(lengths[..., i], lengths[..., j])
-        between = lengths[..., i + 1 : j].sum(axis=-1)
-        # Half of the shorter one, less what lies between them, cut from both.
-        cut = np.clip(shorter / 2 - between / 2, 0, None)[..., None]
+        cut = _left_out(lengths, i, j)[..., None]
         distance = segment_distance(
             starts[..., i, :],
             ends[..., i, :] - cut * units[..., i, :],
             starts[..., j, :] + cut * units[..., j, :],
             ends[..., j, :],
         )
-        bodies = shorter > TOUCHING * total
+        bodies = np.minimum(lengths[..., i], lengths[..., j]) > TOUCHING * total
         distances[..., k] = np.where(bodies, distance, np.inf)
     return pairs, distances
 

@@ -6,8 +6,8 @@ rounded. Numbers are written with every digit.
 
 Masses are nominal: every link weighs `MASS`, shared out over its bodies by volume, and its
 inertia is that of these solid bodies. What collides is the cylinder of each link, cut short at
-both ends, and the tip: links that meet at a joint, or where several axes meet, do not collide
-there.
+both ends (`links.free_parts`), and the tip: links that meet at a joint, or where several axes
+meet, do not collide there.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from xml.etree import ElementTree as Tree
 import numpy as np
 import numpy.typing as npt
 
-from formulations.realise.links import LINK_RADIUS
+from formulations.realise.links import LINK_RADIUS, free_parts
 from formulations.realise.manipulator import Manipulator
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
@@ -29,8 +29,6 @@ LINK_COLOUR = "0.90 0.62 0.00 1"
 TIP_COLOUR = "0.84 0.37 0.00 1"
 # Sizes of bodies, in parts of the manipulator's size.
 JOINT_RADIUS, JOINT_LENGTH, TIP_RADIUS = 0.022, 0.09, 0.02
-# Cut from both ends of the body that collides; but no more than this share of the link.
-CUT, LARGEST_CUT = 2.5 * LINK_RADIUS, 0.4
 # Kilograms: of every link and of the tip.
 MASS, TIP_MASS = 1.0, 0.1
 SPEED, EFFORT = 3.14, 100.0
@@ -110,6 +108,7 @@ def urdf(manipulator: Manipulator, name: str = "lockedjoint") -> str:
     for label, colour in (("joint", JOINT_COLOUR), ("link", LINK_COLOUR), ("tip", TIP_COLOUR)):
         Tree.SubElement(Tree.SubElement(robot, "material", name=label), "color", rgba=colour)
     places = np.vstack([np.zeros(3), manipulator.points, manipulator.end_effector])
+    starts, stops = free_parts(manipulator)
     pin, height = JOINT_RADIUS * size, JOINT_LENGTH * size
     axis = manipulator.directions[0]
     foot = Body("joint", "cylinder", places[1], axis, 2 * pin, height / 4)
@@ -123,8 +122,9 @@ def urdf(manipulator: Manipulator, name: str = "lockedjoint") -> str:
         if length > 0:
             radius, along = LINK_RADIUS * size, span / length
             bodies.append(Body("link", "cylinder", span / 2, along, radius, length))
-            short = length - 2 * min(CUT * size, LARGEST_CUT * length)
-            collides.append(Body("link", "cylinder", span / 2, along, radius, short))
+            middle = (starts[i] + stops[i]) / 2 - places[i + 1]
+            short = float(np.linalg.norm(stops[i] - starts[i]))
+            collides.append(Body("link", "cylinder", middle, along, radius, short))
         _link(robot, f"link{i}", bodies, MASS, collides)
     ball = [Body("tip", "sphere", _ORIGIN, _Z, TIP_RADIUS * size)]
     # No wider than its link, so that what has room, as `links.room` counts it, does not collide.

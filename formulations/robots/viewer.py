@@ -39,6 +39,8 @@ _INSTALL = "installed, for the web page: pip install lockedjoint[view]"
 _ELLIPSOID, _ARROW, _AXIS, _WIDTH = 0.12, 0.35, 0.06, 0.005
 _BEFORE, _AFTER, _WORST = (0, 114, 178), (230, 159, 0), (213, 94, 0)
 _FREE, _LOCKED, _SKELETON = (0, 114, 178), (213, 30, 30), (90, 90, 90)
+# From where the robot is seen, in parts of its size.
+_EYE = np.array([1.3, -1.1, 0.7])
 # A slider's range where a joint has none, or a wider one: radians and metres.
 _WIDEST_TURN, _WIDEST_TRAVEL = 2 * np.pi, 2.0
 # A part of the worst direction below this is not drawn.
@@ -145,7 +147,9 @@ def picture(
     )
 
 
-def frames(chain: Chain, configuration: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+def frames(
+    chain: Chain, configuration: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return origins and unit axes of a chain's motions, (k, 3), and the pose of its tip, 4×4."""
     from formulations.realise.chain import rotation
 
@@ -301,7 +305,11 @@ class Page:
         self._model, self._drawn_urdf = None, None
         origins, _, pose = frames(self.arm.chain, self.configuration)
         places = np.vstack([np.zeros(3), origins, pose[:3, 3]])
+        middle = (places.min(axis=0) + places.max(axis=0)) / 2
         self._size = float(np.max(np.linalg.norm(places - places[0], axis=1))) or 1.0
+        camera = self._server.initial_camera
+        camera.position = tuple(middle + _EYE * self._size)
+        camera.look_at = tuple(middle)
         try:
             self._add_shapes()
             self._add_controls()
@@ -355,7 +363,9 @@ class Page:
                 return
             where = dict(zip(self.arm.chain.names, self.positions.tolist(), strict=True))
             held = {name: where[name] for name in self.locked}
-            self._status.content = f"Looking for the best posture: {self.search.starts} starts …"
+            self._status.content = (
+                f"Looking for the best posture: {self.search.starts} starts …"
+            )
             # A daemon: it does not keep the process after Ctrl-C.
             self.searching = threading.Thread(target=self._seek, args=(held,), daemon=True)
             self.searching.start()
@@ -434,9 +444,7 @@ class Page:
         from viser.transforms import SO3
 
         turn = SO3.from_matrix(root[:3, :3]).wxyz
-        self._server.scene.add_frame(
-            "/robot", wxyz=turn, position=root[:3, 3], show_axes=False
-        )
+        self._server.scene.add_frame("/robot", wxyz=turn, position=root[:3, 3], show_axes=False)
 
     def _draw_joints(self, shown: Picture) -> None:
         scene, chain = self._server.scene, self.arm.chain

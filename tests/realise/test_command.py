@@ -77,7 +77,9 @@ def test_figures_and_files(realise, folder):
 
 def test_clearance_is_the_default_and_links_that_touch_are_named(realise, folder, optimum):
     chosen = json.loads(realise("seven.npy", "--json", cwd=folder).stdout)
-    named = json.loads(realise("seven.npy", "--criterion", "clearance", "--json", cwd=folder).stdout)
+    named = json.loads(
+        realise("seven.npy", "--criterion", "clearance", "--json", cwd=folder).stdout
+    )
     assert chosen["order"] == named["order"]
     assert chosen["criterion"] == "clearance"
     assert chosen["touching"] == []

@@ -65,7 +65,8 @@ def test_a_figure_has_a_frame_a_scale_its_views_and_the_columns(arm):
         [length] = [float(text.split()[0]) for text in texts if text.endswith(" m")]
         bars = [np.array(line.get_xydata()) for line in panel.lines]
         assert any(
-            line.shape == (2, 2) and np.allclose(line[1] - line[0], [length, 0]) for line in bars
+            line.shape == (2, 2) and np.allclose(line[1] - line[0], [length, 0])
+            for line in bars
         )
     assert drawn._supxlabel.get_text() == columns_text(arm)
 

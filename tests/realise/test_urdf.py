@@ -136,9 +136,7 @@ def test_inertias_are_those_of_the_solid_bodies(optimum):
             turn = pinocchio.Quaternion.FromTwoVectors(np.array([0.0, 0, 1]), axis).matrix()
             own = pinocchio.Inertia.FromCylinder(MASS * share, radius, long)
             total += pinocchio.SE3(turn, centre).act(own)
-        np.testing.assert_allclose(
-            model.inertias[i + 1].matrix(), total.matrix(), atol=1e-12
-        )
+        np.testing.assert_allclose(model.inertias[i + 1].matrix(), total.matrix(), atol=1e-12)
 
 
 @pytest.mark.parametrize("length", [1e-6, 1e6])

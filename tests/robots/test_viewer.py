@@ -24,6 +24,9 @@ from formulations.robots.viewer import Address, Page, numbers, picture, semi_axe
 from nlp.errors import InputError
 
 BROWSER = next(filter(None, map(shutil.which, ("chromium", "google-chrome"))), None)
+# Three dimensions without a graphics card.
+SOFTWARE = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader"]
+SOFTWARE += ["--enable-unsafe-swiftshader"]
 
 
 @pytest.fixture(scope="module")
@@ -101,7 +104,9 @@ def test_directions_of_the_tip_are_drawn_along_the_axes_of_the_base(text):
         np.testing.assert_allclose(one.direction, sign * other.direction, atol=1e-9)
 
 
-@pytest.mark.parametrize(("task", "rows"), [("position", [0, 1, 2]), ("orientation", [3, 4, 5])])
+@pytest.mark.parametrize(
+    ("task", "rows"), [("position", [0, 1, 2]), ("orientation", [3, 4, 5])]
+)
 def test_tasks_of_one_kind(text, task, rows):
     arm = arm_of(text, task)
     [q] = configurations(arm, 1)
@@ -251,7 +256,9 @@ def test_addresses():
         taken.bind(("127.0.0.1", 0))
         taken.listen(1)
         port = taken.getsockname()[1]
-        with pytest.raises(InputError, match=rf"--port is {port}, in use; allowed: a free port"):
+        with pytest.raises(
+            InputError, match=rf"--port is {port}, in use; allowed: a free port"
+        ):
             Address(port=port).free()
     for host in ("192.0.2.1", "", "a b"):  # an address of nobody's, and no names
         with pytest.raises(InputError, match="--host is"):
@@ -269,16 +276,21 @@ def test_a_browser_moves_a_slider_and_locks_a_joint(lockedjoint, file, text):
     process, url = start(lockedjoint, file)
     try:
         with sync_playwright() as driver:
-            browser = driver.chromium.launch(
-                executable_path=BROWSER, args=["--no-sandbox", "--enable-unsafe-swiftshader"]
-            )
-            tab = browser.new_page()
+            browser = driver.chromium.launch(executable_path=BROWSER, args=SOFTWARE)
+            tab = browser.new_page(viewport={"width": 480, "height": 320})
+            tab.set_default_timeout(90_000)  # drawn without a graphics card
+            expect.set_options(timeout=90_000)
             tab.goto(url)
             row = tab.get_by_role("row")
             first = picture(arm, middle)
             worst = row.filter(has_text="worst case of one more")
-            expect(worst).to_contain_text(f"{first.worst_case:.4f}", timeout=30_000)
-            tab.get_by_role("slider").nth(1).press("End")
+            expect(worst).to_contain_text(f"{first.worst_case:.4f}")
+            slider = tab.get_by_role("slider").nth(1)
+            for _ in range(40):  # until the page listens
+                slider.press("End")
+                if slider.get_attribute("aria-valuenow") == "2":
+                    break
+                tab.wait_for_timeout(250)
             moved = middle.copy()
             moved[1] = arm.bounds[1][1]
             second = picture(arm, moved)
