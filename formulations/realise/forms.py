@@ -56,7 +56,7 @@ def as_plain(manipulator: Manipulator, convention: str) -> dict[str, object]:
 
 
 def summary(choice: Choice, deviation: float) -> dict[str, object]:
-    """Return how a manipulator was chosen, how failure tolerant it is, and which links touch."""
+    """Return how a manipulator was chosen, its failure tolerance, and which links touch."""
     worst = measures.worst_case_sigma(choice.manipulator.jacobian())
     found = room(choice.manipulator)
     return {

@@ -1,9 +1,9 @@
 """Links: straight pieces from joint to joint, the last one to the end effector.
 
-A joint sits at one point of its axis: the one nearest to the end effector, unless
-`slide` or `slide_apart` moves it. The length of a link is the distance between the two points where its joints
-sit. What lies before the first joint is the base and no link. Arrays broadcast over leading
-dimensions.
+A joint sits at one point of its axis: the one nearest to the end effector, unless `slide` or
+`slide_apart` moves it. The length of a link is the distance between the two points where its
+joints sit. What lies before the first joint is the base and no link. Arrays broadcast over
+leading dimensions.
 """
 
 from dataclasses import dataclass, replace
@@ -22,8 +22,8 @@ LINK_RADIUS = 0.012
 # Cut from both ends of a body that collides, in parts of the size; and the largest share of the
 # link that is cut from one end.
 CUT, LARGEST_CUT = 2.5 * LINK_RADIUS, 0.45
-# `slide_apart`: gap between bodies that is enough, and farthest that a joint may slide, in parts
-# of the size; random moves tried at once, and how often.
+# `slide_apart`: gap between bodies that is enough, and farthest that a joint may slide, in
+# parts of the size; random moves tried at once, and how often.
 _ENOUGH, _FARTHEST = 2 * LINK_RADIUS, 0.5
 _MOVES, _ROUNDS = 64, 80
 # How much worse a manipulator is whose links are longer by its size, in parts of `_ENOUGH`.

@@ -127,9 +127,9 @@ def urdf(manipulator: Manipulator, name: str = "lockedjoint") -> str:
             collides.append(Body("link", "cylinder", middle, along, radius, short))
         _link(robot, f"link{i}", bodies, MASS, collides)
     ball = [Body("tip", "sphere", _ORIGIN, _Z, TIP_RADIUS * size)]
-    # No wider than its link, so that what has room, as `links.room` counts it, does not collide.
-    end = [Body("tip", "sphere", _ORIGIN, _Z, LINK_RADIUS * size)]
-    _link(robot, "tip", ball, TIP_MASS, end)
+    # No wider than its link: what has room, as `links.room` counts it, does not collide.
+    end_body = [Body("tip", "sphere", _ORIGIN, _Z, LINK_RADIUS * size)]
+    _link(robot, "tip", ball, TIP_MASS, end_body)
     names = ["base", *(f"link{i}" for i in range(n)), "tip"]
     for i in range(n):
         kind = manipulator.kinds[i]

@@ -150,7 +150,7 @@ def picture(
 def frames(
     chain: Chain, configuration: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return origins and unit axes of a chain's motions, (k, 3), and the pose of its tip, 4×4."""
+    """Return origins and unit axes of a chain's motions, (k, 3), and its tip's pose, 4×4."""
     from formulations.realise.chain import rotation
 
     pose = np.eye(4)
@@ -293,8 +293,8 @@ class Page:
     remaining: Callable[[Mapping[str, float]], RobotArm]
     file: Path | None
     configuration: FloatArray
-    address: Address = Address()
-    search: Search = Search(starts=20)
+    address: Address
+    search: Search
     notes: list[str] = field(default_factory=list)
     searching: threading.Thread | None = None
 
@@ -302,7 +302,8 @@ class Page:
         self._server = _server(self.address)
         self._lock = threading.RLock()
         self._quiet = False
-        self._model, self._drawn_urdf = None, None
+        self._model: Any = None
+        self._drawn_urdf: Any = None
         origins, _, pose = frames(self.arm.chain, self.configuration)
         places = np.vstack([np.zeros(3), origins, pose[:3, 3]])
         middle = (places.min(axis=0) + places.max(axis=0)) / 2
@@ -403,9 +404,13 @@ class Page:
             step = min(1e-3, (high - low) / 100)
             slider = gui.add_slider(joint.name, low, high, step, value)
             box = gui.add_checkbox(f"lock {joint.name}", initial_value=False)
-            slider.on_update(lambda _: None if self._quiet else self.draw())
+            slider.on_update(self._slid)
             box.on_update(partial(self._turn_lock, joint.name))
             self._sliders[joint.name], self._locks[joint.name] = slider, box
+
+    def _slid(self, _: Any) -> None:
+        if not self._quiet:
+            self.draw()
 
     def _turn_lock(self, name: str, _: Any) -> None:
         self._sliders[name].disabled = self._locks[name].value

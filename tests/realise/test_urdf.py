@@ -1,4 +1,4 @@
-"""URDF, read by pinocchio, yourdfpy and MuJoCo: the same robot, the same Jacobian and masses."""
+"""URDF, read by pinocchio, yourdfpy and MuJoCo: the same robot, Jacobian and masses."""
 
 import io
 from xml.etree import ElementTree

@@ -45,7 +45,7 @@ def configurations(arm, count=3):
     return [arm.sample(rng) for _ in range(count)]
 
 
-# What is drawn ---------------------------------------------------------------------------------
+# What is drawn -------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("locked", [(), ("j3",), ("j0", "j5")])
@@ -141,7 +141,7 @@ def test_semi_axes_of_fewer_columns():
     np.testing.assert_allclose(np.linalg.norm(axes, axis=0), [5, 0, 0], atol=1e-15)
 
 
-# The page, without a browser -------------------------------------------------------------------
+# The page, without a browser -----------------------------------------------------------------
 
 
 @pytest.fixture(scope="module")
@@ -203,7 +203,8 @@ def test_what_cannot_be_drawn_is_a_note_and_lines_are(text, tmp_path):
     (tmp_path / "arm.urdf").write_text(broken, encoding="utf-8")
     arm = arm_of(broken)
     q = arm.chain.mid_range
-    shown = Page(arm, lambda _: arm, tmp_path / "arm.urdf", q, Address(port=0).free())
+    free = Address(port=0).free()
+    shown = Page(arm, lambda _: arm, tmp_path / "arm.urdf", q, free, Search(starts=1))
     try:
         assert len(shown.notes) == 1
         assert "not drawn" in shown.notes[0]
@@ -212,7 +213,7 @@ def test_what_cannot_be_drawn_is_a_note_and_lines_are(text, tmp_path):
         shown.close()
 
 
-# The command -----------------------------------------------------------------------------------
+# The command ---------------------------------------------------------------------------------
 
 
 def start(lockedjoint, file, *more):
