@@ -82,13 +82,14 @@ def realise(
         typer.Option(parser=positive, metavar="L", help="Metres per unit of linear velocity."),
     ] = 1.0,
     slide: Annotated[
-        str,
+        str | None,
         typer.Option(
             metavar="HOW",
             help="Slide joints along their axes: apart where links touch (as-needed), never, "
             "or to the least total length (length).",
+            show_default="as-needed; never with a criterion other than clearance",
         ),
-    ] = "as-needed",
+    ] = None,
     tolerance: Annotated[
         float,
         typer.Option(
@@ -140,6 +141,8 @@ def realise(
         raise InputError("--json", "given", "none with --to figure")
     elif to != "dh" and not as_json:
         refuse_unused(context, ("convention",), f"--to {to}")
+    if slide is None:
+        slide = "as-needed" if criterion in (None, "clearance") else "never"
     if slide not in SLIDES:
         raise InputError("--slide", slide, "one of " + ", ".join(SLIDES))
     arranged = order is not None or signs is not None

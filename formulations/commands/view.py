@@ -69,8 +69,6 @@ def view(
             time.sleep(0.2)
     except KeyboardInterrupt:
         page.close()
-        if page.searching is None or not page.searching.is_alive():
-            raise
-        # A search inside of a solver would hold the end of the process back.
         typer.echo("Interrupted.", err=True)
+        # Without waiting for a search inside of a solver, or for the end of threads.
         os._exit(INTERRUPTED)

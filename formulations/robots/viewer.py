@@ -423,8 +423,9 @@ class Page:
         import yourdfpy
         from viser.extras import ViserUrdf
 
-        log = logging.getLogger("yourdfpy")
+        log, heard = logging.getLogger("yourdfpy"), _Heard()
         before, log.propagate = log.propagate, False
+        log.addHandler(heard)
         found = partial(yourdfpy.filename_handler_magic, dir=self.file.parent)
         try:
             self._model = yourdfpy.URDF.load(str(self.file), filename_handler=found)
@@ -433,7 +434,13 @@ class Page:
             # Shapes are of any format, and readers fail in any way: the arm is drawn as lines.
             self._model = self._drawn_urdf = None
             self.notes.append(f"Shapes of {self.file} are not drawn: {error}")
+        else:
+            missing = len(heard.sentences)
+            if missing:
+                first = heard.sentences[0]
+                self.notes.append(f"{missing} shapes of {self.file} are not drawn: {first}")
         finally:
+            log.removeHandler(heard)
             log.propagate = before
 
     def _draw_shapes(self) -> None:
@@ -497,6 +504,18 @@ class Page:
                 head_length=6 * width,
                 visible=visible,
             )
+
+
+class _Heard(logging.Handler):
+    """Keeps what a library warns of."""
+
+    def __init__(self) -> None:
+        super().__init__(logging.WARNING)
+        self.sentences: list[str] = []
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Keep one sentence."""
+        self.sentences.append(record.getMessage())
 
 
 def _server(address: Address) -> ViserServer:

@@ -94,6 +94,8 @@ def test_clearance_is_the_default_and_links_that_touch_are_named(realise, folder
     assert json.loads(apart.stdout)["touching"] == []
     assert json.loads(apart.stdout)["slid"]
     assert apart.stderr == ""
+    kept = realise("fold.json", "--criterion", "total-length", "--json", cwd=folder)
+    assert not json.loads(kept.stdout)["slid"]
 
 
 @pytest.mark.parametrize(

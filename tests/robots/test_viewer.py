@@ -194,12 +194,12 @@ def test_no_tunnel_to_the_internet_is_opened(page):
     assert page._server.request_share_url() is None
 
 
-def test_what_cannot_be_drawn_is_a_note_and_lines_are(text, tmp_path):
-    broken = text.replace(
-        '<link name="l0"/>',
-        '<link name="l0"><visual><geometry><mesh filename="a.stl" scale="x"/></geometry>'
-        "</visual></link>",
-    )
+@pytest.mark.parametrize("scale", ["1 1 1", "x"])
+def test_what_cannot_be_drawn_is_a_note_and_lines_are(text, tmp_path, scale):
+    """A mesh that is not there, and one with a scale that is no number."""
+    mesh = f'<mesh filename="package://nobody/a.stl" scale="{scale}"/>'
+    shape = f"<visual><geometry>{mesh}</geometry></visual>"
+    broken = text.replace('<link name="l0"/>', f'<link name="l0">{shape}</link>')
     (tmp_path / "arm.urdf").write_text(broken, encoding="utf-8")
     arm = arm_of(broken)
     q = arm.chain.mid_range
