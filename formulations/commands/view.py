@@ -35,8 +35,8 @@ def view(
     """Show a robot in a web page until Ctrl-C.
 
     A slider and a lock for each joint; the velocity ellipsoid before (blue) and after a failure
-    (orange): that of the locked joints or, as long as none is locked, the worst one. The arrow
-    is the direction that suffers most. 'Best posture' looks for the most failure-tolerant
+    (orange): that of the locked joints or, as long as none is locked, the worst one. The arrows
+    are the direction that suffers most. 'Best posture' looks for the most failure-tolerant
     posture of the joints that are not locked.
     """
     from formulations.robots.posture import Search

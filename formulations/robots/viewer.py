@@ -37,10 +37,11 @@ _INSTALL = "installed, for the web page: pip install lockedjoint[view]"
 # Sizes of what is drawn, in parts of the robot's size: an ellipsoid of velocity 1 (in units of
 # the characteristic length), the worst direction, half of a joint's axis, a line's width.
 _ELLIPSOID, _ARROW, _AXIS, _WIDTH = 0.12, 0.35, 0.06, 0.005
-_BEFORE, _AFTER, _WORST = (0, 114, 178), (230, 159, 0), (213, 94, 0)
+_BEFORE, _AFTER = (0, 114, 178), (230, 159, 0)
+_LINEAR, _ROTATIONAL = (200, 0, 0), (110, 50, 160)
 _FREE, _LOCKED, _SKELETON = (0, 114, 178), (213, 30, 30), (90, 90, 90)
 # From where the robot is seen, in parts of its size.
-_EYE = np.array([1.3, -1.1, 0.7])
+_EYE = np.array([1.0, -0.85, 0.5])
 # A slider's range where a joint has none, or a wider one: radians and metres.
 _WIDEST_TURN, _WIDEST_TRAVEL = 2 * np.pi, 2.0
 # A part of the worst direction below this is not drawn.
@@ -385,7 +386,12 @@ class Page:
 
     def _add_controls(self) -> None:
         gui, chain = self._server.gui, self.arm.chain
-        gui.configure_theme(show_logo=False, show_share_button=False, control_width="large")
+        gui.configure_theme(
+            control_layout="fixed",
+            control_width="large",
+            show_logo=False,
+            show_share_button=False,
+        )
         self._numbers = gui.add_markdown("")
         best = gui.add_button("Best posture")
         middle = gui.add_button("Middle of the limits")
@@ -487,8 +493,8 @@ class Page:
                 opacity=0.35 if name == "before" else 0.6,
             )
         for name, part, colour in (
-            ("linear", shown.direction[:3], _WORST),
-            ("rotational", shown.direction[3:], _LOCKED),
+            ("linear", shown.direction[:3], _LINEAR),
+            ("rotational", shown.direction[3:], _ROTATIONAL),
         ):
             size = float(np.linalg.norm(part))
             visible = size > _NO_ARROW
