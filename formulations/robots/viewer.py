@@ -380,18 +380,15 @@ class Page:
             self._status.content = str(error)
             return
         sigma = found.assessment.worst_case_sigma
-        self.move(found.assessment.configuration)
+        best = found.assessment.configuration
+        self.move({name: value for name, value in best.items() if name not in self.locked})
         of = f"{found.reached_best} of {found.starts} starts"
         self._status.content = f"Best posture found by {of}: worst case {sigma:.6f}."
 
     def _add_controls(self) -> None:
         gui, chain = self._server.gui, self.arm.chain
-        gui.configure_theme(
-            control_layout="fixed",
-            control_width="large",
-            show_logo=False,
-            show_share_button=False,
-        )
+        gui.configure_theme(control_width="large", show_logo=False, show_share_button=False)
+        gui.main_panel.dock_right()
         self._numbers = gui.add_markdown("")
         best = gui.add_button("Best posture")
         middle = gui.add_button("Middle of the limits")

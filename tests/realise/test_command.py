@@ -75,27 +75,30 @@ def test_figures_and_files(realise, folder):
     assert "<svg" in slid.stdout
 
 
-def test_clearance_is_the_default_and_links_that_touch_are_named(realise, folder, optimum):
-    chosen = json.loads(realise("seven.npy", "--json", cwd=folder).stdout)
-    named = json.loads(
-        realise("seven.npy", "--criterion", "clearance", "--json", cwd=folder).stdout
-    )
-    assert chosen["order"] == named["order"]
-    assert chosen["criterion"] == "clearance"
-    assert chosen["touching"] == []
+def test_clearance_is_the_default_and_links_that_touch_are_named(folder, monkeypatch, capsys):
+    monkeypatch.chdir(folder)
+    (folder / "fold.json").write_text("[[0.5, 1.0, 0.2], [0.0, 0.0, 0.001]]", encoding="utf-8")
+
+    def run(*arguments):
+        words = ["lockedjoint", "realise", *arguments, "--json"]
+        monkeypatch.setattr(sys, "argv", words)
+        with pytest.raises(SystemExit) as ended:
+            main()
+        assert ended.value.code == 0
+        said = capsys.readouterr()
+        return json.loads(said.out), said.err
+
+    chosen, said = run("seven.npy")
+    assert (chosen["criterion"], chosen["touching"], said) == ("clearance", [], "")
+    assert chosen["order"] == run("seven.npy", "--criterion", "clearance")[0]["order"]
     assert chosen["gap"] > 0
-    fold = [[0.5, 1.0, 0.2], [0.0, 0.0, 1e-3]]
-    (folder / "fold.json").write_text(json.dumps(fold), encoding="utf-8")
-    flat = realise("fold.json", "--order", "given", "--slide", "never", "--json", cwd=folder)
-    assert json.loads(flat.stdout)["touching"]
-    assert json.loads(flat.stdout)["order"] == [0, 1, 2]
-    assert "Note: links 0 and 1" in flat.stderr
-    apart = realise("fold.json", "--order", "given", "--json", cwd=folder)
-    assert json.loads(apart.stdout)["touching"] == []
-    assert json.loads(apart.stdout)["slid"]
-    assert apart.stderr == ""
-    kept = realise("fold.json", "--criterion", "total-length", "--json", cwd=folder)
-    assert not json.loads(kept.stdout)["slid"]
+    flat, said = run("fold.json", "--order", "given", "--slide", "never")
+    assert flat["order"] == [0, 1, 2]
+    assert flat["touching"]
+    assert "Note: links 0 and 1" in said
+    apart, said = run("fold.json", "--order", "given")
+    assert (apart["touching"], apart["slid"], said) == ([], True, "")
+    assert not run("fold.json", "--criterion", "total-length")[0]["slid"]
 
 
 @pytest.mark.parametrize(

@@ -5,6 +5,7 @@ import os
 import shutil
 import signal
 import socket
+import sys
 import time
 import urllib.request
 from itertools import combinations
@@ -188,6 +189,15 @@ def test_sliders_locks_and_buttons_change_the_picture(page):
     best = page.draw().worst_case
     assert f"{best:.6f}"[:5] in page._status.content
     assert best > picture(page.arm, page.arm.chain.mid_range).worst_case
+
+
+def test_a_missing_viser_is_named(file, text, monkeypatch):
+    monkeypatch.setitem(sys.modules, "viser", None)
+    arm = arm_of(text)
+    with pytest.raises(
+        InputError, match=r"viser is missing; .*pip install lockedjoint\[view\]"
+    ):
+        Page(arm, lambda _: arm, file, arm.chain.mid_range, Address(), Search(starts=1))
 
 
 def test_no_tunnel_to_the_internet_is_opened(page):
