@@ -364,7 +364,7 @@ realise valid.csv --samples 0
 realise valid.csv --shortlist {tera} --criterion neighbourhood
 realise valid.csv --shortlist 5
 realise valid.csv --shortlist 0
-realise valid.csv --seed 4
+realise valid.csv --seed 4 --order given --slide never
 realise valid.csv --radius 0
 realise valid.csv --radius 2
 realise valid.csv --radius inf
@@ -372,7 +372,11 @@ realise wide.csv
 realise wide.csv --count
 realise wide.csv --to figure
 realise wide.csv --criterion total-length
-realise wide.csv --slide
+realise wide.csv --slide length
+realise valid.csv --slide
+realise valid.csv --slide far
+realise valid.csv --to urdf --length 1e-9
+realise valid.csv --to urdf --length 1e9
 realise several.json
 realise several.json --pick 9
 figure
@@ -466,6 +470,17 @@ assess arm.urdf --configuration deep.json
 assess arm.urdf --out valid.csv/a.json
 assess arm.urdf --out .
 posture
+view missing.urdf
+view arm.urdf --port 65536
+view arm.urdf --port -1
+view arm.urdf --port 8o
+view arm.urdf --host nowhere.invalid
+view arm.urdf --host ''
+view arm.urdf --host 192.0.2.1 --port 0
+view arm.urdf --configuration 1
+view arm.urdf --tip nothing
+view arm.urdf --starts 0
+view arm.urdf --held j0=x
 posture missing.urdf
 posture arm.urdf --formulation nothing
 posture arm.urdf --formulation residual --locked 2
@@ -974,6 +989,7 @@ NUMBERS = [
         "realise valid.csv": "length tolerance pick seed samples shortlist radius",
         "assess arm.urdf": "locked length",
         "posture arm.urdf": "locked length starts seed workers",
+        "view arm.urdf": "port length starts seed",
         "workspace arm.urdf": "voxel slice",
         "campaign valid.toml --store new.db": "workers chunk time-limit",
         "figure seven-axes --out a.svg": "pick starts seed workers",

@@ -16,6 +16,7 @@ COMMANDS = (
     "posture",
     "path",
     "workspace",
+    "view",
     "robots",
     "bound",
     "prove",

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
-
-import typer
+from typing import TYPE_CHECKING, Any
 
 from formulations.commands import robot_arguments as robot
 from formulations.commands.arguments import (
@@ -31,15 +29,7 @@ _SHOWN = 12
 def assess(
     file: robot.File,
     tip: robot.Tip = None,
-    configuration: Annotated[
-        str | None,
-        typer.Option(
-            metavar="Q",
-            help="Radians or metres: one number per joint from base to tip, or JOINT=VALUE "
-            "pairs, with commas; or a JSON file, such as posture writes.",
-            show_default="midway between the limits",
-        ),
-    ] = None,
+    configuration: robot.Configuration = None,
     length: robot.Length = None,
     task: robot.TaskDirections = "all",
     frame: robot.Frame = "base",

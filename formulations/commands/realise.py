@@ -11,6 +11,8 @@ from formulations.commands.arguments import Json, Pick, Seed, positive, refuse_u
 from formulations.commands.output import as_text
 from nlp.errors import InputError
 
+SLIDES = ("as-needed", "never", "length")
+
 
 def realise(
     context: typer.Context,
@@ -32,12 +34,15 @@ def realise(
             metavar="NAME",
             help="Choose order and signs by: total-length, largest-link, dh-length, clearance, "
             "reach, neighbourhood, neighbourhood-before, workspace, workspace-before.",
-            show_default="columns as they come",
+            show_default="clearance, without --order and --signs",
         ),
     ] = None,
     order: Annotated[
         str | None,
-        typer.Option(metavar="J,J,...", help="Columns from base to tip, counted from 0."),
+        typer.Option(
+            metavar="J,J,...",
+            help="Columns from base to tip, counted from 0; or 'given', as they come.",
+        ),
     ] = None,
     signs: Annotated[
         str | None,
@@ -77,11 +82,14 @@ def realise(
         typer.Option(parser=positive, metavar="L", help="Metres per unit of linear velocity."),
     ] = 1.0,
     slide: Annotated[
-        bool,
+        str | None,
         typer.Option(
-            "--slide", help="Slide joints along their axes to the least total length."
+            metavar="HOW",
+            help="Slide joints along their axes: apart where links touch (as-needed), never, "
+            "or to the least total length (length).",
+            show_default="as-needed; never with a criterion other than clearance",
         ),
-    ] = False,
+    ] = None,
     tolerance: Annotated[
         float,
         typer.Option(
@@ -112,15 +120,17 @@ def realise(
     """Realise a Jacobian as a manipulator.
 
     Every column fixes one axis: a revolute joint with direction w passes through p - v x w,
-    where p is the end effector. The order of the joints is free, and their signs; choose both
-    by a criterion or name them. Where columns do not fix an axis (positional tasks) its
-    direction is the one nearest to z.
+    where p is the end effector. The order of the joints is free, and their signs: by default
+    those with the largest clearance between links. Where columns do not fix an axis
+    (positional tasks) its direction is the one nearest to z. Links that touch are named on
+    standard error.
     """
     from formulations.files.jacobians import only_jacobian
     from formulations.realise import forms, from_jacobian
     from formulations.realise.choice import choose, evaluate, given
     from formulations.realise.criteria import Sampling
-    from formulations.realise.links import slide as slid
+    from formulations.realise.links import room, slide_apart
+    from formulations.realise.links import slide as shortened
     from nlp.files import prepare_file, write_bytes
 
     if to not in forms.FORMS:
@@ -131,11 +141,18 @@ def realise(
         raise InputError("--json", "given", "none with --to figure")
     elif to != "dh" and not as_json:
         refuse_unused(context, ("convention",), f"--to {to}")
+    if slide is None:
+        slide = "as-needed" if criterion in (None, "clearance") else "never"
+    if slide not in SLIDES:
+        raise InputError("--slide", slide, "one of " + ", ".join(SLIDES))
+    arranged = order is not None or signs is not None
     if criterion is None:
         refuse_unused(context, ("shortlist",), "no --criterion")
     if not (count or as_json or out is not None or criterion is not None):
         reason = "nothing that samples: --criterion, --count, --json and --out do"
-        refuse_unused(context, ("seed", "samples", "radius"), reason)
+        refuse_unused(context, ("samples", "radius"), reason)
+        if arranged and slide != "as-needed":
+            refuse_unused(context, ("seed",), reason)
     if out is not None and not count:
         prepare_file(out, inputs=[file])
     matrix = only_jacobian(file, pick)
@@ -143,18 +160,25 @@ def realise(
         matrix, task=task, kinds=kinds, length=length, tolerance=tolerance
     )
     sampling = Sampling(seed, samples, radius)
-    if criterion is None:
-        choice = given(found, _order(order), _flips(signs, found.joints), sampling)
-    elif order is not None or signs is not None:
+    if criterion is not None and arranged:
         raise InputError("--criterion", criterion, "none with --order or --signs")
+    if arranged:
+        choice = given(found, _order(order), _flips(signs, found.joints), sampling)
     else:
-        choice = choose(found, criterion, sampling, shortlist)
-    if slide:
-        moved = slid(choice.manipulator)
+        choice = choose(found, criterion or "clearance", sampling, shortlist)
+    moved = chosen = choice.manipulator
+    if slide == "length":
+        moved = shortened(chosen)
+    elif slide == "as-needed" and room(chosen).touching:
+        moved = slide_apart(chosen, seed)
+    if moved is not chosen:
         choice = replace(choice, manipulator=moved, values=evaluate(moved, sampling))
     deviation = from_jacobian.deviation(choice.manipulator, matrix, length)
-    summary = forms.summary(choice, deviation)
+    summary = forms.summary(choice, deviation) | {"slid": moved is not chosen}
     lines = as_text(forms.summary_lines(summary))
+    note = forms.touching_note(summary)
+    if note is not None:
+        typer.echo(f"Note: {note}.", err=True)
     if count:
         typer.echo(json.dumps(summary, indent=1) if as_json else lines)
         return
@@ -172,12 +196,12 @@ def realise(
 
 
 def _order(text: str | None) -> list[int] | None:
-    if text is None:
+    if text is None or text == "given":
         return None
     try:
         return [int(part) for part in text.split(",")]
     except ValueError:
-        allowed = "columns counted from 0, separated by commas"
+        allowed = "columns counted from 0, separated by commas, or 'given'"
         raise InputError("--order", text, allowed) from None
 
 

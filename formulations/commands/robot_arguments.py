@@ -117,6 +117,15 @@ KeptDistance = Annotated[
         show_default="they may touch",
     ),
 ]
+Configuration = Annotated[
+    str | None,
+    typer.Option(
+        metavar="Q",
+        help="Radians or metres: one number per joint from base to tip, or JOINT=VALUE "
+        "pairs, with commas; or a JSON file, such as posture writes.",
+        show_default="midway between the limits",
+    ),
+]
 JsonFile = Annotated[
     Path | None,
     typer.Option("--out", metavar="FILE", help="Write the JSON there, Jacobian included."),

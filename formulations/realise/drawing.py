@@ -1,5 +1,8 @@
 """Drawings of manipulators: axes as thin lines, links as thick segments, with labels.
 
+A whole figure names its views, and has the directions of the base's frame, a scale and the
+column of the Jacobian that each joint contributes.
+
 Needs matplotlib (`pip install lockedjoint[figures]`), which is imported on the first drawing.
 """
 
@@ -50,10 +53,25 @@ def figure(manipulator: Manipulator) -> Figure:
         If matplotlib is not installed.
     """
     views = clear_views(manipulator)
-    drawn = figure_class()(figsize=(4.2 * len(views), 4.2), layout="constrained")
+    listed = columns_text(manipulator)
+    height = 4.4 + 0.13 * len(listed.splitlines())
+    drawn = figure_class()(figsize=(4.2 * len(views), height), layout="constrained")
     for axes, one in zip(drawn.subplots(1, len(views), squeeze=False)[0], views, strict=True):
-        draw(manipulator, axes, one)
+        draw(manipulator, axes, one, scale=True)
+        axes.set_title(one.name, fontsize=8.0, color=GREY)
+    drawn.supxlabel(listed, fontsize=6.5, color=INK, family="DejaVu Sans Mono")
     return drawn
+
+
+def columns_text(manipulator: Manipulator) -> str:
+    """Return a table: of each joint, which column it contributes, and that column."""
+    rows = manipulator.task.rows
+    names = [("vx", "vy", "vz", "wx", "wy", "wz")[row] for row in rows]
+    lines = ["joint  column  " + "".join(f"{name:>9}" for name in names)]
+    for i, entries in enumerate(manipulator.jacobian().T):
+        numbers = "".join(f"{entry:9.4g}" for entry in np.round(entries, 12) + 0.0)
+        lines.append(f"{i:>5}  {manipulator.columns[i]:>6}  {numbers}")
+    return "\n".join(lines)
 
 
 def draw(
@@ -63,6 +81,7 @@ def draw(
     labels: Sequence[str] | None = None,
     columns: bool = True,
     weight: float = 1.0,
+    scale: bool = False,
 ) -> None:
     """Draw a manipulator into axes of a matplotlib figure.
 
@@ -79,6 +98,8 @@ def draw(
         all shortened alike.
     weight
         Factor of the line widths; below 1 in small panels, where names stand farther off.
+    scale
+        Whether the directions of the base's frame and a bar of known length stand below.
 
     Raises
     ------
@@ -100,6 +121,8 @@ def draw(
     strokes.links()
     strokes.tip()
     strokes.names(names, strokes.along_links())
+    if scale:
+        strokes.frame_and_scale()
     axes.margins(0.06)
 
 
@@ -130,6 +153,12 @@ def common_lever(manipulator: Manipulator) -> float:
     levers = np.linalg.norm(columns, axis=0)
     one = levers.size > 0 and float(np.ptp(levers)) < 1e-3 * float(np.max(levers))
     return float(np.mean(levers)) if one else 0.0
+
+
+def round_length(most: float) -> float:
+    """Return the largest of 1, 2 and 5 times a power of ten that is not above `most`."""
+    power = 10.0 ** np.floor(np.log10(most))
+    return float(max(k * power for k in (1, 2, 5) if k * power <= most * (1 + 1e-12)))
 
 
 class _Strokes:
@@ -251,6 +280,24 @@ class _Strokes:
         size = 6.5 * self._weight
         [dot] = self._axes.plot(*self._tip[:2], "o", ms=size, mfc=TIP, mec="white", mew=1.2)
         dot.set_zorder(JOINTS + 1)
+
+    def frame_and_scale(self) -> None:
+        """Draw the axes of the base's frame, and a bar of 1, 2 or 5 times a power of ten."""
+        (left, low), (right, _) = self._axes.dataLim.get_points()
+        reach = 0.16 * self._radius
+        start = np.array([left + 1.3 * reach, low - 2.2 * reach])
+        arrow = {"arrowstyle": "-|>", "color": INK, "lw": 0.8, "shrinkA": 0, "shrinkB": 0}
+        for name, seen in zip("xyz", self._view.project(np.eye(3)), strict=True):
+            shift = reach * seen[:2]
+            if np.hypot(*shift) < 0.1 * reach:
+                continue  # along the line of sight
+            ends = tuple(start + shift), tuple(start)
+            self._axes.annotate("", *ends, arrowprops=arrow, zorder=JOINTS)
+            self._text(start + 1.4 * shift, name, INK, 8.0)
+        length = round_length(0.5 * self._radius)
+        bar = np.array([[right - length, start[1]], [right, start[1]]])
+        self._axes.plot(*bar.T, color=INK, lw=1.6, solid_capstyle="butt", marker="|", ms=5)
+        self._text(bar.mean(axis=0) + [0.0, 0.5 * reach], f"{length:g} m", INK, 8.0)
 
     def names(self, names: Sequence[str], taken: FloatArray) -> None:
         """Write each joint's name where it is farthest from the places taken, shape (k, 2)."""

@@ -11,6 +11,7 @@ from formulations.files.figure import content
 from formulations.realise.choice import Choice
 from formulations.realise.dh import Convention, DenavitHartenberg, denavit_hartenberg
 from formulations.realise.drawing import figure
+from formulations.realise.links import room
 from formulations.realise.manipulator import Manipulator
 from formulations.realise.write_urdf import urdf
 from nlp.errors import InputError
@@ -55,9 +56,25 @@ def as_plain(manipulator: Manipulator, convention: str) -> dict[str, object]:
 
 
 def summary(choice: Choice, deviation: float) -> dict[str, object]:
-    """Return how a manipulator was chosen and how failure tolerant it is, as plain values."""
+    """Return how a manipulator was chosen, its failure tolerance, and which links touch."""
     worst = measures.worst_case_sigma(choice.manipulator.jacobian())
-    return {**choice.to_dict(), "worst_case_sigma": worst, "deviation": deviation}
+    found = room(choice.manipulator)
+    return {
+        **choice.to_dict(),
+        "worst_case_sigma": worst,
+        "deviation": deviation,
+        "gap": found.gap,
+        "touching": [list(pair) for pair in found.touching],
+    }
+
+
+def touching_note(found: Mapping[str, Any]) -> str | None:
+    """Return a sentence that names the links of a summary that touch; None if none do."""
+    if not found["touching"]:
+        return None
+    pairs = [f"{i} and {j}" for i, j in found["touching"]]
+    shown = ", ".join(pairs[:8]) + (f", … ({len(pairs)} pairs)" if len(pairs) > 8 else "")
+    return f"links {shown} touch (counted from 0): bodies overlap by {-found['gap']:.3g} m"
 
 
 def summary_lines(found: Mapping[str, Any]) -> dict[str, object]:
@@ -71,6 +88,9 @@ def summary_lines(found: Mapping[str, Any]) -> dict[str, object]:
         "distinct manipulators": found["distinct"],
         "deviation from the Jacobian": found["deviation"],
         "worst case sigma": found["worst_case_sigma"],
+        "gap between links": found["gap"],
+        "slid along their axes": found.get("slid", False),
+        "links that touch": ", ".join(f"{i}-{j}" for i, j in found["touching"]) or "none",
         **found["criteria"],
     }
 

@@ -1,12 +1,12 @@
 """Links: straight pieces from joint to joint, the last one to the end effector.
 
-A joint sits at one point of its axis: the one nearest to the end effector, unless
-`slide` moves it. The length of a link is the distance between the two points where its joints
-sit. What lies before the first joint is the base and no link. Arrays broadcast over leading
-dimensions.
+A joint sits at one point of its axis: the one nearest to the end effector, unless `slide` or
+`slide_apart` moves it. The length of a link is the distance between the two points where its
+joints sit. What lies before the first joint is the base and no link. Arrays broadcast over
+leading dimensions.
 """
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
@@ -17,6 +17,17 @@ from nlp.arrays import FloatArray
 SWEEPS = 200
 # Joints closer than this, relative to the arm's length, are in one place.
 TOUCHING = 1e-6
+# Radius of a link's body, in parts of the manipulator's size.
+LINK_RADIUS = 0.012
+# Cut from both ends of a body that collides, in parts of the size; and the largest share of the
+# link that is cut from one end.
+CUT, LARGEST_CUT = 2.5 * LINK_RADIUS, 0.45
+# `slide_apart`: gap between bodies that is enough, and farthest that a joint may slide, in
+# parts of the size; random moves tried at once, and how often.
+_ENOUGH, _FARTHEST = 2 * LINK_RADIUS, 0.5
+_MOVES, _ROUNDS = 64, 80
+# How much worse a manipulator is whose links are longer by its size, in parts of `_ENOUGH`.
+_LONGER = 0.02
 
 
 def link_lengths(points: FloatArray, end_effector: FloatArray) -> FloatArray:
@@ -40,6 +51,137 @@ def clearance(points: FloatArray, end_effector: FloatArray) -> FloatArray:
         distance = np.where(apart, segment_distance(*segments), np.inf)
         smallest = np.minimum(smallest, distance)
     return smallest
+
+
+@dataclass(frozen=True)
+class Room:
+    """How much room there is between the bodies of links, cylinders about straight pieces.
+
+    Attributes
+    ----------
+    gap
+        Smallest distance between the surfaces of two bodies; below 0 where they overlap, None
+        if there are no two bodies.
+    touching
+        Pairs of links that touch, counted from 0 at the first joint.
+    """
+
+    gap: float | None
+    touching: tuple[tuple[int, int], ...]
+
+
+def room(manipulator: Manipulator) -> Room:
+    """Return the room between the bodies of a manipulator's links, at q = 0.
+
+    Links that meet at a joint are in one place there. Of two links between which the way along
+    the arm is shorter than half of the shorter one, only what lies farther apart along the arm
+    counts: two links that are folded onto each other touch, an elbow does not.
+    """
+    pairs, distances = _distances(manipulator.points, manipulator.end_effector)
+    gaps = distances - 2 * LINK_RADIUS * manipulator.size
+    smallest = float(np.min(gaps, initial=np.inf))
+    touching = tuple(pair for pair, gap in zip(pairs, gaps, strict=True) if gap <= 0)
+    return Room(smallest if np.isfinite(smallest) else None, touching)
+
+
+def free_parts(manipulator: Manipulator) -> tuple[FloatArray, FloatArray]:
+    """Return starts and ends, shape (n, 3), of the part of each link that may collide.
+
+    Links are cut short at joints, by `CUT` and, where two links that do not touch would collide
+    nevertheless because they meet at a joint, by what `room` leaves out of them.
+    """
+    points, tip = manipulator.points, manipulator.end_effector
+    ends, lengths = _ends(points, tip), link_lengths(points, tip)
+    units = (ends - points) / np.where(lengths > 0, lengths, 1)[:, None]
+    cuts = np.minimum(CUT * manipulator.size, LARGEST_CUT * lengths)
+    cuts = np.stack([cuts, cuts])  # at the start, at the end
+
+    def parts() -> tuple[FloatArray, FloatArray]:
+        return points + cuts[0, :, None] * units, ends - cuts[1, :, None] * units
+
+    touching = room(manipulator).touching
+    starts, stops = parts()
+    for i, j in combinations(range(manipulator.joints), 2):
+        apart = segment_distance(starts[i], stops[i], starts[j], stops[j])
+        if apart > 2.1 * LINK_RADIUS * manipulator.size or (i, j) in touching:
+            continue
+        cut = float(_left_out(lengths, i, j))
+        cuts[1, i] = max(cuts[1, i], min(cut, LARGEST_CUT * lengths[i]))
+        cuts[0, j] = max(cuts[0, j], min(cut, LARGEST_CUT * lengths[j]))
+    return parts()
+
+
+def _left_out(lengths: FloatArray, i: int, j: int) -> FloatArray:
+    """How much `room` leaves out of link i at its end and of link j at its start, shape (…)."""
+    shorter = np.minimum(lengths[..., i], lengths[..., j])
+    between = lengths[..., i + 1 : j].sum(axis=-1)
+    return np.asarray(np.clip(shorter / 2 - between / 2, 0, None))
+
+
+def _distances(
+    points: FloatArray, end_effector: FloatArray
+) -> tuple[list[tuple[int, int]], FloatArray]:
+    """Pairs of links, and their distances as `room` counts them, shape (…, pairs)."""
+    starts, ends = points, _ends(points, end_effector)
+    lengths = link_lengths(points, end_effector)
+    units = (ends - starts) / np.where(lengths > 0, lengths, 1)[..., None]
+    total = lengths.sum(axis=-1)
+    pairs = list(combinations(range(points.shape[-2]), 2))
+    distances = np.full((*points.shape[:-2], len(pairs)), np.inf)
+    for k, (i, j) in enumerate(pairs):
+        cut = _left_out(lengths, i, j)[..., None]
+        distance = segment_distance(
+            starts[..., i, :],
+            ends[..., i, :] - cut * units[..., i, :],
+            starts[..., j, :] + cut * units[..., j, :],
+            ends[..., j, :],
+        )
+        bodies = np.minimum(lengths[..., i], lengths[..., j]) > TOUCHING * total
+        distances[..., k] = np.where(bodies, distance, np.inf)
+    return pairs, distances
+
+
+def slide_apart(manipulator: Manipulator, seed: int = 0) -> Manipulator:
+    """Return the manipulator with its joints slid along their axes until no two links touch.
+
+    A seeded search with random moves for the largest gap between bodies up to a diameter, and
+    then for short links; the Jacobian stays as it is. A joint slides by half of the
+    manipulator's size at most. Where nothing is gained the manipulator is returned as it is.
+    """
+    size, n = manipulator.size, manipulator.joints
+    enough = (2 * LINK_RADIUS + _ENOUGH) * size
+    own = link_lengths(manipulator.points, manipulator.end_effector).sum()
+
+    def points(ways: FloatArray) -> FloatArray:
+        return np.asarray(manipulator.points + ways[..., None] * manipulator.directions)
+
+    def merit(ways: FloatArray) -> FloatArray:
+        places = points(ways)
+        apart = _distances(places, manipulator.end_effector)[1].min(axis=-1, initial=np.inf)
+        longer = link_lengths(places, manipulator.end_effector).sum(axis=-1) - own
+        return np.asarray(np.minimum(apart, enough) / enough - _LONGER * longer / size)
+
+    rng = np.random.default_rng(seed)
+    best, step = np.zeros(n), _FARTHEST / 2 * size
+    value = before = float(merit(best))
+    for _ in range(_ROUNDS):
+        some = rng.uniform(size=(_MOVES, n)) < 0.5
+        moves = best + step * some * rng.standard_normal((_MOVES, n))
+        moves = np.clip(moves, -_FARTHEST * size, _FARTHEST * size)
+        values = merit(moves)
+        winner = int(np.argmax(values))
+        if values[winner] > value:
+            best, value = moves[winner], float(values[winner])
+        else:
+            step *= 0.85
+    slid = replace(manipulator, points=points(best))
+    gained = value > before and _gap(slid) > _gap(manipulator)
+    return slid if gained else manipulator
+
+
+def _gap(manipulator: Manipulator) -> float:
+    gap = room(manipulator).gap
+    return float("inf") if gap is None else gap
 
 
 def segment_distance(

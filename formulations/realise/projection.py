@@ -24,6 +24,13 @@ class View:
     elevation: float
 
     @property
+    def name(self) -> str:
+        """From where it is, in words."""
+        if self.elevation == 90:
+            return "from above (against z)"
+        return f"azimuth {self.azimuth:g}°, elevation {self.elevation:g}°"
+
+    @property
     def frame(self) -> FloatArray:
         """Rows: to the right, upwards, towards the eye; shape (3, 3)."""
         a, e = np.radians([self.azimuth, self.elevation])

@@ -1,26 +1,90 @@
-"""URDF of a manipulator, with links that can be seen.
+"""URDF of a manipulator, with links that can be seen, weighed and stepped by simulators.
 
 At zero displacement every link's frame is parallel to the frame of the base, so that joint
 origins are differences of points and axes are the directions themselves: no angle is
 rounded. Numbers are written with every digit.
+
+Masses are nominal: every link weighs `MASS`, shared out over its bodies by volume, and its
+inertia is that of these solid bodies. What collides is the cylinder of each link, cut short at
+both ends (`links.free_parts`), and the tip: links that meet at a joint, or where several axes
+meet, do not collide there.
 """
 
+from __future__ import annotations
+
 from collections.abc import Sequence
+from dataclasses import dataclass
 from xml.etree import ElementTree as Tree
 
 import numpy as np
 import numpy.typing as npt
 
+from formulations.realise.links import LINK_RADIUS, free_parts
 from formulations.realise.manipulator import Manipulator
 from nlp.arrays import FloatArray
+from nlp.errors import InputError
 
 JOINT_COLOUR = "0.00 0.45 0.70 1"
 LINK_COLOUR = "0.90 0.62 0.00 1"
 TIP_COLOUR = "0.84 0.37 0.00 1"
 # Sizes of bodies, in parts of the manipulator's size.
-LINK_RADIUS, JOINT_RADIUS, JOINT_LENGTH, TIP_RADIUS = 0.012, 0.022, 0.09, 0.02
+JOINT_RADIUS, JOINT_LENGTH, TIP_RADIUS = 0.022, 0.09, 0.02
+# Kilograms: of every link and of the tip.
+MASS, TIP_MASS = 1.0, 0.1
 SPEED, EFFORT = 3.14, 100.0
+# Sizes in metres whose inertias simulators can step: MuJoCo's smallest inertia is 1e-15.
+SMALLEST, LARGEST = 1e-4, 1e4
 _ORIGIN = np.zeros(3)
+_Z = np.array([0.0, 0.0, 1.0])
+
+
+@dataclass(frozen=True, eq=False)
+class Body:
+    """A solid whose shape is one of URDF, round or square about an axis.
+
+    Attributes
+    ----------
+    material, shape
+        Names of its colour and of its element: ``cylinder``, ``box`` or ``sphere``.
+    centre, axis
+        Of its shape, in the link's frame; the z-axis of the shape lies along `axis`.
+    radius, length
+        In metres; a box has the side 2·radius, a sphere no length.
+    """
+
+    material: str
+    shape: str
+    centre: FloatArray
+    axis: FloatArray
+    radius: float
+    length: float = 0.0
+
+    @property
+    def volume(self) -> float:
+        """Volume in cubic metres."""
+        if self.shape == "sphere":
+            return 4 / 3 * np.pi * self.radius**3
+        return (np.pi if self.shape == "cylinder" else 4.0) * self.radius**2 * self.length
+
+    def inertia(self, mass: float) -> FloatArray:
+        """Inertia about the centre, along the axes of the link's frame, shape (3, 3)."""
+        square = mass * self.radius**2
+        if self.shape == "sphere":
+            return np.asarray(0.4 * square * np.eye(3))
+        along = square / 2 if self.shape == "cylinder" else 2 * square / 3
+        across = along / 2 + mass * self.length**2 / 12
+        return np.asarray(
+            across * np.eye(3) + (along - across) * np.outer(self.axis, self.axis)
+        )
+
+    @property
+    def sizes(self) -> dict[str, npt.ArrayLike]:
+        """Attributes of its element."""
+        if self.shape == "box":
+            return {"size": [2 * self.radius, 2 * self.radius, self.length]}
+        if self.shape == "sphere":
+            return {"radius": self.radius}
+        return {"radius": self.radius, "length": self.length}
 
 
 def urdf(manipulator: Manipulator, name: str = "lockedjoint") -> str:
@@ -29,28 +93,43 @@ def urdf(manipulator: Manipulator, name: str = "lockedjoint") -> str:
     Links are ``base``, ``link0``, ``link1``, … and ``tip``; joint ``jointk`` moves ``linkk``,
     and ``to_tip`` is fixed. The base's frame is that of the Jacobian. A revolute joint may turn
     by ±π, a prismatic one move by ± the manipulator's size.
+
+    Raises
+    ------
+    InputError
+        If the manipulator is so small or so large that simulators cannot step it.
     """
     size, n = manipulator.size, manipulator.joints
+    if not SMALLEST <= size <= LARGEST:
+        allowed = f"{SMALLEST:g} to {LARGEST:g} metres in a URDF; choose another length"
+        raise InputError("size of the manipulator", f"{size:.6g} m", allowed)
     robot = Tree.Element("robot", name=name)
+    robot.append(Tree.Comment(f" Masses are nominal: {MASS:g} kg per link. "))
     for label, colour in (("joint", JOINT_COLOUR), ("link", LINK_COLOUR), ("tip", TIP_COLOUR)):
         Tree.SubElement(Tree.SubElement(robot, "material", name=label), "color", rgba=colour)
     places = np.vstack([np.zeros(3), manipulator.points, manipulator.end_effector])
-    base = Tree.SubElement(robot, "link", name="base")
-    foot = {"radius": 2 * JOINT_RADIUS * size, "length": 0.25 * JOINT_LENGTH * size}
-    _body(base, "joint", places[1], manipulator.directions[0], "cylinder", **foot)
-    side, height = 2 * JOINT_RADIUS * size, JOINT_LENGTH * size
-    box, pin = {"size": [side, side, height]}, {"radius": JOINT_RADIUS * size, "length": height}
+    starts, stops = free_parts(manipulator)
+    pin, height = JOINT_RADIUS * size, JOINT_LENGTH * size
+    axis = manipulator.directions[0]
+    foot = Body("joint", "cylinder", places[1], axis, 2 * pin, height / 4)
+    _link(robot, "base", [foot], MASS)
     for i in range(n):
-        link = Tree.SubElement(robot, "link", name=f"link{i}")
         axis, span = manipulator.directions[i], places[i + 2] - places[i + 1]
+        shape = "box" if manipulator.prismatic[i] else "cylinder"
+        bodies = [Body("joint", shape, _ORIGIN, axis, pin, height)]
+        collides = []
         length = float(np.linalg.norm(span))
-        shape, sizes = ("box", box) if manipulator.prismatic[i] else ("cylinder", pin)
-        _body(link, "joint", _ORIGIN, axis, shape, **sizes)
         if length > 0:
-            sizes = {"radius": LINK_RADIUS * size, "length": length}
-            _body(link, "link", span / 2, span / length, "cylinder", **sizes)
-    tip = Tree.SubElement(robot, "link", name="tip")
-    _body(tip, "tip", _ORIGIN, np.array([0.0, 0.0, 1.0]), "sphere", radius=TIP_RADIUS * size)
+            radius, along = LINK_RADIUS * size, span / length
+            bodies.append(Body("link", "cylinder", span / 2, along, radius, length))
+            middle = (starts[i] + stops[i]) / 2 - places[i + 1]
+            short = float(np.linalg.norm(stops[i] - starts[i]))
+            collides.append(Body("link", "cylinder", middle, along, radius, short))
+        _link(robot, f"link{i}", bodies, MASS, collides)
+    ball = [Body("tip", "sphere", _ORIGIN, _Z, TIP_RADIUS * size)]
+    # No wider than its link: what has room, as `links.room` counts it, does not collide.
+    end_body = [Body("tip", "sphere", _ORIGIN, _Z, LINK_RADIUS * size)]
+    _link(robot, "tip", ball, TIP_MASS, end_body)
     names = ["base", *(f"link{i}" for i in range(n)), "tip"]
     for i in range(n):
         kind = manipulator.kinds[i]
@@ -64,6 +143,50 @@ def urdf(manipulator: Manipulator, name: str = "lockedjoint") -> str:
     return '<?xml version="1.0"?>\n' + Tree.tostring(robot, encoding="unicode") + "\n"
 
 
+def _link(
+    robot: Tree.Element,
+    name: str,
+    bodies: Sequence[Body],
+    mass: float,
+    collides: Sequence[Body] = (),
+) -> None:
+    link = Tree.SubElement(robot, "link", name=name)
+    shares = np.array([body.volume for body in bodies])
+    masses = mass * shares / shares.sum()
+    centres = np.array([body.centre for body in bodies])
+    centre = masses @ centres / mass
+    inertia = np.zeros((3, 3))
+    for body, share in zip(bodies, masses, strict=True):
+        away = body.centre - centre
+        inertia += body.inertia(float(share))
+        inertia += share * (away @ away * np.eye(3) - np.outer(away, away))
+    inertial = Tree.SubElement(link, "inertial")
+    Tree.SubElement(inertial, "origin", xyz=_numbers(centre), rpy="0 0 0")
+    Tree.SubElement(inertial, "mass", value=_numbers(mass))
+    entries = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2)}
+    entries |= {"iyy": (1, 1), "iyz": (1, 2), "izz": (2, 2)}
+    values = {key: _numbers(inertia[at]) for key, at in entries.items()}
+    Tree.SubElement(inertial, "inertia", values)
+    for body in bodies:
+        visual = _shape(link, "visual", body)
+        Tree.SubElement(visual, "material", name=body.material)
+    for body in collides:
+        _shape(link, "collision", body)
+
+
+def _shape(link: Tree.Element, use: str, body: Body) -> Tree.Element:
+    element = Tree.SubElement(link, use)
+    axis = body.axis
+    pitch = np.arctan2(np.hypot(axis[0], axis[1]), axis[2])
+    yaw = np.arctan2(axis[1], axis[0])
+    rpy = _numbers([0.0, pitch, yaw])
+    Tree.SubElement(element, "origin", xyz=_numbers(body.centre), rpy=rpy)
+    geometry = Tree.SubElement(element, "geometry")
+    sizes = {name: _numbers(size) for name, size in body.sizes.items()}
+    Tree.SubElement(geometry, body.shape, sizes)
+    return element
+
+
 def _joint(
     robot: Tree.Element, name: str, kind: str, ends: Sequence[str], origin: FloatArray
 ) -> Tree.Element:
@@ -72,24 +195,6 @@ def _joint(
     Tree.SubElement(joint, "child", link=ends[1])
     Tree.SubElement(joint, "origin", xyz=_numbers(origin), rpy="0 0 0")
     return joint
-
-
-def _body(
-    link: Tree.Element,
-    material: str,
-    centre: FloatArray,
-    axis: FloatArray,
-    shape: str,
-    **sizes: npt.ArrayLike,
-) -> None:
-    """Add a body that can be seen; the z-axis of its shape lies along `axis`."""
-    visual = Tree.SubElement(link, "visual")
-    pitch = np.arctan2(np.hypot(axis[0], axis[1]), axis[2])
-    yaw = np.arctan2(axis[1], axis[0])
-    Tree.SubElement(visual, "origin", xyz=_numbers(centre), rpy=_numbers([0.0, pitch, yaw]))
-    geometry = Tree.SubElement(visual, "geometry")
-    Tree.SubElement(visual, "material", name=material)
-    Tree.SubElement(geometry, shape, {name: _numbers(size) for name, size in sizes.items()})
 
 
 def _numbers(values: npt.ArrayLike) -> str:

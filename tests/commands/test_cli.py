@@ -42,7 +42,7 @@ def test_help_names_every_command_and_option(lockedjoint, tmp_path):
     for command in (
         *("compare", "reproduce", "solve", "measure", "realise", "bound", "prove", "verify"),
         *("campaign", "show", "join", "benchmark", "failures", "assess", "posture", "robots"),
-        *("figure", "report", "path", "workspace"),
+        *("figure", "report", "path", "workspace", "view"),
     ):
         assert command in page.stdout
         one = lockedjoint(command, "--help", cwd=tmp_path)

@@ -31,7 +31,7 @@ def folder(tmp_path, optimum):
 
 
 def test_urdf_on_standard_output(realise, folder, optimum):
-    done = realise("both.json", "--pick", 1, "--to", "urdf", cwd=folder)
+    done = realise("both.json", "--pick", 1, "--order", "given", "--to", "urdf", cwd=folder)
     assert done.returncode == 0, done.stderr
     robot = yourdfpy.URDF.load(io.StringIO(done.stdout))
     axes = [joint.axis for joint in robot.actuated_joints]
@@ -52,7 +52,8 @@ def test_json_holds_everything(realise, folder):
 def test_tables_and_counts(realise, folder):
     axes = realise("planar.json", cwd=folder)
     assert "end effector  0  0  0" in axes.stdout
-    table = realise("planar.json", "--to", "dh", "--convention", "modified", cwd=folder)
+    words = ("--order", "given", "--to", "dh", "--convention", "modified")
+    table = realise("planar.json", *words, cwd=folder)
     assert "1.41421356" in table.stdout
     assert "alpha before" in table.stdout
     counted = realise(
@@ -69,9 +70,35 @@ def test_figures_and_files(realise, folder):
     assert done.returncode == 0, done.stderr
     assert "distinct manipulators" in done.stdout
     assert (folder / "arm.png").read_bytes().startswith(b"\x89PNG")
-    slid = realise("seven.npy", "--slide", "--to", "figure", cwd=folder)
+    slid = realise("seven.npy", "--slide", "length", "--to", "figure", cwd=folder)
     assert slid.stdout.startswith("<?xml")
     assert "<svg" in slid.stdout
+
+
+def test_clearance_is_the_default_and_links_that_touch_are_named(folder, monkeypatch, capsys):
+    monkeypatch.chdir(folder)
+    (folder / "fold.json").write_text("[[0.5, 1.0, 0.2], [0.0, 0.0, 0.001]]", encoding="utf-8")
+
+    def run(*arguments):
+        words = ["lockedjoint", "realise", *arguments, "--json"]
+        monkeypatch.setattr(sys, "argv", words)
+        with pytest.raises(SystemExit) as ended:
+            main()
+        assert ended.value.code == 0
+        said = capsys.readouterr()
+        return json.loads(said.out), said.err
+
+    chosen, said = run("seven.npy")
+    assert (chosen["criterion"], chosen["touching"], said) == ("clearance", [], "")
+    assert chosen["order"] == run("seven.npy", "--criterion", "clearance")[0]["order"]
+    assert chosen["gap"] > 0
+    flat, said = run("fold.json", "--order", "given", "--slide", "never")
+    assert flat["order"] == [0, 1, 2]
+    assert flat["touching"]
+    assert "Note: links 0 and 1" in said
+    apart, said = run("fold.json", "--order", "given")
+    assert (apart["touching"], apart["slid"], said) == ([], True, "")
+    assert not run("fold.json", "--criterion", "total-length")[0]["slid"]
 
 
 @pytest.mark.parametrize(
@@ -96,6 +123,8 @@ def test_figures_and_files(realise, folder):
         (["planar.json", "--length", "-1"], "allowed: a finite number above 0"),
         (["seven.npy", "--kinds", "PRRRRRR"], "column 0 is"),
         (["nothing.json"], "file is nothing.json"),
+        (["planar.json", "--slide", "far"], "--slide is far; allowed: one of as-needed, never"),
+        (["seven.npy", "--to", "urdf", "--length", "1e-9"], "size of the manipulator is"),
     ],
 )
 def test_bad_input_is_one_sentence_and_leaves_nothing(

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from formulations.files.figure import content
-from formulations.realise.drawing import draw, figure
+from formulations.realise.drawing import columns_text, draw, figure, round_length
 from formulations.realise.from_jacobian import realise
 from formulations.realise.projection import PLAN, View, clear_views
 from formulations.reproduction import reference
@@ -53,6 +53,39 @@ def test_links_of_a_planar_arm_are_drawn_where_they_are(planar):
     assert {"a", "b", "c"} <= {text.get_text() for text in panel.texts}
     with pytest.raises(InputError, match="labels"):
         draw(planar, panel, labels=["a"])
+
+
+def test_a_figure_has_a_frame_a_scale_its_views_and_the_columns(arm):
+    drawn = figure(arm)
+    views = clear_views(arm)
+    for panel, view in zip(drawn.axes, views, strict=True):
+        assert panel.get_title() == view.name
+        texts = [text.get_text() for text in panel.texts]
+        assert len({"x", "y", "z"} & set(texts)) >= 2
+        [length] = [float(text.split()[0]) for text in texts if text.endswith(" m")]
+        bars = [np.array(line.get_xydata()) for line in panel.lines]
+        assert any(
+            line.shape == (2, 2) and np.allclose(line[1] - line[0], [length, 0])
+            for line in bars
+        )
+    assert drawn._supxlabel.get_text() == columns_text(arm)
+
+
+def test_columns_of_a_figure_are_those_of_the_jacobian(optimum):
+    arm = realise(optimum).arranged([3, 0, 6, 1, 5, 2, 4])
+    head, *lines = columns_text(arm).splitlines()
+    assert head.split() == ["joint", "column", "vx", "vy", "vz", "wx", "wy", "wz"]
+    for i, line in enumerate(lines):
+        joint, column, *entries = map(float, line.split())
+        assert (joint, column) == (i, arm.columns[i])
+        np.testing.assert_allclose(entries, optimum[:, arm.columns[i]], atol=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("most", "length"), [(0.7, 0.5), (0.05, 0.05), (19.0, 10.0), (2.0, 2.0), (0.0049, 0.002)]
+)
+def test_bars_have_round_lengths(most, length):
+    assert round_length(most) == pytest.approx(length)
 
 
 def test_views_are_rotations_and_keep_distances():

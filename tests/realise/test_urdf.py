@@ -1,8 +1,9 @@
-"""URDF, read by pinocchio and yourdfpy: the same robot, the same Jacobian, the same measure."""
+"""URDF, read by pinocchio, yourdfpy and MuJoCo: the same robot, Jacobian and masses."""
 
 import io
 from xml.etree import ElementTree
 
+import mujoco
 import numpy as np
 import pinocchio
 import pytest
@@ -10,7 +11,9 @@ import yourdfpy
 
 from formulations import measures
 from formulations.realise.from_jacobian import realise
-from formulations.realise.write_urdf import urdf
+from formulations.realise.links import LINK_RADIUS, room, slide_apart
+from formulations.realise.write_urdf import JOINT_LENGTH, JOINT_RADIUS, MASS, urdf
+from nlp.errors import InputError
 
 
 def displacements(arm):
@@ -75,3 +78,75 @@ def test_every_link_can_be_seen_and_bodies_lie_where_they_should(arm):
         half = float(body.find("geometry/cylinder").get("length")) / 2
         np.testing.assert_allclose(centre - half * np.array(along), 0, atol=1e-12)
         np.testing.assert_allclose(2 * centre, places[i + 1] - places[i], atol=1e-12)
+
+
+def mass_matrix(text, q):
+    model = pinocchio.buildModelFromXML(text)
+    return np.array(pinocchio.crba(model, model.createData(), q, pinocchio.Convention.LOCAL))
+
+
+def test_mujoco_finds_the_same_jacobian_and_the_same_masses(arm):
+    model = mujoco.MjModel.from_xml_string(urdf(arm))
+    data = mujoco.MjData(model)
+    for q in displacements(arm):
+        data.qpos[:] = q
+        mujoco.mj_forward(model, data)
+        linear, angular = np.zeros((2, 3, arm.joints))
+        place = arm.pose(q)[:3, 3]
+        mujoco.mj_jac(model, data, linear, angular, place, model.nbody - 1)
+        found = np.vstack([linear, angular])
+        np.testing.assert_allclose(found, arm.full_jacobian(q), atol=1e-9)
+        mass = np.zeros((arm.joints, arm.joints))
+        for row, unit in zip(mass, np.eye(arm.joints), strict=True):
+            mujoco.mj_mulM(model, data, row, unit)
+        np.testing.assert_allclose(mass, mass_matrix(urdf(arm), q), rtol=1e-6, atol=1e-9)
+
+
+def test_mujoco_steps_every_arm(arm):
+    """For a fifth of a second, under gravity, from where links do not collide at once."""
+    model = mujoco.MjModel.from_xml_string(urdf(arm))
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    if not room(arm).touching:
+        assert data.ncon == 0
+    for _ in range(100):
+        mujoco.mj_step(model, data)
+    assert data.time == pytest.approx(0.2)  # it is set back to 0 where a state is not finite
+    assert all(np.all(np.isfinite(value)) for value in (data.qpos, data.qvel, data.qacc))
+    assert data.warning.number.sum() == 0
+
+
+def test_inertias_are_those_of_the_solid_bodies(optimum):
+    """Against pinocchio's own formulas for cylinders, put together by it."""
+    arm = realise(optimum)
+    model = pinocchio.buildModelFromXML(urdf(arm))
+    size, places = arm.size, np.vstack([arm.points, arm.end_effector])
+    for i in range(6):
+        span = places[i + 1] - places[i]
+        length = np.linalg.norm(span)
+        shapes = [
+            (JOINT_RADIUS * size, JOINT_LENGTH * size, np.zeros(3), arm.directions[i]),
+            (LINK_RADIUS * size, length, span / 2, span / length),
+        ]
+        volumes = np.array([radius**2 * long for radius, long, _, _ in shapes])
+        total = pinocchio.Inertia.Zero()
+        for (radius, long, centre, axis), share in zip(
+            shapes, volumes / volumes.sum(), strict=True
+        ):
+            turn = pinocchio.Quaternion.FromTwoVectors(np.array([0.0, 0, 1]), axis).matrix()
+            own = pinocchio.Inertia.FromCylinder(MASS * share, radius, long)
+            total += pinocchio.SE3(turn, centre).act(own)
+        np.testing.assert_allclose(model.inertias[i + 1].matrix(), total.matrix(), atol=1e-12)
+
+
+@pytest.mark.parametrize("length", [1e-6, 1e6])
+def test_sizes_that_cannot_be_stepped_are_refused(optimum, length):
+    with pytest.raises(InputError, match="size of the manipulator is"):
+        urdf(realise(optimum, length=length))
+
+
+def test_what_slides_apart_stays_the_same_robot():
+    arm = realise(np.array([[-1.0, 0.2, 0.9, 0.4], [0.0, 1.0, 0.5, -1.0]]))
+    text = urdf(slide_apart(arm))
+    matrix, _ = pinocchio_jacobian(text, np.zeros(4))
+    np.testing.assert_allclose(matrix[:2], arm.jacobian(), atol=1e-12)

@@ -1,0 +1,329 @@
+"""The page that shows a robot: its numbers against NumPy, its controls, and a real browser."""
+
+import json
+import os
+import shutil
+import signal
+import socket
+import sys
+import time
+import urllib.request
+from itertools import combinations
+
+import numpy as np
+import pinocchio
+import pytest
+
+from formulations import measures
+from formulations.realise.from_jacobian import realise
+from formulations.realise.write_urdf import urdf as realised_urdf
+from formulations.robots.chain_between import chain_between
+from formulations.robots.posture import Search
+from formulations.robots.read_urdf import parse_urdf
+from formulations.robots.robot_arm import RobotArm, Task
+from formulations.robots.viewer import Address, Page, numbers, picture, semi_axes
+from nlp.errors import InputError
+
+BROWSER = next(filter(None, map(shutil.which, ("chromium", "google-chrome"))), None)
+# Three dimensions without a graphics card.
+SOFTWARE = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader"]
+SOFTWARE += ["--enable-unsafe-swiftshader"]
+
+
+@pytest.fixture(scope="module")
+def text(made):
+    return made.offset_arm()
+
+
+def arm_of(text, task="all", frame="base", held=None, **more):
+    tree = parse_urdf(text.encode())
+    tip = tree.leaves[0]
+    return RobotArm(chain_between(tree, tip, held=held, **more), Task.parse(task, frame))
+
+
+def configurations(arm, count=3):
+    rng = np.random.default_rng(7)
+    return [arm.sample(rng) for _ in range(count)]
+
+
+# What is drawn -------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("locked", [(), ("j3",), ("j0", "j5")])
+def test_a_picture_against_numpy(text, locked):
+    arm = arm_of(text)
+    gone = [int(name[1]) for name in locked]
+    for q in configurations(arm):
+        shown, matrix = picture(arm, q, locked), arm.jacobian(q)
+        left = np.delete(matrix, gone, axis=1)
+        assert shown.sigma == pytest.approx(np.linalg.svd(matrix)[1][-1])
+        sizes = np.linalg.svd(left)[1]
+        assert shown.sigma_left == pytest.approx(sizes[-1] if left.shape[1] >= 6 else 0.0)
+        more = [np.delete(left, k, axis=1) for k in range(left.shape[1])]
+        smallest = [np.linalg.svd(one)[1][-1] if one.shape[1] >= 6 else 0.0 for one in more]
+        assert shown.worst_case == pytest.approx(min(smallest))
+        if locked:
+            assert shown.failed == locked
+        else:
+            assert shown.failed == (f"j{np.argmin(smallest)}",) == (shown.worst_joint,)
+            left = more[int(np.argmin(smallest))]
+        # An ellipsoid {A·x : |x| ≤ 1} is that of A·Aᵀ.
+        for axes, rates in ((shown.before, matrix), (shown.after, left)):
+            np.testing.assert_allclose(axes @ axes.T, rates[:3] @ rates[:3].T, atol=1e-12)
+        assert np.linalg.norm(shown.direction) == pytest.approx(1)
+        least = np.linalg.svd(left)[1][-1] if left.shape[1] >= 6 else 0.0
+        assert np.linalg.norm(left.T @ shown.direction) == pytest.approx(least, abs=1e-12)
+
+
+@pytest.mark.parametrize("slides", [False, True])
+def test_joints_and_tip_are_where_pinocchio_has_them(text, slides):
+    if slides:
+        text = realised_urdf(realise(np.eye(6)[:, [0, 3, 1, 4, 2, 5, 3]]))
+    arm = arm_of(text)
+    model = pinocchio.buildModelFromXML(text)
+    data = model.createData()
+    tip = model.getFrameId(arm.chain.tip)
+    for q in configurations(arm):
+        shown = picture(arm, q)
+        pinocchio.framesForwardKinematics(model, data, q)
+        np.testing.assert_allclose(shown.tip, data.oMf[tip].translation, atol=1e-12)
+        places = [data.oMi[k + 1].translation for k in range(len(q))]
+        slides = np.array(arm.chain.prismatic)
+        found = shown.origins + slides[:, None] * shown.axes * q[:, None]
+        np.testing.assert_allclose(found, places, atol=1e-12)
+        moves = np.cross(shown.axes, shown.tip - shown.origins)
+        columns = np.hstack([np.where(slides[:, None], shown.axes, moves)])
+        np.testing.assert_allclose(columns.T, arm.metric_jacobian(q)[:3], atol=1e-12)
+
+
+def test_directions_of_the_tip_are_drawn_along_the_axes_of_the_base(text):
+    base, tip = arm_of(text), arm_of(text, frame="tip")
+    for q in configurations(base):
+        one, other = picture(base, q), picture(tip, q)
+        np.testing.assert_allclose(one.before @ one.before.T, other.before @ other.before.T)
+        sign = np.sign(one.direction @ other.direction)
+        np.testing.assert_allclose(one.direction, sign * other.direction, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("task", "rows"), [("position", [0, 1, 2]), ("orientation", [3, 4, 5])]
+)
+def test_tasks_of_one_kind(text, task, rows):
+    arm = arm_of(text, task)
+    [q] = configurations(arm, 1)
+    shown, matrix = picture(arm, q, ["j1"]), arm.jacobian(q)
+    np.testing.assert_allclose(shown.before @ shown.before.T, matrix @ matrix.T, atol=1e-12)
+    assert np.all(np.delete(shown.direction, rows) == 0)
+    assert shown.worst_case == pytest.approx(
+        measures.worst_case_sigma(np.delete(matrix, 1, axis=1))
+    )
+
+
+def test_a_fatal_failure_is_flat_and_nothing_is_left_to_lock(made):
+    arm = arm_of(made.spherical_shoulder_and_wrist())
+    [q] = configurations(arm, 1)
+    shown = picture(arm, q)
+    assert shown.failed == ("j3",)
+    assert shown.worst_case == pytest.approx(0, abs=1e-12)
+    last = picture(arm, q, ["j1"])
+    assert (last.worst_case, last.worst_joint) == (0.0, None)
+    assert "no joint to spare" in numbers(last, arm)
+    gone = picture(arm, q, arm.chain.names)
+    assert gone.sigma_left == 0
+    assert np.all(gone.after == 0)
+    with pytest.raises(InputError, match="locked joint is j9; allowed: one of j0, j1"):
+        picture(arm, q, ["j9"])
+    with pytest.raises(InputError, match="configuration"):
+        picture(arm, q[:3])
+
+
+def test_semi_axes_of_fewer_columns():
+    axes = semi_axes(np.array([[0.0], [3.0], [4.0]]))
+    np.testing.assert_allclose(np.linalg.norm(axes, axis=0), [5, 0, 0], atol=1e-15)
+
+
+# The page, without a browser -----------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def file(text, tmp_path_factory):
+    path = tmp_path_factory.mktemp("view") / "arm.urdf"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+@pytest.fixture
+def page(file, text):
+    arm = arm_of(text)
+    shown = Page(
+        arm,
+        lambda held: arm_of(text, held=held),
+        file,
+        arm.chain.mid_range,
+        Address(port=0).free(),
+        Search(starts=2),
+    )
+    yield shown
+    shown.close()
+
+
+def test_sliders_locks_and_buttons_change_the_picture(page):
+    before = page._numbers.content
+    assert page.locked == ()
+    page.move({"j1": 0.7, "j3": 99.0})
+    moved = page._numbers.content
+    assert moved != before
+    np.testing.assert_allclose(page.positions, [0, 0.7, 0, 2.0, 0, 0, 0], atol=1e-12)
+    page._locks["j2"].value = True
+    wanted = picture(page.arm, page.positions, ["j2"])
+    assert page.draw().sigma_left == pytest.approx(wanted.sigma_left)
+    assert f"{wanted.sigma_left:.4f}" in page._numbers.content
+    page.seek()
+    page.searching.join(60)
+    assert "allowed" in page._status.content  # six joints left have none to spare
+    assert "j2" in page._numbers.content
+    page._locks["j2"].value = False
+    page.seek()
+    page.searching.join(60)
+    assert "Best posture found by" in page._status.content
+    best = page.draw().worst_case
+    assert f"{best:.6f}"[:5] in page._status.content
+    assert best > picture(page.arm, page.arm.chain.mid_range).worst_case
+
+
+def test_a_missing_viser_is_named(file, text, monkeypatch):
+    monkeypatch.setitem(sys.modules, "viser", None)
+    arm = arm_of(text)
+    with pytest.raises(
+        InputError, match=r"viser is missing; .*pip install lockedjoint\[view\]"
+    ):
+        Page(arm, lambda _: arm, file, arm.chain.mid_range, Address(), Search(starts=1))
+
+
+def test_no_tunnel_to_the_internet_is_opened(page):
+    assert page._server.request_share_url() is None
+
+
+@pytest.mark.parametrize("scale", ["1 1 1", "x"])
+def test_what_cannot_be_drawn_is_a_note_and_lines_are(text, tmp_path, scale):
+    """A mesh that is not there, and one with a scale that is no number."""
+    mesh = f'<mesh filename="package://nobody/a.stl" scale="{scale}"/>'
+    shape = f"<visual><geometry>{mesh}</geometry></visual>"
+    broken = text.replace('<link name="l0"/>', f'<link name="l0">{shape}</link>')
+    (tmp_path / "arm.urdf").write_text(broken, encoding="utf-8")
+    arm = arm_of(broken)
+    q = arm.chain.mid_range
+    free = Address(port=0).free()
+    shown = Page(arm, lambda _: arm, tmp_path / "arm.urdf", q, free, Search(starts=1))
+    try:
+        assert len(shown.notes) == 1
+        assert "not drawn" in shown.notes[0]
+        assert shown.draw().sigma > 0
+    finally:
+        shown.close()
+
+
+# The command ---------------------------------------------------------------------------------
+
+
+def start(lockedjoint, file, *more):
+    """Start the command; return its process and its address."""
+    process = lockedjoint.start("view", file, "--port", 0, "--json", *more, cwd=file.parent)
+    found = ""
+    while "}" not in found:
+        line = process.stdout.readline()
+        assert line, process.stderr.read()
+        found += line
+    return process, json.loads(found)["url"]
+
+
+@pytest.mark.processes
+def test_the_command_serves_a_page_and_ends_with_ctrl_c(lockedjoint, file):
+    process, url = start(lockedjoint, file)
+    try:
+        assert url.startswith("http://127.0.0.1:")
+        with urllib.request.urlopen(url, timeout=20) as answer:
+            assert b"<html" in answer.read()
+        used = lockedjoint("view", file, "--port", url.rpartition(":")[2], cwd=file.parent)
+        assert used.returncode == 2
+        assert "in use; allowed: a free port of 127.0.0.1" in used.stderr
+        assert used.stderr.count("\n") == 1
+        pressed = time.monotonic()
+        os.killpg(process.pid, signal.SIGINT)
+        _, said = process.communicate(timeout=20)
+        assert time.monotonic() - pressed < 2
+        assert (process.returncode, said) == (130, "Interrupted.\n")
+    finally:
+        process.kill()
+
+
+def test_addresses():
+    free = Address(port=0).free()
+    assert free.port > 0
+    assert free.local
+    assert not Address("0.0.0.0").local
+    assert Address("::1", 80).url == "http://[::1]:80"
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen(1)
+        port = taken.getsockname()[1]
+        with pytest.raises(
+            InputError, match=rf"--port is {port}, in use; allowed: a free port"
+        ):
+            Address(port=port).free()
+    for host in ("192.0.2.1", "", "a b"):  # an address of nobody's, and no names
+        with pytest.raises(InputError, match="--host is"):
+            Address(host).free()
+
+
+@pytest.mark.slow
+@pytest.mark.processes
+@pytest.mark.skipif(BROWSER is None, reason="no Chromium is installed here")
+def test_a_browser_moves_a_slider_and_locks_a_joint(lockedjoint, file, text):
+    from playwright.sync_api import expect, sync_playwright
+
+    arm = arm_of(text)
+    middle = arm.chain.mid_range
+    process, url = start(lockedjoint, file)
+    try:
+        with sync_playwright() as driver:
+            browser = driver.chromium.launch(executable_path=BROWSER, args=SOFTWARE)
+            tab = browser.new_page(viewport={"width": 480, "height": 320})
+            tab.set_default_timeout(90_000)  # drawn without a graphics card
+            expect.set_options(timeout=90_000)
+            tab.goto(url)
+            row = tab.get_by_role("row")
+            first = picture(arm, middle)
+            worst = row.filter(has_text="worst case of one more")
+            expect(worst).to_contain_text(f"{first.worst_case:.4f}")
+            slider = tab.get_by_role("slider").nth(1)
+            for _ in range(40):  # until the page listens
+                slider.press("End")
+                if slider.get_attribute("aria-valuenow") == "2":
+                    break
+                tab.wait_for_timeout(250)
+            moved = middle.copy()
+            moved[1] = arm.bounds[1][1]
+            second = picture(arm, moved)
+            assert abs(second.worst_case - first.worst_case) > 1e-3
+            expect(worst).to_contain_text(f"{second.worst_case:.4f}")
+            tab.get_by_label("lock j3").check()
+            third = picture(arm, moved, ["j3"])
+            left = row.filter(has_text="locked joints out")
+            expect(left).to_contain_text(f"{third.sigma_left:.4f}")
+            expect(worst).to_contain_text("0.0000")
+            browser.close()
+    finally:
+        os.killpg(process.pid, signal.SIGINT)
+        process.communicate(timeout=20)
+
+
+def test_all_pairs_of_locks_are_drawn(text):
+    """No set of locked joints makes a number that is not finite."""
+    arm = arm_of(text)
+    q = arm.chain.mid_range
+    for count in (2, 6):
+        for locked in combinations(arm.chain.names, count):
+            shown = picture(arm, q, locked)
+            numbers_ = [shown.sigma_left, shown.worst_case, *shown.after.ravel()]
+            assert np.all(np.isfinite([*numbers_, *shown.direction]))
