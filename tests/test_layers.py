@@ -18,7 +18,16 @@ STATEMENTS = (
     *("catalogue", "isotropy_equations", "reduced"),
 )
 BELOW = ("bounds", "realise", "files", "measures", "existence", "joints")
-ABOVE = ("commands", "studies", "figures", "campaign", "robots", "solving", "reproduction")
+ABOVE = (
+    "commands",
+    "studies",
+    "figures",
+    "campaign",
+    "robots",
+    "atlas",
+    "solving",
+    "reproduction",
+)
 # From the top to the ground. The statements share one floor.
 FLOORS = (
     ("lockedjoint", "formulations.__main__"),

@@ -58,6 +58,7 @@ def _interruptible(command: Callable[..., None]) -> Callable[..., None]:
 for name in COMMANDS:
     module = import_module(f"formulations.commands.{name}")
     app.command()(_interruptible(getattr(module, name)))
+app.add_typer(import_module("formulations.commands.atlas").app)
 
 
 def _print_version(wanted: bool) -> None:
