@@ -4,10 +4,13 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 from time import process_time
 
-from formulations.atlas.collection import improved
+import numpy as np
+
+from formulations.atlas.collection import improved, pages
 from formulations.atlas.entry import ENOUGH, RESOLUTION, Entry, Found, Page
 from formulations.files.provenance import provenance
 from formulations.max_min import NAME as MAX_MIN
+from formulations.measures import trace
 from formulations.solving.outcome import REACHED_BEST, Outcome
 from formulations.solving.setup import Setup
 from formulations.solving.solve import run
@@ -39,7 +42,9 @@ def improve(
     progress
         Is called with what is being done.
     """
-    setup, page = setup_of(asked), known
+    setup, page = setup_of(asked), inherited(asked, known)
+    if page is not None and page is not known:
+        yield page
     spent = 0.0
     while spent < 60 * minutes and not (page and page.found.reached_best >= ENOUGH):
         seed = page.found.seeds if page else 0
@@ -62,6 +67,34 @@ def improve(
         if page is None:
             return
         yield page
+
+
+def inherited(asked: Entry, known: Page | None) -> Page | None:
+    """Return the page with the best Jacobian that another entry of this size has for it.
+
+    Unit revolute columns are lever-revolute and, scaled, free columns as well.
+    """
+    page = known
+    for other in pages():
+        if other.entry == asked or other.entry.locked != asked.locked:
+            continue
+        if other.jacobian.shape != (asked.task_dimension, asked.joints):
+            continue
+        scale = np.sqrt(asked.arm.largest_trace / trace(other.jacobian))
+        for jacobian in (other.jacobian, scale * other.jacobian):
+            if not asked.holds(jacobian):
+                continue
+            found = Found(
+                f"lockedjoint, from {other.entry.name}",
+                provenance()["date"],
+                versions=provenance()["versions"],
+            )
+            before = page.found if page else Found("", "")
+            found = replace(found, seeds=before.seeds, starts=before.starts)
+            new = improved(asked, jacobian, found, page)
+            if page is None or new.worst_case != page.worst_case:
+                page = new
+    return page
 
 
 def setup_of(asked: Entry) -> Setup:

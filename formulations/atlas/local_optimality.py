@@ -6,7 +6,8 @@ Let A_F = J_F̄J_F̄ᵀ and t = min_F λ_min(A_F). For positive semidefinite Y_F
 
 so t is stationary where Y_F, on the eigenvectors of A_F at t, make the gradient of the
 right-hand side normal to the model: 2 Σ Y_F J_F̄ + Σ μ_k ∇h_k = 0, with h_k = 0 the equations
-of the model (and of isotropy). Along the directions d that keep these eigenvalues, the second derivative is
+of the model (and of isotropy). Along the directions d that keep these eigenvalues, the second
+derivative is
 
     Σ_F 2⟨Y_F, d_F̄ d_F̄ᵀ − D_F (A_F − tI)⁺ D_F⟩ + Σ μ_k ∇²h_k(d, d),   D_F = d_F̄J_F̄ᵀ + J_F̄d_F̄ᵀ.
 
