@@ -157,9 +157,7 @@ def test_blocks_need_redundancy_and_positive_traces(joints: int, trace: float) -
 
 @given(st.integers(6, 9), st.integers(1, 2), st.integers(0, 2**32 - 1))
 def test_no_arm_with_prismatic_joints_beats_its_bound(revolute, prismatic, seed) -> None:
-    arm = catalogue.arm(
-        f"unit-revolute:{revolute},prismatic:{prismatic}", revolute + prismatic
-    )
+    arm = catalogue.arm(f"unit-revolute:{revolute},prismatic:{prismatic}", revolute + prismatic)
     bound = largest_worst_case(arm).value
     assert bound < math.sqrt(eigenvalue_bound(6, revolute + prismatic, arm.largest_trace))
     jacobian = np.array(arm.jacobian(arm.sample(np.random.default_rng(seed))))
