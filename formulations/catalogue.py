@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping
 from types import MappingProxyType
 from typing import Protocol, TypeVar
 
-from formulations import isotropy, max_min, residual
+from formulations import isotropy, manipulability, max_min, residual
 from formulations.bounds.certified import Bound
 from formulations.joints.arm import Arm
 from formulations.joints.joint import MOST_JOINTS, MOST_VARIABLES, ColumnModel, Joint
@@ -52,7 +52,7 @@ class Formulation(Protocol):
 
 
 FORMULATIONS: dict[str, Formulation] = {
-    module.NAME: module for module in (residual, max_min, isotropy)
+    module.NAME: module for module in (residual, max_min, isotropy, manipulability)
 }
 
 MODELS: Mapping[str, Callable[[int], Joint]] = MappingProxyType(

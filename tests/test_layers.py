@@ -15,7 +15,7 @@ ROOT = Path(__file__).parents[1]
 PACKAGES = ("lockedjoint", "nlp", "formulations")
 STATEMENTS = (
     *("residual", "max_min", "isotropy", "trade_off", "unequal_max_min", "appendix"),
-    *("catalogue", "isotropy_equations", "reduced"),
+    *("catalogue", "isotropy_equations", "manipulability", "reduced"),
 )
 BELOW = ("bounds", "realise", "files", "measures", "existence", "joints")
 ABOVE = (

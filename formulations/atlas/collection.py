@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from formulations import manipulability
 from formulations.atlas.entry import RESOLUTION, Entry, Found, Page, entries, entry
-from formulations.atlas.exact_value import certified_worst_case
 from formulations.atlas.local_optimality import local_optimality
 from formulations.measures.canonical import canonical_form
 from nlp.arrays import FloatArray
@@ -39,10 +39,15 @@ def read_page(path: Path) -> Page:
         jacobian = np.array(content["jacobian"], dtype=np.float64)
         if jacobian.shape != (asked.task_dimension, asked.joints):
             raise ValueError
-        float(content["worst_case"])
+        float(content["value"])
         history = tuple(dict(one) for one in content["history"])
         return Page(
-            asked, jacobian, str(content["worst_case"]), int(content["family"]), found, history
+            asked,
+            jacobian,
+            str(content["value"]),
+            _whole_or_none(content["family"]),
+            found,
+            history,
         )
     except (KeyError, TypeError, ValueError, InputError):
         raise FileError("file", str(path), "an entry of the atlas, as it is written") from None
@@ -70,13 +75,13 @@ def problem_of(page: Page) -> str:
     asked = page.entry
     if not asked.holds(page.jacobian):
         return "J is not one of the Jacobians that the entry asks for"
-    proved = certified_worst_case(asked.arm, page.jacobian, asked.locked)
-    if float(page.worst_case) > float(proved):
-        return f"the worst case {page.worst_case} is not proved, only {proved}"
+    proved = asked.proved_value(page.jacobian)
+    if float(page.value) > float(proved):
+        return f"the value {page.value} is not proved, only {proved}"
     bound = asked.bound
     if bound.certified and float(proved) > bound.value + RESOLUTION:
-        return f"the worst case {proved} is above the bound {bound.value}"
-    if page.family != local_optimality(asked, page.jacobian).family:
+        return f"the value {proved} is above the bound {bound.value}"
+    if page.family != _family(asked, page.jacobian):
         return f"the family does not have dimension {page.family}"
     return ""
 
@@ -108,14 +113,26 @@ def improved(asked: Entry, jacobian: FloatArray, found: Found, known: Page | Non
     if not asked.holds(form):  # the model orders its joints: mixed kinds, in the order given
         form = jacobian
     form = np.asarray(np.round(form * 2.0**60) / 2.0**60)
-    proved = certified_worst_case(asked.arm, form, asked.locked)
+    proved = asked.proved_value(form)
     if known is None:
-        return Page(asked, form, proved, local_optimality(asked, form).family, found)
-    if float(proved) - float(known.worst_case) < RESOLUTION:
-        return Page(asked, known.jacobian, known.worst_case, known.family, found, known.history)
-    before: Mapping[str, Any] = {"worst_case": known.worst_case, "found": vars(known.found)}
+        return Page(asked, form, proved, _family(asked, form), found)
+    if float(proved) - float(known.value) < RESOLUTION:
+        return Page(asked, known.jacobian, known.value, known.family, found, known.history)
+    before: Mapping[str, Any] = {"value": known.value, "found": vars(known.found)}
     history = (*known.history, before)
-    return Page(asked, form, proved, local_optimality(asked, form).family, found, history)
+    return Page(asked, form, proved, _family(asked, form), found, history)
+
+
+def _family(asked: Entry, jacobian: FloatArray) -> int | None:
+    if asked.formulation == manipulability.NAME:
+        return None
+    return local_optimality(asked, jacobian).family
+
+
+def _whole_or_none(value: object) -> int | None:
+    if value is not None and type(value) is not int:
+        raise TypeError
+    return value
 
 
 def write_page(page: Page, where: Path) -> Path:

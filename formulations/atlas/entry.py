@@ -10,7 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from formulations import catalogue, isotropy, max_min
+from formulations import catalogue, isotropy, manipulability, max_min
+from formulations.atlas.exact_value import certified_manipulability, certified_worst_case
 from formulations.bounds.certified import Bound
 from formulations.joints.arm import Arm
 from formulations.joints.joint import NotInModelError
@@ -33,7 +34,8 @@ class Entry:
     task_dimension, joints, locked
         m, n, and k, the number of joints that lock at once.
     formulation
-        ``max-min``, or ``isotropy`` where only exactly isotropic Jacobians count.
+        ``max-min``; ``isotropy`` where only exactly isotropic Jacobians count; or
+        ``manipulability``, whose value is the least relative manipulability instead.
     """
 
     model: str
@@ -61,6 +63,18 @@ class Entry:
         known = [stated.bound(self.arm, self.locked, proved) for proved in (True, False)]
         bounds = [one for one in known if one is not None]
         return min(bounds, key=lambda one: (one.value, not one.certified))
+
+    def proved_value(self, jacobian: FloatArray) -> str:
+        """Return the entry's measure of a Jacobian, proved from below; a decimal number.
+
+        Raises
+        ------
+        InputError
+            If it is not of the model, or nothing can be proved.
+        """
+        ratio = self.formulation == manipulability.NAME
+        prove = certified_manipulability if ratio else certified_worst_case
+        return prove(self.arm, jacobian, self.locked)
 
     def holds(self, jacobian: FloatArray) -> bool:
         """Whether a Jacobian, shape (m, n), is one of those that the entry asks for."""
@@ -112,11 +126,12 @@ class Page:
         The question.
     jacobian
         The best one known, in canonical form, shape (m, n).
-    worst_case
-        Its worst case from below, proved: a decimal number.
+    value
+        Its worst case, or least relative manipulability, proved from below: a decimal number.
     family
-        Dimension, to first order, of the Jacobians around it that are as good, apart from
-        those that differ by a change of frame or phase only.
+        Dimension, to second order, of the Jacobians around it that are as good, apart from
+        those that differ by a change of frame or phase only; None for manipulability, whose
+        optima are larger families.
     found
         How it was found.
     history
@@ -125,15 +140,15 @@ class Page:
 
     entry: Entry
     jacobian: FloatArray
-    worst_case: str
-    family: int
+    value: str
+    family: int | None
     found: Found
     history: tuple[Mapping[str, Any], ...] = field(default=())
 
     @property
     def gap_percent(self) -> float:
         """How far the value is below the bound, in percent of the bound."""
-        return gap_percent(float(self.worst_case), self.entry.bound.value)
+        return gap_percent(float(self.value), self.entry.bound.value)
 
     @property
     def mark(self) -> str:
@@ -142,7 +157,7 @@ class Page:
         Many are 20, and a fifth of all that were made.
         """
         bound = self.entry.bound
-        if bound.certified and bound.value - float(self.worst_case) <= RESOLUTION:
+        if bound.certified and bound.value - float(self.value) <= RESOLUTION:
             return "optimal"
         many = self.found.reached_best >= max(ENOUGH, self.found.starts / 5)
         return "conjectured" if many else "open"
@@ -152,7 +167,7 @@ class Page:
         return {
             "entry": self.entry.name,
             **vars(self.entry),
-            "worst_case": self.worst_case,
+            "value": self.value,
             "family": self.family,
             "found": vars(self.found),
             "history": list(self.history),
@@ -206,6 +221,14 @@ def _entries() -> Iterator[Entry]:
         for n in joints:
             yield from (Entry(model, m, n, k) for k in range(1, min(most, n - m) + 1))
     yield Entry("lever-revolute", 6, 7, 1, isotropy.NAME)
+    for model, m, joints, most in (
+        ("free-mean", 2, range(3, 9), 3),
+        ("free-mean", 3, range(4, 9), 2),
+        ("unit-revolute", 6, range(7, 12), 2),
+    ):
+        for n in joints:
+            for k in range(1, min(most, n - m) + 1):
+                yield Entry(model, m, n, k, manipulability.NAME)
     for n in range(7, 11):
         for prismatic in (1, 2):
             mix = f"unit-revolute:{n - prismatic},prismatic:{prismatic}"

@@ -12,9 +12,12 @@ lost is δ, some 1e-15.
 """
 
 from collections import defaultdict
+from collections.abc import Iterator
 from fractions import Fraction
 from itertools import combinations
 from math import isqrt
+
+import numpy as np
 
 from formulations import measures
 from formulations.joints.arm import Arm
@@ -47,26 +50,52 @@ def certified_worst_case(arm: Arm, jacobian: FloatArray, locked: int = 1) -> str
     InputError
         If the numbers are too far from the arm's Jacobians, or nothing can be proved of them.
     """
-    columns = [
-        [round(Fraction(value) * _SCALE) for value in column] for column in jacobian.T.tolist()
-    ]
+    columns, distance = _rounded(arm, jacobian)
+    found = measures.worst_case_sigma(jacobian, locked)
+    return _decimal(_proved_sigma(columns, found, locked) - distance)
+
+
+def certified_manipulability(arm: Arm, jacobian: FloatArray, locked: int = 1) -> str:
+    """Return a decimal number that the least relative manipulability of J* is not below.
+
+    Its square r² is det(C_F̄C_F̄ᵀ)/det(CCᵀ), a principal minor of order k of the projection onto
+    the null space. That of J* differs by at most δ/σ_min(C), and a minor by k times that. The
+    parameters are those of `certified_worst_case`.
+    """
+    columns, distance = _rounded(arm, jacobian)
+    least = float(np.linalg.svd(jacobian, compute_uv=False)[-1])
+    sigma = _proved_sigma(columns, least, 0)
+    minors = list(_determinants(columns, locked))
+    whole = next(_determinants(columns, 0))
+    square = Fraction(min(minors), whole) - locked * distance / sigma
+    if square <= 0:
+        raise InputError("jacobian", "singular after a failure", "one that can be proved")
+    return _decimal(Fraction(isqrt((square * _SCALE**2).__floor__()), _SCALE))
+
+
+def _rounded(arm: Arm, jacobian: FloatArray) -> tuple[list[list[int]], Fraction]:
+    """Return the columns in units of 2^-60, and δ with what the rounding moves."""
+    columns = [[round(Fraction(x) * _SCALE) for x in column] for column in jacobian.T.tolist()]
     exact = [[Fraction(value, _SCALE) for value in column] for column in columns]
     distance = distance_from_model(arm, exact)
     if distance > Fraction(1, 10**6):
         raise InputError("jacobian", "not of the model", "columns as the entry's joints have")
-    found = measures.worst_case_sigma(jacobian, locked)
+    return columns, distance + Fraction(jacobian.size, _SCALE)
+
+
+def _proved_sigma(columns: list[list[int]], found: float, locked: int) -> Fraction:
     for lost in (1e-14, 1e-12, 1e-10, 1e-8):
         root = Fraction(max(found * (1 - lost) - lost, 0.0))
         if root > 0 and exceeds(columns, root, locked):
-            units = (root - distance) * 10**_DIGITS
-            if units <= 0:
-                break
-            return f"0.{units.__floor__():0{_DIGITS}d}" if units < 10**_DIGITS else _long(units)
+            return root
     raise InputError("jacobian", f"with worst case {found:.3g}", "one that can be proved")
 
 
-def _long(units: Fraction) -> str:
-    whole, rest = divmod(units.__floor__(), 10**_DIGITS)
+def _decimal(value: Fraction) -> str:
+    """Return a positive number, rounded down."""
+    whole, rest = divmod((value * 10**_DIGITS).__floor__(), 10**_DIGITS)
+    if whole < 0:
+        raise InputError("jacobian", "with worst case 0", "one that can be proved")
     return f"{whole}.{rest:0{_DIGITS}d}"
 
 
@@ -76,33 +105,38 @@ def exceeds(columns: list[list[int]], sigma: Fraction, locked: int) -> bool:
     Columns are in units of 2^-60.
     """
     level = ((sigma * _SCALE) ** 2).__ceil__()
+    return all(least > 0 for least in _determinants(columns, locked, level))
+
+
+def _determinants(columns: list[list[int]], locked: int, level: int = 0) -> Iterator[int]:
+    """Yield det(C_F̄C_F̄ᵀ − level·I) for every F; 0 where a leading minor is not positive."""
     m = len(columns[0])
     products = [[[a * b for b in column] for a in column] for column in columns]
     total = [[sum(p[i][j] for p in products) for j in range(m)] for i in range(m)]
     for i in range(m):
         total[i][i] -= level
     for locked_set in combinations(products, locked):
-        left = [
-            [total[i][j] - sum(p[i][j] for p in locked_set) for j in range(m)] for i in range(m)
-        ]
-        if not _positive_definite(left):
-            return False
-    return True
+        yield _determinant(
+            [
+                [total[i][j] - sum(p[i][j] for p in locked_set) for j in range(m)]
+                for i in range(m)
+            ]
+        )
 
 
-def _positive_definite(matrix: list[list[int]]) -> bool:
-    """Sylvester's criterion by elimination without fractions: all leading minors positive."""
-    rows, before = [row[:] for row in matrix], 1
+def _determinant(rows: list[list[int]]) -> int:
+    """By elimination without fractions; 0 where a leading minor is not positive."""
+    before = 1
     for k in range(len(rows)):
         pivot = rows[k][k]
         if pivot <= 0:
-            return False
+            return 0
         for i in range(k + 1, len(rows)):
             first = rows[i][k]
             for j in range(k + 1, len(rows)):
                 rows[i][j] = (rows[i][j] * pivot - first * rows[k][j]) // before
         before = pivot
-    return True
+    return before
 
 
 def distance_from_model(arm: Arm, columns: list[Vector]) -> Fraction:

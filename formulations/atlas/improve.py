@@ -48,7 +48,7 @@ def improve(
     spent = 0.0
     while spent < 60 * minutes and not (page and page.found.reached_best >= ENOUGH):
         seed = page.found.seeds if page else 0
-        so_far = f", best {page.worst_case}" if page else ""
+        so_far = f", best {page.value}" if page else ""
         progress(f"{asked.name}: seed {seed}{so_far}")
         begun = process_time()
         outcome = run(
@@ -92,7 +92,7 @@ def inherited(asked: Entry, known: Page | None) -> Page | None:
             before = page.found if page else Found("", "")
             found = replace(found, seeds=before.seeds, starts=before.starts)
             new = improved(asked, jacobian, found, page)
-            if page is None or new.worst_case != page.worst_case:
+            if page is None or new.value != page.value:
                 page = new
     return page
 
@@ -100,7 +100,7 @@ def inherited(asked: Entry, known: Page | None) -> Page | None:
 def setup_of(asked: Entry) -> Setup:
     """Return what is run for an entry: the encoding that finds most where k joints lock."""
     if asked.formulation != MAX_MIN or asked.locked == 1:
-        return Setup(asked.formulation, asked.model)
+        return Setup(asked.formulation, asked.model, locked=asked.locked)
     tight = asked.joints - asked.task_dimension == asked.locked
     six = asked.task_dimension == 6
     return Setup(
@@ -118,9 +118,9 @@ def _joined(
     """Return the page with the starts of one more seed; None if nothing was ever found."""
     before = page.found if page else Found("lockedjoint", "")
     reached = outcome.reached
-    best = max((record.worst_case_sigma for record in reached), default=0.0)
-    value = float(page.worst_case) if page else 0.0
-    count = sum(abs(one.worst_case_sigma - max(best, value)) <= REACHED_BEST for one in reached)
+    best = max((record.merit for record in reached), default=0.0)
+    value = float(page.value) if page else 0.0
+    count = sum(abs(one.merit - max(best, value)) <= REACHED_BEST for one in reached)
     kept = before.reached_best if value >= best - REACHED_BEST else 0
     facts = provenance()
     found = replace(

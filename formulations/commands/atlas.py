@@ -100,9 +100,7 @@ def show_entry(name: Name, entries: Folder = None, as_json: Json = False) -> Non
     def text(found: dict[str, Any]) -> str:
         flat = {k: v for k, v in found.items() if k not in ("jacobian", "found", "history")}
         flat |= {f"found {k}": v for k, v in found["found"].items() if v != ""}
-        flat["history"] = [
-            f"{one['worst_case']} ({one['found']['date']})" for one in page.history
-        ]
+        flat["history"] = [f"{one['value']} ({one['found']['date']})" for one in page.history]
         rows = "\n".join("  ".join(f"{x: .15f}" for x in row) for row in found["jacobian"])
         return f"{as_text(flat)}\n\n{rows}"
 
@@ -172,12 +170,12 @@ def submit(
     known = page_of(asked, entries)
     found = Found(by, provenance()["date"], versions=provenance()["versions"])
     new = improved(asked, jacobian, found, None)
-    gain = float(new.worst_case) - float(known.worst_case) if known else None
+    gain = float(new.value) - float(known.value) if known else None
     better = gain is None or gain >= RESOLUTION
     values: dict[str, Any] = {
         "entry": asked.name,
-        "worst_case": new.worst_case,
-        "best_known": known.worst_case if known else None,
+        "value": new.value,
+        "best_known": known.value if known else None,
         "gain": gain,
         "improvement": better,
         "bound": asked.bound.to_dict(),
@@ -217,7 +215,7 @@ def improve(
     asked = entry(name)
     prepare_folder(out)
     known = page_of(asked, out) or page_of(asked)
-    before = known.worst_case if known else None
+    before = known.value if known else None
     page = known
     for page in search(
         asked, known, minutes, workers=workers or default_workers(), progress=progress
@@ -229,7 +227,7 @@ def improve(
         raise typer.Exit(QUESTIONED)
     values = {
         "entry": name,
-        "worst_case": page.worst_case,
+        "value": page.value,
         "before": before,
         "starts": page.found.starts,
         "reached_best": page.found.reached_best,

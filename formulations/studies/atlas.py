@@ -19,8 +19,9 @@ class Row:
     ----------
     entry, model, task_dimension, joints, locked, formulation
         What is asked for; see `formulations.atlas.entry.Entry`.
-    worst_case
-        Of the best Jacobian known, proved from below.
+    value
+        Worst case, or least relative manipulability, of the best Jacobian known, proved from
+        below.
     bound, kind
         The sharpest upper bound, and how it is known.
     gap_percent
@@ -43,12 +44,14 @@ class Row:
     joints: int = field(metadata=HIDDEN)
     locked: int = field(metadata=HIDDEN)
     formulation: str = field(metadata=HIDDEN)
-    worst_case: str = field(metadata=column("worst-case σ", brief=True))
+    value: str = field(metadata=column(brief=True))
     bound: float = field(metadata=column("bound", ".9f", brief=True))
     kind: str = field(metadata=column("known by"))
     gap_percent: float = field(metadata=column("gap %", "z.3f", brief=True))
     mark: str = field(metadata=column(brief=True))
-    family: int = field(metadata=column("family"))
+    family: int | None = field(
+        metadata=column("family", lambda row: "–" if row.family is None else str(row.family))
+    )
     reached_best: int = field(
         metadata=column("reached", lambda row: f"{row.reached_best}/{row.starts}", brief=True)
     )
@@ -64,7 +67,7 @@ def row_of(page: Page) -> Row:
     return Row(
         entry=page.entry.name,
         **vars(page.entry),
-        worst_case=page.worst_case,
+        value=page.value,
         bound=bound.value,
         kind=bound.kind,
         gap_percent=page.gap_percent,

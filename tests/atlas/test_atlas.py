@@ -111,7 +111,7 @@ def test_no_step_along_a_strict_maximum_is_better(seed):
     step = 1e-3 * np.random.default_rng(seed).standard_normal(page.jacobian.shape)
     near = page.jacobian + step
     near *= np.sqrt(measures.trace(page.jacobian) / measures.trace(near))
-    assert measures.worst_case_sigma(near, 2) <= float(page.worst_case) + 1e-12
+    assert measures.worst_case_sigma(near, 2) <= float(page.value) + 1e-12
 
 
 def test_every_kind_of_entry_is_right():
@@ -123,7 +123,7 @@ def test_every_kind_of_entry_is_right():
 @pytest.mark.parametrize(
     "change",
     [
-        {"worst_case": "0.571482999"},
+        {"value": "0.571482999"},
         {"family": 2},
         {"jacobian": np.ones((6, 7))},
     ],
@@ -148,7 +148,7 @@ def test_files_hold_every_digit_and_damaged_ones_are_refused(tmp_path):
         ('"found"', '"lost"'),
         ('"history": []', '"history": [3]'),
         ('"jacobian": [\n  [', '"jacobian": [\n  [[], '),
-        ('"worst_case": "0', '"worst_case": "x'),
+        ('"value": "0', '"value": "x'),
     ):
         assert old in text
         path.write_text(text.replace(old, new, 1))
@@ -161,11 +161,11 @@ def test_an_improvement_keeps_what_was_there_before():
     worse = drawn("unit-revolute", 3)[1]
     first = improved(page.entry, worse, Found("first", "2026-01-01"), None)
     second = improved(page.entry, page.jacobian, Found("second", "2026-01-02"), first)
-    assert second.worst_case == page.worst_case
-    assert [one["worst_case"] for one in second.history] == [first.worst_case]
+    assert second.value == page.value
+    assert [one["value"] for one in second.history] == [first.value]
     assert second.history[0]["found"]["by"] == "first"
     third = improved(page.entry, worse, Found("third", "2026-01-03"), second)
-    assert (third.worst_case, third.history) == (second.worst_case, second.history)
+    assert (third.value, third.history) == (second.value, second.history)
 
 
 def test_a_jacobian_finds_the_narrowest_entry():
@@ -206,9 +206,9 @@ def test_commands(lockedjoint, tmp_path):
     assert lockedjoint(*proposal, cwd=tmp_path).returncode == 0
     written = read_page(Path(tmp_path) / "mine" / f"{page.entry.name}.json")
     assert written.found.by == "you"
-    assert float(written.worst_case) == pytest.approx(float(page.worst_case), abs=1e-14)
+    assert float(written.value) == pytest.approx(float(page.value), abs=1e-14)
     assert lockedjoint("atlas", "verify", "--entries", "mine", cwd=tmp_path).returncode == 0
-    false = replace(written, worst_case="0.9")
+    false = replace(written, value="0.9")
     write_page(false, tmp_path / "mine")
     verified = lockedjoint("atlas", "verify", "--entries", "mine", cwd=tmp_path)
     assert verified.returncode == 1
