@@ -26,7 +26,7 @@ isotropy against worst case (`trade_off`), global bounds (`bounds.so3_moments`),
 robots (`realise`) and robots as Jacobians (`robots`).
 
 Data flows one way: model → formulation → problem → solution → record → table. Imports only go
-down this list: `commands`, `studies`, `figures`, `campaign`, `robots`, `solving`,
+down this list: `commands`, `studies`, `figures`, `campaign`, `robots`, `atlas`, `solving`,
 `reproduction`, the statements and their `catalogue`, `bounds`, `realise`, `files`, `measures`,
 `existence`, `joints`, and below all of them the engine, `nlp`.
 """

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 import lockedjoint as lj
-from formulations.catalogue import FORMULATIONS
+from formulations.catalogue import FORMULATIONS, model_of
+from nlp.errors import InputError
 
 PAGE = Path(__file__).parents[1] / "docs" / "howto" / "add_a_formulation.md"
 
@@ -78,3 +79,47 @@ def test_numerical_bounds_are_not_certified():
     seven = lj.arm("unit-revolute", 7)
     assert lj.certified_bound("max-min", seven).certified
     assert not lj.numerical_bound("max-min", seven).certified
+
+
+@pytest.mark.parametrize(
+    "model", ["lever-revolute(length=0.3):6,prismatic(speed=0.5):2", "unit-revolute:7"]
+)
+def test_an_arm_and_its_models_name_are_the_same(model):
+    arm = lj.arm(model)
+    assert lj.arm(model_of(arm), arm.shape[1]) == arm
+    by_name = lj.solve("residual", model, starts=1, workers=1)
+    by_arm = lj.solve("residual", arm, starts=1, workers=1)
+    by_joints = lj.solve("residual", list(arm.joints), starts=1, workers=1)
+    assert by_name.arm == by_arm.arm == by_joints.arm == arm
+    assert by_name.best.merit == by_arm.best.merit == by_joints.best.merit
+
+
+def test_lengths_are_those_in_the_brackets():
+    half = lj.arm("lever-revolute(length=0.5):6,prismatic(speed=2):1,free(norm=3):1")
+    assert [joint.largest_norm_squared for joint in half.joints] == [1.25] * 6 + [4, 9]
+
+
+@pytest.mark.parametrize(
+    ("model", "words"),
+    [
+        ("lever-revolute(length=0.3:6", "both brackets"),
+        ("lever-revolute(speed=1):7", "length=NUMBER in brackets"),
+        ("lever-revolute(length=x):7", "length=NUMBER in brackets"),
+        ("lever-revolute(length=-1):7", "length is -1"),
+        ("unit-revolute(length=1):7", "nothing in brackets"),
+        ("unit-revolute:7:8", "a count of at least 1"),
+        ("unit-revolute", "joints is missing"),
+        ("," * 999, "one of unit-revolute"),
+        ("x" * 2000, "NAME"),
+        (3, "NAME"),
+    ],
+)
+def test_other_models_are_refused(model, words):
+    with pytest.raises(InputError, match=words):
+        lj.arm(model)
+
+
+@pytest.mark.parametrize("model", [3, None, [1, 2], [[]]])
+def test_what_is_no_model_is_refused(model):
+    with pytest.raises(InputError, match="a name, an Arm or a row of joints"):
+        lj.solve("max-min", model, starts=1)

@@ -15,10 +15,19 @@ ROOT = Path(__file__).parents[1]
 PACKAGES = ("lockedjoint", "nlp", "formulations")
 STATEMENTS = (
     *("residual", "max_min", "isotropy", "trade_off", "unequal_max_min", "appendix"),
-    *("catalogue", "isotropy_equations", "reduced"),
+    *("catalogue", "isotropy_equations", "manipulability", "reduced"),
 )
 BELOW = ("bounds", "realise", "files", "measures", "existence", "joints")
-ABOVE = ("commands", "studies", "figures", "campaign", "robots", "solving", "reproduction")
+ABOVE = (
+    "commands",
+    "studies",
+    "figures",
+    "campaign",
+    "robots",
+    "atlas",
+    "solving",
+    "reproduction",
+)
 # From the top to the ground. The statements share one floor.
 FLOORS = (
     ("lockedjoint", "formulations.__main__"),

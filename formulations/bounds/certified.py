@@ -11,15 +11,16 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 from importlib.resources import files
-from math import isnan
+from math import inf, isnan, nextafter, sqrt
 from typing import Any
 
 from formulations import measures
 from formulations.bounds import free_levers
+from formulations.bounds.closed_form import block_trace_bound, isotropic_eigenvalue_bound
 from formulations.bounds.closed_form import excludes as excludes_worst_case
 from formulations.existence.theorem import excludes
 from formulations.joints.arm import Arm
-from formulations.joints.kinds import LeverRevolute, UnitRevolute
+from formulations.joints.kinds import LeverRevolute, Prismatic, UnitRevolute
 
 
 @dataclass(frozen=True)
@@ -96,6 +97,8 @@ def largest_worst_case(arm: Arm, locked: int = 1, certified: bool = True) -> Bou
     )
     levers = _on_levers(free_levers.max_min_limit, arm) if short else None
     bounds = [Bound(value, "closed form"), stored, levers]
+    if locked == 1:
+        bounds.append(_by_kinds_of_rows(arm))
     return min((one for one in bounds if one), key=lambda one: one.value)
 
 
@@ -109,8 +112,40 @@ def largest_isotropic_worst_case(
     """
     worst_case = largest_worst_case(arm, locked, certified)
     levers = _on_levers(free_levers.isotropic_limit, arm) if certified else None
-    bounds = [one for one in (worst_case, levers) if one]
+    fixed = _isotropic_of_fixed_columns(arm)
+    bounds = [one for one in (worst_case, levers, fixed) if one]
     return min(bounds, key=lambda one: one.value, default=None)
+
+
+def _by_kinds_of_rows(arm: Arm) -> Bound | None:
+    """Return the bound that follows from the traces of the linear and the rotational rows."""
+    revolute = [one for one in arm.joints if isinstance(one, (UnitRevolute, LeverRevolute))]
+    prismatic = [one for one in arm.joints if isinstance(one, Prismatic)]
+    if len(revolute) + len(prismatic) < len(arm.joints) or not prismatic or not revolute:
+        return None  # of one kind: eq. (6) says the same
+    linear = sum(one.largest_norm_squared - 1 for one in revolute)
+    linear += sum(one.largest_norm_squared for one in prismatic)
+    t = block_trace_bound(len(arm.joints), (3, 3), (linear, float(len(revolute))))
+    return Bound(nextafter(sqrt(t), inf), "closed form")
+
+
+def _isotropic_of_fixed_columns(arm: Arm) -> Bound | None:
+    """Return the bound on isotropic arms whose prismatic joints have a fixed norm.
+
+    The rotational rows have the trace r, the number of revolute joints, and so have the linear
+    ones of an isotropic J: T = 2r.
+    """
+    revolute = [one for one in arm.joints if isinstance(one, (UnitRevolute, LeverRevolute))]
+    fixed = [
+        one.largest_norm_squared
+        for one in arm.joints
+        if isinstance(one, (UnitRevolute, Prismatic))
+    ]
+    prismatic = sum(isinstance(one, Prismatic) for one in arm.joints)
+    if not revolute or len(revolute) + prismatic < len(arm.joints):
+        return None
+    t = isotropic_eigenvalue_bound(6, 2.0 * len(revolute), fixed, len(arm.joints))
+    return Bound(nextafter(sqrt(t), inf) if t else 0.0, "closed form")
 
 
 def _on_levers(limit: Callable[[float, int], float], arm: Arm) -> Bound | None:

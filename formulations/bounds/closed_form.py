@@ -65,6 +65,40 @@ def block_trace_bound(joints: int, sizes: Sequence[int], traces: Sequence[float]
     return high
 
 
+def isotropic_eigenvalue_bound(
+    task_dimension: int, trace: float, fixed: Sequence[float], joints: int
+) -> float:
+    """Return the largest t of isotropic Jacobians some of whose columns have a fixed norm.
+
+    For isotropic J the measure (5) has the square t = T/m − max_f ‖j_f‖² (Section 2), and the
+    columns of any norm share what the others leave of T: the largest of them has at least its
+    mean.
+
+    Parameters
+    ----------
+    task_dimension
+        m.
+    trace
+        T = ‖J‖_F², the same for every isotropic J of the arm.
+    fixed
+        Squared norms of the columns that have a fixed one.
+    joints
+        Number n of columns.
+
+    Returns
+    -------
+    float
+        The bound, rounded up; 0 if no such J keeps its rank.
+    """
+    rest = Fraction(positive("trace", trace)) - sum(map(Fraction, fixed), Fraction(0))
+    largest = max(map(Fraction, fixed), default=Fraction(0))
+    if joints > len(fixed):
+        largest = max(largest, rest / (joints - len(fixed)))
+    exact = max(Fraction(trace) / task_dimension - largest, Fraction(0))
+    found = float(exact)
+    return found if Fraction(found) >= exact else math.nextafter(found, math.inf)
+
+
 def excludes(joints: int, residual: float, sigma: float) -> bool:
     """Return whether a bound on the residual proves one on the worst case, exactly.
 

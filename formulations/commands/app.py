@@ -41,6 +41,7 @@ app = typer.Typer(
 for name in COMMANDS:
     module = import_module(f"formulations.commands.{name}")
     app.command()(getattr(module, name))
+app.add_typer(import_module("formulations.commands.atlas").app)
 
 
 def _print_version(wanted: bool) -> None:

@@ -6,10 +6,10 @@ from typing import Annotated, Any
 import typer
 
 from formulations.commands.arguments import (
+    MOST_JOINTS,
     Compiled,
     Goal,
     Ipopt,
-    Joints,
     Json,
     Locked,
     NeverFails,
@@ -21,6 +21,7 @@ from formulations.commands.arguments import (
     failure_model,
     ipopt_options,
     positive,
+    whole_option,
 )
 from formulations.commands.output import INTERRUPTED, as_text, show
 
@@ -33,10 +34,15 @@ def solve(
         str,
         typer.Option(
             help="Column model: unit-revolute, lever-revolute, lever-revolute-each, prismatic, "
-            "free or free-mean; or a mix such as lever-revolute:6,prismatic:2."
+            "free or free-mean; or a mix such as lever-revolute(length=0.3):6,prismatic:2."
         ),
     ] = "unit-revolute",
-    joints: Joints = 7,
+    joints: Annotated[
+        int | None,
+        whole_option(
+            2, "N", "Number of joints n, above m.", MOST_JOINTS, show_default="of the mix, or 7"
+        ),
+    ] = None,
     task_dimension: TaskDimension = 6,
     locked: Locked = 1,
     failure_probabilities: Probabilities = None,
@@ -84,11 +90,14 @@ def solve(
 ) -> None:
     """Solve one formulation from random starts and measure the best answer."""
     from formulations.bounds.unequal_failures import assess_failures
+    from formulations.catalogue import arm
     from formulations.measures.assessment import assess
     from formulations.solving.solve import solve as solve_from_many_starts
     from formulations.unequal_max_min import checked_goal
     from nlp.files import prepare_file
 
+    if joints is None:
+        joints = arm(model, None if ":" in model else 7, task_dimension).shape[1]
     failures = failure_model(failure_probabilities, never_fails, joints, locked)
     if out is not None:
         prepare_file(out)

@@ -1,10 +1,12 @@
 """One formulation on one arm from many starts: the main entry point of the library."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import partial
 
 from formulations import catalogue
 from formulations.catalogue import arm
+from formulations.joints.arm import Arm
+from formulations.joints.joint import Joint
 from formulations.measures.unequal_failures import FailureModel
 from formulations.solving.outcome import Outcome
 from formulations.solving.record import judge
@@ -18,9 +20,9 @@ from nlp.task import seed_of
 
 def solve(
     formulation: str = "max-min",
-    model: str = "unit-revolute",
-    joints: int = 7,
-    task_dimension: int = 6,
+    model: str | Arm | Sequence[Joint] = "unit-revolute",
+    joints: int | None = None,
+    task_dimension: int | None = None,
     *,
     starts: int = 100,
     rng: Rng = 0,
@@ -43,10 +45,12 @@ def solve(
     formulation
         ``"residual"``, ``"max-min"`` or ``"isotropy"``.
     model
-        Column model of the joints, by its name in `formulations.catalogue.MODELS`, or a mix
-        such as ``"lever-revolute:6,prismatic:2"``.
+        The joints: an arm, a row of joints, or their column model by its name in
+        `formulations.catalogue.MODELS`, or a mix such as
+        ``"lever-revolute(length=0.3):6,prismatic:2"``.
     joints, task_dimension
-        Numbers n of joints and m of task dimensions, n > m.
+        Numbers n of joints and m of task dimensions, n > m. By default those of the joints or
+        of the mix; 7 and 6 where only a name is given.
     starts
         How many random starts, at least 1.
     rng
@@ -77,9 +81,10 @@ def solve(
     """
     if encoding is not None and "encoding" not in catalogue.formulation(formulation).SETTINGS:
         raise InputError("encoding", encoding, f"none for the formulation {formulation}")
+    name, joints, task_dimension = _stated(model, joints, task_dimension)
     setup = Setup(
         formulation,
-        model,
+        name,
         encoding=encoding or "",
         from_residual_minima=from_residual_minima,
         locked=locked,
@@ -99,6 +104,26 @@ def solve(
         time_limit=time_limit,
         progress=progress,
     )
+
+
+def _stated(
+    model: str | Arm | Sequence[Joint], joints: int | None, task_dimension: int | None
+) -> tuple[str, int, int]:
+    """Return the model's name, n and m."""
+    if isinstance(model, str):
+        bare = ":" not in model
+        count = 7 if joints is None and bare else joints
+        shape = arm(model, count, 6 if task_dimension is None else task_dimension).shape
+        return model, shape[1], shape[0]
+    row = model.joints if isinstance(model, Arm) else model
+    if not isinstance(row, Sequence) or not all(isinstance(one, Joint) for one in row):
+        raise InputError("model", repr(model), "a name, an Arm or a row of joints")
+    built = Arm(tuple(row))
+    m, n = built.shape
+    for argument, given, own in (("joints", joints, n), ("task dimension", task_dimension, m)):
+        if given not in (None, own):
+            raise InputError(argument, given, f"{own}, as the joints have, or none")
+    return catalogue.model_of(built), n, m
 
 
 def run(

@@ -9,6 +9,7 @@ from pathlib import Path
 from types import MappingProxyType
 
 from formulations.studies import (
+    atlas,
     bounds,
     comparison,
     existence,
@@ -39,6 +40,7 @@ STUDIES: Mapping[str, Study] = MappingProxyType(
             robots.study(),
             paths.study(),
             workspaces.study(),
+            atlas.study(),
             benchmark.study(),
         )
     }

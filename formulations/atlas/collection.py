@@ -1,0 +1,163 @@
+"""The atlas on disk: one text file for each entry, read, checked and improved."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import fields
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from formulations import manipulability
+from formulations.atlas.entry import RESOLUTION, Entry, Found, Page, entries, entry
+from formulations.atlas.local_optimality import local_optimality
+from formulations.measures.canonical import canonical_form
+from nlp.arrays import FloatArray
+from nlp.errors import FileError, InputError
+from nlp.files import load_json, read_bytes, write_text
+
+
+def folder() -> Path:
+    """Return the folder of the entries that came with the package."""
+    return Path(str(files("formulations.atlas") / "entries"))
+
+
+def read_page(path: Path) -> Page:
+    """Read an entry's file; what it says is checked by `problem_of`.
+
+    Raises
+    ------
+    FileError
+        If it cannot be read or is not an entry's file.
+    """
+    content = load_json(read_bytes(path), path)
+    try:
+        asked = entry(content["entry"])
+        found = Found(**{one.name: content["found"][one.name] for one in fields(Found)})
+        if {name: content[name] for name in vars(asked)} != vars(asked):
+            raise ValueError
+        jacobian = np.array(content["jacobian"], dtype=np.float64)
+        if jacobian.shape != (asked.task_dimension, asked.joints):
+            raise ValueError
+        float(content["value"])
+        history = tuple(dict(one) for one in content["history"])
+        return Page(
+            asked,
+            jacobian,
+            str(content["value"]),
+            _whole_or_none(content["family"]),
+            found,
+            history,
+        )
+    except (KeyError, TypeError, ValueError, InputError):
+        raise FileError("file", str(path), "an entry of the atlas, as it is written") from None
+
+
+def pages(where: Path | None = None) -> Iterator[Page]:
+    """Read all entries that a folder holds, in the order of `entries`."""
+    for name in entries():
+        path = (where or folder()) / f"{name}.json"
+        if path.is_file():
+            yield read_page(path)
+
+
+def page_of(asked: Entry, where: Path | None = None) -> Page | None:
+    """Return what a folder, by default the package's, has on an entry; None if nothing."""
+    path = (where or folder()) / f"{asked.name}.json"
+    return read_page(path) if path.is_file() else None
+
+
+def problem_of(page: Page) -> str:
+    """Return what is wrong with an entry, recomputed from its numbers alone; empty if nothing.
+
+    Checked are the model, the proved worst case, that it is below the bound, and the family.
+    """
+    asked = page.entry
+    if not asked.holds(page.jacobian):
+        return "J is not one of the Jacobians that the entry asks for"
+    proved = asked.proved_value(page.jacobian)
+    if float(page.value) > float(proved):
+        return f"the value {page.value} is not proved, only {proved}"
+    bound = asked.bound
+    if bound.certified and float(proved) > bound.value + RESOLUTION:
+        return f"the value {proved} is above the bound {bound.value}"
+    if page.family != _family(asked, page.jacobian):
+        return f"the family does not have dimension {page.family}"
+    return ""
+
+
+def improved(asked: Entry, jacobian: FloatArray, found: Found, known: Page | None) -> Page:
+    """Return the page of a Jacobian that is better than the one known, or of the same value.
+
+    Parameters
+    ----------
+    asked
+        The entry.
+    jacobian
+        Shape (m, n); what it is modulo frame, order and signs is written.
+    found
+        How it was found.
+    known
+        The page so far. Where the new value is no improvement by `RESOLUTION` the Jacobian
+        stays, and only how it was found is written anew.
+
+    Raises
+    ------
+    InputError
+        If the Jacobian is not one that the entry asks for.
+    """
+    if not asked.holds(jacobian):
+        allowed = f"a Jacobian of the entry {asked.name}"
+        raise InputError("jacobian", f"of shape {jacobian.shape}", allowed)
+    form = canonical_form(jacobian)
+    if not asked.holds(form):  # the model orders its joints: mixed kinds, in the order given
+        form = jacobian
+    form = np.asarray(np.round(form * 2.0**60) / 2.0**60)
+    proved = asked.proved_value(form)
+    if known is None:
+        return Page(asked, form, proved, _family(asked, form), found)
+    if float(proved) - float(known.value) < RESOLUTION:
+        return Page(asked, known.jacobian, known.value, known.family, found, known.history)
+    before: Mapping[str, Any] = {"value": known.value, "found": vars(known.found)}
+    history = (*known.history, before)
+    return Page(asked, form, proved, _family(asked, form), found, history)
+
+
+def _family(asked: Entry, jacobian: FloatArray) -> int | None:
+    if asked.formulation == manipulability.NAME:
+        return None
+    return local_optimality(asked, jacobian).family
+
+
+def _whole_or_none(value: object) -> int | None:
+    if value is not None and type(value) is not int:
+        raise TypeError
+    return value
+
+
+def write_page(page: Page, where: Path) -> Path:
+    """Write an entry's file into a folder and return its path."""
+    path = where / f"{page.entry.name}.json"
+    write_text(path, page.to_json())
+    return path
+
+
+def entry_of(jacobian: FloatArray, locked: int, formulation: str) -> Entry:
+    """Return the entry with the narrowest model that a Jacobian belongs to.
+
+    Raises
+    ------
+    InputError
+        If there is none.
+    """
+    narrow = ("unit-revolute", "lever-revolute", "free")
+    fitting = [
+        one
+        for one in entries().values()
+        if (one.locked, one.formulation) == (locked, formulation) and one.holds(jacobian)
+    ]
+    if not fitting:
+        allowed = "one of the atlas's models, sizes and scales; see `atlas`"
+        given = f"{jacobian.shape[0]}×{jacobian.shape[1]}, {locked} locked"
+        raise InputError("jacobian", given, allowed)
+    return min(fitting, key=lambda one: [one.model.startswith(name) for name in narrow][::-1])

@@ -1,0 +1,237 @@
+"""What the atlas asks for: the entries, one Jacobian each, and what is known of each."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from formulations import catalogue, isotropy, manipulability, max_min
+from formulations.atlas.exact_value import certified_manipulability, certified_worst_case
+from formulations.bounds.certified import Bound
+from formulations.joints.arm import Arm
+from formulations.joints.joint import NotInModelError
+from formulations.measures import gap_percent
+from nlp.arrays import FloatArray
+from nlp.errors import InputError
+
+# Improvements and distances from a bound smaller than this are not told from none.
+RESOLUTION = 1e-9
+
+
+@dataclass(frozen=True, order=True)
+class Entry:
+    """One question: the best worst case of a kind of arm.
+
+    Attributes
+    ----------
+    model
+        Column model of the joints; see `formulations.catalogue.arm`.
+    task_dimension, joints, locked
+        m, n, and k, the number of joints that lock at once.
+    formulation
+        ``max-min``; ``isotropy`` where only exactly isotropic Jacobians count; or
+        ``manipulability``, whose value is the least relative manipulability instead.
+    """
+
+    model: str
+    task_dimension: int
+    joints: int
+    locked: int = 1
+    formulation: str = max_min.NAME
+
+    @property
+    def name(self) -> str:
+        """Its name in tables and of its file."""
+        model = self.model.replace(":", "-").replace(",", "+")
+        mark = "" if self.formulation == max_min.NAME else f"_{self.formulation}"
+        return f"{model}_{self.task_dimension}x{self.joints}_k{self.locked}{mark}"
+
+    @property
+    def arm(self) -> Arm:
+        """The joints."""
+        return catalogue.arm(self.model, self.joints, self.task_dimension)
+
+    @property
+    def bound(self) -> Bound:
+        """The sharpest upper bound on the worst case: proved if there is such a one."""
+        stated = catalogue.formulation(self.formulation)
+        known = [stated.bound(self.arm, self.locked, proved) for proved in (True, False)]
+        bounds = [one for one in known if one is not None]
+        return min(bounds, key=lambda one: (one.value, not one.certified))
+
+    def proved_value(self, jacobian: FloatArray) -> str:
+        """Return the entry's measure of a Jacobian, proved from below; a decimal number.
+
+        Raises
+        ------
+        InputError
+            If it is not of the model, or nothing can be proved.
+        """
+        ratio = self.formulation == manipulability.NAME
+        prove = certified_manipulability if ratio else certified_worst_case
+        return prove(self.arm, jacobian, self.locked)
+
+    def holds(self, jacobian: FloatArray) -> bool:
+        """Whether a Jacobian, shape (m, n), is one of those that the entry asks for."""
+        if jacobian.shape != (self.task_dimension, self.joints):
+            return False
+        try:
+            self.arm.variables(jacobian)
+        except NotInModelError:
+            return False
+        merit = catalogue.formulation(self.formulation).merit(jacobian, self.locked)
+        return bool(np.isfinite(merit))
+
+
+@dataclass(frozen=True)
+class Found:
+    """How a Jacobian was found.
+
+    Attributes
+    ----------
+    by
+        Who or what found it.
+    seeds, starts, reached_best, cpu_seconds
+        Number of seeds used, counted from 0; random starts of all of them; how many of these
+        reached the best; and their processor time.
+    statement
+        The formulation, its encoding and how starts were drawn, in words.
+    versions, machine, date
+        Of the program, the processor, and the day.
+    """
+
+    by: str
+    date: str
+    statement: str = ""
+    seeds: int = 0
+    starts: int = 0
+    reached_best: int = 0
+    cpu_seconds: float = 0.0
+    versions: str = ""
+    machine: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class Page:
+    """What the atlas has on an entry.
+
+    Attributes
+    ----------
+    entry
+        The question.
+    jacobian
+        The best one known, in canonical form, shape (m, n).
+    value
+        Its worst case, or least relative manipulability, proved from below: a decimal number.
+    family
+        Dimension, to second order, of the Jacobians around it that are as good, apart from
+        those that differ by a change of frame or phase only; None for manipulability, whose
+        optima are larger families.
+    found
+        How it was found.
+    history
+        The values before, latest last, each with how it was found: never overwritten.
+    """
+
+    entry: Entry
+    jacobian: FloatArray
+    value: str
+    family: int | None
+    found: Found
+    history: tuple[Mapping[str, Any], ...] = field(default=())
+
+    @property
+    def gap_percent(self) -> float:
+        """How far the value is below the bound, in percent of the bound."""
+        return gap_percent(float(self.value), self.entry.bound.value)
+
+    @property
+    def mark(self) -> str:
+        """``optimal`` if a bound proves it, ``conjectured`` if many starts end there, ``open``.
+
+        Many are 20, and a fifth of all that were made.
+        """
+        bound = self.entry.bound
+        if bound.certified and bound.value - float(self.value) <= RESOLUTION:
+            return "optimal"
+        many = self.found.reached_best >= max(ENOUGH, self.found.starts / 5)
+        return "conjectured" if many else "open"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain values, as in the entry's file."""
+        return {
+            "entry": self.entry.name,
+            **vars(self.entry),
+            "value": self.value,
+            "family": self.family,
+            "found": vars(self.found),
+            "history": list(self.history),
+            "jacobian": self.jacobian.tolist(),
+        }
+
+    def to_json(self) -> str:
+        """Return the text of the entry's file: one line of J to a line."""
+        values = self.to_dict()
+        rows = ",\n  ".join(json.dumps(row) for row in values.pop("jacobian"))
+        body = json.dumps(values, indent=1)
+        return f'{body[:-2]},\n "jacobian": [\n  {rows}\n ]\n}}\n'
+
+
+# Starts that must reach the best before a search ends.
+ENOUGH = 20
+
+
+@lru_cache
+def entries() -> Mapping[str, Entry]:
+    """Return all entries by name, model after model."""
+    return {entry.name: entry for entry in _entries()}
+
+
+def entry(name: str) -> Entry:
+    """Return the entry of a name.
+
+    Raises
+    ------
+    InputError
+        If there is none.
+    """
+    known = entries()
+    if name not in known:
+        from difflib import get_close_matches
+
+        near = get_close_matches(name, known, 3) or [next(iter(known))]
+        raise InputError("entry", name, f"a name that `atlas` lists, such as {', '.join(near)}")
+    return known[name]
+
+
+def _entries() -> Iterator[Entry]:
+    # Model, m, the numbers of joints, and the most joints that lock at once.
+    for model, m, joints, most in (
+        ("free-mean", 2, range(3, 13), 4),
+        ("free-mean", 3, range(4, 13), 3),
+        ("free-mean", 6, range(7, 13), 2),
+        ("unit-revolute", 6, range(7, 17), 3),
+        ("lever-revolute", 6, range(7, 13), 2),
+    ):
+        for n in joints:
+            yield from (Entry(model, m, n, k) for k in range(1, min(most, n - m) + 1))
+    yield Entry("lever-revolute", 6, 7, 1, isotropy.NAME)
+    for model, m, joints, most in (
+        ("free-mean", 2, range(3, 9), 3),
+        ("free-mean", 3, range(4, 9), 2),
+        ("unit-revolute", 6, range(7, 12), 2),
+    ):
+        for n in joints:
+            for k in range(1, min(most, n - m) + 1):
+                yield Entry(model, m, n, k, manipulability.NAME)
+    for n in range(7, 11):
+        for prismatic in (1, 2):
+            mix = f"unit-revolute:{n - prismatic},prismatic:{prismatic}"
+            yield Entry(mix, 6, n)
+            mix = f"lever-revolute:{n - prismatic},prismatic:{prismatic}"
+            yield Entry(mix, 6, n, 1, isotropy.NAME)

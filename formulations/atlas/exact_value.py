@@ -1,0 +1,204 @@
+"""A worst case proved from below, in rational arithmetic, of the numbers in a file.
+
+The numbers c_f of a file are the columns of no arm: |ω| = 1 holds to some 1e-16 only. The file
+stands for the Jacobian J* of the arm that its columns lead to: ω* = ω/|ω|, v* the part of v
+across ω*, scaled to the length that the model asks for. With δ ≥ ‖J* − C‖_F, bounded in
+rational arithmetic, each singular value differs by at most δ, so that
+
+    σ(J*) ≥ √t − δ    if    C_F̄ C_F̄ᵀ − tI is positive definite for every set F of k joints.
+
+Definiteness is decided by elimination in whole numbers, in which there is no rounding. What is
+lost is δ, some 1e-15.
+"""
+
+from collections import defaultdict
+from collections.abc import Iterator
+from fractions import Fraction
+from itertools import combinations
+from math import isqrt
+
+import numpy as np
+
+from formulations import measures
+from formulations.joints.arm import Arm
+from formulations.joints.joint import Joint
+from formulations.joints.kinds import FreeColumn, LeverRevolute, Prismatic, UnitRevolute
+from nlp.arrays import FloatArray
+from nlp.errors import InputError
+
+Vector = list[Fraction]
+# Entries are rounded to whole multiples of this power of 1/2, and δ grows by what that moves.
+_BITS = 60
+_SCALE = 1 << _BITS
+_DIGITS = 15
+
+
+def certified_worst_case(arm: Arm, jacobian: FloatArray, locked: int = 1) -> str:
+    """Return a decimal number that the worst case of the arm's Jacobian J* is not below.
+
+    Parameters
+    ----------
+    arm
+        The joints.
+    jacobian
+        The numbers of the file, shape (m, n).
+    locked
+        How many joints lock at once.
+
+    Raises
+    ------
+    InputError
+        If the numbers are too far from the arm's Jacobians, or nothing can be proved of them.
+    """
+    columns, distance = _rounded(arm, jacobian)
+    found = measures.worst_case_sigma(jacobian, locked)
+    return _decimal(_proved_sigma(columns, found, locked) - distance)
+
+
+def certified_manipulability(arm: Arm, jacobian: FloatArray, locked: int = 1) -> str:
+    """Return a decimal number that the least relative manipulability of J* is not below.
+
+    Its square r² is det(C_F̄C_F̄ᵀ)/det(CCᵀ), a principal minor of order k of the projection onto
+    the null space. That of J* differs by at most δ/σ_min(C), and a minor by k times that. The
+    parameters are those of `certified_worst_case`.
+    """
+    columns, distance = _rounded(arm, jacobian)
+    least = float(np.linalg.svd(jacobian, compute_uv=False)[-1])
+    sigma = _proved_sigma(columns, least, 0)
+    minors = list(_determinants(columns, locked))
+    whole = next(_determinants(columns, 0))
+    square = Fraction(min(minors), whole) - locked * distance / sigma
+    if square <= 0:
+        raise InputError("jacobian", "singular after a failure", "one that can be proved")
+    return _decimal(Fraction(isqrt((square * _SCALE**2).__floor__()), _SCALE))
+
+
+def _rounded(arm: Arm, jacobian: FloatArray) -> tuple[list[list[int]], Fraction]:
+    """Return the columns in units of 2^-60, and δ with what the rounding moves."""
+    columns = [[round(Fraction(x) * _SCALE) for x in column] for column in jacobian.T.tolist()]
+    exact = [[Fraction(value, _SCALE) for value in column] for column in columns]
+    distance = distance_from_model(arm, exact)
+    if distance > Fraction(1, 10**6):
+        raise InputError("jacobian", "not of the model", "columns as the entry's joints have")
+    return columns, distance + Fraction(jacobian.size, _SCALE)
+
+
+def _proved_sigma(columns: list[list[int]], found: float, locked: int) -> Fraction:
+    for lost in (1e-14, 1e-12, 1e-10, 1e-8):
+        root = Fraction(max(found * (1 - lost) - lost, 0.0))
+        if root > 0 and exceeds(columns, root, locked):
+            return root
+    raise InputError("jacobian", f"with worst case {found:.3g}", "one that can be proved")
+
+
+def _decimal(value: Fraction) -> str:
+    """Return a positive number, rounded down."""
+    whole, rest = divmod((value * 10**_DIGITS).__floor__(), 10**_DIGITS)
+    if whole < 0:
+        raise InputError("jacobian", "with worst case 0", "one that can be proved")
+    return f"{whole}.{rest:0{_DIGITS}d}"
+
+
+def exceeds(columns: list[list[int]], sigma: Fraction, locked: int) -> bool:
+    """Whether all singular values without any `locked` columns are proved to be above σ > 0.
+
+    Columns are in units of 2^-60.
+    """
+    level = ((sigma * _SCALE) ** 2).__ceil__()
+    return all(least > 0 for least in _determinants(columns, locked, level))
+
+
+def _determinants(columns: list[list[int]], locked: int, level: int = 0) -> Iterator[int]:
+    """Yield det(C_F̄C_F̄ᵀ − level·I) for every F; 0 where a leading minor is not positive."""
+    m = len(columns[0])
+    products = [[[a * b for b in column] for a in column] for column in columns]
+    total = [[sum(p[i][j] for p in products) for j in range(m)] for i in range(m)]
+    for i in range(m):
+        total[i][i] -= level
+    for locked_set in combinations(products, locked):
+        yield _determinant(
+            [
+                [total[i][j] - sum(p[i][j] for p in locked_set) for j in range(m)]
+                for i in range(m)
+            ]
+        )
+
+
+def _determinant(rows: list[list[int]]) -> int:
+    """By elimination without fractions; 0 where a leading minor is not positive."""
+    before = 1
+    for k in range(len(rows)):
+        pivot = rows[k][k]
+        if pivot <= 0:
+            return 0
+        for i in range(k + 1, len(rows)):
+            first = rows[i][k]
+            for j in range(k + 1, len(rows)):
+                rows[i][j] = (rows[i][j] * pivot - first * rows[k][j]) // before
+        before = pivot
+    return before
+
+
+def distance_from_model(arm: Arm, columns: list[Vector]) -> Fraction:
+    """Return an upper bound on ‖J* − C‖_F."""
+    moved: list[Fraction] = []
+    shared: dict[Joint, list[tuple[Fraction, Fraction]]] = defaultdict(list)
+    for joint, column in zip(arm.joints, columns, strict=True):
+        if isinstance(joint, FreeColumn):
+            turned, length = Fraction(0), _dot(column, column)
+            limit, one_sided = Fraction(joint.norm) ** 2, False
+        elif isinstance(joint, Prismatic):
+            turned, length = _dot(column[3:], column[3:]), _dot(column[:3], column[:3])
+            limit, one_sided = Fraction(joint.speed) ** 2, False
+        elif isinstance(joint, (UnitRevolute, LeverRevolute)):
+            turned, length = _onto_axis(column[:3], column[3:])
+            lever = isinstance(joint, LeverRevolute)
+            limit = (
+                Fraction(joint.length) ** 2 if isinstance(joint, LeverRevolute) else Fraction(1)
+            )
+            one_sided = lever
+        else:
+            raise InputError("joint", type(joint).__name__, "a joint kind of the atlas")
+        moved.append(turned)
+        if getattr(joint, "budget", "each") == "mean":
+            shared[joint].append((length, limit))
+            continue
+        excess = length / limit - 1
+        moved.append(_scaled(excess, length, one_sided))
+    for joint, lengths in shared.items():
+        total = sum((length for length, _ in lengths), Fraction(0))
+        excess = total / sum((limit for _, limit in lengths), Fraction(0)) - 1
+        one_sided = isinstance(joint, LeverRevolute)
+        moved += [_scaled(excess, length, one_sided) for length, _ in lengths]
+    return square_root_above(sum(moved, Fraction(0)))
+
+
+def _onto_axis(velocity: Vector, axis: Vector) -> tuple[Fraction, Fraction]:
+    """Squared change of (v; ω) by which ω becomes a unit vector and v normal to it; |v|² then.
+
+    | |ω| − 1 | ≤ | |ω|² − 1 |, and v loses v·ω/|ω|. The squares of both changes add up.
+    """
+    size, along = _dot(axis, axis), _dot(velocity, axis)
+    if size == 0:
+        raise InputError("jacobian", "with a joint axis of length 0", "revolute joints")
+    tilt = along**2 / size
+    return (size - 1) ** 2 + tilt, _dot(velocity, velocity) - tilt
+
+
+def _scaled(excess: Fraction, length: Fraction, one_sided: bool) -> Fraction:
+    """Bound on the square of the change of a vector of squared length `length`.
+
+    That is 1 + `excess` times what it should be: |1 − 1/√(1 + e)| ≤ |e| for e ≥ −1/2.
+    """
+    if one_sided and excess <= 0:
+        return Fraction(0)
+    return excess**2 * length
+
+
+def square_root_above(value: Fraction) -> Fraction:
+    """Return a rational number not below √value."""
+    return Fraction(isqrt((value * _SCALE**2).__ceil__()) + 1, _SCALE)
+
+
+def _dot(first: Vector, second: Vector) -> Fraction:
+    return sum((a * b for a, b in zip(first, second, strict=True)), Fraction(0))

@@ -1,0 +1,146 @@
+"""The search for an entry's best Jacobian: seeds of random starts, until enough agree."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from time import process_time
+
+import numpy as np
+
+from formulations.atlas.collection import improved, pages
+from formulations.atlas.entry import ENOUGH, RESOLUTION, Entry, Found, Page
+from formulations.files.provenance import provenance
+from formulations.max_min import NAME as MAX_MIN
+from formulations.measures import trace
+from formulations.solving.outcome import REACHED_BEST, Outcome
+from formulations.solving.setup import Setup
+from formulations.solving.solve import run
+
+_STARTS = 20
+
+
+def improve(
+    asked: Entry,
+    known: Page | None,
+    minutes: float,
+    *,
+    workers: int = 1,
+    progress: Callable[[str], None] = lambda _: None,
+) -> Iterator[Page]:
+    """Search from seed after seed, and return the page as it stands after each.
+
+    Parameters
+    ----------
+    asked
+        The entry.
+    known
+        Its page so far: the search goes on with the first seed that it did not use.
+    minutes
+        Processor time after which no further seed is begun. The search also ends when
+        `ENOUGH` starts reached the best.
+    workers
+        Processes.
+    progress
+        Is called with what is being done.
+    """
+    setup, page = setup_of(asked), inherited(asked, known)
+    if page is not None and page is not known:
+        yield page
+    spent = 0.0
+    while spent < 60 * minutes and not (page and page.found.reached_best >= ENOUGH):
+        seed = page.found.seeds if page else 0
+        so_far = f", best {page.value}" if page else ""
+        progress(f"{asked.name}: seed {seed}{so_far}")
+        begun = process_time()
+        outcome = run(
+            setup,
+            joints=asked.joints,
+            task_dimension=asked.task_dimension,
+            starts=_STARTS,
+            seed=seed,
+            workers=workers,
+        )
+        used = sum(record.cpu_seconds for record in outcome.records)
+        spent += max(used, process_time() - begun)
+        if not outcome.complete:
+            raise KeyboardInterrupt
+        page = _joined(asked, page, outcome, used)
+        if page is None:
+            return
+        yield page
+
+
+def inherited(asked: Entry, known: Page | None) -> Page | None:
+    """Return the page with the best Jacobian that another entry of this size has for it.
+
+    Unit revolute columns are lever-revolute and, scaled, free columns as well.
+    """
+    page = known
+    for other in pages():
+        if other.entry == asked or other.entry.locked != asked.locked:
+            continue
+        if other.jacobian.shape != (asked.task_dimension, asked.joints):
+            continue
+        scale = np.sqrt(asked.arm.largest_trace / trace(other.jacobian))
+        for jacobian in (other.jacobian, scale * other.jacobian):
+            if not asked.holds(jacobian):
+                continue
+            found = Found(
+                f"lockedjoint, from {other.entry.name}",
+                provenance()["date"],
+                versions=provenance()["versions"],
+            )
+            before = page.found if page else Found("", "")
+            found = replace(found, seeds=before.seeds, starts=before.starts)
+            new = improved(asked, jacobian, found, page)
+            if page is None or new.value != page.value:
+                page = new
+    return page
+
+
+def setup_of(asked: Entry) -> Setup:
+    """Return what is run for an entry: the encoding that finds most where k joints lock."""
+    if asked.formulation != MAX_MIN or asked.locked == 1:
+        return Setup(asked.formulation, asked.model, locked=asked.locked)
+    tight = asked.joints - asked.task_dimension == asked.locked
+    six = asked.task_dimension == 6
+    return Setup(
+        MAX_MIN,
+        asked.model,
+        encoding="shared-factor" if tight else "principal-minors",
+        from_residual_minima=tight and six,
+        locked=asked.locked,
+    )
+
+
+def _joined(
+    asked: Entry, page: Page | None, outcome: Outcome, cpu_seconds: float
+) -> Page | None:
+    """Return the page with the starts of one more seed; None if nothing was ever found."""
+    before = page.found if page else Found("lockedjoint", "")
+    reached = outcome.reached
+    best = max((record.merit for record in reached), default=0.0)
+    value = float(page.value) if page else 0.0
+    count = sum(abs(one.merit - max(best, value)) <= REACHED_BEST for one in reached)
+    kept = before.reached_best if value >= best - REACHED_BEST else 0
+    facts = provenance()
+    found = replace(
+        before,
+        by=before.by if value > best + RESOLUTION else "lockedjoint",
+        date=facts["date"],
+        statement=_statement(outcome.setup),
+        seeds=before.seeds + 1,
+        starts=before.starts + len(outcome.records),
+        reached_best=kept + count,
+        cpu_seconds=round(before.cpu_seconds + cpu_seconds, 1),
+        versions=facts["versions"],
+        machine=facts["machine"],
+    )
+    if reached and best > 0:
+        return improved(asked, outcome.best.jacobian, found, page)
+    return replace(page, found=found) if page else None
+
+
+def _statement(setup: Setup) -> str:
+    words = [setup.formulation, setup.encoding]
+    words.append("from residual minima" if setup.from_residual_minima else "")
+    return ", ".join(filter(None, words))

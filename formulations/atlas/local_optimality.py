@@ -1,0 +1,244 @@
+"""First and second order at a worst case that is claimed to be a maximum, in NumPy.
+
+Let A_F = J_F̄J_F̄ᵀ and t = min_F λ_min(A_F). For positive semidefinite Y_F with Σ tr Y_F = 1
+
+    t(J) ≤ Σ_F ⟨Y_F, A_F(J)⟩    for every J,
+
+so t is stationary where Y_F, on the eigenvectors of A_F at t, make the gradient of the
+right-hand side normal to the model: 2 Σ Y_F J_F̄ + Σ μ_k ∇h_k = 0, with h_k = 0 the equations
+of the model (and of isotropy). Along the directions d that keep these eigenvalues, the second
+derivative is
+
+    Σ_F 2⟨Y_F, d_F̄ d_F̄ᵀ − D_F (A_F − tI)⁺ D_F⟩ + Σ μ_k ∇²h_k(d, d),   D_F = d_F̄J_F̄ᵀ + J_F̄d_F̄ᵀ.
+
+Where it is negative but for changes of frame and phase, the optimum is isolated. Its null space
+beyond these is the family: an upper bound on the dimension of the optima around J.
+"""
+
+import warnings
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import combinations, combinations_with_replacement
+
+import cvxpy as cp
+import numpy as np
+
+from formulations import isotropy
+from formulations.atlas.entry import Entry
+from formulations.joints.joint import Joint
+from formulations.joints.kinds import FreeColumn, Prismatic, UnitRevolute
+from formulations.measures import locked_sets
+from nlp.arrays import FloatArray
+
+# Eigenvalues this near to the least one, relative to it, count as equal to it.
+_TIE = 1e-5
+# Singular values below this count as zero where a rank is counted, after scaling to one.
+_RANK_TOLERANCE = 1e-4
+# Multipliers below this share of the mean one count as zero.
+_INACTIVE = 1e-3
+# Second derivatives below this, where the largest is of the order of one, count as zero.
+_FLAT = 1e-5
+
+
+@dataclass(frozen=True)
+class LocalOptimality:
+    """What holds to second order at a Jacobian.
+
+    Attributes
+    ----------
+    stationarity
+        ‖2 Σ Y_F J_F̄ + Σ μ_k ∇h_k‖ of the best multipliers: 0 at a stationary point.
+    curvature
+        Largest second derivative along unit directions that change more than frame and phase
+        and keep the active eigenvalues: at most 0 at a maximum; −∞ if there are none.
+    family
+        Number of such directions in which it is zero.
+    """
+
+    stationarity: float
+    curvature: float
+    family: int
+
+
+@dataclass(frozen=True, eq=False)
+class _Condition:
+    """One equation of the model: its gradient, and its second derivative as a matrix."""
+
+    gradient: FloatArray
+    hessian: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class _Failure:
+    """A set of locked joints at the worst case: J without them, and the spectrum left."""
+
+    rest: FloatArray
+    kept: FloatArray  # 1 for joints that are left
+    active: FloatArray  # eigenvectors at t, shape (m, p)
+    others: FloatArray
+    above: FloatArray  # their eigenvalues minus t
+
+
+def local_optimality(entry: Entry, jacobian: FloatArray) -> LocalOptimality:
+    """Judge a Jacobian, shape (m, n), as a maximum of an entry's worst case."""
+    conditions = [*_model(entry.arm.joints, jacobian)]
+    if entry.formulation == isotropy.NAME:
+        conditions += _isotropic(jacobian)
+    failures = _failures(jacobian, entry.locked)
+    stationarity, multipliers, weights = _multipliers(failures, conditions)
+    fixed = [condition.gradient for condition in conditions]
+    for failure, multiplier in zip(failures, multipliers, strict=True):
+        fixed += _kept(failure, multiplier)
+    # Away from changes of frame and phase.
+    free = _null_space([*fixed, *_frames(entry, jacobian)])
+    if not free.size:
+        return LocalOptimality(stationarity, -np.inf, 0)
+    second = sum(
+        (
+            weight * free @ condition.hessian @ free.T
+            for weight, condition in zip(weights, conditions, strict=True)
+        ),
+        np.zeros((len(free), len(free))),
+    )
+    shape = jacobian.shape
+    for failure, multiplier in zip(failures, multipliers, strict=True):
+        second = second + _bending(failure, multiplier, free.reshape(-1, *shape))
+    values = np.linalg.eigvalsh(0.5 * (second + second.T))
+    return LocalOptimality(
+        stationarity, float(values[-1]), int(np.sum(np.abs(values) <= _FLAT))
+    )
+
+
+def _failures(jacobian: FloatArray, locked: int) -> list[_Failure]:
+    spectra = []
+    for joints in locked_sets(jacobian, locked):
+        kept = np.ones(jacobian.shape[1])
+        kept[list(joints)] = 0.0
+        rest = jacobian * kept
+        spectra.append((rest, kept, *np.linalg.eigh(rest @ rest.T)))
+    least = min(values[0] for _, _, values, _ in spectra)
+    found = []
+    for rest, kept, values, vectors in spectra:
+        near = values <= least * (1 + _TIE)
+        if near.any():
+            above = values[~near] - least
+            found.append(_Failure(rest, kept, vectors[:, near], vectors[:, ~near], above))
+    return found
+
+
+def _multipliers(
+    failures: list[_Failure], conditions: list[_Condition]
+) -> tuple[float, list[FloatArray], FloatArray]:
+    """Return what is left of the gradient, the Y_F on the active eigenvectors, and the μ_k."""
+    parts = [cp.Variable((f.active.shape[1],) * 2, PSD=True) for f in failures]
+    weights = cp.Variable(len(conditions))
+    normals = np.array([condition.gradient.ravel() for condition in conditions])
+    left = normals.T @ weights
+    for failure, part in zip(failures, parts, strict=True):
+        pulled = failure.active.T @ failure.rest  # (p, n)
+        size = failure.active.shape[1]
+        # vec of 2 U Y Uᵀ J_F̄, row after row.
+        map_ = 2 * np.einsum("ia,bf->ifab", failure.active, pulled).reshape(-1, size * size)
+        left = left + map_ @ cp.vec(part, order="C")
+    total = sum(cp.trace(part) for part in parts)
+    problem = cp.Problem(cp.Minimize(cp.norm(left)), [total == 1])
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of cvxpy's: the stationarity is returned
+        problem.solve(solver=cp.CLARABEL)
+    found = [np.atleast_2d(np.asarray(part.value, dtype=np.float64)) for part in parts]
+    return float(problem.value), found, np.asarray(weights.value, dtype=np.float64)
+
+
+def _kept(failure: _Failure, multiplier: FloatArray) -> list[FloatArray]:
+    """Gradients of the eigenvalues that have a multiplier, and of what couples equal ones."""
+    values, vectors = np.linalg.eigh(multiplier)
+    strong = failure.active @ vectors[:, values > _INACTIVE * max(values[-1], 1e-9)]
+    if values[-1] < 1e-7:
+        return []
+    return [
+        np.outer(a, b @ failure.rest) + np.outer(b, a @ failure.rest)
+        for a in strong.T
+        for b in failure.active.T
+    ]
+
+
+def _bending(failure: _Failure, multiplier: FloatArray, free: FloatArray) -> FloatArray:
+    """2⟨Y, d d'ᵀ − D (A − tI)⁺ D'⟩ for all pairs of directions, of shape (free, m, n)."""
+    values, vectors = np.linalg.eigh(multiplier)
+    root = failure.active @ (vectors * np.sqrt(np.maximum(values, 0.0)))  # Y = root rootᵀ
+    kept = free * failure.kept
+    pulled = np.einsum("kif,ia->kaf", kept, root)
+    direct = pulled.reshape(len(free), -1)
+    # Vᵀ D root, scaled by (λ − t)^(-1/2).
+    change = np.einsum("kif,jf->kij", kept, failure.rest)
+    change = change + change.transpose(0, 2, 1)
+    crossed = np.einsum("iv,kij,ja->kva", failure.others, change, root)
+    crossed = (crossed / np.sqrt(failure.above)[None, :, None]).reshape(len(free), -1)
+    return np.asarray(2 * (direct @ direct.T - crossed @ crossed.T))
+
+
+def _model(joints: tuple[Joint, ...], jacobian: FloatArray) -> Iterator[_Condition]:
+    """Equations of the model: |v|²/2, |ω|²/2 and v·ω, or |j|²/2; in the mean where shared."""
+    m, n = jacobian.shape
+    shared: dict[Joint, FloatArray] = {}
+    for f, joint in enumerate(joints):
+        free = isinstance(joint, FreeColumn)
+        extent = np.zeros((m, n))
+        extent[: m if free else 3, f] = 1.0
+        if getattr(joint, "budget", "each") == "mean":
+            shared[joint] = shared.get(joint, np.zeros((m, n))) + extent
+        else:
+            yield _Condition(extent * jacobian, np.diag(extent.ravel()))
+        if free:
+            continue
+        axis = np.zeros((m, n))
+        axis[3:, f] = 1.0
+        if isinstance(joint, Prismatic):
+            for entry in range(3, 6):
+                unit = np.zeros((m, n))
+                unit[entry, f] = 1.0
+                yield _Condition(unit, np.zeros((m * n, m * n)))
+            continue
+        yield _Condition(axis * jacobian, np.diag(axis.ravel()))
+        crossed = np.zeros((m, n))
+        crossed[:3, f], crossed[3:, f] = jacobian[3:, f], jacobian[:3, f]
+        coupling = np.zeros((m, n, m, n))
+        for k in range(3):
+            coupling[k, f, k + 3, f] = coupling[k + 3, f, k, f] = 1.0
+        yield _Condition(crossed, coupling.reshape(m * n, m * n))
+    for extent in shared.values():
+        yield _Condition(extent * jacobian, np.diag(extent.ravel()))
+
+
+def _isotropic(jacobian: FloatArray) -> Iterator[_Condition]:
+    """Entries of JJᵀ that an isotropic J has as (T/m)I: ⟨S, JJᵀ⟩ = 0 for traceless S."""
+    m, n = jacobian.shape
+    units = np.eye(m)
+    for i, j in combinations_with_replacement(range(m), 2):
+        if i == j == m - 1:
+            continue
+        form = np.outer(units[i], units[j]) + np.outer(units[j], units[i])
+        form = form - (np.outer(units[-1], units[-1]) * 2 if i == j else 0)
+        yield _Condition(2 * form @ jacobian, np.kron(2 * form, np.eye(n)))
+
+
+def _frames(entry: Entry, jacobian: FloatArray) -> list[FloatArray]:
+    """Directions in which only the frame changes, or the common phase."""
+    kinds = {type(joint) for joint in entry.arm.joints}
+    size = entry.task_dimension if kinds == {FreeColumn} else 3
+    turned = []
+    for i, j in combinations(range(size), 2):
+        turn = np.zeros((size, size))
+        turn[i, j], turn[j, i] = 1.0, -1.0
+        whole = turn if kinds == {FreeColumn} else np.kron(np.eye(2), turn)
+        turned.append(whole @ jacobian)
+    if kinds == {UnitRevolute}:
+        turned.append(np.vstack([-jacobian[3:], jacobian[:3]]))
+    return turned
+
+
+def _null_space(rows: list[FloatArray]) -> FloatArray:
+    """Orthonormal rows that are normal to all of these."""
+    stacked = np.array([row.ravel() / max(float(np.linalg.norm(row)), 1e-300) for row in rows])
+    _, values, vectors = np.linalg.svd(stacked)
+    return np.asarray(vectors[int(np.sum(values > _RANK_TOLERANCE)) :])

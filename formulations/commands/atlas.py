@@ -1,0 +1,248 @@
+"""``lockedjoint atlas``: the best Jacobians known, beside what is possible at most."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from formulations.commands.arguments import (
+    Json,
+    Locked,
+    Pick,
+    Workers,
+    positive,
+    progress,
+    whole_option,
+)
+from formulations.commands.output import QUESTIONED, as_text, show
+from nlp.errors import InputError
+
+if TYPE_CHECKING:
+    from formulations.atlas.entry import Page
+
+app = typer.Typer(name="atlas", rich_markup_mode=None)
+
+Folder = Annotated[
+    Path | None,
+    typer.Option(
+        "--entries",
+        metavar="DIR",
+        help="Folder of entries.",
+        show_default="those of the package",
+    ),
+]
+Name = Annotated[str, typer.Argument(metavar="ENTRY", help="A name that `atlas` lists.")]
+
+
+@app.callback(invoke_without_command=True)
+def atlas(
+    context: typer.Context,
+    model: Annotated[
+        str | None, typer.Option(metavar="NAME", help="Only this column model.")
+    ] = None,
+    joints: Annotated[int | None, whole_option(2, "N", "Only this number of joints n.")] = None,
+    task_dimension: Annotated[
+        int | None, whole_option(1, "M", "Only this number of task dimensions m.")
+    ] = None,
+    locked: Annotated[
+        int | None, whole_option(1, "K", "Only this number of joints that lock at once.")
+    ] = None,
+    mark: Annotated[
+        str | None, typer.Option(metavar="MARK", help="Only optimal, conjectured or open.")
+    ] = None,
+    entries: Folder = None,
+    as_json: Json = False,
+) -> None:
+    """List the best worst case known of every kind of arm, proved, beside the sharpest bound.
+
+    Each entry is a Jacobian in a text file. Its worst case is proved from below in rational
+    arithmetic from the file's numbers alone. `optimal`: a proved bound is attained;
+    `conjectured`: at least 20 starts and a fifth of all end there; `open`: the rest.
+    """
+    if context.invoked_subcommand is not None:
+        return
+    from formulations.atlas.collection import pages
+    from formulations.files.table import Table
+    from formulations.studies.atlas import Row, row_of
+
+    if mark not in (None, "optimal", "conjectured", "open"):
+        raise InputError("--mark", mark, "optimal, conjectured or open")
+    wanted = {
+        "model": model,
+        "joints": joints,
+        "task_dimension": task_dimension,
+        "locked": locked,
+        "mark": mark,
+    }
+    rows = [
+        row
+        for row in map(row_of, pages(entries))
+        if all(value is None or getattr(row, name) == value for name, value in wanted.items())
+    ]
+    table = Table(Row, rows)
+    show(table.plain(), as_json, lambda _: table.terminal() if rows else "No such entry.")
+
+
+@app.command("show")
+def show_entry(name: Name, entries: Folder = None, as_json: Json = False) -> None:
+    """Show all that the atlas has on an entry, its Jacobian and its history included."""
+    page = _known(name, entries)
+    bound = page.entry.bound
+    values: dict[str, Any] = {
+        **page.to_dict(),
+        "bound": bound.to_dict(),
+        "gap_percent": page.gap_percent,
+        "mark": page.mark,
+    }
+
+    def text(found: dict[str, Any]) -> str:
+        flat = {k: v for k, v in found.items() if k not in ("jacobian", "found", "history")}
+        flat |= {f"found {k}": v for k, v in found["found"].items() if v != ""}
+        flat["history"] = [f"{one['value']} ({one['found']['date']})" for one in page.history]
+        rows = "\n".join("  ".join(f"{x: .15f}" for x in row) for row in found["jacobian"])
+        return f"{as_text(flat)}\n\n{rows}"
+
+    show(values, as_json, text)
+
+
+@app.command()
+def verify(entries: Folder = None, as_json: Json = False) -> None:
+    """Recompute every entry from its file alone, with nothing of the solvers.
+
+    Checks that the Jacobian is one of its model, proves its worst case in rational arithmetic,
+    compares it with the bound, and tests it as a local maximum. Exit status 1 if an entry is
+    wrong.
+    """
+    from formulations.atlas.collection import pages, problem_of
+
+    problems = {}
+    count = 0
+    for page in pages(entries):
+        progress(page.entry.name)
+        count += 1
+        if problem := problem_of(page):
+            problems[page.entry.name] = problem
+    progress("")
+    lines = [f"{name}: {problem}." for name, problem in problems.items()]
+    verdict = f"{count - len(problems)} of {count} entries are right."
+    show({"entries": count, "wrong": problems}, as_json, lambda _: "\n".join([*lines, verdict]))
+    if problems or not count:
+        raise typer.Exit(QUESTIONED)
+
+
+@app.command()
+def submit(
+    file: Annotated[
+        Path, typer.Argument(metavar="FILE", help="CSV, NPY or JSON; one column per joint.")
+    ],
+    locked: Locked = 1,
+    isotropic: Annotated[
+        bool, typer.Option("--isotropic", help="For the entry of isotropic Jacobians.")
+    ] = False,
+    by: Annotated[str, typer.Option(metavar="NAME", help="Who or what found it.")] = "unnamed",
+    out: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="Write the entry there if it is an improvement."),
+    ] = None,
+    pick: Pick = None,
+    entries: Folder = None,
+    as_json: Json = False,
+) -> None:
+    """Compare a Jacobian with the atlas: its entry, its proved worst case, and what it gains.
+
+    An improvement by 1e-9 or more is written as an entry that is ready to propose, with the
+    value before it in its history.
+    """
+    from formulations.atlas.collection import entry_of, improved, page_of, write_page
+    from formulations.atlas.entry import RESOLUTION, Found
+    from formulations.files.jacobians import only_jacobian
+    from formulations.files.provenance import provenance
+    from nlp.files import prepare_folder
+
+    if not 0 < len(by) <= 200 or not by.isprintable():
+        raise InputError("--by", by, "1 to 200 printable characters")
+    if out is not None:
+        prepare_folder(out)
+    jacobian = only_jacobian(file, pick)
+    asked = entry_of(jacobian, locked, "isotropy" if isotropic else "max-min")
+    known = page_of(asked, entries)
+    found = Found(by, provenance()["date"], versions=provenance()["versions"])
+    new = improved(asked, jacobian, found, None)
+    gain = float(new.value) - float(known.value) if known else None
+    better = gain is None or gain >= RESOLUTION
+    values: dict[str, Any] = {
+        "entry": asked.name,
+        "value": new.value,
+        "best_known": known.value if known else None,
+        "gain": gain,
+        "improvement": better,
+        "bound": asked.bound.to_dict(),
+    }
+    if better and out is not None:
+        page = improved(asked, jacobian, found, known)
+        values["file"] = str(write_page(page, out))
+    show(values, as_json)
+
+
+@app.command()
+def improve(
+    name: Name,
+    minutes: Annotated[
+        float,
+        typer.Option(
+            parser=positive, metavar="M", help="Processor time after which no seed is begun."
+        ),
+    ] = 10.0,
+    out: Annotated[
+        Path, typer.Option(metavar="DIR", help="Folder of the entry; it goes on from there.")
+    ] = Path("atlas"),
+    workers: Workers = None,
+    as_json: Json = False,
+) -> None:
+    """Search for a better Jacobian of an entry, 20 random starts at a time.
+
+    The entry is written after every 20 starts, and the next run goes on after them. The search
+    ends early when 20 starts have reached the best.
+    """
+    from formulations.atlas.collection import page_of, write_page
+    from formulations.atlas.entry import entry
+    from formulations.atlas.improve import improve as search
+    from nlp.files import prepare_folder
+    from nlp.multistart import default_workers
+
+    asked = entry(name)
+    prepare_folder(out)
+    known = page_of(asked, out) or page_of(asked)
+    before = known.value if known else None
+    page = known
+    for page in search(
+        asked, known, minutes, workers=workers or default_workers(), progress=progress
+    ):
+        write_page(page, out)
+    progress("")
+    if page is None:
+        typer.echo(f"No start led to a Jacobian of the entry {name}.", err=True)
+        raise typer.Exit(QUESTIONED)
+    values = {
+        "entry": name,
+        "value": page.value,
+        "before": before,
+        "starts": page.found.starts,
+        "reached_best": page.found.reached_best,
+        "mark": page.mark,
+        "gap_percent": page.gap_percent,
+        "file": str(out / f"{name}.json") if page is not known else None,
+    }
+    show(values, as_json)
+
+
+def _known(name: str, entries: Path | None) -> Page:
+    from formulations.atlas.collection import page_of
+    from formulations.atlas.entry import entry
+
+    page = page_of(entry(name), entries)
+    if page is None:
+        raise InputError("entry", name, "an entry with a Jacobian on record")
+    return page

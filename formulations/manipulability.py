@@ -1,0 +1,101 @@
+"""Fourth statement: the manipulability that any failure leaves, over that before.
+
+::
+
+    maximise   t                                     over the joints' parameters and t
+    subject to det(I − J_Fᵀ (JJᵀ)⁻¹ J_F) ≥ t         for every set F of k joints
+               the joints' own constraints and bounds
+
+The determinant is det(J_F̄J_F̄ᵀ)/det(JJᵀ), the square of the relative manipulability of Roberts
+and Maciejewski (1996); Roberts, Yu and Maciejewski (2008) optimise it. It is a measure of the
+null space alone: no change of coordinates of the task, and no scaling of single directions,
+changes it. A Jacobian that attains its bound need not be near to isotropic.
+"""
+
+from collections.abc import Mapping
+from itertools import combinations
+from math import comb, inf, nextafter, sqrt
+from types import MappingProxyType
+
+import casadi as ca
+import numpy as np
+
+from formulations import measures
+from formulations.bounds.certified import Bound
+from formulations.joints.arm import Arm
+from formulations.joints.joint import ColumnModel
+from formulations.unequal_max_min import MOST_SETS, check_locked
+from nlp.arrays import FloatArray
+from nlp.columns import inverse
+from nlp.options import OptionValue
+from nlp.problem import Constraint, Problem, Sense
+
+NAME = "manipulability"
+SENSE: Sense = "maximise"
+SETTINGS = frozenset({"locked"})
+OPTIONS: Mapping[str, OptionValue] = MappingProxyType({"max_iter": 500, "tol": 1e-9})
+
+
+def build(arm: ColumnModel, locked: int = 1) -> Problem:
+    """State the problem for an arm.
+
+    Parameters
+    ----------
+    arm
+        The joints.
+    locked
+        How many joints lock at once, k.
+
+    Raises
+    ------
+    InputError
+        If k is out of range.
+    """
+    m, n = arm.shape
+    check_locked(n - m, n, locked)
+    measures.check_sets(n, locked, MOST_SETS)
+    variables, level = arm.symbols(), ca.SX.sym("t")
+    jacobian = arm.matrix(variables)
+    left = ca.SX.eye(n) - jacobian.T @ (inverse(jacobian @ jacobian.T) @ jacobian)
+    sets = [list(joints) for joints in combinations(range(n), locked)]
+    rows = ca.vertcat(*(ca.det(left[joints, joints]) for joints in sets))
+    lower, upper = arm.bounds
+
+    def lift(point: FloatArray) -> FloatArray:
+        return np.append(
+            point, np.min(measures.relative_manipulability(arm.jacobian(point), locked)) ** 2
+        )
+
+    return Problem(
+        name=NAME,
+        variables=ca.vertcat(variables, level),
+        objective=level,
+        sense=SENSE,
+        constraints=(
+            *arm.constraints(variables),
+            Constraint("manipulability left", rows - level, 0.0, np.inf),
+        ),
+        lower=np.append(lower, -np.inf),
+        upper=np.append(upper, np.inf),
+        outputs={"jacobian": jacobian},
+        lift=lift,
+    )
+
+
+def merit(jacobian: FloatArray, locked: int = 1) -> float:
+    """What the statement maximises, √t from J alone: the least relative manipulability."""
+    return float(np.min(measures.relative_manipulability(jacobian, locked)))
+
+
+def bound(arm: Arm, locked: int = 1, certified: bool = True) -> Bound | None:
+    """Return √(C(n − k, m)/C(n, m)), which no Jacobian of n columns is above.
+
+    By Cauchy and Binet det(JJᵀ) is the sum of the squares of all minors of m columns, and each
+    of these is left by C(n − m, k) of the C(n, k) sets F: the mean of the ratios is
+    C(n − m, k)/C(n, k) = C(n − k, m)/C(n, m), whatever J is.
+    """
+    if not certified:
+        return None
+    m, n = arm.shape
+    value = sqrt(comb(n - locked, m) / comb(n, m))
+    return Bound(nextafter(value, inf) if value else 0.0, "closed form")

@@ -1,0 +1,112 @@
+"""The atlas as a study: a row for each entry, and a map of what is left to gain."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from formulations.atlas.collection import pages, problem_of
+from formulations.atlas.entry import Page
+from formulations.files.figure import content
+from formulations.files.table import HIDDEN, column
+from formulations.studies.study import Effort, Part, Study
+
+
+@dataclass(frozen=True)
+class Row:
+    """One entry: the columns of ``atlas.csv``.
+
+    Attributes
+    ----------
+    entry, model, task_dimension, joints, locked, formulation
+        What is asked for; see `formulations.atlas.entry.Entry`.
+    value
+        Worst case, or least relative manipulability, of the best Jacobian known, proved from
+        below.
+    bound, kind
+        The sharpest upper bound, and how it is known.
+    gap_percent
+        Between them, in percent of the bound.
+    mark
+        ``optimal``, ``conjectured`` or ``open``.
+    family
+        Dimension of the optima around it.
+    reached_best, starts
+        How many random starts reached it, of how many.
+    cpu_seconds
+        Processor time of all starts.
+    by, date
+        Who found it, and when the entry was written.
+    """
+
+    entry: str = field(metadata=column(brief=True))
+    model: str = field(metadata=HIDDEN)
+    task_dimension: int = field(metadata=HIDDEN)
+    joints: int = field(metadata=HIDDEN)
+    locked: int = field(metadata=HIDDEN)
+    formulation: str = field(metadata=HIDDEN)
+    value: str = field(metadata=column(brief=True))
+    bound: float = field(metadata=column("bound", ".9f", brief=True))
+    kind: str = field(metadata=column("known by"))
+    gap_percent: float = field(metadata=column("gap %", "z.3f", brief=True))
+    mark: str = field(metadata=column(brief=True))
+    family: int | None = field(
+        metadata=column("family", lambda row: "–" if row.family is None else str(row.family))
+    )
+    reached_best: int = field(
+        metadata=column("reached", lambda row: f"{row.reached_best}/{row.starts}", brief=True)
+    )
+    starts: int = field(metadata=HIDDEN)
+    cpu_seconds: float = field(metadata=column("CPU (s)", ".0f"))
+    by: str = field(metadata=HIDDEN)
+    date: str = field(metadata=column())
+
+
+def row_of(page: Page) -> Row:
+    """Return an entry's row."""
+    bound = page.entry.bound
+    return Row(
+        entry=page.entry.name,
+        **vars(page.entry),
+        value=page.value,
+        bound=bound.value,
+        kind=bound.kind,
+        gap_percent=page.gap_percent,
+        mark=page.mark,
+        family=page.family,
+        reached_best=page.found.reached_best,
+        starts=page.found.starts,
+        cpu_seconds=page.found.cpu_seconds,
+        by=page.found.by,
+        date=page.found.date,
+    )
+
+
+def study() -> Study:
+    """Return the study of the atlas: every entry verified, and shown in a table."""
+    return Study(
+        name="atlas",
+        title="the best Jacobian known of every kind of arm, proved, beside the bounds",
+        page="atlas.md",
+        template="atlas.md.j2",
+        tables={"atlas": Row},
+        command="lockedjoint report --only atlas --out results",
+        takes="a minute",
+        compute=_compute,
+    )
+
+
+def _compute(effort: Effort, _: Path) -> Iterator[Part]:
+    from formulations.figures.atlas import heat_map
+
+    rows = []
+    for page in pages():
+        effort.progress(page.entry.name)
+        if problem := problem_of(page):
+            raise ArithmeticError(f"{page.entry.name}: {problem}")
+        rows.append(row_of(page))
+    frame = [
+        (row.model, row.task_dimension, row.joints, row.locked, row.gap_percent)
+        for row in rows
+        if row.formulation == "max-min"
+    ]
+    yield Part(rows=rows, files={"gaps.svg": content(heat_map(frame), "svg")})

@@ -1,0 +1,215 @@
+"""The atlas: entries proved from their files, as local maxima, and improved."""
+
+import json
+from dataclasses import replace
+from fractions import Fraction
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from formulations import catalogue, measures
+from formulations.atlas.collection import (
+    entry_of,
+    improved,
+    page_of,
+    pages,
+    problem_of,
+    read_page,
+    write_page,
+)
+from formulations.atlas.entry import Found, entries, entry
+from formulations.atlas.exact_value import (
+    certified_worst_case,
+    distance_from_model,
+    exceeds,
+    square_root_above,
+)
+from formulations.atlas.improve import improve
+from formulations.atlas.local_optimality import local_optimality
+from nlp.errors import FileError, InputError
+
+SEEDS = st.integers(0, 2**32 - 1)
+MODELS = ("unit-revolute", "lever-revolute", "unit-revolute:6,prismatic:2", "free", "free-mean")
+
+
+def drawn(model, seed, joints=7, dimension=6):
+    arm = catalogue.arm(model, joints, dimension)
+    return arm, arm.jacobian(arm.sample(np.random.default_rng(seed)))
+
+
+@given(st.sampled_from(MODELS), SEEDS)
+def test_the_proved_value_is_just_below_the_measured_one(model, seed):
+    arm, jacobian = drawn(model, seed, 8)
+    for locked in (1, 2):
+        measured = measures.worst_case_sigma(jacobian, locked)
+        if measured > 1e-6:
+            proved = float(certified_worst_case(arm, jacobian, locked))
+            assert measured - 1e-7 <= proved <= measured + 1e-15
+
+
+def test_definiteness_is_decided_exactly():
+    # 2×3, columns (1, 0), (0, 1), (1, 1) in units of 2^-60: without the last one σ = 1.
+    unit = 1 << 60
+    columns = [[unit, 0], [0, unit], [unit, unit]]
+    golden = Fraction(618033988749, 10**12)  # (√5 − 1)/2 = 0.6180339887498…
+    assert exceeds(columns, golden, 1)
+    assert not exceeds(columns, golden + Fraction(1, 10**12), 1)
+    assert not exceeds(columns, Fraction(1, 10**9), 2)
+
+
+@given(st.sampled_from(("unit-revolute", "free")), SEEDS, st.floats(1e-12, 1e-3))
+def test_the_distance_from_the_model_is_not_understated(model, seed, size):
+    arm, jacobian = drawn(model, seed)
+    moved = jacobian + size * np.random.default_rng(seed).standard_normal(jacobian.shape)
+    if model == "free":
+        nearest = moved / np.linalg.norm(moved, axis=0)
+    else:
+        axis = moved[3:] / np.linalg.norm(moved[3:], axis=0)
+        lever = moved[:3] - np.sum(moved[:3] * axis, axis=0) * axis
+        nearest = np.vstack([lever / np.linalg.norm(lever, axis=0), axis])
+    exact = [[Fraction(value) for value in column] for column in moved.T.tolist()]
+    bound = float(distance_from_model(arm, exact))
+    actual = float(np.linalg.norm(nearest - moved))
+    assert actual <= bound * (1 + 1e-9) <= 3 * actual + 1e-9
+
+
+@given(st.fractions(0, 1000))
+def test_roots_are_rounded_up(value):
+    root = square_root_above(value)
+    assert root**2 >= value
+    assert float(root) == pytest.approx(float(value) ** 0.5, abs=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("name", "family"),
+    [
+        ("unit-revolute_6x7_k1", 0),
+        ("unit-revolute_6x8_k1", 3),  # see `reproduction.solution_family`
+        ("free-mean_3x6_k2", 0),  # the equiangular six lines
+        ("lever-revolute_6x7_k1_isotropy", 1),
+    ],
+)
+def test_an_entry_is_a_local_maximum(name, family):
+    page = page_of(entry(name))
+    found = local_optimality(page.entry, page.jacobian)
+    assert found.stationarity < 1e-5
+    assert found.curvature < 1e-5
+    assert (found.family, page.family) == (family, family)
+
+
+def test_a_jacobian_that_can_be_improved_is_not_stationary():
+    asked = entry("unit-revolute_6x7_k1")
+    assert local_optimality(asked, drawn("unit-revolute", 0)[1]).stationarity > 0.01
+
+
+@given(SEEDS)
+def test_no_step_along_a_strict_maximum_is_better(seed):
+    page = page_of(entry("free-mean_2x4_k2"))
+    step = 1e-3 * np.random.default_rng(seed).standard_normal(page.jacobian.shape)
+    near = page.jacobian + step
+    near *= np.sqrt(measures.trace(page.jacobian) / measures.trace(near))
+    assert measures.worst_case_sigma(near, 2) <= float(page.value) + 1e-12
+
+
+def test_every_kind_of_entry_is_right():
+    found = list(pages())
+    assert len(found) == len(entries()) >= 120
+    assert [problem_of(page) for page in found[::9]] == [""] * len(found[::9])
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"value": "0.571482999"},
+        {"family": 2},
+        {"jacobian": np.ones((6, 7))},
+    ],
+    ids=["value", "family", "jacobian"],
+)
+def test_a_false_entry_is_found_out(change):
+    page = page_of(entry("unit-revolute_6x7_k1"))
+    assert problem_of(page) == ""
+    assert problem_of(replace(page, **change)) != ""
+
+
+def test_files_hold_every_digit_and_damaged_ones_are_refused(tmp_path):
+    page = page_of(entry("unit-revolute_6x7_k1"))
+    path = write_page(page, tmp_path)
+    again = read_page(path)
+    assert np.array_equal(again.jacobian, page.jacobian)
+    assert again.to_json() == page.to_json()
+    text = path.read_text()
+    for old, new in (
+        ('"joints": 7', '"joints": 8'),
+        ('"entry": "unit', '"entry": "no'),
+        ('"found"', '"lost"'),
+        ('"history": []', '"history": [3]'),
+        ('"jacobian": [\n  [', '"jacobian": [\n  [[], '),
+        ('"value": "0', '"value": "x'),
+    ):
+        assert old in text
+        path.write_text(text.replace(old, new, 1))
+        with pytest.raises(FileError, match="an entry of the atlas"):
+            read_page(path)
+
+
+def test_an_improvement_keeps_what_was_there_before():
+    page = page_of(entry("unit-revolute_6x7_k1"))
+    worse = drawn("unit-revolute", 3)[1]
+    first = improved(page.entry, worse, Found("first", "2026-01-01"), None)
+    second = improved(page.entry, page.jacobian, Found("second", "2026-01-02"), first)
+    assert second.value == page.value
+    assert [one["value"] for one in second.history] == [first.value]
+    assert second.history[0]["found"]["by"] == "first"
+    third = improved(page.entry, worse, Found("third", "2026-01-03"), second)
+    assert (third.value, third.history) == (second.value, second.history)
+
+
+def test_a_jacobian_finds_the_narrowest_entry():
+    unit = drawn("unit-revolute", 1)[1]
+    assert entry_of(unit, 1, "max-min").name == "unit-revolute_6x7_k1"
+    assert entry_of(drawn("lever-revolute", 1)[1], 1, "max-min").model == "lever-revolute"
+    scaled = unit * np.sqrt(7 / measures.trace(unit))
+    assert entry_of(scaled, 1, "max-min").model == "free-mean"
+    with pytest.raises(InputError, match="one of the atlas's models"):
+        entry_of(2 * unit, 1, "max-min")
+
+
+def test_a_search_goes_on_where_it_stopped():
+    asked = entry("free-mean_2x4_k2")
+    first = next(improve(asked, None, 1.0))
+    assert first.found.seeds == 1
+    fewer = replace(first, found=replace(first.found, reached_best=1))
+    second = next(improve(asked, fewer, 1.0))
+    assert (second.found.seeds, second.found.starts) == (2, 40)
+    assert second.found.reached_best > 1
+    assert list(improve(asked, second, 1.0)) == []
+
+
+def test_commands(lockedjoint, tmp_path):
+    listed = lockedjoint("atlas", "--model", "unit-revolute", "--json", cwd=tmp_path)
+    rows = json.loads(listed.stdout)
+    assert {row["model"] for row in rows} == {"unit-revolute"}
+    page = page_of(entry("unit-revolute_6x7_k1"))
+    np.save(tmp_path / "j.npy", page.jacobian[:, ::-1])
+    done = lockedjoint("atlas", "submit", "j.npy", "--out", "mine", "--json", cwd=tmp_path)
+    found = json.loads(done.stdout)
+    assert (found["entry"], found["improvement"]) == (page.entry.name, False)
+    assert list((tmp_path / "mine").iterdir()) == []
+    (tmp_path / "old").mkdir()
+    worse = improved(page.entry, drawn("unit-revolute", 3)[1], Found("me", "2026-01-01"), None)
+    write_page(worse, tmp_path / "old")
+    proposal = ("atlas", "submit", "j.npy", "--entries", "old", "--out", "mine", "--by", "you")
+    assert lockedjoint(*proposal, cwd=tmp_path).returncode == 0
+    written = read_page(Path(tmp_path) / "mine" / f"{page.entry.name}.json")
+    assert written.found.by == "you"
+    assert float(written.value) == pytest.approx(float(page.value), abs=1e-14)
+    assert lockedjoint("atlas", "verify", "--entries", "mine", cwd=tmp_path).returncode == 0
+    false = replace(written, value="0.9")
+    write_page(false, tmp_path / "mine")
+    verified = lockedjoint("atlas", "verify", "--entries", "mine", cwd=tmp_path)
+    assert verified.returncode == 1
+    assert "is not proved" in verified.stdout
