@@ -1,6 +1,8 @@
 """``lockedjoint posture``: the most failure-tolerant posture of a robot."""
 
-from typing import Annotated
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -16,6 +18,9 @@ from formulations.commands.arguments import (
 )
 from formulations.commands.assess import robot_text
 from formulations.commands.output import INTERRUPTED, show
+
+if TYPE_CHECKING:
+    from formulations.robots.posture import Posture
 
 
 def posture(
@@ -61,9 +66,17 @@ def posture(
         "status counts": found.status_counts,
         "midway sigma": found.mid_range_sigma,
     }
-    source = "the best found" if found.reached_best else "the best seen; no start converged"
+    if not found.starts:
+        how = {"formulation": formulation, "starts": "none: every posture is as bad"}
+    source = _source(found)
     text = robot_text(found.assessment, how, source)
     show(found.to_dict(), as_json, lambda _: text, out)
     if not found.complete:
         typer.echo(f"Interrupted: {found.starts} of {starts} starts ended.", err=True)
         raise typer.Exit(INTERRUPTED)
+
+
+def _source(found: Posture) -> str:
+    if not found.starts:
+        return "midway between the limits"
+    return "the best found" if found.reached_best else "the best seen; no start converged"

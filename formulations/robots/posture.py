@@ -4,7 +4,6 @@ from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field
 from functools import partial
-from itertools import compress
 from types import MappingProxyType
 from typing import Any
 
@@ -16,6 +15,7 @@ from formulations.robots.chain import LARGEST
 from formulations.robots.read_urdf import RobotError
 from formulations.robots.robot_arm import RobotArm
 from formulations.robots.robot_assessment import RobotAssessment, assess
+from formulations.robots.structural import structural_failures
 from formulations.solving.outcome import REACHED_BEST
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
@@ -26,9 +26,6 @@ from nlp.solution import ACCEPTABLE, SUCCESS
 # A start is the best of so many random configurations: a robot has many poor optima, and
 # near-singular postures from which max-min hardly moves.
 DRAWS = 64
-# A failure is fatal if it leaves less than `_FATAL` at all of so many random configurations.
-_PROBES = 200
-_FATAL = 1e-6
 # Max-min on robots: an adaptive barrier loses fewer starts; for joints to be designed it is the
 # other way round. The last two are Ipopt's defaults, which some encodings change.
 OPTIONS: Mapping[str, Mapping[str, object]] = MappingProxyType(
@@ -41,12 +38,10 @@ OPTIONS: Mapping[str, Mapping[str, object]] = MappingProxyType(
         }
     }
 )
+# A polished posture may be worse by this share, which is rounding.
+_SAME = 1e-9
 # In one stage: a start is chosen for its worst case, which a residual stage would lose.
 _ENCODING = "reduced"
-
-
-class FatalFailureError(RobotError):
-    """A robot that cannot tolerate some failure at any posture."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +59,8 @@ class Posture:
     seed, starts, reached_best
         Seed, starts that ended, and those that converged to a merit within `REACHED_BEST` of
         the best such merit. If none converged, `reached_best` is 0 and the posture is the best
-        at which a start stopped: within the limits, and no optimum.
+        at which a start stopped: within the limits, and no optimum. No starts are made where
+        a failure is structural.
     status_counts
         Ipopt's return statuses and how often each came.
     complete
@@ -131,13 +127,17 @@ def best_posture(arm: RobotArm, search: Search | None = None) -> Posture:
     search
         What is optimised, and from how many starts; by default max-min from 100.
 
+    Returns
+    -------
+    Posture
+        For max-min on an arm with a structural failure, after which σ is 0 at every posture,
+        that midway between the limits, from no start; see `formulations.robots.structural`.
+
     Raises
     ------
-    FatalFailureError
-        If, for max-min, some failure leaves less than full rank wherever the arm was tried.
     RobotError
-        If no start gave a posture that satisfies the formulation, or it has more equations
-        than variables.
+        If no start gave a posture that satisfies the formulation, it has more equations than
+        variables, or, for max-min, the arm cannot do the task even before a failure.
     InputError
         If the length is given, the task has linear or rotational directions only, and the
         formulation's merit is best for a small Jacobian.
@@ -147,6 +147,8 @@ def best_posture(arm: RobotArm, search: Search | None = None) -> Posture:
     search = search or Search()
     # At once, because it fails where the arm has no characteristic length.
     middle = arm.jacobian(arm.chain.mid_range)
+    if _hopeless(arm, search):
+        return _midway(arm, search, middle)
     _check(arm, search, middle)
     study = _candidates(arm, search)
     if not study.results:
@@ -159,7 +161,7 @@ def best_posture(arm: RobotArm, search: Search | None = None) -> Posture:
         allowed = f"a task or robot for which one exists ({counts})"
         raise RobotError(where, f"not found from {len(study.results)} starts", allowed)
     pick = min if catalogue.formulation(search.formulation).SENSE == "minimise" else max
-    converged = [one for one in valid if one.return_status in (SUCCESS, ACCEPTABLE)]
+    converged = [one for one in valid if one.converged]
     ranked = converged or valid
     merit = pick(one.merit for one in ranked)
     best = [one for one in ranked if abs(one.merit - merit) <= REACHED_BEST]
@@ -176,17 +178,29 @@ def best_posture(arm: RobotArm, search: Search | None = None) -> Posture:
     )
 
 
-def fatal_failures(arm: RobotArm) -> tuple[str, ...]:
-    """Joints whose single failure leaves less than full rank at every posture tried.
+def _hopeless(arm: RobotArm, search: Search) -> bool:
+    """Whether the formulation needs full rank after a failure that leaves it nowhere."""
+    if "locked" not in catalogue.formulation(search.formulation).SETTINGS:
+        return False
+    exact = [one for one in structural_failures(arm) if one.kind == "structural"]
+    if len(exact) == arm.size and all(one.miss is None for one in exact):
+        shown = ",".join(arm.task.directions)
+        allowed = "directions in which the tip can move at some posture"
+        raise RobotError(f"task of {arm.description}", shown, allowed)
+    return bool(exact)
 
-    An arm with a spherical shoulder and a spherical wrist, for example, cannot move its
-    wrist nearer to its shoulder once the elbow is locked, whatever the posture.
-    """
-    rng = np.random.default_rng(1995)
-    left = [
-        measures.locked_singular_values(arm.jacobian(arm.sample(rng))) for _ in range(_PROBES)
-    ]
-    return tuple(compress(arm.chain.names, np.max(left, axis=0) < _FATAL))
+
+def _midway(arm: RobotArm, search: Search, middle: FloatArray) -> Posture:
+    return Posture(
+        formulation=search.formulation,
+        assessment=assess(arm, arm.chain.mid_range, search.locked),
+        mid_range_sigma=measures.worst_case_sigma(middle, search.locked),
+        seed=search.seed,
+        starts=0,
+        reached_best=0,
+        status_counts={},
+        complete=True,
+    )
 
 
 def _check(arm: RobotArm, search: Search, middle: FloatArray) -> None:
@@ -197,12 +211,6 @@ def _check(arm: RobotArm, search: Search, middle: FloatArray) -> None:
         name = stated.NAME
         allowed = f"none for the {name} of such a task, which a small Jacobian makes small"
         raise InputError("length", arm.length, allowed)
-    if "locked" in stated.SETTINGS:  # it needs full rank after every failure
-        fatal = fatal_failures(arm)
-        if fatal:
-            where = f"failure of {' or of '.join(fatal)}"
-            allowed = "a chain and a task that tolerate every failure at some posture"
-            raise FatalFailureError(where, "fatal at every posture tried", allowed)
     problem = _problem(arm, search)
     equations = sum(int(np.sum(_equal(one))) for one in problem.constraints)
     unknowns = problem.variables.numel()
@@ -231,17 +239,28 @@ def _problem(arm: RobotArm, search: Search) -> Problem:
 class _Candidate:
     """The posture from one start, within the limits, measured from its J alone.
 
-    The merit is NaN if the posture does not satisfy the formulation.
+    The merit is NaN if the posture does not satisfy the formulation. `polished` is whether
+    `max_min.Polish` converged, None where it was not called.
     """
 
     return_status: str
     merit: float
     worst_case_sigma: float
     configuration: FloatArray
+    polished: bool | None = None
+
+    @property
+    def converged(self) -> bool:
+        if self.polished is not None:
+            return self.polished
+        return self.return_status in (SUCCESS, ACCEPTABLE)
 
 
 def _candidates(arm: RobotArm, search: Search) -> Study[_Candidate]:
     stated = catalogue.formulation(search.formulation)
+    # Where hardly anything is left, Ipopt's tolerances are not small beside t.
+    near = "locked" in stated.SETTINGS and bool(structural_failures(arm))
+    polish = max_min.Polish(arm, search.locked) if near else None
     own = OPTIONS.get(search.formulation, stated.OPTIONS)
     return multistart(
         partial(_problem, arm, search),
@@ -251,7 +270,7 @@ def _candidates(arm: RobotArm, search: Search) -> Study[_Candidate]:
         workers=search.workers,
         options={**own, **search.options},
         label=f"{search.formulation} {arm.chain.robot}" if search.progress else None,
-        judge=partial(_judge, arm=arm, search=search),
+        judge=partial(_judge, arm=arm, search=search, polish=polish),
         figure=lambda candidate: candidate.merit,
     )
 
@@ -262,17 +281,33 @@ def _promising_start(rng: np.random.Generator, arm: RobotArm, locked: int) -> Fl
     return max(drawn, key=lambda point: measures.worst_case_sigma(arm.jacobian(point), locked))
 
 
-def _judge(run: Run, arm: RobotArm, search: Search) -> _Candidate:
+def _judge(
+    run: Run, arm: RobotArm, search: Search, polish: max_min.Polish | None = None
+) -> _Candidate:
     """Measure the posture that a start led to, moved to within the limits or one turn."""
     point = run.solution.variables[: arm.size]
     merit = sigma = float("nan")
+    polished: bool | None = None
     if np.all(np.abs(point) <= LARGEST):
         lower, upper = arm.bounds
         endless = ~np.isfinite(lower) & ~np.isfinite(upper) & ~np.array(arm.chain.prismatic)
         turned = np.where(endless, (point + np.pi) % (2 * np.pi) - np.pi, point)
         point = np.clip(turned, lower, upper)
+        if polish is not None:
+            point, polished = _better(arm, search.locked, point, polish)
         matrix = arm.jacobian(point)
         merit = catalogue.formulation(search.formulation).merit(matrix, search.locked)
         sigma = measures.worst_case_sigma(matrix, search.locked)
     merit = merit if np.isfinite(merit) else float("nan")
-    return _Candidate(run.solution.status.return_status, merit, sigma, point)
+    return _Candidate(run.solution.status.return_status, merit, sigma, point, polished)
+
+
+def _better(
+    arm: RobotArm, locked: int, point: FloatArray, polish: max_min.Polish
+) -> tuple[FloatArray, bool]:
+    """Return the polished point if it is not worse, and whether that converged."""
+    found, converged = polish(point)
+    before, after = (
+        measures.worst_case_sigma(arm.jacobian(one), locked) for one in (point, found)
+    )
+    return (found, converged) if after >= before * (1 - _SAME) else (point, False)
