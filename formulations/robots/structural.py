@@ -6,16 +6,17 @@ the whole J(q). Over random postures within the limits ::
     ratio_f = max σ_f / max σ
 
 A failure is *structural* if the ratio is 0, up to rounding in the robot's file: σ_f is 0 at
-every posture. The samples prove that with probability 1, because the determinant of what is left
-of JJᵀ is an analytic function of q, which is zero everywhere or on a set of no volume. A failure
-is *near-structural* if the ratio is small: the joints are placed as in a structural arm, but for
-small offsets.
+every posture. The samples prove that with probability 1, because the determinant of what is
+left of JJᵀ is an analytic function of q, which is zero everywhere or on a set of no volume. A
+failure is *near-structural* if the ratio is small: the joints are placed as in a structural
+arm, but for small offsets.
 
-In six dimensions there is mostly a geometric reason: the axes of all other joints meet one line,
-whatever the posture. A force along that line does no work on any of them, so that no joint moves
-the tool against it. Two runs of axes that each meet in a point, or are parallel, have such a
-line, through both points; so do one such run and any two axes. In an arm with a spherical
-shoulder and a spherical wrist, for example, a locked elbow fixes the distance between them.
+In six dimensions there is mostly a geometric reason: the axes of all other joints meet one
+line, whatever the posture. A force along that line does no work on any of them, so that no
+joint moves the tool against it. Two runs of axes that each meet in a point, or are parallel,
+have such a line, through both points; so do one such run and any two axes. In an arm with a
+spherical shoulder and a spherical wrist, for example, a locked elbow fixes the distance
+between them.
 """
 
 from dataclasses import dataclass

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
+from scipy.optimize import minimize
 
 from formulations import max_min, measures
 from formulations.robots import posture
@@ -180,6 +181,28 @@ def test_the_elbow_between_two_spherical_joints_is_structural(made):
     assert (found.starts, found.reached_best, found.complete) == (0, 0, True)
     assert found.assessment.worst_case_sigma < 1e-12
     assert best_posture(arm, Search("residual", starts=2)).starts == 2
+
+
+def test_a_near_structural_arm_reaches_what_direct_search_reaches(made):
+    """With offsets of 20 µm; Nelder–Mead on σ, from what was found and from a random posture."""
+    offsets = ["0 0 0", "0.00002 0 0", "0 0 0", "0 0 0.4", "0 0 0.4", "0 0 0", "0 0 0"]
+    tree = made.tree(made.urdf(made.serial(offsets)))
+    arm = RobotArm(chain_between(tree, "l7", point=(0, 0, 0.1)))
+    found = best_posture(arm, Search(starts=8))
+    (failure,) = found.assessment.structural
+    assert (failure.joint, failure.kind) == ("j3", "near-structural")
+    assert found.reached_best > 0
+    best = found.assessment.worst_case_sigma
+    lower, upper = arm.bounds
+
+    def loss(point):
+        return -measures.worst_case_sigma(arm.jacobian(np.clip(point, lower, upper))) / best
+
+    rng = np.random.default_rng(8)
+    point = np.array(list(found.assessment.configuration.values()))
+    for start in (point, min((arm.sample(rng) for _ in range(64)), key=loss)):
+        answer = minimize(loss, start, method="Nelder-Mead", options={"maxiter": 400})
+        assert -answer.fun < 1.001
 
 
 def test_a_task_that_the_arm_cannot_do_is_refused(made):
