@@ -9,6 +9,7 @@ from formulations import measures
 from formulations.robots.chain_between import chain_between
 from formulations.robots.robot_arm import RobotArm, Task
 from formulations.robots.structural import structural_failures
+from formulations.studies.robots import ARMS
 
 # Modified Denavit–Hartenberg parameters (α, a, d) of a spherical shoulder, an elbow and a
 # spherical wrist; the tool is 0.1 m from the wrist.
@@ -75,6 +76,21 @@ def test_offsets_as_large_as_links_are_not_structural(made):
     """Before the elbow an offset only changes the distance between the centres."""
     assert structural_failures(arm(made, with_offset(3, 0.1))) != ()
     assert structural_failures(arm(made, with_offset(2, 0.1))) == ()
+
+
+@pytest.mark.parametrize(
+    ("name", "kinds"),
+    [
+        ("Franka Panda", []),
+        ("KUKA LBR iiwa 14", [("joint_a4", "near-structural")]),
+        ("iCub, left arm", [("l_elbow", "structural")]),
+    ],
+)
+def test_arms_that_exist(name, kinds):
+    """The iiwa as described has offsets of 0.436 mm at the shoulder."""
+    found = structural_failures(next(one for one in ARMS if one.name == name).arm())
+    assert [(one.joint, one.kind) for one in found] == kinds
+    assert all(one.miss < 0.00044 for one in found)
 
 
 def test_parallel_axes_are_a_point_at_infinity(made):
