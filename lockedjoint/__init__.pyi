@@ -43,6 +43,8 @@ from formulations.robots.posture import best_posture as best_posture
 from formulations.robots.read_robot import read_robot as read_robot
 from formulations.robots.read_urdf import read_urdf as read_urdf
 from formulations.robots.robot_arm import RobotArm as RobotArm
+from formulations.robots.structural import StructuralFailure as StructuralFailure
+from formulations.robots.structural import structural_failures as structural_failures
 from formulations.robots.waypoints import read_waypoints as read_waypoints
 from formulations.solving.outcome import Outcome as Outcome
 from formulations.solving.record import Record as Record

@@ -92,6 +92,7 @@ def robot_text(found: RobotAssessment, above: Mapping[str, object], source: str)
         "characteristic length": f"{found.characteristic_length:.6g} m",
         "worst-case sigma": _sigma(found.worst_case_sigma),
         "worst failure": _worst(found),
+        **_structural(found),
         "worst direction": _direction(found.worst_case_direction),
         "bound": f"{found.sigma_bound:.9g}, reached to {found.percent_of_bound:.2f} %",
         "reachable": f"{found.reachable_sigma:.9g}, reached to "
@@ -115,6 +116,14 @@ def _worst(found: RobotAssessment) -> str:
     joints = " and ".join(found.worst_case_joints)
     others = found.equally_bad - 1
     return f"{joints} ({others} more leave as little)" if others else joints
+
+
+def _structural(found: RobotAssessment) -> dict[str, str]:
+    said: dict[str, str] = {}
+    for one in found.structural:
+        before = f"{said[one.kind]}. " if one.kind in said else ""
+        said[one.kind] = before + one.sentence
+    return said
 
 
 def _sigma(value: float) -> str:

@@ -90,8 +90,9 @@ def posture(
         "midway sigma": found.mid_range_sigma,
         **_held(found),
     }
-    source = "the best found" if found.reached_best else "the best seen; no start converged"
-    parts = [robot_text(found.assessment, how, source)]
+    if not found.starts:
+        how = {"formulation": formulation, "starts": "none: every posture is as bad"}
+    parts = [robot_text(found.assessment, how, _source(found))]
     parts += [] if found.failures is None else [failures_text(found.failures)]
     parts += [] if found.at is None else [_after_failure(found.at.after_failure)]
     text = "\n\n".join(parts)
@@ -132,3 +133,9 @@ def _after_failure(found: Sequence[LockedReach]) -> str:
     ]
     heads = ("locked", "% of range", "pose within reach where it locks at")
     return str(tabulate(lines, heads, tablefmt="plain", disable_numparse=True))
+
+
+def _source(found: Posture) -> str:
+    if not found.starts:
+        return "midway between the limits"
+    return "the best found" if found.reached_best else "the best seen; no start converged"

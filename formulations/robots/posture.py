@@ -10,7 +10,6 @@ from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field
 from functools import partial
-from itertools import compress
 from types import MappingProxyType
 from typing import Any
 
@@ -24,6 +23,7 @@ from formulations.robots.clearance import Clearance, Closest
 from formulations.robots.held_pose import HeldArm, LockedReach, Pose
 from formulations.robots.robot_arm import RobotArm
 from formulations.robots.robot_assessment import RobotAssessment, assess, assess_unequal
+from formulations.robots.structural import structural_failures
 from formulations.robots.tree import RobotError
 from formulations.solving.outcome import REACHED_BEST
 from nlp.arrays import FloatArray
@@ -35,9 +35,6 @@ from nlp.solution import ACCEPTABLE, SUCCESS
 # A start is the best of so many random configurations: a robot has many poor optima, and
 # near-singular postures from which max-min hardly moves.
 DRAWS = 64
-# A failure is fatal if it leaves less than `_FATAL` at all of so many random configurations.
-_PROBES = 200
-_FATAL = 1e-6
 # Max-min on robots: an adaptive barrier loses fewer starts; for joints to be designed it is the
 # other way round. The last two are Ipopt's defaults, which some encodings change.
 OPTIONS: Mapping[str, Mapping[str, object]] = MappingProxyType(
@@ -50,12 +47,10 @@ OPTIONS: Mapping[str, Mapping[str, object]] = MappingProxyType(
         }
     }
 )
+# A polished posture may be worse by this share, which is rounding.
+_SAME = 1e-9
 # In one stage: a start is chosen for its worst case, which a residual stage would lose.
 _ENCODING = "reduced"
-
-
-class FatalFailureError(RobotError):
-    """A robot that cannot tolerate some failure at any posture."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +68,8 @@ class Posture:
     seed, starts, reached_best
         Seed, starts that ended, and those that converged to a merit within `REACHED_BEST` of
         the best such merit. If none converged, `reached_best` is 0 and the posture is the best
-        at which a start stopped: within the limits, and no optimum.
+        at which a start stopped: within the limits, and no optimum. No starts are made where
+        a failure is structural.
     status_counts
         Ipopt's return statuses and how often each came.
     complete
@@ -234,13 +230,18 @@ def best_posture(
     clearance
         Which distance links keep from each other; they may touch if left out.
 
+    Returns
+    -------
+    Posture
+        For max-min on an arm with a structural failure, after which σ is 0 at every posture,
+        any one, from no start: that midway between the limits, or at the pose; see
+        `formulations.robots.structural`.
+
     Raises
     ------
-    FatalFailureError
-        If, for max-min, some failure leaves less than full rank wherever the arm was tried.
     RobotError
-        If no start gave a posture that satisfies the formulation, or it has more equations
-        than variables.
+        If no start gave a posture that satisfies the formulation, it has more equations than
+        variables, or, for max-min, the arm cannot do the task even before a failure.
     InputError
         If the length is given, the task has linear or rotational directions only, and the
         formulation's merit is best for a small Jacobian. If the pose is out of reach.
@@ -252,6 +253,8 @@ def best_posture(
         arm = HeldArm(arm.chain, arm.task, arm.length, at, clearance)
     # At once, because it fails where the arm has no characteristic length.
     middle = arm.jacobian(arm.chain.mid_range)
+    if _hopeless(arm, search):
+        return _any_posture(arm, search, middle, at, clearance)
     _check(arm, search, middle)
     study = _candidates(arm, search)
     if not study.results:
@@ -265,7 +268,7 @@ def best_posture(
         allowed = f"a {free} for which one exists ({counts})"
         raise RobotError(where, f"not found from {len(study.results)} starts", allowed)
     pick = min if catalogue.formulation(search.formulation).SENSE == "minimise" else max
-    converged = [one for one in valid if one.return_status in (SUCCESS, ACCEPTABLE)]
+    converged = [one for one in valid if one.converged]
     ranked = converged or valid
     merit = pick(one.merit for one in ranked)
     best = [one for one in ranked if abs(one.merit - merit) <= REACHED_BEST]
@@ -310,17 +313,54 @@ def _at_pose(arm: RobotArm, pose: Pose, point: FloatArray) -> AtPose:
     return AtPose(pose, float(off[0]), float(angle[0]), arm.locked_reach(point))
 
 
-def fatal_failures(arm: RobotArm) -> tuple[str, ...]:
-    """Joints whose single failure leaves less than full rank at every posture tried.
+def _hopeless(arm: RobotArm, search: Search) -> bool:
+    """Whether the formulation needs full rank after a failure that leaves it nowhere."""
+    if "locked" not in catalogue.formulation(search.formulation).SETTINGS:
+        return False
+    if search.goal != "worst":
+        return False
+    free = RobotArm(arm.chain, arm.task, arm.length)
+    exact = [one for one in structural_failures(free) if one.kind == "structural"]
+    if len(exact) == arm.size and all(one.miss is None for one in exact):
+        shown = ",".join(arm.task.directions)
+        allowed = "directions in which the tip can move at some posture"
+        raise RobotError(f"task of {arm.description}", shown, allowed)
+    models = scenarios(search.failures) if search.failures else ()
+    fallible = {arm.chain.names[f] for one in models for f in one.fallible}
+    return any(not models or one.joint in fallible for one in exact)
 
-    An arm with a spherical shoulder and a spherical wrist, for example, cannot move its
-    wrist nearer to its shoulder once the elbow is locked, whatever the posture.
-    """
-    rng = np.random.default_rng(1995)
-    left = [
-        measures.locked_singular_values(arm.jacobian(arm.sample(rng))) for _ in range(_PROBES)
-    ]
-    return tuple(compress(arm.chain.names, np.max(left, axis=0) < _FATAL))
+
+def _any_posture(
+    arm: RobotArm,
+    search: Search,
+    middle: FloatArray,
+    at: Pose | None,
+    clearance: Clearance | None,
+) -> Posture:
+    """Return that midway between the limits or, with something to keep to, one that does."""
+    point, failures = arm.chain.mid_range, None
+    if isinstance(arm, HeldArm):
+        point = arm.sample(np.random.default_rng(search.seed))
+        if not arm.holds(point):
+            where = f"posture of {arm.description}"
+            allowed = "a pose or distance that one draw meets: every posture is as bad"
+            raise RobotError(where, "not found", allowed)
+    if search.failures is not None:
+        known = search.probabilities_known
+        failures = assess_unequal(arm, arm.jacobian(point), search.failures, known)
+    return Posture(
+        formulation=search.formulation,
+        assessment=assess(arm, point, search.locked),
+        mid_range_sigma=measures.worst_case_sigma(middle, search.locked),
+        seed=search.seed,
+        starts=0,
+        reached_best=0,
+        status_counts={},
+        complete=True,
+        at=None if at is None else _at_pose(arm, at, point),
+        clearance=None if clearance is None else kept_clearance(clearance, point),
+        failures=failures,
+    )
 
 
 def _check(arm: RobotArm, search: Search, middle: FloatArray) -> None:
@@ -331,15 +371,6 @@ def _check(arm: RobotArm, search: Search, middle: FloatArray) -> None:
         name = stated.NAME
         allowed = f"none for the {name} of such a task, which a small Jacobian makes small"
         raise InputError("length", arm.length, allowed)
-    # It needs full rank after every failure that counts.
-    if "locked" in stated.SETTINGS and search.goal == "worst":
-        names, models = arm.chain.names, scenarios(search.failures) if search.failures else ()
-        fallible = {names[f] for one in models for f in one.fallible} or set(names)
-        fatal = [name for name in fatal_failures(arm) if name in fallible]
-        if fatal:
-            where = f"failure of {' or of '.join(fatal)}"
-            allowed = "a chain and a task that tolerate every failure at some posture"
-            raise FatalFailureError(where, "fatal at every posture tried", allowed)
     problem = _problem(arm, search)
     equations = sum(int(np.sum(_equal(one))) for one in problem.constraints)
     unknowns = problem.variables.numel()
@@ -370,17 +401,30 @@ def _problem(arm: RobotArm, search: Search) -> Problem:
 class _Candidate:
     """The posture from one start, within the limits, measured from its J alone.
 
-    The merit is NaN if the posture does not satisfy the formulation.
+    The merit is NaN if the posture does not satisfy the formulation. `polished` is whether
+    `max_min.Polish` converged, None where it was not called.
     """
 
     return_status: str
     merit: float
     worst_case_sigma: float
     configuration: FloatArray
+    polished: bool | None = None
+
+    @property
+    def converged(self) -> bool:
+        if self.polished is not None:
+            return self.polished
+        return self.return_status in (SUCCESS, ACCEPTABLE)
 
 
 def _candidates(arm: RobotArm, search: Search) -> Study[_Candidate]:
     stated = catalogue.formulation(search.formulation)
+    # Where hardly anything is left, Ipopt's tolerances are not small beside t.
+    # A pose to keep, or unequal failures, are not what the polish knows of.
+    free = search.failures is None and not isinstance(arm, HeldArm)
+    near = free and "encoding" in stated.SETTINGS and bool(structural_failures(arm))
+    polish = max_min.Polish(arm, search.locked) if near else None
     own = OPTIONS.get(search.formulation, stated.OPTIONS)
     return multistart(
         partial(_problem, arm, search),
@@ -390,7 +434,7 @@ def _candidates(arm: RobotArm, search: Search) -> Study[_Candidate]:
         workers=search.workers,
         options={**own, **search.options},
         label=f"{search.formulation} {arm.chain.robot}" if search.progress else None,
-        judge=partial(_judge, arm=arm, search=search),
+        judge=partial(_judge, arm=arm, search=search, polish=polish),
         figure=lambda candidate: candidate.merit,
     )
 
@@ -407,15 +451,20 @@ def _promising_start(rng: np.random.Generator, arm: RobotArm, search: Search) ->
     return max(drawn, key=left)
 
 
-def _judge(run: Run, arm: RobotArm, search: Search) -> _Candidate:
+def _judge(
+    run: Run, arm: RobotArm, search: Search, polish: max_min.Polish | None = None
+) -> _Candidate:
     """Measure the posture that a start led to, moved to within the limits or one turn."""
     point = run.solution.variables[: arm.size]
     merit = sigma = float("nan")
+    polished: bool | None = None
     if np.all(np.abs(point) <= LARGEST):
         lower, upper = arm.bounds
         endless = ~np.isfinite(lower) & ~np.isfinite(upper) & ~np.array(arm.chain.prismatic)
         turned = np.where(endless, (point + np.pi) % (2 * np.pi) - np.pi, point)
         point = np.clip(turned, lower, upper)
+        if polish is not None:
+            point, polished = _better(arm, search.locked, point, polish)
         matrix = arm.jacobian(point)
         if not arm.holds(point):
             pass
@@ -425,4 +474,15 @@ def _judge(run: Run, arm: RobotArm, search: Search) -> _Candidate:
             merit = catalogue.formulation(search.formulation).merit(matrix, search.locked)
         sigma = measures.worst_case_sigma(matrix, search.locked)
     merit = merit if np.isfinite(merit) else float("nan")
-    return _Candidate(run.solution.status.return_status, merit, sigma, point)
+    return _Candidate(run.solution.status.return_status, merit, sigma, point, polished)
+
+
+def _better(
+    arm: RobotArm, locked: int, point: FloatArray, polish: max_min.Polish
+) -> tuple[FloatArray, bool]:
+    """Return the polished point if it is not worse, and whether that converged."""
+    found, converged = polish(point)
+    before, after = (
+        measures.worst_case_sigma(arm.jacobian(one), locked) for one in (point, found)
+    )
+    return (found, converged) if after >= before * (1 - _SAME) else (point, False)

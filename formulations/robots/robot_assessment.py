@@ -13,6 +13,7 @@ from formulations.bounds.certified import best_known
 from formulations.bounds.unequal_failures import assess_scenarios
 from formulations.measures.unequal_failures import Scenarios
 from formulations.robots.robot_arm import RobotArm
+from formulations.robots.structural import StructuralFailure, structural_failures
 from nlp.arrays import FloatArray
 
 # Failures that leave the same up to this share of the largest singular value are equally bad.
@@ -96,6 +97,9 @@ class RobotAssessment:
         Of the whole J.
     failures
         Every set of joints that may lock, the worst first.
+    structural
+        Joints whose single failure is fatal at every posture, or nearly so; see
+        `formulations.robots.structural`.
     by_length, best_length
         The worst case at lengths up to a decade from ℓ; and at the length, up to two decades
         from ℓ, with the largest percentage of the bound, None if no length gives more than
@@ -126,6 +130,7 @@ class RobotAssessment:
     percent_of_reachable: float
     singular_values: list[float]
     failures: tuple[Failure, ...]
+    structural: tuple[StructuralFailure, ...]
     by_length: tuple[AtLength, ...]
     best_length: AtLength | None
     jacobian: list[list[float]]
@@ -182,6 +187,7 @@ def assess(arm: RobotArm, configuration: npt.ArrayLike, locked: int = 1) -> Robo
         percent_of_reachable=_percent(worst.sigma, best),
         singular_values=values.tolist(),
         failures=failures,
+        structural=structural_failures(arm),
         by_length=tuple(at_length(arm, point, length * k, locked) for k in shown),
         best_length=_best_length(arm, point, locked) if shown else None,
         jacobian=matrix.tolist(),

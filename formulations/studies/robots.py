@@ -1,20 +1,13 @@
 """The best postures of arms that exist, side by side, as a study."""
 
 from collections.abc import Iterator, Mapping
-from contextlib import suppress
 from dataclasses import dataclass, field
 from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 
 from formulations.files.table import HIDDEN, column, read_rows
 from formulations.robots.chain_between import chain_between
-from formulations.robots.posture import (
-    FatalFailureError,
-    Posture,
-    Search,
-    best_posture,
-    fatal_failures,
-)
+from formulations.robots.posture import Posture, Search, best_posture
 from formulations.robots.read_urdf import read_urdf
 from formulations.robots.robot_arm import RobotArm, Task
 from formulations.robots.robot_assessment import best_7r
@@ -41,11 +34,13 @@ class SurveyArm:
     file
         Its URDF, within the package's folder of robots.
     tip
-        The link that the Jacobian is of; the chain starts at the robot's root.
+        The link that the Jacobian is of.
     task
         Task directions, as `Task.parse` reads them.
     package
         The distribution that it comes in.
+    base
+        The link that it is relative to; empty for the robot's root.
     """
 
     name: str
@@ -53,6 +48,7 @@ class SurveyArm:
     tip: str
     task: str = "all"
     package: str = "example-robot-data"
+    base: str = ""
 
     @property
     def path(self) -> Path:
@@ -66,7 +62,7 @@ class SurveyArm:
 
     def arm(self) -> RobotArm:
         """Return the arm at the default characteristic length."""
-        chain = chain_between(read_urdf(self.path), self.tip)
+        chain = chain_between(read_urdf(self.path), self.tip, self.base or None)
         return RobotArm(chain, Task.parse(self.task))
 
 
@@ -80,7 +76,7 @@ class Row:
 
     Attributes
     ----------
-    arm, package, file, tip, task
+    arm, package, file, base, tip, task
         What was searched; see `SurveyArm`.
     joints, prismatic, task_dimension
         n, how many of them are prismatic, and m.
@@ -96,8 +92,11 @@ class Row:
         both in units of ℓ; arms with more joints may pass it. NaN in other dimensions.
     mid_range_sigma
         Worst case midway between the limits.
-    fatal_failures
-        Joints whose failure is fatal at every posture tried; no search is made then.
+    structural, near_structural
+        Joints whose failure is fatal at every posture, or nearly so. Where there are any of the
+        first kind no search is made.
+    structural_ratio
+        What the worst of them leaves, as a share of σ before it; NaN if there is none.
     at_limits
         Joints at a limit.
     starts, reached_best, status_counts
@@ -109,6 +108,7 @@ class Row:
     arm: str
     package: str = field(metadata=HIDDEN)
     file: str = field(metadata=HIDDEN)
+    base: str = field(metadata=HIDDEN)
     tip: str = field(metadata=HIDDEN)
     task: str
     joints: int
@@ -122,7 +122,9 @@ class Row:
     percent_of_bound: float = field(metadata=column("% of the bound", ".2f"))
     percent_of_best_7r: float = field(metadata=column("% of the best 7R", ".2f"))
     mid_range_sigma: float = field(metadata=column("σ at mid-range", ".5f"))
-    fatal_failures: str = field(metadata=HIDDEN)
+    structural: str = field(metadata=HIDDEN)
+    near_structural: str = field(metadata=HIDDEN)
+    structural_ratio: float = field(metadata=HIDDEN)
     at_limits: str = field(metadata=column("at a limit", empty="–"))
     starts: int
     reached_best: int
@@ -152,14 +154,9 @@ def study(only: str | None = None) -> Study:
         )
         for one in arms:
             effort.progress(f"{one.name}, {one.task}")
-            posture: Posture | None = None
-            with suppress(FatalFailureError):
-                posture = best_posture(one.arm(), search)
+            posture = best_posture(one.arm(), search)
             with deferred_interrupt():  # until the row is written
                 row = row_of(one, posture)
-                if posture is None:
-                    yield Part(rows=[row])
-                    continue
                 entry = {"arm": one.name, "variant": one.task, **posture.to_dict()}
                 yield Part(rows=[row], entries=[entry], complete=posture.complete)
 
@@ -180,40 +177,47 @@ def study(only: str | None = None) -> Study:
     )
 
 
-def row_of(one: SurveyArm, found: Posture | None) -> Row:
-    """Return an arm and its best posture as a row; without a posture, its fatal failures."""
+def row_of(one: SurveyArm, found: Posture) -> Row:
+    """Return an arm and its best posture as a row."""
     arm = one.arm()
     m, n = arm.shape
     nan = float("nan")
-    at = None if found is None else found.assessment
-    fatal = fatal_failures(arm) if found is None else ()
-    sigma = at.worst_case_sigma if at else 0.0
+    at = found.assessment
+    kinds = {
+        kind: ", ".join(each.joint for each in at.structural if each.kind == kind)
+        for kind in ("structural", "near-structural")
+    }
     return Row(
         arm=one.name,
         package=one.package,
         file=one.file,
+        base=one.base,
         tip=one.tip,
         task=one.task,
         joints=n,
         prismatic=sum(arm.chain.prismatic),
         task_dimension=m,
-        characteristic_length=at.characteristic_length if at else nan,
-        worst_case_sigma=sigma,
-        worst_case_joint=at.worst_case_joints[0] if at else fatal[0],
-        equally_bad=at.equally_bad if at else len(fatal),
-        sigma_bound=at.sigma_bound if at else nan,
-        percent_of_bound=at.percent_of_bound if at else 0.0,
-        percent_of_best_7r=100 * sigma / best_7r() if m == 6 else nan,
-        mid_range_sigma=found.mid_range_sigma if found else 0.0,
-        fatal_failures=", ".join(fatal),
-        at_limits=", ".join(at.at_limits) if at else "",
-        starts=found.starts if found else 0,
-        reached_best=found.reached_best if found else 0,
-        status_counts=dict(found.status_counts) if found else {},
-        configuration=dict(at.configuration) if at else {},
+        characteristic_length=at.characteristic_length,
+        worst_case_sigma=at.worst_case_sigma,
+        worst_case_joint=at.worst_case_joints[0],
+        equally_bad=at.equally_bad,
+        sigma_bound=at.sigma_bound,
+        percent_of_bound=at.percent_of_bound,
+        percent_of_best_7r=100 * at.worst_case_sigma / best_7r() if m == 6 else nan,
+        mid_range_sigma=found.mid_range_sigma,
+        structural=kinds["structural"],
+        near_structural=kinds["near-structural"],
+        structural_ratio=min((each.ratio for each in at.structural), default=nan),
+        at_limits=", ".join(at.at_limits),
+        starts=found.starts,
+        reached_best=found.reached_best,
+        status_counts=dict(found.status_counts),
+        configuration=dict(at.configuration),
     )
 
 
 def _worst(row: Row) -> str:
-    fatal = row.fatal_failures
-    return f"{fatal}: fatal at every posture" if fatal else row.worst_case_joint
+    if row.structural:
+        return f"{row.structural}: structural"
+    near = ": near-structural" if row.near_structural else ""
+    return f"{row.worst_case_joint}{near}"

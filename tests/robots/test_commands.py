@@ -108,6 +108,7 @@ def test_assess_shows_everything_that_was_asked_for(lockedjoint, robot, tmp_path
         (("assess", "branched.urdf"), "--tip is missing; allowed: a link of made"),
         (("posture", "robot.urdf", "--formulation", "best"), "one of residual, max-min"),
         (("posture", "robot.urdf", "--ipopt", "mu=1"), "mu"),
+        (("posture", "planar.urdf"), "directions in which the tip can move at some posture"),
         (("robots", "--only", "Hal"), "--only is Hal; allowed: part of one of Franka"),
     ],
 )
@@ -125,6 +126,8 @@ def test_wrong_input_is_one_sentence(
     (tmp_path / "stuck.urdf").write_text('name="j3"'.join(stuck))
     (tmp_path / "point.urdf").write_text(made.urdf(made.serial(["0 0 0"] * 7)))
     (tmp_path / "branched.urdf").write_text(made.urdf(branch))
+    planar = made.serial(["0.3 0 0"] * 8, ["0 0 1"] * 8)
+    (tmp_path / "planar.urdf").write_text(made.urdf(planar))
     before = sorted(tmp_path.iterdir())
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "argv", ["lockedjoint", *arguments])
@@ -162,6 +165,30 @@ def test_what_is_suspicious_is_a_note(lockedjoint, made, tmp_path):
         assert found["immobile"] == {"j3": 0.5}
         assert list(found["configuration"]) == ["j0", "j1", "j2", "j4"]
         assert np.array(found["jacobian"]).shape == (3, 4)
+
+
+def test_a_structural_failure_is_a_result(made, tmp_path, monkeypatch, capfd):
+    """With the advice, exit status 0, and a file that assess reads."""
+    tool = made.joint("tool", "l7", "tool", "fixed", xyz="0 0 0.1")
+    arm = made.spherical_shoulder_and_wrist()
+    (tmp_path / "srs.urdf").write_text(
+        arm.replace("</robot>", f'<link name="tool"/>{tool}</robot>')
+    )
+    monkeypatch.chdir(tmp_path)
+    again = ("assess", "srs.urdf", "--configuration", "best.json")
+    for arguments in (("posture", "srs.urdf", "--out", "best.json"), again):
+        monkeypatch.setattr(sys, "argv", ["lockedjoint", *arguments])
+        with pytest.raises(SystemExit) as ended:
+            main()
+        shown = capfd.readouterr().out
+        assert not ended.value.code
+        (line,) = [one for one in shown.splitlines() if one.startswith("structural")]
+        assert "j3: no posture keeps full rank" in line
+        assert line.endswith("try --task position")
+    found = json.loads((tmp_path / "best.json").read_text())
+    assert (found["starts"], found["reached_best"]) == (0, 0)
+    (failure,) = found["structural"]
+    assert (failure["joint"], failure["kind"]) == ("j3", "structural")
 
 
 def test_workers_are_all_cores_unless_given():

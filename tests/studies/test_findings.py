@@ -72,10 +72,14 @@ def test_a_bound_is_attained_only_where_no_gap_is_left():
 def test_the_best_and_the_poorest_arm_are_named():
     rows = committed("robots")
     seven = [row for row in rows if (row.joints, row.task_dimension) == (7, 6)]
+    (structural,) = [row for row in seven if row.structural]
+    seven.remove(structural)
     ranked = sorted(seven, key=lambda row: row.percent_of_best_7r)
     said = finding("robots", rows)
     assert f"{ranked[-1].arm} comes nearest" in said
     assert f"{ranked[0].arm} keeps the least" in said
+    assert f"{structural.arm} loses full rank whatever the posture" in said
+    assert "Near-structural for KUKA LBR iiwa 14, all: joint_a4." in said
 
 
 def test_the_most_expensive_variant_is_named_and_failed_ones_have_no_cost():
