@@ -13,8 +13,9 @@ from formulations.robots.chain_between import chain_between
 from formulations.robots.clearance import read_clearance
 from formulations.robots.held_pose import HeldArm, Pose
 from formulations.robots.posture import Search, best_posture
-from formulations.robots.read_urdf import RobotError, read_urdf
+from formulations.robots.read_urdf import read_urdf
 from formulations.robots.robot_arm import RobotArm, Task
+from formulations.robots.tree import RobotError
 from formulations.studies.robots import ARMS
 from nlp.errors import InputError
 
