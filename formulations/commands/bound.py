@@ -41,7 +41,7 @@ _USED_BY = {
     "order": (Quantity.EXISTENCE,),
     "preset": _UNIT_REVOLUTE,
     "rigorous": _UNIT_REVOLUTE,
-    "out": (Quantity.RESIDUAL,),
+    "out": _UNIT_REVOLUTE,
     "seed": _UNIT_REVOLUTE,
     "solver": (Quantity.WORST_CASE, Quantity.EXISTENCE, Quantity.RESIDUAL),
 }
@@ -100,8 +100,8 @@ def bound(
         Path | None,
         typer.Option(
             metavar="FILE",
-            help="residual, with --rigorous: where to write the certificate (JSON), for "
-            "`lockedjoint verify`.",
+            help="residual, and max-min with the preset localised, with --rigorous: where to "
+            "write the certificate (JSON), for `lockedjoint verify`.",
             show_default=False,
         ),
     ] = None,
@@ -126,7 +126,7 @@ def bound(
     refuse_unused(context, names, f"--quantity {quantity}")
     if quantity is Quantity.MAX_MIN and joints > 7:
         reason = "more than 7 joints: --quantity max-min is a closed form there"
-        refuse_unused(context, ("preset", "rigorous", "seed"), reason)
+        refuse_unused(context, ("preset", "rigorous", "out", "seed"), reason)
     conic = "CLARABEL" if solver is None else solver
     text: Callable[[Mapping[str, Any]], str] = as_text
     if quantity is Quantity.EXISTENCE:
@@ -183,7 +183,9 @@ def _unit_revolute(
     if out is not None and not rigorous:
         raise InputError("--out", str(out), "none without --rigorous")
     if quantity is Quantity.MAX_MIN:
-        found = max_min_bound(preset, joints, rigorous=rigorous, rng=seed, progress=progress)
+        found = max_min_bound(
+            preset, joints, rigorous=rigorous, rng=seed, progress=progress, out=out
+        )
     elif rigorous:
         found = rigorous_residual_bound(preset, joints, rng=seed, progress=progress, out=out)
     else:

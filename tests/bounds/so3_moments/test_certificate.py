@@ -15,24 +15,37 @@ from typing import Any
 import numpy as np
 import pytest
 
-from formulations.bounds.so3_moments import certificate as format_module
-from formulations.bounds.so3_moments import rigorous_residual, verification
+from formulations.bounds.so3_moments import (
+    fixed_worst_case,
+    rigorous_max_min,
+    rigorous_residual,
+    verification,
+)
+from formulations.bounds.so3_moments import reading as format_module
 from formulations.bounds.so3_moments.blocks import sampled_blocks
+from formulations.bounds.so3_moments.blocks.enclosed_localisers import enclosed_residuals
 from formulations.bounds.so3_moments.blocks.sampled_blocks import sector_families
-from formulations.bounds.so3_moments.certificate import (
-    BoundCertificate,
-    IllFormedError,
-    read_any,
+from formulations.bounds.so3_moments.certificate import BoundCertificate
+from formulations.bounds.so3_moments.fixed_worst_case import (
+    Conditions,
+    condition_families,
+    solve_exclusion,
+    without_objective,
 )
 from formulations.bounds.so3_moments.programs.multipliers import refined_multipliers
+from formulations.bounds.so3_moments.reading import IllFormedError, read_any
 from formulations.bounds.so3_moments.relaxation import solve_relaxation
-from formulations.bounds.so3_moments.representations.row_sectors import degree_sectors
+from formulations.bounds.so3_moments.representations.row_sectors import (
+    RowSector,
+    degree_sectors,
+)
 from formulations.bounds.so3_moments.representations.wigner import random_rotations
+from formulations.bounds.so3_moments.rigorous_max_min import exclusion_certificate
 from formulations.bounds.so3_moments.rigorous_residual import (
     residual_certificate,
     rigorous_residual_bound,
 )
-from formulations.bounds.so3_moments.verification import enclosed_residuals, verify_bound
+from formulations.bounds.so3_moments.verification import verify_bound
 from formulations.existence.certificate import Certificate, CertificateError
 from formulations.existence.exact_jacobian import ExactJacobian
 from nlp.errors import FileError
@@ -227,7 +240,9 @@ ILL_FORMED: dict[str, Change] = {
     "unknown key": put("solver", "CLARABEL"),
     "unknown key of a sector": put("sectors", 0, "locked", 1),
     "other format": put("format", "lockedjoint bound 2"),
-    "other quantity": put("quantity", "max-min"),
+    "other quantity": put("quantity", "worst-case"),
+    "the other quantity": put("quantity", "max-min"),
+    "key of the other quantity": put("krylov", []),
     "quantity is a list": put("quantity", []),
     "five joints": put("joints", 5),
     "ten joints": put("joints", 10),
@@ -409,8 +424,8 @@ def test_residuals_are_enclosed() -> None:
     """Against rational arithmetic; quaternions are doubles."""
     rotations = random_rotations(np.random.default_rng(5), 4, 7, extended=True)
     quaternions = np.random.default_rng(5).standard_normal((4, 7, 4))
-    values, errors = enclosed_residuals(rotations)
-    for value, error, joints in zip(values, errors, quaternions, strict=True):
+    found = enclosed_residuals(rotations)
+    for value, error, joints in zip(found.values, found.errors, quaternions, strict=True):
         gram = [[Fraction(-7, 3) * (i == k) for k in range(6)] for i in range(6)]
         for quaternion in joints:
             w, x, y, z = map(Fraction, map(float, quaternion))
@@ -451,3 +466,181 @@ def test_bound_writes_a_certificate(monkeypatch: pytest.MonkeyPatch, tmp_path: P
     assert verified.claimed < verified.bound < constant
     with pytest.raises(FileError):
         rigorous_residual_bound("low", 6, out=tmp_path)
+
+
+# --- max-min -------------------------------------------------------------------------------
+
+IMPOSSIBLE, LIMIT = 30.0, 90.0
+SMALL = Conditions(
+    plain=(RowSector(0, 0, 0, 4), RowSector(2, 0, 0, 4)),
+    scaled=(RowSector(0, 0, 0, 2), RowSector(2, 0, 0, 2)),
+    krylov=(RowSector(0, 0, 0, 2, 0), RowSector(1, 0, 0, 2, 1)),
+)
+
+
+@pytest.fixture(scope="module")
+def exclusion() -> BoundCertificate:
+    """σ² ≥ 30 is impossible for short columns, so small sums exclude it."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(fixed_worst_case, "largest_residual", lambda *_: LIMIT)
+        families = condition_families(SMALL, 7, IMPOSSIBLE)
+    solved = solve_exclusion(families, 7, np.random.default_rng(0))
+    multipliers = refined_multipliers(solved.program, solved.multipliers)
+    constant = without_objective(solved).dual_value(multipliers)
+    return exclusion_certificate(IMPOSSIBLE, families, multipliers, constant, 7)
+
+
+@pytest.fixture
+def excluding(exclusion: BoundCertificate, monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
+    """Return the file of `exclusion`; the reader and the verifier allow so large a t."""
+    limit = verification.largest_residual
+    monkeypatch.setattr(format_module, "_largest_excluded", lambda _: IMPOSSIBLE)
+    monkeypatch.setattr(
+        verification, "largest_residual", lambda n, t: LIMIT if t > 1 else limit(n, t)
+    )
+    loaded: dict[str, Any] = json.loads(exclusion.to_json())
+    return loaded
+
+
+def test_an_exclusion_is_read_as_it_was_written_and_proves_its_bound(
+    exclusion: BoundCertificate, excluding: dict[str, Any], tmp_path: Path
+) -> None:
+    read = read_any(written(tmp_path / "bound.json", excluding))
+    assert read.to_json() == exclusion.to_json()
+    found = verify_bound(read)
+    assert Fraction(found.claimed) >= Fraction(found.bound)
+    assert 30 <= Fraction(found.bound) ** 2 < Fraction(30 + 1e-12)
+    assert found.claimed == pytest.approx(30**0.5, abs=1e-8)
+    assert -2 * read.constant < found.check["margin"] < -0.9 * read.constant
+    assert found.check["excluded"] == IMPOSSIBLE
+
+
+PARTS = ("sectors", "scaled", "krylov")
+KRYLOV = ("krylov", 0, "blocks", 0)
+ILL_FORMED_EXCLUSIONS: dict[str, Change] = {
+    **{f"no {name}": without(name) for name in ("excluded", *PARTS)},
+    **{f"{name} an object": put(name, {}) for name in PARTS},
+    **{f"first of {name} twice": twice(name) for name in PARTS},
+    **{f"very many {name}": twice(name, times=10_000) for name in PARTS},
+    **{f"degree of {name}": put(name, 0, "degree", 6) for name in ("scaled", "krylov")},
+    **{f"t is {t}": put("excluded", t) for t in (0.0, -1.0, 1e-9, 31.0, 1, "0.3", None)},
+    "t NaN": put("excluded", float("nan")),
+    "t infinite": put("excluded", float("inf")),
+    "six joints": put("joints", 6),
+    "the other quantity": put("quantity", "residual"),
+    "locked joint of a plain sector": put("sectors", 0, "locked", 0),
+    "locked joint of a scaled sector": put("scaled", 0, "locked", 0),
+    "no locked joint": without("krylov", 0, "locked"),
+    "locked joint without a sign": put("krylov", 0, "locked", None),
+    "parity of the locked joint": put("krylov", 0, "locked", 1),
+    "locked is true": put("krylov", 0, "locked", True),
+    "parity 2": put("krylov", 0, "locked", 2),
+    "shapes without the locked joint": lambda d: at(d, *KRYLOV, "shapes").pop(0),
+    "labels without the locked joint": lambda d: at(d, *KRYLOV, "rows", 0, "labels").pop(0),
+    "too many squares": put(*KRYLOV, "squares", 1000),
+    "factor cut": lambda d: put(*KRYLOV, "factor", at(d, *KRYLOV, "factor")[:-4])(d),
+    "factor NaN": entries(*KRYLOV, "factor", setting(0, float("nan"))),
+    "factor infinite": entries(*KRYLOV, "factor", setting(0, float("inf"))),
+    "basis huge": entries(*KRYLOV, "rows", 0, "basis", setting(0, 1e200)),
+}
+
+
+@pytest.mark.parametrize("name", ILL_FORMED_EXCLUSIONS)
+def test_ill_formed_exclusions_are_refused_in_one_sentence(
+    name: str, excluding: dict[str, Any], tmp_path: Path
+) -> None:
+    ILL_FORMED_EXCLUSIONS[name](excluding)
+    with pytest.raises((IllFormedError, FileError)) as refused:
+        read_any(written(tmp_path / "bound.json", excluding))
+    assert refused.value.exit_status == 2
+    assert len(str(refused.value)) < 400
+    assert "\n" not in str(refused.value)
+
+
+def everywhere(name: str, change: Callable[[Any], None]) -> Change:
+    """Change the factors of all blocks of a part."""
+
+    def changed(document: dict[str, Any]) -> None:
+        for sector in document[name]:
+            for block in sector["blocks"]:
+                entries("factor", change)(block)
+
+    return changed
+
+
+def raised(name: str, amount: float) -> Change:
+    return lambda document: document.__setitem__(name, document[name] + amount)
+
+
+FALSE_EXCLUSIONS: dict[str, Change] = {
+    "a smaller bound": raised("bound", -1e-6),
+    "a larger constant": raised("constant", 1.0),
+    "a smaller constant": raised("constant", -1.0),
+    "a negative constant": lambda d: put("constant", -d["constant"])(d),
+    "a smaller t": put("excluded", 29.0),
+    "a worst case that is attained": put("excluded", 0.3),
+    **{f"{name} scaled": everywhere(name, scaled(1.1)) for name in PARTS},
+    **{f"{name} 0": everywhere(name, scaled(0.0)) for name in PARTS},
+    **{f"{name} large": everywhere(name, scaled(1e4)) for name in PARTS},
+    **{f"no {name}": put(name, []) for name in PARTS},
+    "nothing at all": lambda d: d.update(sectors=[], scaled=[], krylov=[]),
+    "one entry of a basis": entries(*KRYLOV, "rows", 0, "basis", setting(0, 9.0)),
+    "scaled squares as plain ones": lambda d: d.update(sectors=d["scaled"], scaled=[]),
+}
+
+
+@pytest.mark.parametrize("name", FALSE_EXCLUSIONS)
+def test_sums_that_do_not_exclude_the_worst_case_are_rejected(
+    name: str, excluding: dict[str, Any], tmp_path: Path
+) -> None:
+    FALSE_EXCLUSIONS[name](excluding)
+    read = read_any(written(tmp_path / "bound.json", excluding))
+    with pytest.raises(CertificateError, match=r"prove only max-min ≤ [0-9.]+\.$") as rejected:
+        verify_bound(read)
+    assert rejected.value.exit_status == 1
+
+
+def test_what_is_proved_instead_is_stated(excluding: dict[str, Any], tmp_path: Path) -> None:
+    """Eq. (6), or √t if only the claim is too sharp; both rounded up."""
+    path, found = tmp_path / "bound.json", []
+    for change in (raised("constant", 1.0), raised("bound", -1e-6)):
+        document = json.loads(json.dumps(excluding))
+        change(document)
+        with pytest.raises(CertificateError) as rejected:
+            verify_bound(read_any(written(path, document)))
+        found.append(Fraction(str(rejected.value).split(" ≤ ")[-1].rstrip(".")))
+    for square, bound in zip((Fraction(1, 3), Fraction(30)), found, strict=True):
+        assert square <= bound**2 < square + Fraction(1, 10**12)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        raised("bound", 0.5),
+        everywhere("krylov", scaled(-1.0)),
+        everywhere("scaled", scaled(1 + 1e-12)),
+        lambda document: document["krylov"].reverse(),
+    ],
+)
+def test_other_files_prove_the_exclusion_as_well(
+    change: Change, excluding: dict[str, Any], tmp_path: Path
+) -> None:
+    change(excluding)
+    found = verify_bound(read_any(written(tmp_path / "bound.json", excluding)))
+    assert found.bound <= found.claimed == excluding["bound"]
+
+
+def test_a_proof_of_exclusion_writes_its_certificate(
+    exclusion: BoundCertificate, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """At an attained worst case nothing is excluded, and nothing is written."""
+    path = tmp_path / "folder" / "bound.json"
+    with pytest.raises(CertificateError, match="no certificate was written"):
+        rigorous_max_min.prove_exclusion(0.3, SMALL, 7, out=path)
+    assert not path.exists()
+    monkeypatch.setattr(fixed_worst_case, "largest_residual", lambda *_: LIMIT)
+    margin, _ = rigorous_max_min.prove_exclusion(IMPOSSIBLE, SMALL, 7, out=path)
+    assert margin < 0
+    assert json.loads(path.read_text())["bound"] == exclusion.bound
+    with pytest.raises(FileError):
+        rigorous_max_min.prove_exclusion(IMPOSSIBLE, SMALL, 7, out=tmp_path)
