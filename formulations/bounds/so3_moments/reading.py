@@ -160,29 +160,31 @@ def _block(
     read_rows = partial(_rows, rows=rows, tableaux=len(tableau_contents(found)))
     together = at("rows", _short_list(read_rows, len(rows)), parts["rows"])
     _distinct("rows", [one.labels for one in together])
-    size = max((one.columns.stop for one in together), default=0)
-    if size > sum(one.basis.shape[1] for one in together):
-        raise CertificateError(f"rows: {size} columns, but not all of them occur.")
-    height = size
+    if not together:
+        raise CertificateError("rows: there are none.")
+    block = BlockSquares(found, together, np.zeros((0, 0)))
+    height = block.size
     if sector.locked is not None:
-        columns = ((one.columns, sum(one.labels, ())) for one in together)
-        height = len(krylov_selection(columns, size, sector.degree)[0])
+        labels = (sum(one.labels, ()) for one in together)
+        columns = zip(block.columns, labels, strict=True)
+        height = len(krylov_selection(columns, block.size, sector.degree)[0])
     squares = at("squares", partial(_whole, allowed=range(1, height + 1)), parts["squares"])
     factor = at("factor", partial(_matrix, shape=(height, squares)), parts["factor"])
     return BlockSquares(found, together, factor)
 
 
 def _rows(value: Any, rows: Mapping[str, PermutedRows], tableaux: int) -> BlockRows:
-    parts = fields_of(value, "labels", "first", "columns", "basis")
+    parts = fields_of(value, "labels", "pivots")
     entry = rows.get(repr(_tuples(parts["labels"])))
     if entry is None:
         raise CertificateError(f"labels: {shown(parts['labels'])} are none of this sector.")
     # At most as many as there are independent rows for each tableau.
-    most = entry.length // tableaux
-    columns = at("columns", partial(_whole, allowed=range(1, most + 1)), parts["columns"])
-    first = at("first", partial(_whole, allowed=range(10**4)), parts["first"])
-    basis = at("basis", partial(_matrix, shape=(entry.length, columns)), parts["basis"])
-    return BlockRows(entry.parts, first, basis)
+    read_pivot = partial(_whole, allowed=range(entry.length))
+    pivots = at("pivots", _short_list(read_pivot, entry.length // tableaux), parts["pivots"])
+    if not pivots:
+        raise CertificateError("pivots: there are none.")
+    _distinct("pivots", pivots)
+    return BlockRows(entry.parts, pivots)
 
 
 def _short_list(read_one: Reader[Record], most: int) -> Reader[tuple[Record, ...]]:

@@ -45,7 +45,7 @@ from formulations.bounds.so3_moments.representations.rounding import (
 )
 from formulations.bounds.so3_moments.representations.row_sectors import RowSector
 from formulations.bounds.so3_moments.representations.wigner import random_rotations
-from formulations.bounds.so3_moments.representations.young_basis import all_tableaux
+from formulations.bounds.so3_moments.representations.young_basis import projected_tableaux
 from formulations.existence.certificate import CertificateError
 from nlp.arrays import FloatArray, Rng, one_blas_thread
 from nlp.errors import InputError
@@ -293,16 +293,16 @@ def _krylov(
 
 
 def _adapted(family: RowBlocks, squares: BlockSquares) -> AdaptedRows:
-    """Return the rows of a block in all tableaux, from those in the first."""
+    """Return the rows of a block in all tableaux, see `projected_tableaux`."""
     numbers = {entry.parts: number for number, entry in enumerate(family.rows)}
     parts = []
-    for one in squares.rows:
+    for one, columns in zip(squares.rows, squares.columns, strict=True):
         number = numbers[one.labels]
         entry = family.rows[number]
         places = entry.places
         exchanges = {joint: entry.exchange(joint) for group in places for joint in group[:-1]}
-        bases = all_tableaux(one.basis, exchanges, places, squares.shapes)
-        parts.append((number, range(one.first, one.first + one.basis.shape[1]), bases))
+        bases = projected_tableaux(one.pivots, exchanges, places, squares.shapes)
+        parts.append((number, columns, bases))
     return AdaptedRows(squares.shapes, "mixed", tuple(parts), squares.size, len(parts[0][2]))
 
 
