@@ -24,7 +24,7 @@ from formulations.bounds.so3_moments import (
 from formulations.bounds.so3_moments import reading as format_module
 from formulations.bounds.so3_moments.blocks import sampled_blocks
 from formulations.bounds.so3_moments.blocks.enclosed_localisers import enclosed_residuals
-from formulations.bounds.so3_moments.blocks.sampled_blocks import sector_families
+from formulations.bounds.so3_moments.blocks.sampled_blocks import SectorBlocks, sector_families
 from formulations.bounds.so3_moments.certificate import BoundCertificate
 from formulations.bounds.so3_moments.fixed_worst_case import (
     Conditions,
@@ -40,6 +40,11 @@ from formulations.bounds.so3_moments.representations.row_sectors import (
     degree_sectors,
 )
 from formulations.bounds.so3_moments.representations.wigner import random_rotations
+from formulations.bounds.so3_moments.representations.young_basis import (
+    first_tableau,
+    projected_tableaux,
+    young_bases,
+)
 from formulations.bounds.so3_moments.rigorous_max_min import exclusion_certificate
 from formulations.bounds.so3_moments.rigorous_residual import (
     residual_certificate,
@@ -113,28 +118,16 @@ def test_the_proof_holds_at_other_points(certificate: BoundCertificate) -> None:
     assert min(first, second) >= certificate.bound
 
 
-def test_other_signs_and_orders_of_eigenvectors_prove_the_same(
-    certificate: BoundCertificate,
-) -> None:
-    """U is replaced by UQ and L by QᵀL, as if another machine had made the bases."""
+def test_other_factors_and_orders_prove_the_same(certificate: BoundCertificate) -> None:
+    """L is replaced by LQ, and the rows of a block by another order."""
     rng = np.random.default_rng(3)
 
     def turned(block: Any) -> Any:
-        factor = block.factor.copy()
-        rows: dict[int, Any] = {}
-        for number, one in enumerate(block.rows):
-            size = one.basis.shape[1]
-            same = [r for r in rows.values() if r[0] == one.first]
-            q = same[0][1] if same else np.linalg.qr(rng.standard_normal((size, size)))[0]
-            rows[number] = (one.first, q)
-            if not same:
-                place = slice(one.first, one.first + size)
-                factor[place] = q.T @ block.factor[place]
-        parts = tuple(
-            replace(one, basis=one.basis @ rows[number][1])
-            for number, one in enumerate(block.rows)
-        )
-        return replace(block, rows=parts, factor=factor)
+        squares = block.factor.shape[1]
+        q = np.linalg.qr(rng.standard_normal((squares, squares)))[0]
+        parts = [block.factor[place.start : place.stop] @ q for place in block.columns]
+        factor = np.vstack(parts[::-1])
+        return replace(block, rows=block.rows[::-1], factor=factor)
 
     other = replace(
         certificate,
@@ -142,6 +135,20 @@ def test_other_signs_and_orders_of_eigenvectors_prove_the_same(
     )
     bounds = [verify_bound(one).bound for one in (certificate, other)]
     assert bounds[0] == pytest.approx(bounds[1], abs=1e-10)
+
+
+@pytest.mark.parametrize("sector", [RowSector(2, 0, 1, 4), RowSector(4, 2, 0, 4)])
+def test_projectors_are_those_of_the_bases(sector: RowSector) -> None:
+    """P from eigenvectors and P from averages over permutations are the same."""
+    for entry in SectorBlocks(sector, 6).rows:
+        places = entry.places
+        exchanges = {j: entry.exchange(j) for place in places for j in place[:-1]}
+        for shapes, bases in young_bases(exchanges, places).items():
+            start = first_tableau(shapes)
+            columns = range(min(3, entry.length))
+            found = projected_tableaux(columns, exchanges, places, shapes)
+            for own, basis in zip(found, bases, strict=True):
+                assert own == pytest.approx(basis @ bases[start].T[:, list(columns)], abs=1e-12)
 
 
 def test_nothing_is_shared_with_the_search(
@@ -235,11 +242,11 @@ ROWS = (*BLOCK, "rows", 0)
 ILL_FORMED: dict[str, Change] = {
     **{f"no {name}": without(name) for name in ("format", "joints", "bound", "sectors")},
     **{f"no {name} of a block": without(*BLOCK, name) for name in ("shapes", "factor", "rows")},
-    **{f"no {name} of rows": without(*ROWS, name) for name in ("labels", "first", "basis")},
+    **{f"no {name} of rows": without(*ROWS, name) for name in ("labels", "pivots")},
     "no constant": without("constant"),
     "unknown key": put("solver", "CLARABEL"),
     "unknown key of a sector": put("sectors", 0, "locked", 1),
-    "other format": put("format", "lockedjoint bound 2"),
+    "other format": put("format", "lockedjoint bound 1"),
     "other quantity": put("quantity", "worst-case"),
     "the other quantity": put("quantity", "max-min"),
     "key of the other quantity": put("krylov", []),
@@ -265,20 +272,25 @@ ILL_FORMED: dict[str, Change] = {
     "shape not whole": put(*BLOCK, "shapes", 1, [6.0]),
     "no such labels": put(*ROWS, "labels", [[[1, 1]], []]),
     "labels a number": put(*ROWS, "labels", 1),
-    "first negative": put(*ROWS, "first", -1),
-    "first far away": put(*ROWS, "first", 9_999),
-    "no columns": put(*ROWS, "columns", 0),
-    "very many columns": put(*ROWS, "columns", 10**12),
+    "pivot negative": put(*ROWS, "pivots", 0, -1),
+    "pivot far away": put(*ROWS, "pivots", 0, 9_999),
+    "pivot not whole": put(*ROWS, "pivots", 0, 0.0),
+    "pivot true": put(*ROWS, "pivots", 0, True),
+    "a pivot twice": twice(*ROWS, "pivots"),
+    "no pivots": put(*ROWS, "pivots", []),
+    "very many pivots": twice(*ROWS, "pivots", times=10_000),
+    "pivots a number": put(*ROWS, "pivots", 10**12),
+    "unknown key of rows": put(*ROWS, "basis", ""),
     "rows empty": put(*BLOCK, "rows", []),
     "rows twice": twice(*BLOCK, "rows"),
     "no squares": put(*BLOCK, "squares", 0),
     "more squares than columns": put(*BLOCK, "squares", 10_000),
-    "basis cut": lambda d: put(*ROWS, "basis", at(d, *ROWS, "basis")[:-4])(d),
-    "basis longer": lambda d: put(*ROWS, "basis", at(d, *ROWS, "basis") + "AAAA")(d),
-    "basis not base64": lambda d: put(*ROWS, "basis", "?" + at(d, *ROWS, "basis")[1:])(d),
-    "basis not ASCII": lambda d: put(*ROWS, "basis", "é" + at(d, *ROWS, "basis")[1:])(d),
-    "basis a list": put(*ROWS, "basis", [0.0]),
-    "basis NaN": entries(*ROWS, "basis", setting(0, float("nan"))),
+    "factor cut": lambda d: put(*BLOCK, "factor", at(d, *BLOCK, "factor")[:-4])(d),
+    "factor longer": lambda d: put(*BLOCK, "factor", at(d, *BLOCK, "factor") + "AAAA")(d),
+    "factor not base64": lambda d: put(*BLOCK, "factor", "?" + at(d, *BLOCK, "factor")[1:])(d),
+    "factor not ASCII": lambda d: put(*BLOCK, "factor", "é" + at(d, *BLOCK, "factor")[1:])(d),
+    "factor a list": put(*BLOCK, "factor", [0.0]),
+    "factor NaN": entries(*BLOCK, "factor", setting(0, float("nan"))),
     "factor infinite": entries(*BLOCK, "factor", setting(0, float("inf"))),
     "factor huge": entries(*BLOCK, "factor", setting(0, 1e200)),
 }
@@ -350,12 +362,20 @@ def claim_more(document: dict[str, Any]) -> None:
     document["constant"] += 0.01
 
 
+def other_pivots(document: dict[str, Any]) -> None:
+    for sector in document["sectors"]:
+        for block in sector["blocks"]:
+            for rows in block["rows"]:
+                pivots = rows["pivots"]
+                pivots[0] = next((i for i in range(3) if i not in pivots), pivots[0])
+
+
 FALSE: dict[str, Change] = {
     "a larger bound": put("bound", 1e-3),
     "a larger constant": claim_more,
     "a smaller constant": lambda d: put("constant", d["constant"] - 0.01)(d),
-    "a factor of a basis": entries(*MAIN, "rows", 2, "basis", scaled(1.01)),
-    "one entry of a basis": entries(*MAIN, "rows", 2, "basis", setting(0, 1.0)),
+    "other pivots": other_pivots,
+    "one entry of a factor": entries(*MAIN, "factor", setting(0, 1.0)),
     "a factor of a factor": entries(*MAIN, "factor", scaled(0.99)),
     "a large factor": entries(*MAIN, "factor", scaled(1e4)),
     "factors reversed": reverse_factors,
@@ -542,7 +562,8 @@ ILL_FORMED_EXCLUSIONS: dict[str, Change] = {
     "factor cut": lambda d: put(*KRYLOV, "factor", at(d, *KRYLOV, "factor")[:-4])(d),
     "factor NaN": entries(*KRYLOV, "factor", setting(0, float("nan"))),
     "factor infinite": entries(*KRYLOV, "factor", setting(0, float("inf"))),
-    "basis huge": entries(*KRYLOV, "rows", 0, "basis", setting(0, 1e200)),
+    "factor huge": entries(*KRYLOV, "factor", setting(0, 1e200)),
+    "pivot far away": put(*KRYLOV, "rows", 0, "pivots", 0, 10**6),
 }
 
 
@@ -585,7 +606,7 @@ FALSE_EXCLUSIONS: dict[str, Change] = {
     **{f"{name} large": everywhere(name, scaled(1e4)) for name in PARTS},
     **{f"no {name}": put(name, []) for name in PARTS[1:]},
     "nothing at all": lambda d: d.update(sectors=[], scaled=[], krylov=[]),
-    "one entry of a basis": entries(*KRYLOV, "rows", 0, "basis", setting(0, 9.0)),
+    "one entry of a factor": entries(*KRYLOV, "factor", setting(0, 9.0)),
     "scaled squares as plain ones": lambda d: d.update(sectors=d["scaled"], scaled=[]),
 }
 
