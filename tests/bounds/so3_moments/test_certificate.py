@@ -363,11 +363,13 @@ def claim_more(document: dict[str, Any]) -> None:
 
 
 def other_pivots(document: dict[str, Any]) -> None:
+    """Take the row before each, where that is free."""
     for sector in document["sectors"]:
         for block in sector["blocks"]:
             for rows in block["rows"]:
-                pivots = rows["pivots"]
-                pivots[0] = next((i for i in range(3) if i not in pivots), pivots[0])
+                for place, pivot in enumerate(rows["pivots"]):
+                    if pivot and pivot - 1 not in rows["pivots"]:
+                        rows["pivots"][place] = pivot - 1
 
 
 FALSE: dict[str, Change] = {
