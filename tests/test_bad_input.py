@@ -284,6 +284,12 @@ bound --quantity max-min --rigorous --preset localised --out .
 bound --quantity max-min --preset localised --out a.json
 bound --quantity max-min --joints 8 --out a.json
 bound --quantity worst-case --out a.json
+bound --quantity isotropy
+bound --quantity isotropy --free-levers --joints 6
+bound --quantity isotropy --free-levers --rigorous
+bound --quantity max-min --free-levers --preset tight
+bound --quantity residual --free-levers
+bound --free-levers
 # proofs
 prove --out .
 prove --out valid.csv/a.json

@@ -32,6 +32,7 @@ from formulations.bounds.so3_moments.fixed_worst_case import (
     solve_exclusion,
     without_objective,
 )
+from formulations.bounds.so3_moments.max_min_bound import CONDITIONS, EXCLUDED
 from formulations.bounds.so3_moments.programs.multipliers import refined_multipliers
 from formulations.bounds.so3_moments.reading import IllFormedError, read_any
 from formulations.bounds.so3_moments.relaxation import solve_relaxation
@@ -434,6 +435,20 @@ def test_the_committed_certificate_is_well_formed() -> None:
     assert isinstance(read, BoundCertificate)
     assert (read.quantity, read.joints) == ("residual", 7)
     assert 0.0566 < read.bound < read.constant < 0.0568265457
+
+
+def test_the_committed_certificate_of_max_min_is_well_formed() -> None:
+    read = read_any(ROOT / "results" / "bounds" / "certificates" / "max_min_localised.json")
+    assert isinstance(read, BoundCertificate)
+    assert (read.quantity, read.joints, read.excluded) == ("max-min", 7, 0.3279)
+    assert Fraction(read.excluded) <= Fraction(read.bound) ** 2 < Fraction(0.3279001)
+    assert read.excluded == EXCLUDED["localised"]
+    for part, sectors in (
+        (read.sectors, CONDITIONS.plain),
+        (read.scaled, CONDITIONS.scaled),
+        (read.krylov, CONDITIONS.krylov),
+    ):
+        assert {sector for sector, _ in part} <= set(sectors)
 
 
 def test_other_certificates_are_read_as_before() -> None:
