@@ -280,6 +280,20 @@ bound --quantity max-min --preset localised --joints 8
 bound --quantity max-min --joints 8 --preset tight
 bound --quantity max-min --joints 8 --rigorous
 bound --quantity max-min --joints 8 --seed 3
+bound --quantity max-min --out a.json
+bound --quantity max-min --rigorous --out a.json
+bound --quantity max-min --rigorous --preset tight --out a.json
+bound --quantity max-min --rigorous --preset null-vector --out a.json
+bound --quantity max-min --rigorous --preset localised --out .
+bound --quantity max-min --preset localised --out a.json
+bound --quantity max-min --joints 8 --out a.json
+bound --quantity worst-case --out a.json
+bound --quantity isotropy
+bound --quantity isotropy --free-levers --joints 6
+bound --quantity isotropy --free-levers --rigorous
+bound --quantity max-min --free-levers --preset tight
+bound --quantity residual --free-levers
+bound --free-levers
 # proofs
 prove --out .
 prove --out valid.csv/a.json

@@ -119,9 +119,9 @@ def excludes(joints: int, residual: float, sigma: float) -> bool:
     -----
     With t = σ², t Σ 1/(λ_k − t) ≤ n − 6 gets stricter as t grows. The largest residual that it
     allows is at a spectrum with p eigenvalues (6 − p)y above the mean and the others py below,
-    p = 1 … 5 (`formulations.bounds.so3_moments.fixed_worst_case.largest_residual`), where the
-    residual is 3p(6 − p)y². As the left side grows with y, it is enough that the condition
-    fails at a rational y, not negative, with 3p(6 − p)y² ≤ `residual`.
+    p = 1 … 5 (`largest_residual`), where the residual is 3p(6 − p)y². As the left side grows
+    with y, it is enough that the condition fails at a rational y, not negative, with
+    3p(6 − p)y² ≤ `residual`.
     """
     least, t = Fraction(residual), Fraction(sigma) ** 2
     mean, redundancy = Fraction(joints, 3), joints - 6
@@ -133,6 +133,62 @@ def excludes(joints: int, residual: float, sigma: float) -> bool:
         if mean - p * y > t and _spent(spectrum, t) <= redundancy:
             return False
     return True
+
+
+def mean_residual(joints: int) -> float:
+    """Return the mean of ρ over all configurations, the unit in which blocks are scaled."""
+    return 5 * joints / 3
+
+
+def largest_residual(joints: int, t: float) -> float:
+    """Return an upper bound on ρ_max(t), the largest ½ Σ (λ_k − n/3)² that t allows.
+
+    It is proved in rational arithmetic, and above ρ_max(t) by less than 1e-9 of it, as long as
+    ρ_max(t) is not tiny. It is −inf if t allows no spectrum at all.
+
+    Parameters
+    ----------
+    joints
+        Number n of unit revolute joints, at least 7.
+    t
+        A positive lower bound on the squared worst case.
+
+    Notes
+    -----
+    With d = λ − t > 0 the conditions are Σ d_k = 6c, c = n/3 − t, and Σ 1/d_k ≤ (n − 6)/t: a
+    compact set. If all d_k = c, ρ = 0. Any other maximum of ½ Σ (d_k − c)² has the second
+    condition active, since the function is convex, and the gradients of both are independent.
+    So d³ − a d² + ν = 0 for all six d and some a and ν ≥ 0: at most two positive roots.
+    Hence p eigenvalues are (6−p)y above the mean and the others py below it, 1 ≤ p ≤ 5, and
+    ρ = 3p(6−p)y². There p/(c + (6−p)y) + (6−p)/(c − py) grows with y ≥ 0, as it is convex and
+    has slope 0 at y = 0. So any y at which it exceeds (n − 6)/t is above all that are allowed.
+    """
+    mean = Fraction(joints, 3) - Fraction(positive("t", t))
+    limit = Fraction(joints - 6) / Fraction(t)
+    if mean <= 0 or 6 / mean > limit:
+        return -math.inf
+    largest = max(3 * p * (6 - p) * _largest_spread(p, mean, limit) ** 2 for p in range(1, 6))
+    # The conversion is correctly rounded.
+    return math.nextafter(float(largest), math.inf)
+
+
+def _largest_spread(count: int, mean: Fraction, limit: Fraction) -> Fraction:
+    """Return a y above all with p/(mean + (6−p)y) + (6−p)/(mean − py) ≤ limit."""
+
+    def allowed(y: Fraction) -> bool:
+        high, low = mean + (6 - count) * y, mean - count * y
+        return low > 0 and count / high + (6 - count) / low <= limit
+
+    low, high, bound = 0.0, float(mean) / count, float(limit)
+    while low < (middle := 0.5 * (low + high)) < high:
+        spent = count / (float(mean) + (6 - count) * middle)
+        spent += (6 - count) / (float(mean) - count * middle)
+        low, high = (middle, high) if spent <= bound else (low, middle)
+    # The bisection only suggests where to look: what is returned is checked exactly.
+    step = Fraction(mean) / 2**48
+    while allowed(candidate := Fraction(high) + step):
+        step *= 2
+    return candidate
 
 
 def _spent(spectrum: Sequence[tuple[Fraction, int]], t: Fraction) -> Fraction | float:

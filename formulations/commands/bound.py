@@ -30,6 +30,7 @@ class Quantity(StrEnum):
     EXISTENCE = "existence"
     RESIDUAL = "residual"
     MAX_MIN = "max-min"
+    ISOTROPY = "isotropy"
 
 
 # Options that only some quantities use; given with another quantity they are refused.
@@ -41,7 +42,8 @@ _USED_BY = {
     "order": (Quantity.EXISTENCE,),
     "preset": _UNIT_REVOLUTE,
     "rigorous": _UNIT_REVOLUTE,
-    "out": (Quantity.RESIDUAL,),
+    "out": _UNIT_REVOLUTE,
+    "free_levers": (Quantity.MAX_MIN, Quantity.ISOTROPY),
     "seed": _UNIT_REVOLUTE,
     "solver": (Quantity.WORST_CASE, Quantity.EXISTENCE, Quantity.RESIDUAL),
 }
@@ -54,7 +56,8 @@ def bound(
         typer.Option(
             help="worst-case: eq. (6) as a semidefinite program. existence: the moment "
             "relaxation of the question whether an optimally failure-tolerant Jacobian of "
-            "revolute joints exists. residual, max-min: global bounds for unit revolute joints."
+            "revolute joints exists. residual, max-min: global bounds for unit revolute "
+            "joints. isotropy: the worst case if isotropic, with --free-levers."
         ),
     ] = Quantity.WORST_CASE,
     joints: Joints = 7,
@@ -100,11 +103,19 @@ def bound(
         Path | None,
         typer.Option(
             metavar="FILE",
-            help="residual, with --rigorous: where to write the certificate (JSON), for "
-            "`lockedjoint verify`.",
+            help="residual, and max-min with the preset localised, with --rigorous: where to "
+            "write the certificate (JSON), for `lockedjoint verify`.",
             show_default=False,
         ),
     ] = None,
+    free_levers: Annotated[
+        bool,
+        typer.Option(
+            "--free-levers",
+            help="max-min: revolute joints with lever arms |v| of mean square at most 1; "
+            "isotropy: of any length. From the proved bounds on record.",
+        ),
+    ] = False,
     seed: Seed = 0,
     solver: Annotated[
         str | None,
@@ -126,7 +137,16 @@ def bound(
     refuse_unused(context, names, f"--quantity {quantity}")
     if quantity is Quantity.MAX_MIN and joints > 7:
         reason = "more than 7 joints: --quantity max-min is a closed form there"
-        refuse_unused(context, ("preset", "rigorous", "seed"), reason)
+        refuse_unused(context, ("preset", "rigorous", "out", "seed"), reason)
+    if quantity is Quantity.ISOTROPY and not free_levers:
+        allowed = (
+            "isotropy with --free-levers; for unit lever arms there is `lockedjoint prove`"
+        )
+        raise InputError("--quantity", str(quantity), allowed)
+    if free_levers:
+        refuse_unused(context, ("preset", "rigorous", "out", "seed"), "--free-levers")
+        show(_free_levers(quantity, joints), as_json, _rounded_outward)
+        return
     conic = "CLARABEL" if solver is None else solver
     text: Callable[[Mapping[str, Any]], str] = as_text
     if quantity is Quantity.EXISTENCE:
@@ -141,6 +161,7 @@ def bound(
         text = _without_multipliers
     else:
         plain = _unit_revolute(quantity, joints, preset, rigorous, seed, solver, out)
+        text = _rounded_outward
     show(plain, as_json, text)
     if plain.get("verdict") == "undecided" or plain.get("singular_value_bound", 0) is None:
         raise typer.Exit(UNDECIDED)
@@ -160,6 +181,27 @@ def _worst_case(
     else:
         problem = revolute_arm(joints, lever_arm=lever_arm)
     return solve_worst_case(problem, solver=solver).to_dict()
+
+
+def _free_levers(quantity: Quantity, joints: int) -> dict[str, Any]:
+    from formulations import measures
+    from formulations.bounds.certified import best_known
+    from formulations.catalogue import arm, certified_bound
+
+    if joints < 7:
+        raise InputError("--joints", joints, "at least 7 with --free-levers")
+    model = "lever-revolute"
+    bound = certified_bound(str(quantity), arm(model, joints))
+    best = best_known(str(quantity), model, joints)
+    return {
+        "quantity": str(quantity),
+        "joints": joints,
+        "lever_arms": "any" if quantity is Quantity.ISOTROPY else "mean square at most 1",
+        "kind": bound.kind,
+        "bound": bound.value,
+        "best_known": best,
+        "gap_percent": None if best is None else measures.gap_percent(best, bound.value),
+    }
 
 
 def _unit_revolute(
@@ -183,12 +225,22 @@ def _unit_revolute(
     if out is not None and not rigorous:
         raise InputError("--out", str(out), "none without --rigorous")
     if quantity is Quantity.MAX_MIN:
-        found = max_min_bound(preset, joints, rigorous=rigorous, rng=seed, progress=progress)
+        found = max_min_bound(
+            preset, joints, rigorous=rigorous, rng=seed, progress=progress, out=out
+        )
     elif rigorous:
         found = rigorous_residual_bound(preset, joints, rng=seed, progress=progress, out=out)
     else:
         found = residual_bound(preset, joints, solver=solver, rng=seed, progress=progress)
     return found.to_dict()
+
+
+def _rounded_outward(plain: Mapping[str, Any]) -> str:
+    """Return the text with a bound that holds as it is shown."""
+    from formulations.studies.pages import outward
+
+    shown = outward(plain["bound"], 9, lower=plain["quantity"] == Quantity.RESIDUAL)
+    return as_text({**plain, "bound": shown})
 
 
 def _without_multipliers(plain: Mapping[str, Any]) -> str:

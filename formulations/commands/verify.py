@@ -35,12 +35,12 @@ def verify(
     """Verify that an optimally failure-tolerant Jacobian exists, that none does, or a bound.
 
     Existence and nonexistence: expands the polynomials, or multiplies out the columns, in
-    exact arithmetic. A bound of `lockedjoint bound --rigorous`: evaluates its sum of squares
-    with all rounding errors bounded, in minutes. The code shares nothing with the derivation
-    or the solver. Exit status 0 if the proof holds, 1 if it does not, 2 if the file is
+    exact arithmetic. A bound of `lockedjoint bound --rigorous --out`: evaluates its sums with
+    all rounding errors bounded, in minutes. The code shares nothing with the derivation or
+    the solver. Exit status 0 if the proof holds, 1 if it does not, 2 if the file is
     unreadable.
     """
-    from formulations.bounds.so3_moments.certificate import read_any
+    from formulations.bounds.so3_moments.reading import read_any
     from formulations.existence.certificate import Certificate
     from formulations.existence.exact_jacobian import ExactJacobian
     from formulations.existence.theorem import package_certificate
@@ -97,6 +97,9 @@ def _bound(certificate: Any) -> dict[str, Any]:
     from formulations.bounds.so3_moments.verification import verify_bound
 
     found = verify_bound(certificate, progress=progress)
-    symbol = {"residual": "½‖JJᵀ − (n/3)I‖_F²"}[found.quantity]
-    statement = f"{symbol} ≥ {found.claimed} for every unit revolute {found.joints}R Jacobian"
+    left = {
+        "residual": f"½‖JJᵀ − (n/3)I‖_F² ≥ {found.claimed}",
+        "max-min": f"worst case after one locked joint σ ≤ {found.claimed}",
+    }[found.quantity]
+    statement = f"{left} for every unit revolute {found.joints}R Jacobian"
     return {"verdict": f"proved: {statement}", **found.to_dict()}

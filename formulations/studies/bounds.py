@@ -17,6 +17,7 @@ from formulations.existence.relaxation.relaxation import existence_relaxation
 from formulations.files.provenance import provenance, versions
 from formulations.files.table import HIDDEN, column
 from formulations.measures import gap_percent
+from formulations.studies.pages import outward
 from formulations.studies.study import Effort, Part, Study
 
 NAN = float("nan")
@@ -65,7 +66,7 @@ class BoundRow(Source):
     joints: int = field(metadata=column("n"))
     kind: str
     preset: str = field(default="", metadata=column(empty="–"))
-    bound: float = field(metadata=column(form=".9g"))
+    bound: float = field(metadata=column(form=lambda row: _shown(row)))
     closed_form: float = field(default=NAN, metadata=column("eq. (6)", ".9g"))
     best_known: float = field(default=NAN, metadata=column("best known", ".9g"))
     gap_percent: float = field(default=NAN, metadata=column("gap %"))
@@ -127,6 +128,11 @@ def sharpest(rows: Sequence[BoundRow], quantity: str, kind: str) -> BoundRow | N
     found = [row for row in rows if (row.quantity, row.kind, row.joints) == (quantity, kind, 7)]
     pick = max if quantity == "residual" else min
     return pick(found, key=lambda row: row.bound) if found else None
+
+
+def _shown(row: BoundRow) -> str:
+    """Return the bound, rounded to the side on which it holds."""
+    return outward(row.bound, 9, lower=row.quantity == "residual")
 
 
 def row_of(plain: Mapping[str, Any], source: Source) -> BoundRow | RelaxationRow:

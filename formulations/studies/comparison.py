@@ -12,6 +12,7 @@ from formulations.catalogue import arm, certified_bound, models_of, numerical_bo
 from formulations.files.table import HIDDEN, column
 from formulations.solving.outcome import Outcome
 from formulations.solving.setup import setups
+from formulations.studies.pages import outward
 from formulations.studies.study import Effort, Part, Study
 from nlp.interrupts import deferred_interrupt
 from nlp.options import check_options
@@ -74,10 +75,14 @@ class Row:
         metadata=column(form=lambda row: f"{row.reached_best}/{row.starts}", brief=True)
     )
     merit: float = field(metadata=column(form=".7g", brief=True))
-    certified_bound: float = field(metadata=column(form=lambda row: _bound(row), brief=True))
+    certified_bound: float = field(
+        metadata=column(form=lambda row: _shown(row, "certified_bound"), brief=True)
+    )
     certified_gap_percent: float = field(metadata=column("gap %", "z.2f", brief=True))
     certificate: str
-    numerical_bound: float = field(metadata=column(form=".7g"))
+    numerical_bound: float = field(
+        metadata=column(form=lambda row: _shown(row, "numerical_bound"))
+    )
     numerical_gap_percent: float = field(metadata=column("numerical gap %", "z.2f"))
     worst_case_sigma: float = field(metadata=column("worst-case σ", ".7f"))
     sigma_bound: float = field(metadata=HIDDEN)
@@ -206,5 +211,9 @@ def row_of(outcome: Outcome, default: Row | None = None) -> Row:
     )
 
 
-def _bound(row: Row) -> str:
-    return row.certificate if isnan(row.certified_bound) else f"{row.certified_bound:.7g}"
+def _shown(row: Row, name: str) -> str:
+    """Return a bound, rounded to the side on which it holds."""
+    bound = float(getattr(row, name))
+    if isnan(bound):
+        return row.certificate if name == "certified_bound" else "–"
+    return outward(bound, 7, lower=row.formulation == "residual")

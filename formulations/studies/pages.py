@@ -56,6 +56,13 @@ def rounded_up(number: float, digits: int = 5) -> str:
     return str(Decimal(number).quantize(Decimal(1).scaleb(-digits), ROUND_CEILING))
 
 
+def outward(number: float, digits: int, *, lower: bool) -> str:
+    """Return a lower bound rounded down, or an upper one rounded up, to significant digits."""
+    decimals = digits - 1 - Decimal(number).adjusted() if number else 0
+    text = (rounded_down if lower else rounded_up)(number, decimals)
+    return f"{Decimal(text).normalize():f}"
+
+
 def known(rows: Iterable[Any], name: str) -> list[Any]:
     """Return the rows whose field of that name is not NaN."""
     return [row for row in rows if getattr(row, name) == getattr(row, name)]
@@ -95,7 +102,10 @@ def _environment() -> Environment:
         keep_trailing_newline=True,
         autoescape=False,  # Markdown, of our own numbers
     )
-    own = (aligned, bullets, by, groups, known, listed, prose, rounded_down, rounded_up, table)
+    own = (
+        *(aligned, bullets, by, groups, known, listed, outward, prose),
+        *(rounded_down, rounded_up, table),
+    )
     made.filters.update({one.__name__: one for one in own}, form=format)
     made.tests["nan"] = isnan
     made.globals.update(CLOSED=CLOSED, NOTHING=NOTHING, header=header, versions=versions)

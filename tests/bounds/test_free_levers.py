@@ -183,3 +183,13 @@ def test_the_bounds_are_for_the_arms_for_which_they_are_proved(monkeypatch):
     monkeypatch.setattr(certified, "_stored", lambda _: ())
     plain = Bound(measures.sigma_bound(6, 7, 14), "closed form")
     assert certified_bound("isotropy", arm("lever-revolute", 7)) == plain
+
+
+@pytest.mark.parametrize("quantity", ["isotropy", "max-min"])
+def test_the_command_prints_them_rounded_up(quantity, lockedjoint, tmp_path):
+    done = lockedjoint("bound", "--quantity", quantity, "--free-levers", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    lines = (line.split() for line in done.stdout.splitlines())
+    [shown] = [words[1] for words in lines if words[0] == "bound"]
+    exact = certified_bound(quantity, arm("lever-revolute", 7)).value
+    assert Fraction(exact) <= Fraction(shown) < Fraction(exact) + Fraction(1, 10**8)

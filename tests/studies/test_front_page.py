@@ -18,7 +18,7 @@ from formulations.studies.front_page import (
     plain,
     read_all,
 )
-from formulations.studies.pages import rounded_down, rounded_up
+from formulations.studies.pages import outward, rounded_down, rounded_up
 from formulations.studies.running import STUDIES
 from nlp.errors import FileError
 
@@ -79,6 +79,21 @@ def test_rounded_bounds_are_still_bounds(number, digits):
     unit = 1.000001 * 10.0**-digits
     assert number - unit < float(rounded_down(number, digits)) <= number
     assert number <= float(rounded_up(number, digits)) < number + unit
+
+
+@pytest.mark.parametrize(
+    ("number", "lower", "shown"),
+    [
+        (0.5371224, False, "0.537123"),
+        (0.0568237833, True, "0.0568237"),
+        (0.5773502691896258, False, "0.577351"),
+        (0.5, False, "0.5"),
+        (0.0, True, "0"),
+        (12.3456789, True, "12.3456"),
+    ],
+)
+def test_bounds_are_rounded_outward(number, lower, shown):
+    assert outward(number, 6, lower=lower) == shown
 
 
 def test_a_row_that_is_not_there_is_dashes(tables):

@@ -12,16 +12,18 @@ blocks of low degree; and localisers of J_f J_fᵀ − tI. If positive semidefin
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from fractions import Fraction
-from math import inf, isfinite, nextafter, sqrt
+from math import isfinite, sqrt
 
 import numpy as np
 
-from formulations.bounds.closed_form import excludes, positive
+from formulations.bounds.closed_form import excludes, largest_residual, mean_residual
 from formulations.bounds.so3_moments.blocks.localisers import KrylovLocaliser, ScaledBlocks
 from formulations.bounds.so3_moments.blocks.sampled_blocks import BlockFamily, sector_families
 from formulations.bounds.so3_moments.global_bound import Evidence
-from formulations.bounds.so3_moments.programs.moment_program import margin_program
+from formulations.bounds.so3_moments.programs.moment_program import (
+    MomentProgram,
+    margin_program,
+)
 from formulations.bounds.so3_moments.relaxation import (
     FRESH,
     Progress,
@@ -77,8 +79,7 @@ class Conditions:
 
 def condition_families(conditions: Conditions, joints: int, t: float) -> list[BlockFamily]:
     """Return the blocks that are positive semidefinite wherever the worst case is σ² ≥ t."""
-    # In units of the mean of ρ all blocks have a similar size.
-    distance = ResidualDistance(largest_residual(joints, t), 5 * joints / 3)
+    distance = ResidualDistance(largest_residual(joints, t), mean_residual(joints))
     krylov = [KrylovLocaliser(sector, joints, t) for sector in conditions.krylov]
     return [
         *sector_families(conditions.plain, joints),
@@ -121,10 +122,12 @@ def exclude_worst_case(
     solved = solve_exclusion(families, joints, generator, progress)
     progress("checking the identity at fresh configurations")
     fresh = random_rotations(generator, FRESH, joints)
-    # 0 − bound = Σ ⟨X, B(x)⟩ for all x.
-    identity = replace(solved.sampled, objective=np.zeros(solved.sampled.moments))
     bound, evidence = solved.checked(
-        identity, lambda where: np.zeros(len(where)), fresh, HOW_CHECKED, unit_trace=True
+        without_objective(solved),
+        lambda where: np.zeros(len(where)),
+        fresh,
+        HOW_CHECKED,
+        unit_trace=True,
     )
     return -bound, evidence
 
@@ -141,36 +144,9 @@ def solve_exclusion(
     )
 
 
-def largest_residual(joints: int, t: float) -> float:
-    """Return an upper bound on ρ_max(t), the largest ½ Σ (λ_k − n/3)² that t allows.
-
-    It is proved in rational arithmetic, and above ρ_max(t) by less than 1e-9 of it, as long as
-    ρ_max(t) is not tiny. It is −inf if t allows no spectrum at all.
-
-    Parameters
-    ----------
-    joints
-        Number n of unit revolute joints, at least 7.
-    t
-        A positive lower bound on the squared worst case.
-
-    Notes
-    -----
-    With d = λ − t > 0 the conditions are Σ d_k = 6c, c = n/3 − t, and Σ 1/d_k ≤ (n − 6)/t: a
-    compact set. If all d_k = c, ρ = 0. Any other maximum of ½ Σ (d_k − c)² has the second
-    condition active, since the function is convex, and the gradients of both are independent.
-    So d³ − a d² + ν = 0 for all six d and some a and ν ≥ 0: at most two positive roots.
-    Hence p eigenvalues are (6−p)y above the mean and the others py below it, 1 ≤ p ≤ 5, and
-    ρ = 3p(6−p)y². There p/(c + (6−p)y) + (6−p)/(c − py) grows with y ≥ 0, as it is convex and
-    has slope 0 at y = 0. So any y at which it exceeds (n − 6)/t is above all that are allowed.
-    """
-    mean = Fraction(joints, 3) - Fraction(positive("t", t))
-    limit = Fraction(joints - 6) / Fraction(t)
-    if mean <= 0 or 6 / mean > limit:
-        return -inf
-    largest = max(3 * p * (6 - p) * _largest_spread(p, mean, limit) ** 2 for p in range(1, 6))
-    # The conversion is correctly rounded.
-    return nextafter(float(largest), inf)
+def without_objective(solved: SolvedRelaxation) -> MomentProgram:
+    """Return the program whose dual value is b in the identity 0 − b = Σ ⟨X, B(x)⟩."""
+    return replace(solved.sampled, objective=np.zeros(solved.sampled.moments))
 
 
 def worst_case_limit(joints: int, residual: float) -> float:
@@ -204,22 +180,3 @@ def worst_case_limit(joints: int, residual: float) -> float:
     if not excludes(joints, residual, sigma):
         raise ArithmeticError("the bound on the worst case fails its check in exact arithmetic")
     return sigma
-
-
-def _largest_spread(count: int, mean: Fraction, limit: Fraction) -> Fraction:
-    """Return a y above all with p/(mean + (6−p)y) + (6−p)/(mean − py) ≤ limit."""
-
-    def allowed(y: Fraction) -> bool:
-        high, low = mean + (6 - count) * y, mean - count * y
-        return low > 0 and count / high + (6 - count) / low <= limit
-
-    low, high, bound = 0.0, float(mean) / count, float(limit)
-    while low < (middle := 0.5 * (low + high)) < high:
-        spent = count / (float(mean) + (6 - count) * middle)
-        spent += (6 - count) / (float(mean) - count * middle)
-        low, high = (middle, high) if spent <= bound else (low, middle)
-    # The bisection only suggests where to look: what is returned is checked exactly.
-    step = Fraction(mean) / 2**48
-    while allowed(candidate := Fraction(high) + step):
-        step *= 2
-    return candidate

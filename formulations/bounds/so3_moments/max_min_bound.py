@@ -3,6 +3,7 @@
 import time
 from dataclasses import replace
 from math import sqrt
+from pathlib import Path
 
 from formulations.bounds.certified import best_known
 from formulations.bounds.so3_moments.fixed_worst_case import (
@@ -61,6 +62,7 @@ def max_min_bound(
     rigorous: bool = False,
     rng: Rng = 0,
     progress: Progress = silent,
+    out: Path | None = None,
 ) -> GlobalBound:
     """Bound the worst case (5) of all unit revolute Jacobians from above.
 
@@ -82,6 +84,9 @@ def max_min_bound(
         Bound all rounding errors too, those of the residual's bound or of the exclusion.
     rng, progress
         As in `residual_bound`.
+    out
+        Where to write the certificate of a rigorous exclusion; nowhere if left out. Other
+        rigorous bounds follow from that of `rigorous_residual_bound`, which has its own.
 
     Returns
     -------
@@ -92,7 +97,11 @@ def max_min_bound(
     Raises
     ------
     InputError
-        If the preset or the number of joints is not allowed.
+        If the preset or the number of joints is not allowed, or there is no certificate.
+    CertificateError
+        If a certificate was to be written, but the worst case is not excluded.
+    FileError
+        If the certificate cannot be written.
 
     Notes
     -----
@@ -103,6 +112,10 @@ def max_min_bound(
     check_joints(joints, smallest=7)
     if preset == NULL_VECTOR and rigorous:
         raise InputError("rigorous", rigorous, f"False for the preset {preset}")
+    if out is not None and (preset != LOCALISED or not rigorous or joints > 7):
+        allowed = f"none without --rigorous, --preset {LOCALISED} and 7 joints; the other "
+        allowed += "rigorous bounds follow from --quantity residual, which has a certificate"
+        raise InputError("--out", str(out), allowed)
     best = best_known("max-min", "unit-revolute", joints)
     if joints > 7:
         bound = worst_case_limit(joints, 0.0)
@@ -110,7 +123,7 @@ def max_min_bound(
             "max-min", joints, preset, "closed form", bound, best, how_checked="eq. (6)"
         )
     if preset in EXCLUDED:
-        return _excluded(preset, best, rigorous, rng, progress)
+        return _excluded(preset, best, rigorous, rng, progress, out)
     lower_bound = rigorous_residual_bound if rigorous else residual_bound
     residual = lower_bound(preset, joints, rng=rng, progress=progress)
     start = time.perf_counter()
@@ -127,15 +140,23 @@ def max_min_bound(
 
 
 def _excluded(
-    preset: str, best: float | None, rigorous: bool, rng: Rng, progress: Progress
+    preset: str,
+    best: float | None,
+    rigorous: bool,
+    rng: Rng,
+    progress: Progress,
+    out: Path | None,
 ) -> GlobalBound:
     """Return the root of the squared worst case if it is excluded, else the bound (6)."""
     squared, joints = EXCLUDED[preset], 7
     if preset == NULL_VECTOR:
         exclusion = exclude_with_signs(squared, CONDITIONS, rng=rng, progress=progress)
+    elif rigorous:
+        exclusion = prove_exclusion(
+            squared, CONDITIONS, joints, rng=rng, progress=progress, out=out
+        )
     else:
-        exclude = prove_exclusion if rigorous else exclude_worst_case
-        exclusion = exclude(squared, CONDITIONS, joints, rng=rng, progress=progress)
+        exclusion = exclude_worst_case(squared, CONDITIONS, joints, rng=rng, progress=progress)
     margin, evidence = exclusion
     excluded = margin < 0
     evidence = replace(

@@ -13,6 +13,7 @@ from math import sqrt
 
 import numpy as np
 
+from formulations.bounds.closed_form import largest_residual
 from formulations.bounds.so3_moments.blocks.localisers import ScaledBlocks
 from formulations.bounds.so3_moments.blocks.null_vector import (
     JOINTS,
@@ -31,7 +32,6 @@ from formulations.bounds.so3_moments.fixed_worst_case import (
     HOW_CHECKED,
     Conditions,
     condition_families,
-    largest_residual,
 )
 from formulations.bounds.so3_moments.global_bound import Evidence
 from formulations.bounds.so3_moments.programs.moment_program import (

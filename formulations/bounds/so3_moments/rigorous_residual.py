@@ -13,14 +13,11 @@ from pathlib import Path
 import numpy as np
 
 from formulations.bounds.certified import best_known
-from formulations.bounds.so3_moments.blocks.enclosed_squares import enclosed_block
+from formulations.bounds.so3_moments.blocks.enclosed_localisers import enclosed_residuals
 from formulations.bounds.so3_moments.blocks.sampled_blocks import SectorBlocks, sector_families
 from formulations.bounds.so3_moments.certificate import BoundCertificate, squares_of
 from formulations.bounds.so3_moments.global_bound import GlobalBound
-from formulations.bounds.so3_moments.programs.multipliers import (
-    refined_multipliers,
-    semidefinite_root,
-)
+from formulations.bounds.so3_moments.programs.multipliers import refined_multipliers
 from formulations.bounds.so3_moments.relaxation import (
     Progress,
     check_joints,
@@ -31,13 +28,12 @@ from formulations.bounds.so3_moments.representations.rounding import (
     require_extended_precision,
 )
 from formulations.bounds.so3_moments.residual_bound import residual_preset
-from formulations.bounds.so3_moments.verification import (
-    candidate_points,
-    degree_of,
-    sum_of_squares_defect,
+from formulations.bounds.so3_moments.rigorous_identity import (
+    conditions_defect,
+    multiplier_factor,
 )
+from formulations.bounds.so3_moments.verification import candidate_points, degree_of
 from nlp.arrays import FloatArray, Rng, one_blas_thread
-from nlp.errors import InputError
 from nlp.files import prepare_file, write_text
 
 # A certificate states less than was proved, since δ depends on the points and those of the
@@ -106,11 +102,12 @@ def rigorous_residual_bound(
     degree = degree_of(sectors)
     candidates, points = candidate_points(joints, degree, generator)
     claimed = solved.program.dual_value(multipliers)
-    details = bound_defect(
+    details = conditions_defect(
         families,
         multipliers,
         claimed,
         candidates,
+        objective=enclosed_residuals,
         degree=degree,
         points=points,
         progress=progress,
@@ -132,62 +129,6 @@ def rigorous_residual_bound(
     )
 
 
-def bound_defect(
-    families: Sequence[SectorBlocks],
-    multipliers: Sequence[FloatArray],
-    claimed: float,
-    candidates: FloatArray,
-    *,
-    degree: int = 12,
-    points: int | None = None,
-    progress: Progress = silent,
-) -> dict[str, float]:
-    """Bound |f| = |ρ − claimed − s̄| over all configurations.
-
-    Parameters
-    ----------
-    families
-        Blocks with rows of degree at most `degree`/2.
-    multipliers
-        X of each block. Only a factor of each is used, so they need not be semidefinite.
-    claimed
-        The constant b.
-    candidates
-        Rotations in extended precision, (candidates, n, 3, 3).
-    degree
-        Twice the largest degree of the rows, at least 4.
-    points
-        How many candidates to keep, those that determine the invariants best; all by default.
-    progress
-        Receives a short message at each step.
-
-    Returns
-    -------
-    dict
-        ``largest_value``, the largest |f| computed at the points, and ``largest_error``, the
-        largest bound on its error there; ``amplification``, how much larger f may be
-        elsewhere, per unit of root mean square at the points; ``basis_defect``, how far the
-        matrix of values may be from its assumed inverse, below 1/2; and ``defect``, δ ≥ |f|.
-
-    Raises
-    ------
-    InputError
-        If a block has rows of more than half of `degree`: then its squares are outside of the
-        space of invariants.
-    NoBasisError
-        If the points do not determine all invariants.
-    """
-    for sector in (family.sector for family in families):
-        if 2 * sector.degree > degree:
-            raise InputError("families", sector, f"rows of degree at most {degree // 2}")
-    factors = map(multiplier_factor, multipliers)
-    enclosed = (
-        (family, [enclosed_block(family, block, next(factors)) for block in family.blocks])
-        for family in families
-    )
-    return sum_of_squares_defect(enclosed, claimed, candidates, degree, points, progress)
-
-
 def residual_certificate(
     families: Sequence[SectorBlocks],
     multipliers: Sequence[FloatArray],
@@ -198,9 +139,3 @@ def residual_certificate(
     stated = floor((claimed - _ALLOWANCE * defect) * 10**_DIGITS) / 10**_DIGITS
     squares = squares_of(families, [multiplier_factor(x) for x in multipliers])
     return BoundCertificate("residual", families[0].joints, stated, claimed, squares)
-
-
-def multiplier_factor(multiplier: FloatArray) -> FloatArray:
-    """Return L with LLᵀ the nearest semidefinite matrix, without columns of zeros."""
-    root, _ = semidefinite_root(multiplier)
-    return np.asarray(root[:, root.any(axis=0)])

@@ -1,28 +1,38 @@
 """Verify the certificate of a bound, without the solver and the relaxation that found it.
 
 Only definitions are shared with the search: sectors of rows, Wigner functions, coupling, the
-values of rows. The squares are those of the file, whatever they are; with all rounding bounded,
-the difference of the two sides is evaluated at points of the verifier's own choice, where it
-determines an invariant polynomial everywhere (docs/bounds.md, section 3).
+values of rows, Krylov vectors, and the limit of the residual. The sums are those of the file,
+whatever they are; with all rounding bounded, the difference of the two sides is evaluated at
+points of the verifier's own choice, where it determines an invariant polynomial everywhere
+(docs/bounds.md, sections 3 and 4).
 """
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
-from functools import cache
-from math import inf, nextafter
+from fractions import Fraction
+from functools import cache, partial
+from math import inf, nextafter, sqrt
 from typing import Any, TypeAlias
 
 import numpy as np
 
+from formulations.bounds.closed_form import largest_residual, mean_residual
+from formulations.bounds.so3_moments.blocks.enclosed_localisers import (
+    enclosed_krylov_sum,
+    enclosed_powers,
+    enclosed_residuals,
+    enclosed_scaled,
+)
 from formulations.bounds.so3_moments.blocks.enclosed_squares import (
     SAFETY,
-    EnclosedBlock,
+    EnclosedSum,
     enclosed_block,
     enclosed_sums,
 )
 from formulations.bounds.so3_moments.blocks.invariant_basis import invariant_basis
 from formulations.bounds.so3_moments.blocks.invariants import invariant_dimension
-from formulations.bounds.so3_moments.blocks.sampled_blocks import SectorBlocks
+from formulations.bounds.so3_moments.blocks.localisers import KrylovLocaliser
+from formulations.bounds.so3_moments.blocks.sampled_blocks import RowBlocks, SectorBlocks
 from formulations.bounds.so3_moments.certificate import (
     BlockSquares,
     BoundCertificate,
@@ -30,26 +40,22 @@ from formulations.bounds.so3_moments.certificate import (
 )
 from formulations.bounds.so3_moments.representations.adapted_rows import AdaptedRows
 from formulations.bounds.so3_moments.representations.rounding import (
-    EXTENDED_UNIT,
-    ROTATION_ENTRY,
-    UNIT,
     gamma,
     require_extended_precision,
 )
 from formulations.bounds.so3_moments.representations.row_sectors import RowSector
-from formulations.bounds.so3_moments.representations.wigner import (
-    jacobians_of,
-    random_rotations,
-)
-from formulations.bounds.so3_moments.representations.young_basis import all_tableaux
+from formulations.bounds.so3_moments.representations.wigner import random_rotations
+from formulations.bounds.so3_moments.representations.young_basis import projected_tableaux
 from formulations.existence.certificate import CertificateError
 from nlp.arrays import FloatArray, Rng, one_blas_thread
 from nlp.errors import InputError
 
-# One sector: its rows, and its squares with bounds on what is wrong with them.
-EnclosedSector: TypeAlias = tuple[SectorBlocks, list[EnclosedBlock]]
+# A sum of an identity, from rotations in extended precision.
+Summand: TypeAlias = Callable[[FloatArray], EnclosedSum]
 Progress: TypeAlias = Callable[[str], None]
 
+# Degree that scaling by ρ, or two Krylov vectors and J_f J_fᵀ, adds to that of two rows.
+LOCALISED = 4
 # Candidates and points for each invariant: as many as determine them well.
 _CANDIDATES, _POINTS = 2.08, 1.25
 _dimension = cache(invariant_dimension)
@@ -70,9 +76,9 @@ class VerifiedBound:
     bound
         The bound that was proved, at least as sharp.
     squares
-        Number of squares.
+        Number of squares and of localised squares.
     check
-        The parts of the proof, see `sum_of_squares_defect`.
+        The parts of the proof, see `identity_defect`.
     """
 
     quantity: CertifiedQuantity
@@ -114,27 +120,51 @@ def verify_bound(
         If this machine has no extended precision.
     """
     require_extended_precision()
-    degree = degree_of(sector for sector, _ in certificate.sectors)
+    held = (certificate.sectors, certificate.scaled, certificate.krylov)
+    degree = degree_of(*([sector for sector, _ in some] for some in held))
     candidates, points = candidate_points(certificate.joints, degree, rng)
-    check = sum_of_squares_defect(
-        _enclosed(certificate), certificate.constant, candidates, degree, points, progress
+    check = identity_defect(
+        list(_summands(certificate)),
+        certificate.constant,
+        candidates,
+        degree,
+        objective=enclosed_residuals if certificate.excluded is None else None,
+        points=points,
+        progress=progress,
     )
     proved = nextafter(certificate.constant - check["defect"], -inf)
-    if not proved >= certificate.bound:  # nor NaN
+    if certificate.excluded is None:
+        bound, enough, sign = proved, proved >= certificate.bound, "≥"
+    else:
+        # Where σ² ≥ t, all sums are ≥ 0 and so 0 ≥ `proved`. Without that, eq. (6) is left.
+        impossible = proved > 0
+        known = certificate.excluded if impossible else Fraction(certificate.joints - 6, 3)
+        bound, sign = _root_above(Fraction(known)), "≤"
+        enough = impossible and certificate.bound >= bound
+        check = {"excluded": certificate.excluded, "margin": -proved, **check}
+    name, stated = certificate.quantity, certificate.bound
+    if not enough:  # nor NaN
         raise CertificateError(
-            f"the file states {certificate.quantity} ≥ {certificate.bound}, but its squares "
-            f"prove only {certificate.quantity} ≥ {proved:.9g}."
+            f"the file states {name} {sign} {stated}, but its squares prove only {name} {sign} "
+            f"{bound}."
         )
-    squares = sum(block.factor.shape[1] for _, some in certificate.sectors for block in some)
-    stated = certificate.bound
-    return VerifiedBound(
-        certificate.quantity, certificate.joints, stated, proved, squares, check
-    )
+    squares = sum(one.factor.shape[1] for some in held for _, all_ in some for one in all_)
+    return VerifiedBound(name, certificate.joints, stated, bound, squares, check)
 
 
-def degree_of(sectors: Iterable[RowSector]) -> int:
-    """Return the largest degree of squares of rows of these sectors, and of the residual."""
-    return max((2 * sector.degree for sector in sectors if sector.degree > 2), default=4)
+def degree_of(
+    plain: Iterable[RowSector],
+    scaled: Iterable[RowSector] = (),
+    krylov: Iterable[RowSector] = (),
+) -> int:
+    """Return the largest degree in J of squares of rows, of localisers, and of the residual.
+
+    The residual, which scales blocks, has degree four. A Krylov vector has one more than its
+    rows, twice, and J_f J_fᵀ has two.
+    """
+    degrees = [4, *(2 * sector.degree for sector in plain)]
+    degrees += [2 * sector.degree + LOCALISED for sector in (*scaled, *krylov)]
+    return max(degrees)
 
 
 def candidate_points(joints: int, degree: int, rng: Rng = 0) -> tuple[FloatArray, int]:
@@ -146,26 +176,30 @@ def candidate_points(joints: int, degree: int, rng: Rng = 0) -> tuple[FloatArray
     return random_rotations(generator, count, joints, extended=True), points
 
 
-def sum_of_squares_defect(
-    sectors: Iterable[EnclosedSector],
+def identity_defect(
+    summands: Sequence[Summand],
     constant: float,
     candidates: FloatArray,
     degree: int,
+    *,
+    objective: Summand | None = None,
     points: int | None = None,
     progress: Progress = lambda _: None,
 ) -> dict[str, float]:
-    """Bound |f| = |ρ − constant − s̄| over all configurations.
+    """Bound |f| = |objective − constant − Σ summands| over all configurations.
 
     Parameters
     ----------
-    sectors
-        Squares of rows of degree at most `degree`/2.
+    summands
+        Invariant polynomials of degree at most `degree`, with bounds on their errors.
     constant
         The constant b.
     candidates
         Rotations in extended precision, (candidates, n, 3, 3).
     degree
-        Largest degree of f, at least 4.
+        Largest degree of f.
+    objective
+        An invariant polynomial like the summands; 0 if left out.
     points
         How many candidates to keep, those that determine the invariants best; all by default.
     progress
@@ -191,17 +225,18 @@ def sum_of_squares_defect(
     dimension = _dimension(candidates.shape[1], degree)
     progress(f"proving a basis of the {dimension} invariants of degree {degree}")
     basis, rotations = invariant_basis(candidates, degree, dimension, points)
-    sums, errors = np.zeros(len(rotations)), np.zeros(len(rotations))
-    count = 0
-    for count, (family, blocks) in enumerate(sectors, start=1):
-        progress(f"evaluating sums of squares with error bounds: sector {count}")
-        part, wrong = enclosed_sums(family, blocks, rotations)
-        sums += part
-        errors += wrong
-    residuals, wrong = enclosed_residuals(rotations)
-    values = residuals - constant - sums
-    errors += wrong + gamma(count + 4) * (residuals + abs(constant) + sums)
-    errors *= SAFETY
+    sums, errors, sizes = np.zeros((3, len(rotations)))
+    for number, summand in enumerate(summands, start=1):
+        progress(f"evaluating sums with error bounds: {number} of {len(summands)}")
+        part = summand(rotations)
+        sums += part.values
+        errors += part.errors
+        sizes += part.sizes
+    zero = np.zeros(len(rotations))
+    left = objective(rotations) if objective else EnclosedSum(zero, zero, zero)
+    values = left.values - constant - sums
+    sizes += left.sizes + abs(constant)
+    errors = SAFETY * (errors + left.errors + gamma(len(summands) + 5) * sizes)
     return {
         "largest_value": float(np.abs(values).max()),
         "largest_error": float(errors.max()),
@@ -211,41 +246,69 @@ def sum_of_squares_defect(
     }
 
 
-def enclosed_residuals(rotations: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return ρ = ½‖JJᵀ − (n/3)I‖_F² at each point, and a bound on its rounding error.
-
-    The entries of J are off by `ROTATION_ENTRY` units, those of JJᵀ by the sum over the
-    columns, and a square by twice the entry times that.
-    """
-    jacobians = jacobians_of(rotations)
-    joints = jacobians.shape[-1]
-    unit = EXTENDED_UNIT if rotations.dtype == np.longdouble else UNIT
-    entry = joints * (2.1 * ROTATION_ENTRY * unit + 1.1 * gamma(joints + 4, unit))
-    third = rotations.dtype.type(joints) / 3  # off by a unit, relative
-    gram = jacobians @ jacobians.swapaxes(-1, -2) - third * np.eye(6)
-    square = np.sum(gram**2, axis=(-1, -2))
-    whole = 6.0 * entry
-    error = np.sqrt(square) * whole + whole**2 + (gamma(40, unit) + UNIT) * square
-    return np.asarray(square / 2, float), np.asarray(SAFETY * error, float)
-
-
-def _enclosed(certificate: BoundCertificate) -> Iterator[EnclosedSector]:
-    """Give the squares of each sector, with bounds on what is wrong with them."""
+def _summands(certificate: BoundCertificate) -> Iterator[Summand]:
+    """Give the sums of the file, each a function of the rotations."""
+    joints, t = certificate.joints, certificate.excluded
     for sector, blocks in certificate.sectors:
-        family = SectorBlocks(sector, certificate.joints)
-        yield family, [enclosed_block(family, _adapted(family, b), b.factor) for b in blocks]
+        yield partial(_squares, sector, joints, blocks)
+    if t is None:
+        return
+    # Where the worst case is σ² ≥ t, ρ is below this limit.
+    limit, unit = largest_residual(joints, t), mean_residual(joints)
+    for sector, blocks in certificate.scaled:
+        yield partial(_scaled, limit, unit, sector, joints, blocks)
+    for sector, blocks in certificate.krylov:
+        yield partial(_krylov, t, sector, joints, blocks)
 
 
-def _adapted(family: SectorBlocks, squares: BlockSquares) -> AdaptedRows:
-    """Return the rows of a block in all tableaux, from those in the first."""
+def _squares(
+    sector: RowSector, joints: int, blocks: Sequence[BlockSquares], rotations: FloatArray
+) -> EnclosedSum:
+    family = SectorBlocks(sector, joints)
+    enclosed = [enclosed_block(family, _adapted(family, one), one.factor) for one in blocks]
+    return enclosed_sums(family, enclosed, rotations)
+
+
+def _scaled(
+    limit: float,
+    unit: float,
+    sector: RowSector,
+    joints: int,
+    blocks: Sequence[BlockSquares],
+    rotations: FloatArray,
+) -> EnclosedSum:
+    return enclosed_scaled(limit, unit, _squares(sector, joints, blocks, rotations), rotations)
+
+
+def _krylov(
+    t: float,
+    sector: RowSector,
+    joints: int,
+    blocks: Sequence[BlockSquares],
+    rotations: FloatArray,
+) -> EnclosedSum:
+    family = KrylovLocaliser(sector, joints, t)
+    powers = [enclosed_powers(family, _adapted(family, one), one.factor) for one in blocks]
+    return enclosed_krylov_sum(family, powers, rotations)
+
+
+def _adapted(family: RowBlocks, squares: BlockSquares) -> AdaptedRows:
+    """Return the rows of a block in all tableaux, see `projected_tableaux`."""
     numbers = {entry.parts: number for number, entry in enumerate(family.rows)}
     parts = []
-    for one in squares.rows:
+    for one, columns in zip(squares.rows, squares.columns, strict=True):
         number = numbers[one.labels]
         entry = family.rows[number]
         places = entry.places
         exchanges = {joint: entry.exchange(joint) for group in places for joint in group[:-1]}
-        bases = all_tableaux(one.basis, exchanges, places, squares.shapes)
-        parts.append((number, range(one.first, one.first + one.basis.shape[1]), bases))
-    size = len(squares.factor)
-    return AdaptedRows(squares.shapes, "mixed", tuple(parts), size, len(parts[0][2]))
+        bases = projected_tableaux(one.pivots, exchanges, places, squares.shapes)
+        parts.append((number, columns, bases))
+    return AdaptedRows(squares.shapes, "mixed", tuple(parts), squares.size, len(parts[0][2]))
+
+
+def _root_above(square: Fraction) -> float:
+    """Return a double that is not below the square root."""
+    root = sqrt(square)
+    while Fraction(root) ** 2 < square:
+        root = nextafter(root, inf)
+    return root

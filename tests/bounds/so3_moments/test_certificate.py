@@ -15,24 +15,43 @@ from typing import Any
 import numpy as np
 import pytest
 
-from formulations.bounds.so3_moments import certificate as format_module
-from formulations.bounds.so3_moments import rigorous_residual, verification
-from formulations.bounds.so3_moments.blocks import sampled_blocks
-from formulations.bounds.so3_moments.blocks.sampled_blocks import sector_families
-from formulations.bounds.so3_moments.certificate import (
-    BoundCertificate,
-    IllFormedError,
-    read_any,
+from formulations.bounds.so3_moments import (
+    fixed_worst_case,
+    rigorous_max_min,
+    rigorous_residual,
+    verification,
 )
+from formulations.bounds.so3_moments import reading as format_module
+from formulations.bounds.so3_moments.blocks import sampled_blocks
+from formulations.bounds.so3_moments.blocks.enclosed_localisers import enclosed_residuals
+from formulations.bounds.so3_moments.blocks.sampled_blocks import SectorBlocks, sector_families
+from formulations.bounds.so3_moments.certificate import BoundCertificate
+from formulations.bounds.so3_moments.fixed_worst_case import (
+    Conditions,
+    condition_families,
+    solve_exclusion,
+    without_objective,
+)
+from formulations.bounds.so3_moments.max_min_bound import CONDITIONS, EXCLUDED
 from formulations.bounds.so3_moments.programs.multipliers import refined_multipliers
+from formulations.bounds.so3_moments.reading import IllFormedError, read_any
 from formulations.bounds.so3_moments.relaxation import solve_relaxation
-from formulations.bounds.so3_moments.representations.row_sectors import degree_sectors
+from formulations.bounds.so3_moments.representations.row_sectors import (
+    RowSector,
+    degree_sectors,
+)
 from formulations.bounds.so3_moments.representations.wigner import random_rotations
+from formulations.bounds.so3_moments.representations.young_basis import (
+    first_tableau,
+    projected_tableaux,
+    young_bases,
+)
+from formulations.bounds.so3_moments.rigorous_max_min import exclusion_certificate
 from formulations.bounds.so3_moments.rigorous_residual import (
     residual_certificate,
     rigorous_residual_bound,
 )
-from formulations.bounds.so3_moments.verification import enclosed_residuals, verify_bound
+from formulations.bounds.so3_moments.verification import verify_bound
 from formulations.existence.certificate import Certificate, CertificateError
 from formulations.existence.exact_jacobian import ExactJacobian
 from nlp.errors import FileError
@@ -100,28 +119,16 @@ def test_the_proof_holds_at_other_points(certificate: BoundCertificate) -> None:
     assert min(first, second) >= certificate.bound
 
 
-def test_other_signs_and_orders_of_eigenvectors_prove_the_same(
-    certificate: BoundCertificate,
-) -> None:
-    """U is replaced by UQ and L by QᵀL, as if another machine had made the bases."""
+def test_other_factors_and_orders_prove_the_same(certificate: BoundCertificate) -> None:
+    """L is replaced by LQ, and the rows of a block by another order."""
     rng = np.random.default_rng(3)
 
     def turned(block: Any) -> Any:
-        factor = block.factor.copy()
-        rows: dict[int, Any] = {}
-        for number, one in enumerate(block.rows):
-            size = one.basis.shape[1]
-            same = [r for r in rows.values() if r[0] == one.first]
-            q = same[0][1] if same else np.linalg.qr(rng.standard_normal((size, size)))[0]
-            rows[number] = (one.first, q)
-            if not same:
-                place = slice(one.first, one.first + size)
-                factor[place] = q.T @ block.factor[place]
-        parts = tuple(
-            replace(one, basis=one.basis @ rows[number][1])
-            for number, one in enumerate(block.rows)
-        )
-        return replace(block, rows=parts, factor=factor)
+        squares = block.factor.shape[1]
+        q = np.linalg.qr(rng.standard_normal((squares, squares)))[0]
+        parts = [block.factor[place.start : place.stop] @ q for place in block.columns]
+        factor = np.vstack(parts[::-1])
+        return replace(block, rows=block.rows[::-1], factor=factor)
 
     other = replace(
         certificate,
@@ -129,6 +136,20 @@ def test_other_signs_and_orders_of_eigenvectors_prove_the_same(
     )
     bounds = [verify_bound(one).bound for one in (certificate, other)]
     assert bounds[0] == pytest.approx(bounds[1], abs=1e-10)
+
+
+@pytest.mark.parametrize("sector", [RowSector(2, 0, 1, 4), RowSector(4, 2, 0, 4)])
+def test_projectors_are_those_of_the_bases(sector: RowSector) -> None:
+    """P from eigenvectors and P from averages over permutations are the same."""
+    for entry in SectorBlocks(sector, 6).rows:
+        places = entry.places
+        exchanges = {j: entry.exchange(j) for place in places for j in place[:-1]}
+        for shapes, bases in young_bases(exchanges, places).items():
+            start = first_tableau(shapes)
+            columns = range(min(3, entry.length))
+            found = projected_tableaux(columns, exchanges, places, shapes)
+            for own, basis in zip(found, bases, strict=True):
+                assert own == pytest.approx(basis @ bases[start].T[:, list(columns)], abs=1e-12)
 
 
 def test_nothing_is_shared_with_the_search(
@@ -222,12 +243,14 @@ ROWS = (*BLOCK, "rows", 0)
 ILL_FORMED: dict[str, Change] = {
     **{f"no {name}": without(name) for name in ("format", "joints", "bound", "sectors")},
     **{f"no {name} of a block": without(*BLOCK, name) for name in ("shapes", "factor", "rows")},
-    **{f"no {name} of rows": without(*ROWS, name) for name in ("labels", "first", "basis")},
+    **{f"no {name} of rows": without(*ROWS, name) for name in ("labels", "pivots")},
     "no constant": without("constant"),
     "unknown key": put("solver", "CLARABEL"),
     "unknown key of a sector": put("sectors", 0, "locked", 1),
-    "other format": put("format", "lockedjoint bound 2"),
-    "other quantity": put("quantity", "max-min"),
+    "other format": put("format", "lockedjoint bound 1"),
+    "other quantity": put("quantity", "worst-case"),
+    "the other quantity": put("quantity", "max-min"),
+    "key of the other quantity": put("krylov", []),
     "quantity is a list": put("quantity", []),
     "five joints": put("joints", 5),
     "ten joints": put("joints", 10),
@@ -250,20 +273,25 @@ ILL_FORMED: dict[str, Change] = {
     "shape not whole": put(*BLOCK, "shapes", 1, [6.0]),
     "no such labels": put(*ROWS, "labels", [[[1, 1]], []]),
     "labels a number": put(*ROWS, "labels", 1),
-    "first negative": put(*ROWS, "first", -1),
-    "first far away": put(*ROWS, "first", 9_999),
-    "no columns": put(*ROWS, "columns", 0),
-    "very many columns": put(*ROWS, "columns", 10**12),
+    "pivot negative": put(*ROWS, "pivots", 0, -1),
+    "pivot far away": put(*ROWS, "pivots", 0, 9_999),
+    "pivot not whole": put(*ROWS, "pivots", 0, 0.0),
+    "pivot true": put(*ROWS, "pivots", 0, True),
+    "a pivot twice": twice(*ROWS, "pivots"),
+    "no pivots": put(*ROWS, "pivots", []),
+    "very many pivots": twice(*ROWS, "pivots", times=10_000),
+    "pivots a number": put(*ROWS, "pivots", 10**12),
+    "unknown key of rows": put(*ROWS, "basis", ""),
     "rows empty": put(*BLOCK, "rows", []),
     "rows twice": twice(*BLOCK, "rows"),
     "no squares": put(*BLOCK, "squares", 0),
     "more squares than columns": put(*BLOCK, "squares", 10_000),
-    "basis cut": lambda d: put(*ROWS, "basis", at(d, *ROWS, "basis")[:-4])(d),
-    "basis longer": lambda d: put(*ROWS, "basis", at(d, *ROWS, "basis") + "AAAA")(d),
-    "basis not base64": lambda d: put(*ROWS, "basis", "?" + at(d, *ROWS, "basis")[1:])(d),
-    "basis not ASCII": lambda d: put(*ROWS, "basis", "é" + at(d, *ROWS, "basis")[1:])(d),
-    "basis a list": put(*ROWS, "basis", [0.0]),
-    "basis NaN": entries(*ROWS, "basis", setting(0, float("nan"))),
+    "factor cut": lambda d: put(*BLOCK, "factor", at(d, *BLOCK, "factor")[:-4])(d),
+    "factor longer": lambda d: put(*BLOCK, "factor", at(d, *BLOCK, "factor") + "AAAA")(d),
+    "factor not base64": lambda d: put(*BLOCK, "factor", "?" + at(d, *BLOCK, "factor")[1:])(d),
+    "factor not ASCII": lambda d: put(*BLOCK, "factor", "é" + at(d, *BLOCK, "factor")[1:])(d),
+    "factor a list": put(*BLOCK, "factor", [0.0]),
+    "factor NaN": entries(*BLOCK, "factor", setting(0, float("nan"))),
     "factor infinite": entries(*BLOCK, "factor", setting(0, float("inf"))),
     "factor huge": entries(*BLOCK, "factor", setting(0, 1e200)),
 }
@@ -335,12 +363,22 @@ def claim_more(document: dict[str, Any]) -> None:
     document["constant"] += 0.01
 
 
+def other_pivots(document: dict[str, Any]) -> None:
+    """Take the row before each, where that is free."""
+    for sector in document["sectors"]:
+        for block in sector["blocks"]:
+            for rows in block["rows"]:
+                for place, pivot in enumerate(rows["pivots"]):
+                    if pivot and pivot - 1 not in rows["pivots"]:
+                        rows["pivots"][place] = pivot - 1
+
+
 FALSE: dict[str, Change] = {
     "a larger bound": put("bound", 1e-3),
     "a larger constant": claim_more,
     "a smaller constant": lambda d: put("constant", d["constant"] - 0.01)(d),
-    "a factor of a basis": entries(*MAIN, "rows", 2, "basis", scaled(1.01)),
-    "one entry of a basis": entries(*MAIN, "rows", 2, "basis", setting(0, 1.0)),
+    "other pivots": other_pivots,
+    "one entry of a factor": entries(*MAIN, "factor", setting(0, 1.0)),
     "a factor of a factor": entries(*MAIN, "factor", scaled(0.99)),
     "a large factor": entries(*MAIN, "factor", scaled(1e4)),
     "factors reversed": reverse_factors,
@@ -399,6 +437,20 @@ def test_the_committed_certificate_is_well_formed() -> None:
     assert 0.0566 < read.bound < read.constant < 0.0568265457
 
 
+def test_the_committed_certificate_of_max_min_is_well_formed() -> None:
+    read = read_any(ROOT / "results" / "bounds" / "certificates" / "max_min_localised.json")
+    assert isinstance(read, BoundCertificate)
+    assert (read.quantity, read.joints, read.excluded) == ("max-min", 7, 0.3279)
+    assert Fraction(read.excluded) <= Fraction(read.bound) ** 2 < Fraction(0.3279001)
+    assert read.excluded == EXCLUDED["localised"]
+    for part, sectors in (
+        (read.sectors, CONDITIONS.plain),
+        (read.scaled, CONDITIONS.scaled),
+        (read.krylov, CONDITIONS.krylov),
+    ):
+        assert {sector for sector, _ in part} <= set(sectors)
+
+
 def test_other_certificates_are_read_as_before() -> None:
     folder = ROOT / "results" / "existence"
     assert isinstance(read_any(folder / "certificate.json"), Certificate)
@@ -409,8 +461,8 @@ def test_residuals_are_enclosed() -> None:
     """Against rational arithmetic; quaternions are doubles."""
     rotations = random_rotations(np.random.default_rng(5), 4, 7, extended=True)
     quaternions = np.random.default_rng(5).standard_normal((4, 7, 4))
-    values, errors = enclosed_residuals(rotations)
-    for value, error, joints in zip(values, errors, quaternions, strict=True):
+    found = enclosed_residuals(rotations)
+    for value, error, joints in zip(found.values, found.errors, quaternions, strict=True):
         gram = [[Fraction(-7, 3) * (i == k) for k in range(6)] for i in range(6)]
         for quaternion in joints:
             w, x, y, z = map(Fraction, map(float, quaternion))
@@ -451,3 +503,183 @@ def test_bound_writes_a_certificate(monkeypatch: pytest.MonkeyPatch, tmp_path: P
     assert verified.claimed < verified.bound < constant
     with pytest.raises(FileError):
         rigorous_residual_bound("low", 6, out=tmp_path)
+
+
+# --- max-min -------------------------------------------------------------------------------
+
+IMPOSSIBLE, LIMIT = 30.0, 90.0
+SMALL = Conditions(
+    plain=(RowSector(0, 0, 0, 4), RowSector(2, 0, 0, 4)),
+    scaled=(RowSector(0, 0, 0, 2), RowSector(2, 0, 0, 2)),
+    krylov=(RowSector(0, 0, 0, 2, 0), RowSector(1, 0, 0, 2, 1)),
+)
+
+
+@pytest.fixture(scope="module")
+def exclusion() -> BoundCertificate:
+    """σ² ≥ 30 is impossible for short columns, so small sums exclude it."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(fixed_worst_case, "largest_residual", lambda *_: LIMIT)
+        families = condition_families(SMALL, 7, IMPOSSIBLE)
+    solved = solve_exclusion(families, 7, np.random.default_rng(0))
+    multipliers = refined_multipliers(solved.program, solved.multipliers)
+    constant = without_objective(solved).dual_value(multipliers)
+    return exclusion_certificate(IMPOSSIBLE, families, multipliers, constant, 7)
+
+
+@pytest.fixture
+def excluding(exclusion: BoundCertificate, monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
+    """Return the file of `exclusion`; the reader and the verifier allow so large a t."""
+    limit = verification.largest_residual
+    monkeypatch.setattr(format_module, "_largest_excluded", lambda _: IMPOSSIBLE)
+    monkeypatch.setattr(
+        verification, "largest_residual", lambda n, t: LIMIT if t > 1 else limit(n, t)
+    )
+    loaded: dict[str, Any] = json.loads(exclusion.to_json())
+    return loaded
+
+
+def test_an_exclusion_is_read_as_it_was_written_and_proves_its_bound(
+    exclusion: BoundCertificate, excluding: dict[str, Any], tmp_path: Path
+) -> None:
+    read = read_any(written(tmp_path / "bound.json", excluding))
+    assert read.to_json() == exclusion.to_json()
+    found = verify_bound(read)
+    assert Fraction(found.claimed) >= Fraction(found.bound)
+    assert 30 <= Fraction(found.bound) ** 2 < Fraction(30 + 1e-12)
+    assert found.claimed == pytest.approx(30**0.5, abs=1e-8)
+    assert -2 * read.constant < found.check["margin"] < -0.9 * read.constant
+    assert found.check["excluded"] == IMPOSSIBLE
+    assert found.check["defect"] < 1e-5 < 1 < read.constant
+
+
+PARTS = ("sectors", "scaled", "krylov")
+KRYLOV = ("krylov", 0, "blocks", 0)
+ILL_FORMED_EXCLUSIONS: dict[str, Change] = {
+    **{f"no {name}": without(name) for name in ("excluded", *PARTS)},
+    **{f"{name} an object": put(name, {}) for name in PARTS},
+    **{f"first of {name} twice": twice(name) for name in PARTS},
+    **{f"very many {name}": twice(name, times=100) for name in PARTS},
+    **{f"degree of {name}": put(name, 0, "degree", 6) for name in ("scaled", "krylov")},
+    **{f"t is {t}": put("excluded", t) for t in (0.0, -1.0, 1e-9, 31.0, 1, "0.3", None)},
+    "t NaN": put("excluded", float("nan")),
+    "t infinite": put("excluded", float("inf")),
+    "six joints": put("joints", 6),
+    "the other quantity": put("quantity", "residual"),
+    "locked joint of a plain sector": put("sectors", 0, "locked", 0),
+    "locked joint of a scaled sector": put("scaled", 0, "locked", 0),
+    "no locked joint": without("krylov", 0, "locked"),
+    "locked joint null": put("krylov", 0, "locked", None),
+    "parity of the locked joint": put("krylov", 0, "locked", 1),
+    "locked is true": put("krylov", 0, "locked", True),
+    "parity 2": put("krylov", 0, "locked", 2),
+    "shapes without the locked joint": lambda d: at(d, *KRYLOV, "shapes").pop(0),
+    "labels without the locked joint": lambda d: at(d, *KRYLOV, "rows", 0, "labels").pop(0),
+    "too many squares": put(*KRYLOV, "squares", 1000),
+    "factor cut": lambda d: put(*KRYLOV, "factor", at(d, *KRYLOV, "factor")[:-4])(d),
+    "factor NaN": entries(*KRYLOV, "factor", setting(0, float("nan"))),
+    "factor infinite": entries(*KRYLOV, "factor", setting(0, float("inf"))),
+    "factor huge": entries(*KRYLOV, "factor", setting(0, 1e200)),
+    "pivot far away": put(*KRYLOV, "rows", 0, "pivots", 0, 10**6),
+}
+
+
+@pytest.mark.parametrize("name", ILL_FORMED_EXCLUSIONS)
+def test_ill_formed_exclusions_are_refused_in_one_sentence(
+    name: str, excluding: dict[str, Any], tmp_path: Path
+) -> None:
+    ILL_FORMED_EXCLUSIONS[name](excluding)
+    with pytest.raises((IllFormedError, FileError)) as refused:
+        read_any(written(tmp_path / "bound.json", excluding))
+    assert refused.value.exit_status == 2
+    assert len(str(refused.value)) < 400
+    assert "\n" not in str(refused.value)
+
+
+def everywhere(name: str, change: Callable[[Any], None]) -> Change:
+    """Change the factors of all blocks of a part."""
+
+    def changed(document: dict[str, Any]) -> None:
+        for sector in document[name]:
+            for block in sector["blocks"]:
+                entries("factor", change)(block)
+
+    return changed
+
+
+def raised(name: str, amount: float) -> Change:
+    return lambda document: document.__setitem__(name, document[name] + amount)
+
+
+FALSE_EXCLUSIONS: dict[str, Change] = {
+    "a smaller bound": raised("bound", -1e-6),
+    "a larger constant": raised("constant", 1.0),
+    "a smaller constant": raised("constant", -1.0),
+    "a negative constant": lambda d: put("constant", -d["constant"])(d),
+    "a smaller t": put("excluded", 29.0),
+    "a worst case that is attained": put("excluded", 0.3),
+    **{f"{name} times 10": everywhere(name, scaled(10.0)) for name in PARTS[1:]},
+    **{f"{name} 0": everywhere(name, scaled(0.0)) for name in PARTS[1:]},
+    **{f"{name} large": everywhere(name, scaled(1e4)) for name in PARTS},
+    **{f"no {name}": put(name, []) for name in PARTS[1:]},
+    "nothing at all": lambda d: d.update(sectors=[], scaled=[], krylov=[]),
+    "one entry of a factor": entries(*KRYLOV, "factor", setting(0, 9.0)),
+    "scaled squares as plain ones": lambda d: d.update(sectors=d["scaled"], scaled=[]),
+}
+
+
+@pytest.mark.parametrize("name", FALSE_EXCLUSIONS)
+def test_sums_that_do_not_exclude_the_worst_case_are_rejected(
+    name: str, excluding: dict[str, Any], tmp_path: Path
+) -> None:
+    FALSE_EXCLUSIONS[name](excluding)
+    read = read_any(written(tmp_path / "bound.json", excluding))
+    with pytest.raises(CertificateError, match=r"prove only max-min ≤ [0-9.]+\.$") as rejected:
+        verify_bound(read)
+    assert rejected.value.exit_status == 1
+
+
+def test_what_is_proved_instead_is_stated(excluding: dict[str, Any], tmp_path: Path) -> None:
+    """Eq. (6), or √t if only the claim is too sharp; both rounded up."""
+    path, found = tmp_path / "bound.json", []
+    for change in (raised("constant", 1.0), raised("bound", -1e-6)):
+        document = json.loads(json.dumps(excluding))
+        change(document)
+        with pytest.raises(CertificateError) as rejected:
+            verify_bound(read_any(written(path, document)))
+        found.append(Fraction(float(str(rejected.value).split(" ≤ ")[-1].rstrip("."))))
+    for square, bound in zip((Fraction(1, 3), Fraction(30)), found, strict=True):
+        assert square <= bound**2 < square + Fraction(1, 10**12)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        raised("bound", 0.5),
+        everywhere("krylov", scaled(-1.0)),
+        everywhere("scaled", scaled(1 + 1e-12)),
+        lambda document: document["krylov"].reverse(),
+    ],
+)
+def test_other_files_prove_the_exclusion_as_well(
+    change: Change, excluding: dict[str, Any], tmp_path: Path
+) -> None:
+    change(excluding)
+    found = verify_bound(read_any(written(tmp_path / "bound.json", excluding)))
+    assert found.bound <= found.claimed == excluding["bound"]
+
+
+def test_a_proof_of_exclusion_writes_its_certificate(
+    exclusion: BoundCertificate, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """At an attained worst case nothing is excluded, and nothing is written."""
+    path = tmp_path / "folder" / "bound.json"
+    with pytest.raises(CertificateError, match="no certificate was written"):
+        rigorous_max_min.prove_exclusion(0.3, SMALL, 7, out=path)
+    assert not path.exists()
+    monkeypatch.setattr(fixed_worst_case, "largest_residual", lambda *_: LIMIT)
+    margin, _ = rigorous_max_min.prove_exclusion(IMPOSSIBLE, SMALL, 7, out=path)
+    assert margin < 0
+    assert json.loads(path.read_text())["bound"] == exclusion.bound
+    with pytest.raises(FileError):
+        rigorous_max_min.prove_exclusion(IMPOSSIBLE, SMALL, 7, out=tmp_path)

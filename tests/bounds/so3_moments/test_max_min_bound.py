@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
+from formulations.bounds.closed_form import largest_residual
 from formulations.bounds.so3_moments import fixed_worst_case
 from formulations.bounds.so3_moments import max_min_bound as max_min_module
 from formulations.bounds.so3_moments.fixed_worst_case import (
     Conditions,
     condition_families,
     exclude_worst_case,
-    largest_residual,
     worst_case_limit,
 )
 from formulations.bounds.so3_moments.global_bound import GlobalBound

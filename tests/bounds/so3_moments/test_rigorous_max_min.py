@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from fractions import Fraction
 from itertools import permutations, product
 from math import nextafter, sqrt
@@ -11,13 +10,17 @@ from typing import Any
 import numpy as np
 import pytest
 
+from formulations.bounds import closed_form
+from formulations.bounds.closed_form import largest_residual
 from formulations.bounds.so3_moments import fixed_worst_case
 from formulations.bounds.so3_moments import max_min_bound as max_min_module
 from formulations.bounds.so3_moments import rigorous_max_min as rigorous_module
 from formulations.bounds.so3_moments.blocks import enclosed_localisers
 from formulations.bounds.so3_moments.blocks.enclosed_localisers import (
     enclosed_krylov_sum,
+    enclosed_powers,
     enclosed_product,
+    enclosed_residuals,
     krylov_forms,
 )
 from formulations.bounds.so3_moments.blocks.localisers import KrylovLocaliser, ScaledBlocks
@@ -26,8 +29,8 @@ from formulations.bounds.so3_moments.fixed_worst_case import (
     Conditions,
     ResidualDistance,
     condition_families,
-    largest_residual,
     solve_exclusion,
+    without_objective,
 )
 from formulations.bounds.so3_moments.global_bound import Evidence
 from formulations.bounds.so3_moments.max_min_bound import max_min_bound
@@ -38,12 +41,11 @@ from formulations.bounds.so3_moments.representations.wigner import (
     jacobians_of,
     random_rotations,
 )
-from formulations.bounds.so3_moments.rigorous_max_min import (
+from formulations.bounds.so3_moments.rigorous_identity import (
     check_degrees,
+    conditions_defect,
     enclosed_condition,
-    exclusion_defect,
 )
-from formulations.bounds.so3_moments.verification import enclosed_residuals
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
 
@@ -121,7 +123,7 @@ def test_a_sum_is_enclosed_at_an_exact_jacobian() -> None:
             if number == constant:
                 here = chosen == place.start
                 root[here] = values[powers[here]]
-    found = enclosed_krylov_sum(family, roots, extended(3, 1, 4))
+    found = enclosed_krylov_sum(family, enclosed(family, roots), extended(3, 1, 4))
     squares = [
         [dot(*map(fractions, pair)) for pair in product([row], values)] for row in values
     ]
@@ -134,6 +136,11 @@ def test_a_sum_is_enclosed_at_an_exact_jacobian() -> None:
     assert abs(Fraction(found.values[0]) - exact / 4) < found.errors[0]
     assert found.errors[0] < 1e-13 * found.sizes[0]
     assert abs(found.values[0]) > 0.01
+
+
+def enclosed(family: KrylovLocaliser, roots: Sequence[FloatArray]) -> list[Any]:
+    together = zip(family.blocks, roots, strict=True)
+    return [enclosed_powers(family, block, root) for block, root in together]
 
 
 def fractions(row: FloatArray) -> list[Fraction]:
@@ -149,7 +156,7 @@ def test_the_residual_is_enclosed_at_an_exact_jacobian() -> None:
         for k, b in enumerate(rows)
     )
     found = exactly(residual_values(rotations)[0])
-    assert abs(found - exact / 2) < enclosed_residuals(rotations)[1][0]
+    assert abs(found - exact / 2) < enclosed_residuals(rotations).errors[0]
 
 
 @pytest.mark.parametrize("t", [0.32, 0.3279, 0.3284, nextafter(1 / 3, 0), 1 / 3 - 1e-9])
@@ -170,12 +177,10 @@ def test_the_limit_of_the_residual_is_above_all_spectra_that_t_allows(t: float) 
 def test_a_wrong_bisection_is_noticed(count: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """What is returned is what rational arithmetic confirms, wherever the bisection ends."""
     mean, limit = Fraction(7, 3) - Fraction(0.32), 1 / Fraction(0.32)
-    good = fixed_worst_case._largest_spread(count, mean, limit)
+    good = closed_form._largest_spread(count, mean, limit)
     assert count / (mean + (6 - count) * good) + (6 - count) / (mean - count * good) > limit
-    monkeypatch.setattr(fixed_worst_case, "float", lambda x: 0.9 * x, raising=False)
-    assert fixed_worst_case._largest_spread(count, mean, limit) > good * (
-        1 - Fraction(1, 10**9)
-    )
+    monkeypatch.setattr(closed_form, "float", lambda x: 0.9 * x, raising=False)
+    assert closed_form._largest_spread(count, mean, limit) > good * (1 - Fraction(1, 10**9))
 
 
 KINDS = {
@@ -227,7 +232,7 @@ def test_errors_of_the_rows_are_covered(
     """Values that are off by known amounts, in the directions that matter most."""
     family, roots = krylov(degree)
     rotations = extended(7, 3, 4)
-    good = enclosed_krylov_sum(family, roots, rotations)
+    good = enclosed_krylov_sum(family, enclosed(family, roots), rotations)
     values, error = enclosed_localisers.block_values, enclosed_localisers.product_error
 
     def shifted(*arguments: Any) -> FloatArray:
@@ -241,7 +246,7 @@ def test_errors_of_the_rows_are_covered(
 
     monkeypatch.setattr(enclosed_localisers, "block_values", shifted)
     monkeypatch.setattr(enclosed_localisers, "product_error", larger)
-    wrong = enclosed_krylov_sum(family, roots, rotations)
+    wrong = enclosed_krylov_sum(family, enclosed(family, roots), rotations)
     distance = np.abs(wrong.values - good.values)
     assert np.all(distance > 1e3 * good.errors)
     assert np.all(distance <= wrong.errors)
@@ -250,14 +255,14 @@ def test_errors_of_the_rows_are_covered(
 def test_errors_of_the_forms_are_covered(monkeypatch: pytest.MonkeyPatch) -> None:
     family, roots = krylov()
     rotations, forms = extended(7, 3, 4), enclosed_localisers.krylov_forms
-    good = enclosed_krylov_sum(family, roots, rotations)
+    good = enclosed_krylov_sum(family, enclosed(family, roots), rotations)
 
     def shifted(*arguments: Any) -> tuple[FloatArray, FloatArray]:
         found, errors = forms(*arguments)
         return found + 1e-3 * np.eye(3), errors + 1e-3 * sqrt(3)
 
     monkeypatch.setattr(enclosed_localisers, "krylov_forms", shifted)
-    wrong = enclosed_krylov_sum(family, roots, rotations)
+    wrong = enclosed_krylov_sum(family, enclosed(family, roots), rotations)
     distance = np.abs(wrong.values - good.values)
     assert np.all(distance > 1e3 * good.errors)
     assert np.all(distance <= wrong.errors)
@@ -293,7 +298,7 @@ def test_too_large_degrees_are_refused(family: BlockFamily) -> None:
     with pytest.raises(InputError, match="degree at most 3"):
         check_degrees([family], 7 + more)
     with pytest.raises(InputError, match="degree at most"):
-        exclusion_defect([family], [], -1.0, extended(1, 5, 4), degree=6)
+        conditions_defect([family], [], 1.0, extended(1, 5, 4), degree=6)
 
 
 def test_unknown_blocks_are_refused() -> None:
@@ -310,18 +315,16 @@ def test_the_defect_covers_whatever_is_wrong(monkeypatch: pytest.MonkeyPatch) ->
     families = condition_families(SMALL, 4, 30.0)
     solved = solve_exclusion(families, 4, np.random.default_rng(0))
     multipliers = refined_multipliers(solved.program, solved.multipliers)
-    constant = -replace(solved.sampled, objective=np.zeros(solved.sampled.moments)).dual_value(
-        multipliers
-    )
+    constant = without_objective(solved).dual_value(multipliers)
     points = extended(11, 60, 4)
 
     def defect(
         factor: float = 1.0, shift: float = 0.0, blocks: Sequence[Any] = families
     ) -> float:
         changed = [factor * x for x in multipliers]
-        return exclusion_defect(blocks, changed, constant + shift, points, degree=8)["defect"]
+        return conditions_defect(blocks, changed, constant + shift, points, degree=8)["defect"]
 
-    assert constant < -1
+    assert constant > 1
     assert defect() < 1e-5
     assert defect(shift=-0.1) > 0.1
     assert defect(factor=1.01) > 1e-3
@@ -345,7 +348,7 @@ def test_only_a_negative_margin_is_a_proof(
 def test_a_proof_bounds_the_whole_constant(monkeypatch: pytest.MonkeyPatch) -> None:
     """c + δ is what has to be negative."""
     details = {"largest_value": 0.0, "defect": 123.0}
-    monkeypatch.setattr(rigorous_module, "exclusion_defect", lambda *_, **__: details)
+    monkeypatch.setattr(rigorous_module, "conditions_defect", lambda *_, **__: details)
     margin, evidence = rigorous_module.prove_exclusion(0.3265, SMALL, 7)
     assert margin == pytest.approx(123.0 + evidence.check["constant"])
     assert evidence.check["defect"] == 123.0

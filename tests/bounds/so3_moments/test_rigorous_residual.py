@@ -9,6 +9,7 @@ from mpmath import mp, mpf
 from scipy.linalg import hadamard
 from sympy.physics.quantum.cg import CG
 
+from formulations.bounds.so3_moments.blocks.enclosed_localisers import enclosed_residuals
 from formulations.bounds.so3_moments.blocks.enclosed_squares import (
     enclosed_block,
     enclosed_sums,
@@ -43,8 +44,7 @@ from formulations.bounds.so3_moments.representations.wigner import (
     random_rotations,
     wigner_matrices,
 )
-from formulations.bounds.so3_moments.rigorous_residual import bound_defect
-from formulations.bounds.so3_moments.verification import enclosed_residuals
+from formulations.bounds.so3_moments.rigorous_identity import conditions_defect
 from nlp.errors import InputError
 
 
@@ -119,9 +119,10 @@ def test_rounding_is_bounded_by_the_absolute_values_of_the_left_inverse() -> Non
 def test_rows_of_too_large_a_degree_are_refused(low: list[SectorBlocks]) -> None:
     multipliers = [np.eye(size) for family in low for size in family.sizes]
     with pytest.raises(InputError, match="degree at most 3"):
-        bound_defect(low, multipliers, 0.0, configurations(1, 5), degree=6)
+        conditions_defect(low, multipliers, 0.0, configurations(1, 5), degree=6)
+    doubles = configurations(1, 5).astype(float)
     with pytest.raises(InputError, match="extended precision"):
-        bound_defect(low, multipliers, 0.0, configurations(1, 5).astype(float), degree=8)
+        conditions_defect(low, multipliers, 0.0, doubles, degree=8)
 
 
 def test_another_dimension_or_too_few_points_are_no_basis() -> None:
@@ -139,9 +140,9 @@ def test_sums_are_enclosed_in_forty_digits() -> None:
         enclosed_block(family, block, root)
         for block, root in zip(family.blocks, roots, strict=True)
     ]
-    sums, errors = enclosed_sums(family, blocks, configurations(4, 1, 3))
+    found = enclosed_sums(family, blocks, configurations(4, 1, 3))
     exact = exact_sum(family, blocks, np.random.default_rng(4).standard_normal((3, 4)))
-    assert abs(sums[0] - exact) < errors[0] < 1e-12 * exact
+    assert abs(found.values[0] - exact) < found.errors[0] < 1e-12 * exact
 
 
 def exact_sum(family: SectorBlocks, blocks: list, quaternions: np.ndarray) -> mpf:
@@ -250,12 +251,12 @@ def test_sums_are_enclosed(so3: SimpleNamespace, plain: ModuleType) -> None:
         enclosed_block(family, block, root)
         for block, root in zip(family.blocks, roots, strict=True)
     ]
-    sums, errors = enclosed_sums(family, blocks, where)
+    found = enclosed_sums(family, blocks, where)
     other = plain.averaged_sum_of_squares(
         family, where.astype(float), [root @ root.T for root in roots]
     )
-    assert np.all(np.abs(sums - other) < errors + 1e-10 * other)
-    assert np.all(errors < 1e-8 * sums)
+    assert np.all(np.abs(found.values - other) < found.errors + 1e-10 * other)
+    assert np.all(found.errors < 1e-8 * found.values)
 
 
 def test_rows_that_are_not_symmetric_are_noticed() -> None:
@@ -282,10 +283,10 @@ def test_errors_of_wigner_functions_and_rows_stay_below_their_bounds() -> None:
 def test_residuals_are_off_by_less_than_their_bound(so3: SimpleNamespace) -> None:
     rotations = so3.haar_rotations(6, 20, 7)
     turned = so3.haar_rotations(7, 1, 1)[0, 0] @ rotations
-    (first, error), (second, other) = map(enclosed_residuals, (rotations, turned))
-    assert np.all(np.abs(first - second) < error + other)
-    assert error.max() < 1e-11
-    assert first == pytest.approx(residual_values(rotations), rel=1e-13)
+    first, second = map(enclosed_residuals, (rotations, turned))
+    assert np.all(np.abs(first.values - second.values) < first.errors + second.errors)
+    assert first.errors.max() < 1e-11
+    assert first.values == pytest.approx(residual_values(rotations), rel=1e-13)
 
 
 def test_refined_multipliers_satisfy_the_equations_better(
@@ -319,7 +320,9 @@ def test_the_defect_covers_a_claim_that_is_too_large(
 
     def defect(constant: float, scale: float) -> float:
         scaled = [scale * x for x in multipliers]
-        bounds = bound_defect(low, scaled, constant, points, degree=8, points=60)
+        bounds = conditions_defect(
+            low, scaled, constant, points, objective=enclosed_residuals, degree=8, points=60
+        )
         assert bounds["basis_defect"] < 0.5
         return bounds["defect"]
 

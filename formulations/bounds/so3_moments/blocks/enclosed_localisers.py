@@ -15,8 +15,7 @@ permutations by at most Σ_kl |H_kl|(|r_k| ℓe_l + ℓe_k ℓe_l). The average 
 negative where J_f J_fᵀ ⪰ tI.
 """
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
 from math import sqrt
 
 import numpy as np
@@ -24,6 +23,7 @@ import numpy as np
 from formulations.bounds.so3_moments.blocks.enclosed_squares import (
     SAFETY,
     EnclosedBlock,
+    EnclosedSum,
     block_values,
     enclosed_block,
     plain_norms,
@@ -34,6 +34,7 @@ from formulations.bounds.so3_moments.blocks.localisers import (
     KrylovLocaliser,
     krylov_vectors,
 )
+from formulations.bounds.so3_moments.representations.adapted_rows import AdaptedRows
 from formulations.bounds.so3_moments.representations.rounding import (
     EXTENDED_UNIT,
     ROTATION_ENTRY,
@@ -42,25 +43,6 @@ from formulations.bounds.so3_moments.representations.rounding import (
 )
 from formulations.bounds.so3_moments.representations.wigner import jacobians_of, wigner_matrices
 from nlp.arrays import FloatArray
-
-
-@dataclass(frozen=True, eq=False)
-class EnclosedSum:
-    """Values of an invariant function at configurations, with bounds.
-
-    Parameters
-    ----------
-    values
-        The values.
-    errors
-        Bounds on the distance from the exact values.
-    sizes
-        Bounds on the sums of the absolute values of what was added up.
-    """
-
-    values: FloatArray
-    errors: FloatArray
-    sizes: FloatArray
 
 
 def enclosed_product(
@@ -74,8 +56,66 @@ def enclosed_product(
     return EnclosedSum(values, SAFETY * found, SAFETY * np.abs(values))
 
 
+def enclosed_residuals(rotations: FloatArray) -> EnclosedSum:
+    """Return ρ = ½‖JJᵀ − (n/3)I‖_F² at each point, with bounds on its rounding error.
+
+    The entries of J are off by `ROTATION_ENTRY` units, those of JJᵀ by the sum over the
+    columns, and a square by twice the entry times that.
+    """
+    jacobians = jacobians_of(rotations)
+    joints = jacobians.shape[-1]
+    unit = EXTENDED_UNIT if rotations.dtype == np.longdouble else UNIT
+    entry = joints * (2.1 * ROTATION_ENTRY * unit + 1.1 * gamma(joints + 4, unit))
+    third = rotations.dtype.type(joints) / 3  # off by a unit, relative
+    gram = jacobians @ jacobians.swapaxes(-1, -2) - third * np.eye(6)
+    square = np.sum(gram**2, axis=(-1, -2))
+    whole = 6.0 * entry
+    error = np.sqrt(square) * whole + whole**2 + (gamma(40, unit) + UNIT) * square
+    values = np.asarray(square / 2, float)
+    return EnclosedSum(values, np.asarray(SAFETY * error, float), values)
+
+
+def enclosed_scaled(
+    limit: float, unit: float, squares: EnclosedSum, rotations: FloatArray
+) -> EnclosedSum:
+    """Return g·s̄ with g = (limit − ρ)/unit of squares s̄ ≥ 0; the two numbers are exact."""
+    residuals = enclosed_residuals(rotations)
+    factor = (limit - residuals.values) / unit
+    # ρ, then a difference and a division.
+    wrong = SAFETY * (residuals.errors / unit + 4 * UNIT * np.abs(factor))
+    return enclosed_product(factor, wrong, squares.values, squares.errors)
+
+
+def enclosed_powers(
+    family: KrylovLocaliser, block: AdaptedRows, root: FloatArray
+) -> dict[int, EnclosedBlock]:
+    """Return A_{T,k} = U_T L_k of a block for each power k that occurs.
+
+    Parameters
+    ----------
+    family
+        The localiser.
+    block
+        The scalar rows of the block, U_T.
+    root
+        L, with a row for each of the family's `selection` from the block.
+    """
+    chosen, powers = family.selection(block)
+    found = {}
+    for power in range(POWERS):
+        own = powers == power
+        columns = np.zeros((block.size, root.shape[1]))
+        columns[chosen[own]] = root[own]
+        enclosed = enclosed_block(family, block, columns)
+        if enclosed.parts:
+            found[power] = enclosed
+    return found
+
+
 def enclosed_krylov_sum(
-    family: KrylovLocaliser, roots: Sequence[FloatArray], rotations: FloatArray
+    family: KrylovLocaliser,
+    blocks: Sequence[Mapping[int, EnclosedBlock]],
+    rotations: FloatArray,
 ) -> EnclosedSum:
     """Return the sum over the blocks of a localiser, averaged over all orders of the joints.
 
@@ -83,15 +123,15 @@ def enclosed_krylov_sum(
     ----------
     family
         The localiser.
-    roots
-        L of each block, (size, columns).
+    blocks
+        A_{T,k} of each block, see `enclosed_powers`.
     rotations
         The configurations, (configurations, n, 3, 3), in double or extended precision.
     """
     count = len(rotations)
     wigner = wigner_matrices(rotations, family.largest_spin)
     jacobians = jacobians_of(rotations)
-    blocks = [_powers(family, number, root) for number, root in enumerate(roots) if root.any()]
+    blocks = [powers for powers in blocks if powers]
     mistakes = [
         [product_error(family, block) for block in powers.values()] for powers in blocks
     ]
@@ -165,20 +205,6 @@ def krylov_forms(
     # Sums of at most n − 1 or six products, t in front of one, and the difference.
     error += gamma(joints + 12, unit) * (kept_length**2 + limit * length**2)
     return form, SAFETY * error
-
-
-def _powers(family: KrylovLocaliser, number: int, root: FloatArray) -> dict[int, EnclosedBlock]:
-    """Return A_{T,k} of a block for each power k that occurs."""
-    chosen, powers = family.selections[number]
-    block = family.blocks[number]
-    found = {}
-    for power in range(POWERS):
-        own = powers == power
-        columns = np.zeros((block.size, root.shape[1]))
-        columns[chosen[own]] = root[own]
-        if columns.any():
-            found[power] = enclosed_block(family, block, columns)
-    return found
 
 
 def _grams(values: Sequence[FloatArray]) -> FloatArray:

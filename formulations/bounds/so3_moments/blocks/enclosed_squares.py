@@ -40,6 +40,25 @@ SAFETY = 1.0 + 1e-6
 
 
 @dataclass(frozen=True, eq=False)
+class EnclosedSum:
+    """Values of an invariant function at configurations, with bounds.
+
+    Parameters
+    ----------
+    values
+        The values.
+    errors
+        Bounds on the distance from the exact values.
+    sizes
+        Bounds on the sums of the absolute values of what was added up.
+    """
+
+    values: FloatArray
+    errors: FloatArray
+    sizes: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
 class EnclosedBlock:
     """A block with other columns instead of its rows: A_T = U_T · columns.
 
@@ -83,26 +102,29 @@ class EnclosedBlock:
 def enclosed_block(family: RowBlocks, block: AdaptedRows, columns: FloatArray) -> EnclosedBlock:
     """Return A_T = U_T · columns of a block, with its bounds; columns (size, count).
 
-    Sets of labels whose A_T is 0 are left out; not all of them may be.
+    Sets of labels whose A_T is 0 are left out.
     """
     merged: dict[int, FloatArray] = {}
     for number, place, coefficients in block.parts:
         part = coefficients @ columns[place.start : place.stop]
         merged[number] = merged[number] + part if number in merged else part
     parts = tuple((number, a) for number, a in merged.items() if a.any())
+    places = family.sector.places(family.joints)
+    exchanges = sum(len(place) * (len(place) - 1) // 2 for place in places)
     rows = [family.rows[number] for number, _ in parts]
-    exchanges = sum(len(place) * (len(place) - 1) // 2 for place in rows[0].places)
-    differences = _exchange_differences(rows, [a for _, a in parts], block)
+    differences = _exchange_differences(rows, [a for _, a in parts], block, places)
     return EnclosedBlock(
         parts, differences, exchanges, (2 * family.sector.spin + 1) * block.tableaux
     )
 
 
 def _exchange_differences(
-    rows: Sequence[PermutedRows], parts: Sequence[FloatArray], block: AdaptedRows
+    rows: Sequence[PermutedRows],
+    parts: Sequence[FloatArray],
+    block: AdaptedRows,
+    places: tuple[range, ...],
 ) -> FloatArray:
     """Return bounds on ‖E‖, E = P A_T − Σ A_T' Y_{T'T}, for all exchanges P and sets."""
-    places = rows[0].places
     form = young_form(block.shapes, places)
     neighbours = [joint for place in places for joint in place[:-1]]
     found = np.zeros((len(neighbours), len(rows)))
@@ -123,8 +145,8 @@ def _exchange_differences(
 
 def enclosed_sums(
     family: SectorBlocks, blocks: Sequence[EnclosedBlock], rotations: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Return Σ s̄(x) over blocks of one family, and bounds on the errors, (configurations,).
+) -> EnclosedSum:
+    """Return Σ s̄(x) over blocks of one family, with bounds on the errors.
 
     The errors include the difference between s and its average s̄.
     """
@@ -132,6 +154,7 @@ def enclosed_sums(
     wigner = wigner_matrices(rotations, family.largest_spin)
     orders = family.orders
     total, errors = np.zeros(count), np.zeros(count)
+    blocks = [block for block in blocks if block.parts]
     mistakes = [product_error(family, block) for block in blocks]
     for order in orders:
         plain = family.plain_values(wigner, order)
@@ -142,7 +165,8 @@ def enclosed_sums(
             total += weight * squares
             errors += weight * (wrong + block.asymmetry(np.sqrt(squares + wrong), norms))
     # Weights and sums of positive numbers over blocks and orders.
-    return total, SAFETY * (errors + gamma(len(orders) * len(blocks) + 8) * total)
+    errors = SAFETY * (errors + gamma(len(orders) * len(blocks) + 8) * total)
+    return EnclosedSum(total, errors, total)
 
 
 def plain_norms(family: RowBlocks, plain: Sequence[FloatArray]) -> FloatArray:

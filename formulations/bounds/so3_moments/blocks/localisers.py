@@ -9,8 +9,10 @@ arbitrary polynomials there are far fewer rows: blocks of scalar rows are multip
 numbers j_fᵀ M^k (J_f J_fᵀ − tI) M^l j_f.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +24,7 @@ from formulations.bounds.so3_moments.blocks.sampled_blocks import (
 )
 from formulations.bounds.so3_moments.representations.adapted_rows import AdaptedRows
 from formulations.bounds.so3_moments.representations.row_sectors import (
+    Label,
     RowSector,
     degree_sectors,
     label_degree,
@@ -31,6 +34,8 @@ from nlp.arrays import FloatArray
 from nlp.errors import InputError
 
 POWERS = 3
+# Columns of a block, and a power of M for each.
+Selection: TypeAlias = tuple[NDArray[np.intp], NDArray[np.intp]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,7 +93,11 @@ class KrylovLocaliser(RowBlocks):
             raise InputError("sector", sector, "one with a locked joint")
         super().__init__(sector, joints)
         self.limit = limit
-        self.selections = [self._selection(block) for block in self.blocks]
+
+    @cached_property
+    def selections(self) -> list[Selection]:
+        """Of each block, see `selection`."""
+        return [self.selection(block) for block in self.blocks]
 
     @property
     def sizes(self) -> list[int]:
@@ -121,15 +130,33 @@ class KrylovLocaliser(RowBlocks):
         others = [joint for joint in range(self.joints) if joint != locked]
         return [(locked, *order) for order in choices_first(others, self.sector.odd)]
 
-    def _selection(self, block: AdaptedRows) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    def selection(self, block: AdaptedRows) -> Selection:
         """Return which scalar row, and which power of M, makes each row of a block."""
-        degrees = np.zeros(block.size, dtype=int)
-        for number, columns, _ in block.parts:
-            degree = sum(map(label_degree, self.rows[number].labels))
-            degrees[columns.start : columns.stop] = degree
-        allowed = [np.flatnonzero(degrees <= self.sector.degree - 2 * k) for k in range(POWERS)]
-        powers = [np.full(len(chosen), k) for k, chosen in enumerate(allowed)]
-        return np.concatenate(allowed), np.concatenate(powers)
+        columns = ((place, self.rows[number].labels) for number, place, _ in block.parts)
+        return krylov_selection(columns, block.size, self.sector.degree)
+
+
+def krylov_selection(
+    columns: Iterable[tuple[range, Sequence[Label]]], size: int, degree: int
+) -> Selection:
+    """Return which column of a block, and which power of M, makes each row of a localiser.
+
+    Parameters
+    ----------
+    columns
+        Columns of the block, and the labels of rows that contribute to them.
+    size
+        Number of columns.
+    degree
+        Largest degree d of r_0; that of r_k is at most d − 2k.
+    """
+    degrees = np.zeros(size, dtype=int)
+    for place, labels in columns:
+        here = slice(place.start, place.stop)
+        degrees[here] = np.maximum(degrees[here], sum(map(label_degree, labels)))
+    allowed = [np.flatnonzero(degrees <= degree - 2 * k) for k in range(POWERS)]
+    powers = [np.full(len(chosen), k) for k, chosen in enumerate(allowed)]
+    return np.concatenate(allowed), np.concatenate(powers)
 
 
 def krylov_vectors(jacobians: FloatArray, locked: int) -> tuple[FloatArray, FloatArray]:

@@ -9,7 +9,7 @@ T' being T with i and i + 1 exchanged. So averages over all permutations follow 
 the average of |(U_T a)ᵀφ|² over permutations of the joints is that over all T.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cache
 from itertools import product
 from math import sqrt
@@ -85,6 +85,22 @@ def all_tableaux(
 ) -> FloatArray:
     """Return the bases of all tableaux, (tableaux, rows, columns), from that of the first."""
     return _averaged(_derived(first, exchanges, groups, shapes), exchanges, groups, shapes)
+
+
+def projected_tableaux(
+    rows: Sequence[int], exchanges: Mapping[int, FloatArray], groups: Groups, shapes: Shapes
+) -> FloatArray:
+    """Return the bases of all tableaux whose first is P e_i for some rows i.
+
+    P projects on what belongs to the first tableau. No eigenvectors are needed for that, so
+    other machines get the same to within rounding.
+    """
+    tableaux = len(tableau_contents(shapes))
+    length = len(next(iter(exchanges.values()))) if exchanges else 1
+    bases = np.zeros((tableaux, length, len(rows)))
+    # The mean over all permutations is P e_i/tableaux.
+    bases[first_tableau(shapes), list(rows), range(len(rows))] = tableaux
+    return _averaged(bases, exchanges, groups, shapes)
 
 
 def _jucys_murphy(exchanges: Mapping[int, FloatArray], groups: Groups) -> dict[int, FloatArray]:
