@@ -63,7 +63,7 @@ def test_mimicry_and_missing_limits_of_yourdfpy(made):
 # --- pinocchio ---------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", ["Franka", "KUKA", "UFactory", "TIAGo,", "PR2"])
+@pytest.mark.parametrize("name", ["Franka", "KUKA", "UFactory", "TIAGo, torso", "PR2, torso"])
 def test_a_model_of_pinocchio_is_its_file(name):
     declared = next(one for one in ARMS if one.name.startswith(name))
     model = pin.buildModelFromUrdf(str(declared.path), mimic=True)
