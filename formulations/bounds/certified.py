@@ -20,6 +20,7 @@ from formulations.bounds.closed_form import (
     block_trace_bound,
     isotropic_eigenvalue_bound,
     several_locked_bound,
+    with_one_more_locked,
 )
 from formulations.bounds.closed_form import excludes as excludes_worst_case
 from formulations.existence.theorem import excludes
@@ -125,15 +126,16 @@ def largest_isotropic_worst_case(
 def _two_point(arm: Arm, locked: int) -> Bound | None:
     """Return the bound from pairs of columns, which holds whatever the columns are, or None.
 
-    Without its longest column J keeps at most T(n − 1)/n, and k − 1 joints may still lock. So
-    what holds for two of n − k + 2 joints holds for k of n, times (n − k + 2)/n.
+    On record is what holds for two of n joints; of n + 1 joints three may lock, and so on.
     """
     m, n = arm.shape
-    left = n - locked + 2
     for one in _stored("two_point.json") if locked > 1 else ():
-        if (one["task_dimension"], one["joints"]) == (m, left):
-            t = one["share"] * arm.largest_trace * left / n
-            return Bound(sqrt(t), "numerical (two-point)")
+        if (one["task_dimension"], one["joints"]) == (m, n - locked + 2):
+            limit = one["trace_limit"]
+            for joints in range(n - locked + 3, n + 1):
+                limit = with_one_more_locked(m, joints, limit)
+            t = arm.largest_trace / m * (1 - m / limit)
+            return Bound(nextafter(sqrt(t), inf), "numerical (two-point)")
     return None
 
 

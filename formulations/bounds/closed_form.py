@@ -68,7 +68,7 @@ def block_trace_bound(joints: int, sizes: Sequence[int], traces: Sequence[float]
 
 
 def several_locked_bound(task_dimension: int, joints: int, trace: float, locked: int) -> float:
-    """Return the largest t that is not excluded in closed form, for any columns of total size T.
+    """Return what t cannot be above, in closed form, whatever the n columns are.
 
     The least of these (docs/several_failures.md):
 
@@ -104,6 +104,28 @@ def several_locked_bound(task_dimension: int, joints: int, trace: float, locked:
     rest = trace * (joints - 1) / joints
     bounds.append(up * several_locked_bound(task_dimension, joints - 1, rest, locked - 1))
     return min(bounds)
+
+
+def with_one_more_locked(task_dimension: int, joints: int, limit: float) -> float:
+    """Return an upper limit of tr G of n joints of which k lock, from one for n − 1 and k − 1.
+
+    G = Jᵀ(M − tI)⁻¹J, and tr G = m + s with t ≤ (T/m)(1 − m/tr G). Without any one column the
+    trace is at most `limit`; weighted by 1 − G_ff, these n conditions add up to
+    (n − m − s)(`limit` − m − s) ≥ s + s²/m (docs/several_failures.md).
+
+    Parameters
+    ----------
+    task_dimension, joints
+        m and n, n > m.
+    limit
+        Of the trace of G of n − 1 joints of which k − 1 lock, above m.
+    """
+    m = whole_number("task dimension", task_dimension, 1)
+    more = whole_number("joints", joints, m + 1) - m
+    rest = positive("limit", limit) - m
+    middle = more + rest + 1
+    root = math.sqrt(middle**2 - 4 * (1 - 1 / m) * more * rest)
+    return m + 2 * more * rest / (middle + root)
 
 
 def isotropic_eigenvalue_bound(

@@ -58,20 +58,15 @@ class TwoPointBound:
     status: str
 
     @property
-    def share(self) -> float:
-        """The bound on t/T, T = ‖J‖_F²."""
-        return max(1.0 - self.task_dimension / self.trace_limit, 0.0) / self.task_dimension
-
-    @property
     def singular_value_bound(self) -> float:
-        """The bound on the worst case after two locked joints, for T = `joints`."""
-        return math.sqrt(self.joints * self.share)
+        """The bound on the worst case after two locked joints, for ‖J‖_F² = `joints`."""
+        m, limit = self.task_dimension, self.trace_limit
+        return math.sqrt(self.joints / m * max(1.0 - m / limit, 0.0))
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain values, as in the record."""
         return {
             **asdict(self),
-            "share": self.share,
             "singular_value_bound": self.singular_value_bound,
             "kind": "numerical",
             "command": "lockedjoint bound --quantity two-point "

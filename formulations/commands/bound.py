@@ -61,7 +61,7 @@ def bound(
         Quantity,
         typer.Option(
             help="worst-case: eq. (6) as a semidefinite program. two-point: the worst case "
-            "after two locked joints, from pairs of columns, for ‖J‖_F² = n. existence: the moment "
+            "after two locked joints, from pairs of columns, ‖J‖_F² = n. existence: the moment "
             "relaxation of the question whether an optimally failure-tolerant Jacobian of "
             "revolute joints exists. residual, max-min: global bounds for unit revolute "
             "joints. isotropy: the worst case if isotropic, with --free-levers."
