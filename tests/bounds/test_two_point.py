@@ -80,7 +80,7 @@ def test_one_more_locked_holds(m, more, locked, seed):
     assert trace_of(jacobian) <= with_one_more_locked(m, n, limit) * (1 + 1e-9)
 
 
-@pytest.mark.parametrize(("m", "n"), [(2, 7), (2, 8), (2, 9), (3, 7), (3, 8)])
+@pytest.mark.parametrize(("m", "n"), [(2, 7), (2, 8), (2, 9), (3, 8)])
 def test_three_locked_joints_gain_by_it(m, n):
     bound = largest_worst_case(arm("free-mean", n, m), 3, certified=False).value
     assert bound < measures.sigma_bound(m, n, n, 3)
@@ -114,7 +114,7 @@ def test_pairs_of_columns_are_in_the_allowed_set():
 
 @pytest.mark.parametrize(("m", "n"), [(1, 5), (3, 4), (2, 61), (13, 20)])
 def test_sizes_out_of_range_are_refused(m, n):
-    with pytest.raises(InputError, match="task dimension|joints"):
+    with pytest.raises(InputError, match=r"task dimension|joints"):
         two_point_bound(m, n)
 
 
