@@ -14,7 +14,7 @@ changes it. A Jacobian that attains its bound need not be near to isotropic.
 
 from collections.abc import Mapping
 from itertools import combinations
-from math import comb, inf, nextafter, sqrt
+from math import comb, inf, nextafter, pi, sin, sqrt
 from types import MappingProxyType
 
 import casadi as ca
@@ -88,14 +88,26 @@ def merit(jacobian: FloatArray, locked: int = 1) -> float:
 
 
 def bound(arm: Arm, locked: int = 1, certified: bool = True) -> Bound | None:
-    """Return √(C(n − k, m)/C(n, m)), which no Jacobian of n columns is above.
+    """Return what no relative manipulability of n columns of m rows is above.
 
     By Cauchy and Binet det(JJᵀ) is the sum of the squares of all minors of m columns, and each
     of these is left by C(n − m, k) of the C(n, k) sets F: the mean of the ratios is
-    C(n − m, k)/C(n, k) = C(n − k, m)/C(n, m), whatever J is.
+    C(n − m, k)/C(n, k) = C(n − k, m)/C(n, m), whatever J is. Where n − m = k = 2, or two
+    columns are left of planar ones, (2/n) sin(π/n) is sharper, and attained
+    (docs/several_failures.md). A joint locked first leaves at most √((n − m)/n).
     """
     if not certified:
         return None
     m, n = arm.shape
+    return Bound(_limit(m, n, locked), "closed form")
+
+
+def _limit(m: int, n: int, locked: int) -> float:
     value = sqrt(comb(n - locked, m) / comb(n, m))
-    return Bound(nextafter(value, inf) if value else 0.0, "closed form")
+    limit = nextafter(value, inf) if value else 0.0
+    if locked < 2 or not limit:
+        return limit
+    up = 1 + 2.0**-46  # more than these few operations can lose
+    if locked == n - m and 2 in (m, n - m):
+        limit = min(limit, up * 2 / n * sin(pi / n))
+    return min(limit, up * sqrt((n - m) / n) * _limit(m, n - 1, locked - 1))

@@ -248,6 +248,14 @@ bound --seed 0
 bound --order 3
 bound --quantity worst-case --rigorous
 bound --quantity worst-case --preset tight
+bound --quantity two-point --trace 3
+bound --quantity two-point --joints 7
+bound --quantity two-point --joints {tera} --task-dimension 2
+bound --quantity two-point --task-dimension 1
+bound --quantity two-point --lever-arm 1
+bound --quantity two-point --seed 1
+bound --quantity two-point --rigorous
+bound --quantity two-point --task-dimension 2 --solver NOTHING
 bound --quantity existence --trace 3
 bound --quantity existence --order 4
 bound --quantity existence --order 0

@@ -16,7 +16,12 @@ from typing import Any
 
 from formulations import measures
 from formulations.bounds import free_levers
-from formulations.bounds.closed_form import block_trace_bound, isotropic_eigenvalue_bound
+from formulations.bounds.closed_form import (
+    block_trace_bound,
+    isotropic_eigenvalue_bound,
+    several_locked_bound,
+    with_one_more_locked,
+)
 from formulations.bounds.closed_form import excludes as excludes_worst_case
 from formulations.existence.theorem import excludes
 from formulations.joints.arm import Arm
@@ -78,8 +83,9 @@ def largest_worst_case(arm: Arm, locked: int = 1, certified: bool = True) -> Bou
         on the residual are checked to do so, in rational arithmetic.
     """
     if not certified:
-        return _on_record("max-min", arm, "numerical", min)
-    value = measures.sigma_bound(*arm.shape, arm.largest_trace, locked)
+        recorded = [_on_record("max-min", arm, "numerical", min), _two_point(arm, locked)]
+        return min((one for one in recorded if one), key=lambda one: one.value, default=None)
+    value = sqrt(several_locked_bound(*arm.shape, arm.largest_trace, locked))
     stored = _on_record("max-min", arm, "rigorous", min)
     proved = least_residual(arm)
     for one in _stored("record.json") if stored and proved else ():
@@ -115,6 +121,22 @@ def largest_isotropic_worst_case(
     fixed = _isotropic_of_fixed_columns(arm)
     bounds = [one for one in (worst_case, levers, fixed) if one]
     return min(bounds, key=lambda one: one.value, default=None)
+
+
+def _two_point(arm: Arm, locked: int) -> Bound | None:
+    """Return the bound from pairs of columns, which holds whatever the columns are, or None.
+
+    On record is what holds for two of n joints; of n + 1 joints three may lock, and so on.
+    """
+    m, n = arm.shape
+    for one in _stored("two_point.json") if locked > 1 else ():
+        if (one["task_dimension"], one["joints"]) == (m, n - locked + 2):
+            limit = one["trace_limit"]
+            for joints in range(n - locked + 3, n + 1):
+                limit = with_one_more_locked(m, joints, limit)
+            t = arm.largest_trace / m * (1 - m / limit)
+            return Bound(nextafter(sqrt(t), inf), "numerical (two-point)")
+    return None
 
 
 def _by_kinds_of_rows(arm: Arm) -> Bound | None:

@@ -9,7 +9,8 @@ Only M occurs, so whatever is known of the trace of M, or of the traces of its d
 bounds t. By convexity the largest t is met where each block is a multiple of the identity.
 
 Where only the trace is known the bound is `formulations.measures.eigenvalue_bound`, which has
-it for several locked joints too: docs/several_failures.md derives that.
+it for several locked joints too; `several_locked_bound` is sharper there where few joints are
+left over. docs/several_failures.md derives both.
 
 Roots are found in double precision. What is claimed of them is checked in rational arithmetic,
 in which there is no rounding, of the very doubles that are returned.
@@ -19,6 +20,7 @@ import math
 from collections.abc import Sequence
 from fractions import Fraction
 
+from formulations.measures import eigenvalue_bound
 from nlp.arrays import whole_number
 from nlp.errors import InputError
 
@@ -63,6 +65,67 @@ def block_trace_bound(joints: int, sizes: Sequence[int], traces: Sequence[float]
     while _spent(exact, Fraction(high)) < redundancy:
         high = math.nextafter(high, math.inf)
     return high
+
+
+def several_locked_bound(task_dimension: int, joints: int, trace: float, locked: int) -> float:
+    """Return what t cannot be above, in closed form, whatever the n columns are.
+
+    The least of these (docs/several_failures.md):
+
+    - the mean over failures, `formulations.measures.eigenvalue_bound`;
+    - n = m + 2, k = 2: T/t ≥ n − 2 + ½(1/s² − 2)², s = sin(π/2n), attained for every m;
+    - m = 2, k = n − 2: T/t ≥ n/(2s²), attained by n lines at equal angles;
+    - (n − 1)/n times the same for n − 1 joints of which k − 1 lock, because J without its
+      longest column keeps at most that share of T.
+
+    Parameters
+    ----------
+    task_dimension, joints
+        m and n, n > m.
+    trace
+        T = ‖J‖_F², in the squared units of J.
+    locked
+        How many joints lock at once, k.
+
+    Raises
+    ------
+    InputError
+        If a number is out of range.
+    """
+    bounds = [eigenvalue_bound(task_dimension, joints, trace, locked)]
+    if not 1 < locked <= joints - task_dimension:
+        return bounds[0]
+    # What is no mean is rounded up by more than a few operations can lose.
+    up, square = 1 + 2.0**-46, math.sin(math.pi / (2 * joints)) ** 2
+    if locked == 2 and joints == task_dimension + 2:
+        bounds.append(up * trace / (joints - 2 + 0.5 * (1 / square - 2) ** 2))
+    if task_dimension == 2 and locked == joints - 2:
+        bounds.append(up * trace * 2 * square / joints)
+    rest = trace * (joints - 1) / joints
+    bounds.append(up * several_locked_bound(task_dimension, joints - 1, rest, locked - 1))
+    return min(bounds)
+
+
+def with_one_more_locked(task_dimension: int, joints: int, limit: float) -> float:
+    """Return an upper limit of tr G of n joints of which k lock, from one for n − 1 and k − 1.
+
+    G = Jᵀ(M − tI)⁻¹J, and tr G = m + s with t ≤ (T/m)(1 − m/tr G). Without any one column the
+    trace is at most `limit`; weighted by 1 − G_ff, these n conditions add up to
+    (n − m − s)(`limit` − m − s) ≥ s + s²/m (docs/several_failures.md).
+
+    Parameters
+    ----------
+    task_dimension, joints
+        m and n, n > m.
+    limit
+        Of the trace of G of n − 1 joints of which k − 1 lock, above m.
+    """
+    m = whole_number("task dimension", task_dimension, 1)
+    more = whole_number("joints", joints, m + 1) - m
+    rest = positive("limit", limit) - m
+    middle = more + rest + 1
+    root = math.sqrt(middle**2 - 4 * (1 - 1 / m) * more * rest)
+    return m + 2 * more * rest / (middle + root)
 
 
 def isotropic_eigenvalue_bound(

@@ -27,6 +27,7 @@ class Quantity(StrEnum):
     """What can be bounded."""
 
     WORST_CASE = "worst-case"
+    TWO_POINT = "two-point"
     EXISTENCE = "existence"
     RESIDUAL = "residual"
     MAX_MIN = "max-min"
@@ -36,7 +37,7 @@ class Quantity(StrEnum):
 # Options that only some quantities use; given with another quantity they are refused.
 _UNIT_REVOLUTE = (Quantity.RESIDUAL, Quantity.MAX_MIN)
 _USED_BY = {
-    "task_dimension": (Quantity.WORST_CASE, Quantity.EXISTENCE),
+    "task_dimension": (Quantity.WORST_CASE, Quantity.TWO_POINT, Quantity.EXISTENCE),
     "trace": (Quantity.WORST_CASE,),
     "lever_arm": (Quantity.WORST_CASE,),
     "order": (Quantity.EXISTENCE,),
@@ -45,7 +46,12 @@ _USED_BY = {
     "out": _UNIT_REVOLUTE,
     "free_levers": (Quantity.MAX_MIN, Quantity.ISOTROPY),
     "seed": _UNIT_REVOLUTE,
-    "solver": (Quantity.WORST_CASE, Quantity.EXISTENCE, Quantity.RESIDUAL),
+    "solver": (
+        Quantity.WORST_CASE,
+        Quantity.TWO_POINT,
+        Quantity.EXISTENCE,
+        Quantity.RESIDUAL,
+    ),
 }
 
 
@@ -54,7 +60,8 @@ def bound(
     quantity: Annotated[
         Quantity,
         typer.Option(
-            help="worst-case: eq. (6) as a semidefinite program. existence: the moment "
+            help="worst-case: eq. (6) as a semidefinite program. two-point: the worst case "
+            "after two locked joints, from pairs of columns, ‖J‖_F² = n. existence: the moment "
             "relaxation of the question whether an optimally failure-tolerant Jacobian of "
             "revolute joints exists. residual, max-min: global bounds for unit revolute "
             "joints. isotropy: the worst case if isotropic, with --free-levers."
@@ -156,6 +163,11 @@ def bound(
             order, joints, task_dimension=task_dimension, solver=conic
         ).to_dict()
         text = _existence_text
+    elif quantity is Quantity.TWO_POINT:
+        from formulations.bounds.two_point import two_point_bound
+
+        found = two_point_bound(task_dimension, joints, solver=conic, progress=progress)
+        plain = found.to_dict()
     elif quantity is Quantity.WORST_CASE:
         plain = _worst_case(joints, task_dimension, trace, lever_arm, conic)
         text = _without_multipliers

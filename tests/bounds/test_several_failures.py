@@ -9,7 +9,9 @@ from hypothesis import strategies as st
 from numpy.polynomial import Polynomial
 from scipy.special import roots_jacobi
 
-from formulations import measures
+from formulations import catalogue, manipulability, max_min, measures
+from formulations.atlas.collection import pages
+from formulations.bounds.closed_form import several_locked_bound
 from formulations.reproduction.reference import planar_4r
 from nlp.errors import InputError
 
@@ -142,3 +144,90 @@ def test_nothing_is_left_when_too_few_joints_are():
         measures.sigma_bound(3, 5, 1.0, locked=0)
     with pytest.raises(InputError, match="at most 2"):
         measures.averaged_spectrum(np.ones(3), 5, 3)
+
+
+def two_to_spare(m):
+    """The optimum of n = m + 2 and k = 2: JᵀJ is circulant, up to signs of columns."""
+    n = m + 2
+    steps = np.subtract.outer(np.arange(n), np.arange(n))
+    modes = np.pi * (2 * np.arange(n) + 1) / n
+    distance = 2 - 2 * np.cos(modes)
+    weights = np.sqrt(distance)
+    kept = np.ones(n, dtype=bool)
+    kept[[0, -1]] = False  # the null space: the two lowest modes
+    scale = 2 * distance[0] / np.sum(weights[kept])
+    spectrum = np.where(kept, 1 + weights / scale, 0.0)
+    gram = np.real(np.exp(1j * np.multiply.outer(steps, modes)) @ spectrum) / n
+    values, vectors = np.linalg.eigh(gram)
+    return (vectors[:, 2:] * np.sqrt(values[2:])).T
+
+
+@pytest.mark.parametrize("m", range(1, 11))
+def test_two_joints_to_spare_of_which_both_lock_attain_the_bound(m):
+    jacobian = two_to_spare(m)
+    n, size = m + 2, measures.trace(jacobian)
+    level = measures.worst_case_sigma(jacobian, 2) ** 2
+    assert level == pytest.approx(several_locked_bound(m, n, size, 2), rel=1e-9)
+    if m > 1:
+        assert level < measures.eigenvalue_bound(m, n, size, 2) * 0.75
+    ratio = manipulability.bound(catalogue.arm("free-mean", n, m), 2).value
+    assert manipulability.merit(jacobian, 2) == pytest.approx(ratio, rel=1e-9)
+
+
+@pytest.mark.parametrize("n", range(3, 11))
+def test_lines_at_equal_angles_attain_the_bound_if_two_are_left(n):
+    angles = np.pi * np.arange(n) / n
+    jacobian = np.array([np.cos(angles), np.sin(angles)])
+    level = measures.worst_case_sigma(jacobian, n - 2) ** 2
+    assert level == pytest.approx(several_locked_bound(2, n, n, n - 2), rel=1e-9)
+    if n > 3:
+        ratio = manipulability.bound(catalogue.arm("free-mean", n, 2), n - 2).value
+        assert manipulability.merit(jacobian, n - 2) == pytest.approx(ratio, rel=1e-9)
+
+
+@given(shapes, st.integers(0, 10_000))
+def test_no_jacobian_beats_the_sharper_bounds(shape, seed):
+    m, n, locked = shape
+    jacobian = random_jacobian(m, n, seed)
+    size = measures.trace(jacobian)
+    level = measures.worst_case_sigma(jacobian, locked) ** 2
+    assert level <= several_locked_bound(m, n, size, locked) + 1e-9 * size
+    ratio = manipulability.bound(catalogue.arm("free-mean", n, m), locked).value
+    assert manipulability.merit(jacobian, locked) <= ratio + 1e-9
+
+
+@given(st.integers(2, 6), st.integers(0, 10_000), st.floats(0, 0.3))
+def test_nor_does_one_near_to_the_optimum(m, seed, change):
+    jacobian = two_to_spare(m)
+    noise = np.random.default_rng(seed).normal(size=jacobian.shape)
+    jacobian = jacobian + change * np.std(jacobian) * noise
+    size = measures.trace(jacobian)
+    level = measures.worst_case_sigma(jacobian, 2) ** 2
+    assert level <= several_locked_bound(m, m + 2, size, 2) * (1 + 1e-9)
+
+
+@given(shapes, st.floats(0.1, 100))
+def test_the_sharper_bounds_are_no_weaker_and_scale(shape, size):
+    m, n, locked = shape
+    found = several_locked_bound(m, n, size, locked)
+    assert found <= measures.eigenvalue_bound(m, n, size, locked)
+    assert found == pytest.approx(size * several_locked_bound(m, n, 1.0, locked), rel=1e-9)
+
+
+def test_without_a_column_one_joint_less_may_lock():
+    """3×6 with three locked: 5/6 of what 3×5 keeps with two."""
+    five = several_locked_bound(3, 5, 5.0, 2)
+    assert several_locked_bound(3, 6, 6.0, 3) == pytest.approx(five, rel=1e-12)
+    assert several_locked_bound(3, 5, 5.0, 3) == 0
+
+
+def test_nothing_in_the_atlas_is_above_any_bound():
+    checked = 0
+    for page in pages():
+        asked = page.entry
+        if asked.locked > 1 and asked.formulation == max_min.NAME:
+            for certified in (True, False):
+                bound = max_min.bound(asked.arm, asked.locked, certified)
+                assert bound is None or float(page.value) <= bound.value * (1 + 1e-12)
+                checked += bound is not None
+    assert checked > 60

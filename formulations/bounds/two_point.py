@@ -1,0 +1,222 @@
+"""Bounds for two locked joints from what pairs of columns allow: a two-point bound.
+
+Let t > 0 be the square of the worst case after any two joints lock, M = JJᵀ and
+G = Jᵀ(M − tI)⁻¹J. Then G_FF ⪯ I for every pair F, and the nonzero eigenvalues of G are
+λ/(λ − t) for the eigenvalues λ of M, so that by convexity t ≤ (T/m)(1 − m/τ) for τ ≥ tr G.
+
+The n columns of (M − tI)^(-1/2)J have squared lengths d_i = G_ii in [0, 1], and lie on lines
+whose angles have cos² = x² ≤ c² = (1 − d_i)(1 − d_j)/(d_i d_j). A sum of kernels
+
+    K(d, e, x) = Σ_l φ(d)ᵀ F_l φ(e) P_l(x),    F_l ⪰ 0,
+
+with the zonal polynomials P_l of even degree 2l, sums to at least 0 over all pairs of columns.
+If K(d, e, x) ≤ h(d) + h(e) wherever x² ≤ c², and K(d, d, 1) + 2(n − 1)h(d) + d ≤ A, then
+tr G ≤ nA. The least A is found by linear conditions on a sample of (d, e, x), to which the
+points that are violated most are added; docs/several_failures.md has the derivation.
+
+The bound is numerical: F_l are projected to be positive semidefinite, and what conditions are
+violated by on a finer grid than that of the program is paid for in A.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import cvxpy as cp
+import numpy as np
+from numpy.polynomial import chebyshev
+
+from nlp.arrays import FloatArray, whole_number
+from nlp.conic import check_solver, run
+
+DEGREE = 3  # of φ, as Chebyshev polynomials of 2d − 1; h has twice the degree
+ZONAL = 4  # l = 0 … ZONAL
+ROUNDS = 5
+
+
+@dataclass(frozen=True)
+class TwoPointBound:
+    """What the multipliers prove for any columns.
+
+    Attributes
+    ----------
+    task_dimension, joints
+        m and n.
+    trace_limit
+        τ, which tr G is not above.
+    violation
+        The largest violation of K ≤ h + h on the fine grid, already paid for in τ.
+    status
+        What the conic solver said at last; nothing rests on it.
+    """
+
+    task_dimension: int
+    joints: int
+    trace_limit: float
+    violation: float
+    status: str
+
+    @property
+    def singular_value_bound(self) -> float:
+        """The bound on the worst case after two locked joints, for ‖J‖_F² = `joints`."""
+        m, limit = self.task_dimension, self.trace_limit
+        return math.sqrt(self.joints / m * max(1.0 - m / limit, 0.0))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain values, as in the record."""
+        return {
+            **asdict(self),
+            "singular_value_bound": self.singular_value_bound,
+            "kind": "numerical",
+            "command": "lockedjoint bound --quantity two-point "
+            f"--task-dimension {self.task_dimension} --joints {self.joints}",
+        }
+
+
+def two_point_bound(
+    task_dimension: int,
+    joints: int,
+    *,
+    solver: str = "CLARABEL",
+    progress: Callable[[str], None] | None = None,
+) -> TwoPointBound:
+    """Bound the worst case after two locked joints, of any J with free columns.
+
+    Parameters
+    ----------
+    task_dimension, joints
+        m ≥ 2 and n ≥ m + 2.
+    solver
+        Conic solver, by cvxpy's name.
+    progress
+        Told of each round.
+
+    Raises
+    ------
+    InputError
+        If a number is out of range, or the solver is unknown.
+    """
+    m = whole_number("task dimension", task_dimension, 2, 12)
+    n = whole_number("joints", joints, m + 2, 60)
+    check_solver(solver)
+    sample = _grid(_levels(m, n, 12, 6), 6)
+    trial = _grid(_levels(m, n, 72, 24), 32)
+    judge = _grid(_levels(m, n, 121, 41), 49)
+    best: TwoPointBound | None = None
+    status = ""
+    for number in range(ROUNDS):
+        blocks, lift, status = _solve(m, n, sample, solver)
+        if not blocks:
+            break
+        found = _checked(m, n, blocks, lift, judge, status)
+        if best is None or found.trace_limit < best.trace_limit:
+            best = found
+        if progress:
+            progress(f"round {number + 1} of {ROUNDS}: tr G ≤ {found.trace_limit:.6f}")
+        excess = _excess(m, trial, blocks, lift)
+        worst = np.argsort(-excess)[: len(sample)]
+        worst = worst[excess[worst] > 1e-9]
+        if not worst.size:
+            break
+        sample = np.concatenate([sample, trial[worst]])
+    if best is None:
+        raise ArithmeticError(f"{solver} found no multipliers for {m}×{n}: {status}")
+    return best
+
+
+def _levels(m: int, n: int, many: int, near: int) -> FloatArray:
+    """Return values of d from 0 to 1, denser about the mean, which is a little above m/n."""
+    whole = 0.5 - 0.5 * np.cos(np.linspace(0.0, np.pi, many))
+    close = np.linspace(max(m / n - 0.1, 0.0), min(m / n + 0.25, 1.0), near)
+    return np.unique(np.concatenate([whole, close]))
+
+
+def _grid(levels: FloatArray, steps: int) -> FloatArray:
+    """Return triples (d, e, x) with d ≤ e and 0 ≤ x ≤ c(d, e), shape (points, 3)."""
+    first, second = (levels[index] for index in np.triu_indices(levels.size))
+    product = np.maximum(first * second, 1e-300)
+    largest = np.sqrt(np.minimum((1 - first) * (1 - second) / product, 1.0))
+    share = np.sin(np.linspace(0.0, np.pi / 2, steps))
+    return np.stack(
+        [np.repeat(first, steps), np.repeat(second, steps), np.outer(largest, share).ravel()],
+        axis=1,
+    )
+
+
+def _zonal(m: int, x: FloatArray) -> FloatArray:
+    """Return P_l(x), l = 0 … ZONAL: Gegenbauer polynomials of degree 2l with P_l(1) = 1."""
+    values = [np.ones_like(x), x]
+    for degree in range(1, 2 * ZONAL):
+        below, last = values[-2:]
+        step = (2 * degree + m - 2) * x * last - degree * below
+        values.append(step / (degree + m - 2))
+    return np.stack(values[::2], axis=1)
+
+
+def _basis(d: FloatArray, degree: int) -> FloatArray:
+    return np.asarray(chebyshev.chebvander(2.0 * d - 1.0, degree))
+
+
+def _kernel(m: int, points: FloatArray, blocks: list[FloatArray]) -> FloatArray:
+    first, second = _basis(points[:, 0], DEGREE), _basis(points[:, 1], DEGREE)
+    zonal = _zonal(m, points[:, 2])
+    return np.asarray(
+        sum(
+            zonal[:, index] * np.sum((first @ block) * second, axis=1)
+            for index, block in enumerate(blocks)
+        )
+    )
+
+
+def _excess(
+    m: int, points: FloatArray, blocks: list[FloatArray], lift: FloatArray
+) -> FloatArray:
+    height = _basis(points[:, 0], 2 * DEGREE) + _basis(points[:, 1], 2 * DEGREE)
+    return _kernel(m, points, blocks) - height @ lift
+
+
+def _solve(
+    m: int, n: int, points: FloatArray, solver: str
+) -> tuple[list[FloatArray], FloatArray, str]:
+    """Return F_l, the coefficients of h, and the solver's status; no F_l if it failed."""
+    size = DEGREE + 1
+    variables = [cp.Variable((size, size), PSD=True) for _ in range(ZONAL + 1)]
+    lift, limit = cp.Variable(2 * DEGREE + 1), cp.Variable()
+    flat = cp.hstack([cp.vec(one, order="C") for one in variables])
+
+    def rows(points: FloatArray) -> FloatArray:
+        first, second = _basis(points[:, 0], DEGREE), _basis(points[:, 1], DEGREE)
+        outer = first[:, :, None] * second[:, None, :]
+        outer = 0.5 * (outer + outer.transpose(0, 2, 1))
+        parts = _zonal(m, points[:, 2])[:, :, None] * outer.reshape(len(points), 1, -1)
+        return np.asarray(parts.reshape(len(points), -1))
+
+    d = 0.5 - 0.5 * np.cos(np.linspace(0.0, np.pi, 160))
+    same = np.stack([d, d, np.ones_like(d)], axis=1)
+    height = _basis(points[:, 0], 2 * DEGREE) + _basis(points[:, 1], 2 * DEGREE)
+    # h is scaled by n, which leaves coefficients of one size.
+    conditions = [
+        rows(points) @ flat <= height @ lift / n,
+        rows(same) @ flat + (2 * (n - 1) / n) * (_basis(d, 2 * DEGREE) @ lift) + d <= limit,
+    ]
+    problem = cp.Problem(cp.Minimize(limit), conditions)
+    status = run(problem, solver)
+    if lift.value is None or any(one.value is None for one in variables):
+        return [], np.zeros(0), status
+    return [np.asarray(one.value) for one in variables], np.asarray(lift.value) / n, status
+
+
+def _checked(
+    m: int, n: int, blocks: list[FloatArray], lift: FloatArray, judge: FloatArray, status: str
+) -> TwoPointBound:
+    projected = []
+    for block in blocks:
+        values, vectors = np.linalg.eigh(0.5 * (block + block.T))
+        projected.append((vectors * np.maximum(values, 0.0)) @ vectors.T)
+    violation = max(float(_excess(m, judge, projected, lift).max()), 0.0)
+    d = np.linspace(0.0, 1.0, 20001)
+    same = np.stack([d, d, np.ones_like(d)], axis=1)
+    height = 2 * (n - 1) * (_basis(d, 2 * DEGREE) @ lift)
+    limit = float((_kernel(m, same, projected) + height + d).max()) + (n - 1) * violation
+    return TwoPointBound(m, n, n * limit * (1 + 1e-9), violation, status)

@@ -1,0 +1,123 @@
+"""The two-point bound: what it proves, against other bounds and what is found."""
+
+import json
+from importlib.resources import files
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from formulations import measures
+from formulations.bounds import two_point
+from formulations.bounds.certified import largest_worst_case
+from formulations.bounds.closed_form import with_one_more_locked
+from formulations.bounds.two_point import TwoPointBound, two_point_bound
+from formulations.catalogue import arm
+from formulations.joints.arm import Arm
+from formulations.joints.kinds import FreeColumn
+from nlp.errors import InputError
+
+RECORD = json.loads((files("formulations.bounds") / "two_point.json").read_text("utf-8"))
+
+
+@pytest.fixture(scope="module")
+def icosahedron():
+    """3×6: the mean over failures is attained there, so nothing sharper can be true."""
+    return two_point_bound(3, 6)
+
+
+@pytest.mark.slow
+def test_six_lines_in_space_are_met(icosahedron):
+    exact = measures.sigma_bound(3, 6, 6, 2)
+    assert exact <= icosahedron.singular_value_bound <= exact * 1.005
+
+
+@pytest.mark.slow
+def test_the_record_is_what_the_program_computes(icosahedron):
+    [same] = [one for one in RECORD if (one["task_dimension"], one["joints"]) == (3, 6)]
+    assert same["trace_limit"] == pytest.approx(icosahedron.trace_limit, rel=1e-3)
+    assert set(same) == set(icosahedron.to_dict())
+
+
+@pytest.mark.parametrize("one", RECORD, ids=lambda one: one["command"][-24:])
+def test_the_record_says_one_thing(one):
+    m, n = one["task_dimension"], one["joints"]
+    stored = TwoPointBound(m, n, one["trace_limit"], one["violation"], one["status"])
+    assert stored.to_dict() == one
+    assert one["violation"] < 1e-3
+    bound = largest_worst_case(arm("free-mean", n, m), 2, certified=False)
+    assert bound.value == pytest.approx(stored.singular_value_bound, rel=1e-12)
+    assert not bound.certified
+
+
+def test_it_serves_every_arm_of_its_size():
+    free = largest_worst_case(arm("free-mean", 8, 3), 2, certified=False).value
+    twice = Arm.of(FreeColumn(3, 2.0, "each"), 8)
+    assert largest_worst_case(twice, 2, certified=False).value == pytest.approx(2 * free)
+    assert largest_worst_case(arm("free-mean", 8, 3), 1, certified=False) is None
+
+
+@given(st.integers(1, 8), st.integers(2, 10))
+def test_one_more_locked_from_one_is_the_mean_over_two(m, more):
+    n = m + more
+    limit = with_one_more_locked(m, n, n - 1)  # after one failure tr G is at most n − 1
+    level = (1 - m / limit) / m
+    assert level == pytest.approx(measures.eigenvalue_bound(m, n, 1.0, 2), rel=1e-9)
+
+
+@given(st.integers(1, 4), st.integers(3, 6), st.integers(2, 3), st.integers(0, 10_000))
+def test_one_more_locked_holds(m, more, locked, seed):
+    n = m + more
+    jacobian = np.random.default_rng(seed).normal(size=(m, n))
+    t = measures.worst_case_sigma(jacobian, locked) ** 2 * (1 - 1e-9)
+
+    def trace_of(columns):
+        matrix = columns @ columns.T
+        return np.trace(np.linalg.solve(matrix - t * np.eye(m), matrix))
+
+    limit = max(trace_of(np.delete(jacobian, one, axis=1)) for one in range(n))
+    assert trace_of(jacobian) <= with_one_more_locked(m, n, limit) * (1 + 1e-9)
+
+
+@pytest.mark.parametrize(("m", "n"), [(2, 7), (2, 8), (2, 9), (3, 8)])
+def test_three_locked_joints_gain_by_it(m, n):
+    bound = largest_worst_case(arm("free-mean", n, m), 3, certified=False).value
+    assert bound < measures.sigma_bound(m, n, n, 3)
+
+
+def test_the_zonal_polynomials_are_positive_definite():
+    """Their matrices over any unit vectors have no negative eigenvalue."""
+    rng = np.random.default_rng(3)
+    for m in (2, 3, 6):
+        lines = rng.normal(size=(40, m))
+        lines /= np.linalg.norm(lines, axis=1, keepdims=True)
+        zonal = two_point._zonal(m, np.clip(lines @ lines.T, -1, 1).ravel())
+        for values in zonal.T:
+            matrix = values.reshape(40, 40)
+            assert np.linalg.eigvalsh(matrix)[0] > -1e-9
+            np.testing.assert_allclose(np.diag(matrix), 1, atol=1e-9)
+
+
+def test_pairs_of_columns_are_in_the_allowed_set():
+    """cos² ≤ (1 − d)(1 − e)/(d e), from a Jacobian and its t alone."""
+    jacobian = np.random.default_rng(5).normal(size=(3, 7))
+    t = measures.worst_case_sigma(jacobian, 2) ** 2
+    gram = jacobian.T @ np.linalg.solve(jacobian @ jacobian.T - t * np.eye(3), jacobian)
+    d = np.diag(gram)
+    left = np.outer(1 - d, 1 - d) - gram**2
+    np.fill_diagonal(left, 1)
+    assert -1e-9 < left.min() < 1e-9  # the worst pair is on its border
+    size = measures.trace(jacobian)
+    assert t <= size / 3 * (1 - 3 / np.trace(gram)) + 1e-12
+
+
+@pytest.mark.parametrize(("m", "n"), [(1, 5), (3, 4), (2, 61), (13, 20)])
+def test_sizes_out_of_range_are_refused(m, n):
+    with pytest.raises(InputError, match=r"task dimension|joints"):
+        two_point_bound(m, n)
+
+
+def test_a_solver_that_is_not_there_is_refused():
+    with pytest.raises(InputError, match="NOTHING"):
+        two_point_bound(2, 5, solver="NOTHING")
