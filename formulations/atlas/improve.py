@@ -76,7 +76,8 @@ def inherited(asked: Entry, known: Page | None) -> Page | None:
     """
     page = known
     for other in pages():
-        if other.entry == asked or other.entry.locked != asked.locked:
+        alike = (other.entry.locked, other.entry.formulation)
+        if other.entry == asked or alike != (asked.locked, asked.formulation):
             continue
         if other.jacobian.shape != (asked.task_dimension, asked.joints):
             continue
