@@ -117,9 +117,14 @@ def problem_of(page: Page) -> str:
     asked = page.entry
     if not asked.holds(page.jacobian):
         return "J is not one of the Jacobians that the entry asks for"
-    proved = asked.proved_value(page.jacobian)
-    if float(page.value) > float(proved):
-        return f"the value {page.value} is not proved, only {proved}"
+    try:
+        proved = asked.proved_value(page.jacobian)
+        if not asked.proves(page.jacobian, page.value):
+            return f"the value {page.value} is not proved, only {proved}"
+    except InputError as error:
+        return str(error).rstrip(".")
+    if float(proved) - float(page.value) >= RESOLUTION:
+        return f"the value {page.value} is less than is proved, {proved}"
     bound = asked.bound
     if bound.certified and float(proved) > bound.value + RESOLUTION:
         return f"the value {proved} is above the bound {bound.value}"

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from formulations import catalogue, measures
+from formulations import catalogue, manipulability, measures
 from formulations.atlas.collection import (
     entry_of,
     improved,
@@ -25,6 +25,8 @@ from formulations.atlas.exact_value import (
     certified_worst_case,
     distance_from_model,
     exceeds,
+    proves_manipulability,
+    proves_worst_case,
     square_root_above,
 )
 from formulations.atlas.improve import improve
@@ -48,6 +50,20 @@ def test_the_proved_value_is_just_below_the_measured_one(model, seed):
         if measured > 1e-6:
             proved = float(certified_worst_case(arm, jacobian, locked))
             assert measured - 1e-7 <= proved <= measured + 1e-15
+
+
+@given(st.sampled_from(MODELS), SEEDS, st.sampled_from((measures.worst_case_sigma, None)))
+def test_a_value_is_proved_up_to_the_last_digits(model, seed, measure):
+    """Whatever rounding the value was found with: the decision is made in whole numbers."""
+    arm, jacobian = drawn(model, seed, 8)
+    prove, found = (
+        (proves_worst_case, measures.worst_case_sigma(jacobian))
+        if measure
+        else (proves_manipulability, manipulability.merit(jacobian))
+    )
+    if found > 1e-3:
+        assert prove(arm, jacobian, f"{found - 1e-13:.15f}")
+        assert not prove(arm, jacobian, f"{found + 1e-13:.15f}")
 
 
 def test_definiteness_is_decided_exactly():
@@ -124,10 +140,12 @@ def test_every_kind_of_entry_is_right():
     "change",
     [
         {"value": "0.571482999"},
+        {"value": "0.571482968133999"},
+        {"value": "0.571"},
         {"family": 2},
         {"jacobian": np.ones((6, 7))},
     ],
-    ids=["value", "family", "jacobian"],
+    ids=["more", "a bit more", "less", "family", "jacobian"],
 )
 def test_a_false_entry_is_found_out(change):
     page = page_of(entry("unit-revolute_6x7_k1"))
