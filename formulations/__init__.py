@@ -22,8 +22,9 @@ Appendix: f_1 … f_21 in closed form                 `appendix`
 ==================================================  ===========================================
 
 Beyond the paper: several and unequal failures (`unequal_max_min`, `bounds.unequal_failures`),
-isotropy against worst case (`trade_off`), global bounds (`bounds.so3_moments`), Jacobians as
-robots (`realise`) and robots as Jacobians (`robots`).
+isotropy against worst case (`trade_off`), relative manipulability (`manipulability`), global
+bounds (`bounds.so3_moments`), the best known of every kind of arm (`atlas`), Jacobians as
+robots (`realise`) and robots as Jacobians (`robots`). Later works: docs/related_work.md.
 
 Data flows one way: model → formulation → problem → solution → record → table. Imports only go
 down this list: `commands`, `studies`, `figures`, `campaign`, `robots`, `atlas`, `solving`,

@@ -41,6 +41,7 @@ WORDS = {
     "tera": str(10**12),
     "long": "x" * 100_000,
     "path": "/".join(["d" * 200] * 30),
+    "bell": "me\a",
 }
 
 # One command a line; an empty line or one that begins with # is skipped.
@@ -302,6 +303,79 @@ bound --quantity isotropy --free-levers --rigorous
 bound --quantity max-min --free-levers --preset tight
 bound --quantity residual --free-levers
 bound --free-levers
+# the atlas
+atlas nothing
+atlas --mark foo
+atlas --mark ''
+atlas --model nothing
+atlas --model {long}
+atlas --joints 1
+atlas --joints {n5000}
+atlas --locked 0
+atlas --locked {n400}
+atlas --task-dimension 0
+atlas --entries missing
+atlas --entries valid.csv
+atlas --entries empty_entries
+atlas --entries broken_entries
+atlas --entries other_entries
+atlas --entries {path}
+atlas show
+atlas show nothing
+atlas show ''
+atlas show {long}
+atlas show unit-revolute_6x7_k1.json
+atlas show ../entries/unit-revolute_6x7_k1
+atlas show unit-revolute_6x7_k1 --entries missing
+atlas show free-mean_2x4_k1 --entries other_entries
+atlas show free-mean_2x3_k1 --entries broken_entries
+atlas verify extra
+atlas verify --entries missing
+atlas verify --entries empty_entries
+atlas verify --entries valid.csv
+atlas verify --entries broken_entries
+atlas verify --entries other_entries
+atlas submit
+atlas submit missing.csv
+atlas submit .
+atlas submit valid.csv
+atlas submit wide.csv
+atlas submit seven.csv
+atlas submit seven.csv --locked 0
+atlas submit seven.csv --locked 2
+atlas submit seven.csv --locked {e64}
+atlas submit seven.csv --isotropic
+atlas submit seven.csv --by ''
+atlas submit seven.csv --by '{bell}'
+atlas submit seven.csv --by {n400}
+atlas submit seven.csv --out valid.csv
+atlas submit seven.csv --out new
+atlas submit seven.csv --entries missing
+atlas submit seven.csv --pick 3
+atlas submit several.json
+atlas submit best.csv --entries missing --out new
+atlas submit best.csv --entries empty_entries
+atlas submit best.csv --out valid.csv
+atlas improve
+atlas improve nothing
+atlas improve free-mean_2x3_k1 --minutes 0
+atlas improve free-mean_2x3_k1 --minutes -1
+atlas improve free-mean_2x3_k1 --minutes nan
+atlas improve free-mean_2x3_k1 --minutes inf
+atlas improve free-mean_2x3_k1 --minutes x
+atlas improve free-mean_2x3_k1 --workers 0
+atlas improve free-mean_2x3_k1 --out valid.csv
+atlas improve free-mean_2x3_k1 --out broken_entries
+solve manipulability --locked 2
+solve manipulability --locked 0
+solve manipulability --locked 3 --joints 8
+solve manipulability --locked 8 --joints 20
+solve manipulability --encoding shared-factor
+solve manipulability --from-residual-minima
+solve manipulability --never-fails 0
+solve manipulability --goal expected
+solve manipulability --solver fatrop
+posture arm.urdf --formulation manipulability --locked 2
 # proofs
 prove --out .
 prove --out valid.csv/a.json
@@ -875,6 +949,7 @@ VALID = {
 MORE = {
     "wide.csv": "\n".join(",".join(["1", "0", "0.5"] * 1000) for _ in "xy").encode(),
     "seven.csv": "\n".join(",".join(map(str, row)) for row in SEVEN).encode(),
+    "best.csv": b"1,-0.5,-0.5\n0,0.8660254037844386,-0.8660254037844386\n",
     "several.json": b'[{"jacobian": [[1,0,1],[0,1,1]]}, {"jacobian": [[1,0,1],[0,1,1]]}]',
     "long.urdf": _urdf(40),
     "digits_arm.urdf": _urdf(7).replace(b"0.05", b"0_5"),
@@ -882,9 +957,19 @@ MORE = {
     "valid.txt": b"1,2,3\n4,5,6\n",
     "valid": b"1,2,3\n4,5,6\n",
 }
+# Folders of entries of the atlas: the content of one file, cut, or of another entry.
+_ENTRIES = ROOT / "formulations/atlas/entries"
+ENTRIES = {
+    "empty_entries": b"",
+    "broken_entries": (_ENTRIES / "free-mean_2x3_k1.json").read_bytes()[:500],
+    "other_entries": (_ENTRIES / "free-mean_2x4_k1.json").read_bytes(),
+}
 # What reads a file of this kind, the file in place of the star.
 READERS = {
-    "valid.csv": ("measure *", "realise *", "figure singular-values --out a.svg --jacobian *"),
+    "valid.csv": (
+        *("measure *", "realise *", "atlas submit *"),
+        "figure singular-values --out a.svg --jacobian *",
+    ),
     "valid.npy": ("measure *", "realise *", "figure singular-values --out a.svg --jacobian *"),
     "valid.json": ("measure *", "realise *", "assess arm.urdf --configuration *"),
     "valid.toml": ("campaign * --store new.db",),
@@ -911,7 +996,7 @@ def _cases() -> list[tuple[str, ...]]:
             lines += [reader.replace("*", name) for reader in READERS[kind]]
     lines += [
         reader.replace("*", name)
-        for name, reader in product(JACOBIANS, ("measure *", "realise *"))
+        for name, reader in product(JACOBIANS, ("measure *", "realise *", "atlas submit *"))
     ]
     lines += [f"campaign {name} --store new.db" for name in CAMPAIGNS]
     lines += [f"campaign declared_{k}.toml --store new.db" for k in range(len(_declared()))]
@@ -940,6 +1025,10 @@ def folder(tmp_path_factory):
     everything = VALID | MORE | JACOBIANS | CAMPAIGNS | damaged | declared
     for name, content in everything.items():
         (place / name).write_bytes(content)
+    for name, content in ENTRIES.items():
+        (place / name).mkdir()
+        if content:
+            (place / name / "free-mean_2x3_k1.json").write_bytes(content)
     (place / "zero.csv").symlink_to("/dev/zero")
     os.mkfifo(place / "fifo.csv")
     return place
@@ -1013,6 +1102,9 @@ NUMBERS = [
         "posture arm.urdf": "locked length starts seed workers",
         "view arm.urdf": "port length starts seed",
         "workspace arm.urdf": "voxel slice",
+        "atlas": "joints task-dimension locked",
+        "atlas submit best.csv": "locked pick",
+        "atlas improve free-mean_2x3_k1": "minutes workers",
         "campaign valid.toml --store new.db": "workers chunk time-limit",
         "figure seven-axes --out a.svg": "pick starts seed workers",
         "report": "starts seed workers",

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 
+from formulations.atlas.entry import entries
 from lockedjoint import __version__
 
 ROOT = Path(__file__).parents[1]
@@ -63,6 +64,9 @@ def test_the_wheel_holds_the_packages_and_nothing_else(built):
     expected = set().union(*(files_in(name) for name in PACKAGES))
     assert names == expected
     assert {"nlp/py.typed", "formulations/existence/certificate.json"} <= names
+    atlas = {name for name in names if name.startswith("formulations/atlas/entries/")}
+    assert f"formulations/atlas/entries/{next(iter(entries()))}.json" in atlas
+    assert "formulations/atlas/entries/LICENSE" in atlas
 
 
 def test_the_sdist_holds_sources_tests_documents_and_results(built):

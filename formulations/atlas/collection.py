@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Mapping
 from dataclasses import fields
 from importlib.resources import files
+from math import inf
 from pathlib import Path
 from typing import Any
 
@@ -14,12 +15,31 @@ from formulations.atlas.local_optimality import local_optimality
 from formulations.measures.canonical import canonical_form
 from nlp.arrays import FloatArray
 from nlp.errors import FileError, InputError
-from nlp.files import load_json, read_bytes, write_text
+from nlp.files import load_json, read_bytes, real_in, write_text
 
 
 def folder() -> Path:
     """Return the folder of the entries that came with the package."""
     return Path(str(files("formulations.atlas") / "entries"))
+
+
+def checked_folder(where: Path | None) -> Path | None:
+    """Return a folder of entries that a user names; None, for the package's, stays None.
+
+    Raises
+    ------
+    FileError
+        If it is not there, is no folder, or holds no entry.
+    """
+    if where is None:
+        return None
+    try:
+        held = {path.name for path in where.iterdir()}
+    except (OSError, ValueError):
+        held = set()
+    if not any(f"{name}.json" in held for name in entries()):
+        raise FileError("--entries", str(where), "a folder with entries of the atlas")
+    return where
 
 
 def read_page(path: Path) -> Page:
@@ -33,24 +53,46 @@ def read_page(path: Path) -> Page:
     content = load_json(read_bytes(path), path)
     try:
         asked = entry(content["entry"])
-        found = Found(**{one.name: content["found"][one.name] for one in fields(Found)})
         if {name: content[name] for name in vars(asked)} != vars(asked):
+            raise ValueError
+        if path.stem != asked.name:  # else it would be shown in the place of another
             raise ValueError
         jacobian = np.array(content["jacobian"], dtype=np.float64)
         if jacobian.shape != (asked.task_dimension, asked.joints):
             raise ValueError
-        float(content["value"])
-        history = tuple(dict(one) for one in content["history"])
+        if not np.isfinite(jacobian).all():
+            raise ValueError
+        history = tuple(
+            {"value": _value(one["value"]), "found": vars(_found(one["found"]))}
+            for one in content["history"]
+        )
         return Page(
             asked,
             jacobian,
-            str(content["value"]),
+            _value(content["value"]),
             _whole_or_none(content["family"]),
-            found,
+            _found(content["found"]),
             history,
         )
     except (KeyError, TypeError, ValueError, InputError):
         raise FileError("file", str(path), "an entry of the atlas, as it is written") from None
+
+
+def _value(given: object) -> str:
+    if not isinstance(given, str) or not 0 < real_in(given) < inf:
+        raise ValueError
+    return given
+
+
+def _found(given: Mapping[str, Any]) -> Found:
+    values = {one.name: given[one.name] for one in fields(Found)}
+    for name, value in values.items():
+        kind = type(getattr(Found("", ""), name))
+        if type(value) not in ((int, float) if kind is float else (kind,)):
+            raise TypeError
+        if kind is not str and not 0 <= value < inf:
+            raise ValueError
+    return Found(**values)
 
 
 def pages(where: Path | None = None) -> Iterator[Page]:
@@ -75,9 +117,14 @@ def problem_of(page: Page) -> str:
     asked = page.entry
     if not asked.holds(page.jacobian):
         return "J is not one of the Jacobians that the entry asks for"
-    proved = asked.proved_value(page.jacobian)
-    if float(page.value) > float(proved):
-        return f"the value {page.value} is not proved, only {proved}"
+    try:
+        proved = asked.proved_value(page.jacobian)
+        if not asked.proves(page.jacobian, page.value):
+            return f"the value {page.value} is not proved, only {proved}"
+    except InputError as error:
+        return str(error).rstrip(".")
+    if float(proved) - float(page.value) >= RESOLUTION:
+        return f"the value {page.value} is less than is proved, {proved}"
     bound = asked.bound
     if bound.certified and float(proved) > bound.value + RESOLUTION:
         return f"the value {proved} is above the bound {bound.value}"

@@ -11,7 +11,12 @@ from typing import Any
 import numpy as np
 
 from formulations import catalogue, isotropy, manipulability, max_min
-from formulations.atlas.exact_value import certified_manipulability, certified_worst_case
+from formulations.atlas.exact_value import (
+    certified_manipulability,
+    certified_worst_case,
+    proves_manipulability,
+    proves_worst_case,
+)
 from formulations.bounds.certified import Bound
 from formulations.joints.arm import Arm
 from formulations.joints.joint import NotInModelError
@@ -75,6 +80,20 @@ class Entry:
         ratio = self.formulation == manipulability.NAME
         prove = certified_manipulability if ratio else certified_worst_case
         return prove(self.arm, jacobian, self.locked)
+
+    def proves(self, jacobian: FloatArray, value: str) -> bool:
+        """Whether a Jacobian's measure is proved not to be below a decimal number above 0.
+
+        Unlike the last digit of `proved_value`, the answer is the same on every machine.
+
+        Raises
+        ------
+        InputError
+            If it is not of the model, or singular.
+        """
+        ratio = self.formulation == manipulability.NAME
+        decide = proves_manipulability if ratio else proves_worst_case
+        return decide(self.arm, jacobian, value, self.locked)
 
     def holds(self, jacobian: FloatArray) -> bool:
         """Whether a Jacobian, shape (m, n), is one of those that the entry asks for."""

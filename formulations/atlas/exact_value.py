@@ -62,15 +62,34 @@ def certified_manipulability(arm: Arm, jacobian: FloatArray, locked: int = 1) ->
     the null space. That of J* differs by at most δ/σ_min(C), and a minor by k times that. The
     parameters are those of `certified_worst_case`.
     """
+    square = _proved_square(arm, jacobian, locked)
+    if square <= 0:
+        raise InputError("jacobian", "singular after a failure", "one that can be proved")
+    return _decimal(Fraction(isqrt((square * _SCALE**2).__floor__()), _SCALE))
+
+
+def proves_worst_case(arm: Arm, jacobian: FloatArray, value: str, locked: int = 1) -> bool:
+    """Whether the worst case of J* is proved not to be below a decimal number above 0.
+
+    What `certified_worst_case` returns depends on the rounding of the number it begins with, in
+    the last digit; this does not.
+    """
+    columns, distance = _rounded(arm, jacobian)
+    return exceeds(columns, Fraction(value) + distance, locked)
+
+
+def proves_manipulability(arm: Arm, jacobian: FloatArray, value: str, locked: int = 1) -> bool:
+    """Whether the least relative manipulability of J* is proved not to be below a number."""
+    return Fraction(value) ** 2 <= _proved_square(arm, jacobian, locked)
+
+
+def _proved_square(arm: Arm, jacobian: FloatArray, locked: int) -> Fraction:
     columns, distance = _rounded(arm, jacobian)
     least = float(np.linalg.svd(jacobian, compute_uv=False)[-1])
     sigma = _proved_sigma(columns, least, 0)
     minors = list(_determinants(columns, locked))
     whole = next(_determinants(columns, 0))
-    square = Fraction(min(minors), whole) - locked * distance / sigma
-    if square <= 0:
-        raise InputError("jacobian", "singular after a failure", "one that can be proved")
-    return _decimal(Fraction(isqrt((square * _SCALE**2).__floor__()), _SCALE))
+    return Fraction(min(minors), whole) - locked * distance / sigma
 
 
 def _rounded(arm: Arm, jacobian: FloatArray) -> tuple[list[list[int]], Fraction]:

@@ -11,7 +11,7 @@
     task_dimensions = [6]
     encodings = ["two-stage"]          # of max-min
     from_residual_minima = [false]     # of max-min
-    locked = [1]                       # of max-min
+    locked = [1]                       # of max-min and manipulability
     solver = "ipopt"
     compiled = false
     [options]                          # of the solver, over the formulations' own

@@ -27,6 +27,7 @@ COMMANDS = (
     "figure",
     "benchmark",
     "failures",
+    "atlas",
     "report",
 )
 app = typer.Typer(
@@ -40,8 +41,10 @@ app = typer.Typer(
 
 for name in COMMANDS:
     module = import_module(f"formulations.commands.{name}")
-    app.command()(getattr(module, name))
-app.add_typer(import_module("formulations.commands.atlas").app)
+    if hasattr(module, "app"):  # a command with commands of its own
+        app.add_typer(module.app)
+    else:
+        app.command()(getattr(module, name))
 
 
 def _print_version(wanted: bool) -> None:

@@ -63,12 +63,18 @@ def atlas(
     """
     if context.invoked_subcommand is not None:
         return
-    from formulations.atlas.collection import pages
+    from formulations.atlas.collection import checked_folder, pages
+    from formulations.atlas.entry import entries as known_entries
     from formulations.files.table import Table
     from formulations.studies.atlas import Row, row_of
 
     if mark not in (None, "optimal", "conjectured", "open"):
         raise InputError("--mark", mark, "optimal, conjectured or open")
+    models = list(dict.fromkeys(one.model for one in known_entries().values()))
+    if model is not None and model not in models:
+        plain = [one for one in models if ":" not in one]
+        allowed = f"{', '.join(plain)} or a mix such as {models[len(plain)]}"
+        raise InputError("--model", model, allowed)
     wanted = {
         "model": model,
         "joints": joints,
@@ -78,7 +84,7 @@ def atlas(
     }
     rows = [
         row
-        for row in map(row_of, pages(entries))
+        for row in map(row_of, pages(checked_folder(entries)))
         if all(value is None or getattr(row, name) == value for name, value in wanted.items())
     ]
     table = Table(Row, rows)
@@ -115,11 +121,11 @@ def verify(entries: Folder = None, as_json: Json = False) -> None:
     compares it with the bound, and tests it as a local maximum. Exit status 1 if an entry is
     wrong.
     """
-    from formulations.atlas.collection import pages, problem_of
+    from formulations.atlas.collection import checked_folder, pages, problem_of
 
     problems = {}
     count = 0
-    for page in pages(entries):
+    for page in pages(checked_folder(entries)):
         progress(page.entry.name)
         count += 1
         if problem := problem_of(page):
@@ -128,7 +134,7 @@ def verify(entries: Folder = None, as_json: Json = False) -> None:
     lines = [f"{name}: {problem}." for name, problem in problems.items()]
     verdict = f"{count - len(problems)} of {count} entries are right."
     show({"entries": count, "wrong": problems}, as_json, lambda _: "\n".join([*lines, verdict]))
-    if problems or not count:
+    if problems:
         raise typer.Exit(QUESTIONED)
 
 
@@ -155,7 +161,13 @@ def submit(
     An improvement by 1e-9 or more is written as an entry that is ready to propose, with the
     value before it in its history.
     """
-    from formulations.atlas.collection import entry_of, improved, page_of, write_page
+    from formulations.atlas.collection import (
+        checked_folder,
+        entry_of,
+        improved,
+        page_of,
+        write_page,
+    )
     from formulations.atlas.entry import RESOLUTION, Found
     from formulations.files.jacobians import only_jacobian
     from formulations.files.provenance import provenance
@@ -163,11 +175,12 @@ def submit(
 
     if not 0 < len(by) <= 200 or not by.isprintable():
         raise InputError("--by", by, "1 to 200 printable characters")
-    if out is not None:
-        prepare_folder(out)
+    where = checked_folder(entries)
     jacobian = only_jacobian(file, pick)
     asked = entry_of(jacobian, locked, "isotropy" if isotropic else "max-min")
-    known = page_of(asked, entries)
+    known = page_of(asked, where)
+    if out is not None:
+        prepare_folder(out)
     found = Found(by, provenance()["date"], versions=provenance()["versions"])
     new = improved(asked, jacobian, found, None)
     gain = float(new.value) - float(known.value) if known else None
@@ -239,10 +252,10 @@ def improve(
 
 
 def _known(name: str, entries: Path | None) -> Page:
-    from formulations.atlas.collection import page_of
+    from formulations.atlas.collection import checked_folder, page_of
     from formulations.atlas.entry import entry
 
-    page = page_of(entry(name), entries)
+    page = page_of(entry(name), checked_folder(entries))
     if page is None:
         raise InputError("entry", name, "an entry with a Jacobian on record")
     return page

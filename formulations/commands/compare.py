@@ -1,4 +1,4 @@
-"""``lockedjoint compare``: all formulations from common starts, in one table."""
+"""``lockedjoint compare``: the formulations from common starts, in one table."""
 
 from pathlib import Path
 
@@ -28,14 +28,13 @@ def compare(
     compiled: Compiled = False,
     as_json: Json = False,
 ) -> None:
-    """Compare the three formulations from common random starts.
+    """Compare residual minimisation, max-min and isotropy from common random starts.
 
-    Solves residual minimisation, max-min and isotropy on two column models (for six task
-    dimensions: unit revolute joints, and revolute joints with free lever arms of mean square
-    at most 1), with variants of max-min beside them, and measures every answer again from
-    its Jacobian alone. Writes comparison.csv, comparison.md and jacobians.json into the
-    output folder; until all rows are there they are in its subfolder incomplete, where Ctrl-C
-    leaves what is done.
+    Solves each on two column models (for six task dimensions: unit revolute joints, and
+    revolute joints with free lever arms of mean square at most 1), with variants of max-min
+    beside them, and measures every answer again from its Jacobian alone. Writes
+    comparison.csv, comparison.md and jacobians.json into the output folder; until all rows
+    are there they are in its subfolder incomplete, where Ctrl-C leaves what is done.
     """
     from formulations.studies.comparison import study
 

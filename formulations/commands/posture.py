@@ -32,7 +32,7 @@ def posture(
     file: robot.File,
     tip: robot.Tip = None,
     formulation: Annotated[
-        str, typer.Option(metavar="NAME", help="residual, max-min or isotropy.")
+        str, typer.Option(metavar="NAME", help="residual, max-min, isotropy or manipulability.")
     ] = "max-min",
     at: robot.At = None,
     tolerance: robot.PoseTolerance = None,
@@ -56,11 +56,10 @@ def posture(
 ) -> None:
     """Find the most failure-tolerant posture of a robot within its joints' limits.
 
-    One of the three formulations over the joints' positions, from random postures; the
-    answer is measured again from its Jacobian alone. With --at, the best of those that hold
-    the tool at a pose, and where each joint may lock so that the pose can still be reached.
-    With --held, the best posture after a failure. `assess --configuration FILE` reads what
-    --out writes.
+    A formulation over the joints' positions, from random postures; the answer is measured
+    again from its Jacobian alone. With --at, the best of those that hold the tool at a pose,
+    and where each joint may lock so that the pose can still be reached. With --held, the best
+    posture after a failure. `assess --configuration FILE` reads what --out writes.
     """
     from formulations.robots.posture import Search, best_posture
     from formulations.unequal_max_min import checked_goal

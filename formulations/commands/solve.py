@@ -28,7 +28,10 @@ from formulations.commands.output import INTERRUPTED, as_text, show
 
 def solve(
     formulation: Annotated[
-        str, typer.Argument(metavar="FORMULATION", help="residual, max-min or isotropy.")
+        str,
+        typer.Argument(
+            metavar="FORMULATION", help="residual, max-min, isotropy or manipulability."
+        ),
     ],
     model: Annotated[
         str,

@@ -106,7 +106,9 @@ class Table(Generic[Line]):
 
         names = [one.name for one in fields(self.kind)]
         lines = [[_stored(getattr(row, name)) for name in names] for row in self.rows]
-        return pd.DataFrame(lines, columns=names)
+        frame = pd.DataFrame(lines, columns=names)
+        types = get_type_hints(self.kind)
+        return frame.astype({one: "Int64" for one in names if types[one] == _WHOLE_OR_NONE})
 
     def csv(self) -> str:
         """Return all columns, numbers with every digit, NaN as an empty cell."""
@@ -177,11 +179,16 @@ def _column(one: Field[Any]) -> Column:
     return found
 
 
+_WHOLE_OR_NONE = int | None
+
+
 def _reader(kind: Any) -> Callable[[str], Any]:
     if kind is float:
         return lambda text: float(text or "nan")  # an empty cell is NaN, as it was written
     if get_origin(kind) is Mapping:
         return json.loads
+    if kind == _WHOLE_OR_NONE:
+        return lambda text: int(text) if text else None
     return kind if kind is int or issubclass(kind, StrEnum) else str
 
 

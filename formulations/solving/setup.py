@@ -31,7 +31,7 @@ class Setup:
     from_residual_minima
         Whether random starts are first brought to a residual minimum, for max-min.
     locked
-        How many joints lock at once, for max-min.
+        How many joints lock at once, for max-min and manipulability.
     failures
         Which joints may fail and how likely, for max-min; None where all are alike.
     goal

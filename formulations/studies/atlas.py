@@ -85,7 +85,7 @@ def study() -> Study:
     """Return the study of the atlas: every entry verified, and shown in a table."""
     return Study(
         name="atlas",
-        title="the best Jacobian known of every kind of arm, proved, beside the bounds",
+        title="the best Jacobian known of every kind of arm, beside the bounds",
         page="atlas.md",
         template="atlas.md.j2",
         tables={"atlas": Row},

@@ -29,10 +29,11 @@ class Row:
     colour: Colour
     counts: Mapping[str, int] = field(metadata=HIDDEN)
     plain: float = 1 / 3
+    size: int | None = field(default=None, metadata=HIDDEN)
 
 
 ROWS = [
-    Row("a|b", 2 / 3, 0.0123456, 3, "", Colour.RED, {"Solved": 2}),
+    Row("a|b", 2 / 3, 0.0123456, 3, "", Colour.RED, {"Solved": 2}, size=7),
     Row("c, d", float("nan"), -1e-9, 0, "one\ntwo", Colour.RED, {}, 1e-17),
 ]
 
@@ -53,6 +54,7 @@ def test_what_is_written_is_read_back_to_the_last_digit(tmp_path):
     lines = list(csv.DictReader(io.StringIO(path.read_text(encoding="utf-8"))))
     assert lines[1]["value"] == ""
     assert json.loads(lines[0]["counts"]) == {"Solved": 2}
+    assert [one["size"] for one in lines] == ["7", ""]
     assert list(lines[0]) == list(Row.__dataclass_fields__)
 
 
