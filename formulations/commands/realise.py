@@ -118,8 +118,8 @@ def realise(
         typer.Option(
             parser=whole(1),
             metavar="K",
-            help="How many arms are judged by criteria that sample: the shortest, or by a coarse "
-            "sample the best.",
+            help="How many arms are judged by criteria that sample: the shortest, or those "
+            "that a coarse sample finds best.",
         ),
     ] = 200,
     radius: Annotated[

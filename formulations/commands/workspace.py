@@ -88,9 +88,10 @@ def workspace(
     within the physical limits alone, many arms keep nothing.
     """
     from formulations.files.figure import content, kind_of
+    from formulations.robots.best_limits import best_limits
     from formulations.robots.reachable_sets import check_grid
     from formulations.robots.serial_arm import SerialArm
-    from formulations.robots.workspace import best_limits, check_limits
+    from formulations.robots.workspace import check_limits
     from formulations.robots.workspace import workspace as found_workspace
     from nlp.files import prepare_file, write_bytes
 

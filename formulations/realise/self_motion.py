@@ -209,7 +209,7 @@ def covered(least: FloatArray, most: FloatArray, half: float, slides: BoolArray)
     shift = _TURN * np.ceil((least + half) / _TURN)
     turned = (half + shift <= most) | (most - least >= _TURN)
     slid = (least <= -half) & (most >= half)
-    return np.all(np.where(slides, slid, turned), axis=1)
+    return np.asarray(np.all(np.where(slides, slid, turned), axis=1))
 
 
 def kept(chain: Chain, rows: list[int], offsets: FloatArray, half: float) -> BoolArray:

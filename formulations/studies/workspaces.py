@@ -9,10 +9,11 @@ import numpy as np
 from formulations.figures.workspace import draw
 from formulations.files.figure import content, figure_class
 from formulations.files.table import HIDDEN, column
+from formulations.robots.best_limits import STARTS, best_limits
 from formulations.robots.chain_between import chain_between
 from formulations.robots.read_urdf import read_urdf
 from formulations.robots.serial_arm import Ranges, SerialArm
-from formulations.robots.workspace import STARTS, Workspace, best_limits, measured
+from formulations.robots.workspace import Workspace, measured
 from formulations.robots.workspace import workspace as found_workspace
 from formulations.studies.robots import SurveyArm
 from formulations.studies.study import Effort, Part, Study

@@ -7,12 +7,13 @@ import pytest
 
 from formulations.__main__ import main
 from formulations.robots import workspace as module
+from formulations.robots.best_limits import _in_joints, best_limits
 from formulations.robots.chain_between import chain_between
 from formulations.robots.planar_workspace import Planar3R
 from formulations.robots.reachable_sets import ReachableSets
 from formulations.robots.robot_arm import RobotArm, Task
 from formulations.robots.serial_arm import SerialArm
-from formulations.robots.workspace import best_limits, closed_form, measured, workspace
+from formulations.robots.workspace import closed_form, measured, workspace
 from nlp.errors import InputError
 
 EQUAL = (1 / 3, 1 / 3, 1 / 3)
@@ -203,7 +204,7 @@ def test_a_planar_arm_is_recognised_however_it_is_described(made, axes, yaw):
     form = closed_form(arm, arm.physical)
     assert form.lengths == pytest.approx(ODD[0])
     best = Planar3R(*ODD)
-    back = closed_form(arm, module._in_joints(arm, best))
+    back = closed_form(arm, _in_joints(arm, best))
     assert back.area() == pytest.approx(best.area(), rel=1e-9)
 
 
