@@ -183,13 +183,22 @@ def _kept(members: Family, sampling: Sampling) -> FloatArray:
     arms, joints = members.prismatic.shape
     if not _one_more_joint(joints, members.task):
         return np.full(arms, np.nan)
-    dimension = 2 if members.task.in_plane else 3
-    linear = members.velocities()[0, :3]
-    ball = _BALL * sampling.radius * float(np.sqrt(np.mean(np.sum(linear**2, axis=0))))
-    offsets = ball * sampling.offsets(dimension)
-    size = ball**dimension * (np.pi if dimension == 2 else 4 * np.pi / 3)
+    radius, dimension = _ball(members, sampling)
+    offsets = radius * sampling.offsets(dimension)
     found = kept(members, members.task.rows, offsets, sampling.radius)
-    return np.asarray(size * found.mean(axis=1))
+    return np.asarray(kept_ball(sampling, members) * found.mean(axis=1))
+
+
+def kept_ball(sampling: Sampling, members: Family) -> float:
+    """Volume of the ball, or area of the disc, of whose positions `kept` is the share."""
+    radius, dimension = _ball(members, sampling)
+    return float(radius**dimension * (np.pi if dimension == 2 else 4 * np.pi / 3))
+
+
+def _ball(members: Family, sampling: Sampling) -> tuple[float, int]:
+    linear = members.velocities()[0, :3]
+    lever = float(np.sqrt(np.mean(np.sum(linear**2, axis=0))))
+    return _BALL * sampling.radius * lever, 2 if members.task.in_plane else 3
 
 
 def _in_workspace(members: Family, sampling: Sampling) -> FloatArray:
