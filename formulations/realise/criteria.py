@@ -218,7 +218,7 @@ _ALL = (
     Criterion("neighbourhood-before", partial(_neighbourhood, measure=smallest), True, True),
     Criterion("workspace", partial(_workspace, measure=worst_cases), True, True),
     Criterion("workspace-before", partial(_workspace, measure=smallest), True, True),
-    Criterion("kept", _kept, True, True, coarse=12, reversible=True, fits=_one_more_joint),
+    Criterion("kept", _kept, True, True, coarse=8, reversible=True, fits=_one_more_joint),
 )
 CRITERIA: Mapping[str, Criterion] = MappingProxyType({one.name: one for one in _ALL})
 

@@ -17,9 +17,9 @@ from formulations.realise.chain import BoolArray, Chain, IntArray
 from nlp.arrays import FloatArray
 
 #: Length of a tangent, in radians and units of length.
-STEP = 0.1
+STEP = 0.15
 #: Tangents in each direction, at most.
-STEPS = 250
+STEPS = 170
 #: Steps of Newton's method from a start, and the residual that counts as reached.
 NEWTON, REACHED = 40, 1e-6
 # A Newton step moves no joint by more than this.

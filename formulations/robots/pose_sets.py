@@ -234,9 +234,10 @@ def check_poses(
     if arm.is_planar and abs(across[2, 2] - 1) > 1e-6:
         allowed = "a turn about the parallel axes of this planar arm from its zero posture"
         raise InputError("orientation", "out of the plane", allowed)
-    wide = int(_reach(arm) / voxel) + 1
+    span = _reach(arm) / voxel
+    wide = int(min(span, _MOST_VOXELS)) + 1
     shape = (2 * wide + 1,) * dimension
-    if float(2 * wide + 1) ** dimension > _MOST_VOXELS:
+    if (2 * wide + 1) ** dimension > _MOST_VOXELS:
         allowed = f"larger: with an orientation the grid has at most {_MOST_VOXELS} voxels"
         raise InputError("voxel", f"{voxel:g}", allowed)
     return np.full(dimension, -wide), shape

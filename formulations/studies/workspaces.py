@@ -33,14 +33,14 @@ _LIMITS, _LENGTHS = "best limits", "best limits and lengths"
 _VOXELS = {"planar": 0.01, "Franka Panda": 0.02, "UR5": 0.03}
 # With the orientation held: of the tool, in the frame of the base, and voxels.
 _AHEAD, _DOWN = np.eye(3), np.diag([1.0, -1.0, -1.0])
-_HELD_VOXELS = {"planar": 0.02, "Franka Panda": 0.08}
+_HELD_VOXELS = {"planar": 0.03, "Franka Panda": 0.1}
 #: Half-width of the artificial limits of all joints of a Jacobian's robots, in radians.
 HALF = np.deg2rad(20.0)
 #: Jacobians of the trade-off curve whose robots are ranked, and random starts of each.
-JACOBIANS, CURVE_STARTS = 4, 5
+JACOBIANS, CURVE_STARTS = 3, 5
 # Of each Jacobian: orders that are judged with so many points, and of those, with other points.
-_SHORTLIST, _POINTS = 40, 200
-_FINALISTS, _FINAL_POINTS = 3, 1600
+_SHORTLIST, _POINTS = 30, 100
+_FINALISTS, _FINAL_POINTS = 3, 1000
 
 
 @dataclass(frozen=True)
