@@ -661,6 +661,12 @@ workspace arm.urdf --voxel 1e-300
 workspace arm.urdf --slice 1e-300
 workspace arm.urdf --optimise limits --least-width 1e300
 workspace arm.urdf --starts 2
+workspace arm.urdf --orientation 1,2
+workspace arm.urdf --orientation 0,nan,0
+workspace arm.urdf --orientation 1,1,1,1
+workspace arm.urdf --orientation 0,0,0 --optimise lengths
+workspace arm.urdf --orientation 0,0,0 --voxel 1e-300
+workspace arm.urdf --orientation 0,0,0 --voxel nan
 workspace arm.urdf --figure a.doc
 workspace arm.urdf --out .
 # campaigns and stores

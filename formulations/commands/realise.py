@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from formulations.commands.arguments import Json, Pick, Seed, positive, refuse_unused, whole
+from formulations.commands.arguments import progress as show_progress
 from formulations.commands.output import as_text
 from nlp.errors import InputError
 
@@ -33,8 +34,16 @@ def realise(
         typer.Option(
             metavar="NAME",
             help="Choose order and signs by: total-length, largest-link, dh-length, clearance, "
-            "reach, neighbourhood, neighbourhood-before, workspace, workspace-before.",
+            "reach, neighbourhood, neighbourhood-before, workspace, workspace-before, kept.",
             show_default="clearance, without --order and --signs",
+        ),
+    ] = None,
+    ranking: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="CSV file for the orders and signs that were compared, the best first.",
+            show_default=False,
         ),
     ] = None,
     order: Annotated[
@@ -109,11 +118,17 @@ def realise(
         typer.Option(
             parser=whole(1),
             metavar="K",
-            help="How many arms, the shortest, are judged by criteria that sample.",
+            help="How many arms are judged by criteria that sample: the shortest, or those "
+            "that a coarse sample finds best.",
         ),
     ] = 200,
     radius: Annotated[
-        float, typer.Option(parser=positive, metavar="R", help="Radius of the neighbourhood.")
+        float,
+        typer.Option(
+            parser=positive,
+            metavar="R",
+            help="Radius of the neighbourhood; of kept the half-width of artificial limits.",
+        ),
     ] = 0.2,
     as_json: Json = False,
 ) -> None:
@@ -126,12 +141,13 @@ def realise(
     standard error.
     """
     from formulations.files.jacobians import only_jacobian
+    from formulations.files.table import Table
     from formulations.realise import forms, from_jacobian
-    from formulations.realise.choice import choose, evaluate, given
+    from formulations.realise.choice import Ranked, choose, evaluate, given, rank
     from formulations.realise.criteria import Sampling
     from formulations.realise.links import room, slide_apart
     from formulations.realise.links import slide as shortened
-    from nlp.files import prepare_file, write_bytes
+    from nlp.files import prepare_file, write_bytes, write_text
 
     if to not in forms.FORMS:
         raise InputError("--to", to, "one of " + ", ".join(forms.FORMS))
@@ -147,7 +163,7 @@ def realise(
         raise InputError("--slide", slide, "one of " + ", ".join(SLIDES))
     arranged = order is not None or signs is not None
     if criterion is None:
-        refuse_unused(context, ("shortlist",), "no --criterion")
+        refuse_unused(context, ("shortlist", "ranking"), "no --criterion")
     if not (count or as_json or out is not None or criterion is not None):
         reason = "nothing that samples: --criterion, --count, --json and --out do"
         refuse_unused(context, ("samples", "radius"), reason)
@@ -155,6 +171,8 @@ def realise(
             refuse_unused(context, ("seed",), reason)
     if out is not None and not count:
         prepare_file(out, inputs=[file])
+    if ranking is not None:
+        prepare_file(ranking, "--ranking", [file, *([out] if out else [])])
     matrix = only_jacobian(file, pick)
     found = from_jacobian.realise(
         matrix, task=task, kinds=kinds, length=length, tolerance=tolerance
@@ -165,7 +183,12 @@ def realise(
     if arranged:
         choice = given(found, _order(order), _flips(signs, found.joints), sampling)
     else:
-        choice = choose(found, criterion or "clearance", sampling, shortlist)
+        name = criterion or "clearance"
+        ranked = rank(found, name, sampling, shortlist, show_progress)
+        show_progress("")
+        choice = choose(found, name, sampling, shortlist, ranked)
+        if ranking is not None:
+            write_text(ranking, Table(Ranked, ranked.rows()).csv())
     moved = chosen = choice.manipulator
     if slide == "length":
         moved = shortened(chosen)

@@ -17,8 +17,11 @@ from nlp.errors import InputError
 if TYPE_CHECKING:
     from formulations.robots.serial_arm import Ranges, SerialArm
     from formulations.robots.workspace import Workspace
+    from nlp.arrays import FloatArray
 
 _CHOICES = ("limits", "lengths")
+# Voxels that the sum of the links is long, with an orientation that is held in space.
+_IN_SPACE = 12
 
 
 def workspace(
@@ -31,6 +34,15 @@ def workspace(
             metavar="JOINT=LOW:HIGH",
             help="Artificial limits of a joint, radians or metres. May be repeated.",
             show_default="the physical limits",
+        ),
+    ] = None,
+    orientation: Annotated[
+        str | None,
+        typer.Option(
+            metavar="ROLL,PITCH,YAW",
+            help="Hold the tip's link at this orientation: radians, fixed axes of the base; or "
+            "QX,QY,QZ,QW. For planar arms of four joints and others of seven.",
+            show_default="free",
         ),
     ] = None,
     optimise: Annotated[
@@ -48,7 +60,8 @@ def workspace(
             parser=positive,
             metavar="METRES",
             help="Edge of the grid's cells.",
-            show_default="a fiftieth of the sum of the links",
+            show_default="a fiftieth of the sum of the links; a twelfth with --orientation, in "
+            "space",
         ),
     ] = None,
     step: Annotated[
@@ -84,13 +97,15 @@ def workspace(
 
     A position is kept if the arm reaches it within the artificial limits, and with any joint
     locked anywhere within its artificial limits and the others within their physical limits.
-    The orientation of the tool is free. The first command to try is with --optimise limits:
-    within the physical limits alone, many arms keep nothing.
+    The orientation of the tool is free without --orientation. The first command to try is with
+    --optimise limits: within the physical limits alone, many arms keep nothing.
     """
     from formulations.files.figure import content, kind_of
+    from formulations.robots.best_limits import best_limits
+    from formulations.robots.pose_sets import PoseSets, check_poses
     from formulations.robots.reachable_sets import check_grid
     from formulations.robots.serial_arm import SerialArm
-    from formulations.robots.workspace import best_limits, check_limits
+    from formulations.robots.workspace import check_limits, measured
     from formulations.robots.workspace import workspace as found_workspace
     from nlp.files import prepare_file, write_bytes
 
@@ -100,14 +115,23 @@ def workspace(
         raise InputError("--optimise", optimise, "limits or lengths")
     elif limits:
         raise InputError("--limits", " ".join(limits), "none with --optimise")
+    elif optimise == "lengths" and orientation is not None:
+        raise InputError("--optimise", optimise, "limits with --orientation")
+    turn = None if orientation is None else _turn(orientation)
     arm = SerialArm.from_chain(robot.chain(file, tip, base, point, held))
     chosen = _limits(limits or [], arm)
     check_limits(arm, chosen)
     picture = kind_of(prepare_file(figure, "--figure", [file])) if figure else ""
     if out is not None:
         prepare_file(out, inputs=[file])
-    size = voxel or float(sum(arm.links)) / 50
-    check_grid(arm, size, radians(step))
+    coarse = turn is not None and not arm.is_planar
+    size = voxel or float(sum(arm.links)) / (_IN_SPACE if coarse else 50)
+    sets = None
+    if turn is None:
+        check_grid(arm, size, radians(step))
+    else:
+        check_poses(arm, turn, size, radians(step))
+        sets = PoseSets(arm, turn, size, radians(step), show_progress)
     if optimise is not None:
         width, both = radians(least_width), optimise == "lengths"
         arm, chosen = best_limits(
@@ -118,14 +142,31 @@ def workspace(
             starts=starts,
             seed=seed,
             progress=show_progress,
+            sets=sets,
         )
-    found = found_workspace(arm, chosen, size, radians(step), show_progress)
+    if sets is None:
+        found = found_workspace(arm, chosen, size, radians(step), show_progress)
+    else:
+        found = measured(sets, chosen, show_progress)
     show_progress("")
     if figure is not None:
         from formulations.figures.workspace import draw
 
         write_bytes(figure, content(draw(found), picture))
     show(found.to_dict(), as_json, lambda _: _text(found), out)
+
+
+def _turn(text: str) -> FloatArray:
+    import numpy as np
+    from scipy.spatial.transform import Rotation
+
+    numbers = [robot.number("--orientation", one) for one in text.split(",")]
+    if len(numbers) == 3 and max(map(abs, numbers)) <= 100:
+        return np.asarray(Rotation.from_euler("xyz", numbers).as_matrix())
+    if len(numbers) == 4 and abs(np.linalg.norm(numbers) - 1) < 1e-6:
+        return np.asarray(Rotation.from_quat(numbers).as_matrix())
+    allowed = "ROLL,PITCH,YAW in radians, or QX,QY,QZ,QW of length 1"
+    raise InputError("--orientation", text, allowed)
 
 
 def _limits(settings: list[str], arm: SerialArm) -> Ranges:
@@ -159,6 +200,12 @@ def _text(found: Workspace) -> str:
         "within physical limits": f"{found.physical:.6g} {unit}",
         "method": str(values["method"]),
     }
+    if found.sets.sampled:
+        kept["voxel"] = f"{found.sets.voxel:.4g} m, one random point in each"
+    else:
+        kept["voxel"] = (
+            f"{found.sets.voxel:.4g} m, of which all but a closed form over-estimates"
+        )
     if found.passed:
         shares = ", ".join(f"{100 * one:.0f} %" for one in found.passed)
         kept["passed by depth"] = f"{shares} of voxels 0, 1, … layers below the surface"

@@ -1,14 +1,19 @@
-"""What failures leave of a robot's workspace: the plane, or two sections of the space."""
+"""What failures leave of a robot's workspace: the plane, or two sections of the space.
+
+And what the robots of several Jacobians keep, against their worst case where they are optimal.
+"""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from formulations.files.figure import BLUE, INK, ORANGE, PALE, PAPER, SMALL, styled
+from formulations.files.figure import BLUE, INK, ORANGE, PALE, PAPER, SMALL, VERMILION, styled
 from formulations.robots.serial_arm import Bits
 from formulations.robots.workspace import Workspace
+from nlp.arrays import FloatArray
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -57,6 +62,63 @@ def draw(found: Workspace) -> Figure:
             Patch(color=one, label=name) for one, name in zip(colours, _LEGEND, strict=True)
         ]
         figure.legend(handles=patches, loc="outside lower center", ncols=3, frameon=False)
+    return figure
+
+
+class Ordered(Protocol):
+    """What is drawn of a Jacobian: see `formulations.studies.workspaces.OrderRow`."""
+
+    @property
+    def worst_case_sigma(self) -> float:
+        """Where the Jacobian is designed."""
+
+    @property
+    def kept(self) -> float:
+        """What its best order keeps."""
+
+    @property
+    def error(self) -> float:
+        """How far that may be off."""
+
+    @property
+    def middle(self) -> float:
+        """What the median order keeps."""
+
+
+def draw_orders(rows: Sequence[Ordered], spread: Sequence[FloatArray]) -> Figure:
+    """Draw what robots keep over a workspace against their worst case at one configuration.
+
+    Parameters
+    ----------
+    rows
+        One for each Jacobian: its best order.
+    spread
+        What all orders of each keep, by a coarse sample.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+    """
+    with styled(7.4, 4.2) as figure:
+        axes = figure.subplots()
+        axes.set_title("Robots of seven joints: 5040 orders of each Jacobian")
+        sigmas = [one.worst_case_sigma for one in rows]
+        for sigma, values in zip(sigmas, spread, strict=True):
+            low, high = np.quantile(values, [0.05, 0.95])
+            axes.vlines(sigma, low, high, color=PALE, lw=7)
+        axes.scatter([], [], color=PALE, marker="s", label="nine of ten orders, coarse sample")
+        middles = [one.middle for one in rows]
+        axes.scatter(
+            sigmas, middles, color=INK, marker="_", s=60, label="median order", zorder=3
+        )
+        best, errors = [one.kept for one in rows], [one.error for one in rows]
+        axes.errorbar(
+            sigmas, best, errors, color=VERMILION, fmt="o", ms=4, label="best order found"
+        )
+        axes.set_xlabel("worst-case σ where the Jacobian is designed")
+        axes.set_ylabel("volume kept after any failure, ±20°")
+        axes.set_ylim(bottom=0)
+        figure.legend(loc="outside lower center", ncols=3, frameon=False)
     return figure
 
 

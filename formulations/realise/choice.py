@@ -20,6 +20,7 @@ from formulations.realise.family import (
 )
 from formulations.realise.manipulator import Manipulator
 from nlp.arrays import FloatArray, finite_or_none, whole_number
+from nlp.errors import InputError
 
 # All arrangements are tried up to this number: 8! orders fit, and 6!·2⁶ with flips.
 EXHAUSTIVE = 50_000
@@ -69,54 +70,167 @@ class Choice:
         return own | lists | {"criteria": values}
 
 
+@dataclass(frozen=True)
+class Ranked:
+    """One arrangement in a ranking: its place, columns from base to tip, signs, and value."""
+
+    rank: int
+    order: str
+    signs: str
+    criterion: str
+    value: float
+
+
+@dataclass(frozen=True, eq=False)
+class Ranking:
+    """Arrangements of one manipulator's joints by one criterion, the best first.
+
+    Attributes
+    ----------
+    criterion
+        Its name.
+    method
+        Which arrangements were compared.
+    arrangements
+        Those that were judged in full.
+    values
+        Their values, shape (N,).
+    coarse
+        Values of all arrangements by the coarse sample, from which these were chosen; empty
+        if there was none.
+    """
+
+    criterion: str
+    method: str
+    arrangements: Arrangements
+    values: FloatArray
+    coarse: FloatArray
+
+    def rows(self) -> list[Ranked]:
+        """Return one row for each arrangement."""
+        both = zip(self.arrangements.orders.tolist(), self.arrangements.flips, strict=True)
+        return [
+            Ranked(
+                rank=place + 1,
+                order=" ".join(map(str, order)),
+                signs="".join("-" if one else "+" for one in flips),
+                criterion=self.criterion,
+                value=float(self.values[place]),
+            )
+            for place, (order, flips) in enumerate(both)
+        ]
+
+
+def rank(
+    manipulator: Manipulator,
+    name: str,
+    sampling: Sampling | None = None,
+    shortlist: int = SHORTLIST,
+    progress: Callable[[str], None] = lambda _: None,
+) -> Ranking:
+    """Return arrangements of a manipulator's joints by one criterion, the best first.
+
+    Up to 50 000 arrangements (n ≤ 8 where flips move nothing) all distinct ones are tried;
+    beyond that a seeded local search is made. Criteria that move the manipulator are
+    evaluated only for a `shortlist`, where there are more: those of least total length, or,
+    by `kept`, the best of a coarse sample.
+
+    Parameters
+    ----------
+    manipulator
+        In any arrangement.
+    name
+        The criterion.
+    sampling
+        What sampled criteria sample.
+    shortlist
+        How many are evaluated by them.
+    progress
+        Is called with what is being done.
+
+    Raises
+    ------
+    InputError
+        If there is no such criterion, it is not defined for such a manipulator, or the
+        shortlist is not at least 1.
+    """
+    wanted, sampling = criterion(name), sampling or Sampling()
+    shortlist = whole_number("shortlist", shortlist, 1, EXHAUSTIVE)
+    if not wanted.fits(manipulator.joints, manipulator.task):
+        allowed = "another one: it needs positions, and one joint more than the task has rows"
+        raise InputError("criterion", name, allowed)
+    if wanted.sampled:
+        sampling.check(shortlist, manipulator.joints)
+
+    def costs(by: Criterion, these: Arrangements, how: Sampling) -> FloatArray:
+        if by.reversible and not manipulator.task.free_directions:
+            back = these.orders[:, ::-1]
+            first = these.orders[:, 0] < back[:, 0]
+            one_way = np.where(first[:, None], these.orders, back)
+            unique, places = np.unique(one_way, axis=0, return_inverse=True)
+            these = Arrangements(unique, np.zeros(unique.shape, dtype=bool))
+            return by.cost(family(manipulator, these), how)[places.ravel()]
+        return by.cost(family(manipulator, these), how)
+
+    length = CRITERIA["total-length"]
+    by_itself = wanted.coarse > 0 and sampling.samples > wanted.coarse
+    first = wanted if by_itself or not wanted.sampled else length
+    coarse = replace(sampling, samples=wanted.coarse) if by_itself else sampling
+    words = f"best by a sample of {wanted.coarse}" if by_itself else "shortest"
+    judged = np.array([])
+    if count(manipulator) <= EXHAUSTIVE:
+        candidates = distinct(every(manipulator), symmetries(manipulator))
+        method = f"all {len(candidates)} distinct arrangements"
+        if wanted.sampled and len(candidates) > shortlist:
+            progress(f"{first.name} of {method}")
+            seen = costs(first, candidates, coarse)
+            order = np.argsort(seen, kind="stable")
+            judged = -seen if by_itself else judged
+            candidates = candidates[order[:shortlist]]
+            method = f"the {shortlist} {words} of {method}"
+    else:
+        first = length if wanted.sampled else wanted
+        candidates = search(
+            manipulator, lambda these: costs(first, these, sampling), sampling.seed, shortlist
+        )
+        method = f"seeded local search for {first.name}"
+        if wanted.sampled:
+            method = f"the {len(candidates)} shortest of a {method}"
+    progress(f"{name} of {method}")
+    values = costs(wanted, candidates, sampling)
+    order = np.argsort(values, kind="stable")
+    sign = -1 if wanted.larger_is_better else 1
+    return Ranking(name, method, candidates[order], sign * values[order], judged)
+
+
 def choose(
     manipulator: Manipulator,
     name: str,
     sampling: Sampling | None = None,
     shortlist: int = SHORTLIST,
+    ranking: Ranking | None = None,
 ) -> Choice:
     """Return the best arrangement of a manipulator's joints by one criterion.
 
-    Up to 50 000 arrangements (n ≤ 8 where flips move nothing) all distinct ones are tried;
-    beyond that a seeded local search is made. Criteria that move the manipulator are
-    evaluated only for the `shortlist` of least total length, where there are more. Of
-    arrangements that tie, the one with the largest clearance is taken, then the first in
-    lexicographic order.
+    See `rank` for which are compared, and for the arguments. Of arrangements that tie, the one
+    with the largest clearance is taken, then the first in lexicographic order.
 
-    Raises
-    ------
-    InputError
-        If there is no such criterion, or the shortlist is not at least 1.
+    Parameters
+    ----------
+    manipulator, name, sampling, shortlist
+        See `rank`.
+    ranking
+        Of the same, if it is there already.
     """
-    wanted, sampling = criterion(name), sampling or Sampling()
-    shortlist = whole_number("shortlist", shortlist, 1, EXHAUSTIVE)
-    if wanted.sampled:
-        sampling.check(shortlist, manipulator.joints)
-
-    def costs(by: Criterion, these: Arrangements) -> FloatArray:
-        return by.cost(family(manipulator, these), sampling)
-
-    length = CRITERIA["total-length"]
-    first = length if wanted.sampled else wanted
-    if count(manipulator) <= EXHAUSTIVE:
-        candidates = distinct(every(manipulator), symmetries(manipulator))
-        method = f"all {len(candidates)} distinct arrangements"
-        if wanted.sampled and len(candidates) > shortlist:
-            by_length = np.argsort(costs(length, candidates), kind="stable")
-            candidates = candidates[by_length[:shortlist]]
-            method = f"the {shortlist} shortest of {method}"
-    else:
-        candidates = search(
-            manipulator, lambda these: costs(first, these), sampling.seed, shortlist
-        )
-        method = f"seeded local search for {first.name}"
-        if wanted.sampled:
-            method = f"the {len(candidates)} shortest of a {method}"
-    tied = _tied(costs(wanted, candidates))
-    best = int(tied[_tied(costs(CRITERIA["clearance"], candidates[tied]))[0]])
-    order, flips = candidates.orders[best].tolist(), candidates.flips[best].tolist()
+    found = ranking or rank(manipulator, name, sampling, shortlist)
+    sign = -1 if CRITERIA[name].larger_is_better else 1
+    tied = found.arrangements[_tied(sign * found.values)]
+    clear = CRITERIA["clearance"].cost(family(manipulator, tied), sampling or Sampling())
+    closest = tied[_tied(clear)]
+    best = int(np.lexsort(np.hstack([closest.orders, closest.flips]).T[::-1])[0])
+    order, flips = closest.orders[best].tolist(), closest.flips[best].tolist()
     choice = given(manipulator, order, flips, sampling)
-    return replace(choice, criterion=name, method=method)
+    return replace(choice, criterion=name, method=found.method)
 
 
 def given(

@@ -11,6 +11,8 @@ from formulations.joints.joint import check_length
 from formulations.realise.dh import common_normals
 from formulations.realise.family import Family
 from formulations.realise.links import clearance, link_lengths
+from formulations.realise.manipulator import Task
+from formulations.realise.self_motion import kept
 from nlp.arrays import FloatArray, whole_number
 from nlp.errors import InputError
 
@@ -18,6 +20,9 @@ from nlp.errors import InputError
 _CHUNK = 1 << 16
 # Sampled positions of joints, over all arms that are judged at once.
 _MOST_POSITIONS = 5_000_000
+# Radius of the ball in which positions are kept, in root mean square lever arms and widths of
+# the artificial limits. The best 7R reaches little beyond it.
+_BALL = 4.0
 
 
 @dataclass(frozen=True)
@@ -34,7 +39,8 @@ class Sampling:
     samples
         How many displacements, at least 1.
     radius
-        Radius of the neighbourhood: the norm of q, in radians and units of length.
+        Radius of the neighbourhood: the norm of q, in radians and units of length. For
+        `kept` the half-width of the artificial limits.
     """
 
     seed: int = 0
@@ -60,6 +66,13 @@ class Sampling:
         directions /= np.linalg.norm(directions, axis=1, keepdims=True)
         return self.radius * rng.uniform(size=(self.samples, 1)) ** (1 / joints) * directions
 
+    def offsets(self, dimension: int) -> FloatArray:
+        """Points of the unit ball or disc in opposite pairs, at least `samples`, (…, 3)."""
+        count = (self.samples + 1) // 2
+        points = np.zeros((count, 3))
+        points[:, :dimension] = Sampling(self.seed, count, 1.0).near(dimension)
+        return np.concatenate([points, -points])
+
     def anywhere(self, joints: int) -> FloatArray:
         """Displacements uniform in [−1, 1), shape (samples, joints); see `_in_workspace`."""
         return np.random.default_rng(self.seed).uniform(-1, 1, (self.samples, joints))
@@ -79,12 +92,24 @@ class Criterion:
         Whether large values are good.
     sampled
         Whether manipulators are moved for it, which is costly: only a shortlist is.
+    coarse
+        Samples with which the shortlist is chosen by the criterion itself; 0 if it is chosen
+        by total length.
+    reversible
+        Whether an arm and that with its joints in the reverse order have the same value, if
+        the task fixes all directions.
+    fits
+        Whether the criterion is defined for so many joints and a task; otherwise values are
+        NaN, and it cannot be chosen by.
     """
 
     name: str
     evaluate: Callable[[Family, Sampling], FloatArray]
     larger_is_better: bool = False
     sampled: bool = False
+    coarse: int = 0
+    reversible: bool = False
+    fits: Callable[[int, Task], bool] = lambda *_: True
 
     def cost(self, members: Family, sampling: Sampling) -> FloatArray:
         """Values with the sign for which the least is the best, shape (N,)."""
@@ -148,6 +173,34 @@ def _workspace(
     return np.asarray(measure(moved).mean(axis=-1))
 
 
+def _one_more_joint(joints: int, task: Task) -> bool:
+    """Whether a pose of the task leaves a curve of configurations."""
+    return joints == len(task.rows) + 1 and task is not Task.ROTATIONAL
+
+
+def _kept(members: Family, sampling: Sampling) -> FloatArray:
+    """Area or volume of the positions that are kept whichever joint fails, see `kept`."""
+    arms, joints = members.prismatic.shape
+    if not _one_more_joint(joints, members.task):
+        return np.full(arms, np.nan)
+    radius, dimension = _ball(members, sampling)
+    offsets = radius * sampling.offsets(dimension)
+    found = kept(members, members.task.rows, offsets, sampling.radius)
+    return np.asarray(kept_ball(sampling, members) * found.mean(axis=1))
+
+
+def kept_ball(sampling: Sampling, members: Family) -> float:
+    """Volume of the ball, or area of the disc, of whose positions `kept` is the share."""
+    radius, dimension = _ball(members, sampling)
+    return float(radius**dimension * (np.pi if dimension == 2 else 4 * np.pi / 3))
+
+
+def _ball(members: Family, sampling: Sampling) -> tuple[float, int]:
+    linear = members.velocities()[0, :3]
+    lever = float(np.sqrt(np.mean(np.sum(linear**2, axis=0))))
+    return _BALL * sampling.radius * lever, 2 if members.task.in_plane else 3
+
+
 def _in_workspace(members: Family, sampling: Sampling) -> FloatArray:
     """Turn revolute joints by up to ±π, move prismatic ones by up to ± the size."""
     share = sampling.anywhere(members.prismatic.shape[1])
@@ -165,6 +218,7 @@ _ALL = (
     Criterion("neighbourhood-before", partial(_neighbourhood, measure=smallest), True, True),
     Criterion("workspace", partial(_workspace, measure=worst_cases), True, True),
     Criterion("workspace-before", partial(_workspace, measure=smallest), True, True),
+    Criterion("kept", _kept, True, True, coarse=8, reversible=True, fits=_one_more_joint),
 )
 CRITERIA: Mapping[str, Criterion] = MappingProxyType({one.name: one for one in _ALL})
 

@@ -15,6 +15,7 @@ positions ("slices") at which it may lock, and kept as bits.
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
@@ -82,61 +83,54 @@ class _Reach:
     dimension: int
 
 
-class ReachableSets:
-    """The reachable sets of an arm, before and after every failure.
+class FailureSets(ABC):
+    """Where the tool can be before a failure, and after each one, on a grid of voxels.
 
-    Parameters
+    What is reached after a failure does not depend on the artificial limits. It is kept as
+    bits for each joint and each position at which it may lock.
+
+    Attributes
     ----------
-    arm
-        The arm. More joints move its tip than the workspace has dimensions.
-    voxel
-        Edge of the grid's cells, in metres.
-    step
-        Distance of the positions at which a revolute joint may lock, in radians; those
-        of a prismatic joint are two voxels apart.
-    progress
-        Is called with what is being done.
-
-    Raises
-    ------
-    InputError
-        If too few joints move the tip, or the voxels are not above 0 or too small for the
-        memory.
+    arm, voxel, step
+        The arm, the edge of a voxel in metres, and the distance of the positions at which a
+        revolute joint may lock, in radians; those of a prismatic joint are two voxels apart.
+    dimension
+        2 or 3.
+    shape, corner
+        Of the grid of voxels in the frame of joint 1; the first one's place, in voxels.
+    slices
+        By joint, the positions at which it may lock.
     """
 
-    def __init__(
-        self,
-        arm: SerialArm,
-        voxel: float,
-        step: float = SLICE,
-        progress: Callable[[str], None] = lambda _: None,
-    ) -> None:
-        self._grids = check_grid(arm, voxel, step)
-        self._solid = 2 if arm.is_planar else 3
-        self.arm, self.voxel, self.step = arm, voxel, step
-        self._prepare()
-        self.slices: dict[int, FloatArray] = {}
-        self._kept: dict[int, list[npt.NDArray[np.uint8]]] = {}
-        free = self._from_tip(arm.physical)
-        for joint, name in enumerate(one.name for one in arm.steps):
-            if arm.idle[joint]:
-                continue
-            progress(f"failures of {name}")
-            self.slices[joint] = self._positions(joint)
-            self._kept[joint] = [
-                np.packbits(self._base(self._to_base(free[joint], joint, float(place))))
-                for place in self.slices[joint]
-            ]
+    #: Whether voxels stand for one of their points each, and not for all that touches them.
+    sampled = False
+    arm: SerialArm
+    voxel: float
+    step: float
+    dimension: int
+    shape: tuple[int, ...]
+    corner: npt.NDArray[np.int_]
+    slices: dict[int, FloatArray]
+    _kept: dict[int, list[npt.NDArray[np.uint8]]]
+
+    @abstractmethod
+    def before(self, limits: Ranges) -> Bits:
+        """Voxels that are reached within limits, before a failure."""
+
+    @abstractmethod
+    def points(
+        self, voxels: Bits, rng: np.random.Generator, count: int
+    ) -> tuple[FloatArray, npt.NDArray[np.intp]]:
+        """Return points drawn from voxels, shape (count, 3), and which voxel each is in."""
+
+    @abstractmethod
+    def reaches(self, points: FloatArray, lower: FloatArray, upper: FloatArray) -> Bits:
+        """Return for which points inverse kinematics finds a configuration within limits."""
 
     @property
     def bytes(self) -> int:
         """Memory of the bits."""
         return sum(one.nbytes for kept in self._kept.values() for one in kept)
-
-    def before(self, limits: Ranges) -> Bits:
-        """Voxels that are reached within limits, before a failure."""
-        whole = self._from_tip(limits)
-        return self._base(self._swept(whole[0], 0, limits[0]))
 
     def after(self, limits: Ranges) -> Bits:
         """Voxels that are reached after every failure within limits."""
@@ -179,7 +173,96 @@ class ReachableSets:
     @property
     def unit(self) -> float:
         """Area or volume of a voxel."""
-        return float(self.voxel**self._solid)
+        return float(self.voxel**self.dimension)
+
+    def _positions(self, joint: int) -> FloatArray:
+        one = self.arm.steps[joint]
+        step = 2 * self.voxel if one.prismatic else self.step
+        count = max(2, int(np.ceil((one.upper - one.lower) / step)) + 1)
+        places = np.linspace(one.lower, one.upper, count)
+        return places[:-1] if one.endless else places
+
+    def _within(self, joint: int, limits: Ranges) -> npt.NDArray[np.intp]:
+        places = self.slices[joint]
+        unit = places[1] - places[0]
+        first, last = ((one - places[0]) / unit for one in limits[joint])
+        found = np.arange(np.floor(first + _TINY), np.ceil(last - _TINY) + 1).astype(int)
+        if self.arm.steps[joint].endless:
+            return np.unique(found % len(places))
+        return np.unique(np.clip(found, 0, len(places) - 1))
+
+    def _unpacked(self, bits: npt.NDArray[np.uint8]) -> Bits:
+        count = int(np.prod(self.shape))
+        return np.unpackbits(bits, count=count).view(bool).reshape(self.shape)
+
+
+class ReachableSets(FailureSets):
+    """The reachable sets of an arm, before and after every failure.
+
+    Parameters
+    ----------
+    arm
+        The arm. More joints move its tip than the workspace has dimensions.
+    voxel
+        Edge of the grid's cells, in metres.
+    step
+        Distance of the positions at which a revolute joint may lock, in radians; those
+        of a prismatic joint are two voxels apart.
+    progress
+        Is called with what is being done.
+
+    Raises
+    ------
+    InputError
+        If too few joints move the tip, or the voxels are not above 0 or too small for the
+        memory.
+    """
+
+    def __init__(
+        self,
+        arm: SerialArm,
+        voxel: float,
+        step: float = SLICE,
+        progress: Callable[[str], None] = lambda _: None,
+    ) -> None:
+        self._grids = check_grid(arm, voxel, step)
+        self.dimension = 2 if arm.is_planar else 3
+        self.arm, self.voxel, self.step = arm, voxel, step
+        self._prepare()
+        self.slices: dict[int, FloatArray] = {}
+        self._kept: dict[int, list[npt.NDArray[np.uint8]]] = {}
+        free = self._from_tip(arm.physical)
+        for joint, name in enumerate(one.name for one in arm.steps):
+            if arm.idle[joint]:
+                continue
+            progress(f"failures of {name}")
+            self.slices[joint] = self._positions(joint)
+            self._kept[joint] = [
+                np.packbits(self._base(self._to_base(free[joint], joint, float(place))))
+                for place in self.slices[joint]
+            ]
+
+    def before(self, limits: Ranges) -> Bits:
+        """Voxels that are reached within limits, before a failure."""
+        whole = self._from_tip(limits)
+        return self._base(self._swept(whole[0], 0, limits[0]))
+
+    def points(
+        self, voxels: Bits, rng: np.random.Generator, count: int
+    ) -> tuple[FloatArray, npt.NDArray[np.intp]]:
+        """Return random points of voxels, shape (count, 3), and which voxel each is in."""
+        centres = self.centres(voxels)
+        drawn = rng.integers(len(centres), size=count)
+        found = np.zeros((count, 3))
+        wide = centres.shape[1]
+        found[:, :wide] = centres[drawn] + rng.uniform(-0.5, 0.5, (count, wide)) * self.voxel
+        if self.arm.is_planar:
+            found[:, 2] = self.arm.frames(np.zeros((1, len(self.arm.steps))))[2][0, 2]
+        return found, drawn
+
+    def reaches(self, points: FloatArray, lower: FloatArray, upper: FloatArray) -> Bits:
+        """Return for which points inverse kinematics finds a configuration within limits."""
+        return self.arm.reaches(points, lower, upper)
 
     def _prepare(self) -> None:
         """Make the grids, cropped to what is reached at all, and the maps between them."""
@@ -223,22 +306,6 @@ class ReachableSets:
         points[:, : len(rows)] = places * self.voxel
         self._base_map = first.index(points)
 
-    def _positions(self, joint: int) -> FloatArray:
-        one = self.arm.steps[joint]
-        step = 2 * self.voxel if one.prismatic else self.step
-        count = max(2, int(np.ceil((one.upper - one.lower) / step)) + 1)
-        places = np.linspace(one.lower, one.upper, count)
-        return places[:-1] if one.endless else places
-
-    def _within(self, joint: int, limits: Ranges) -> npt.NDArray[np.intp]:
-        places = self.slices[joint]
-        unit = places[1] - places[0]
-        first, last = ((one - places[0]) / unit for one in limits[joint])
-        found = np.arange(np.floor(first + _TINY), np.ceil(last - _TINY) + 1).astype(int)
-        if self.arm.steps[joint].endless:
-            return np.unique(found % len(places))
-        return np.unique(np.clip(found, 0, len(places) - 1))
-
     def _from_tip(self, limits: Ranges) -> list[_Reach]:
         """For each joint the set in its moving frame, from the joints after it."""
         found = _Reach(self._flat.tip[None], None, 0)
@@ -258,7 +325,7 @@ class ReachableSets:
     def _swept(self, found: _Reach, joint: int, limits: tuple[float, float]) -> _Reach:
         prismatic = self.arm.steps[joint].prismatic
         low, high = limits
-        thin = low == high or found.dimension < self._solid - 1
+        thin = low == high or found.dimension < self.dimension - 1
         if found.points is not None and thin:
             return self._swept_points(found, prismatic, low, high)
         cells = self._cells(found, joint)
@@ -329,10 +396,6 @@ class ReachableSets:
         cells = np.append(self._cells(found, 0).ravel(), False)
         return np.asarray(cells[self._base_map].reshape(self.shape))
 
-    def _unpacked(self, bits: npt.NDArray[np.uint8]) -> Bits:
-        count = int(np.prod(self.shape))
-        return np.unpackbits(bits, count=count).view(bool).reshape(self.shape)
-
 
 def check_grid(arm: SerialArm, voxel: float, step: float) -> list[_Cylinder]:
     """Return the grid of each joint, for all that links of such lengths can reach.
@@ -347,11 +410,7 @@ def check_grid(arm: SerialArm, voxel: float, step: float) -> list[_Cylinder]:
     if moving <= solid:
         allowed = f"more than {solid}: with one locked, what is reached has no size"
         raise InputError("number of joints that move the tip", moving, allowed)
-    if not 0 < voxel < np.inf:
-        raise InputError("voxel", voxel, "a finite number above 0, in metres")
-    if not _LEAST_SLICE <= step <= np.pi / 4:
-        allowed = "0.1 to 45 degrees"
-        raise InputError("slice", f"{np.rad2deg(step):g} degrees", allowed)
+    check_step(voxel, step)
     reach = float(np.linalg.norm(arm.tip))
     grids: list[_Cylinder] = []
     for joint in reversed(arm.steps):
@@ -367,6 +426,15 @@ def check_grid(arm: SerialArm, voxel: float, step: float) -> list[_Cylinder]:
         grids.insert(0, grid)
         reach += float(np.linalg.norm(joint.placement[:3, 3]))
     return grids
+
+
+def check_step(voxel: float, step: float) -> None:
+    """Raise InputError unless a voxel and the distance of slices can be used."""
+    if not 0 < voxel < np.inf:
+        raise InputError("voxel", voxel, "a finite number above 0, in metres")
+    if not _LEAST_SLICE <= step <= np.pi / 4:
+        allowed = "0.1 to 45 degrees"
+        raise InputError("slice", f"{np.rad2deg(step):g} degrees", allowed)
 
 
 def _flat(placement: FloatArray) -> FloatArray:

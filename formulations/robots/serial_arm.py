@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
 
+from formulations.realise.chain import Chain as Axes
 from formulations.robots.chain import Chain
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
@@ -45,18 +46,21 @@ class Step:
 
 @dataclass(frozen=True, eq=False)
 class SerialArm:
-    """Joints from base to tip, and the tip's point in the frame of the last one.
+    """Joints from base to tip, and the tip's pose in the frame of the last one.
 
     Parameters
     ----------
     steps
         The joints.
     tip
-        Shape (3,).
+        Its point, shape (3,).
+    tip_turn
+        Its orientation, shape (3, 3).
     """
 
     steps: tuple[Step, ...]
     tip: FloatArray
+    tip_turn: FloatArray = field(default_factory=lambda: np.eye(3))
 
     @classmethod
     def from_chain(cls, chain: Chain) -> SerialArm:
@@ -81,7 +85,8 @@ class SerialArm:
             placement = before @ np.array(motion.placement) @ turn
             steps.append(Step(joint.name, placement, motion.translates, low, high))
             before = turn.T
-        return cls(tuple(steps), (before @ np.array(chain.end))[:3, 3])
+        end = before @ np.array(chain.end)
+        return cls(tuple(steps), end[:3, 3], end[:3, :3])
 
     @classmethod
     def planar(cls, lengths: Sequence[float], physical: Ranges | None = None) -> SerialArm:
@@ -133,7 +138,7 @@ class SerialArm:
             placement = step.placement.copy()
             placement[:3, 3] *= factor
             steps.append(replace(step, placement=placement))
-        return SerialArm(tuple(steps), self.tip * factors[-1])
+        return SerialArm(tuple(steps), self.tip * factors[-1], self.tip_turn)
 
     def frames(self, q: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return axes and origins of the joints, and the tip, in the frame of joint 1.
@@ -167,6 +172,21 @@ class SerialArm:
             x, y = turn[:, :, 0], turn[:, :, 1]
             turn = np.stack([x * cos + y * sin, y * cos - x * sin, axes[k]], axis=2)
         return axes, origins, origin + turn @ self.tip
+
+    @cached_property
+    def turn(self) -> FloatArray:
+        """Orientation of the tip at q = 0 in the frame of joint 1, shape (3, 3)."""
+        turn = np.eye(3)
+        for step in self.steps[1:]:
+            turn = turn @ step.placement[:3, :3]
+        return np.asarray(turn @ self.tip_turn)
+
+    @cached_property
+    def at_zero(self) -> Axes:
+        """The arm at q = 0 in the frame of joint 1, one in front."""
+        axes, origins, tip = self.frames(np.zeros((1, len(self.steps))))
+        slides = np.array([[one.prismatic for one in self.steps]])
+        return Axes(axes.transpose(1, 0, 2), origins.transpose(1, 0, 2), slides, tip[0])
 
     def positions(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return tips (k, 3) in the frame of joint 1, and Jacobians (k, 3, n), for q (k, n)."""

@@ -6,22 +6,41 @@ from pathlib import Path
 
 import numpy as np
 
-from formulations.figures.workspace import draw
+from formulations.catalogue import arm as arm_of
+from formulations.figures.workspace import draw, draw_orders
 from formulations.files.figure import content, figure_class
 from formulations.files.table import HIDDEN, column
+from formulations.realise.choice import rank
+from formulations.realise.criteria import CRITERIA, Sampling, kept_ball
+from formulations.realise.family import family
+from formulations.realise.from_jacobian import realise
+from formulations.robots.best_limits import STARTS, best_limits
 from formulations.robots.chain_between import chain_between
+from formulations.robots.pose_sets import PoseSets
 from formulations.robots.read_urdf import read_urdf
 from formulations.robots.serial_arm import Ranges, SerialArm
-from formulations.robots.workspace import STARTS, Workspace, best_limits, measured
+from formulations.robots.workspace import Workspace, measured
 from formulations.robots.workspace import workspace as found_workspace
+from formulations.solving.trade_off_curve import Point, curve
 from formulations.studies.robots import SurveyArm
 from formulations.studies.study import Effort, Part, Study
+from nlp.arrays import FloatArray
 
 #: Artificial limits of the planar 3R arm whose area is known, 0.355811.
 KNOWN: Ranges = tuple((-one, one) for one in np.deg2rad([20.0, 90.0, 90.0]).tolist())
 _AS_GIVEN, _PHYSICAL = "as given", "physical limits"
 _LIMITS, _LENGTHS = "best limits", "best limits and lengths"
 _VOXELS = {"planar": 0.01, "Franka Panda": 0.02, "UR5": 0.03}
+# With the orientation held: of the tool, in the frame of the base, and voxels.
+_AHEAD, _DOWN = np.eye(3), np.diag([1.0, -1.0, -1.0])
+_HELD_VOXELS = {"planar": 0.03, "Franka Panda": 0.1}
+#: Half-width of the artificial limits of all joints of a Jacobian's robots, in radians.
+HALF = np.deg2rad(20.0)
+#: Jacobians of the trade-off curve whose robots are ranked, and random starts of each.
+JACOBIANS, CURVE_STARTS = 3, 5
+# Of each Jacobian: orders that are judged with so many points, and of those, with other points.
+_SHORTLIST, _POINTS = 30, 100
+_FINALISTS, _FINAL_POINTS = 3, 1000
 
 
 @dataclass(frozen=True)
@@ -74,6 +93,38 @@ class Row:
     figure: str = field(metadata=HIDDEN)
 
 
+@dataclass(frozen=True)
+class OrderRow:
+    """One 7R Jacobian and its 5040 robots: the columns of ``orders.csv``.
+
+    Attributes
+    ----------
+    statement
+        Whose optimum it is.
+    worst_case_sigma
+        At the configuration for which it is designed: the same for all its robots.
+    kept, error
+        Volume that the best order found keeps, in cubes of the lever arm, and two standard
+        errors.
+    middle, least
+        What the median robot of all keeps, and the one that keeps the least, by the coarse
+        sample.
+    order
+        Columns from base to tip.
+    jacobian
+        The columns, six rows.
+    """
+
+    statement: str
+    worst_case_sigma: float = field(metadata=column("worst case here", ".5f"))
+    kept: float = field(metadata=column("best order keeps", ".3f"))
+    error: float = field(metadata=column("error", ".2g"))
+    middle: float = field(metadata=column("median order", ".2f"))
+    least: float = field(metadata=column("least", ".2f"))
+    order: str = field(metadata=column("best order, base to tip"))
+    jacobian: Mapping[str, list[float]] = field(metadata=HIDDEN)
+
+
 def study() -> Study:
     """Return the study."""
     return Study(
@@ -81,10 +132,18 @@ def study() -> Study:
         title="what failures leave of workspaces, and the best limits",
         page="workspaces.md",
         template="workspaces.md.j2",
-        tables={"workspaces": Row},
+        tables={"workspaces": Row, "orders": OrderRow},
         command="lockedjoint report --only workspaces --out results",
-        takes="two minutes, matplotlib and packages of robots",
+        takes="ten minutes, matplotlib and packages of robots",
         compute=_compute,
+        settings={
+            "coarse": CRITERIA["kept"].coarse,
+            "shortlist": _SHORTLIST,
+            "points": _POINTS,
+            "finalists": _FINALISTS,
+            "final_points": _FINAL_POINTS,
+            "ball": 4 * HALF,
+        },
         long=True,
         check=_check,
     )
@@ -132,6 +191,71 @@ def _compute(effort: Effort, _: Path) -> Iterator[Part]:
             arm, voxel, starts=starts, seed=effort.seed, progress=effort.progress
         )
         yield _part(one.name, _LIMITS, measured(found.sets, limits, effort.progress))
+    yield from _held(effort, starts)
+    yield from _orders(effort)
+
+
+def _held(effort: Effort, starts: int) -> Iterator[Part]:
+    """Two arms that hold the orientation of the tool."""
+    one = _robots()[0]
+    panda = SerialArm.from_chain(chain_between(read_urdf(one.path), one.tip))
+    cases = (
+        ("planar 4R, tool held", SerialArm.planar((0.25,) * 4), _AHEAD, "planar"),
+        (f"{one.name}, tool down", panda, _DOWN, one.name),
+    )
+    for name, arm, turn, voxel in cases:
+        effort.progress(f"{name}, {_PHYSICAL}")
+        sets = PoseSets(arm, turn, _HELD_VOXELS[voxel], progress=effort.progress)
+        yield _part(name, _PHYSICAL, measured(sets, arm.physical, effort.progress))
+        _, limits = best_limits(
+            arm,
+            sets.voxel,
+            starts=2 * starts,
+            seed=effort.seed,
+            progress=effort.progress,
+            sets=sets,
+        )
+        yield _part(name, _LIMITS, measured(sets, limits, effort.progress))
+
+
+def _orders(effort: Effort) -> Iterator[Part]:
+    """The robots of Jacobians between the most isotropic one and the best worst case."""
+    seven = arm_of("unit-revolute", 7)
+    starts = effort.starts or CURVE_STARTS
+    points = curve(seven, JACOBIANS, starts, effort.seed, effort.progress)
+    rows, spread = [], []
+    for point in points:
+        row, coarse = ranked(point, effort)
+        rows.append(row)
+        spread.append(coarse)
+        yield Part(rows=[row])
+    yield Part(files={"orders.svg": content(draw_orders(rows, spread), "svg")})
+
+
+def ranked(point: Point, effort: Effort) -> tuple[OrderRow, FloatArray]:
+    """Return the robots of one Jacobian as a row, and what each keeps by the coarse sample."""
+    arm, kept = realise(point.jacobian), CRITERIA["kept"]
+    first = Sampling(effort.seed, _POINTS, HALF)
+    found = rank(arm, kept.name, first, _SHORTLIST, effort.progress)
+    finalists = found.arrangements[:_FINALISTS]
+    # Other points than those by which they were chosen, or the largest would be too large.
+    final = Sampling(effort.seed + 1, _FINAL_POINTS, HALF)
+    values = kept.evaluate(family(arm, finalists), final)
+    best = int(np.argmax(values))
+    ball = kept_ball(first, family(arm, finalists[[best]]))
+    share = values[best] / ball
+    guarded = (share * _FINAL_POINTS + 1) / (_FINAL_POINTS + 2)
+    row = OrderRow(
+        statement=point.statement,
+        worst_case_sigma=point.worst_case_sigma,
+        kept=float(values[best]),
+        error=2 * ball * float(np.sqrt(guarded * (1 - guarded) / _FINAL_POINTS)),
+        middle=float(np.median(found.coarse)),
+        least=float(np.min(found.coarse)),
+        order=" ".join(map(str, finalists.orders[best].tolist())),
+        jacobian={str(k): one for k, one in enumerate(point.jacobian.tolist())},
+    )
+    return row, found.coarse
 
 
 def _part(arm: str, choice: str, found: Workspace) -> Part:

@@ -4,15 +4,19 @@ import json
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from formulations.__main__ import main
 from formulations.robots import workspace as module
+from formulations.robots.best_limits import _in_joints, best_limits
 from formulations.robots.chain_between import chain_between
 from formulations.robots.planar_workspace import Planar3R
+from formulations.robots.pose_sets import PoseSets
 from formulations.robots.reachable_sets import ReachableSets
 from formulations.robots.robot_arm import RobotArm, Task
 from formulations.robots.serial_arm import SerialArm
-from formulations.robots.workspace import best_limits, closed_form, measured, workspace
+from formulations.robots.survival import Kinematics
+from formulations.robots.workspace import closed_form, measured, workspace
 from nlp.errors import InputError
 
 EQUAL = (1 / 3, 1 / 3, 1 / 3)
@@ -203,7 +207,7 @@ def test_a_planar_arm_is_recognised_however_it_is_described(made, axes, yaw):
     form = closed_form(arm, arm.physical)
     assert form.lengths == pytest.approx(ODD[0])
     best = Planar3R(*ODD)
-    back = closed_form(arm, module._in_joints(arm, best))
+    back = closed_form(arm, _in_joints(arm, best))
     assert back.area() == pytest.approx(best.area(), rel=1e-9)
 
 
@@ -326,3 +330,99 @@ def test_bad_input(made, tmp_path, monkeypatch, capsys, arguments, sentence):
     assert ended.value.code == 2
     assert sentence in said
     assert said.count("\n") == 1
+
+
+# With the orientation held --------------------------------------------------------------------
+
+
+def two_links(first, second, away):
+    distance = np.linalg.norm(away, axis=-1)
+    return np.minimum(distance - abs(first - second), first + second - distance)
+
+
+def test_a_planar_arm_that_holds_its_orientation():
+    """What is reached after each failure is what a two-link arm reaches, for every angle."""
+    lengths, angle = (0.3, 0.28, 0.24, 0.18), 0.4
+    arm = SerialArm.planar(lengths)
+    sets = PoseSets(arm, turned(angle), 0.14, np.deg2rad(20))
+    one, two, three, four = lengths
+    x = sets._points[:, :2].reshape(*sets.shape, 2)
+    wrist = x - four * np.array([np.cos(angle), np.sin(angle)])
+    wrong = count = 0
+    for joint, places in sets.slices.items():
+        for place, theta in enumerate(places):
+            ours = sets._unpacked(sets._kept[joint][place])
+            ray = np.array([np.cos(theta), np.sin(theta)])
+            back = np.array([np.cos(angle - theta), np.sin(angle - theta)])
+            margin = {
+                0: lambda u=ray: two_links(two, three, wrist - one * u),
+                1: lambda t=theta: two_links(abs(one + two * np.exp(1j * t)), three, wrist),
+                2: lambda t=theta: two_links(one, abs(two + three * np.exp(1j * t)), wrist),
+                3: lambda u=back: two_links(one, two, wrist - three * u),
+            }[joint]()
+            clear = np.abs(margin) > 0.01
+            wrong += np.sum(ours[clear] != (margin > 0)[clear])
+            count += clear.sum()
+            assert not np.any(ours & (margin < -1e-3))  # nothing is counted that is not there
+    assert wrong < 0.005 * count  # curves that were missed
+    reached = sets.before(arm.physical)
+    disc = np.linalg.norm(wrist, axis=-1)
+    assert np.array_equal(reached[disc < 0.8], np.ones(np.sum(disc < 0.8), dtype=bool))
+    assert not reached[disc > 0.8201].any()
+
+
+def turned(yaw):
+    return np.array(
+        [[np.cos(yaw), -np.sin(yaw), 0], [np.sin(yaw), np.cos(yaw), 0], [0, 0, 1.0]]
+    )
+
+
+def test_size_and_limits_with_the_orientation_held():
+    arm = SerialArm.planar((0.25,) * 4)
+    sets = PoseSets(arm, np.eye(3), 0.15)
+    _, limits = best_limits(arm, 0.15, sets=sets, starts=1)
+    found = measured(sets, limits)
+    assert found.method == "self-motion"
+    assert found.size == found.raw > 0
+    assert found.error == pytest.approx(0.0225 * np.sqrt(module.surface(found.voxels)))
+    assert found.physical == pytest.approx(
+        np.pi * 0.75**2, abs=0.1 * np.sqrt(2 * np.pi * 7.5) * 0.1
+    )
+    assert found.passed[0] > 0.7
+    with pytest.raises(InputError, match="lengths"):
+        best_limits(arm, 0.15, sets=sets, lengths=True)
+
+
+def test_curves_of_a_spatial_arm_hold_the_tool(made):
+    """Every stored configuration puts the tool where it is held, by other kinematics."""
+    offsets = ["0.1 0 0.2", "0 0.1 0.1", "0.2 0 0", "0 0 0.25", "0 0 0.2", "0.1 0 0", "0 0 0.1"]
+    text = made.urdf(
+        [
+            *made.serial(offsets, made.AXES[:7]),
+            made.joint("end", "l7", "l8", "fixed", xyz="0.1 0 0.1", rpy="0.3 0 0.2"),
+        ]
+    )
+    chain = chain_between(made.tree(text), "l8")
+    arm = SerialArm.from_chain(chain)
+    turn = Rotation.from_euler("xyz", [0.4, -0.3, 1.0]).as_matrix()
+    sets = PoseSets(arm, turn, 0.4)
+    assert len(sets._q) > 100
+    chosen = np.random.default_rng(0).integers(len(sets._q), size=50)
+    origin, turns = Kinematics(chain).forward(sets._q[chosen].T.astype(float), jacobian=False)
+    assert np.einsum("ijb->bij", turns) == pytest.approx(np.tile(turn, (50, 1, 1)), abs=0.02)
+    first = arm.steps[0].placement
+    points = sets._points[sets._owners[chosen]] @ first[:3, :3].T + first[:3, 3]
+    assert pytest.approx(points, abs=0.02) == origin.T
+    assert np.all(sets._q >= np.transpose(arm.physical)[0] - 1e-6)
+    assert np.all(sets._q <= np.transpose(arm.physical)[1] + 1e-6)
+
+
+def test_the_command_with_an_orientation(lockedjoint, made, tmp_path):
+    (tmp_path / "arm.urdf").write_text(planar_urdf(made, (0.25,) * 4, ("0 0 1",) * 4))
+    done = lockedjoint(
+        *("workspace", "arm.urdf", "--orientation", "0,0,0.5", "--voxel", 0.25, "--slice", 30),
+        cwd=tmp_path,
+    )
+    assert done.returncode == 0, done.stderr
+    assert "self-motion" in done.stdout
+    assert "one random point in each" in done.stdout
