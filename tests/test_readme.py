@@ -97,6 +97,15 @@ def test_the_workspaces_are_those_of_the_table():
     assert kept in README
 
 
+def test_the_robots_of_the_best_jacobian_are_those_of_the_table():
+    path = ROOT / "results" / "workspaces" / "orders.csv"
+    with path.open(encoding="utf-8") as file:
+        rows = sorted(csv.DictReader(file), key=lambda row: float(row["worst_case_sigma"]))
+    best, text = rows[-1], " ".join(README.split())
+    assert f"have σ = {float(best['worst_case_sigma']):.5f} there" in text
+    assert f"from {float(best['least']):.2f} to {float(best['kept']):.2f}" in text
+
+
 def test_the_number_of_reproduced_rows():
     path = ROOT / "results" / "reproduction" / "reproduction.csv"
     with path.open(encoding="utf-8") as file:

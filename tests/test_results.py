@@ -21,6 +21,9 @@ from formulations.existence.relaxation.relaxation import existence_relaxation
 from formulations.existence.verify import verify
 from formulations.files.provenance import read_header
 from formulations.files.table import Table, read_rows
+from formulations.realise.criteria import CRITERIA, Sampling
+from formulations.realise.family import Arrangements, family
+from formulations.realise.from_jacobian import realise
 from formulations.reproduction.row import Row as ReproductionRow
 from formulations.reproduction.row import Verdict
 from formulations.robots.planar_workspace import Planar3R
@@ -37,6 +40,7 @@ from formulations.studies.paths import Row as PathRow
 from formulations.studies.robots import Row as RobotRow
 from formulations.studies.running import STUDIES
 from formulations.studies.study import Effort
+from formulations.studies.workspaces import HALF, OrderRow
 from formulations.studies.workspaces import Row as WorkspaceRow
 
 RESULTS = Path(__file__).parents[1] / "results"
@@ -204,6 +208,23 @@ def test_trajectories_survive_what_the_table_says():
     ends = survivors(Kinematics(arm.chain), q.T, np.arange(len(q)), poses)
     kept = 100 * np.mean(ends == len(q) - 1)
     assert kept == pytest.approx(table[0].percent, abs=0.5)
+
+
+def test_the_robots_of_a_jacobian_keep_what_the_table_says():
+    """Measured again at other points; the error of the table is two standard errors."""
+    found = rows("workspaces", OrderRow, "orders.csv")
+    assert found
+    for row in found:
+        jacobian = np.array(list(row.jacobian.values()))
+        sigma = measures.worst_case_sigma(jacobian)
+        assert sigma == pytest.approx(row.worst_case_sigma, abs=1e-12)
+        assert 0 <= row.least <= row.middle < row.kept
+        order = [int(one) for one in row.order.split()]
+        arm = realise(jacobian).arranged(order)
+        one = family(arm, Arrangements(np.arange(7)[None], np.zeros((1, 7), dtype=bool)))
+        how = Sampling(seed=99, samples=100, radius=HALF)
+        again = float(CRITERIA["kept"].evaluate(one, how)[0])
+        assert abs(again - row.kept) < row.error * (1 + 1.5 * np.sqrt(10))
 
 
 def test_points_of_the_trade_off():

@@ -93,7 +93,7 @@ def draw_orders(rows: Sequence[Ordered], spread: Sequence[FloatArray]) -> Figure
     rows
         One for each Jacobian: its best order.
     spread
-        What all orders of each keep, by a coarse sample.
+        What random orders of each keep.
 
     Returns
     -------
@@ -106,7 +106,7 @@ def draw_orders(rows: Sequence[Ordered], spread: Sequence[FloatArray]) -> Figure
         for sigma, values in zip(sigmas, spread, strict=True):
             low, high = np.quantile(values, [0.05, 0.95])
             axes.vlines(sigma, low, high, color=PALE, lw=7)
-        axes.scatter([], [], color=PALE, marker="s", label="nine of ten orders, coarse sample")
+        axes.scatter([], [], color=PALE, marker="s", label="nine of ten random orders")
         middles = [one.middle for one in rows]
         axes.scatter(
             sigmas, middles, color=INK, marker="_", s=60, label="median order", zorder=3
