@@ -118,7 +118,7 @@ def largest_isotropic_worst_case(
     """
     worst_case = largest_worst_case(arm, locked, certified)
     levers = _on_levers(free_levers.isotropic_limit, arm) if certified else None
-    fixed = _isotropic_of_fixed_columns(arm)
+    fixed = _isotropic_of_fixed_columns(arm) if certified else None
     bounds = [one for one in (worst_case, levers, fixed) if one]
     return min(bounds, key=lambda one: one.value, default=None)
 
