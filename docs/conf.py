@@ -95,7 +95,7 @@ html_title = "lockedjoint"
 html_math_renderer = "mathml"
 html_static_path = ["_static"]
 html_css_files = ["site.css"]
-html_search_scorer = "_extensions/search_scorer.js"
+html_search_scorer = str(HERE / "_extensions" / "search_scorer.js")
 html_copy_source = False
 html_show_sphinx = html_show_copyright = False
 html_theme_options = {"navigation_with_keys": True}
