@@ -27,7 +27,7 @@ STARTUP.mkdir(parents=True, exist_ok=True)
 shutil.copy(HERE / "_extensions" / "bash_cells.py", STARTUP)
 # Pages are plain Python, without IPython's own commands: figures as SVG, floats with five digits.
 (STARTUP.parent / "ipython_kernel_config.py").write_text(
-    'c = get_config()\n'
+    "c = get_config()\n"
     'c.InlineBackend.figure_formats = {"svg"}\n'
     'c.PlainTextFormatter.float_precision = "5"\n',
     encoding="utf-8",
