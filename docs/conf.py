@@ -25,7 +25,7 @@ os.environ["IPYTHONDIR"] = str(HERE / "_build" / "ipython")
 STARTUP = HERE / "_build" / "ipython" / "profile_default" / "startup"
 STARTUP.mkdir(parents=True, exist_ok=True)
 shutil.copy(HERE / "_extensions" / "bash_cells.py", STARTUP)
-# Pages are plain Python, without IPython's own commands: figures as SVG, floats with five digits.
+# Pages have no commands of IPython; so it is told here: figures as SVG, five digits.
 (STARTUP.parent / "ipython_kernel_config.py").write_text(
     "c = get_config()\n"
     'c.InlineBackend.figure_formats = {"svg"}\n'

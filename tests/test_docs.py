@@ -61,9 +61,9 @@ def calls(page):
     """Return the words of each use of the command ``lockedjoint`` on a page."""
     found = []
     for line in shell_lines(page):
-        for part in re.split(r"&&|\||;(?![^']*')", line):
-            if re.match(r"\s*(\S*/)?lockedjoint ", part):
-                found.append(shlex.split(part, comments=True)[1:])
+        parts = re.split(r"&&|\||;(?![^']*')", line)
+        used = [part for part in parts if re.match(r"\s*(\S*/)?lockedjoint ", part)]
+        found += [shlex.split(part, comments=True)[1:] for part in used]
     return found
 
 
@@ -113,7 +113,8 @@ def test_the_cells_run_in_plain_python(page, tmp_path):
 
 LIBRARY = (DOCS / "reference" / "library.md").read_text("utf-8")
 ENTRY = re.compile(
-    r"```\{py:\w+\} lockedjoint\.([\w.]+)(?:\((.*?)\))?\n(.*) \{py:obj\}`Details <(.*?)>`\.\n```"
+    r"```\{py:\w+\} lockedjoint\.([\w.]+)(?:\((.*?)\))?\n"
+    r"(.*) \{py:obj\}`Details <(.*?)>`\.\n```"
 )
 
 

@@ -1,7 +1,7 @@
 """Every page with code as a notebook to download, and its shell cells as a shell has them.
 
-A notebook is the page without its links to other pages, which it does not come with. Nothing has
-been run in it. On the page, the first line of a shell cell, ``%%bash``, is left out: what is
+A notebook is the page without its links to other pages, which it does not come with. Nothing
+has been run in it. On the page, the first line of a shell cell, ``%%bash``, is left out: what is
 shown, and copied, can be pasted into a shell.
 """
 
@@ -44,8 +44,9 @@ def notebook(text: str, page: str) -> nbformat.NotebookNode:
 def note(page: str) -> str:
     """Say where a notebook is from and what it needs."""
     return (
-        f"*This is the page `{page}` of the documentation of lockedjoint. To run it, install the\n"
-        "library in a checkout of the repository: `pip install '.[figures,cluster]' jupyterlab`.*"
+        f"*This is the page `{page}` of the documentation of lockedjoint. To run it, install\n"
+        "the library in a checkout of the repository:\n"
+        "`pip install '.[figures,cluster]' jupyterlab`.*"
     )
 
 

@@ -114,8 +114,9 @@ def draw_on_circle(
 ) -> None:
     """Draw an arm, and the circle about the end effector on which its joints sit.
 
-    Joints are counted from 0, in the paper from 1. Columns of one norm put all joints at one distance; the panel
-    shows no more than the circle, so that all panels have one scale. See `draw`.
+    Joints are counted from 0, in the paper from 1. Columns of one norm put all joints at one
+    distance; the panel shows no more than the circle, so that all panels have one scale. See
+    `draw`.
     """
     draw(arm, axes, columns=columns, weight=weight)
     away = arm.points[:, :2] - arm.end_effector[:2]
