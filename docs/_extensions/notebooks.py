@@ -1,8 +1,8 @@
 """Every page with code as a notebook to download, and its shell cells as a shell has them.
 
 A notebook is the page without its links to other pages, which it does not come with. Nothing
-has been run in it. On the page, the first line of a shell cell, ``%%bash``, is left out: what is
-shown, and copied, can be pasted into a shell.
+has been run in it. On the page, the first line of a shell cell, ``%%bash``, is left out: what
+is shown, and copied, can be pasted into a shell.
 """
 
 from __future__ import annotations
