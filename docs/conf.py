@@ -25,12 +25,20 @@ os.environ["IPYTHONDIR"] = str(HERE / "_build" / "ipython")
 STARTUP = HERE / "_build" / "ipython" / "profile_default" / "startup"
 STARTUP.mkdir(parents=True, exist_ok=True)
 shutil.copy(HERE / "_extensions" / "bash_cells.py", STARTUP)
+# Pages have no commands of IPython; so it is told here: figures as SVG, five digits.
+(STARTUP.parent / "ipython_kernel_config.py").write_text(
+    "c = get_config()\n"
+    'c.InlineBackend.figure_formats = {"svg"}\n'
+    'c.PlainTextFormatter.float_precision = "5"\n',
+    encoding="utf-8",
+)
 
 project = "lockedjoint"
 author = "The lockedjoint developers"
 version = release = installed("lockedjoint")
 extensions = [
     "mathml",
+    "notebooks",
     "plain_docstrings",
     "repository_links",
     "myst_nb",
@@ -87,6 +95,7 @@ html_title = "lockedjoint"
 html_math_renderer = "mathml"
 html_static_path = ["_static"]
 html_css_files = ["site.css"]
+html_search_scorer = str(HERE / "_extensions" / "search_scorer.js")
 html_copy_source = False
 html_show_sphinx = html_show_copyright = False
 html_theme_options = {"navigation_with_keys": True}

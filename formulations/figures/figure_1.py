@@ -114,11 +114,11 @@ def draw_on_circle(
 ) -> None:
     """Draw an arm, and the circle about the end effector on which its joints sit.
 
-    Joints are numbered from 1. Columns of one norm put all joints at one distance; the panel
-    shows no more than the circle, so that all panels have one scale. See `draw`.
+    Joints are counted from 0, in the paper from 1. Columns of one norm put all joints at one
+    distance; the panel shows no more than the circle, so that all panels have one scale. See
+    `draw`.
     """
-    labels = [str(i + 1) for i in range(arm.joints)]
-    draw(arm, axes, labels=labels, columns=columns, weight=weight)
+    draw(arm, axes, columns=columns, weight=weight)
     away = arm.points[:, :2] - arm.end_effector[:2]
     radius = float(np.max(np.linalg.norm(away, axis=1)))
     turn = np.linspace(0, 2 * np.pi, 181)

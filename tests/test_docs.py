@@ -1,0 +1,151 @@
+"""What stands on the site's pages is true: cells run elsewhere, commands and names exist."""
+
+import inspect
+import os
+import re
+import shlex
+import subprocess
+import sys
+from functools import reduce
+from importlib import import_module
+from pathlib import Path
+
+import pytest
+import typer
+
+import lockedjoint as lj
+from formulations.commands.app import app
+
+ROOT = Path(__file__).parents[1]
+DOCS = ROOT / "docs"
+PAGES = [ROOT / "README.md"] + [
+    page
+    for page in sorted(DOCS.rglob("*.md"))
+    if page.relative_to(DOCS).parts[0] not in ("_build", "results")
+]
+CELL = re.compile(r"^```\{code-cell\} ipython3\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+TAGS = re.compile(r"\A:tags:.*\n\n*")
+SHELL = "%%bash\n"
+BLOCK = re.compile(r"^ *```(?:bash|console)\n(.*?)^ *```$", re.MULTILINE | re.DOTALL)
+COMMANDS = typer.main.get_command(app).commands
+# The cluster's page, which starts two Dask workers, and that of the certificate, which takes
+# longest, run when the site is built.
+RUN = [
+    DOCS / "start.md",
+    DOCS / "howto" / "add_a_column_model.md",
+    DOCS / "howto" / "add_a_formulation.md",
+    DOCS / "howto" / "choose_a_solver.md",
+]
+
+
+def name(page):
+    return page.relative_to(ROOT).as_posix()
+
+
+def cells(page):
+    return [TAGS.sub("", cell) for cell in CELL.findall(page.read_text("utf-8"))]
+
+
+def shell_lines(page):
+    """Return the commands of a page, of several lines as one, without prompts and comments."""
+    blocks = [cell.removeprefix(SHELL) for cell in cells(page) if cell.startswith(SHELL)]
+    for block in BLOCK.findall(page.read_text("utf-8")):
+        lines = re.sub(r"\\\n\s*", "", block).splitlines()
+        prompts = any(line.lstrip().startswith("$ ") for line in lines)
+        blocks += [line.lstrip()[2:] for line in lines if line.lstrip().startswith("$ ")]
+        blocks += [] if prompts else lines
+    return [line.strip() for block in blocks for line in block.splitlines()]
+
+
+def calls(page):
+    """Return the words of each use of the command ``lockedjoint`` on a page."""
+    found = []
+    for line in shell_lines(page):
+        parts = re.split(r"&&|\||;(?![^']*')", line)
+        used = [part for part in parts if re.match(r"\s*(\S*/)?lockedjoint ", part)]
+        found += [shlex.split(part, comments=True)[1:] for part in used]
+    return found
+
+
+@pytest.mark.parametrize("page", [p for p in PAGES if cells(p)], ids=name)
+def test_cells_are_plain_python_or_plain_shell(page):
+    for cell in cells(page):
+        if cell.startswith(SHELL):
+            checked = subprocess.run(
+                ["bash", "-n"], input=cell.removeprefix(SHELL), text=True, check=False
+            )
+            assert checked.returncode == 0, cell
+        else:
+            compile(cell, name(page), "exec")  # IPython's own commands are no Python
+
+
+@pytest.mark.parametrize("page", [p for p in PAGES if calls(p)], ids=name)
+def test_every_command_and_option_exists(page):
+    for command, *words in calls(page):
+        if command.startswith("--"):
+            assert command in ("--version", "--help")
+            continue
+        known = {option for one in COMMANDS[command].params for option in one.opts}
+        for word in words:
+            if re.match(r"\[?--[a-z]", word):
+                assert word.strip("[]").partition("=")[0] in known | {"--help"}, (command, word)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("page", RUN, ids=name)
+def test_the_cells_run_in_plain_python(page, tmp_path):
+    script = ["import subprocess"]
+    for cell in cells(page):
+        if cell.startswith(SHELL):
+            cell = f"subprocess.run(['bash', '-e', '-c', {cell[len(SHELL) :]!r}], check=True)"
+        script.append(cell)
+    folders = [str(Path(sys.executable).parent), os.environ["PATH"]]
+    done = subprocess.run(
+        [sys.executable, "-c", "\n".join(script)],
+        cwd=tmp_path,
+        env={**os.environ, "MPLBACKEND": "agg", "PATH": os.pathsep.join(folders)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+
+
+LIBRARY = (DOCS / "reference" / "library.md").read_text("utf-8")
+ENTRY = re.compile(
+    r"```\{py:\w+\} lockedjoint\.([\w.]+)(?:\((.*?)\))?\n"
+    r"(.*) \{py:obj\}`Details <(.*?)>`\.\n```"
+)
+
+
+def test_the_curated_reference_has_all_its_entries_in_one_form():
+    assert len(ENTRY.findall(LIBRARY)) == LIBRARY.count("```{py:") >= 30
+
+
+@pytest.mark.parametrize("entry", ENTRY.findall(LIBRARY), ids=lambda entry: entry[0])
+def test_the_curated_reference_is_true(entry):
+    path, parameters, line, details = entry
+    assert "\n" not in line
+    found = reduce(getattr, path.split("."), lj)
+    module, _, rest = details.rpartition(".")
+    if path.endswith(".read"):
+        module, _, holder = module.rpartition(".")
+        rest = f"{holder}.{rest}"
+    same = reduce(getattr, rest.split("."), import_module(module))
+    assert getattr(found, "__func__", found) is getattr(same, "__func__", same)
+    known = inspect.signature(found).parameters
+    given = [word.strip() for word in parameters.split(",") if word.strip(" *")]
+    assert [word for word in given if word not in known] == []
+
+
+def test_a_notebook_of_every_page_with_code(monkeypatch):
+    pytest.importorskip("myst_nb", reason="notebooks are made with the extra docs")
+    monkeypatch.syspath_prepend(str(DOCS / "_extensions"))
+    notebook = import_module("notebooks").notebook
+    for page in PAGES:
+        text = page.read_text("utf-8")
+        if text.startswith("---\nfile_format: mystnb\n") and "reference" not in page.parts:
+            made = notebook(text, name(page))
+            code = [cell.source + "\n" for cell in made.cells if cell.cell_type == "code"]
+            assert code == cells(page)
+            assert name(page) in made.cells[0].source
