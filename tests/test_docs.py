@@ -54,7 +54,8 @@ def shell_lines(page):
         prompts = any(line.lstrip().startswith("$ ") for line in lines)
         blocks += [line.lstrip()[2:] for line in lines if line.lstrip().startswith("$ ")]
         blocks += [] if prompts else lines
-    return [line.strip() for block in blocks for line in block.splitlines()]
+    joined = [re.sub(r"\\\n\s*", "", block) for block in blocks]
+    return [line.strip() for block in joined for line in block.splitlines()]
 
 
 def calls(page):

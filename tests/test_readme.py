@@ -103,7 +103,9 @@ def test_the_robots_of_the_best_jacobian_are_those_of_the_table():
         rows = sorted(csv.DictReader(file), key=lambda row: float(row["worst_case_sigma"]))
     best, text = rows[-1], " ".join(README.split())
     assert f"have σ = {float(best['worst_case_sigma']):.5f} there" in text
-    assert f"from {float(best['least']):.2f} to {float(best['kept']):.2f}" in text
+    assert f"keeps {float(best['kept']):.2f} cubic lever arms" in text
+    assert f"40 random orders {float(best['median']):.2f}" in text
+    assert f"keeps as much, {float(rows[0]['kept']):.2f}" in text
 
 
 def test_the_number_of_reproduced_rows():
