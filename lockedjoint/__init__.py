@@ -5,7 +5,7 @@
     import lockedjoint as lj
 
     outcome = lj.solve("max-min", "unit-revolute", joints=7)
-    lj.assess(outcome.best.jacobian)
+    lj.measure(outcome.best.jacobian)
 
 The names are listed in ``__init__.pyi``, which type checkers and editors read, in groups:
 statements, joints, measures, bounds, proof, robots. That file is the only list: each name is

@@ -46,7 +46,7 @@ def figure(
         Path | None,
         typer.Option(
             metavar="FILE",
-            help="seven-axes, singular-values: show this one (CSV, NPY or JSON).",
+            help="seven-axes, singular-values: show this one (CSV, NPY, NPZ or JSON).",
             show_default="solved for",
         ),
     ] = None,

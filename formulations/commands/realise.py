@@ -28,7 +28,8 @@ SLIDES = ("as-needed", "never", "length")
 def realise(
     context: typer.Context,
     file: Annotated[
-        Path, typer.Argument(metavar="FILE", help="CSV, NPY or JSON; one column per joint.")
+        Path,
+        typer.Argument(metavar="FILE", help="CSV, NPY, NPZ or JSON; one column per joint."),
     ],
     to: Annotated[str, typer.Option(metavar="FORM", help="axes, dh, urdf or figure.")] = "axes",
     out: Annotated[

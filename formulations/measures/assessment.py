@@ -46,8 +46,8 @@ class Assessment:
         return asdict(self)
 
 
-def assess(jacobian: npt.ArrayLike, locked: int = 1, tolerance: float = 1e-6) -> Assessment:
-    """Measure everything at once.
+def measure(jacobian: npt.ArrayLike, locked: int = 1, tolerance: float = 1e-6) -> Assessment:
+    """Measure how failure tolerant a Jacobian is: everything at once.
 
     Parameters
     ----------
@@ -57,6 +57,16 @@ def assess(jacobian: npt.ArrayLike, locked: int = 1, tolerance: float = 1e-6) ->
         How many joints lock at once.
     tolerance
         Relative tolerance of the verdict 'optimally failure tolerant'.
+
+    Raises
+    ------
+    InputError
+        If it is no Jacobian, or `locked` is not allowed for its shape.
+
+    Examples
+    --------
+    >>> measure([[1, 0, 1], [0, 1, 1]]).worst_case_joints
+    [0, 1]
     """
     matrix = measures.as_jacobian(jacobian)
     m, n = matrix.shape
