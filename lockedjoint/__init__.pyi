@@ -19,6 +19,9 @@ from formulations.catalogue import register as register
 
 # Proof: optimally failure-tolerant nR Jacobians exist for every n from 8 on, and not for 7.
 from formulations.existence.rings import optimal_jacobian as optimal_jacobian
+
+# Figures: of what is computed.
+from formulations.figures.plot import plot as plot
 from formulations.files.jacobians import read_jacobians as read_jacobians
 from formulations.joints.arm import Arm as Arm
 from formulations.joints.kinds import FreeColumn as FreeColumn

@@ -30,10 +30,10 @@ def measure(
     """Measure the failure tolerance of a Jacobian.
 
     Reads a matrix from CSV, NPY, NPZ or JSON (a list of rows, an object with the key
-    "jacobian", or a list of such objects as in jacobians.json) and prints its singular values, its worst
-    case after locked joints with the joints and direction that realise it, the bound, its
-    isotropy, and whether it is optimally failure tolerant. Joints are counted from 0. With
-    failure probabilities or joints that never fail also the expected dexterity and the
+    "jacobian", or a list of such objects as in jacobians.json) and prints its singular values,
+    its worst case after locked joints with the joints and direction that realise it, the
+    bound, its isotropy, and whether it is optimally failure tolerant. Joints are counted from
+    0. With failure probabilities or joints that never fail also the expected dexterity and the
     probability-weighted worst case.
     """
     from formulations.bounds.unequal_failures import assess_failures
