@@ -183,7 +183,9 @@ def _bars(sigmas: dict[str, float], bound: float, locked: int) -> Figure:
         colours = [VERMILION if one <= worst * (1 + 1e-6) else PALE for one in shown.values()]
         axes.bar(range(len(shown)), list(shown.values()), 0.7, color=colours)
         axes.axhline(bound, color=INK, lw=0.6, ls=(0, (4, 3)))
-        beside(axes, (-0.5, bound), f"bound (6) {bound:.4f}", (0, 3), color=INK)
+        # Beside the panel, where no bar is.
+        end = ("axes fraction", "data")
+        beside(axes, (1, bound), f"bound (6)\n{bound:.4f}", (4, 0), color=INK, xycoords=end)
         text = f"worst case {worst:.4f}"
         axes.set_xlabel("joint that locks" if locked == 1 else "joints that lock")
         axes.set_ylabel("smallest singular value")
