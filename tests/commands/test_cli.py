@@ -50,6 +50,25 @@ def test_help_names_every_command_and_option(lockedjoint, tmp_path):
         assert "--json" in one.stdout
 
 
+@pytest.mark.parametrize(
+    ("typed", "offered"),
+    [("lockedjoint mea", ["measure"]), ("lockedjoint figure --no-t", ["--no-title"])],
+)
+def test_a_shell_completes_commands_and_options(lockedjoint, tmp_path, typed, offered):
+    home = {"HOME": str(tmp_path)}
+    installed = lockedjoint("--install-completion", "bash", cwd=tmp_path, env=home)
+    assert installed.returncode == 0
+    script = tmp_path / ".bash_completions" / "lockedjoint.sh"
+    assert "_LOCKEDJOINT_COMPLETE=complete_bash" in script.read_text(encoding="utf-8")
+    asked = {
+        "_LOCKEDJOINT_COMPLETE": "complete_bash",
+        "COMP_WORDS": typed,
+        "COMP_CWORD": str(typed.count(" ")),
+    }
+    done = lockedjoint(cwd=tmp_path, env=asked)
+    assert (done.returncode, done.stdout.split()) == (0, offered)
+
+
 def test_help_loads_nothing_heavy(tmp_path):
     """Start-up stays fast because no solver and no table library is imported for it."""
     script = (
