@@ -29,6 +29,8 @@ def _run() -> int:
     from formulations.commands.app import app
     from nlp.errors import LockedJointError
 
+    if "_LOCKEDJOINT_COMPLETE" in os.environ:  # a shell asks what could follow
+        app(prog_name="lockedjoint")  # answers, and exits
     command = typer.main.get_command(app)
     try:
         # Not by calling it: an interrupt that Typer answers would be one without a sentence.

@@ -5,10 +5,11 @@
     import lockedjoint as lj
 
     outcome = lj.solve("max-min", "unit-revolute", joints=7)
-    lj.assess(outcome.best.jacobian)
+    lj.measure(outcome.best.jacobian)
 
 The names are listed in ``__init__.pyi``, which type checkers and editors read, in groups:
-statements, joints, measures, bounds, proof, robots. That file is the only list: each name is
+statements, joints, measures, bounds,
+proof, figures, robots. That file is the only list: each name is
 imported from the module that it states there when it is first used, so that ``import
 lockedjoint`` loads neither CasADi nor cvxpy. What is listed keeps its name and meaning as
 docs/versions.md promises.

@@ -19,6 +19,9 @@ from formulations.catalogue import register as register
 
 # Proof: optimally failure-tolerant nR Jacobians exist for every n from 8 on, and not for 7.
 from formulations.existence.rings import optimal_jacobian as optimal_jacobian
+
+# Figures: of what is computed.
+from formulations.figures.plot import plot as plot
 from formulations.files.jacobians import read_jacobians as read_jacobians
 from formulations.joints.arm import Arm as Arm
 from formulations.joints.kinds import FreeColumn as FreeColumn
@@ -26,7 +29,7 @@ from formulations.joints.kinds import LeverRevolute as LeverRevolute
 from formulations.joints.kinds import Prismatic as Prismatic
 from formulations.joints.kinds import UnitRevolute as UnitRevolute
 from formulations.measures.assessment import Assessment as Assessment
-from formulations.measures.assessment import assess as assess
+from formulations.measures.assessment import measure as measure
 from formulations.measures.canonical import canonical_form as canonical_form
 from formulations.measures.canonical import distinct as distinct
 from formulations.measures.unequal_failures import FailureModel as FailureModel
@@ -43,6 +46,8 @@ from formulations.robots.posture import best_posture as best_posture
 from formulations.robots.read_robot import read_robot as read_robot
 from formulations.robots.read_urdf import read_urdf as read_urdf
 from formulations.robots.robot_arm import RobotArm as RobotArm
+from formulations.robots.robot_assessment import RobotAssessment as RobotAssessment
+from formulations.robots.robot_assessment import assess as assess
 from formulations.robots.structural import StructuralFailure as StructuralFailure
 from formulations.robots.structural import structural_failures as structural_failures
 from formulations.robots.waypoints import read_waypoints as read_waypoints

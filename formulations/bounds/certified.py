@@ -10,6 +10,7 @@ import json
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
+from html import escape
 from importlib.resources import files
 from math import inf, isnan, nextafter, sqrt
 from typing import Any
@@ -28,7 +29,7 @@ from formulations.joints.arm import Arm
 from formulations.joints.kinds import LeverRevolute, Prismatic, UnitRevolute
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Bound:
     """A bound on what a formulation optimises.
 
@@ -53,6 +54,15 @@ class Bound:
     def to_dict(self) -> dict[str, float | str | None]:
         """Return plain values for tables and JSON; no value where nothing exists to bound."""
         return {"value": None if isnan(self.value) else self.value, "kind": self.kind}
+
+    def __repr__(self) -> str:
+        """Say the bound and how it is known."""
+        value = "nothing exists to bound" if isnan(self.value) else f"{self.value:.9g}"
+        return f"<Bound: {value}, {self.kind}>"
+
+    def _repr_html_(self) -> str:
+        """Return the same, for notebooks."""
+        return f"<p>{escape(repr(self))}</p>"
 
     def gap_percent(self, found: float) -> float:
         """Return `measures.gap_percent` of a value found."""

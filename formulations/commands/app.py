@@ -32,7 +32,7 @@ COMMANDS = (
 )
 app = typer.Typer(
     name="lockedjoint",
-    add_completion=False,
+    add_completion=True,
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 96},

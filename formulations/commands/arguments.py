@@ -14,6 +14,7 @@ from nlp.errors import LARGEST, InputError, SolverOptionError, shown
 from nlp.files import real_in, whole_in
 
 if TYPE_CHECKING:
+    from formulations.files.figure import Look
     from formulations.measures.unequal_failures import FailureModel
 
 T = TypeVar("T")
@@ -116,6 +117,28 @@ Pick = Annotated[
     int | None, whole_option(0, "K", "Which Jacobian of the file, counted from 0.")
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print JSON instead of text.")]
+Size = Annotated[
+    str | None,
+    typer.Option(
+        "--size",
+        metavar="WxH",
+        help="Width and height of the figure in cm, such as 16x10; in inches 6.3x4in.",
+        show_default="the figure's own",
+    ),
+]
+NoTitle = Annotated[
+    bool, typer.Option("--no-title", help="Leave out the title of the whole figure.")
+]
+Style = Annotated[
+    Path | None,
+    typer.Option(
+        "--style",
+        metavar="FILE",
+        help="A matplotlib style file, over this project's style. Settings that do not concern "
+        "looks are left out, and named.",
+        show_default=False,
+    ),
+]
 Ipopt = Annotated[
     list[str] | None,
     typer.Option(
@@ -168,6 +191,22 @@ NeverFails = Annotated[
         show_default=False,
     ),
 ]
+
+
+def look(size: str | None, no_title: bool, style: Path | None) -> Look:
+    """Return how figures are to look; a note says which settings of a style are left out.
+
+    Raises
+    ------
+    InputError
+        If the size or the style file is not allowed.
+    """
+    from formulations.files.figure import Look, read_size, read_style
+
+    settings, left_out = ({}, []) if style is None else read_style(style)
+    if left_out:
+        typer.echo(f"Note: not applied from {style}: {', '.join(left_out)}.", err=True)
+    return Look(None if size is None else read_size(size), not no_title, settings)
 
 
 def ipopt_options(settings: Sequence[str] | None) -> dict[str, object]:

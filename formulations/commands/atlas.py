@@ -141,7 +141,8 @@ def verify(entries: Folder = None, as_json: Json = False) -> None:
 @app.command()
 def submit(
     file: Annotated[
-        Path, typer.Argument(metavar="FILE", help="CSV, NPY or JSON; one column per joint.")
+        Path,
+        typer.Argument(metavar="FILE", help="CSV, NPY, NPZ or JSON; one column per joint."),
     ],
     locked: Locked = 1,
     isotropic: Annotated[

@@ -17,7 +17,7 @@ from formulations.commands.arguments import (
     refuse_unused,
     whole_option,
 )
-from formulations.commands.output import as_text, show
+from formulations.commands.output import as_text, show, shown
 from nlp.errors import InputError
 
 UNDECIDED = 1
@@ -74,7 +74,8 @@ def bound(
         typer.Option(
             parser=positive,
             metavar="T",
-            help="worst-case: largest ‖J‖_F². By default m, which is σ = 1.",
+            help="worst-case: any columns with ‖J‖_F² at most T; m by default, except with "
+            "m = 6, see --lever-arm.",
             show_default=False,
         ),
     ] = None,
@@ -83,8 +84,8 @@ def bound(
         typer.Option(
             parser=positive,
             metavar="L",
-            help="worst-case: arms of revolute joints with |v| at most L, instead of any "
-            "columns of total size T.",
+            help="worst-case: arms of revolute joints with |v| at most L; 1 by default with "
+            "m = 6.",
             show_default=False,
         ),
     ] = None,
@@ -136,6 +137,9 @@ def bound(
 ) -> None:
     """Bound how good any answer could be, by semidefinite programming.
 
+    Without options: the bound (6) on the worst case of seven revolute joints with |v| at most
+    1, and which sharper bounds are on record.
+
     Bounds are numerical unless stated otherwise: computed in floating point, and what they
     prove is checked again from the solver's multipliers alone. The exact proof that no
     optimally failure-tolerant 7R Jacobian exists is `lockedjoint prove`.
@@ -185,6 +189,8 @@ def _worst_case(
     from formulations.bounds.worst_case.problem import free_columns, revolute_arm
     from formulations.bounds.worst_case.program import solve_worst_case
 
+    if lever_arm is None and trace is None and task_dimension == 6:
+        lever_arm = 1.0
     if lever_arm is None:
         problem = free_columns(joints, task_dimension, trace=trace)
     elif task_dimension != 6 or trace is not None:
@@ -192,7 +198,33 @@ def _worst_case(
         raise InputError("--lever-arm", lever_arm, allowed)
     else:
         problem = revolute_arm(joints, lever_arm=lever_arm)
-    return solve_worst_case(problem, solver=solver).to_dict()
+    found = solve_worst_case(problem, solver=solver).to_dict()
+    return found if lever_arm != 1.0 else {**found, "sharper": _sharper(joints)}
+
+
+def _sharper(joints: int) -> list[dict[str, Any]]:
+    """Return the bounds on record that are below (6) for revolute joints with |v| ≤ 1.
+
+    Those with lever arms of mean square at most 1 hold for each of at most 1, too.
+    """
+    from formulations import measures
+    from formulations.bounds.certified import best_known
+    from formulations.catalogue import certified_bound
+    from formulations.joints.arm import Arm
+    from formulations.joints.kinds import LeverRevolute, UnitRevolute
+
+    found: list[dict[str, Any]] = []
+    models = {"unit-revolute": UnitRevolute(), "lever-revolute": LeverRevolute()}
+    for quantity in ("max-min", "isotropy"):
+        for model, joint in models.items():
+            one = certified_bound(quantity, Arm.of(joint, joints))
+            if one.value >= measures.sigma_bound(6, joints, 2.0 * joints) - 1e-9:
+                continue
+            best = best_known(quantity, model, joints)
+            gap = None if best is None else one.gap_percent(best)
+            values = {**one.to_dict(), "best_known": best, "gap_percent": gap}
+            found.append({"quantity": quantity, "model": model, **values})
+    return found
 
 
 def _free_levers(quantity: Quantity, joints: int) -> dict[str, Any]:
@@ -256,7 +288,27 @@ def _rounded_outward(plain: Mapping[str, Any]) -> str:
 
 
 def _without_multipliers(plain: Mapping[str, Any]) -> str:
-    return as_text({name: v for name, v in plain.items() if name != "multipliers"})
+    from tabulate import tabulate
+
+    from formulations.studies.pages import outward
+
+    left_out = ("multipliers", "sharper")
+    text = as_text({name: v for name, v in plain.items() if name not in left_out})
+    if not plain.get("sharper"):
+        return text
+    lines = [
+        (
+            f"{one['quantity']}, {one['model']}",
+            "none exists" if one["value"] is None else outward(one["value"], 7, lower=False),
+            one["kind"],
+            shown(one["best_known"]),
+            "–" if one["gap_percent"] is None else f"{one['gap_percent']:.2f}",
+        )
+        for one in plain["sharper"]
+    ]
+    heads = ("on record, sharper", "bound", "known by", "best found", "gap %")
+    table = tabulate(lines, heads, tablefmt="pipe", disable_numparse=True)
+    return f"{text}\n\n{table}\n\nThe gap is 100·|bound − found|/bound."
 
 
 def _existence_text(plain: Mapping[str, Any]) -> str:

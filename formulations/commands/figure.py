@@ -9,9 +9,13 @@ import typer
 from formulations.commands.arguments import (
     MOST_STARTS,
     Json,
+    NoTitle,
     Pick,
     Seed,
+    Size,
+    Style,
     Workers,
+    look,
     progress,
     refuse_unused,
     whole,
@@ -42,7 +46,7 @@ def figure(
         Path | None,
         typer.Option(
             metavar="FILE",
-            help="seven-axes, singular-values: show this one (CSV, NPY or JSON).",
+            help="seven-axes, singular-values: show this one (CSV, NPY, NPZ or JSON).",
             show_default="solved for",
         ),
     ] = None,
@@ -62,6 +66,9 @@ def figure(
     ] = None,
     seed: Seed = 0,
     workers: Workers = None,
+    size: Size = None,
+    no_title: NoTitle = False,
+    style: Style = None,
     as_json: Json = False,
 ) -> None:
     """Draw a figure of results that are computed anew, or of data that are given.
@@ -70,7 +77,7 @@ def figure(
     """
     from formulations.figures import kind
     from formulations.figures.picture import Request
-    from formulations.files.figure import content, figure_class, kind_of
+    from formulations.files.figure import content, figure_class, kind_of, looking
     from formulations.files.jacobians import only_jacobian
     from nlp.files import prepare_file, write_bytes, write_text
     from nlp.multistart import default_workers
@@ -85,9 +92,10 @@ def figure(
         if value is not None:
             refuse_unused(context, ("starts", "seed", "workers"), option)
     figure_class()
-    prepare_file(out, inputs=[jacobian, store])
+    prepare_file(out, inputs=[jacobian, store, style])
     if data is not None:
-        prepare_file(data, "--data", [jacobian, store, out])
+        prepare_file(data, "--data", [jacobian, store, style, out])
+    looks = look(size, no_title, style)
     request = Request(
         starts=starts or wanted.starts,
         seed=seed,
@@ -96,9 +104,11 @@ def figure(
         store=store,
         progress=progress,
     )
-    picture = wanted.make(request)
-    progress("")
-    write_bytes(out, content(picture.figure, form))
+    with looking(looks):
+        picture = wanted.make(request)
+        progress("")
+        drawn = content(picture.figure, form)
+    write_bytes(out, drawn)
     if data is not None:
         write_text(data, picture.table.to_csv(index=False, lineterminator="\n"))
     summary: dict[str, object] = {"figure": name, "file": str(out)}

@@ -18,7 +18,8 @@ from formulations.commands.output import as_text, show
 
 def measure(
     file: Annotated[
-        Path, typer.Argument(metavar="FILE", help="CSV, NPY or JSON; one column per joint.")
+        Path,
+        typer.Argument(metavar="FILE", help="CSV, NPY, NPZ or JSON; one column per joint."),
     ],
     locked: Locked = 1,
     failure_probabilities: Probabilities = None,
@@ -28,20 +29,20 @@ def measure(
 ) -> None:
     """Measure the failure tolerance of a Jacobian.
 
-    Reads a matrix from CSV, NPY or JSON (a list of rows, an object with the key "jacobian",
-    or a list of such objects as in jacobians.json) and prints its singular values, its worst
-    case after locked joints with the joints and direction that realise it, the bound, its
-    isotropy, and whether it is optimally failure tolerant. Joints are counted from 0. With
-    failure probabilities or joints that never fail also the expected dexterity and the
+    Reads a matrix from CSV, NPY, NPZ or JSON (a list of rows, an object with the key
+    "jacobian", or a list of such objects as in jacobians.json) and prints its singular values,
+    its worst case after locked joints with the joints and direction that realise it, the
+    bound, its isotropy, and whether it is optimally failure tolerant. Joints are counted from
+    0. With failure probabilities or joints that never fail also the expected dexterity and the
     probability-weighted worst case.
     """
     from formulations.bounds.unequal_failures import assess_failures
     from formulations.files.jacobians import read_jacobians
-    from formulations.measures.assessment import assess
+    from formulations.measures.assessment import measure as measured
 
     found = []
     for name, matrix in read_jacobians(file):
-        values = {"name": name, **assess(matrix, locked, tolerance).to_dict()}
+        values = {"name": name, **measured(matrix, locked, tolerance).to_dict()}
         joints = matrix.shape[1]
         model = failure_model(failure_probabilities, never_fails, joints, locked)
         if model is not None:

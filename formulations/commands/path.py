@@ -11,7 +11,17 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from formulations.commands import robot_arguments as robot
-from formulations.commands.arguments import Json, Seed, positive, progress, whole_option
+from formulations.commands.arguments import (
+    Json,
+    Seed,
+    Size,
+    Style,
+    look,
+    positive,
+    progress,
+    refuse_unused,
+    whole_option,
+)
 from formulations.commands.output import INTERRUPTED, as_text, show
 from nlp.errors import InputError
 
@@ -22,6 +32,7 @@ _FILES = ("path.csv", "path.json", "path.svg")
 
 
 def path(
+    context: typer.Context,
     file: robot.File,
     waypoints: Annotated[
         Path,
@@ -65,6 +76,8 @@ def path(
         Path | None,
         typer.Option(metavar="DIR", help="Write path.csv, path.json and path.svg there."),
     ] = None,
+    size: Size = None,
+    style: Style = None,
     as_json: Json = False,
 ) -> None:
     """Find the joint trajectory along which most joints may lock at most times.
@@ -78,6 +91,8 @@ def path(
     from formulations.robots.waypoints import read_waypoints
     from nlp.files import prepare_file, write_bytes, write_text
 
+    if out is None:
+        refuse_unused(context, ("size", "style"), "no --out")
     wanted = read_waypoints(waypoints)
     task = task or ("all" if wanted.has_orientation else "position")
     arm = robot.arm(file, tip, base, point, task, "base", None, held)
@@ -87,7 +102,8 @@ def path(
 
         figure_class()  # a missing package is better known at once
         for name in _FILES:
-            prepare_file(out / name, inputs=[file, waypoints])
+            prepare_file(out / name, inputs=[file, waypoints, style])
+    looks = look(size, False, style)
     search = PathSearch(samples, duration, tracks, seed=seed, progress=progress)
     found = plan_path(arm, wanted, search)
     progress("")
@@ -96,13 +112,15 @@ def path(
     plain = {"robot": arm.chain.robot, "tip": arm.chain.tip, "seed": seed, **found.to_dict()}
     if out is not None:
         from formulations.figures.path import draw
-        from formulations.files.figure import content
+        from formulations.files.figure import content, looking
 
+        with looking(looks):
+            drawn = content(draw(found), "svg")
         write_text(out / "path.json", json.dumps(plain, indent=1) + "\n")
         lines = io.StringIO()
         csv.writer(lines, lineterminator="\n").writerows(found.csv_lines())
         write_text(out / "path.csv", lines.getvalue())
-        write_bytes(out / "path.svg", content(draw(found), "svg"))
+        write_bytes(out / "path.svg", drawn)
     show(plain, as_json, lambda _: _text(found))
     if out is not None and not as_json:
         typer.echo(f"\nWritten to {out}: {', '.join(_FILES)}")

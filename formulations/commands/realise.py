@@ -7,7 +7,17 @@ from typing import Annotated
 
 import typer
 
-from formulations.commands.arguments import Json, Pick, Seed, positive, refuse_unused, whole
+from formulations.commands.arguments import (
+    Json,
+    Pick,
+    Seed,
+    Size,
+    Style,
+    look,
+    positive,
+    refuse_unused,
+    whole,
+)
 from formulations.commands.arguments import progress as show_progress
 from formulations.commands.output import as_text
 from nlp.errors import InputError
@@ -18,7 +28,8 @@ SLIDES = ("as-needed", "never", "length")
 def realise(
     context: typer.Context,
     file: Annotated[
-        Path, typer.Argument(metavar="FILE", help="CSV, NPY or JSON; one column per joint.")
+        Path,
+        typer.Argument(metavar="FILE", help="CSV, NPY, NPZ or JSON; one column per joint."),
     ],
     to: Annotated[str, typer.Option(metavar="FORM", help="axes, dh, urdf or figure.")] = "axes",
     out: Annotated[
@@ -130,6 +141,8 @@ def realise(
             help="Radius of the neighbourhood; of kept the half-width of artificial limits.",
         ),
     ] = 0.2,
+    size: Size = None,
+    style: Style = None,
     as_json: Json = False,
 ) -> None:
     """Realise a Jacobian as a manipulator.
@@ -140,6 +153,7 @@ def realise(
     (positional tasks) its direction is the one nearest to z. Links that touch are named on
     standard error.
     """
+    from formulations.files.figure import looking
     from formulations.files.jacobians import only_jacobian
     from formulations.files.table import Table
     from formulations.realise import forms, from_jacobian
@@ -151,8 +165,10 @@ def realise(
 
     if to not in forms.FORMS:
         raise InputError("--to", to, "one of " + ", ".join(forms.FORMS))
+    if to != "figure":
+        refuse_unused(context, ("size", "style"), f"--to {to}")
     if count:
-        refuse_unused(context, ("out", "to", "convention"), "--count")
+        refuse_unused(context, ("out", "to", "convention", "size", "style"), "--count")
     elif as_json and to == "figure":
         raise InputError("--json", "given", "none with --to figure")
     elif to != "dh" and not as_json:
@@ -170,9 +186,10 @@ def realise(
         if arranged and slide != "as-needed":
             refuse_unused(context, ("seed",), reason)
     if out is not None and not count:
-        prepare_file(out, inputs=[file])
+        prepare_file(out, inputs=[file, style])
     if ranking is not None:
-        prepare_file(ranking, "--ranking", [file, *([out] if out else [])])
+        prepare_file(ranking, "--ranking", [file, style, *([out] if out else [])])
+    looks = look(size, False, style)
     matrix = only_jacobian(file, pick)
     found = from_jacobian.realise(
         matrix, task=task, kinds=kinds, length=length, tolerance=tolerance
@@ -210,7 +227,8 @@ def realise(
         content = f"{json.dumps(everything, indent=1)}\n".encode()
     else:
         kind = "svg" if out is None else out.suffix.lower().removeprefix(".")
-        content = forms.write_down(choice.manipulator, to, convention, kind)
+        with looking(looks):
+            content = forms.write_down(choice.manipulator, to, convention, kind)
     if out is None:
         typer.echo(content, nl=False)
     else:

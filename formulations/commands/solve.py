@@ -94,7 +94,7 @@ def solve(
     """Solve one formulation from random starts and measure the best answer."""
     from formulations.bounds.unequal_failures import assess_failures
     from formulations.catalogue import arm
-    from formulations.measures.assessment import assess
+    from formulations.measures.assessment import measure
     from formulations.solving.solve import solve as solve_from_many_starts
     from formulations.unequal_max_min import checked_goal
     from nlp.files import prepare_file
@@ -136,7 +136,7 @@ def solve(
         "seed": seed,
         "start": shown.index,
         "violation": shown.violation,
-        **assess(shown.jacobian, locked).to_dict(),
+        **measure(shown.jacobian, locked).to_dict(),
     }
     if failures is not None:
         known = failure_probabilities is not None

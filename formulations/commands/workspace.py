@@ -9,7 +9,17 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from formulations.commands import robot_arguments as robot
-from formulations.commands.arguments import Json, Seed, positive, refuse_unused, whole_option
+from formulations.commands.arguments import (
+    Json,
+    NoTitle,
+    Seed,
+    Size,
+    Style,
+    look,
+    positive,
+    refuse_unused,
+    whole_option,
+)
 from formulations.commands.arguments import progress as show_progress
 from formulations.commands.output import as_text, show
 from nlp.errors import InputError
@@ -90,6 +100,9 @@ def workspace(
         Path | None,
         typer.Option(metavar="FILE", help="Draw the workspace: SVG, PNG or PDF."),
     ] = None,
+    size: Size = None,
+    no_title: NoTitle = False,
+    style: Style = None,
     out: robot.JsonFile = None,
     as_json: Json = False,
 ) -> None:
@@ -100,7 +113,7 @@ def workspace(
     The orientation of the tool is free without --orientation. The first command to try is with
     --optimise limits: within the physical limits alone, many arms keep nothing.
     """
-    from formulations.files.figure import content, kind_of
+    from formulations.files.figure import content, kind_of, looking
     from formulations.robots.best_limits import best_limits
     from formulations.robots.pose_sets import PoseSets, check_poses
     from formulations.robots.reachable_sets import check_grid
@@ -109,6 +122,8 @@ def workspace(
     from formulations.robots.workspace import workspace as found_workspace
     from nlp.files import prepare_file, write_bytes
 
+    if figure is None:
+        refuse_unused(context, ("size", "no_title", "style"), "no --figure")
     if optimise is None:
         refuse_unused(context, ("least_width", "starts", "seed"), "no --optimise")
     elif optimise not in _CHOICES:
@@ -121,22 +136,23 @@ def workspace(
     arm = SerialArm.from_chain(robot.chain(file, tip, base, point, held))
     chosen = _limits(limits or [], arm)
     check_limits(arm, chosen)
-    picture = kind_of(prepare_file(figure, "--figure", [file])) if figure else ""
+    picture = kind_of(prepare_file(figure, "--figure", [file, style])) if figure else ""
+    looks = look(size, no_title, style)
     if out is not None:
         prepare_file(out, inputs=[file])
     coarse = turn is not None and not arm.is_planar
-    size = voxel or float(sum(arm.links)) / (_IN_SPACE if coarse else 50)
+    edge = voxel or float(sum(arm.links)) / (_IN_SPACE if coarse else 50)
     sets = None
     if turn is None:
-        check_grid(arm, size, radians(step))
+        check_grid(arm, edge, radians(step))
     else:
-        check_poses(arm, turn, size, radians(step))
-        sets = PoseSets(arm, turn, size, radians(step), show_progress)
+        check_poses(arm, turn, edge, radians(step))
+        sets = PoseSets(arm, turn, edge, radians(step), show_progress)
     if optimise is not None:
         width, both = radians(least_width), optimise == "lengths"
         arm, chosen = best_limits(
             arm,
-            size,
+            edge,
             lengths=both,
             least_width=width,
             starts=starts,
@@ -145,14 +161,16 @@ def workspace(
             sets=sets,
         )
     if sets is None:
-        found = found_workspace(arm, chosen, size, radians(step), show_progress)
+        found = found_workspace(arm, chosen, edge, radians(step), show_progress)
     else:
         found = measured(sets, chosen, show_progress)
     show_progress("")
     if figure is not None:
         from formulations.figures.workspace import draw
 
-        write_bytes(figure, content(draw(found), picture))
+        with looking(looks):
+            drawn = content(draw(found), picture)
+        write_bytes(figure, drawn)
     show(found.to_dict(), as_json, lambda _: _text(found), out)
 
 

@@ -17,6 +17,7 @@ from formulations.campaign.records import SCHEMA
 from formulations.campaign.tables import SETTINGS, differing, frame
 from formulations.figures.picture import NothingFoundError, Picture, Request, solved
 from formulations.files.figure import BLUE, PALE, SMALL, TITLE, beside, styled, without_frame
+from formulations.solving.outcome import Outcome
 from formulations.solving.setup import Setup
 from nlp.arrays import FloatArray
 from nlp.errors import FileError
@@ -25,6 +26,7 @@ from nlp.store import Store
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 WIDTH, ROW = 8.4, 0.8
 BINS = 240
@@ -57,6 +59,11 @@ def make(request: Request) -> Picture:
     table = _solved(request) if request.store is None else stored(request.store)
     if not table["counted"].any():
         raise NothingFoundError("No start passes the check; ask for more starts.")
+    return Picture(draw(table), table)
+
+
+def draw(table: pd.DataFrame) -> Figure:
+    """Draw a histogram for each problem of a table with the columns `COLUMNS`."""
     names = list(dict.fromkeys(table["problem"]))
     edges = _edges(table.loc[table["counted"], "worst_case_sigma"])
     with styled(WIDTH, 0.9 + ROW * len(names)) as figure:
@@ -66,7 +73,7 @@ def make(request: Request) -> Picture:
             _draw(axes, table[table["problem"] == name], edges)
         rows[-1].set_xlabel("σ in the worst case, measured from J alone")
         without_frame(rows[-1], "bottom")
-    return Picture(figure, table)
+    return figure
 
 
 def levels(sigmas: pd.Series) -> list[tuple[float, int]]:
@@ -81,19 +88,25 @@ def levels(sigmas: pd.Series) -> list[tuple[float, int]]:
 
 
 def _solved(request: Request) -> pd.DataFrame:
-    return pd.DataFrame(
+    tables = [ends(name, solved(setup, request)) for name, setup in PROBLEMS]
+    return pd.concat(tables, ignore_index=True)
+
+
+def ends(label: str, outcome: Outcome) -> pd.DataFrame:
+    """Return where the starts of an outcome ended, one row each, with the columns `COLUMNS`."""
+    lines = [
         {
-            "problem": " ".join(name.split()),
-            "label": name,
+            "problem": " ".join(label.split()),
+            "label": label,
             "start": record.index,
             "status": record.status.return_status,
             "counted": record.trusted,
             "worst_case_sigma": record.worst_case_sigma,
             "isotropy_defect": record.isotropy_defect,
         }
-        for name, setup in PROBLEMS
-        for record in solved(setup, request).records
-    )
+        for record in outcome.records
+    ]
+    return pd.DataFrame(lines, columns=list(COLUMNS))
 
 
 def stored(path: Path) -> pd.DataFrame:

@@ -10,7 +10,17 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from formulations.files.figure import BLUE, INK, ORANGE, PALE, PAPER, SMALL, VERMILION, styled
+from formulations.files.figure import (
+    BLUE,
+    INK,
+    ORANGE,
+    PALE,
+    PAPER,
+    SMALL,
+    TITLE,
+    VERMILION,
+    styled,
+)
 from formulations.robots.serial_arm import Bits
 from formulations.robots.workspace import Workspace
 from nlp.arrays import FloatArray
@@ -42,7 +52,7 @@ def draw(found: Workspace) -> Figure:
         unit = "m²" if flat else "m³"
         share = 100 * found.size / found.physical if found.physical else 0.0
         title = f"{found.size:.3g} {unit} kept, {share:.0f} % of what is reached"
-        figure.suptitle(title, x=0.02, ha="left", color=INK)
+        figure.suptitle(title, fontsize=TITLE)
         if flat:
             _section(figure.subplots(), found, layers, (0, 1))
         else:

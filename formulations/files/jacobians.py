@@ -1,7 +1,11 @@
-"""Jacobians from files: CSV, NPY or JSON."""
+"""Jacobians from files: CSV, NPY, NPZ or JSON."""
 
+import io
+import zipfile
+import zlib
 from collections.abc import Callable, Mapping
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from tokenize import TokenError
 from types import MappingProxyType
 from typing import Any
@@ -12,7 +16,7 @@ import numpy.typing as npt
 from formulations.measures import as_jacobian
 from nlp.arrays import FloatArray
 from nlp.errors import FileError, InputError
-from nlp.files import load_json, read_bytes, real_in
+from nlp.files import MOST_BYTES, load_json, read_bytes, real_in
 
 Named = tuple[str, FloatArray]
 
@@ -23,8 +27,9 @@ def read_jacobians(path: Path) -> list[Named]:
     Parameters
     ----------
     path
-        ``.csv`` (numbers separated by commas, one row of J per line), ``.npy``, or
-        ``.json`` (rows; an object with the key ``jacobian``; or a list of such objects).
+        ``.csv`` (numbers separated by commas, one row of J per line), ``.npy``, ``.npz``
+        (one Jacobian an array, by its name), or ``.json`` (rows; an object with the key
+        ``jacobian``; or a list of such objects).
 
     Raises
     ------
@@ -88,6 +93,32 @@ def _read_npy(path: Path, content: bytes) -> list[tuple[str, npt.ArrayLike]]:
     return [(path.name, matrix)]
 
 
+def _read_npz(path: Path, content: bytes) -> list[tuple[str, npt.ArrayLike]]:
+    allowed = f"arrays as numpy.savez writes them, of at most {MOST_BYTES // 10**6} MB"
+    try:
+        with zipfile.ZipFile(io.BytesIO(content)) as archive:
+            packed = archive.infolist()
+            if not packed or sum(one.file_size for one in packed) > MOST_BYTES:
+                raise FileError("file", str(path), allowed)
+            # Never more bytes than the size that was summed up.
+            arrays = [(one.filename.removesuffix(".npy"), archive.read(one)) for one in packed]
+    except (zipfile.BadZipFile, zlib.error, NotImplementedError, RuntimeError, EOFError):
+        raise FileError("file", str(path), allowed) from None
+    except (OSError, ValueError, MemoryError):
+        raise FileError("file", str(path), allowed) from None
+    found: list[tuple[str, npt.ArrayLike]] = []
+    with TemporaryDirectory() as folder:
+        for name, raw in arrays:
+            file = Path(folder) / "array.npy"
+            file.write_bytes(raw)
+            try:
+                [(_, mapped)] = _read_npy(file, raw)
+            except FileError:
+                raise FileError("file", str(path), allowed) from None
+            found.append((name if name.isprintable() else ascii(name), np.array(mapped)))
+    return found
+
+
 def _read_json(path: Path, raw: bytes) -> list[tuple[str, npt.ArrayLike]]:
     content = load_json(raw, path)
     if isinstance(content, dict):
@@ -117,5 +148,7 @@ def _name(described: Mapping[str, object]) -> str:
 
 
 _READERS: Mapping[str, Callable[[Path, bytes], list[tuple[str, npt.ArrayLike]]]] = (
-    MappingProxyType({".csv": _read_csv, ".npy": _read_npy, ".json": _read_json})
+    MappingProxyType(
+        {".csv": _read_csv, ".npy": _read_npy, ".npz": _read_npz, ".json": _read_json}
+    )
 )

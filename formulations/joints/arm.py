@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from itertools import pairwise
+from html import escape
+from itertools import groupby, pairwise
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -20,7 +22,7 @@ from nlp.problem import Constraint
 _MOST_JOINTS = 10_000
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Arm:
     """A manipulator as a row of joint kinds, one per column of its Jacobian.
 
@@ -77,6 +79,26 @@ class Arm:
         """Return the number and the kinds of the joints."""
         names = ", ".join(dict.fromkeys(type(joint).__name__ for joint in self.joints))
         return f"{len(self.joints)} joints ({names})"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the joints in order, each with its kind and settings, as plain values."""
+        rows, columns = self.shape
+        return {
+            "task_dimension": rows,
+            "joints": [{"kind": type(one).__name__, **vars(one)} for one in self.joints],
+            "number_of_joints": columns,
+            "largest_trace": self.largest_trace,
+        }
+
+    def __repr__(self) -> str:
+        """Say the joints in order, equal neighbours as one, and the task dimensions."""
+        runs = [(kind, len(list(same))) for kind, same in groupby(self.joints)]
+        listed = ", ".join(f"{count} × {kind!r}" for kind, count in runs)
+        return f"<Arm: {listed}, m = {self.shape[0]}>"
+
+    def _repr_html_(self) -> str:
+        """Return the same, for notebooks."""
+        return f"<p>{escape(repr(self))}</p>"
 
     def symbols(self) -> ca.SX:
         """Symbols of all joints' parameters, joint after joint, shape (size, 1)."""

@@ -1,13 +1,15 @@
 """All measures of one Jacobian, as one plain record."""
 
 from dataclasses import asdict, dataclass
+from html import escape
+from itertools import combinations
 
 import numpy.typing as npt
 
 from formulations import measures
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Assessment:
     """Everything measured of one Jacobian, as plain numbers; see the functions of that name.
 
@@ -45,9 +47,29 @@ class Assessment:
         """Return the fields as a dictionary of plain values."""
         return asdict(self)
 
+    def __repr__(self) -> str:
+        """Say in one line what counts: the worst case, its joints, and the gap."""
+        joints = ", ".join(map(str, self.worst_case_joints))
+        locked = f"{self.locked} of joints" if self.locked > 1 else "joint"
+        return (
+            f"<Assessment: {self.task_dimension}×{self.joints}, worst case σ = "
+            f"{self.worst_case_sigma:.6g} ({locked} {joints} locked), "
+            f"{self.gap_percent:.3g} % below the bound (6) {self.sigma_bound:.6g}>"
+        )
 
-def assess(jacobian: npt.ArrayLike, locked: int = 1, tolerance: float = 1e-6) -> Assessment:
-    """Measure everything at once.
+    def _repr_html_(self) -> str:
+        """Return the line and what the worst failures leave, for notebooks."""
+        import pandas as pd
+
+        sets = combinations(range(self.joints), self.locked)
+        names = (", ".join(map(str, joints)) for joints in sets)
+        left = pd.DataFrame({"locked": names, "σ left": self.locked_sigmas})
+        shown = left.sort_values("σ left", kind="stable").head(10)
+        return f"<p>{escape(repr(self))}</p>{shown.to_html(index=False, border=0)}"
+
+
+def measure(jacobian: npt.ArrayLike, locked: int = 1, tolerance: float = 1e-6) -> Assessment:
+    """Measure how failure tolerant a Jacobian is: everything at once.
 
     Parameters
     ----------
@@ -57,6 +79,16 @@ def assess(jacobian: npt.ArrayLike, locked: int = 1, tolerance: float = 1e-6) ->
         How many joints lock at once.
     tolerance
         Relative tolerance of the verdict 'optimally failure tolerant'.
+
+    Raises
+    ------
+    InputError
+        If it is no Jacobian, or `locked` is not allowed for its shape.
+
+    Examples
+    --------
+    >>> measure([[1, 0, 1], [0, 1, 1]]).worst_case_joints
+    [0, 1]
     """
     matrix = measures.as_jacobian(jacobian)
     m, n = matrix.shape

@@ -20,8 +20,9 @@ from formulations.files.figure import (
     ORANGE,
     PALE,
     PAPER,
+    SMALL,
     VERMILION,
-    figure_class,
+    styled,
 )
 from formulations.realise.manipulator import Manipulator
 from formulations.realise.projection import View, clear_views, clearest
@@ -55,11 +56,12 @@ def figure(manipulator: Manipulator) -> Figure:
     views = clear_views(manipulator)
     listed = columns_text(manipulator)
     height = 4.4 + 0.13 * len(listed.splitlines())
-    drawn = figure_class()(figsize=(4.2 * len(views), height), layout="constrained")
-    for axes, one in zip(drawn.subplots(1, len(views), squeeze=False)[0], views, strict=True):
-        draw(manipulator, axes, one, scale=True)
-        axes.set_title(one.name, fontsize=8.0, color=GREY)
-    drawn.supxlabel(listed, fontsize=6.5, color=INK, family="DejaVu Sans Mono")
+    with styled(4.2 * len(views), height) as drawn:
+        panels = drawn.subplots(1, len(views), squeeze=False)[0]
+        for axes, one in zip(panels, views, strict=True):
+            draw(manipulator, axes, one, scale=True)
+            axes.set_title(one.name, fontsize=SMALL, color=GREY, loc="center")
+        drawn.supxlabel(listed, fontsize=6.5, color=INK, family="DejaVu Sans Mono")
     return drawn
 
 

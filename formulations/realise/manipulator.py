@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
+from html import escape
 
 import numpy as np
 import numpy.typing as npt
@@ -83,7 +84,7 @@ class Task(StrEnum):
         return cls(name)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Manipulator(Chain):
     """A serial manipulator in the configuration q = 0 in which it was designed.
 
@@ -216,6 +217,23 @@ class Manipulator(Chain):
             "end_effector": self.end_effector.tolist(),
             "joints": [dict(zip(names, joint, strict=True)) for joint in joints],
         }
+
+    def __repr__(self) -> str:
+        """Say in one line the joints from base to tip, the task and the order of columns."""
+        kinds = "".join(kind[0].upper() for kind in self.kinds)
+        order = " ".join(map(str, self.columns))
+        return f"<Manipulator: {kinds}, {self.task.value}, columns {order} from base to tip>"
+
+    def _repr_html_(self) -> str:
+        """Return the line and the axes, for notebooks."""
+        import pandas as pd
+
+        names = [*(f"axis {c}" for c in "xyz"), *"xyz"]
+        axes = pd.DataFrame(np.hstack([self.directions, self.points]), columns=names)
+        axes.insert(0, "kind", self.kinds)
+        axes.insert(0, "column", self.columns)
+        table = axes.to_html(border=0, float_format="{:.6f}".format)
+        return f"<p>{escape(repr(self))}</p>{table}"
 
     def _checked(self, displacements: npt.ArrayLike | None) -> FloatArray:
         if displacements is None:

@@ -15,6 +15,7 @@ from formulations.measures.unequal_failures import Scenarios
 from formulations.robots.robot_arm import RobotArm
 from formulations.robots.structural import StructuralFailure, structural_failures
 from nlp.arrays import FloatArray
+from nlp.errors import InputError
 
 # Failures that leave the same up to this share of the largest singular value are equally bad.
 _TIE = 1e-6
@@ -153,6 +154,9 @@ def assess(arm: RobotArm, configuration: npt.ArrayLike, locked: int = 1) -> Robo
     InputError
         If the configuration is outside the joints' limits, or `locked` is out of range.
     """
+    if not isinstance(arm, RobotArm):
+        allowed = "a RobotArm, and a configuration; a Jacobian is measured with `measure`"
+        raise InputError("arm", arm, allowed)
     chain = arm.chain
     point = chain.within_limits(np.asarray(configuration, dtype=float))
     matrix, length = arm.jacobian(point), arm.length_at(point)

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from html import escape
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,7 @@ from nlp.multistart import Run
 from nlp.solution import FEASIBLE, Status
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Record:
     """What became of one start.
 
@@ -81,6 +82,21 @@ class Record:
             "jacobian": self.jacobian.tolist(),
             "earlier": [status.to_dict() for status in self.earlier],
         }
+
+    def __repr__(self) -> str:
+        """Say in one line which start it is and what became of it."""
+        passed = "passes the check" if self.trusted else "does not pass the check"
+        return (
+            f"<Record: start {self.index} of seed {self.seed}, {self.status.return_status}, "
+            f"{passed}: merit {self.merit:.9g}, worst case σ = {self.worst_case_sigma:.6g}>"
+        )
+
+    def _repr_html_(self) -> str:
+        """Return the line and the Jacobian, for notebooks."""
+        import pandas as pd
+
+        matrix = pd.DataFrame(self.jacobian).to_html(border=0, float_format="{:.6f}".format)
+        return f"<p>{escape(repr(self))}</p>{matrix}"
 
 
 def judge(run: Run, arm: Arm, merit: Callable[[FloatArray], float], locked: int = 1) -> Record:

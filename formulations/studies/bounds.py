@@ -151,6 +151,8 @@ def command(plain: Mapping[str, Any]) -> str:
         words.append(f"--quantity {plain['quantity']} --preset {plain['preset']}")
     elif plain["facts"]:
         words.append(f"--lever-arm {(plain['trace'] / plain['joints'] - 1) ** 0.5:g}")
+    else:
+        words.append(f"--trace {plain['trace']:g}")
     if plain["joints"] != 7:
         words.append(f"--joints {plain['joints']}")
     if plain["kind"] == "rigorous":
@@ -162,7 +164,8 @@ def _unit_revolute(bound: Callable[..., Any], preset: str, effort: Effort) -> An
     return bound(preset, 7, rng=effort.seed, progress=effort.progress).to_dict()
 
 
-#: What the study computes, as ``lockedjoint bound --json`` prints it, by the file it goes to.
+#: What the study computes, as ``lockedjoint bound --json`` prints it (without what is on
+#: record), by the file it goes to.
 RUNS: Mapping[str, Callable[[Effort], Mapping[str, Any]]] = MappingProxyType(
     {
         "worst_case_7_6.json": lambda _: solve_worst_case(free_columns(7, 6)).to_dict(),

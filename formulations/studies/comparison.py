@@ -27,6 +27,8 @@ _NAMES = ("formulation", "variant", "model", "verdict")
 class Row:
     """One setup's outcome: the columns of ``comparison.csv``; NaN where one does not apply.
 
+    Six of them are shown in tables.
+
     Attributes
     ----------
     formulation, variant, model, joints, task_dimension, verdict, starts
@@ -63,41 +65,46 @@ class Row:
         Ipopt's return statuses and how often each came.
     """
 
-    formulation: str = field(metadata=column(brief=True))
-    variant: str = field(metadata=column(brief=True))
-    model: str = field(metadata=column(brief=True))
+    formulation: str = field(metadata=column("problem", lambda row: row.problem))
+    variant: str = field(metadata=HIDDEN)
+    model: str = field(metadata=HIDDEN)
     joints: int = field(metadata=HIDDEN)
     task_dimension: int = field(metadata=HIDDEN)
-    verdict: str
-    starts: int
-    solved: int
+    verdict: str = field(metadata=HIDDEN)
+    starts: int = field(metadata=HIDDEN)
+    solved: int = field(metadata=HIDDEN)
     reached_best: int = field(
-        metadata=column(form=lambda row: f"{row.reached_best}/{row.starts}", brief=True)
+        metadata=column(form=lambda row: f"{row.reached_best}/{row.starts}")
     )
-    merit: float = field(metadata=column(form=".7g", brief=True))
+    merit: float = field(
+        metadata=column(
+            form=lambda row: row.verdict if isnan(row.merit) else f"{row.merit:.7g}"
+        )
+    )
     certified_bound: float = field(
-        metadata=column(form=lambda row: _shown(row, "certified_bound"), brief=True)
+        metadata=column("proved bound", form=lambda row: _bound(row))
     )
-    certified_gap_percent: float = field(metadata=column("gap %", "z.2f", brief=True))
-    certificate: str
-    numerical_bound: float = field(
-        metadata=column(form=lambda row: _shown(row, "numerical_bound"))
-    )
-    numerical_gap_percent: float = field(metadata=column("numerical gap %", "z.2f"))
-    worst_case_sigma: float = field(metadata=column("worst-case σ", ".7f"))
+    certified_gap_percent: float = field(metadata=column("gap %", "z.2f"))
+    certificate: str = field(metadata=HIDDEN)
+    numerical_bound: float = field(metadata=HIDDEN)
+    numerical_gap_percent: float = field(metadata=HIDDEN)
+    worst_case_sigma: float = field(metadata=HIDDEN)
     sigma_bound: float = field(metadata=HIDDEN)
-    gap_percent: float = field(metadata=column("below eq. (6) %", "z.2f"))
+    gap_percent: float = field(metadata=HIDDEN)
     condition_number: float = field(metadata=HIDDEN)
-    isotropy_defect: float
+    isotropy_defect: float = field(metadata=HIDDEN)
     violation: float = field(metadata=HIDDEN)
-    distinct_optima: int = field(metadata=column("optima"))
-    iterations_median: float = field(metadata=column("iterations", "g"))
+    distinct_optima: int = field(metadata=HIDDEN)
+    iterations_median: float = field(metadata=HIDDEN)
     cpu_seconds_per_start: float = field(metadata=HIDDEN)
-    cpu_seconds_per_success: float = field(
-        metadata=column("CPU ms per success", scale=1e3, brief=True)
-    )
-    relative_cost: float
+    cpu_seconds_per_success: float = field(metadata=column("CPU ms per success", scale=1e3))
+    relative_cost: float = field(metadata=HIDDEN)
     status_counts: Mapping[str, int] = field(metadata=HIDDEN)
+
+    @property
+    def problem(self) -> str:
+        """Formulation, model and variant, as tables name them."""
+        return ", ".join(filter(None, (self.formulation, self.model, self.variant)))
 
 
 def study(
@@ -211,9 +218,8 @@ def row_of(outcome: Outcome, default: Row | None = None) -> Row:
     )
 
 
-def _shown(row: Row, name: str) -> str:
-    """Return a bound, rounded to the side on which it holds."""
-    bound = float(getattr(row, name))
-    if isnan(bound):
-        return row.certificate if name == "certified_bound" else "–"
-    return outward(bound, 7, lower=row.formulation == "residual")
+def _bound(row: Row) -> str:
+    """Return the proved bound, rounded to the side on which it holds."""
+    if isnan(row.certified_bound):
+        return row.certificate
+    return outward(row.certified_bound, 7, lower=row.formulation == "residual")

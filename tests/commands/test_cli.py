@@ -50,6 +50,25 @@ def test_help_names_every_command_and_option(lockedjoint, tmp_path):
         assert "--json" in one.stdout
 
 
+@pytest.mark.parametrize(
+    ("typed", "offered"),
+    [("lockedjoint mea", ["measure"]), ("lockedjoint figure --no-t", ["--no-title"])],
+)
+def test_a_shell_completes_commands_and_options(lockedjoint, tmp_path, typed, offered):
+    home = {"HOME": str(tmp_path)}
+    installed = lockedjoint("--install-completion", "bash", cwd=tmp_path, env=home)
+    assert installed.returncode == 0
+    script = tmp_path / ".bash_completions" / "lockedjoint.sh"
+    assert "_LOCKEDJOINT_COMPLETE=complete_bash" in script.read_text(encoding="utf-8")
+    asked = {
+        "_LOCKEDJOINT_COMPLETE": "complete_bash",
+        "COMP_WORDS": typed,
+        "COMP_CWORD": str(typed.count(" ")),
+    }
+    done = lockedjoint(cwd=tmp_path, env=asked)
+    assert (done.returncode, done.stdout.split()) == (0, offered)
+
+
 def test_help_loads_nothing_heavy(tmp_path):
     """Start-up stays fast because no solver and no table library is imported for it."""
     script = (
@@ -217,6 +236,30 @@ def test_bound_of_the_worst_case(lockedjoint, tmp_path):
     lever = lockedjoint("bound", "--lever-arm", 1, "--json", cwd=tmp_path)
     found = json.loads(lever.stdout)
     assert found["singular_value_bound"] == pytest.approx(np.sqrt(1 / 3), abs=1e-6)
+    trace = lockedjoint("bound", "--trace", 6, "--json", cwd=tmp_path)
+    found = json.loads(trace.stdout)
+    assert found["singular_value_bound"] == pytest.approx(np.sqrt(1 / 7), abs=1e-6)
+    assert "sharper" not in found
+
+
+def test_bound_without_options_is_that_of_7r_and_names_the_sharper_ones(lockedjoint, tmp_path):
+    found = json.loads(lockedjoint("bound", "--json", cwd=tmp_path).stdout)
+    assert found["singular_value_bound"] == pytest.approx(np.sqrt(1 / 3), abs=1e-6)
+    sharper = {(one["quantity"], one["model"]): one for one in found["sharper"]}
+    record = json.loads((ROOT / "formulations/bounds/record.json").read_text("utf-8"))
+    proved = [
+        o["bound"] for o in record if (o["quantity"], o["kind"]) == ("max-min", "rigorous")
+    ]
+    one = sharper["max-min", "unit-revolute"]
+    assert one["value"] == min(proved)
+    gap = 100 * (one["value"] - one["best_known"]) / one["value"]
+    assert one["gap_percent"] == pytest.approx(gap)
+    assert sharper["isotropy", "unit-revolute"]["value"] is None
+    text = lockedjoint("bound", cwd=tmp_path).stdout
+    assert "0.57735" in text
+    assert "100·|bound − found|/bound" in text
+    eight = json.loads(lockedjoint("bound", "--joints", 8, "--json", cwd=tmp_path).stdout)
+    assert eight["sharper"] == []
 
 
 def test_bound_of_existence(lockedjoint, tmp_path):

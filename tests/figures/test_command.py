@@ -2,8 +2,11 @@
 
 import csv
 import json
+import re
 import sys
+import zlib
 
+import matplotlib.image
 import pytest
 
 from formulations.__main__ import main
@@ -52,6 +55,11 @@ def test_a_figure_its_data_and_its_json(lockedjoint, planar):
         (("nonsense", "--out", "x.svg"), "one of figure-1, figure-3, seven-axes"),
         (("figure-1", "--out", "x.gif"), "ends in .svg, .png, .pdf"),
         (("figure-1",), "--out"),
+        (("figure-1", "--out", "x.svg", "--size", "10"), "WIDTHxHEIGHT in cm, each 2 to 100"),
+        (("figure-1", "--out", "x.svg", "--size", "1x1e9in"), "each 2 to 100"),
+        (("singular-values", "--jacobian", "j.csv", "--out", "x.svg", "--size", "2x2"), "room"),
+        (("figure-1", "--out", "x.svg", "--style", "none.mplstyle"), "--style"),
+        (("figure-1", "--out", "x.svg", "--style", "j.csv"), "NAME: VALUE a line"),
         (("figure-1", "--out", "x.svg", "--jacobian", "j.csv"), "none with figure-1"),
         (("seven-axes", "--out", "x.svg", "--jacobian", "j.csv"), "6 rows"),
         (("seven-axes", "--out", "x.svg", "--pick", "1"), "none without --jacobian"),
@@ -119,3 +127,71 @@ def test_stored_starts_are_counted_by_the_gate(lockedjoint, planar):
         changed.add(cell, list(enumerate(made)), rows[0]["environment"])
     table = optima.stored(planar / "t.db").set_index("start")
     assert table["counted"].to_dict() == {0: True, 1: False, 2: False, 3: False}
+
+
+FROM_FILE = ("figure", "singular-values", "--jacobian", "j.csv", "--out")
+
+
+def test_pdf_fonts_are_embedded_truetype(lockedjoint, planar):
+    """Type 3 fonts are refused by publishers: fonts are embedded as TrueType instead."""
+    (planar / "type3.mplstyle").write_text("pdf.fonttype: 3\n", encoding="utf-8")
+    assert lockedjoint(*FROM_FILE, "f.pdf", "--style", "type3.mplstyle")[0] == 0
+    plain = (planar / "f.pdf").read_bytes()
+    for packed in re.findall(rb"stream\r?\n(.*?)endstream", plain, re.S):
+        try:
+            plain += zlib.decompress(packed)
+        except zlib.error:
+            continue
+    assert b"/FontFile2" in plain
+    assert not re.search(rb"/Subtype\s*/Type3", plain)
+
+
+@pytest.mark.parametrize(("size", "pixels"), [("10x8", (787, 630)), ("5x4in", (1000, 800))])
+def test_the_size_is_in_cm_or_inches(lockedjoint, planar, size, pixels):
+    assert lockedjoint(*FROM_FILE, "f.png", "--size", size)[0] == 0
+    height, width = matplotlib.image.imread(planar / "f.png").shape[:2]
+    assert (width, height) == pytest.approx(pixels, abs=1)
+
+
+def test_the_title_is_left_out_and_those_of_panels_stay(lockedjoint, planar):
+    for more in ((), ("--no-title",)):
+        assert (
+            lockedjoint("figure", "figure-1", "--starts", "1", "--out", "f.svg", *more)[0] == 0
+        )
+        drawn = (planar / "f.svg").read_text(encoding="utf-8")
+        assert ("whichever joint locks" in drawn) == (not more)
+        assert "links 1." in drawn or "links 0." in drawn
+
+
+def test_a_style_file_changes_looks_and_runs_nothing(lockedjoint, planar):
+    style = planar / "s.mplstyle"
+    style.write_text(
+        "# colours\nxtick.labelcolor: '#ab12cd'  # a comment\nfigure.dpi: 10\n"
+        "axes.prop_cycle: cycler('color', ['r', 'b'])\ntext.usetex: True\n",
+        encoding="utf-8",
+    )
+    status, _, err = lockedjoint(*FROM_FILE, "f.svg", "--style", "s.mplstyle")
+    assert (status, err) == (0, "Note: not applied from s.mplstyle: figure.dpi, text.usetex.\n")
+    assert "#ab12cd" in (planar / "f.svg").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "axes.prop_cycle: cycler('color', [x for x in 'rb'])",
+        "axes.prop_cycle: cycler('color', open('j.csv'))",
+        "axes.prop_cycle: cycler",
+        "axes.titlesize: enormous",
+        "font.size: 1e300",
+        "axes.prop_cycle: cycler('color', ['r']) * 1000000000",
+        "no.such.name: 1",
+        "axes.titlesize 3",
+    ],
+)
+def test_a_style_file_with_code_or_nonsense_is_refused(lockedjoint, planar, line):
+    (planar / "s.mplstyle").write_text(f"{line}\n", encoding="utf-8")
+    status, _, err = lockedjoint(*FROM_FILE, "f.svg", "--style", "s.mplstyle")
+    assert status == 2
+    assert "--style" in err or "room for the panels" in err
+    assert err.count("\n") == 1
+    assert not (planar / "f.svg").exists()

@@ -44,10 +44,31 @@ def test_reads_npy_and_lists_of_jacobians(tmp_path):
     np.testing.assert_array_equal(2 * one, two)
 
 
+def test_reads_every_array_of_an_npz(tmp_path):
+    np.savez_compressed(tmp_path / "a.npz", first=MATRIX, second=2 * MATRIX)
+    (first, one), (second, two) = read_jacobians(tmp_path / "a.npz")
+    assert (first, second) == ("first", "second")
+    np.testing.assert_array_equal(one, MATRIX)
+    np.testing.assert_array_equal(two, 2 * MATRIX)
+
+
+def test_an_npz_that_is_no_matrix_or_a_bomb_is_refused(tmp_path, monkeypatch):
+    bad = {"pickle": np.array([None, 1], dtype=object), "text": np.array([["a", "b"]])}
+    for name, array in bad.items():
+        np.savez(tmp_path / f"{name}.npz", array)
+    np.savez_compressed(tmp_path / "bomb.npz", np.zeros((2, 4000)))
+    monkeypatch.setattr("formulations.files.jacobians.MOST_BYTES", 50_000)
+    (tmp_path / "cut.npz").write_bytes((tmp_path / "bomb.npz").read_bytes()[:-30])
+    for name in (*bad, "bomb", "cut"):
+        with pytest.raises(InputError, match=name):
+            read_jacobians(tmp_path / f"{name}.npz")
+
+
 @pytest.mark.parametrize(
     ("name", "content"),
     [
         ("a.txt", b"1,2"),
+        ("a.npz", b"PK"),
         ("a.csv", b""),
         ("a.csv", b"\n\n"),
         ("a.csv", b"1,2,3\n1,2"),

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from formulations import measures
-from formulations.measures.assessment import assess
+from formulations.measures.assessment import measure
 from formulations.reproduction import reference
 from nlp.errors import InputError
 
@@ -215,14 +215,14 @@ def test_refuses_what_is_no_jacobian(bad):
 
 
 def test_singular_jacobians_are_measured_without_warnings():
-    found = assess(np.zeros((2, 3)))
+    found = measure(np.zeros((2, 3)))
     assert found.condition_number == np.inf
     assert np.all(np.isnan(found.relative_manipulability))
 
 
 def test_assessment_agrees_with_the_functions():
     jacobian = np.random.default_rng(1).normal(size=(3, 5))
-    found = assess(jacobian, locked=2)
+    found = measure(jacobian, locked=2)
     assert found.worst_case_sigma == measures.worst_case_sigma(jacobian, 2)
     assert found.sigma_bound == measures.sigma_bound(3, 5, np.sum(jacobian**2), 2)
     assert found.gap_percent == 100 * (1 - found.worst_case_sigma / found.sigma_bound)
@@ -242,13 +242,13 @@ def test_the_judge_needs_no_solver():
 def test_every_failure_that_ties_is_named():
     """At a simplex all failures leave the same; of the planar 4R some pairs do."""
     simplex = reference.simplex_jacobian(6)
-    found = assess(simplex)
+    found = measure(simplex)
     assert found.worst_case_joints == list(range(7))
     assert found.worst_case_sets == [[joint] for joint in range(7)]
     assert found.locked_sigmas == pytest.approx([np.sqrt(1 / 7)] * 7)
     one_short = simplex * np.array([1, 1, 0.9, 1, 1, 1, 1])
-    assert assess(one_short).worst_case_joints != list(range(7))
+    assert measure(one_short).worst_case_joints != list(range(7))
     double = reference.planar_4r(np.pi / 4)[:2]
-    sets = assess(double, locked=2).worst_case_sets
+    sets = measure(double, locked=2).worst_case_sets
     sigmas = measures.locked_singular_values(double, 2)
     assert len(sets) == np.sum(np.isclose(sigmas, sigmas.min(), rtol=1e-6))

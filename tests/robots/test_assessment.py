@@ -131,6 +131,8 @@ def test_configurations_as_they_are_written(seven, tmp_path):
     ],
 )
 def test_configurations_that_are_none(seven, text, sentence):
+    with pytest.raises(InputError, match="measured with `measure`"):
+        assess(np.eye(2, 3), [0.0])
     with pytest.raises(InputError, match=sentence):
         read_configuration(text, seven.chain)
 

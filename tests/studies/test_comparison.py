@@ -200,13 +200,27 @@ def test_files_say_what_the_rows_say(seven, run_already, tmp_path):
             sigma = measures.worst_case_sigma(jacobian)
             assert float(line["worst_case_sigma"]) == pytest.approx(sigma, abs=1e-12)
     page = (tmp_path / "comparison.md").read_text(encoding="utf-8")
-    for text in ("seed: 0", "casadi", "infeasible", "one factor per failure", "0.5714830"):
+    for text in ("seed: 0", "casadi", "infeasible", "one factor per failure", "0.571483"):
         assert text in page
+
+
+def test_the_table_has_six_columns_to_read(rows):
+    table = Table(Row, list(rows.values()))
+    heads = ["problem", "reached best", "merit", "proved bound", "gap %", "CPU ms per success"]
+    for text in (table.markdown(), table.terminal()):
+        first, _, *lines = text.splitlines()
+        assert [cell.strip() for cell in first.strip("|").split("|")] == heads
+        [line] = [one for one in lines if "isotropy, unit-revolute" in one]
+        assert "proved infeasible" in line
+        [line] = [one for one in lines if "max-min, unit-revolute  " in one]
+        cells = [cell.strip() for cell in line.strip("|").split("|")]
+        bound, merit = float(cells[3]), float(cells[2])
+        assert float(cells[4]) == pytest.approx(100 * (bound - merit) / bound, abs=0.01)
 
 
 def test_the_table_shows_no_negative_zero():
     one = row_of(outcome(Setup("max-min", "free"), joints=3, task_dimension=2, starts=2))
-    table = Table(Row, [replace(one, gap_percent=-1e-9)])
+    table = Table(Row, [replace(one, certified_gap_percent=-1e-9)])
     assert "| 0.00 " in table.markdown()
     assert "-0.00" not in table.markdown() + table.terminal()
 
