@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
-from nlp.errors import InputError, WorkerError
+from nlp.errors import InputError, WorkerError, how_to_install
 from nlp.processes import SET_UP
 from nlp.task import Chunk, Outcomes, run_chunk
 
@@ -46,7 +46,7 @@ class DaskCluster:
         try:
             from distributed import Client
         except ImportError:
-            allowed = "left out, or first run: pip install lockedjoint[cluster]"
+            allowed = f"left out, or first run: {how_to_install('distributed', 'cluster')}"
             raise InputError("scheduler", address, allowed) from None
         _check_address(address)
         self._address = address

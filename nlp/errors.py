@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import shutil
+import sys
+from pathlib import Path
 from typing import ClassVar
 
 # The largest whole number that a store keeps: 64 bits, signed.
@@ -45,6 +48,30 @@ class InputError(LockedJointError, ValueError):
         return type(self), (self.argument, self.value, self.allowed)
 
 
+class MissingLibraryError(InputError):
+    """An optional library that is not installed; the message is how to install it.
+
+    Parameters
+    ----------
+    library
+        Its name, as pip knows it.
+    extra
+        The extra of this package that it comes with; empty if it comes with none.
+    """
+
+    def __init__(self, library: str, extra: str = "") -> None:
+        super().__init__(library, "missing", how_to_install(library, extra))
+        self.extra = extra
+
+    def __str__(self) -> str:
+        """Return the sentence; it ends with the command, to be copied."""
+        return f"{self.argument} is missing: {self.allowed}"
+
+    def __reduce__(self) -> tuple[type[MissingLibraryError], tuple[str, str]]:  # type: ignore[override]
+        """Pickle from the two parts."""
+        return type(self), (self.argument, self.extra)
+
+
 class SolverOptionError(InputError):
     """A solver option that does not exist or a value that it does not take."""
 
@@ -63,6 +90,32 @@ class WorkerError(LockedJointError):
     """A start that fails each time it is run, or workers that cannot be had."""
 
     exit_status: ClassVar[int] = 1
+
+
+def how_to_install(library: str, extra: str = "") -> str:
+    """Return the command that installs a library into the environment that runs.
+
+    In a checkout of this package that is its extra, elsewhere the library by its own name.
+    The command is ``pip`` only where that is the pip of this environment.
+
+    Parameters
+    ----------
+    library, extra
+        As in `MissingLibraryError`.
+    """
+    here = Path(sys.executable)
+    pip = shutil.which("pip")
+    if pip is not None and Path(pip).parent == here.parent:
+        command = "pip install"
+    elif here.is_relative_to(Path.cwd()):
+        command = f"{here.relative_to(Path.cwd())} -m pip install"
+    else:
+        command = f"{here} -m pip install"
+    try:
+        checkout = 'name = "lockedjoint"' in Path("pyproject.toml").read_text("utf-8")
+    except (OSError, UnicodeDecodeError):
+        checkout = False
+    return f'{command} ".[{extra}]"' if checkout and extra else f"{command} {library}"
 
 
 def shown(value: object, limit: int = 120) -> str:

@@ -1,5 +1,6 @@
 """The wheel and the sdist: complete, equal, and at work in an environment of their own."""
 
+import pickle
 import re
 import shutil
 import subprocess
@@ -11,15 +12,17 @@ import zipfile
 from pathlib import Path
 
 import pytest
+from packaging.version import Version
 
 from formulations.atlas.entry import entries
 from lockedjoint import __version__
+from nlp.errors import InputError, MissingLibraryError
 
 ROOT = Path(__file__).parents[1]
 PACKAGES = ("lockedjoint", "nlp", "formulations")
 TOP = (
     *("pyproject.toml", "README.md", "LICENSE"),
-    *("CHANGELOG.md", "CITATION.cff", "CONTRIBUTING.md", "SECURITY.md"),
+    *("CHANGELOG.md", "CITATION.cff", "CONTRIBUTING.md", "RELEASING.md", "SECURITY.md"),
 )
 SKIPPED = {"__pycache__", "_build", "jupyter_execute", ".jupyter_cache"}
 
@@ -67,6 +70,8 @@ def test_the_wheel_holds_the_packages_and_nothing_else(built):
     atlas = {name for name in names if name.startswith("formulations/atlas/entries/")}
     assert f"formulations/atlas/entries/{next(iter(entries()))}.json" in atlas
     assert "formulations/atlas/entries/LICENSE" in atlas
+    for kind in ("*.v", "*.j2", "entries/*.json", "bounds/record.json"):
+        assert any(Path(name).match(kind) for name in names), kind
 
 
 def test_the_sdist_holds_sources_tests_documents_and_results(built):
@@ -92,6 +97,39 @@ def test_the_wheel_works_in_an_environment_of_its_own(built, tmp_path):
     assert shown.startswith(str(environment))
     assert run(command, "--version", cwd=tmp_path) == f"lockedjoint {__version__}\n"
     assert "proved" in run(command, "verify", cwd=tmp_path)
+
+
+def test_the_lowest_versions_are_the_lower_bounds():
+    with (ROOT / "pyproject.toml").open("rb") as file:
+        project = tomllib.load(file)["project"]
+    figures = project["optional-dependencies"]["figures"]
+    bounds = dict(line.split(">=") for line in [*project["dependencies"], *figures])
+    lines = (ROOT / ".ci/lowest.txt").read_text("utf-8").splitlines()
+    lowest = dict(line.split("==") for line in lines if not line.startswith("#"))
+    assert {name: Version(one) for name, one in lowest.items()} == {
+        name: Version(one) for name, one in bounds.items()
+    }
+
+
+@pytest.mark.parametrize(
+    ("in_checkout", "pip_of", "said"),
+    [
+        (True, "bin", 'matplotlib is missing: pip install ".[figures]"'),
+        (True, "elsewhere", 'matplotlib is missing: bin/python -m pip install ".[figures]"'),
+        (False, "bin", "matplotlib is missing: pip install matplotlib"),
+    ],
+)
+def test_a_missing_library_is_installed_where_the_user_stands(
+    tmp_path, monkeypatch, in_checkout, pip_of, said
+):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "executable", str(tmp_path / "bin" / "python"))
+    monkeypatch.setattr(shutil, "which", lambda _: str(tmp_path / pip_of / "pip"))
+    if in_checkout:
+        shutil.copy(ROOT / "pyproject.toml", tmp_path)
+    error = MissingLibraryError("matplotlib", "figures")
+    assert str(error) == str(pickle.loads(pickle.dumps(error))) == said
+    assert isinstance(error, InputError)
 
 
 def test_the_version_is_the_same_everywhere():

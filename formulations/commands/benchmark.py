@@ -28,8 +28,8 @@ def benchmark(
 ) -> None:
     """Measure processor time per start and per checked success, beside the peers.
 
-    Residual minimisation and max-min on unit revolute joints. Peers are an extra: pip install
-    lockedjoint[peers]; one that is missing says so in its row. The starts are run in three
+    Residual minimisation and max-min on unit revolute joints. Peers are the extra
+    `peers`; one that is missing says so in its row. The starts are run in three
     rounds; a peer that uses up the time limit stops there. Writes benchmark.csv, benchmark.md
     and cost.svg into the output folder; until all rounds are done they are in its subfolder
     incomplete, where Ctrl-C leaves what is done.

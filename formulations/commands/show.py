@@ -136,12 +136,13 @@ def as_parquet(table: pd.DataFrame) -> bytes:
     InputError
         If pyarrow is not installed.
     """
-    from nlp.errors import InputError
+    from nlp.errors import InputError, how_to_install
 
     try:
         return table.to_parquet(engine="pyarrow", index=False)
     except ImportError:
-        allowed = "csv, markdown or latex; or first run: pip install lockedjoint[parquet]"
+        command = how_to_install("pyarrow", "parquet")
+        allowed = f"csv, markdown or latex; or first run: {command}"
         raise InputError("--to", "parquet", allowed) from None
 
 

@@ -1,6 +1,6 @@
 """Figures: one style for all of them, and the content of files, the same bytes each time.
 
-Needs matplotlib (`pip install lockedjoint[figures]`), which is imported on the first figure.
+Needs matplotlib (the extra `figures`), which is imported on the first figure.
 Files are SVG, PNG or PDF.
 """
 
@@ -13,7 +13,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
-from nlp.errors import FileError, InputError
+from nlp.errors import FileError, InputError, MissingLibraryError
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -62,14 +62,13 @@ def figure_class() -> type[Figure]:
 
     Raises
     ------
-    InputError
+    MissingLibraryError
         If Matplotlib is not installed.
     """
     try:
         from matplotlib.figure import Figure
     except ImportError:
-        allowed = "installed, for figures: pip install lockedjoint[figures]"
-        raise InputError("matplotlib", "missing", allowed) from None
+        raise MissingLibraryError("matplotlib", "figures") from None
     return Figure
 
 
@@ -84,7 +83,7 @@ def styled(width: float, height: float) -> Iterator[Figure]:
 
     Raises
     ------
-    InputError
+    MissingLibraryError
         If Matplotlib is not installed.
     """
     new_figure = figure_class()

@@ -3,7 +3,7 @@
 A whole figure names its views, and has the directions of the base's frame, a scale and the
 column of the Jacobian that each joint contributes.
 
-Needs matplotlib (`pip install lockedjoint[figures]`), which is imported on the first drawing.
+Needs matplotlib (the extra `figures`), which is imported on the first drawing.
 """
 
 from __future__ import annotations

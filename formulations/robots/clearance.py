@@ -37,13 +37,12 @@ from formulations.robots.read_urdf import check_numbers, parse_urdf, xml_root
 from formulations.robots.survival import Kinematics
 from formulations.robots.tree import MOVING, RobotTree
 from nlp.arrays import FloatArray
-from nlp.errors import FileError, InputError
+from nlp.errors import FileError, InputError, MissingLibraryError
 from nlp.files import read_bytes
 
 if TYPE_CHECKING:
     from lxml.etree import _Element
 
-_INSTALL = "an installed coal, which 'pip install coal' provides"
 # Numbers of each geometry's attributes.
 _SIZES = {"box": ("size", 3), "sphere": ("radius", 1), "cylinder": ("radius", 1)}
 # A cylinder's rim as so many points, on a circle that is larger by as much as they cut off.
@@ -377,7 +376,7 @@ def _coal() -> Any:
     try:
         import coal
     except ModuleNotFoundError:
-        raise InputError("coal", "not installed", _INSTALL) from None
+        raise MissingLibraryError("coal", "clearance") from None
     return coal
 
 

@@ -23,7 +23,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from formulations.robots.read_urdf import (
-    NOT_INSTALLED,
     from_file,
     urdf_tree,
     xml_root,
@@ -31,7 +30,7 @@ from formulations.robots.read_urdf import (
 )
 from formulations.robots.tree import Joint, Limit, Mimic, RobotTree, joint_between
 from nlp.arrays import FloatArray
-from nlp.errors import InputError
+from nlp.errors import InputError, MissingLibraryError
 from nlp.files import real_in
 
 if TYPE_CHECKING:
@@ -344,8 +343,7 @@ def mjcf_tree(root: _Element) -> RobotTree:
         import mujoco
         from lxml import etree
     except ModuleNotFoundError:
-        allowed = "an installed mujoco, which 'pip install mujoco' provides"
-        raise InputError("mujoco", NOT_INSTALLED, allowed) from None
+        raise MissingLibraryError("mujoco", "mujoco") from None
 
     for tag, allowed in _REFUSED.items():
         if root.find(f".//{tag}") is not None:

@@ -19,7 +19,7 @@ import numpy as np
 
 from formulations.robots.chain import LARGEST
 from formulations.robots.tree import MOVING, Joint, Limit, Mimic, RobotTree, joint_between
-from nlp.errors import FileError, InputError
+from nlp.errors import FileError, InputError, MissingLibraryError
 from nlp.files import read_bytes, real_in
 
 if TYPE_CHECKING:
@@ -38,8 +38,6 @@ _NUMBERS = {
 }
 _REQUIRED = (("parent", "link"), ("child", "link"), ("mimic", "joint"))
 _NAMES = {attribute for _, attribute in _REQUIRED}
-NOT_INSTALLED = "not installed"
-_INSTALL = "an installed yourdfpy, which 'pip install yourdfpy' provides"
 # Limits may be of any size, and infinite.
 _LARGEST = {"limit": math.inf}
 # In bytes; 150 000 links take 30 MB, and robots that exist less than 1 MB.
@@ -75,9 +73,9 @@ def from_file(path: Path, parse: Callable[[bytes], RobotTree]) -> RobotTree:
     content = read_bytes(path, most=LARGEST_FILE)
     try:
         return parse(content)
+    except MissingLibraryError:
+        raise
     except InputError as error:
-        if error.value == NOT_INSTALLED:
-            raise
         where = f"{path}: {error.argument}"
         raise FileError(where, error.value, error.allowed) from None
 
@@ -99,7 +97,7 @@ def urdf_tree(root: _Element) -> RobotTree:
         import yourdfpy
         from lxml import etree
     except ModuleNotFoundError:
-        raise InputError("yourdfpy", NOT_INSTALLED, _INSTALL) from None
+        raise MissingLibraryError("yourdfpy", "robots") from None
     content = BytesIO(etree.tostring(reduced))
     return yourdfpy_tree(
         yourdfpy.URDF.load(content, build_scene_graph=False, load_meshes=False).robot
@@ -134,7 +132,7 @@ def xml_root(content: bytes) -> _Element:
     try:
         from lxml import etree
     except ModuleNotFoundError:
-        raise InputError("lxml", NOT_INSTALLED, _INSTALL) from None
+        raise MissingLibraryError("lxml", "robots") from None
 
     if content.startswith(b"\x1f\x8b"):
         raise InputError(

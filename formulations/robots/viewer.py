@@ -3,7 +3,7 @@
 `picture` is pure: from an arm, its configuration and the joints that have locked to all that is
 shown. `Page` holds sliders, locks and buttons, and draws pictures.
 
-Needs viser (`pip install lockedjoint[view]`), which is imported with the first page.
+Needs viser (the extra `view`), which is imported with the first page.
 """
 
 from __future__ import annotations
@@ -28,12 +28,11 @@ from formulations.robots.chain import Chain
 from formulations.robots.posture import Search, best_posture
 from formulations.robots.robot_arm import RobotArm
 from nlp.arrays import FloatArray, finite_vector
-from nlp.errors import InputError, LockedJointError
+from nlp.errors import InputError, LockedJointError, MissingLibraryError
 
 if TYPE_CHECKING:
     from viser import ViserServer
 
-_INSTALL = "installed, for the web page: pip install lockedjoint[view]"
 # Sizes of what is drawn, in parts of the robot's size: an ellipsoid of velocity 1 (in units of
 # the characteristic length), the worst direction, half of a joint's axis, a line's width.
 _ELLIPSOID, _ARROW, _AXIS, _WIDTH = 0.12, 0.35, 0.06, 0.005
@@ -525,7 +524,7 @@ def _server(address: Address) -> ViserServer:
     try:
         import viser
     except ImportError:
-        raise InputError("viser", "missing", _INSTALL) from None
+        raise MissingLibraryError("viser", "view") from None
 
     class Server(viser.ViserServer):
         """A server that opens no tunnel to the internet, whoever asks for one."""

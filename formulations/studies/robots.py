@@ -12,7 +12,7 @@ from formulations.robots.read_urdf import read_urdf
 from formulations.robots.robot_arm import RobotArm, Task
 from formulations.robots.robot_assessment import best_7r
 from formulations.studies.study import Effort, Part, Study
-from nlp.errors import InputError
+from nlp.errors import InputError, MissingLibraryError
 from nlp.interrupts import deferred_interrupt
 
 STARTS = 200
@@ -52,12 +52,11 @@ class SurveyArm:
 
     @property
     def path(self) -> Path:
-        """Where the URDF is; InputError if the package is not installed."""
+        """Where the URDF is; MissingLibraryError if the package is not installed."""
         try:
             found = distribution(self.package).locate_file(_FOLDERS[self.package])
         except PackageNotFoundError:
-            allowed = f"an installed one, which 'pip install {self.package}' provides"
-            raise InputError("package", f"{self.package}, not there", allowed) from None
+            raise MissingLibraryError(self.package) from None
         return Path(str(found)) / self.file
 
     def arm(self) -> RobotArm:

@@ -188,7 +188,7 @@ def test_markdown_and_latex_are_to_read(path, tmp_path):
 
 def test_parquet_without_pyarrow_is_one_sentence(monkeypatch):
     monkeypatch.setitem(sys.modules, "pyarrow", None)
-    with pytest.raises(InputError, match=r"pip install lockedjoint\[parquet\]"):
+    with pytest.raises(InputError, match=r"pip install .*(pyarrow|parquet)"):
         as_parquet(pd.DataFrame({"a": [1]}))
 
 

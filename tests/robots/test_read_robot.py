@@ -463,7 +463,7 @@ def test_a_library_that_is_not_there_is_named(library, monkeypatch, tmp_path):
 
     path = mjcf(tmp_path)
     monkeypatch.setattr(builtins, "__import__", without)
-    with pytest.raises(InputError, match=f"{library} is not installed.*pip install"):
+    with pytest.raises(InputError, match=f"{library} is missing: .*pip install"):
         read_robot(path)
 
 
