@@ -27,7 +27,7 @@ def test_every_name_is_the_object_that_lives_elsewhere(name):
     assert name in dir(lj)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_type_checkers_see_the_names(tmp_path):
     lines = ("reveal_type(lj.solve)", "version: str = lj.__version__", "lj.nothing")
     user = "\n".join(("import lockedjoint as lj", *lines))

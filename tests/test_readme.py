@@ -5,6 +5,7 @@ import json
 import re
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -130,3 +131,11 @@ def test_the_example_runs_and_prints_what_it_says():
 def test_the_two_commands_are_one_line_each():
     assert block("main job", "bash").strip().endswith("lockedjoint compare")
     assert block("tests", "bash").strip().endswith("-m pytest")
+
+
+def test_the_two_test_commands_leave_nothing_out():
+    """What plain pytest leaves out is what the second command runs."""
+    with (ROOT / "pyproject.toml").open("rb") as file:
+        addopts = tomllib.load(file)["tool"]["pytest"]["ini_options"]["addopts"]
+    assert re.findall(r"-m (\S.*)$", addopts) == ['"not long"']
+    assert block("long tests", "bash").strip().endswith("-m pytest -m long")

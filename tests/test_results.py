@@ -70,6 +70,7 @@ def anew(tmp_path_factory):
     return out
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["comparison", "comparison_8r"])
 def test_comparison(anew, name):
     fresh = read_rows(anew / name / "comparison.csv", ComparisonRow)
@@ -86,6 +87,7 @@ def test_comparison(anew, name):
             assert new.worst_case_sigma == pytest.approx(old.worst_case_sigma, abs=SAME)
 
 
+@pytest.mark.long
 def test_reproduction(anew):
     fresh = read_rows(anew / "reproduction" / "reproduction.csv", ReproductionRow)
     committed = rows("reproduction", ReproductionRow)

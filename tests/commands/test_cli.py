@@ -155,7 +155,7 @@ def test_joints_that_never_fail_need_no_probabilities(lockedjoint, tmp_path):
     assert found["overall_expected_sigma"] is None
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_prove_then_verify(lockedjoint, tmp_path):
     """The derivation does not depend on the hash seed: tests/existence derives with another."""
     proved = lockedjoint(
@@ -190,7 +190,7 @@ def test_prove_existence_then_verify(lockedjoint, tmp_path):
     assert (sampled.returncode, sampled.stdout) == (2, "")
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_prove_to_coq(lockedjoint, tmp_path):
     assert lockedjoint("prove", "--to", "coq", cwd=tmp_path).returncode == 0
     committed = ROOT / "formulations" / "existence" / "coq" / "Data.v"
@@ -240,7 +240,7 @@ def test_global_bounds(lockedjoint, tmp_path):
     assert low.stderr == "", "progress is for terminals"
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_reproduce_writes_every_row(lockedjoint, tmp_path):
     done = lockedjoint("reproduce", "--starts", 10, "--out", "here", cwd=tmp_path)
     assert done.returncode == 0, done.stdout + done.stderr

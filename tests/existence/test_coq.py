@@ -63,7 +63,7 @@ def built(folder: Path, path: str | None = None) -> subprocess.CompletedProcess[
     )
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.skipif(shutil.which("coqc") is None, reason="Coq is not installed")
 def test_coq_accepts_the_proof_with_the_axioms_on_record() -> None:
     done = built(COQ)

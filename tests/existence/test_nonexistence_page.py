@@ -23,7 +23,7 @@ def page() -> str:
     return (ROOT / "docs" / "nonexistence.md").read_text()
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_program_on_the_page_proves_the_identity(page: str) -> None:
     found = re.search(r"```python\n(.*?)```", page, re.DOTALL)
     assert found is not None

@@ -184,7 +184,7 @@ def test_scaling_all_weights_proves_the_same(certificate: Certificate) -> None:
     assert verify(scaled).constant == Fraction(33248, 7203)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_largest_certificates_are_verified_in_bounded_time(
     certificate: Certificate,
 ) -> None:

@@ -274,7 +274,7 @@ def test_addresses():
             Address(host).free()
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.processes
 @pytest.mark.skipif(BROWSER is None, reason="no Chromium is installed here")
 def test_a_browser_moves_a_slider_and_locks_a_joint(lockedjoint, file, text):

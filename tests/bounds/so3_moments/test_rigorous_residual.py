@@ -306,6 +306,7 @@ def test_refined_multipliers_satisfy_the_equations_better(
     assert min(np.linalg.eigvalsh(x)[0] for x in fine) > -1e-12
 
 
+@pytest.mark.long
 def test_the_defect_covers_a_claim_that_is_too_large(
     low: list[SectorBlocks], so3: SimpleNamespace
 ) -> None:

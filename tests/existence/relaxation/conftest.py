@@ -101,6 +101,14 @@ def order_2() -> ExistenceRelaxation:
     return existence_relaxation(2)
 
 
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark what needs a relaxation of order 3: each takes ten to fifteen seconds."""
+    for item in items:
+        if {"order_3", "order_3_of_6r"} & set(getattr(item, "fixturenames", ())):
+            item.add_marker(pytest.mark.long)
+
+
 @pytest.fixture(scope="session")
 def order_3(once: Callable[..., Any]) -> ExistenceRelaxation:
     return once("relaxation_3", lambda: existence_relaxation(3))
