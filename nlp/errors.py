@@ -54,22 +54,25 @@ class MissingLibraryError(InputError):
     Parameters
     ----------
     library
-        Its name, as pip knows it.
+        Its name.
     extra
         The extra of this package that it comes with; empty if it comes with none.
+    package
+        What pip installs, if that is not the library alone.
     """
 
-    def __init__(self, library: str, extra: str = "") -> None:
-        super().__init__(library, "missing", how_to_install(library, extra))
+    def __init__(self, library: str, extra: str = "", package: str = "") -> None:
+        super().__init__(library, "missing", how_to_install(package or library, extra))
         self.extra = extra
+        self.package = package
 
     def __str__(self) -> str:
         """Return the sentence; it ends with the command, to be copied."""
         return f"{self.argument} is missing: {self.allowed}"
 
-    def __reduce__(self) -> tuple[type[MissingLibraryError], tuple[str, str]]:  # type: ignore[override]
-        """Pickle from the two parts."""
-        return type(self), (self.argument, self.extra)
+    def __reduce__(self) -> tuple[type[MissingLibraryError], tuple[str, str, str]]:
+        """Pickle from the three parts."""
+        return type(self), (self.argument, self.extra, self.package)
 
 
 class SolverOptionError(InputError):

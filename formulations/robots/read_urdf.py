@@ -132,7 +132,7 @@ def xml_root(content: bytes) -> _Element:
     try:
         from lxml import etree
     except ModuleNotFoundError:
-        raise MissingLibraryError("lxml", "robots") from None
+        raise MissingLibraryError("lxml", "robots", "yourdfpy") from None
 
     if content.startswith(b"\x1f\x8b"):
         raise InputError(
