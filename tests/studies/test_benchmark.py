@@ -184,6 +184,7 @@ def test_every_peer_is_a_line_of_the_figure():
 
 
 @pytest.mark.skipif(importlib.util.find_spec("scipy") is None, reason="peers not installed")
+@pytest.mark.long
 def test_the_command_writes_its_tables(tmp_path, monkeypatch):
     from formulations.studies.benchmark import peers
 
