@@ -1,7 +1,8 @@
 """Figures: one style for all of them, and the content of files, the same bytes each time.
 
-from nlp.errors import FileError, InputError, MissingLibraryError
-from nlp.files import read_bytes, real_in
+Needs matplotlib (the extra `figures`), which is imported on the first figure.
+Files are SVG, PNG or PDF. A `Look` changes size, title and style of all figures that are drawn
+within `looking`.
 """
 
 from __future__ import annotations
