@@ -34,7 +34,8 @@ def seven():
 def test_no_jacobian_beats_the_bound(shape, seed):
     m, n, locked = shape
     bound = manipulability.bound(lj.arm("free-mean", n, m), locked).value
-    assert bound == pytest.approx(sqrt(comb(n - locked, m) / comb(n, m)))
+    mean = sqrt(comb(n - locked, m) / comb(n, m))
+    assert bound == pytest.approx(mean) if locked == 1 else bound <= mean * (1 + 1e-15)
     assert 0 <= manipulability.merit(random_matrix(m, n, seed), locked) <= bound
 
 

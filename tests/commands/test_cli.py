@@ -495,7 +495,7 @@ joints = [8]
 def test_ctrl_c_is_answered_in_one_sentence_at_any_moment(lockedjoint, tmp_path):
     """All are under way at once; each is interrupted at a time of its own."""
     (tmp_path / "arm.urdf").write_text(PLANAR_ARM)
-    (tmp_path / "w.csv").write_text("x,y\n2.5,0.5\n1.5,1.5\n")
+    (tmp_path / "w.csv").write_text("x,y,z\n2.5,0.5,0\n1.5,1.5,0\n")
     (tmp_path / "c.toml").write_text(CAMPAIGN)
     draw = random.Random(12)
     begun = [lockedjoint.start(*words.split(), cwd=tmp_path) for words in LONG]
