@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from concurrent.futures import BrokenExecutor, Future, InvalidStateError
 from contextlib import ExitStack, suppress
 from functools import partial
+from multiprocessing import spawn
 from multiprocessing.context import SpawnContext, SpawnProcess
 from types import ModuleType
 from typing import TYPE_CHECKING
@@ -37,6 +38,18 @@ _KEPT = 10.0  # seconds that a process without work waits for more
 _PER_CORE = 8  # processes; more would only exhaust the machine's memory
 
 _STARTING = threading.Lock()
+# Until a process has got its orders it has nothing to say: if this one ends first, by Ctrl-C,
+# it would show a traceback.
+_SILENT = "import sys; sys.excepthook = lambda *_: None; "
+
+
+def _command_line(**handles: int) -> list[str]:
+    words = list(_PLAIN(**handles))
+    place = words.index("-c") + 1
+    return [*words[:place], _SILENT + words[place], *words[place + 1 :]]
+
+
+_PLAIN = spawn.get_command_line
 
 
 class _Process(SpawnProcess):
@@ -51,6 +64,8 @@ class _Process(SpawnProcess):
             # Functions of the script travel by value, so the script is not run again.
             afterwards.callback(sys.modules.__setitem__, "__main__", sys.modules["__main__"])
             sys.modules["__main__"] = ModuleType("__main__")
+            afterwards.callback(setattr, spawn, "get_command_line", spawn.get_command_line)
+            spawn.get_command_line = _command_line
             super().start()
 
     @property
@@ -196,6 +211,7 @@ def _end(pool: ProcessPool) -> None:
 def _begin() -> None:
     """Prepare this worker: one thread of linear algebra, and an end when its parent ends."""
     os.environ.update(_ONE_THREAD)
+    sys.excepthook = sys.__excepthook__
     threading.Thread(target=_end_with_parent, daemon=True).start()
     import nlp.task  # noqa: F401
 
