@@ -17,8 +17,10 @@ _CASADI = os.path.join("casadi", "casadi.py")  # noqa: PTH118
 _AGAIN = 0.02  # seconds until the handler looks again whether it may raise
 _LONGEST = 1.0  # seconds that an interrupt may be held back
 _TO_END = 0.7  # seconds that a start has to end after Ctrl-C
+_TO_ANSWER = 1.0  # seconds after which an exception that nobody answered has been lost
 
 _pressed: float | None = None  # when, as long as it is not answered
+_raised = False  # whether an exception is on its way that nobody has answered
 
 
 def answer_interrupts() -> None:
@@ -27,13 +29,23 @@ def answer_interrupts() -> None:
     Extension modules swallow an exception that is raised while they are imported, or turn it
     into another one, and CasADi one that is raised in Python code which it calls, for instance
     to convert an argument. After one that was raised in generated code, Python exits with
-    another status. For command lines; does nothing where another handler than Python's own is
-    in place.
+    another status. What is lost all the same, for instance in a destructor, is raised again
+    until `settle_interrupts` or `interrupt_answered` is called. For command lines; does nothing
+    where another handler than Python's own is in place.
     """
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         signal.signal(signal.SIGINT, _raise)
+        sys.unraisablehook = _raise_again
         # The last of all: while Python takes itself down there is nothing left to interrupt.
         atexit.register(signal.signal, signal.SIGINT, signal.SIG_IGN)
+
+
+def interrupt_answered() -> None:
+    """Tell that a KeyboardInterrupt was caught for good: it is not to be raised again."""
+    global _pressed, _raised
+    if _pressed is not None:
+        _alarm(0)
+    _pressed, _raised = None, False
 
 
 def settle_interrupts() -> None:
@@ -49,7 +61,7 @@ def settle_interrupts() -> None:
 
 
 def _raise(_: int, frame: FrameType | None) -> None:
-    global _pressed
+    global _pressed, _raised
     now = time.monotonic()
     _pressed = _pressed or now
     if _is_lost(frame):
@@ -57,8 +69,15 @@ def _raise(_: int, frame: FrameType | None) -> None:
             _end(_, frame)
         if _alarm(_AGAIN):
             return
-    _pressed = None
+    _raised = True
+    _alarm(_TO_ANSWER)
     raise KeyboardInterrupt
+
+
+def _raise_again(lost: "sys.UnraisableHookArgs") -> None:
+    """Show an exception that cannot be raised; raise that of Ctrl-C a little later."""
+    if not issubclass(lost.exc_type, KeyboardInterrupt) or not _alarm(_AGAIN):
+        sys.__unraisablehook__(lost)
 
 
 def _end(_: int, __: FrameType | None) -> None:
@@ -82,9 +101,22 @@ def _alarm(seconds: float) -> bool:
 
 
 def _look_again(_: int, frame: FrameType | None) -> None:
+    global _pressed, _raised
+    if _raised:
+        if _is_on_its_way(sys.exception()):
+            _alarm(_TO_ANSWER)
+            return
+        _pressed, _raised = None, False
     handler = signal.getsignal(signal.SIGINT)
     if callable(handler):
         handler(signal.SIGINT, frame)
+
+
+def _is_on_its_way(error: BaseException | None) -> bool:
+    """Whether what runs now, a ``finally`` for instance, does so because of a Ctrl-C."""
+    while error is not None and not isinstance(error, KeyboardInterrupt):
+        error = error.__context__
+    return error is not None
 
 
 def _is_lost(frame: FrameType | None) -> bool:
@@ -129,9 +161,9 @@ def deferred_interrupt(limited: bool = False) -> Iterator[None]:
     quiet = ExitStack()
 
     def hold(_: int, __: FrameType | None) -> None:
-        global _pressed
         nonlocal pressed
-        again, pressed, _pressed = pressed, True, None
+        interrupt_answered()  # here, and raised again after the block
+        again, pressed = pressed, True
         if again or (limited and not _alarm(_TO_END)):
             quiet.enter_context(redirect_stderr(io.StringIO()))  # CasADi's own message
             raise KeyboardInterrupt

@@ -18,7 +18,7 @@ from typing_extensions import TypeVar
 
 from nlp.arrays import FloatArray, one_blas_thread, whole_number
 from nlp.errors import InputError, WorkerError
-from nlp.interrupts import deferred_interrupt
+from nlp.interrupts import deferred_interrupt, interrupt_answered
 from nlp.problem import Problem
 from nlp.processes import Processes
 from nlp.spread import spread
@@ -150,6 +150,7 @@ def multistart(
                     bar.set_postfix_str(f"best {best:.8g}", refresh=False)
                 bar.update(len(batch))
         except KeyboardInterrupt:
+            interrupt_answered()
             interrupted = True  # what is done is kept
     done.sort(key=lambda one: one.index)
     return Study(

@@ -92,11 +92,11 @@ class CommandLine:
         )
 
     def start(self, *arguments: object, cwd: Path) -> subprocess.Popen[str]:
-        """Start a command in a process group of its own that Ctrl-C reaches."""
+        """Start a command in a process group of its own, to be interrupted or killed."""
         return subprocess.Popen(
             self.words(*arguments),
             cwd=cwd,
-            env=self.environment(),
+            env=self.unmeasured(),
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,
@@ -111,6 +111,11 @@ class CommandLine:
     def environment(self, **more: str) -> dict[str, str]:
         """Return the environment in which this tree is found from every folder."""
         return {**os.environ, "PYTHONPATH": str(ROOT), "NO_COLOR": "1", **more}
+
+    def unmeasured(self) -> dict[str, str]:
+        """Return it without measurement of coverage, which swallows a Ctrl-C as it begins."""
+        environment = self.environment().items()
+        return {name: value for name, value in environment if not name.startswith("COVERAGE_")}
 
 
 @pytest.fixture(scope="session")

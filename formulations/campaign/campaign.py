@@ -36,6 +36,7 @@ from formulations.solving.setup import Setup
 from nlp.arrays import whole_number
 from nlp.errors import FileError, InputError, LockedJointError
 from nlp.files import read_bytes
+from nlp.interrupts import interrupt_answered
 from nlp.options import check_options
 from nlp.spread import Pool, spread
 from nlp.store import Store
@@ -217,7 +218,7 @@ def run(
                     added += store.add(label, records, made)
                 bar.update(len(arrival.results) + len(arrival.lost))
         except KeyboardInterrupt:
-            pass  # what is kept is kept, and the report says that it is not all
+            interrupt_answered()  # what is kept is kept, and the report says that it is not all
     missing = _missing(store, cells, declared.starts)
     return Report(len(cells) * declared.starts, added, missing, tuple(lost))
 

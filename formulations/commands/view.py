@@ -10,6 +10,7 @@ import typer
 from formulations.commands import robot_arguments as robot
 from formulations.commands.arguments import Json, Seed, Starts, whole_option
 from formulations.commands.output import INTERRUPTED, show
+from nlp.interrupts import interrupt_answered
 
 
 def view(
@@ -68,6 +69,7 @@ def view(
         while True:
             time.sleep(0.2)
     except KeyboardInterrupt:
+        interrupt_answered()
         page.close()
         typer.echo("Interrupted.", err=True)
         # Without waiting for a search inside of a solver, or for the end of threads.

@@ -39,7 +39,7 @@ from formulations.robots.survival import (
 from formulations.robots.waypoints import ToolPath, place_name
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
-from nlp.interrupts import deferred_interrupt
+from nlp.interrupts import deferred_interrupt, interrupt_answered
 from nlp.problem import Constraint, Problem
 from nlp.solution import ACCEPTABLE, LIMIT, SUCCESS
 from nlp.solver import Solver
@@ -353,6 +353,7 @@ class _Planner:
                 if gain > _SAME or (gain > -_SAME and tried.roughness < found.roughness):
                     found, polished = tried, True
         except KeyboardInterrupt:  # the best sequence so far is an answer, too
+            interrupt_answered()
             complete = False
         found = found or self._measured(best)
         return replace(self._report(found, base, statuses, polished), complete=complete)

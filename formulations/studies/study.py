@@ -21,7 +21,7 @@ from formulations.solving.solve import run
 from formulations.studies import pages
 from nlp.errors import FileError
 from nlp.files import prepare_file, prepare_folder, write_bytes, write_text
-from nlp.interrupts import deferred_interrupt
+from nlp.interrupts import deferred_interrupt, interrupt_answered
 
 #: Within the folder of a result: what is being computed, and what is complete but not in place.
 INCOMPLETE, COMPLETE = "incomplete", ".complete"
@@ -89,6 +89,7 @@ class Effort:
         try:
             _ = outcome.distinct_optima  # now: it may take longer than an interrupt can wait
         except KeyboardInterrupt:
+            interrupt_answered()
             outcome = replace(outcome, complete=False)
         return outcome
 
@@ -250,7 +251,7 @@ class Study:
                     _publish(folder, self.page)
                     complete = True
         except KeyboardInterrupt:
-            pass  # what is done is kept, and the page says that it is not all
+            interrupt_answered()  # what is done is kept, and the page says that it is not all
         return Result(tuple(rows), complete, self.complain(rows))
 
     def discard(self, folder: Path) -> None:

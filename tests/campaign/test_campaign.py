@@ -149,16 +149,10 @@ def test_a_full_disk_stops_in_one_sentence_and_loses_nothing(
         "sys.argv = ['lockedjoint', *sys.argv[1:]]\n"
         "runpy.run_module('formulations', run_name='__main__')"
     )
-    # The limit would also stop what measures coverage, which then says so.
-    unmeasured = {
-        name: value
-        for name, value in lockedjoint.environment().items()
-        if not name.startswith("COVERAGE_")
-    }
     full = subprocess.run(
         [sys.executable, "-c", code, *map(str, CAMPAIGN), "--store", "study.db"],
         cwd=folder,
-        env=unmeasured,
+        env=lockedjoint.unmeasured(),
         capture_output=True,
         text=True,
         check=False,

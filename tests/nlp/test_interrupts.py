@@ -19,7 +19,8 @@ except BaseException:
 """
 BEGIN = """
 import signal, time
-from nlp.interrupts import answer_interrupts, deferred_interrupt, settle_interrupts
+from nlp.interrupts import answer_interrupts, deferred_interrupt
+from nlp.interrupts import interrupt_answered, settle_interrupts
 signal.signal(signal.SIGINT, signal.default_int_handler)
 answer_interrupts()
 seen = []
@@ -64,6 +65,30 @@ CASES = {
         "threading.Timer(0.1, signal.raise_signal, (signal.SIGINT,)).start()\n"
         "nlp.conic.run(types.SimpleNamespace(solve=slow), 'CLARABEL')",
         "answered",
+    ),
+    "destructor": (
+        "class Odd:\n"
+        "    def __del__(self): signal.raise_signal(signal.SIGINT)\n"
+        "Odd()\n"
+        "time.sleep(5)",
+        "answered",
+    ),
+    "library that swallows": (
+        "try: signal.raise_signal(signal.SIGINT)\n"
+        "except KeyboardInterrupt: seen.append('swallowed')\n"
+        "time.sleep(5)",
+        "swallowed answered",
+    ),
+    "answered, and work goes on": (
+        "try: signal.raise_signal(signal.SIGINT)\n"
+        "except KeyboardInterrupt: interrupt_answered()\n"
+        "time.sleep(1.5); seen.append('ended')",
+        "ended",
+    ),
+    "long clean-up": (
+        "try: signal.raise_signal(signal.SIGINT)\n"
+        "finally: time.sleep(1.5); seen.append('ended')",
+        "ended answered",
     ),
     "writing": (
         "with deferred_interrupt():\n"
