@@ -86,7 +86,10 @@ def test_every_command_and_option_exists(page):
         if command.startswith("--"):
             assert command in ("--version", "--help")
             continue
-        known = {option for one in COMMANDS[command].params for option in one.opts}
+        named = COMMANDS[command]
+        if words and words[0] in getattr(named, "commands", {}):
+            named = named.commands[words[0]]
+        known = {option for one in named.params for option in one.opts}
         for word in words:
             if re.match(r"\[?--[a-z]", word):
                 assert word.strip("[]").partition("=")[0] in known | {"--help"}, (command, word)

@@ -29,6 +29,7 @@ BAR = '<mo stretchy="false" lspace="0" rspace="0">'
 REPAIRS = {
     "<mo>&#x02016;</mo>": f"{BAR}‖</mo>",
     '<mo stretchy="false">&#x0007C;</mo>': f"{BAR}|</mo>",
+    "<mi>&#x02AAF;</mi>": "<mo>⪯</mo>",
     "<mi>&#x02AB0;</mi>": "<mo>⪰</mo>",
 }
 

@@ -146,7 +146,10 @@ def _edges(sigmas: pd.Series) -> FloatArray:
 
 def _draw(axes: Axes, table: pd.DataFrame, edges: FloatArray) -> None:
     sigmas = table.loc[table["counted"], "worst_case_sigma"]
-    counts, _ = np.histogram(sigmas, edges)
+    # All starts of one optimum in one bin: their last digits may lie on both sides of an edge.
+    found = levels(sigmas)
+    each = [reached for _, reached in found]
+    counts, _ = np.histogram([sigma for sigma, _ in found], edges, weights=each)
     there = counts > 0
     width = edges[1] - edges[0]
     axes.bar(edges[:-1][there], counts[there], width, align="edge", color=BLUE, lw=0)
@@ -158,14 +161,14 @@ def _draw(axes: Axes, table: pd.DataFrame, edges: FloatArray) -> None:
     axes.tick_params(axis="x", length=0)
     name = str(table["label"].iloc[0])
     beside(axes, (0, 0), name, (-6, 0), va="bottom", xycoords="axes fraction")
-    text = _summary(sigmas, len(table))
+    text = _summary(found, len(table))
     if sigmas.empty:
         axes.text(0.5, 0.3, text, transform=axes.transAxes, ha="center")
         return
     # The number of starts in the highest bar, on it.
     peak = int(np.argmax(counts))
     top = (edges[peak] + edges[peak + 1]) / 2
-    number = axes.text(top, counts[peak], f"{counts[peak]}", color=BLUE, fontsize=SMALL)
+    number = axes.text(top, counts[peak], f"{counts[peak]:.0f}", color=BLUE, fontsize=SMALL)
     number.set(ha="center", va="bottom")
     left, right = float(sigmas.min()), float(sigmas.max())
     before = left - edges[0] > edges[-1] - right
@@ -173,17 +176,17 @@ def _draw(axes: Axes, table: pd.DataFrame, edges: FloatArray) -> None:
     beside(axes, (end, 0.42 * counts[peak]), text, (by, 0))
 
 
-def _summary(sigmas: pd.Series, starts: int) -> str:
+def _summary(found: list[tuple[float, int]], starts: int) -> str:
     """Return how many starts ended at the best optimum, or that no two ended at one."""
-    found = levels(sigmas)
     if not found:
         return f"none of {starts}"
     best, reached = found[0]
-    if len(found) > max(FEW, SCATTERED * len(sigmas)):
-        text = f"{len(sigmas)} of {starts}, scattered from {found[-1][0]:.3f} to {best:.3f}"
+    counted = sum(number for _, number in found)
+    if len(found) > max(FEW, SCATTERED * counted):
+        text = f"{counted} of {starts}, scattered from {found[-1][0]:.3f} to {best:.3f}"
     else:
         text = f"{reached} of {starts} at {best:.5f}"
-        others = len(sigmas) - reached
+        others = counted - reached
         text += f", {others} elsewhere" if others else ""
-    lost = starts - len(sigmas)
+    lost = starts - counted
     return text + (f", {lost} fail" if lost else "")

@@ -129,6 +129,16 @@ def test_levels_count_starts_at_one_optimum():
     ]
 
 
+def test_a_bin_edge_does_not_split_the_starts_of_one_optimum():
+    sigmas = [0.3, 0.5, 0.5, 0.5]
+    edge = optima._edges(pd.Series(sigmas))[100]
+    sigmas += [edge - 1e-9, edge + 1e-9]
+    rows = {"problem": "a", "label": "a", "counted": True, "worst_case_sigma": sigmas}
+    [axes] = optima.draw(pd.DataFrame(rows)).axes
+    assert [bar.get_height() for bar in axes.patches] == [1, 2, 3]
+    assert "3" in [text.get_text() for text in axes.texts]  # on the highest bar
+
+
 def test_a_store_is_shown_by_what_differs_in_it(tmp_path, monkeypatch):
     with pytest.raises(InputError):
         optima.stored(tmp_path / "missing.db")

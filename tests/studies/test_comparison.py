@@ -202,6 +202,8 @@ def test_files_say_what_the_rows_say(seven, run_already, tmp_path):
     page = (tmp_path / "comparison.md").read_text(encoding="utf-8")
     for text in ("seed: 0", "casadi", "infeasible", "one factor per failure", "0.571483"):
         assert text in page
+    # The table first, then what was found.
+    assert page.index("| problem") < page.index("Max-min on 7 unit-revolute joints reaches")
 
 
 def test_the_table_has_six_columns_to_read(rows):
