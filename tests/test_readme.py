@@ -98,6 +98,15 @@ def test_the_workspaces_are_those_of_the_table():
     assert kept in README
 
 
+def test_the_path_that_is_survived_is_that_of_the_table():
+    path = ROOT / "results" / "paths" / "paths.csv"
+    with path.open(encoding="utf-8") as file:
+        rows = {(row["arm"], row["path"]): row for row in csv.DictReader(file)}
+    row, text = rows["Franka Panda", "tilting"], " ".join(README.split())
+    assert f"finished after {float(row['minimum_norm_percent']):.1f} % of all" in text
+    assert f"finished after {float(row['percent']):.1f} % of them" in text
+
+
 def test_the_robots_of_the_best_jacobian_are_those_of_the_table():
     path = ROOT / "results" / "workspaces" / "orders.csv"
     with path.open(encoding="utf-8") as file:

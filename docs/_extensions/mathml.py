@@ -24,11 +24,13 @@ if TYPE_CHECKING:
 TAG = re.compile(r"\\tag\{(.*?)\}")
 GLYPHS = "U+20-7E,U+A0-FF,U+2C6-2DD,U+302-304,U+370-3FF,U+2010-22FF,U+2308-230B,U+27E8-27EF,"
 GLYPHS += "U+27F9-27FA,U+2AAF-2AB0,U+1D400-1D7FF"
-# What the converter leaves: bars that stretch or stand apart, relations taken for variables.
+# What the converter leaves: bars and slashes that stretch or stand apart, relations taken for
+# variables.
 BAR = '<mo stretchy="false" lspace="0" rspace="0">'
 REPAIRS = {
     "<mo>&#x02016;</mo>": f"{BAR}‖</mo>",
     '<mo stretchy="false">&#x0007C;</mo>': f"{BAR}|</mo>",
+    "<mo>&#x0002F;</mo>": '<mo lspace="0" rspace="0">/</mo>',
     "<mi>&#x02AAF;</mi>": "<mo>⪯</mo>",
     "<mi>&#x02AB0;</mi>": "<mo>⪰</mo>",
 }
