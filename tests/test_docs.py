@@ -36,6 +36,22 @@ RUN = [
     DOCS / "howto" / "add_a_formulation.md",
     DOCS / "howto" / "choose_a_solver.md",
 ]
+# Blocks of the README, the start and the how-tos that are no cells, by what they contain, and
+# where they run: cells run above or when the site is built, each in `.ci/run`.
+FENCED = re.compile(r"^ *```(?:bash|console|python)\n(.*?)^ *```$", re.MULTILINE | re.DOTALL)
+ELSEWHERE = {
+    "lockedjoint compare": ".ci/run, from the wheel, with fewer starts",
+    "python -m pytest": ".ci/run, word for word",
+    "-m pytest -m long": ".ci/run, word for word",
+    "import lockedjoint as lj": "tests/test_readme.py",
+    "-m sphinx": ".ci/run",
+    "pip install '.[figures]'": ".ci/run, with the lowest versions",
+    '"helical": lambda _:': "a line of a file; the cells before it use the class",
+    "module.NAME: module for": "a line of a file; tested here",
+    "dask scheduler": "wants several machines; the page's cells start a cluster of two",
+    "ssh -N -L": "wants several machines",
+    "DASK_DISTRIBUTED": "wants several machines",
+}
 
 
 def name(page):
@@ -113,6 +129,21 @@ def test_the_cells_run_in_plain_python(page, tmp_path):
         check=False,
     )
     assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.parametrize(
+    "page", [PAGES[0], DOCS / "start.md", *sorted((DOCS / "howto").glob("*.md"))], ids=name
+)
+def test_every_block_is_run_somewhere(page):
+    for block in FENCED.findall(page.read_text("utf-8")):
+        assert any(part in block for part in ELSEWHERE), block
+
+
+def test_a_formulation_is_listed_in_the_line_that_the_page_shows():
+    page = (DOCS / "howto" / "add_a_formulation.md").read_text("utf-8")
+    [names] = re.findall(r"^module.NAME: .* in \((.*), volume\)$", page, re.MULTILINE)
+    known = (ROOT / "formulations" / "catalogue.py").read_text("utf-8")
+    assert f"module.NAME: module for module in ({names})" in known
 
 
 LIBRARY = (DOCS / "reference" / "library.md").read_text("utf-8")

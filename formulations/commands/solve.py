@@ -37,7 +37,9 @@ def solve(
         str,
         typer.Option(
             help="Column model: unit-revolute, lever-revolute, lever-revolute-each, prismatic, "
-            "free or free-mean; or a mix such as lever-revolute(length=0.3):6,prismatic:2."
+            "free or free-mean; or a mix such as "
+            "'lever-revolute(length=0.3):6,prismatic(speed=0.5):2', with lengths, speeds or "
+            "norms in brackets, 1 by default, and the number of joints after the colon."
         ),
     ] = "unit-revolute",
     joints: Annotated[
