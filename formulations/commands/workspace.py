@@ -225,7 +225,8 @@ def _text(found: Workspace) -> str:
             f"{found.sets.voxel:.4g} m, of which all but a closed form over-estimates"
         )
     if found.passed:
-        shares = ", ".join(f"{100 * one:.0f} %" for one in found.passed)
+        # NaN where no voxel is that deep.
+        shares = ", ".join("–" if one != one else f"{100 * one:.0f} %" for one in found.passed)
         kept["passed by depth"] = f"{shares} of voxels 0, 1, … layers below the surface"
         kept["raw voxels"] = f"{found.raw:.6g} {unit}"
     if found.fatal:

@@ -71,7 +71,8 @@ def draw(found: Workspace) -> Figure:
         patches = [
             Patch(color=one, label=name) for one, name in zip(colours, _LEGEND, strict=True)
         ]
-        figure.legend(handles=patches, loc="outside lower center", ncols=3, frameon=False)
+        columns = 2 if flat else 3  # as many as there is room for
+        figure.legend(handles=patches, loc="outside lower center", ncols=columns, frameon=False)
     return figure
 
 

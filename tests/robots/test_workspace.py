@@ -1,12 +1,16 @@
 """Failure-tolerant workspaces: closed form, grid and brute force agree; symmetries; search."""
 
 import json
+import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
 from formulations.__main__ import main
+from formulations.commands.workspace import _text
+from formulations.figures.workspace import draw
 from formulations.robots import workspace as module
 from formulations.robots.best_limits import _in_joints, best_limits
 from formulations.robots.chain_between import chain_between
@@ -127,6 +131,11 @@ def test_the_grid_agrees_with_the_closed_form(monkeypatch):
     inside = Planar3R(EQUAL, PUBLISHED).contains(found.sets.centres(np.ones_like(found.voxels)))
     missed = inside.reshape(found.voxels.shape) & ~found.voxels
     assert missed.sum() < 0.01 * inside.sum()
+    figure = draw(found)
+    legend = figure.legends[0].get_window_extent()
+    assert figure.bbox.x0 <= legend.x0 <= legend.x1 <= figure.bbox.x1
+    text = _text(replace(found, passed=(0.25, math.nan)))
+    assert "25 %, – of voxels 0, 1" in text
 
 
 @pytest.fixture(scope="module")
