@@ -3,6 +3,7 @@
 import os
 import sys
 import time
+from importlib.util import find_spec
 from typing import Annotated
 
 import typer
@@ -10,6 +11,7 @@ import typer
 from formulations.commands import robot_arguments as robot
 from formulations.commands.arguments import Json, Seed, Starts, whole_option
 from formulations.commands.output import INTERRUPTED, show
+from nlp.errors import MissingLibraryError
 from nlp.interrupts import interrupt_answered
 
 
@@ -40,6 +42,8 @@ def view(
     are the direction that suffers most. 'Best posture' looks for the most failure-tolerant
     posture of the joints that are not locked.
     """
+    if find_spec("viser") is None:  # before reading, whose extra is another one
+        raise MissingLibraryError("viser", "view", "viser yourdfpy")
     from formulations.robots.posture import Search
     from formulations.robots.viewer import Address, Page
 

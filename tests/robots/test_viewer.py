@@ -15,6 +15,7 @@ import pinocchio
 import pytest
 
 from formulations import measures
+from formulations.commands.view import view
 from formulations.realise.from_jacobian import realise
 from formulations.realise.write_urdf import urdf as realised_urdf
 from formulations.robots.chain_between import chain_between
@@ -196,6 +197,8 @@ def test_a_missing_viser_is_named(file, text, monkeypatch):
     arm = arm_of(text)
     with pytest.raises(InputError, match=r"viser is missing: .*pip install .*vi(ser|ew)"):
         Page(arm, lambda _: arm, file, arm.chain.mid_range, Address(), Search(starts=1))
+    with pytest.raises(InputError, match="viser is missing"):
+        view("missing.urdf")  # the extra that has all it needs is named first
 
 
 def test_no_tunnel_to_the_internet_is_opened(page):
