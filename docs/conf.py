@@ -7,6 +7,7 @@ Build it, in an environment with the extra ``docs``::
 
 from __future__ import annotations
 
+import hashlib
 import os
 import shutil
 import sys
@@ -32,6 +33,16 @@ shutil.copy(HERE / "_extensions" / "bash_cells.py", STARTUP)
     'c.PlainTextFormatter.float_precision = "5"\n',
     encoding="utf-8",
 )
+# Outputs are kept as long as the code that made them is the same.
+code = hashlib.sha256()
+for package in ("formulations", "lockedjoint", "nlp"):
+    for file in sorted((HERE.parent / package).rglob("*")):
+        if file.is_file() and file.suffix in (".py", ".json", ".csv", ".toml", ".j2"):
+            code.update(file.read_bytes())
+CACHE = HERE / "_build" / "jupyter_cache" / code.hexdigest()[:16]
+for old in CACHE.parent.glob("*"):
+    if old.is_dir() and old != CACHE:
+        shutil.rmtree(old)
 
 project = "lockedjoint"
 author = "The lockedjoint developers"
@@ -55,7 +66,7 @@ suppress_warnings = ["ref.python"]
 myst_enable_extensions = ["dollarmath", "colon_fence", "deflist"]
 myst_heading_anchors = 3
 nb_execution_mode = "cache"
-nb_execution_cache_path = str(HERE / "_build" / "jupyter_cache")
+nb_execution_cache_path = str(CACHE)
 nb_execution_in_temp = True
 nb_execution_timeout = 300
 nb_execution_raise_on_error = True
