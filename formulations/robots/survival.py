@@ -19,6 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from formulations.realise.chain import HALF_TURN, rotation_vectors
 from formulations.robots.chain import Chain
 from nlp.arrays import FloatArray
 
@@ -32,8 +33,6 @@ _ITERATIONS, _STEP = 6, 0.3
 JUMP = 0.5
 # Damping: this times the squared error, and never less than the second.
 _DAMPING, _LEAST = 1e-2, 1e-10
-# Near half a turn, where its sine is less than this, a rotation's axis is found another way.
-_HALF_TURN = 1e-3
 # Configurations done together: what fits into a processor's cache.
 _CHUNK = 3000
 
@@ -128,9 +127,9 @@ class Kinematics:
         cosine = (product[0, 0] + product[1, 1] + product[2, 2] - 1) / 2
         angle = np.arctan2(sine, cosine)
         vector *= angle / np.maximum(sine, 1e-12) / 2
-        back = np.flatnonzero((sine < _HALF_TURN) & (cosine < 0))
+        back = np.flatnonzero((sine < HALF_TURN) & (cosine < 0))
         if back.size:
-            vector[:, back] = _turned_back(product[..., back], vector[:, back], angle[back])
+            vector[:, back] = rotation_vectors(np.moveaxis(product[..., back], 2, 0)).T
         return np.concatenate([missing, vector])[self.rows]
 
     def reach(
@@ -196,22 +195,6 @@ class Kinematics:
             movable[:, active] &= np.abs(moved - kept) < 1e-9
             q[:, active] = kept
         return q, done
-
-
-def _turned_back(product: FloatArray, near: FloatArray, angle: FloatArray) -> FloatArray:
-    """Return rotation vectors of about half a turn: the axis from the symmetric part of R.
-
-    There (R + Rᵀ)/2 = cos φ I + (1 - cos φ) a aᵀ, while R - Rᵀ, which gives only the sign,
-    vanishes.
-    """
-    square = (product + np.moveaxis(product, 0, 1)) / 2
-    cosine = (np.trace(product) - 1) / 2
-    square -= cosine * np.eye(3)[:, :, None]
-    largest = np.argmax(np.einsum("iib->ib", square), axis=0)
-    axis = np.take_along_axis(square, largest[None, None], axis=1)[:, 0]
-    axis /= np.sqrt(np.sum(axis**2, axis=0))
-    axis *= np.where(np.sum(axis * near, axis=0) < 0, -1.0, 1.0)
-    return np.asarray(axis * angle)
 
 
 def _some(pose: FloatArray, which: npt.NDArray[np.intp]) -> FloatArray:
