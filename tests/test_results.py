@@ -229,8 +229,8 @@ def test_the_robots_of_a_jacobian_keep_what_the_table_says():
         assert abs(again - row.kept) < row.error * (1 + 1.5 * np.sqrt(FINAL_POINTS / 100))
     # The front, by sorting: whoever keeps more than all with a larger worst case.
     ranked = sorted(found, key=lambda row: -row.worst_case_sigma)
-    most = np.maximum.accumulate([row.kept for row in ranked])
-    front = [row.kept >= best for row, best in zip(ranked, most, strict=True)]
+    most = np.maximum.accumulate([0.0, *(row.kept for row in ranked)])
+    front = [row.kept > best for row, best in zip(ranked, most[:-1], strict=True)]
     assert [row.front == "yes" for row in ranked] == front
 
 

@@ -96,7 +96,7 @@ class Ordered(Protocol):
 
     @property
     def front(self) -> str:
-        """``yes`` if no other Jacobian has a larger worst case and keeps more."""
+        """``yes`` if no other Jacobian has a larger worst case and keeps as much."""
 
 
 def draw_orders(rows: Sequence[Ordered], spread: Sequence[FloatArray]) -> Figure:

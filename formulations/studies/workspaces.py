@@ -116,7 +116,7 @@ class OrderRow:
     middle, least
         What the median of a random sample of orders keeps, and the least of them.
     front
-        Whether no other Jacobian of the table has a larger worst case and keeps more.
+        Whether no other Jacobian of the table has a larger worst case and keeps as much.
     order
         Columns from base to tip.
     jacobian
@@ -247,12 +247,12 @@ def drawn(arm: Arm, seed: int, count: int = _DRAWN) -> Point:
 
 
 def not_dominated(row: OrderRow, rows: Sequence[OrderRow]) -> bool:
-    """Whether no other Jacobian has a larger worst case here and keeps more elsewhere.
+    """Whether no other Jacobian has a larger worst case here and keeps as much elsewhere.
 
     By the values as they were found: what two Jacobians keep may differ by less than its error.
     """
     return not any(
-        other.worst_case_sigma > row.worst_case_sigma and other.kept > row.kept
+        other.worst_case_sigma > row.worst_case_sigma and other.kept >= row.kept
         for other in rows
     )
 
