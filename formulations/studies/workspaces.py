@@ -144,7 +144,7 @@ def study() -> Study:
         template="workspaces.md.j2",
         tables={"workspaces": Row, "orders": OrderRow},
         command="lockedjoint report --only workspaces --out results",
-        takes="ten minutes, matplotlib and packages of robots",
+        takes="a quarter of an hour, matplotlib and packages of robots",
         compute=_compute,
         settings={
             "coarse": CRITERIA["kept"].coarse,
