@@ -613,6 +613,8 @@ posture arm.urdf --at 0.3,0.4,1 --tolerance ''
 posture arm.urdf --tolerance 0.1
 posture arm.urdf --clearance 0
 posture arm.urdf --clearance 0.1
+posture mjcf.xml --task vx --clearance 0.1
+posture dh.csv --task position --clearance 0.1
 posture arm.urdf --failure-probabilities 0.1,0.2
 posture arm.urdf --failure-probabilities 2
 posture arm.urdf --failure-probabilities 0.1 --failure-probabilities 0

@@ -40,7 +40,7 @@ from formulations.studies.paths import Row as PathRow
 from formulations.studies.robots import Row as RobotRow
 from formulations.studies.running import STUDIES
 from formulations.studies.study import Effort
-from formulations.studies.workspaces import HALF, OrderRow
+from formulations.studies.workspaces import FINAL_POINTS, HALF, OrderRow
 from formulations.studies.workspaces import Row as WorkspaceRow
 
 RESULTS = Path(__file__).parents[1] / "results"
@@ -226,7 +226,19 @@ def test_the_robots_of_a_jacobian_keep_what_the_table_says():
         one = family(arm, Arrangements(np.arange(7)[None], np.zeros((1, 7), dtype=bool)))
         how = Sampling(seed=99, samples=100, radius=HALF)
         again = float(CRITERIA["kept"].evaluate(one, how)[0])
-        assert abs(again - row.kept) < row.error * (1 + 1.5 * np.sqrt(10))
+        assert abs(again - row.kept) < row.error * (1 + 1.5 * np.sqrt(FINAL_POINTS / 100))
+    # The front, by sorting: whoever keeps more than all with a larger worst case.
+    ranked = sorted(found, key=lambda row: -row.worst_case_sigma)
+    most = np.maximum.accumulate([0.0, *(row.kept for row in ranked)])
+    front = [row.kept > best for row, best in zip(ranked, most[:-1], strict=True)]
+    assert [row.front == "yes" for row in ranked] == front
+
+
+def test_the_lengths_of_the_links_are_worth_choosing():
+    found = {row.choice: row for row in rows("workspaces", WorkspaceRow) if row.arm == "UR5"}
+    given, chosen = found["best limits"], found["best limits and lengths"]
+    assert chosen.size - chosen.error > given.size + given.error
+    assert sum(chosen.links.values()) == pytest.approx(sum(given.links.values()), rel=1e-12)
 
 
 def test_points_of_the_trade_off():

@@ -95,6 +95,10 @@ class Ordered(Protocol):
     def middle(self) -> float:
         """What the median order keeps."""
 
+    @property
+    def front(self) -> str:
+        """``yes`` if no other Jacobian has a larger worst case and keeps as much."""
+
 
 def draw_orders(rows: Sequence[Ordered], spread: Sequence[FloatArray]) -> Figure:
     """Draw what robots keep over a workspace against their worst case at one configuration.
@@ -122,14 +126,18 @@ def draw_orders(rows: Sequence[Ordered], spread: Sequence[FloatArray]) -> Figure
         axes.scatter(
             sigmas, middles, color=INK, marker="_", s=60, label="median order", zorder=3
         )
-        best, errors = [one.kept for one in rows], [one.error for one in rows]
-        axes.errorbar(
-            sigmas, best, errors, color=VERMILION, fmt="o", ms=4, label="best order found"
-        )
+        for kind, colour, label in (
+            ("no", BLUE, "best order found"),
+            ("yes", VERMILION, "the same, not dominated"),
+        ):
+            some = [one for one in rows if one.front == kind]
+            x, y = [one.worst_case_sigma for one in some], [one.kept for one in some]
+            bars = [one.error for one in some]
+            axes.errorbar(x, y, bars, color=colour, fmt="o", ms=4, label=label)
         axes.set_xlabel("worst-case σ where the Jacobian is designed")
         axes.set_ylabel("volume kept after any failure, ±20°")
         axes.set_ylim(bottom=0)
-        figure.legend(loc="outside lower center", ncols=3, frameon=False)
+        figure.legend(loc="outside lower center", ncols=2, frameon=False)
     return figure
 
 

@@ -14,6 +14,8 @@ import numpy.typing as npt
 
 from nlp.arrays import FloatArray
 
+# The axis of a rotation near half a turn, where its sine is less than this, is found otherwise.
+HALF_TURN = 1e-3
 BoolArray = npt.NDArray[np.bool_]
 IntArray = npt.NDArray[np.int64]
 
@@ -75,6 +77,37 @@ def rotation(axis: FloatArray, angle: FloatArray) -> FloatArray:
     sine = np.sin(angle)[..., None, None]
     versine = 2 * (np.sin(angle / 2) ** 2)[..., None, None]  # 1 − cos, exact for small angles
     return np.asarray(np.eye(3) + sine * cross + versine * (cross @ cross))
+
+
+def rotation_vectors(turn: FloatArray) -> FloatArray:
+    """Return the vectors (k, 3) about which rotations (k, 3, 3) turn, as long as the angle.
+
+    The axis is that of R - Rᵀ, which vanishes at half a turn. Near there it is found from
+    (R + Rᵀ)/2 = cos φ I + (1 - cos φ) a aᵀ, and R - Rᵀ gives only its sign.
+    """
+    twice = np.stack(
+        [
+            turn[:, 2, 1] - turn[:, 1, 2],
+            turn[:, 0, 2] - turn[:, 2, 0],
+            turn[:, 1, 0] - turn[:, 0, 1],
+        ],
+        axis=1,
+    )
+    sine = np.linalg.norm(twice, axis=1) / 2
+    cosine = (np.trace(turn, axis1=1, axis2=2) - 1) / 2
+    angle = np.arctan2(sine, cosine)
+    found = twice / 2 * (angle / np.maximum(sine, 1e-300))[:, None]
+    back = np.flatnonzero((sine < HALF_TURN) & (cosine < 0))
+    if back.size:
+        some = turn[back]
+        square = (some + np.swapaxes(some, 1, 2)) / 2
+        square -= cosine[back, None, None] * np.eye(3)
+        largest = np.argmax(np.einsum("kii->ki", square), axis=1)
+        axis = square[np.arange(len(back)), largest]
+        axis /= np.linalg.norm(axis, axis=1)[:, None]
+        axis *= np.where(np.sum(axis * twice[back], axis=1) < 0, -1.0, 1.0)[:, None]
+        found[back] = axis * angle[back, None]
+    return np.asarray(found)
 
 
 def _turned(turn: FloatArray, vector: FloatArray) -> FloatArray:

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from formulations.realise.chain import BoolArray, Chain, IntArray
+from formulations.realise.chain import BoolArray, Chain, IntArray, rotation_vectors
 from nlp.arrays import FloatArray
 
 #: Length of a tangent, in radians and units of length.
@@ -71,7 +71,7 @@ class Poses:
         """Return what is missing to the poses, (k, m), and the Jacobians there, (k, m, n)."""
         moved, turn = self.chain.moved(q)
         across = self.turn @ np.swapaxes(turn, -1, -2)
-        missing = np.concatenate([self.tip - moved.end_effector, _rotation_vector(across)], 1)
+        missing = np.concatenate([self.tip - moved.end_effector, rotation_vectors(across)], 1)
         return missing[:, self.rows], moved.velocities()[:, self.rows]
 
 
@@ -263,19 +263,3 @@ def _stopped(
     stopped = share < 1
     short = before + np.clip(share, 0.0, 1.0)[:, None] * move
     return np.where(stopped[:, None], short, after), stopped
-
-
-def _rotation_vector(turn: FloatArray) -> FloatArray:
-    """Return the vectors (k, 3) about which rotations (k, 3, 3) turn, as long as the angle."""
-    twice = np.stack(
-        [
-            turn[:, 2, 1] - turn[:, 1, 2],
-            turn[:, 0, 2] - turn[:, 2, 0],
-            turn[:, 1, 0] - turn[:, 0, 1],
-        ],
-        axis=1,
-    )
-    sine = np.linalg.norm(twice, axis=1) / 2
-    cosine = (np.trace(turn, axis1=1, axis2=2) - 1) / 2
-    angle = np.arctan2(sine, cosine)
-    return np.asarray(twice / 2 * (angle / np.maximum(sine, 1e-300))[:, None])

@@ -33,7 +33,7 @@ from scipy.spatial.transform import Rotation
 
 from formulations.robots.chain import LARGEST, Chain, rotation
 from formulations.robots.chain_between import displacement, driven_joint
-from formulations.robots.read_urdf import check_numbers, parse_urdf, xml_root
+from formulations.robots.read_urdf import check_numbers, is_urdf, parse_urdf, xml_root
 from formulations.robots.survival import Kinematics
 from formulations.robots.tree import MOVING, RobotTree
 from nlp.arrays import FloatArray
@@ -331,11 +331,15 @@ def read_clearance(path: str | os.PathLike[str], chain: Chain, least: float) -> 
     FileError
         If geometry is malformed, or a mesh cannot be read.
     InputError
-        If coal is not installed, or there are no two links that could touch.
+        If the file is no URDF, coal is not installed, or there are no two links that could
+        touch.
     """
     _coal()
     path = Path(path)
     content = read_bytes(path)
+    if not is_urdf(content):
+        allowed = "a URDF file: of MJCF only joints are read, and tables have no shapes"
+        raise InputError("clearance", f"of {path}", allowed)
     tree = parse_urdf(content)
     bodies, places = _bodies(tree, chain)
     geometry = _read_geometry(xml_root(content), path)

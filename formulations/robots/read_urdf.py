@@ -88,6 +88,16 @@ def parse_urdf(content: bytes) -> RobotTree:
     return urdf_tree(root)
 
 
+def is_urdf(content: bytes) -> bool:
+    """Whether the text of a file is URDF by its root element."""
+    try:
+        return bool(xml_root(content).tag == "robot")
+    except MissingLibraryError:
+        raise
+    except InputError:
+        return False
+
+
 def urdf_tree(root: _Element) -> RobotTree:
     """Read a robot from the root element of a URDF; InputError if it is wrong."""
     if any("xacro" in str(element.tag) for element in root.iter()):

@@ -19,6 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from formulations.realise.chain import HALF_TURN, rotation_vectors
 from formulations.robots.chain import Chain
 from nlp.arrays import FloatArray
 
@@ -126,6 +127,9 @@ class Kinematics:
         cosine = (product[0, 0] + product[1, 1] + product[2, 2] - 1) / 2
         angle = np.arctan2(sine, cosine)
         vector *= angle / np.maximum(sine, 1e-12) / 2
+        back = np.flatnonzero((sine < HALF_TURN) & (cosine < 0))
+        if back.size:
+            vector[:, back] = rotation_vectors(np.moveaxis(product[..., back], 2, 0)).T
         return np.concatenate([missing, vector])[self.rows]
 
     def reach(

@@ -26,9 +26,11 @@ import numpy.typing as npt
 from formulations import measures
 from formulations.robots.chain import Chain
 from formulations.robots.posture import Search, best_posture
+from formulations.robots.read_urdf import is_urdf
 from formulations.robots.robot_arm import RobotArm
 from nlp.arrays import FloatArray, finite_vector
 from nlp.errors import InputError, LockedJointError, MissingLibraryError
+from nlp.files import read_bytes
 
 if TYPE_CHECKING:
     from viser import ViserServer
@@ -421,6 +423,9 @@ class Page:
     def _add_shapes(self) -> None:
         """Load the shapes of the URDF; a note says if they cannot be drawn."""
         if self.file is None:
+            return
+        if not is_urdf(read_bytes(self.file)):
+            self.notes.append(f"No shapes are drawn: {self.file} is no URDF file")
             return
         import yourdfpy
         from viser.extras import ViserUrdf

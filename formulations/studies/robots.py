@@ -8,7 +8,7 @@ from pathlib import Path
 from formulations.files.table import HIDDEN, column, read_rows
 from formulations.robots.chain_between import chain_between
 from formulations.robots.posture import Posture, Search, best_posture
-from formulations.robots.read_urdf import read_urdf
+from formulations.robots.read_robot import read_robot
 from formulations.robots.robot_arm import RobotArm, Task
 from formulations.robots.robot_assessment import best_7r
 from formulations.studies.study import Effort, Part, Study
@@ -20,6 +20,8 @@ STARTS = 200
 _FOLDERS = {
     "example-robot-data": "cmeel.prefix/share/example-robot-data/robots",
     "rtb-data": "rtbdata/xacro",
+    # Without the libraries that it needs to run: pip install --no-deps robosuite
+    "robosuite": "robosuite/models/assets/robots",
 }
 
 
@@ -32,7 +34,7 @@ class SurveyArm:
     name
         The robot and the part of it that is meant.
     file
-        Its URDF, within the package's folder of robots.
+        Its URDF or MJCF, within the package's folder of robots.
     tip
         The link that the Jacobian is of.
     task
@@ -52,16 +54,17 @@ class SurveyArm:
 
     @property
     def path(self) -> Path:
-        """Where the URDF is; MissingLibraryError if the package is not installed."""
+        """Where the file is; MissingLibraryError if the package is not installed."""
         try:
             found = distribution(self.package).locate_file(_FOLDERS[self.package])
         except PackageNotFoundError:
-            raise MissingLibraryError(self.package) from None
+            package = "--no-deps robosuite" if self.package == "robosuite" else ""
+            raise MissingLibraryError(self.package, package=package) from None
         return Path(str(found)) / self.file
 
     def arm(self) -> RobotArm:
         """Return the arm at the default characteristic length."""
-        chain = chain_between(read_urdf(self.path), self.tip, self.base or None)
+        chain = chain_between(read_robot(self.path), self.tip, self.base or None)
         return RobotArm(chain, Task.parse(self.task))
 
 
@@ -218,5 +221,6 @@ def row_of(one: SurveyArm, found: Posture) -> Row:
 def _worst(row: Row) -> str:
     if row.structural:
         return f"{row.structural}: structural"
-    near = ": near-structural" if row.near_structural else ""
-    return f"{row.worst_case_joint}{near}"
+    if row.near_structural:
+        return f"{row.near_structural}: near-structural"
+    return row.worst_case_joint

@@ -1,15 +1,17 @@
 """What failures leave of the workspaces of some arms, and the best limits, as a study."""
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 
+from formulations import measures
 from formulations.catalogue import arm as arm_of
 from formulations.figures.workspace import draw, draw_orders
 from formulations.files.figure import content, figure_class
 from formulations.files.table import HIDDEN, column
+from formulations.joints.arm import Arm
 from formulations.realise.choice import rank
 from formulations.realise.criteria import CRITERIA, Sampling, kept_ball
 from formulations.realise.family import every, family
@@ -24,19 +26,24 @@ from formulations.solving.trade_off_curve import Point, curve
 from formulations.studies.robots import SurveyArm
 from formulations.studies.study import Effort, Part, Study
 from nlp.arrays import FloatArray
+from nlp.task import generator
 
 #: Artificial limits of the planar 3R arm whose area is known, 0.355811.
 KNOWN: Ranges = tuple((-one, one) for one in np.deg2rad([20.0, 90.0, 90.0]).tolist())
 _AS_GIVEN, _PHYSICAL = "as given", "physical limits"
 _LIMITS, _LENGTHS = "best limits", "best limits and lengths"
+# Arms in space whose link lengths are chosen, too.
+_LENGTHENED = ("UR5",)
 _VOXELS = {"planar": 0.01, "Franka Panda": 0.02, "UR5": 0.03}
 #: Half-width of the artificial limits of all joints of a Jacobian's robots, in radians.
 HALF = np.deg2rad(20.0)
 #: Jacobians of the trade-off curve whose robots are ranked, and random starts of each.
-JACOBIANS, CURVE_STARTS = 2, 5
+JACOBIANS, CURVE_STARTS = 7, 5
+# Random Jacobians, of which the one with the largest worst case is ranked, too.
+_DRAWN = 40
 # Of each Jacobian: orders that are judged with so many points, and of those, with other points.
 _SHORTLIST, _POINTS = 30, 100
-_FINALISTS, _FINAL_POINTS = 3, 1000
+_FINALISTS, FINAL_POINTS = 3, 3000
 # Orders drawn at random, to compare with, and points for each.
 _TYPICAL, _TYPICAL_POINTS = 40, 60
 
@@ -98,7 +105,9 @@ class OrderRow:
     Attributes
     ----------
     statement
-        Whose optimum it is.
+        Whose optimum it is, or `random`.
+    isotropy_defect
+        Of the Jacobian.
     worst_case_sigma
         At the configuration for which it is designed: the same for all its robots.
     kept, error
@@ -106,6 +115,8 @@ class OrderRow:
         errors.
     middle, least
         What the median of a random sample of orders keeps, and the least of them.
+    front
+        Whether no other Jacobian of the table has a larger worst case and keeps as much.
     order
         Columns from base to tip.
     jacobian
@@ -113,11 +124,13 @@ class OrderRow:
     """
 
     statement: str
+    isotropy_defect: float = field(metadata=column("isotropy defect", ".4f"))
     worst_case_sigma: float = field(metadata=column("worst case here", ".5f"))
     kept: float = field(metadata=column("best order keeps", ".3f"))
     error: float = field(metadata=column("error", ".2g"))
     middle: float = field(metadata=column("median of 40 orders", ".2f"))
     least: float = field(metadata=column("least of 40", ".2f"))
+    front: str = field(metadata=column("not dominated"))
     order: str = field(metadata=column("best order, base to tip"))
     jacobian: Mapping[str, list[float]] = field(metadata=HIDDEN)
 
@@ -131,15 +144,16 @@ def study() -> Study:
         template="workspaces.md.j2",
         tables={"workspaces": Row, "orders": OrderRow},
         command="lockedjoint report --only workspaces --out results",
-        takes="ten minutes, matplotlib and packages of robots",
+        takes="a quarter of an hour, matplotlib and packages of robots",
         compute=_compute,
         settings={
             "coarse": CRITERIA["kept"].coarse,
             "shortlist": _SHORTLIST,
             "points": _POINTS,
             "finalists": _FINALISTS,
-            "final_points": _FINAL_POINTS,
+            "final_points": FINAL_POINTS,
             "ball": 4 * HALF,
+            "drawn": _DRAWN,
         },
         long=True,
         check=_check,
@@ -184,10 +198,22 @@ def _compute(effort: Effort, _: Path) -> Iterator[Part]:
         effort.progress(f"{one.name}, {_PHYSICAL}")
         found = found_workspace(arm, arm.physical, voxel, progress=effort.progress)
         yield _part(one.name, _PHYSICAL, found)
-        arm, limits = best_limits(
+        limits = best_limits(
             arm, voxel, starts=starts, seed=effort.seed, progress=effort.progress
-        )
+        )[1]
         yield _part(one.name, _LIMITS, measured(found.sets, limits, effort.progress))
+        if one.name not in _LENGTHENED:
+            continue
+        effort.progress(f"{one.name}, {_LENGTHS}")
+        arm, limits = best_limits(
+            *(arm, voxel),
+            lengths=True,
+            starts=starts,
+            seed=effort.seed,
+            progress=effort.progress,
+        )
+        found = found_workspace(arm, limits, voxel, progress=effort.progress)
+        yield _part(one.name, _LENGTHS, found)
     yield from _orders(effort)
 
 
@@ -196,13 +222,39 @@ def _orders(effort: Effort) -> Iterator[Part]:
     seven = arm_of("unit-revolute", 7)
     starts = effort.starts or CURVE_STARTS
     points = curve(seven, JACOBIANS, starts, effort.seed, effort.progress)
-    rows, spread = [], []
-    for point in points:
+    rows: list[OrderRow] = []
+    spread = []
+    for point in (drawn(seven, effort.seed), *points):
+        effort.progress(f"orders of {point.statement}, σ = {point.worst_case_sigma:.4f}")
         row, typical = ranked(point, effort)
         rows.append(row)
         spread.append(typical)
         yield Part(rows=[row])
-    yield Part(files={"orders.svg": content(draw_orders(rows, spread), "svg")})
+    rows = [replace(row, front="yes" if not_dominated(row, rows) else "no") for row in rows]
+    yield Part(
+        rows=rows,
+        files={"orders.svg": content(draw_orders(rows, spread), "svg")},
+        replaces=len(rows),
+    )
+
+
+def drawn(arm: Arm, seed: int, count: int = _DRAWN) -> Point:
+    """Return the random Jacobian with the largest worst case, of so many."""
+    jacobians = [arm.jacobian(arm.sample(generator(seed, k))) for k in range(count)]
+    best = max(jacobians, key=measures.worst_case_sigma)
+    defect, sigma = measures.isotropy_defect(best), measures.worst_case_sigma(best)
+    return Point("random", float("inf"), float(defect), float(sigma), best)
+
+
+def not_dominated(row: OrderRow, rows: Sequence[OrderRow]) -> bool:
+    """Whether no other Jacobian has a larger worst case here and keeps as much elsewhere.
+
+    By the values as they were found: what two Jacobians keep may differ by less than its error.
+    """
+    return not any(
+        other.worst_case_sigma > row.worst_case_sigma and other.kept >= row.kept
+        for other in rows
+    )
 
 
 def ranked(point: Point, effort: Effort) -> tuple[OrderRow, FloatArray]:
@@ -212,20 +264,22 @@ def ranked(point: Point, effort: Effort) -> tuple[OrderRow, FloatArray]:
     found = rank(arm, kept.name, first, _SHORTLIST, effort.progress)
     finalists = found.arrangements[:_FINALISTS]
     # Other points than those by which they were chosen, or the largest would be too large.
-    final = Sampling(effort.seed + 1, _FINAL_POINTS, HALF)
+    final = Sampling(effort.seed + 1, FINAL_POINTS, HALF)
     values = kept.evaluate(family(arm, finalists), final)
     best = int(np.argmax(values))
     ball = kept_ball(first, family(arm, finalists[[best]]))
     share = values[best] / ball
-    guarded = (share * _FINAL_POINTS + 1) / (_FINAL_POINTS + 2)
+    guarded = (share * FINAL_POINTS + 1) / (FINAL_POINTS + 2)
     typical = typical_values(point, effort)
     row = OrderRow(
         statement=point.statement,
+        isotropy_defect=point.isotropy_defect,
         worst_case_sigma=point.worst_case_sigma,
         kept=float(values[best]),
-        error=2 * ball * float(np.sqrt(guarded * (1 - guarded) / _FINAL_POINTS)),
+        error=2 * ball * float(np.sqrt(guarded * (1 - guarded) / FINAL_POINTS)),
         middle=float(np.median(typical)),
         least=float(np.min(typical)),
+        front="",
         order=" ".join(map(str, finalists.orders[best].tolist())),
         jacobian={str(k): one for k, one in enumerate(point.jacobian.tolist())},
     )

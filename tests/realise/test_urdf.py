@@ -150,3 +150,89 @@ def test_what_slides_apart_stays_the_same_robot():
     text = urdf(slide_apart(arm))
     matrix, _ = pinocchio_jacobian(text, np.zeros(4))
     np.testing.assert_allclose(matrix[:2], arm.jacobian(), atol=1e-12)
+
+
+# Across every axis of the planar arms, too.
+GRAVITY = (3.0, -5.0, -8.0)
+
+
+def solids(arm):
+    """How many bodies each link collides with."""
+    links = ElementTree.fromstring(urdf(arm)).findall("link")
+    return {one.get("name"): len(one.findall("collision")) for one in links}
+
+
+@pytest.mark.long
+def test_pybullet_loads_and_steps_every_arm(arm, tmp_path):
+    """The same poses and masses, and a fifth of a second under gravity."""
+    bullet = pytest.importorskip("pybullet", reason="the extra simulators")
+    path = tmp_path / "arm.urdf"
+    path.write_text(urdf(arm), encoding="utf-8")
+    world = bullet.connect(bullet.DIRECT)
+    try:
+        flags = bullet.URDF_USE_INERTIA_FROM_FILE
+        robot = bullet.loadURDF(str(path), useFixedBase=True, flags=flags)
+        infos = [bullet.getJointInfo(robot, k) for k in range(bullet.getNumJoints(robot))]
+        moving = [one[0] for one in infos if one[2] != bullet.JOINT_FIXED]
+        assert len(moving) == arm.joints
+        for k, found in enumerate(moving):
+            assert len(bullet.getCollisionShapeData(robot, found)) == solids(arm)[f"link{k}"]
+        for q in displacements(arm):
+            for joint, value in zip(moving, q.tolist(), strict=True):
+                bullet.resetJointState(robot, joint, value)
+            state = bullet.getLinkState(robot, infos[-1][0], computeForwardKinematics=True)
+            np.testing.assert_allclose(state[4], arm.pose(q)[:3, 3], atol=1e-6)
+            mass = np.array(bullet.calculateMassMatrix(robot, q.tolist()))
+            wanted = mass_matrix(urdf(arm), q)
+            slack = 1e-5 * np.abs(wanted).max()
+            np.testing.assert_allclose(mass, wanted, rtol=1e-4, atol=slack)
+        for joint in moving:
+            bullet.resetJointState(robot, joint, 0.0)
+        bullet.setGravity(*GRAVITY)
+        for _ in range(48):
+            bullet.stepSimulation()
+        states = np.array([one[:2] for one in bullet.getJointStates(robot, moving)])
+        assert np.all(np.isfinite(states))
+        assert np.any(states)
+    finally:
+        bullet.disconnect(world)
+
+
+@pytest.mark.long
+def test_drake_loads_and_steps_every_arm(arm):
+    """The same Jacobian and masses, and a fifth of a second under gravity."""
+    pytest.importorskip("pydrake", reason="the extra simulators")
+    from pydrake.multibody.parsing import Parser
+    from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
+    from pydrake.multibody.tree import JacobianWrtVariable
+    from pydrake.systems.analysis import Simulator
+    from pydrake.systems.framework import DiagramBuilder
+
+    builder = DiagramBuilder()
+    plant, _ = AddMultibodyPlantSceneGraph(builder, time_step=1e-3)
+    plant.mutable_gravity_field().set_gravity_vector(np.array(GRAVITY))
+    Parser(plant).AddModelsFromString(urdf(arm), "urdf")
+    ground, tip = plant.world_frame(), plant.GetFrameByName("tip")
+    plant.WeldFrames(ground, plant.GetFrameByName("base"))
+    plant.Finalize()
+    diagram = builder.Build()
+    for name, count in solids(arm).items():
+        assert len(plant.GetCollisionGeometriesForBody(plant.GetBodyByName(name))) == count
+    context = diagram.CreateDefaultContext()
+    own = plant.GetMyMutableContextFromRoot(context)
+    for q in displacements(arm):
+        plant.SetPositions(own, q)
+        found = plant.CalcJacobianSpatialVelocity(
+            own, JacobianWrtVariable.kQDot, tip, np.zeros(3), ground, ground
+        )
+        np.testing.assert_allclose(
+            np.vstack([found[3:], found[:3]]), arm.full_jacobian(q), atol=1e-9
+        )
+        wanted = mass_matrix(urdf(arm), q)
+        np.testing.assert_allclose(plant.CalcMassMatrix(own), wanted, rtol=1e-6, atol=1e-9)
+    plant.SetPositions(own, np.zeros(arm.joints))
+    simulator = Simulator(diagram, context)
+    simulator.AdvanceTo(0.2)
+    state = plant.GetPositionsAndVelocities(own)
+    assert np.all(np.isfinite(state))
+    assert np.any(state)

@@ -2,9 +2,11 @@
 
 from types import SimpleNamespace
 
+import pinocchio as pin
 import pytest
 
 from formulations.robots.read_urdf import parse_urdf
+from nlp.errors import MissingLibraryError
 
 
 def joint(
@@ -70,3 +72,20 @@ def made():
     """What makes robots."""
     makers = (joint, urdf, serial, spherical_shoulder_and_wrist, offset_arm, tree)
     return SimpleNamespace(**{maker.__name__: maker for maker in makers}, AXES=AXES)
+
+
+@pytest.fixture(scope="session")
+def model_of():
+    """Arms of the survey by pinocchio; skips those whose package the tests do not need."""
+
+    def model(declared):
+        try:
+            path = str(declared.path)
+        except MissingLibraryError as missing:
+            if declared.package != "robosuite":
+                raise
+            pytest.skip(str(missing))
+        mjcf = path.endswith(".xml")
+        return pin.buildModelFromMJCF(path) if mjcf else pin.buildModelFromUrdf(path)
+
+    return model

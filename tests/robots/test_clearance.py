@@ -147,6 +147,49 @@ def test_links_are_where_pinocchio_has_them():
         assert np.min(found.distances(point[:, None])) <= max(ours.distance, 0) + 1e-9
 
 
+def test_shapes_that_are_turned_and_shifted_are_where_pinocchio_has_them(made, tmp_path):
+    """Through joints that turn, slide and stay, each with an origin of its own."""
+    turns = ("0.4 0.7 0.2", "-0.3 1.1 0.5", "0.9 -0.6 2.0", "0.2 0.3 -1.4", "-1.0 0.4 0.6")
+    kinds = ("revolute", "prismatic", "fixed", "revolute", "revolute")
+    joints = [
+        made.joint(f"j{k}", f"l{k}", f"l{k + 1}", kind, "0.1 -0.2 0.3", turn, "0.6 0 0.8")
+        for k, (kind, turn) in enumerate(zip(kinds, turns, strict=True))
+    ]
+    text, rng = made.urdf(joints), np.random.default_rng(2)
+    inertia = '<mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/>'
+    solids = ('<box size="0.1 0.02 0.05"/>', '<cylinder radius="0.02" length="0.1"/>')
+    for k in range(6):
+        shapes = ""
+        for solid in solids:
+            x, y, z, roll, pitch, yaw = rng.uniform(-1, 1, 6)
+            shapes += f'<collision><origin xyz="{x} {y} {z}" rpy="{roll} {pitch} {yaw}"/>'
+            shapes += f"<geometry>{solid}</geometry></collision>"
+        text = text.replace(
+            f'<link name="l{k}"/>',
+            f'<link name="l{k}"><inertial>{inertia}</inertial>{shapes}</link>',
+        )
+    path = tmp_path / "turned.urdf"
+    path.write_text(text)
+    chain = chain_between(read_urdf(path), "l5")
+    found = read_clearance(path, chain, 0.001)
+    model = pin.buildModelFromUrdf(str(path))
+    geometry = pin.buildGeomFromUrdf(model, str(path), pin.GeometryType.COLLISION)
+    data, places = model.createData(), geometry.createData()
+    for q in rng.uniform(-1, 1, (5, 4)):
+        assert list(model.names)[1:] == list(chain.names)
+        pin.updateGeometryPlacements(model, data, geometry, places, q)
+        theirs = {}
+        for one, place in zip(geometry.geometryObjects, places.oMg, strict=True):
+            theirs.setdefault(one.name[:2], []).append(place.homogeneous)
+        bodies, origins = found._frames(q[:, None])
+        assert len(found.links) == 6
+        for link in found.links:
+            body = np.eye(4)
+            body[:3, :3], body[:3, 3] = bodies[link.body][..., 0], origins[link.body][:, 0]
+            ours = [body @ link.pose @ shape.pose for shape in link.shapes]
+            np.testing.assert_allclose(ours, theirs[link.name], atol=1e-12)
+
+
 def test_what_is_stated_is_what_is_measured():
     _, arm, found = panda()
     q = ca.SX.sym("q", 7)

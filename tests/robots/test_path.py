@@ -56,6 +56,38 @@ def line(arm, reach=0.15, count=12):
     return kinematics, Poses(positions, np.repeat(turn[..., 0][None], count, 0))
 
 
+def test_the_missing_rotation_up_to_half_a_turn(arm):
+    kinematics, rng = Kinematics(arm.chain), np.random.default_rng(3)
+    count = 400
+    present = Rotation.random(count, random_state=4)
+    axes = rng.normal(size=(count, 3))
+    axes /= np.linalg.norm(axes, axis=1)[:, None]
+    axes[:3] = np.eye(3)
+    angles = rng.uniform(0, np.pi, count)
+    angles[:100] = np.pi
+    angles[100:200] = np.pi - 10.0 ** rng.uniform(-16, -1, 100)
+    wanted = Rotation.from_rotvec(angles[:, None] * axes) * present
+    turns = [np.moveaxis(one.as_matrix(), 0, 2) for one in (present, wanted)]
+    still = np.zeros((3, count))
+    vectors = kinematics.error(still, turns[0], still, turns[1])[3:].T
+    np.testing.assert_allclose(
+        np.linalg.norm(vectors, axis=1), (wanted * present.inv()).magnitude(), atol=1e-12
+    )
+    # The rotation of the vector, from where the tool is, gives what is wanted.
+    left = (Rotation.from_rotvec(vectors) * present * wanted.inv()).magnitude()
+    assert left.max() < 1e-12
+
+
+def test_half_a_turn_off_is_not_there(arm):
+    kinematics = Kinematics(arm.chain)
+    q = arm.chain.mid_range[:, None] + 0.4
+    origin, turn, _ = kinematics.forward(q)
+    for axis in np.eye(3):
+        back = np.einsum("ij,jkb->ikb", Rotation.from_rotvec(np.pi * axis).as_matrix(), turn)
+        assert kinematics.reach(q, origin, turn, iterations=0)[1].all()
+        assert not kinematics.reach(q, origin, back, iterations=0)[1].any()
+
+
 def tool_path(poses):
     quaternions = Rotation.from_matrix(poses.rotations[[0, -1]]).as_quat()
     return ToolPath(poses.positions[[0, -1]], quaternions)

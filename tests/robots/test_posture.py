@@ -32,9 +32,8 @@ def tiago():
     return best_posture(real("TIAGo,").arm(), Search(starts=8))
 
 
-def by_pinocchio(declared, configuration):
+def by_pinocchio(model, declared, configuration):
     """From a posture by name to ℓ and σ without any of our kinematics, scaling or measures."""
-    model = pin.buildModelFromUrdf(str(declared.path))
     q, places, slides = pin.neutral(model), [], []
     for name, value in configuration.items():
         joint = model.joints[model.getJointId(name)]
@@ -57,23 +56,24 @@ def by_pinocchio(declared, configuration):
     return length, min(left)
 
 
-def test_the_worst_case_by_pinocchio_alone():
-    found = tiago().assessment
-    length, sigma = by_pinocchio(real("TIAGo,"), found.configuration)
+def test_the_worst_case_by_pinocchio_alone(model_of):
+    found, declared = tiago().assessment, real("TIAGo,")
+    length, sigma = by_pinocchio(model_of(declared), declared, found.configuration)
     assert length == pytest.approx(found.characteristic_length)
     assert sigma == pytest.approx(found.worst_case_sigma, abs=1e-9)
 
 
 @pytest.mark.parametrize("declared", ARMS, ids=lambda one: f"{one.name}, {one.task}")
-def test_the_postures_on_record_by_pinocchio_alone(declared):
+def test_the_postures_on_record_by_pinocchio_alone(declared, model_of):
     """Every row of results/robots is as good as it says, within the limits."""
+    model = model_of(declared)
     recorded = json.loads((RESULTS / "postures.json").read_text())
     (found,) = (
         one
         for one in recorded
         if (one["arm"], one["variant"]) == (declared.name, declared.task)
     )
-    length, sigma = by_pinocchio(declared, found["configuration"])
+    length, sigma = by_pinocchio(model, declared, found["configuration"])
     assert length == pytest.approx(found["characteristic_length"])
     assert sigma == pytest.approx(found["worst_case_sigma"], abs=1e-9)
     declared.arm().chain.within_limits(list(found["configuration"].values()))

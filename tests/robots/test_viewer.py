@@ -224,6 +224,19 @@ def test_what_cannot_be_drawn_is_a_note_and_lines_are(text, tmp_path, scale):
         shown.close()
 
 
+def test_of_mjcf_no_shapes_are_drawn_and_the_arm_is(tmp_path):
+    body = '<body pos="0 0 1"><joint axis="1 0 0"/><geom size=".1"/>'
+    path = tmp_path / "arm.xml"
+    path.write_text(f"<mujoco><worldbody>{body * 3}{'</body>' * 3}</worldbody></mujoco>")
+    arm = RobotArm.read(path, task="vy,vz")
+    shown = Page(arm, lambda _: arm, path, np.full(3, 0.5), Address(port=0).free(), Search())
+    try:
+        assert shown.notes == [f"No shapes are drawn: {path} is no URDF file"]
+        assert len(shown.draw().origins) == 3
+    finally:
+        shown.close()
+
+
 # The command ---------------------------------------------------------------------------------
 
 
