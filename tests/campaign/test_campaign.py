@@ -106,7 +106,14 @@ def folder(tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("how", ["SIGKILL", "SIGINT", "SIGTERM"])
+@pytest.mark.parametrize(
+    "how",
+    [
+        "SIGKILL",
+        pytest.param("SIGINT", marks=pytest.mark.long),
+        pytest.param("SIGTERM", marks=pytest.mark.long),
+    ],
+)
 def test_interrupted_and_run_again_it_equals_the_uninterrupted(
     launch, finish, folder, whole, how
 ):

@@ -13,9 +13,10 @@ from formulations.files.provenance import read_header
 
 @pytest.fixture
 def report(lockedjoint):
-    return partial(lockedjoint, "report")
+    return partial(lockedjoint.here, "report")
 
 
+@pytest.mark.long
 def test_one_study(report, tmp_path):
     kept = tmp_path / "out" / "robots"
     kept.mkdir(parents=True)
