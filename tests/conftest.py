@@ -2,7 +2,8 @@
 
 The tests run on all cores, by pytest-xdist with ``--dist loadfile``: tests of one file stay on
 one worker, so that the fixtures of a file are made once. Tests that kill or time processes are
-marked ``processes``: no two of them run at the same time.
+marked ``processes``: no two of them run at the same time. Files in which all are marked share
+one worker, since two workers would wait for one another.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ from __future__ import annotations
 import os
 import pickle
 import random
+import re
 import signal
 import subprocess
 import sys
@@ -46,6 +48,28 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
     seed = zlib.crc32(f"{item.path.relative_to(ROOT).as_posix()}::{item.name}".encode())
     random.seed(seed)
     np.random.seed(seed)
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
+    """Give all files in which every test is marked ``processes`` to one worker."""
+    if config.getoption("dist") != "loadfile":
+        return None
+    from xdist.scheduler import LoadFileScheduling
+
+    class Scheduling(LoadFileScheduling):
+        def _split_scope(self, nodeid: str) -> str:
+            file = super()._split_scope(nodeid)
+            return "processes" if _marks_all(file) else file
+
+    return Scheduling(config, log)
+
+
+@cache
+def _marks_all(file: str) -> bool:
+    """Whether a file of tests marks every one of them ``processes``."""
+    text = (ROOT / file).read_text("utf-8")
+    return re.search(r"^pytestmark = [^=]*mark\.processes", text, re.MULTILINE) is not None
 
 
 @pytest.fixture(scope="session")
