@@ -230,7 +230,6 @@ def test_a_search_goes_on_where_it_stopped():
     assert list(improve(asked, second, 1.0)) == []
 
 
-@pytest.mark.long
 def test_commands(lockedjoint, tmp_path):
     listed = lockedjoint.here("atlas", "--model", "unit-revolute", "--json", cwd=tmp_path)
     rows = json.loads(listed.stdout)

@@ -16,7 +16,6 @@ def report(lockedjoint):
     return partial(lockedjoint.here, "report")
 
 
-@pytest.mark.long
 def test_one_study(report, tmp_path):
     kept = tmp_path / "out" / "robots"
     kept.mkdir(parents=True)
