@@ -2,7 +2,8 @@
 
 The tests run on all cores, by pytest-xdist with ``--dist loadfile``: tests of one file stay on
 one worker, so that the fixtures of a file are made once. Tests that kill or time processes are
-marked ``processes``: no two of them run at the same time.
+marked ``processes``: no two of them run at the same time. Files in which all are marked share
+one worker, since two workers would wait for one another.
 """
 
 from __future__ import annotations
@@ -10,14 +11,18 @@ from __future__ import annotations
 import os
 import pickle
 import random
+import re
 import signal
 import subprocess
 import sys
 import zlib
 from collections.abc import Callable, Iterator
-from contextlib import nullcontext
+from contextlib import chdir, contextmanager, nullcontext, redirect_stderr, redirect_stdout
+from functools import cache
 from pathlib import Path
+from tempfile import TemporaryFile
 from typing import Any
+from unittest.mock import patch
 
 import pytest
 from filelock import FileLock
@@ -43,6 +48,28 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
     seed = zlib.crc32(f"{item.path.relative_to(ROOT).as_posix()}::{item.name}".encode())
     random.seed(seed)
     np.random.seed(seed)
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
+    """Give all files in which every test is marked ``processes`` to one worker."""
+    if config.getoption("dist") != "loadfile":
+        return None
+    from xdist.scheduler import LoadFileScheduling
+
+    class Scheduling(LoadFileScheduling):
+        def _split_scope(self, nodeid: str) -> str:
+            file = super()._split_scope(nodeid)
+            return "processes" if _marks_all(file) else file
+
+    return Scheduling(config, log)
+
+
+@cache
+def _marks_all(file: str) -> bool:
+    """Whether a file of tests marks every one of them ``processes``."""
+    text = (ROOT / file).read_text("utf-8")
+    return re.search(r"^pytestmark = [^=]*mark\.processes", text, re.MULTILINE) is not None
 
 
 @pytest.fixture(scope="session")
@@ -74,8 +101,58 @@ def once(common: Path) -> Callable[[str, Callable[[], Any]], Any]:
     return result
 
 
+@contextmanager
+def _written_to(descriptor: int, target: int) -> Iterator[None]:
+    """Let all of this process write to another file than to this descriptor."""
+    kept = os.dup(descriptor)
+    os.dup2(target, descriptor)
+    try:
+        yield
+    finally:
+        os.dup2(kept, descriptor)
+        os.close(kept)
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _commands_are_built_once() -> Iterator[None]:
+    """Typer reads the signatures of all commands at each run, here more than a thousand times.
+
+    A process of its own does it once, as this does.
+    """
+    import typer.main
+
+    with patch.object(typer.main, "get_command", cache(typer.main.get_command)):
+        yield
+
+
 class CommandLine:
-    """The command line of this tree, in processes of its own."""
+    """The command line of this tree, in processes of its own or, with `here`, in this one."""
+
+    def here(
+        self, *arguments: object, cwd: Path, env: dict[str, str] | None = None
+    ) -> subprocess.CompletedProcess[str]:
+        """Run a command to its end in this process, which saves the second of the imports.
+
+        For tests of what a command does, reads, says and writes. What is printed is caught at
+        the file descriptors, where compiled libraries print too.
+        """
+        from formulations.__main__ import main  # not earlier: this file sets the threads
+
+        words = ["lockedjoint", *map(str, arguments)]
+        with TemporaryFile("w+") as out, TemporaryFile("w+") as err:
+            with (
+                _written_to(1, out.fileno()),
+                _written_to(2, err.fileno()),
+                redirect_stdout(out),
+                redirect_stderr(err),
+                chdir(cwd),
+                patch.object(sys, "argv", words),
+                patch.dict(os.environ, {"NO_COLOR": "1", **(env or {})}),
+                pytest.raises(SystemExit) as ended,
+            ):
+                main()
+            said = [(file.flush(), file.seek(0), file.read())[-1] for file in (out, err)]
+        return subprocess.CompletedProcess(words, ended.value.code or 0, *said)
 
     def __call__(
         self, *arguments: object, cwd: Path, **keywords: Any

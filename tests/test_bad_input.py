@@ -1147,6 +1147,7 @@ def test_no_reader_takes_bytes_that_are_no_text(name, place, junk, folder):
     refused(tuple(READERS[name][0].replace("*", file.name).split()), folder)
 
 
+@pytest.mark.long
 @pytest.mark.processes
 def test_memory_is_bounded(folder):
     """What would take most memory, in one process that has 4 GB of addresses."""

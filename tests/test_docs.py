@@ -31,7 +31,7 @@ COMMANDS = typer.main.get_command(app).commands
 # The cluster's page, which starts two Dask workers, and that of the certificate, which takes
 # longest, run when the site is built.
 RUN = [
-    DOCS / "start.md",
+    pytest.param(DOCS / "start.md", marks=pytest.mark.long),
     DOCS / "howto" / "add_a_column_model.md",
     DOCS / "howto" / "add_a_formulation.md",
     DOCS / "howto" / "choose_a_solver.md",
@@ -174,7 +174,9 @@ def test_the_curated_reference_is_true(entry):
 
 
 def test_a_notebook_of_every_page_with_code(monkeypatch):
-    pytest.importorskip("myst_nb", reason="notebooks are made with the extra docs")
+    pytest.importorskip(
+        "myst_nb", reason='the notebooks of the site need: pip install ".[docs]"'
+    )
     monkeypatch.syspath_prepend(str(DOCS / "_extensions"))
     notebook = import_module("notebooks").notebook
     for page in PAGES:

@@ -55,9 +55,11 @@ def test_a_start_that_did_not_converge_is_not_the_best():
 
 def test_the_command_says_so(lockedjoint, tmp_path):
     options = ("--starts", "2", "--workers", "1", "--ipopt", "max_iter=3")
-    text = lockedjoint("solve", "max-min", *options, cwd=tmp_path).stdout
+    text = lockedjoint.here("solve", "max-min", *options, cwd=tmp_path).stdout
     assert "verdict" in text
     assert "not solved; least violation" in text
-    found = json.loads(lockedjoint("solve", "max-min", *options, "--json", cwd=tmp_path).stdout)
+    found = json.loads(
+        lockedjoint.here("solve", "max-min", *options, "--json", cwd=tmp_path).stdout
+    )
     assert found["verdict"] == "not solved"
     assert found["reached_best"] == 0

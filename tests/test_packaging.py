@@ -83,6 +83,7 @@ def test_the_sdist_holds_sources_tests_documents_and_results(built):
     assert expected <= names
 
 
+@pytest.mark.long
 def test_the_wheel_works_in_an_environment_of_its_own(built, tmp_path):
     """Dependencies are this environment's; `.ci/run` installs the wheel with all of its own."""
     _, wheel = built

@@ -107,7 +107,7 @@ def test_zero_where_isotropic_jacobians_exist(one):
 
 def test_the_minimum_is_one_to_an_independent_optimiser():
     """SciPy's trust-region least squares on residuals from `measures` alone agrees."""
-    optimize = pytest.importorskip("scipy.optimize")
+    optimize = pytest.importorskip("scipy.optimize", reason="SciPy is missing: pip install .")
     rows = [(i, j, np.sqrt(0.5) if i == j else 1.0) for i, j in pairs(6)]
 
     def weighted(point):

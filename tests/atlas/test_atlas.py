@@ -230,14 +230,13 @@ def test_a_search_goes_on_where_it_stopped():
     assert list(improve(asked, second, 1.0)) == []
 
 
-@pytest.mark.long
 def test_commands(lockedjoint, tmp_path):
-    listed = lockedjoint("atlas", "--model", "unit-revolute", "--json", cwd=tmp_path)
+    listed = lockedjoint.here("atlas", "--model", "unit-revolute", "--json", cwd=tmp_path)
     rows = json.loads(listed.stdout)
     assert {row["model"] for row in rows} == {"unit-revolute"}
     page = page_of(entry("unit-revolute_6x7_k1"))
     np.save(tmp_path / "j.npy", page.jacobian[:, ::-1])
-    done = lockedjoint("atlas", "submit", "j.npy", "--out", "mine", "--json", cwd=tmp_path)
+    done = lockedjoint.here("atlas", "submit", "j.npy", "--out", "mine", "--json", cwd=tmp_path)
     found = json.loads(done.stdout)
     assert (found["entry"], found["improvement"]) == (page.entry.name, False)
     assert list((tmp_path / "mine").iterdir()) == []
@@ -245,13 +244,15 @@ def test_commands(lockedjoint, tmp_path):
     worse = improved(page.entry, drawn("unit-revolute", 3)[1], Found("me", "2026-01-01"), None)
     write_page(worse, tmp_path / "old")
     proposal = ("atlas", "submit", "j.npy", "--entries", "old", "--out", "mine", "--by", "you")
-    assert lockedjoint(*proposal, cwd=tmp_path).returncode == 0
+    assert lockedjoint.here(*proposal, cwd=tmp_path).returncode == 0
     written = read_page(Path(tmp_path) / "mine" / f"{page.entry.name}.json")
     assert written.found.by == "you"
     assert float(written.value) == pytest.approx(float(page.value), abs=1e-14)
-    assert lockedjoint("atlas", "verify", "--entries", "mine", cwd=tmp_path).returncode == 0
+    assert (
+        lockedjoint.here("atlas", "verify", "--entries", "mine", cwd=tmp_path).returncode == 0
+    )
     false = replace(written, value="0.9")
     write_page(false, tmp_path / "mine")
-    verified = lockedjoint("atlas", "verify", "--entries", "mine", cwd=tmp_path)
+    verified = lockedjoint.here("atlas", "verify", "--entries", "mine", cwd=tmp_path)
     assert verified.returncode == 1
     assert "is not proved" in verified.stdout

@@ -106,7 +106,14 @@ def folder(tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("how", ["SIGKILL", "SIGINT", "SIGTERM"])
+@pytest.mark.parametrize(
+    "how",
+    [
+        "SIGKILL",
+        pytest.param("SIGINT", marks=pytest.mark.long),
+        pytest.param("SIGTERM", marks=pytest.mark.long),
+    ],
+)
 def test_interrupted_and_run_again_it_equals_the_uninterrupted(
     launch, finish, folder, whole, how
 ):
@@ -140,6 +147,7 @@ def test_a_worker_killed_mid_run_costs_nothing(launch, folder, whole):
     assert records(folder / "study.db") == whole
 
 
+@pytest.mark.long
 def test_a_full_disk_stops_in_one_sentence_and_loses_nothing(
     lockedjoint, finish, folder, whole
 ):
@@ -167,10 +175,13 @@ def test_a_full_disk_stops_in_one_sentence_and_loses_nothing(
     assert records(folder / "study.db") == whole
 
 
+@pytest.mark.long
 @pytest.mark.filterwarnings("ignore:Port .* is already in use:UserWarning")
 @pytest.mark.filterwarnings("ignore::ResourceWarning")
 def test_dask_gives_the_same_records(launch, folder, whole):
-    distributed = pytest.importorskip("distributed")
+    distributed = pytest.importorskip(
+        "distributed", reason='Dask is missing: pip install ".[cluster]"'
+    )
     with distributed.LocalCluster(
         n_workers=2, threads_per_worker=1, dashboard_address=None, silence_logs=50
     ) as cluster:

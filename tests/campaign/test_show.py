@@ -211,7 +211,7 @@ def test_refuses_what_is_not_there(path, arguments, said):
 
 
 def test_a_store_that_is_missing_is_not_made(lockedjoint, tmp_path):
-    done = lockedjoint("show", tmp_path / "none.db", cwd=tmp_path)
+    done = lockedjoint.here("show", tmp_path / "none.db", cwd=tmp_path)
     assert done.returncode == 2
     assert done.stderr.startswith("Error: store is")
     assert list(tmp_path.iterdir()) == []

@@ -1,4 +1,8 @@
-"""The command line as a stranger meets it: real processes, real exit statuses."""
+"""The command line as a stranger meets it.
+
+In processes of its own at least once for each kind of work; what else a command says and writes
+is tested in the process of the tests: `lockedjoint.here`.
+"""
 
 import csv
 import json
@@ -45,7 +49,7 @@ def test_help_names_every_command_and_option(lockedjoint, tmp_path):
         *("figure", "report", "path", "workspace", "view"),
     ):
         assert command in page.stdout
-        one = lockedjoint(command, "--help", cwd=tmp_path)
+        one = lockedjoint.here(command, "--help", cwd=tmp_path)
         assert one.returncode == 0
         assert "--json" in one.stdout
 
@@ -92,13 +96,13 @@ def test_compare_prints_and_writes(lockedjoint, tmp_path):
     assert "0.7071068" in done.stdout
     names = sorted(p.name for p in (tmp_path / "here").iterdir())
     assert names == ["comparison.csv", "comparison.md", "jacobians.json"]
-    measured = lockedjoint("measure", "here/jacobians.json", "--json", cwd=tmp_path)
+    measured = lockedjoint.here("measure", "here/jacobians.json", "--json", cwd=tmp_path)
     for one in json.loads(measured.stdout):
         assert one["optimally_failure_tolerant"] is (one["name"] != "residual free-mean")
 
 
 def test_compare_as_json(lockedjoint, tmp_path):
-    done = lockedjoint("compare", *PLANAR, "--json", cwd=tmp_path)
+    done = lockedjoint.here("compare", *PLANAR, "--json", cwd=tmp_path)
     found = json.loads(done.stdout)
     assert found["complete"] is True
     assert {row["formulation"] for row in found["rows"]} == {"residual", "max-min", "isotropy"}
@@ -112,19 +116,21 @@ def test_solve_writes_what_measure_reads(lockedjoint, tmp_path):
     assert done.returncode == 0, done.stderr
     solved = json.loads(done.stdout)
     assert solved["worst_case_sigma"] == pytest.approx(0.571482968, abs=1e-7)
-    measured = json.loads(lockedjoint("measure", "best.json", "--json", cwd=tmp_path).stdout)
+    measured = json.loads(
+        lockedjoint.here("measure", "best.json", "--json", cwd=tmp_path).stdout
+    )
     assert measured["worst_case_sigma"] == solved["worst_case_sigma"]
 
 
 def test_solve_says_infeasible_in_words(lockedjoint, tmp_path):
-    done = lockedjoint("solve", "isotropy", "--starts", 2, cwd=tmp_path)
+    done = lockedjoint.here("solve", "isotropy", "--starts", 2, cwd=tmp_path)
     assert done.returncode == 0
     assert "proved infeasible" in done.stdout
     assert "Infeasible_Problem_Detected 2" in done.stdout
 
 
 def test_solve_takes_ipopt_s_options(lockedjoint, tmp_path):
-    done = lockedjoint(
+    done = lockedjoint.here(
         "solve", "residual", "--starts", 1, "--ipopt", "max_iter=1", "--json", cwd=tmp_path
     )
     assert json.loads(done.stdout)["status_counts"] == {"Maximum_Iterations_Exceeded": 1}
@@ -146,7 +152,7 @@ def test_measure_and_solve_with_unequal_failures(lockedjoint, tmp_path):
     likely = ("--failure-probabilities", "0.1,0.2,0.1,0.1", "--never-fails", "3")
     solved = {}
     for objective in ("worst", "expected"):
-        done = lockedjoint(
+        done = lockedjoint.here(
             *("solve", "max-min", *arm, *likely, "--goal", objective, "--json"),
             *("--out", f"{objective}.json"),
             cwd=tmp_path,
@@ -156,17 +162,19 @@ def test_measure_and_solve_with_unequal_failures(lockedjoint, tmp_path):
         assert solved[objective]["never_failing_joints"] == [3]
     assert solved["expected"]["expected_sigma"] == pytest.approx(1.1239167, abs=1e-5)
     assert solved["worst"]["weighted_worst_sigma"] == pytest.approx(np.sqrt(1.5), abs=1e-5)
-    again = lockedjoint("measure", "expected.json", *likely, "--json", cwd=tmp_path)
+    again = lockedjoint.here("measure", "expected.json", *likely, "--json", cwd=tmp_path)
     measured = json.loads(again.stdout)
     for name in ("expected_sigma", "overall_expected_sigma", "weighted_worst_sigma"):
         assert measured[name] == solved["expected"][name]
-    plain = json.loads(lockedjoint("measure", "expected.json", "--json", cwd=tmp_path).stdout)
+    plain = json.loads(
+        lockedjoint.here("measure", "expected.json", "--json", cwd=tmp_path).stdout
+    )
     assert "expected_sigma" not in plain
 
 
 def test_joints_that_never_fail_need_no_probabilities(lockedjoint, tmp_path):
     np.savetxt(tmp_path / "a.csv", np.array([[1, 1, 0, 0], [0, 0, 1, 1]]), delimiter=",")
-    done = lockedjoint(
+    done = lockedjoint.here(
         "measure", "a.csv", "--locked", 2, "--never-fails", "0,2", "--json", cwd=tmp_path
     )
     found = json.loads(done.stdout)
@@ -192,9 +200,11 @@ def test_prove_then_verify(lockedjoint, tmp_path):
 
 def test_prove_existence_then_verify(lockedjoint, tmp_path):
     for joints, columns in ((8, 8), (20, 8)):
-        proved = lockedjoint("prove", "--joints", joints, "--out", "p/c.json", cwd=tmp_path)
+        proved = lockedjoint.here(
+            "prove", "--joints", joints, "--out", "p/c.json", cwd=tmp_path
+        )
         assert f"Optimally failure-tolerant {joints}R Jacobians exist" in proved.stdout
-        verified = lockedjoint("verify", "p/c.json", "--json", cwd=tmp_path)
+        verified = lockedjoint.here("verify", "p/c.json", "--json", cwd=tmp_path)
         found = json.loads(verified.stdout)
         assert (
             found["verdict"]
@@ -205,7 +215,7 @@ def test_prove_existence_then_verify(lockedjoint, tmp_path):
     (tmp_path / "forged.json").write_text(forged)
     refused = lockedjoint("verify", "forged.json", cwd=tmp_path)
     assert (refused.returncode, refused.stdout) == (1, "")
-    sampled = lockedjoint("verify", "p/c.json", "--samples", 1, cwd=tmp_path)
+    sampled = lockedjoint.here("verify", "p/c.json", "--samples", 1, cwd=tmp_path)
     assert (sampled.returncode, sampled.stdout) == (2, "")
 
 
@@ -222,28 +232,31 @@ def test_verify_tells_invalid_from_unreadable(lockedjoint, tmp_path):
     (tmp_path / "cut.json").write_text(certificate[:1000])
     (tmp_path / "empty.json").write_text("[]")
     for name, status in (("wrong", 1), ("empty", 1), ("cut", 2), ("missing", 2)):
-        done = lockedjoint("verify", f"{name}.json", cwd=tmp_path)
+        run = lockedjoint if name in ("wrong", "missing") else lockedjoint.here
+        done = run("verify", f"{name}.json", cwd=tmp_path)
         assert done.returncode == status, done.stderr
         assert len(done.stderr.strip().splitlines()) == 1
         assert done.stdout == ""
 
 
 def test_bound_of_the_worst_case(lockedjoint, tmp_path):
-    done = lockedjoint("bound", "--joints", 5, "--task-dimension", 3, "--json", cwd=tmp_path)
+    done = lockedjoint.here(
+        "bound", "--joints", 5, "--task-dimension", 3, "--json", cwd=tmp_path
+    )
     found = json.loads(done.stdout)
     assert found["kind"] == "numerical"
     assert found["singular_value_bound"] == pytest.approx(np.sqrt(2 / 5), abs=1e-6)
-    lever = lockedjoint("bound", "--lever-arm", 1, "--json", cwd=tmp_path)
+    lever = lockedjoint.here("bound", "--lever-arm", 1, "--json", cwd=tmp_path)
     found = json.loads(lever.stdout)
     assert found["singular_value_bound"] == pytest.approx(np.sqrt(1 / 3), abs=1e-6)
-    trace = lockedjoint("bound", "--trace", 6, "--json", cwd=tmp_path)
+    trace = lockedjoint.here("bound", "--trace", 6, "--json", cwd=tmp_path)
     found = json.loads(trace.stdout)
     assert found["singular_value_bound"] == pytest.approx(np.sqrt(1 / 7), abs=1e-6)
     assert "sharper" not in found
 
 
 def test_bound_without_options_is_that_of_7r_and_names_the_sharper_ones(lockedjoint, tmp_path):
-    found = json.loads(lockedjoint("bound", "--json", cwd=tmp_path).stdout)
+    found = json.loads(lockedjoint.here("bound", "--json", cwd=tmp_path).stdout)
     assert found["singular_value_bound"] == pytest.approx(np.sqrt(1 / 3), abs=1e-6)
     sharper = {(one["quantity"], one["model"]): one for one in found["sharper"]}
     record = json.loads((ROOT / "formulations/bounds/record.json").read_text("utf-8"))
@@ -258,26 +271,28 @@ def test_bound_without_options_is_that_of_7r_and_names_the_sharper_ones(lockedjo
     text = lockedjoint("bound", cwd=tmp_path).stdout
     assert "0.57735" in text
     assert "100·|bound − found|/bound" in text
-    eight = json.loads(lockedjoint("bound", "--joints", 8, "--json", cwd=tmp_path).stdout)
+    eight = json.loads(lockedjoint.here("bound", "--joints", 8, "--json", cwd=tmp_path).stdout)
     assert eight["sharper"] == []
 
 
 def test_bound_of_existence(lockedjoint, tmp_path):
     arguments = ("bound", "--quantity", "existence", "--order", 2)
-    done = lockedjoint(*arguments, "--json", cwd=tmp_path)
+    done = lockedjoint.here(*arguments, "--json", cwd=tmp_path)
     found = json.loads(done.stdout)
     assert (found["verdict"], found["classes"], found["free_moments"]) == ("feasible", 43, [])
-    text = lockedjoint(*arguments, cwd=tmp_path).stdout
+    text = lockedjoint.here(*arguments, cwd=tmp_path).stdout
     assert "classes                      43" in text
     assert "(4,2,1)" in text
 
 
 def test_global_bounds(lockedjoint, tmp_path):
-    eight = lockedjoint("bound", "--quantity", "max-min", "--joints", 8, "--json", cwd=tmp_path)
+    eight = lockedjoint.here(
+        "bound", "--quantity", "max-min", "--joints", 8, "--json", cwd=tmp_path
+    )
     found = json.loads(eight.stdout)
     assert found["kind"] == "closed form"
     assert found["bound"] == pytest.approx(np.sqrt(2 / 3), abs=1e-9)
-    low = lockedjoint("bound", "--quantity", "residual", "--preset", "low", cwd=tmp_path)
+    low = lockedjoint.here("bound", "--quantity", "residual", "--preset", "low", cwd=tmp_path)
     assert low.returncode == 0, low.stderr
     assert "numerical" in low.stdout
     assert low.stderr == "", "progress is for terminals"
@@ -382,13 +397,31 @@ def test_bad_input_is_one_sentence_and_status_2(lockedjoint, tmp_path, arguments
     (tmp_path / "nan.csv").write_text("1,2,nan\n1,2,3\n")
     (tmp_path / "square.csv").write_text("1,2\n3,4\n")
     before = sorted(p.name for p in tmp_path.iterdir())
-    done = lockedjoint(*(text.format(**places) for text in arguments), cwd=tmp_path)
+    done = lockedjoint.here(*(text.format(**places) for text in arguments), cwd=tmp_path)
     assert done.returncode == 2
     assert done.stdout == ""
     assert done.stderr.startswith("Error: ")
     assert len(done.stderr.strip().splitlines()) == 1
     assert "Traceback" not in done.stderr
     assert sorted(p.name for p in tmp_path.iterdir()) == before, "nothing half-written"
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("compare", "--unknown"),
+        ("compare", "--starts", "0"),
+        ("bound", "--quantity", "residual", "--solver", "NOTHING", "--preset", "low"),
+        ("solve", "max-min", "--out", "file.csv/a.json"),
+        ("measure", "file.csv"),
+    ],
+)
+def test_bad_input_is_status_2_of_the_process(lockedjoint, tmp_path, arguments):
+    (tmp_path / "file.csv").touch()
+    done = lockedjoint(*arguments, cwd=tmp_path)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr.startswith("Error: ")
+    assert done.stderr.count("\n") == 1
 
 
 @pytest.mark.processes

@@ -64,7 +64,7 @@ def built(folder: Path, path: str | None = None) -> subprocess.CompletedProcess[
 
 
 @pytest.mark.long
-@pytest.mark.skipif(shutil.which("coqc") is None, reason="Coq is not installed")
+@pytest.mark.skipif(shutil.which("coqc") is None, reason="install coqc (Debian: coq)")
 def test_coq_accepts_the_proof_with_the_axioms_on_record() -> None:
     done = built(COQ)
     assert done.returncode == 0, done.stderr

@@ -11,18 +11,21 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 from fractions import Fraction
+from functools import cache
 from itertools import chain, combinations
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+import formulations.existence.verify as verification
 from formulations.existence.certificate import Certificate, CertificateError, Square, Term
 from formulations.existence.evaluate import defects
 from formulations.existence.reading import read
 from formulations.existence.verify import Report, verify
 
 Change = Callable[[dict[str, Any]], object]
+RENAMED = cache(verification._renamed)
 
 
 @pytest.fixture(scope="module")
@@ -34,6 +37,16 @@ def certificate(committed: Path) -> Certificate:
 def document(committed: Path) -> dict[str, Any]:
     loaded: dict[str, Any] = json.loads(committed.read_text())
     return loaded
+
+
+@pytest.fixture
+def renamed_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let each product be renamed once for all tests that ask for this.
+
+    The renaming is a function of the product alone and takes most of the time; the changes of
+    one certificate leave most products as they are.
+    """
+    monkeypatch.setattr(verification, "_renamed", RENAMED)
 
 
 def test_the_committed_certificate_is_a_proof(committed: Path) -> None:
@@ -108,6 +121,7 @@ FALSE_IDENTITIES: dict[str, Change] = {
 }
 
 
+@pytest.mark.usefixtures("renamed_once")
 @pytest.mark.parametrize("name", FALSE_IDENTITIES)
 def test_a_false_identity_is_refused_by_verification_and_by_evaluation(
     name: str, document: dict[str, Any], tmp_path: Path
@@ -130,6 +144,7 @@ def test_the_smallest_change_of_each_multiplier_shows(certificate: Certificate) 
         assert any(defects(replace(certificate, multipliers=tuple(multipliers)), samples=1))
 
 
+@pytest.mark.usefixtures("renamed_once")
 def test_other_orders_of_joints_and_records_prove_the_same(certificate: Certificate) -> None:
     """What does not change the average is no error: no true identity may be refused."""
     order = (3, 6, 0, 2, 5, 1, 4)
@@ -147,6 +162,7 @@ def test_other_orders_of_joints_and_records_prove_the_same(certificate: Certific
     assert defects(renamed, samples=1) == (0,)
 
 
+@pytest.mark.usefixtures("renamed_once")
 def test_a_term_in_two_halves_is_the_same_term(certificate: Certificate) -> None:
     """The very same record twice: its product with itself counts four quarters."""
     square = certificate.squares[0]
@@ -170,6 +186,7 @@ def test_records_refuse_floating_point(certificate: Certificate) -> None:
         replace(certificate.squares[0].terms[0], w=((0.0, 1),))
 
 
+@pytest.mark.usefixtures("renamed_once")
 def test_scaling_all_weights_proves_the_same(certificate: Certificate) -> None:
     squares = tuple(replace(s, weight=s.weight / 7) for s in certificate.squares)
     multipliers = tuple(

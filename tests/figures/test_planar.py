@@ -106,7 +106,9 @@ def test_figures_are_the_same_bytes_again(first):
 
 
 def test_a_picture_is_dark_on_white_without_boxes(first):
-    pillow = pytest.importorskip("PIL.Image")
+    pillow = pytest.importorskip(
+        "PIL.Image", reason='Pillow is missing: pip install ".[figures]"'
+    )
     pixels = np.asarray(pillow.open(io.BytesIO(content(first.figure, "png"))).convert("L"))
     assert np.mean(pixels > 250) > 0.85
     border = np.concatenate([pixels[0], pixels[-1], pixels[:, 0], pixels[:, -1]])

@@ -21,7 +21,9 @@ from nlp.problem import Problem
 from nlp.spread import spread
 from nlp.task import Chunk, Task, packed, run_chunk
 
-distributed = pytest.importorskip("distributed")
+distributed = pytest.importorskip(
+    "distributed", reason='Dask is missing: pip install ".[cluster]"'
+)
 
 # Dask's own: ports taken, connections closed while workers are killed.
 pytestmark = [

@@ -326,7 +326,9 @@ def test_reading_leaves_no_file_beside_a_store(tmp_path):
     assert sorted(one.name for one in tmp_path.iterdir()) == ["link.db", "s.db"]
 
 
-@pytest.mark.skipif(not hasattr(os, "seteuid"), reason="no users")
+@pytest.mark.skipif(
+    not hasattr(os, "seteuid"), reason="this system has no users to become: run it on Unix"
+)
 @pytest.mark.parametrize("log", [None, b"", b"records"])
 def test_a_store_in_a_folder_that_is_not_writable_can_be_read(log):
     with tempfile.TemporaryDirectory() as name:

@@ -25,7 +25,7 @@ def robot(made, tmp_path):
 
 
 def test_posture_then_assess_then_measure(lockedjoint, robot, tmp_path):
-    found = lockedjoint(
+    found = lockedjoint.here(
         "posture", robot, "--starts", 3, "--out", "here/best.json", cwd=tmp_path
     )
     assert found.returncode == 0, found.stderr
@@ -38,12 +38,12 @@ def test_posture_then_assess_then_measure(lockedjoint, robot, tmp_path):
     ):
         assert line in found.stdout
     best = json.loads((tmp_path / "here/best.json").read_text())
-    again = lockedjoint(
+    again = lockedjoint.here(
         "assess", robot, "--configuration", "here/best.json", "--json", cwd=tmp_path
     )
     assessed = json.loads(again.stdout)
     assert assessed["worst_case_sigma"] == pytest.approx(best["worst_case_sigma"], abs=1e-12)
-    measured = lockedjoint("measure", "here/best.json", "--json", cwd=tmp_path)
+    measured = lockedjoint.here("measure", "here/best.json", "--json", cwd=tmp_path)
     judged = json.loads(measured.stdout)
     assert judged["worst_case_sigma"] == pytest.approx(best["worst_case_sigma"], abs=1e-12)
     matrix = np.array(best["jacobian"])
@@ -51,7 +51,7 @@ def test_posture_then_assess_then_measure(lockedjoint, robot, tmp_path):
 
 
 def test_assess_shows_everything_that_was_asked_for(lockedjoint, robot, tmp_path):
-    done = lockedjoint(
+    done = lockedjoint.here(
         *("assess", robot, "--length", 0.4, "--task", "vx,vy,wz", "--frame", "tip"),
         *("--held", "j1=0.5", "--locked", 2, "--point", "0,0,0.1", "--out", "a.json"),
         *("--configuration", "j0=0.1,j4=-1", "--base", "l0", "--tip", "l7"),
@@ -153,7 +153,7 @@ def test_what_is_suspicious_is_a_note(lockedjoint, made, tmp_path):
     (tmp_path / "robot.urdf").write_text(made.urdf(joints))
     search = ("--starts", 2, "--workers", 1, "--formulation", "residual", "--out", "best.json")
     for command, more in (("posture", search), ("assess", ("--configuration", "best.json"))):
-        done = lockedjoint(
+        done = lockedjoint.here(
             command, "robot.urdf", "--task", "position", *more, "--json", cwd=tmp_path
         )
         assert done.returncode == 0, done.stderr
@@ -199,7 +199,7 @@ def test_workers_are_all_cores_unless_given():
 
 
 def test_robots_writes_a_table_that_measure_reads(lockedjoint, tmp_path):
-    done = lockedjoint(
+    done = lockedjoint.here(
         "robots", "--only", "UR5", "--starts", 2, "--workers", 1, "--out", "here", cwd=tmp_path
     )
     assert done.returncode == 0, done.stderr
@@ -208,7 +208,7 @@ def test_robots_writes_a_table_that_measure_reads(lockedjoint, tmp_path):
     page = (tmp_path / "here/robots.md").read_text()
     assert f"{float(row['worst_case_sigma']):.5f}" in page
     assert "- seed: 0" in page
-    measured = lockedjoint("measure", "here/postures.json", "--json", cwd=tmp_path)
+    measured = lockedjoint.here("measure", "here/postures.json", "--json", cwd=tmp_path)
     judged = json.loads(measured.stdout)
     assert judged["worst_case_sigma"] == pytest.approx(
         float(row["worst_case_sigma"]), abs=1e-12

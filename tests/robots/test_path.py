@@ -328,7 +328,7 @@ def test_the_command_writes_what_it_says(lockedjoint, made, arm, tmp_path):
     lines = [",".join(map(str, poses.positions[k].tolist())) for k in (0, -1)]
     (tmp_path / "w.csv").write_text("x,y,z\n" + "\n".join(lines))
     words = ("path", "robot.urdf", "--waypoints", "w.csv", "--samples", 6, "--tracks", 8)
-    done = lockedjoint(*words, "--out", "here", cwd=tmp_path)
+    done = lockedjoint.here(*words, "--out", "here", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     for said in ("survives", "minimum norm", "ceiling", "Written to here", "| j6 "):
         assert said in done.stdout

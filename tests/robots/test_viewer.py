@@ -292,7 +292,7 @@ def test_addresses():
 
 @pytest.mark.long
 @pytest.mark.processes
-@pytest.mark.skipif(BROWSER is None, reason="no Chromium is installed here")
+@pytest.mark.skipif(BROWSER is None, reason="install chromium (Debian: chromium)")
 def test_a_browser_moves_a_slider_and_locks_a_joint(lockedjoint, file, text):
     from playwright.sync_api import expect, sync_playwright
 

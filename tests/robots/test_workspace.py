@@ -275,7 +275,7 @@ def test_workspace_of_a_file(lockedjoint, made, tmp_path):
         f"--limits=j{k}={low!r}:{high!r}"
         for k, (low, high) in enumerate(np.array(PUBLISHED).tolist())
     ]
-    done = lockedjoint(
+    done = lockedjoint.here(
         *(
             "workspace",
             "arm.urdf",
@@ -428,7 +428,7 @@ def test_curves_of_a_spatial_arm_hold_the_tool(made):
 
 def test_the_command_with_an_orientation(lockedjoint, made, tmp_path):
     (tmp_path / "arm.urdf").write_text(planar_urdf(made, (0.25,) * 4, ("0 0 1",) * 4))
-    done = lockedjoint(
+    done = lockedjoint.here(
         *("workspace", "arm.urdf", "--orientation", "0,0,0.5", "--voxel", 0.25, "--slice", 30),
         cwd=tmp_path,
     )

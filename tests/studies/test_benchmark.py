@@ -58,7 +58,9 @@ def test_hand_written_eigenvalues_and_their_derivatives():
 HERE = [peer for peer in PEERS if "JAX" not in peer.name]
 
 
-@pytest.mark.skipif(importlib.util.find_spec("jax") is None, reason="peers not installed")
+@pytest.mark.skipif(
+    importlib.util.find_spec("jax") is None, reason='JAX is missing: pip install ".[peers]"'
+)
 def test_jax_reaches_the_known_optimum_in_a_process_of_its_own():
     code = (
         "import numpy as np\n"
@@ -91,7 +93,8 @@ def test_every_peer_reaches_the_known_optimum(peer, tmp_path, monkeypatch):
     try:
         run = peer.prepare(SEVEN, 2)
     except (ImportError, NotRunError) as reason:
-        pytest.skip(str(reason))
+        missing = ': pip install ".[peers]"' if isinstance(reason, ImportError) else ""
+        pytest.skip(f"{reason}{missing}")
     jacobians = run(STARTS)
     assert jacobians.shape == (2, 6, 7)
     for jacobian in jacobians:
@@ -183,7 +186,9 @@ def test_every_peer_is_a_line_of_the_figure():
     assert first.get_yscale() == second.get_yscale() == "log"
 
 
-@pytest.mark.skipif(importlib.util.find_spec("scipy") is None, reason="peers not installed")
+@pytest.mark.skipif(
+    importlib.util.find_spec("scipy") is None, reason='SciPy is missing: pip install ".[peers]"'
+)
 @pytest.mark.long
 def test_the_command_writes_its_tables(tmp_path, monkeypatch):
     from formulations.studies.benchmark import peers

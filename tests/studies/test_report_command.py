@@ -13,7 +13,7 @@ from formulations.files.provenance import read_header
 
 @pytest.fixture
 def report(lockedjoint):
-    return partial(lockedjoint, "report")
+    return partial(lockedjoint.here, "report")
 
 
 def test_one_study(report, tmp_path):

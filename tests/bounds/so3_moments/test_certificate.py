@@ -481,12 +481,12 @@ def test_verify_and_bound_on_the_command_line(
     lockedjoint: Any, document: dict[str, Any], tmp_path: Path
 ) -> None:
     written(tmp_path / "true.json", document)
-    done = lockedjoint("verify", "true.json", cwd=tmp_path)
+    done = lockedjoint.here("verify", "true.json", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     stated = f"proved: ½‖JJᵀ − (n/3)I‖_F² ≥ {document['bound']} for every unit revolute 6R"
     assert stated in done.stdout
     written(tmp_path / "false.json", document | {"bound": 0.01})
-    done = lockedjoint("verify", "false.json", cwd=tmp_path)
+    done = lockedjoint.here("verify", "false.json", cwd=tmp_path)
     assert (done.returncode, done.stdout) == (1, "")
     assert done.stderr.startswith("Error: the file states residual ≥ 0.01, but its squares")
     assert len(done.stderr.strip().splitlines()) == 1
