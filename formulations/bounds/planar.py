@@ -80,7 +80,7 @@ class PlanarBound:
             "kind": "rigorous",
             "command": f"lockedjoint bound --quantity planar --joints {self.joints} "
             f"--locked {self.locked} --level {self.level!r}"
-            + (f" --measure {self.measure}" if self.measure != "max-min" else ""),
+            + (" --manipulability" if self.measure == "manipulability" else ""),
         }
 
 
@@ -180,10 +180,11 @@ def _crowded(cells: tuple[Cell, ...]) -> bool:
 
 def _one_sided(cells: tuple[Cell, ...]) -> bool:
     """Whether all z_i are strictly on one side of a line, so that their sum is not 0."""
-    starts = [low for low, _, _ in cells]
-    return any(
-        min((low - high) % TURN for low in starts) > TURN // 2 for _, high, _ in cells
-    )
+    for index, (_, end, _) in enumerate(cells):
+        others = (low for low, _, _ in cells[:index] + cells[index + 1 :])
+        if min(((low - end) % TURN for low in others), default=TURN) > TURN // 2:
+            return True
+    return False
 
 
 @dataclass(frozen=True)
@@ -230,6 +231,12 @@ class _Multipliers:
         return float((constant - size * np.where(opposite, -1.0, ends)).max())
 
 
+    def used(self) -> "_Multipliers":
+        """Return those that are not next to zero."""
+        which = self.p > 1e-5 * self.p.max()
+        return _Multipliers(self.conditions.some(which), self.p[which], self.nu)
+
+
 class _Node:
     """How many z_i each cell of the circle holds."""
 
@@ -272,11 +279,9 @@ class _Node:
             values = self._values(new, masses, corners)
             if values.min() > limit or values.min() > value - 1e-10:
                 break
-            _, apart = np.unique(np.round(new.points, 4), return_index=True)
-            first = apart[np.argsort(values[apart])[:8]]
-            used = multipliers.p > 1e-9
-            conditions = conditions.some(used).joined(new.some(first[values[first] < value]))
-        return self._halved(best, self._widest(masses, corners))
+            first = np.argsort(values)[:8]
+            conditions = conditions.joined(new.some(first[values[first] < value]))
+        return self._halved(best and best.used(), self._widest(masses, corners))
 
     def _program(
         self, corners: _Complex, conditions: _Conditions
@@ -318,6 +323,8 @@ class _Node:
             radius = np.abs(left[:, 1] if self._measure == "max-min" else left[:, 0])
             sure = radius > 1e-9
             points = np.where(sure, left[:, 1] / np.where(sure, radius, 1.0), points)
+        _, apart = np.unique(np.round(points, 3), return_index=True)  # many become the same
+        points, shares = points[apart], shares[apart]
         if self._measure == "max-min":
             return _Conditions(points, np.ones(len(points)), shares)
         points = points * np.minimum(1.0, 0.999999 / np.maximum(np.abs(points), 1e-9))

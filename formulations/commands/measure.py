@@ -13,7 +13,7 @@ from formulations.commands.arguments import (
     Tolerance,
     failure_model,
 )
-from formulations.commands.output import as_text, show
+from formulations.commands.output import as_text, sharpest_bound, show
 
 
 def measure(
@@ -43,6 +43,8 @@ def measure(
     found = []
     for name, matrix in read_jacobians(file):
         values = {"name": name, **measured(matrix, locked, tolerance).to_dict()}
+        if locked > 1:
+            values |= sharpest_bound(matrix, locked)
         joints = matrix.shape[1]
         model = failure_model(failure_probabilities, never_fails, joints, locked)
         if model is not None:
