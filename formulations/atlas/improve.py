@@ -130,7 +130,7 @@ def _moved(best: FloatArray, arm: Arm, rng: np.random.Generator) -> FloatArray:
         moved = best.reshape(arm.shape[1], -1).copy()
         which = rng.choice(arm.shape[1], rng.integers(1, 4), replace=False)
         moved[which] = arm.sample(rng).reshape(moved.shape)[which]
-    return np.clip(moved.ravel(), *arm.bounds)
+    return np.asarray(np.clip(moved.ravel(), *arm.bounds))
 
 
 def _hopped(asked: Entry, page: Page, jacobian: FloatArray, cpu_seconds: float) -> Page:

@@ -1,21 +1,23 @@
 """The best planar Jacobians, by branch and bound over the directions of their columns.
 
-With m = 2 and free columns let z_i be the complex square of column i, so that |z_i| = ‖j_i‖². What
-the columns S leave has the eigenvalues (W ± |Z|)/2, W = Σ_S |z_i|, Z = Σ_S z_i. Where k lock,
+With m = 2 and free columns let z_i be the complex square of column i, so that |z_i| = ‖j_i‖².
+What the columns S leave has the eigenvalues (W ± |Z|)/2, W = Σ_S |z_i|, Z = Σ_S z_i. With k
+locked
 
     max-min          2t ≤ W − Re(Z v̄)           for every S of n − k columns, |v| = 1,
-    manipulability   r √(1 − |v|²) ≤ W − Re(Z v̄)    for every S, |v| < 1, if Σ|z_i| = 1, Σ z_i = 0,
+    manipulability   r √(1 − |v|²) ≤ W − Re(Z v̄)    for every S, |v| < 1; Σ|z_i| = 1, Σ z_i = 0,
 
 t the square of the worst case and r the least relative manipulability. Only |z_i| = w_i is not
 convex here. So the circle is cut into cells; a node of the search says how many z_i each holds.
-The mean (w, z) over the columns of a cell lies in the convex cone of the (1, e^{iθ}) with θ in the
-cell, and satisfies all that is linear: a linear program with one mean a cell. Multipliers p ≥ 0
-of the conditions that are used, with Σ p = 1 (Σ p √(1 − |v|²) = 1), and ν of Σ z_i = 0, prove
+The mean (w, z) over the columns of a cell lies in the convex cone of the (1, e^{iθ}) with θ in
+the cell, and satisfies all that is linear: a linear program with one mean a cell. Multipliers
+p ≥ 0 of the conditions that are used, with Σ p = 1 (Σ p √(1 − |v|²) = 1), and ν of Σ z_i = 0
+prove
 
     2t/T, r ≤ max over cells and θ of Σ p x_s (1 − Re(e^{iθ} v̄)) + Re(e^{iθ} ν̄),
 
-x_s the share of the cell's columns in S. It is a sinusoid of θ, so the maximum is in closed form. A
-node whose number is not above the level is done with; of another, a cell is halved.
+x_s the share of the cell's columns in S. It is a sinusoid of θ: its maximum has a closed form.
+A node whose number is not above the level is done with; of another, a cell is halved.
 docs/several_failures.md has the derivation.
 
 Nothing rests on the linear programs: multipliers may be any. Cells are whole numbers. Rounding
@@ -100,8 +102,8 @@ def planar_bound(
     joints, locked
         n, and k of them that lock at once, 1 ≤ k ≤ n − 2.
     level
-        For max-min, of the worst-case singular value where ‖J‖_F² = n; else of the least relative
-        manipulability.
+        For max-min, of the worst-case singular value where ‖J‖_F² = n; else of the least
+        relative manipulability.
     measure
         ``"max-min"`` or ``"manipulability"``.
     most_nodes
@@ -158,7 +160,7 @@ def _counts(total: int, cells: int, most: int) -> Iterator[tuple[int, ...]]:
 @cache
 def _settings() -> Any:
     settings = clarabel.DefaultSettings()
-    settings.verbose = settings.presolve_enable = settings.equilibrate_enable = False
+    settings.verbose = settings.equilibrate_enable = False
     settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = 1e-10
     return settings
 
@@ -189,7 +191,7 @@ def _one_sided(cells: tuple[Cell, ...]) -> bool:
 
 @dataclass(frozen=True)
 class _Conditions:
-    """Conditions of a node: v, √(1 − |v|²) or 1, and the share x_s of each cell that is left."""
+    """Conditions of a node: v, √(1 − |v|²) or 1, and the share x_s left of each cell."""
 
     points: _Complex
     weights: FloatArray
@@ -229,7 +231,6 @@ class _Multipliers:
         ends = np.minimum(np.cos(low - phase), np.cos(high - phase))
         opposite = (phase + np.pi - low) % (2 * np.pi) <= high - low + 1e-9
         return float((constant - size * np.where(opposite, -1.0, ends)).max())
-
 
     def used(self) -> "_Multipliers":
         """Return those that are not next to zero."""

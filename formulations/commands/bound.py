@@ -65,8 +65,8 @@ def bound(
         Quantity,
         typer.Option(
             help="worst-case: eq. (6) as a semidefinite program. two-point: the worst case "
-            "after two locked joints, from pairs of columns, ‖J‖_F² = n. planar: that no planar J is better "
-            "than --level, by branch and bound. existence: the moment "
+            "after two locked joints, from pairs of columns, ‖J‖_F² = n. planar: that no "
+            "planar J is better than --level, by branch and bound. existence: the moment "
             "relaxation of the question whether an optimally failure-tolerant Jacobian of "
             "revolute joints exists. residual, max-min: global bounds for unit revolute "
             "joints. isotropy: the worst case if isotropic, with --free-levers."

@@ -45,7 +45,7 @@ def shown(value: object) -> str:
 
 
 def sharpest_bound(jacobian: FloatArray, locked: int) -> dict[str, Any]:
-    """Return the least upper bound known of all J of this shape and norm, and how it is known."""
+    """Return the least bound known of all J of this shape and norm, and its kind."""
     from formulations import measures
     from formulations.bounds.certified import sharpest_worst_case_of
 

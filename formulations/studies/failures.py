@@ -8,6 +8,7 @@ import numpy as np
 
 from formulations import max_min, measures
 from formulations.bounds import unequal_failures
+from formulations.bounds.certified import sharpest_worst_case
 from formulations.files.table import Table, column
 from formulations.measures.unequal_failures import (
     FailureModel,

@@ -26,19 +26,19 @@ def atlas_value(joints, locked, measure):
 @pytest.mark.parametrize("n", [4, 5])
 def test_two_columns_left_are_what_the_theorem_says(n):
     exact = np.sqrt(1 - np.cos(np.pi / n))
-    assert planar_bound(n, n - 2, exact * 1.001).proved
-    assert not planar_bound(n, n - 2, exact * 0.999, most_nodes=400).proved
+    assert planar_bound(n, n - 2, exact * 1.005).proved
+    assert not planar_bound(n, n - 2, exact * 0.999, most_nodes=150).proved
 
 
 def test_the_mean_over_failures_is_met_by_one_failure():
-    assert planar_bound(4, 1, 1.001).proved
-    assert not planar_bound(4, 1, 0.999, most_nodes=400).proved
+    assert planar_bound(4, 1, 1.02).proved
+    assert not planar_bound(4, 1, 0.98, most_nodes=100).proved
 
 
 def test_relative_manipulability_is_what_the_theorem_says():
     exact = np.sin(np.pi / 4) / 2
-    assert planar_bound(4, 2, exact * 1.001, "manipulability").proved
-    assert not planar_bound(4, 2, exact * 0.999, "manipulability", most_nodes=300).proved
+    assert planar_bound(4, 2, exact * 1.005, "manipulability").proved
+    assert not planar_bound(4, 2, exact * 0.999, "manipulability", most_nodes=150).proved
 
 
 def located(jacobian, arcs):
@@ -81,22 +81,30 @@ def test_any_multipliers_bound_every_jacobian_of_the_node(seed, measure):
     nu = complex(*rng.normal(size=2)) if measure == "manipulability" else 0j
     some = planar._Multipliers(conditions, rng.random(len(conditions.points)), nu)
     assert value <= some.proved(node._low, node._high) + 1e-12
-    # What the program finds is sharper, and it halves the cells down to the Jacobian.
+    # So do those of the linear program, which are to be sharp.
     found = node._program(np.exp(1j * np.stack([node._low, node._high], axis=1)), conditions)[2]
     assert value <= found.proved(node._low, node._high) + 1e-12
 
 
-def test_no_node_above_its_value_is_given_up():
-    """The best known is in one of the parts, whatever the level below it."""
-    page = page_of(Entry("free-mean", 2, 5, 2))
-    limit = 2 * float(page.value) ** 2 / 5 * 0.999
-    node = planar._Node(located(page.jacobian, planar.ARCS)[1], 2, "max-min")
-    for _ in range(8):
-        parts = node.parts(limit)
-        assert parts
-        arcs = [max(part._cells, key=lambda one: one[2])[1] for part in parts]
-        assert all(0 < one <= TURN for one in arcs)
-        node = max(parts, key=lambda one: one._known.proved(one._low, one._high))
+@pytest.mark.parametrize(("n", "k"), [(5, 2), (6, 3)])
+def test_the_best_known_stays_in_one_node(n, k):
+    """Where the level is below it, one of the parts has it, however small."""
+    page = page_of(Entry("free-mean", 2, n, k))
+    limit = 2 * float(page.value) ** 2 / n * 0.999
+    pinned, cells = located(page.jacobian, planar.ARCS)
+    angles = np.angle((page.jacobian[0] + 1j * page.jacobian[1]) ** 2)
+    rest = np.delete((angles - angles[pinned]) % (2 * np.pi), pinned) * TURN / (2 * np.pi)
+    node = planar._Node(cells, k, "max-min")
+    for _ in range(12):
+        [node] = [
+            part
+            for part in node.parts(limit)
+            if all(
+                count == np.sum((low <= rest) & (rest < high))
+                for low, high, count in part._cells
+                if high > low
+            )
+        ]
 
 
 @pytest.mark.parametrize("one", RECORD, ids=lambda one: one["command"][-40:])
