@@ -83,7 +83,8 @@ def improve_from_best(
     """Search around the best Jacobian, in one process; return the page after each seed.
 
     A hop moves all variables a little, or draws one to three joints anew, and goes to the local
-    maximum there with `formulations.max_min.Polish`. From a better one the search goes on. Hops
+    maximum there with `formulations.max_min.Polish`. From a better one the search goes on. The
+    first of 20 begins at the best itself. Hops
     are no random starts: they are not counted among these, and say nothing about their share.
 
     Parameters
@@ -97,13 +98,13 @@ def improve_from_best(
         If the entry is not of max-min, its joints have more than bounds, or no Jacobian is on
         record to begin from.
     """
-    arm = asked.arm
-    if asked.formulation != MAX_MIN or arm.constraints(arm.symbols()):
-        allowed = "none for this entry: only for max-min, and joints that have bounds only"
+    arm, scaled = asked.arm, asked.model == "free-mean"
+    if asked.formulation != MAX_MIN or (arm.constraints(arm.symbols()) and not scaled):
+        allowed = "an entry of max-min with the model free-mean or unit-revolute"
         raise InputError("--from-best", asked.name, allowed)
     if known is None:
         raise InputError("--from-best", asked.name, "an entry with a Jacobian on record")
-    polish, page, spent = Polish(arm, asked.locked), known, 0.0
+    polish, page, spent = Polish(arm, asked.locked, scaled), known, 0.0
     while spent < 60 * minutes:
         progress(f"{asked.name}: seed {page.found.seeds}, best {page.value}")
         begun = process_time()
@@ -111,7 +112,10 @@ def improve_from_best(
         value = worst_case_sigma(page.jacobian, asked.locked)
         for number in range(_STARTS):
             rng = np.random.default_rng((page.found.seeds, number))
-            point, converged = polish(_moved(best, arm, rng))
+            # The first one is the best itself: its last digits.
+            point, converged = polish(_moved(best, arm, rng) if number else best)
+            if scaled:
+                point = point * np.sqrt(arm.largest_trace / trace(arm.jacobian(point)))
             merit = worst_case_sigma(arm.jacobian(point), asked.locked)
             if converged and merit > value:
                 best, value = point, merit

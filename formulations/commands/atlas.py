@@ -217,7 +217,7 @@ def improve(
         typer.Option(
             "--from-best",
             help="Hop from the best known to better ones near it, in one process, instead of "
-            "random starts; unit revolute joints, max-min.",
+            "random starts; max-min, models free-mean and unit-revolute.",
         ),
     ] = False,
     workers: Workers = None,
