@@ -98,10 +98,8 @@ def improve_from_best(
         If the entry is not of max-min, its joints have more than bounds, or no Jacobian is on
         record to begin from.
     """
+    check_hops(asked)
     arm, scaled = asked.arm, asked.model == "free-mean"
-    if asked.formulation != MAX_MIN or (arm.constraints(arm.symbols()) and not scaled):
-        allowed = "an entry of max-min with the model free-mean or unit-revolute"
-        raise InputError("--from-best", asked.name, allowed)
     if known is None:
         raise InputError("--from-best", asked.name, "an entry with a Jacobian on record")
     polish, page, spent = Polish(arm, asked.locked, scaled), known, 0.0
@@ -123,6 +121,13 @@ def improve_from_best(
         spent += used
         page = _hopped(asked, page, arm.jacobian(best), used)
         yield page
+
+
+def check_hops(asked: Entry) -> None:
+    """Refuse an entry that `improve_from_best` cannot search: InputError."""
+    if asked.formulation != MAX_MIN or asked.model not in ("free-mean", "unit-revolute"):
+        allowed = "an entry of max-min with the model free-mean or unit-revolute"
+        raise InputError("--from-best", asked.name, allowed)
 
 
 def _moved(best: FloatArray, arm: Arm, rng: np.random.Generator) -> FloatArray:

@@ -231,11 +231,13 @@ def improve(
     from formulations.atlas.collection import page_of, write_page
     from formulations.atlas.entry import entry
     from formulations.atlas.improve import improve as search
-    from formulations.atlas.improve import improve_from_best
+    from formulations.atlas.improve import check_hops, improve_from_best
     from nlp.files import prepare_folder
     from nlp.multistart import default_workers
 
     asked = entry(name)
+    if from_best:
+        check_hops(asked)
     prepare_folder(out)
     known = page_of(asked, out) or page_of(asked)
     before = known.value if known else None
