@@ -230,8 +230,8 @@ def improve(
     """
     from formulations.atlas.collection import page_of, write_page
     from formulations.atlas.entry import entry
-    from formulations.atlas.improve import improve as search
     from formulations.atlas.improve import check_hops, improve_from_best
+    from formulations.atlas.improve import improve as search
     from nlp.files import prepare_folder
     from nlp.multistart import default_workers
 
