@@ -111,11 +111,11 @@ def improve_from_best(
         for number in range(_STARTS):
             rng = np.random.default_rng((page.found.seeds, number))
             # The first one is the best itself: its last digits.
-            point, converged = polish(_moved(best, arm, rng) if number else best)
+            point, _ = polish(_moved(best, arm, rng) if number else best)
             if scaled:
                 point = point * np.sqrt(arm.largest_trace / trace(arm.jacobian(point)))
             merit = worst_case_sigma(arm.jacobian(point), asked.locked)
-            if converged and merit > value:
+            if merit > value:
                 best, value = point, merit
         used = process_time() - begun
         spent += used
