@@ -21,7 +21,7 @@ import casadi as ca
 import numpy as np
 
 from formulations import measures
-from formulations.bounds.certified import Bound
+from formulations.bounds.certified import Bound, planar_on_record, sharpest
 from formulations.joints.arm import Arm
 from formulations.joints.joint import ColumnModel
 from formulations.unequal_max_min import MOST_SETS, check_locked
@@ -94,12 +94,14 @@ def bound(arm: Arm, locked: int = 1, certified: bool = True) -> Bound | None:
     of these is left by C(n − m, k) of the C(n, k) sets F: the mean of the ratios is
     C(n − m, k)/C(n, k) = C(n − k, m)/C(n, m), whatever J is. Where n − m = k = 2, or two
     columns are left of planar ones, (2/n) sin(π/n) is sharper, and attained
-    (docs/several_failures.md). A joint locked first leaves at most √((n − m)/n).
+    (docs/several_failures.md). A joint locked first leaves at most √((n − m)/n). Of planar
+    columns, what branch and bound proved is on record.
     """
     if not certified:
         return None
     m, n = arm.shape
-    return Bound(_limit(m, n, locked), "closed form")
+    planar = planar_on_record((m, n), locked, NAME)
+    return sharpest([Bound(_limit(m, n, locked), "closed form"), planar])
 
 
 def _limit(m: int, n: int, locked: int) -> float:

@@ -137,7 +137,7 @@ class Polish:
 
     from singular value decompositions, with ∂σ_F = u_Fᵀ ∂J v_F, by SciPy's SLSQP. In logarithms
     it does not matter how small σ_F is: where a failure leaves 1e-4 of σ, t is below Ipopt's
-    tolerances. For joints that have bounds only.
+    tolerances. For joints that have bounds only, or, scaled, columns of any length.
 
     Attributes
     ----------
@@ -145,10 +145,14 @@ class Polish:
         The joints.
     locked
         How many joints lock at once, k.
+    scaled
+        Whether log σ_F/‖J‖_F is maximised instead, where only the norm of J is limited: scale
+        what is found.
     """
 
     arm: ColumnModel
     locked: int = 1
+    scaled: bool = False
 
     def __call__(self, point: FloatArray) -> tuple[FloatArray, bool]:
         """Return a point within the bounds, and whether the method converged to it.
@@ -197,6 +201,7 @@ class _Remaining:
         self.sets = measures.locked_sets(np.zeros((m, n)), polish.locked)
         self._left = np.array([np.delete(np.arange(n), one) for one in self.sets])
         self._evaluation, self._shape = _with_slopes(polish.arm), (n, m, polish.arm.size)
+        self._scaled = polish.scaled
         self._point, self._value = b"", (np.zeros(0), np.zeros((0, 0)))
 
     def __call__(self, point: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -210,6 +215,10 @@ class _Remaining:
             change = np.einsum("fi,fc,fcip->fp", u[:, :, -1], v[:, m - 1, :], moved)
             self._point = point.tobytes()
             self._value = np.log(sigma), change / sigma[:, None]
+            if self._scaled:
+                size = np.sum(matrix**2)
+                slope = matrix.ravel(order="F") @ slopes / size
+                self._value = self._value[0] - 0.5 * np.log(size), self._value[1] - slope
         return self._value
 
 

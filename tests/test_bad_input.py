@@ -257,6 +257,18 @@ bound --quantity two-point --lever-arm 1
 bound --quantity two-point --seed 1
 bound --quantity two-point --rigorous
 bound --quantity two-point --task-dimension 2 --solver NOTHING
+bound --quantity planar --task-dimension 2
+bound --quantity planar --joints 2
+bound --quantity planar --joints 21 --level 1
+bound --quantity planar --joints 5 --locked 4 --level 1
+bound --quantity planar --joints 5 --level 0
+bound --quantity planar --joints 15
+bound --quantity planar --joints 5 --solver CLARABEL
+bound --level 1
+bound --locked 2
+bound --manipulability
+atlas improve lever-revolute_6x9_k2 --from-best
+atlas improve free-mean_2x5_k2_manipulability --from-best
 bound --quantity existence --trace 3
 bound --quantity existence --order 4
 bound --quantity existence --order 0

@@ -17,7 +17,7 @@ from formulations.atlas.exact_value import (
     proves_manipulability,
     proves_worst_case,
 )
-from formulations.bounds.certified import Bound
+from formulations.bounds.certified import Bound, sharpest
 from formulations.joints.arm import Arm
 from formulations.joints.joint import NotInModelError
 from formulations.measures import gap_percent
@@ -65,9 +65,7 @@ class Entry:
     def bound(self) -> Bound:
         """The sharpest upper bound on the worst case: proved if there is such a one."""
         stated = catalogue.formulation(self.formulation)
-        known = [stated.bound(self.arm, self.locked, proved) for proved in (True, False)]
-        bounds = [one for one in known if one is not None]
-        return min(bounds, key=lambda one: (one.value, not one.certified))
+        return sharpest(stated.bound(self.arm, self.locked, one) for one in (True, False))
 
     def proved_value(self, jacobian: FloatArray) -> str:
         """Return the entry's measure of a Jacobian, proved from below; a decimal number.

@@ -7,13 +7,15 @@ again are in results/bounds. Each formulation's ``bound`` picks what applies to 
 """
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import lru_cache
 from html import escape
 from importlib.resources import files
 from math import inf, isnan, nextafter, sqrt
 from typing import Any
+
+from numpy.typing import ArrayLike
 
 from formulations import measures
 from formulations.bounds import free_levers
@@ -26,7 +28,7 @@ from formulations.bounds.closed_form import (
 from formulations.bounds.closed_form import excludes as excludes_worst_case
 from formulations.existence.theorem import excludes
 from formulations.joints.arm import Arm
-from formulations.joints.kinds import LeverRevolute, Prismatic, UnitRevolute
+from formulations.joints.kinds import FreeColumn, LeverRevolute, Prismatic, UnitRevolute
 
 
 @dataclass(frozen=True, repr=False)
@@ -113,6 +115,9 @@ def largest_worst_case(arm: Arm, locked: int = 1, certified: bool = True) -> Bou
     )
     levers = _on_levers(free_levers.max_min_limit, arm) if short else None
     bounds = [Bound(value, "closed form"), stored, levers]
+    if planar := planar_on_record(arm.shape, locked, "max-min"):
+        scale = sqrt(arm.largest_trace / arm.shape[1])
+        bounds.append(Bound(nextafter(scale * planar.value, inf), planar.kind))
     if locked == 1:
         bounds.append(_by_kinds_of_rows(arm))
     return min((one for one in bounds if one), key=lambda one: one.value)
@@ -131,6 +136,45 @@ def largest_isotropic_worst_case(
     fixed = _isotropic_of_fixed_columns(arm) if certified else None
     bounds = [one for one in (worst_case, levers, fixed) if one]
     return min(bounds, key=lambda one: one.value, default=None)
+
+
+def sharpest(bounds: Iterable[Bound | None]) -> Bound:
+    """Return the least of some upper bounds; of equal ones, one that is proved."""
+    known = (one for one in bounds if one is not None)
+    return min(known, key=lambda one: (one.value, not one.certified))
+
+
+def sharpest_worst_case(arm: Arm, locked: int = 1) -> Bound:
+    """Return the least bound known on the worst case (5), proved or numerical."""
+    return sharpest(largest_worst_case(arm, locked, proved) for proved in (True, False))
+
+
+def sharpest_worst_case_of(jacobian: ArrayLike, locked: int = 1) -> Bound:
+    """Return what no J of this shape and ‖J‖_F has a worst case (5) above: the least known.
+
+    Parameters
+    ----------
+    jacobian
+        Shape (m, n), n ≥ m + `locked`; only its shape and norm count.
+    locked
+        How many joints lock at once.
+    """
+    matrix = measures.as_jacobian(jacobian)
+    m, n = matrix.shape
+    size = sqrt(measures.trace(matrix) / n)
+    free = Arm.of(FreeColumn(m, 1.0, "mean"), n)
+    known = sharpest_worst_case(free, locked)
+    return Bound(size * known.value, known.kind)
+
+
+def planar_on_record(shape: tuple[int, int], locked: int, measure: str) -> Bound | None:
+    """Return what branch and bound proved of planar J with ‖J‖_F² = n, or None."""
+    m, n = shape
+    sought = {"joints": n, "locked": locked, "measure": measure, "proved": True}
+    for one in _stored("planar.json") if m == 2 else ():
+        if sought.items() <= one.items():
+            return Bound(float(one["level"]), "rigorous (branch and bound)")
+    return None
 
 
 def _two_point(arm: Arm, locked: int) -> Bound | None:

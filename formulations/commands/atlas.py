@@ -212,6 +212,14 @@ def improve(
     out: Annotated[
         Path, typer.Option(metavar="DIR", help="Folder of the entry; it goes on from there.")
     ] = Path("atlas"),
+    from_best: Annotated[
+        bool,
+        typer.Option(
+            "--from-best",
+            help="Hop from the best known to better ones near it, in one process, instead of "
+            "random starts; max-min, models free-mean and unit-revolute.",
+        ),
+    ] = False,
     workers: Workers = None,
     as_json: Json = False,
 ) -> None:
@@ -222,18 +230,26 @@ def improve(
     """
     from formulations.atlas.collection import page_of, write_page
     from formulations.atlas.entry import entry
+    from formulations.atlas.improve import check_hops, improve_from_best
     from formulations.atlas.improve import improve as search
     from nlp.files import prepare_folder
     from nlp.multistart import default_workers
 
     asked = entry(name)
+    if from_best:
+        check_hops(asked)
     prepare_folder(out)
     known = page_of(asked, out) or page_of(asked)
     before = known.value if known else None
     page = known
-    for page in search(
-        asked, known, minutes, workers=workers or default_workers(), progress=progress
-    ):
+    steps = (
+        improve_from_best(asked, known, minutes, progress=progress)
+        if from_best
+        else search(
+            asked, known, minutes, workers=workers or default_workers(), progress=progress
+        )
+    )
+    for page in steps:
         write_page(page, out)
     progress("")
     if page is None:

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import typer
 
@@ -28,6 +28,7 @@ class Quantity(StrEnum):
 
     WORST_CASE = "worst-case"
     TWO_POINT = "two-point"
+    PLANAR = "planar"
     EXISTENCE = "existence"
     RESIDUAL = "residual"
     MAX_MIN = "max-min"
@@ -46,6 +47,9 @@ _USED_BY = {
     "out": _UNIT_REVOLUTE,
     "free_levers": (Quantity.MAX_MIN, Quantity.ISOTROPY),
     "seed": _UNIT_REVOLUTE,
+    "locked": (Quantity.PLANAR,),
+    "level": (Quantity.PLANAR,),
+    "manipulability": (Quantity.PLANAR,),
     "solver": (
         Quantity.WORST_CASE,
         Quantity.TWO_POINT,
@@ -61,7 +65,8 @@ def bound(
         Quantity,
         typer.Option(
             help="worst-case: eq. (6) as a semidefinite program. two-point: the worst case "
-            "after two locked joints, from pairs of columns, ‖J‖_F² = n. existence: the moment "
+            "after two locked joints, from pairs of columns, ‖J‖_F² = n. planar: that no "
+            "planar J is better than --level, by branch and bound. existence: the moment "
             "relaxation of the question whether an optimally failure-tolerant Jacobian of "
             "revolute joints exists. residual, max-min: global bounds for unit revolute "
             "joints. isotropy: the worst case if isotropic, with --free-levers."
@@ -124,6 +129,27 @@ def bound(
             "isotropy: of any length. From the proved bounds on record.",
         ),
     ] = False,
+    locked: Annotated[
+        int | None,
+        whole_option(1, "K", "planar: joints that lock at once; 2 by default."),
+    ] = None,
+    level: Annotated[
+        float | None,
+        typer.Option(
+            parser=positive,
+            metavar="X",
+            help="planar: the value that is to be shown to be above all, ‖J‖_F² = n; by "
+            "default what the atlas has, and 0.1 % more.",
+            show_default=False,
+        ),
+    ] = None,
+    manipulability: Annotated[
+        bool,
+        typer.Option(
+            "--manipulability",
+            help="planar: of the least relative manipulability, not of the worst case.",
+        ),
+    ] = False,
     seed: Seed = 0,
     solver: Annotated[
         str | None,
@@ -172,6 +198,8 @@ def bound(
 
         found = two_point_bound(task_dimension, joints, solver=conic, progress=progress)
         plain = found.to_dict()
+    elif quantity is Quantity.PLANAR:
+        plain = _planar(joints, 2 if locked is None else locked, level, manipulability)
     elif quantity is Quantity.WORST_CASE:
         plain = _worst_case(joints, task_dimension, trace, lever_arm, conic)
         text = _without_multipliers
@@ -179,8 +207,29 @@ def bound(
         plain = _unit_revolute(quantity, joints, preset, rigorous, seed, solver, out)
         text = _rounded_outward
     show(plain, as_json, text)
-    if plain.get("verdict") == "undecided" or plain.get("singular_value_bound", 0) is None:
+    undecided = plain.get("verdict") == "undecided" or plain.get("proved") is False
+    if undecided or plain.get("singular_value_bound", 0) is None:
         raise typer.Exit(UNDECIDED)
+
+
+def _planar(
+    joints: int, locked: int, level: float | None, manipulability: bool
+) -> dict[str, Any]:
+    from formulations.atlas.collection import page_of
+    from formulations.atlas.entry import Entry
+    from formulations.bounds.planar import planar_bound
+
+    measure: Literal["max-min", "manipulability"]
+    measure = "manipulability" if manipulability else "max-min"
+    if level is None:
+        page = page_of(Entry("free-mean", 2, joints, locked, measure))
+        if page is None:
+            allowed = "a number: the atlas has no Jacobian of this size"
+            raise InputError("--level", "none", allowed)
+        level = 1.001 * float(page.value)
+    found = planar_bound(joints, locked, level, measure, progress=progress)
+    progress("")
+    return found.to_dict()
 
 
 def _worst_case(

@@ -13,7 +13,7 @@ from formulations.commands.arguments import (
     Tolerance,
     failure_model,
 )
-from formulations.commands.output import as_text, show
+from formulations.commands.output import as_text, sharpest_bound, show
 
 
 def measure(
@@ -33,8 +33,9 @@ def measure(
     "jacobian", or a list of such objects as in jacobians.json) and prints its singular values,
     its worst case after locked joints with the joints and direction that realise it, the
     bound, its isotropy, and whether it is optimally failure tolerant. Joints are counted from
-    0. With failure probabilities or joints that never fail also the expected dexterity and the
-    probability-weighted worst case.
+    0. Of several locked joints the bound is the mean over failures; the sharpest one known of
+    all Jacobians of this shape and norm is shown too. With failure probabilities or joints that
+    never fail also the expected dexterity and the probability-weighted worst case.
     """
     from formulations.bounds.unequal_failures import assess_failures
     from formulations.files.jacobians import read_jacobians
@@ -43,6 +44,8 @@ def measure(
     found = []
     for name, matrix in read_jacobians(file):
         values = {"name": name, **measured(matrix, locked, tolerance).to_dict()}
+        if locked > 1:
+            values |= sharpest_bound(matrix, locked)
         joints = matrix.shape[1]
         model = failure_model(failure_probabilities, never_fails, joints, locked)
         if model is not None:

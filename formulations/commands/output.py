@@ -15,6 +15,7 @@ from nlp.interrupts import INTERRUPTED as INTERRUPTED
 
 if TYPE_CHECKING:
     from formulations.studies.study import Part, Study
+    from nlp.arrays import FloatArray
     from nlp.store_checks import Damage
 
 QUESTIONED = 1
@@ -41,6 +42,20 @@ def shown(value: object) -> str:
     if isinstance(value, (list, tuple)):
         return "  ".join(shown(entry) for entry in value)
     return str(value)
+
+
+def sharpest_bound(jacobian: FloatArray, locked: int) -> dict[str, Any]:
+    """Return the least bound known of all J of this shape and norm, and its kind."""
+    from formulations import measures
+    from formulations.bounds.certified import sharpest_worst_case_of
+
+    bound = sharpest_worst_case_of(jacobian, locked)
+    found = measures.worst_case_sigma(jacobian, locked)
+    return {
+        "sharpest_bound": bound.value,
+        "sharpest_bound_kind": bound.kind,
+        "gap_to_sharpest_percent": bound.gap_percent(found),
+    }
 
 
 def show(

@@ -23,7 +23,7 @@ from formulations.commands.arguments import (
     positive,
     whole_option,
 )
-from formulations.commands.output import INTERRUPTED, as_text, show
+from formulations.commands.output import INTERRUPTED, as_text, sharpest_bound, show
 
 
 def solve(
@@ -140,6 +140,8 @@ def solve(
         "violation": shown.violation,
         **measure(shown.jacobian, locked).to_dict(),
     }
+    if locked > 1:
+        found |= sharpest_bound(shown.jacobian, locked)
     if failures is not None:
         known = failure_probabilities is not None
         unequal = assess_failures(shown.jacobian, failures, probabilities_known=known)

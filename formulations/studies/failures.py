@@ -8,6 +8,7 @@ import numpy as np
 
 from formulations import max_min, measures
 from formulations.bounds import unequal_failures
+from formulations.bounds.certified import sharpest_worst_case
 from formulations.files.table import Table, column
 from formulations.measures.unequal_failures import (
     FailureModel,
@@ -214,8 +215,7 @@ def row_of(case: Case, outcome: Outcome) -> Row:
 def _bound(case: Case, outcome: Outcome, jacobian: FloatArray) -> float:
     setup, m = case.setup, case.task_dimension
     if setup.failures is None:
-        trace = outcome.arm.largest_trace
-        return measures.sigma_bound(m, case.joints, trace, setup.locked)
+        return sharpest_worst_case(outcome.arm, setup.locked).value
     norms = np.sum(jacobian**2, axis=0).tolist()
     bounds = {
         "worst": unequal_failures.weighted_worst_bound,

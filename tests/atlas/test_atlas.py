@@ -29,7 +29,7 @@ from formulations.atlas.exact_value import (
     proves_worst_case,
     square_root_above,
 )
-from formulations.atlas.improve import improve
+from formulations.atlas.improve import improve, improve_from_best
 from formulations.atlas.local_optimality import local_optimality
 from nlp.errors import FileError, InputError
 
@@ -228,6 +228,31 @@ def test_a_search_goes_on_where_it_stopped():
     assert (second.found.seeds, second.found.starts) == (2, 40)
     assert second.found.reached_best > 1
     assert list(improve(asked, second, 1.0)) == []
+
+
+@pytest.mark.parametrize("name", ["free-mean_2x7_k3", "unit-revolute_6x8_k2"])
+def test_hops_start_at_the_best_and_are_no_random_starts(name, monkeypatch):
+    monkeypatch.setattr("formulations.atlas.improve._STARTS", 2)
+    page = page_of(entry(name))
+    near = page.jacobian + 1e-4 * page.jacobian[:, ::-1] * (page.entry.task_dimension == 2)
+    near *= np.sqrt(page.entry.arm.largest_trace / measures.trace(near))
+    worse = improved(page.entry, near, replace(page.found, by="me"), None)
+    better = next(improve_from_best(page.entry, worse, 1e-6))
+    assert float(better.value) == pytest.approx(float(page.value), abs=1e-7)
+    assert better.found.seeds == page.found.seeds + 1
+    assert better.found.starts == page.found.starts
+    if float(better.value) > float(worse.value):
+        assert better.found.statement == "max-min, hops from the best, polished"
+        assert better.history[-1]["found"]["by"] == "me"
+
+
+def test_hops_are_refused_where_there_is_nothing_to_hop_from():
+    for name in ("lever-revolute_6x9_k2", "free-mean_2x5_k2_manipulability"):
+        asked = entry(name)
+        with pytest.raises(InputError, match="free-mean or unit-revolute"):
+            next(improve_from_best(asked, page_of(asked), 1.0))
+    with pytest.raises(InputError, match="on record"):
+        next(improve_from_best(entry("free-mean_2x5_k2"), None, 1.0))
 
 
 def test_commands(lockedjoint, tmp_path):

@@ -1,0 +1,371 @@
+"""The best planar Jacobians, by branch and bound over the directions of their columns.
+
+With m = 2 and free columns let z_i be the complex square of column i, so that |z_i| = ‖j_i‖².
+What the columns S leave has the eigenvalues (W ± |Z|)/2, W = Σ_S |z_i|, Z = Σ_S z_i. With k
+locked
+
+    max-min          2t ≤ W − Re(Z v̄)           for every S of n − k columns, |v| = 1,
+    manipulability   r √(1 − |v|²) ≤ W − Re(Z v̄)    for every S, |v| < 1; Σ|z_i| = 1, Σ z_i = 0,
+
+t the square of the worst case and r the least relative manipulability. Only |z_i| = w_i is not
+convex here. So the circle is cut into cells; a node of the search says how many z_i each holds.
+The mean (w, z) over the columns of a cell lies in the convex cone of the (1, e^{iθ}) with θ in
+the cell, and satisfies all that is linear: a linear program with one mean a cell. Multipliers
+p ≥ 0 of the conditions that are used, with Σ p = 1 (Σ p √(1 − |v|²) = 1), and ν of Σ z_i = 0
+prove
+
+    2t/T, r ≤ max over cells and θ of Σ p x_s (1 − Re(e^{iθ} v̄)) + Re(e^{iθ} ν̄),
+
+x_s the share of the cell's columns in S. It is a sinusoid of θ: its maximum has a closed form.
+A node whose number is not above the level is done with; of another, a cell is halved.
+docs/several_failures.md has the derivation.
+
+Nothing rests on the linear programs: multipliers may be any. Cells are whole numbers. Rounding
+in the closed form, some 1e-14, is paid for. So the bound is rigorous.
+"""
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import asdict, dataclass
+from functools import cache
+from typing import Any, Literal, TypeAlias
+
+import clarabel
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csc_matrix
+
+from nlp.arrays import FloatArray, whole_number
+from nlp.errors import InputError
+
+Measure: TypeAlias = Literal["max-min", "manipulability"]
+Cell: TypeAlias = tuple[int, int, int]  # from, to, in units of 2π/TURN, and how many z_i
+_Complex: TypeAlias = NDArray[np.complex128]
+
+MEASURES: tuple[Measure, ...] = ("max-min", "manipulability")
+TURN = 2**48
+ARCS = 8  # cells of the root
+_ARC = TURN // ARCS
+# Covers what rounding loses in `_proved`: some hundred operations on numbers of the size of 1.
+_ROUNDING = 1e-13
+_PROGRAMS = 12  # linear programs a node
+_DIRECTIONS = np.exp(2j * np.pi * np.arange(48) / 48)
+
+
+@dataclass(frozen=True)
+class PlanarBound:
+    """What a search proved.
+
+    Attributes
+    ----------
+    measure, joints, locked
+        What is bounded, n and k.
+    level
+        No planar J with ‖J‖_F² = n has a worst case, or relative manipulability, above it.
+    proved
+        Whether the search ended; False if it was stopped before, and nothing is known.
+    nodes
+        How many counts of columns in cells were looked at.
+    """
+
+    measure: Measure
+    joints: int
+    locked: int
+    level: float
+    proved: bool
+    nodes: int
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain values, as in the record."""
+        return {
+            **asdict(self),
+            "kind": "rigorous",
+            "command": f"lockedjoint bound --quantity planar --joints {self.joints} "
+            f"--locked {self.locked} --level {self.level!r}"
+            + (" --manipulability" if self.measure == "manipulability" else ""),
+        }
+
+
+def planar_bound(
+    joints: int,
+    locked: int,
+    level: float,
+    measure: Measure = "max-min",
+    *,
+    most_nodes: int = 100_000,
+    progress: Callable[[str], None] | None = None,
+) -> PlanarBound:
+    """Prove that no planar Jacobian of free columns is better than a level.
+
+    Parameters
+    ----------
+    joints, locked
+        n, and k of them that lock at once, 1 ≤ k ≤ n − 2.
+    level
+        For max-min, of the worst-case singular value where ‖J‖_F² = n; else of the least
+        relative manipulability.
+    measure
+        ``"max-min"`` or ``"manipulability"``.
+    most_nodes
+        After which the search gives up. It has to where the level is below the best.
+    progress
+        Is told of the search.
+
+    Raises
+    ------
+    InputError
+        If a number is out of range.
+    """
+    n = whole_number("joints", joints, 3, 20)
+    k = whole_number("locked", locked, 1, n - 2)
+    if measure not in MEASURES:
+        raise InputError("measure", measure, " or ".join(MEASURES))
+    if not 0 < level < math.inf:
+        raise InputError("level", level, "a positive finite number")
+    most = whole_number("most_nodes", most_nodes, 1)
+    limit = 2 * level**2 / n if measure == "max-min" else level
+    limit -= _ROUNDING
+    waiting = [_Node(cells, k, measure) for cells in _roots(n)]
+    count = 0
+    while waiting and count < most:
+        node = waiting.pop()
+        count += 1
+        waiting.extend(node.parts(limit))
+        if progress and count % 500 == 0:
+            progress(f"{count} nodes, {len(waiting)} wait")
+    return PlanarBound(measure, n, k, float(level), not waiting, count)
+
+
+def _roots(n: int) -> Iterator[tuple[Cell, ...]]:
+    """Return all counts of z_i in the first cells, but for rotations.
+
+    One z_i is at the angle 0: one with the most in the arc that begins there.
+    """
+    for most in range(-(-n // ARCS), n + 1):
+        for counts in _counts(n - most, ARCS - 1, most):
+            held = [(0, 0, 1), (0, _ARC, most - 1)]
+            held += [((i + 1) * _ARC, (i + 2) * _ARC, one) for i, one in enumerate(counts)]
+            yield tuple(cell for cell in held if cell[2])
+
+
+def _counts(total: int, cells: int, most: int) -> Iterator[tuple[int, ...]]:
+    if cells == 0:
+        yield from [()] if total == 0 else []
+        return
+    for first in range(min(total, most) + 1):
+        for rest in _counts(total - first, cells - 1, most):
+            yield (first, *rest)
+
+
+@cache
+def _settings() -> Any:
+    settings = clarabel.DefaultSettings()
+    settings.verbose = settings.equilibrate_enable = False
+    settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = 1e-10
+    return settings
+
+
+def _crowded(cells: tuple[Cell, ...]) -> bool:
+    """Whether an arc of the length of the first holds more z_i than the first."""
+    most = sum(count for low, _, count in cells if low < _ARC)
+    return any(
+        sum(
+            count
+            for low, high, count in cells
+            if (low - start) % TURN + high - low <= _ARC
+            and (low - start) % TURN < _ARC  # an arc is without its end
+        )
+        > most
+        for start, _, _ in cells
+    )
+
+
+def _one_sided(cells: tuple[Cell, ...]) -> bool:
+    """Whether all z_i are strictly on one side of a line, so that their sum is not 0."""
+    for index, (_, end, _) in enumerate(cells):
+        others = (low for low, _, _ in cells[:index] + cells[index + 1 :])
+        if min(((low - end) % TURN for low in others), default=TURN) > TURN // 2:
+            return True
+    return False
+
+
+@dataclass(frozen=True)
+class _Conditions:
+    """Conditions of a node: v, √(1 − |v|²) or 1, and the share x_s left of each cell."""
+
+    points: _Complex
+    weights: FloatArray
+    shares: FloatArray
+
+    def some(self, which: Any) -> "_Conditions":
+        return _Conditions(self.points[which], self.weights[which], self.shares[which])
+
+    def joined(self, other: "_Conditions") -> "_Conditions":
+        return _Conditions(
+            np.concatenate([self.points, other.points]),
+            np.concatenate([self.weights, other.weights]),
+            np.concatenate([self.shares, other.shares]),
+        )
+
+    def split(self, cell: int, parts: int) -> "_Conditions":
+        """Return the conditions where a cell is replaced by parts of it."""
+        times = np.ones(self.shares.shape[1], dtype=int)
+        times[cell] = parts
+        return _Conditions(self.points, self.weights, np.repeat(self.shares, times, axis=1))
+
+
+@dataclass(frozen=True)
+class _Multipliers:
+    """What proves a number: p, one for each condition, and ν."""
+
+    conditions: _Conditions
+    p: FloatArray
+    nu: complex
+
+    def proved(self, low: FloatArray, high: FloatArray) -> float:
+        """Return what 2t/T or r is not above where all z_i are within the cells' angles."""
+        p = self.p / (self.p @ self.conditions.weights)
+        constant = p @ self.conditions.shares
+        wave = (p * self.conditions.points) @ self.conditions.shares - self.nu
+        size, phase = np.abs(wave), np.angle(wave)
+        ends = np.minimum(np.cos(low - phase), np.cos(high - phase))
+        opposite = (phase + np.pi - low) % (2 * np.pi) <= high - low + 1e-9
+        return float((constant - size * np.where(opposite, -1.0, ends)).max())
+
+    def used(self) -> "_Multipliers":
+        """Return those that are not next to zero."""
+        which = self.p > 1e-5 * self.p.max()
+        return _Multipliers(self.conditions.some(which), self.p[which], self.nu)
+
+
+class _Node:
+    """How many z_i each cell of the circle holds."""
+
+    def __init__(
+        self,
+        cells: tuple[Cell, ...],
+        locked: int,
+        measure: Measure,
+        known: _Multipliers | None = None,
+    ) -> None:
+        self._cells, self._locked, self._measure, self._known = cells, locked, measure, known
+        self._counts = np.array([count for _, _, count in cells], dtype=np.float64)
+        self._low = np.array([low for low, _, _ in cells]) * (2 * np.pi / TURN)
+        self._high = np.array([high for _, high, _ in cells]) * (2 * np.pi / TURN)
+
+    def parts(self, limit: float) -> list["_Node"]:
+        """Return the nodes that this one divides into; none if it is proved to be below."""
+        known = self._known
+        if self._measure == "manipulability" and _one_sided(self._cells):
+            return []
+        if known and known.proved(self._low, self._high) <= limit:
+            return []
+        corners = np.exp(1j * np.stack([self._low, 0.5 * (self._low + self._high), self._high]))
+        corners = corners.T
+        even = np.full_like(self._counts, 1 / self._counts.sum())
+        conditions = known.conditions if known else self._tightest(even, even * corners[:, 1])
+        best, least = known, math.inf
+        masses = np.zeros(corners.shape)
+        for _ in range(_PROGRAMS):
+            masses, value, multipliers = self._program(corners, conditions)
+            if multipliers is None:
+                break
+            proved = multipliers.proved(self._low, self._high)
+            if proved <= limit:
+                return []
+            if proved < least:
+                best, least = multipliers, proved
+            means = masses / self._counts[:, None]
+            new = self._tightest(means.sum(axis=1), (means * corners).sum(axis=1))
+            values = self._values(new, masses, corners)
+            if values.min() > limit or values.min() > value - 1e-10:
+                break
+            first = np.argsort(values)[:8]
+            conditions = conditions.joined(new.some(first[values[first] < value]))
+        return self._halved(best and best.used(), self._widest(masses, corners))
+
+    def _program(
+        self, corners: _Complex, conditions: _Conditions
+    ) -> tuple[FloatArray, float, _Multipliers | None]:
+        """Return Σ w_i at the corners of the cells, the value, and the multipliers."""
+        parts = (corners[None] * np.conj(conditions.points)[:, None, None]).real
+        left = conditions.shares[:, :, None] * (1 - parts)
+        size, count = corners.size, len(left)
+        equal = [np.ones(size)]
+        if self._measure == "manipulability":
+            equal += [corners.real.ravel(), corners.imag.ravel()]
+        rows = np.zeros((len(equal) + count + size, size + 1))
+        rows[: len(equal), :-1] = equal
+        rows[len(equal) : len(equal) + count, :-1] = -left.reshape(count, size)
+        rows[len(equal) : len(equal) + count, -1] = conditions.weights
+        rows[len(equal) + count :, :-1] = -np.eye(size)
+        found = clarabel.DefaultSolver(
+            csc_matrix((size + 1, size + 1)),
+            np.append(np.zeros(size), -1.0),
+            csc_matrix(rows),
+            np.eye(len(rows))[0],
+            [clarabel.ZeroConeT(len(equal)), clarabel.NonnegativeConeT(count + size)],
+            _settings(),
+        ).solve()
+        p = np.maximum(np.array(found.z)[len(equal) : len(equal) + count], 0.0)
+        if not np.isfinite(p).all() or not 0.5 < p @ conditions.weights < 2.0:
+            return np.ones(corners.shape), math.inf, None  # nothing can be there, or it failed
+        nu = -complex(*found.z[1:3]) if len(equal) > 1 else 0j
+        masses = np.maximum(np.array(found.x)[:-1], 0.0).reshape(corners.shape)
+        return masses, float(found.x[-1]), _Multipliers(conditions, p, nu)
+
+    def _tightest(self, mass: FloatArray, mean: _Complex) -> _Conditions:
+        """Return the conditions that means of |z_i| and z_i of the cells violate most."""
+        radii = (1.0,) if self._measure == "max-min" else (0.3, 0.8)
+        points = np.concatenate([radius * _DIRECTIONS for radius in radii])
+        for _ in range(3):
+            shares = self._left(mass, mean, points)
+            left = (shares * self._counts) @ np.stack([mass, mean], axis=1)
+            radius = np.abs(left[:, 1] if self._measure == "max-min" else left[:, 0])
+            sure = radius > 1e-9
+            points = np.where(sure, left[:, 1] / np.where(sure, radius, 1.0), points)
+        _, apart = np.unique(np.round(points, 3), return_index=True)  # many become the same
+        points, shares = points[apart], shares[apart]
+        if self._measure == "max-min":
+            return _Conditions(points, np.ones(len(points)), shares)
+        points = points * np.minimum(1.0, 0.999999 / np.maximum(np.abs(points), 1e-9))
+        return _Conditions(points, np.sqrt(1 - np.abs(points) ** 2), shares)
+
+    def _left(self, mass: FloatArray, mean: _Complex, points: _Complex) -> FloatArray:
+        """Return the shares that are left where the k locked ones leave least at each v."""
+        terms = mass - (np.conj(points)[:, None] * mean).real
+        order = np.argsort(-terms, axis=1)
+        counts = self._counts[order]
+        taken = np.clip(self._locked - (np.cumsum(counts, axis=1) - counts), 0, counts)
+        shares = np.empty_like(terms)
+        np.put_along_axis(shares, order, 1 - taken / counts, axis=1)
+        return shares
+
+    def _values(
+        self, conditions: _Conditions, masses: FloatArray, corners: _Complex
+    ) -> FloatArray:
+        parts = (corners[None] * np.conj(conditions.points)[:, None, None]).real
+        left = conditions.shares * ((1 - parts) * masses).sum(axis=2)
+        return np.asarray(left.sum(axis=1) / conditions.weights)
+
+    def _widest(self, masses: FloatArray, corners: _Complex) -> int:
+        """Return the cell whose mean is least like the square of a column."""
+        loss = masses.sum(axis=1) - np.abs((masses * corners).sum(axis=1))
+        width = self._high - self._low
+        return int(np.argmax(np.where(width > 0, loss + 1e-6 * width, -1.0)))
+
+    def _halved(self, known: _Multipliers | None, index: int) -> list["_Node"]:
+        low, high, count = self._cells[index]
+        middle = (low + high) // 2
+        nodes = []
+        for below in range(count + 1):
+            halves = [(low, middle, below), (middle, high, count - below)]
+            held = [half for half in halves if half[2]]
+            cells = (*self._cells[:index], *held, *self._cells[index + 1 :])
+            if _crowded(cells):
+                continue
+            inherited = known and _Multipliers(
+                known.conditions.split(index, len(held)), known.p, known.nu
+            )
+            nodes.append(_Node(cells, self._locked, self._measure, inherited))
+        return nodes

@@ -1,0 +1,145 @@
+"""Branch and bound in the plane: its multipliers, its nodes, and what it proves."""
+
+import json
+from importlib.resources import files
+
+import numpy as np
+import pytest
+
+from formulations import measures
+from formulations.atlas.collection import page_of
+from formulations.atlas.entry import Entry
+from formulations.bounds import planar
+from formulations.bounds.certified import sharpest_worst_case, sharpest_worst_case_of
+from formulations.bounds.planar import planar_bound
+from formulations.catalogue import arm
+from nlp.errors import InputError
+
+RECORD = json.loads((files("formulations.bounds") / "planar.json").read_text("utf-8"))
+TURN = planar.TURN
+
+
+def atlas_value(joints, locked, measure):
+    return float(page_of(Entry("free-mean", 2, joints, locked, measure)).value)
+
+
+@pytest.mark.parametrize("n", [4, 5])
+def test_two_columns_left_are_what_the_theorem_says(n):
+    exact = np.sqrt(1 - np.cos(np.pi / n))
+    assert planar_bound(n, n - 2, exact * 1.005).proved
+    assert not planar_bound(n, n - 2, exact * 0.999, most_nodes=150).proved
+
+
+def test_the_mean_over_failures_is_met_by_one_failure():
+    assert planar_bound(4, 1, 1.02).proved
+    assert not planar_bound(4, 1, 0.98, most_nodes=100).proved
+
+
+def test_relative_manipulability_is_what_the_theorem_says():
+    exact = np.sin(np.pi / 4) / 2
+    assert planar_bound(4, 2, exact * 1.005, "manipulability").proved
+    assert not planar_bound(4, 2, exact * 0.999, "manipulability", most_nodes=150).proved
+
+
+def located(jacobian, arcs):
+    """Return the cells of a turn in `arcs` parts that the doubled angles are in, one pinned."""
+    angles = np.angle((jacobian[0] + 1j * jacobian[1]) ** 2) % (2 * np.pi)
+    first = 2 * np.pi / planar.ARCS
+    held = [np.sum((angles - start) % (2 * np.pi) < first) for start in angles]
+    pinned = int(np.argmax(held))
+    rest = np.delete((angles - angles[pinned]) % (2 * np.pi), pinned)
+    counts = np.bincount((rest * arcs / (2 * np.pi)).astype(int), minlength=arcs)
+    size = TURN // arcs
+    cells = [(i * size, (i + 1) * size, int(one)) for i, one in enumerate(counts) if one]
+    return pinned, ((0, 0, 1), *cells)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_every_jacobian_is_in_a_node(seed):
+    jacobian = np.random.default_rng(seed).normal(size=(2, 6))
+    assert located(jacobian, planar.ARCS)[1] in set(planar._roots(6))
+    for arcs in (16, 64):
+        assert not planar._crowded(located(jacobian, arcs)[1])
+
+
+@pytest.mark.parametrize("measure", planar.MEASURES)
+@pytest.mark.parametrize("seed", range(8))
+def test_any_multipliers_bound_every_jacobian_of_the_node(seed, measure):
+    rng = np.random.default_rng(seed)
+    jacobian, k = rng.normal(size=(2, 6)), 2
+    if measure == "manipulability":  # the measure is that of isotropic ones
+        jacobian = np.linalg.solve(np.linalg.cholesky(jacobian @ jacobian.T), jacobian)
+        value = measures.relative_manipulability(jacobian, k).min()
+    else:
+        value = 2 * measures.worst_case_sigma(jacobian, k) ** 2 / measures.trace(jacobian)
+    _, cells = located(jacobian, planar.ARCS)
+    node = planar._Node(cells, k, measure)
+    counts = np.array([one[2] for one in cells])
+    mass = rng.random(counts.size)
+    conditions = node._tightest(mass, mass * np.exp(1j * (node._low + node._high) / 2))
+    assert conditions.shares @ counts == pytest.approx(np.full(len(conditions.points), 4))
+    nu = complex(*rng.normal(size=2)) if measure == "manipulability" else 0j
+    some = planar._Multipliers(conditions, rng.random(len(conditions.points)), nu)
+    assert value <= some.proved(node._low, node._high) + 1e-12
+    # So do those of the linear program, which are to be sharp.
+    found = node._program(np.exp(1j * np.stack([node._low, node._high], axis=1)), conditions)[2]
+    assert value <= found.proved(node._low, node._high) + 1e-12
+
+
+@pytest.mark.parametrize(("n", "k"), [(5, 2), (6, 3)])
+def test_the_best_known_stays_in_one_node(n, k):
+    """Where the level is below it, one of the parts has it, however small."""
+    page = page_of(Entry("free-mean", 2, n, k))
+    limit = 2 * float(page.value) ** 2 / n * 0.999
+    pinned, cells = located(page.jacobian, planar.ARCS)
+    angles = np.angle((page.jacobian[0] + 1j * page.jacobian[1]) ** 2)
+    rest = np.delete((angles - angles[pinned]) % (2 * np.pi), pinned) * TURN / (2 * np.pi)
+    node = planar._Node(cells, k, "max-min")
+    for _ in range(12):
+        [node] = [
+            part
+            for part in node.parts(limit)
+            if all(
+                count == np.sum((low <= rest) & (rest < high))
+                for low, high, count in part._cells
+                if high > low
+            )
+        ]
+
+
+@pytest.mark.parametrize("one", RECORD, ids=lambda one: one["command"][-40:])
+def test_the_record_is_just_above_the_best_that_is_known(one):
+    best = atlas_value(one["joints"], one["locked"], one["measure"])
+    assert one["proved"]
+    assert best < one["level"] < 1.05 * best
+
+
+def test_the_record_is_what_the_search_proves():
+    [same] = [one for one in RECORD if (one["joints"], one["locked"]) == (6, 3)][:1]
+    found = planar_bound(6, 3, same["level"], same["measure"])
+    assert found.to_dict() | {"nodes": 0} == same | {"nodes": 0}
+
+
+def test_all_that_give_bounds_give_the_same():
+    entry = Entry("free-mean", 2, 7, 3)
+    page = page_of(entry)
+    free = sharpest_worst_case(arm("free-mean", 7, 2), 3)
+    assert entry.bound == free
+    assert free.kind == "rigorous (branch and bound)"
+    scaled = sharpest_worst_case_of(3 * page.jacobian, 3)
+    assert (scaled.value, scaled.kind) == (pytest.approx(3 * free.value), free.kind)
+
+
+@pytest.mark.parametrize(
+    ("n", "k", "level", "measure"),
+    [
+        (2, 1, 1.0, "max-min"),
+        (5, 4, 1.0, "max-min"),
+        (5, 2, 0.0, "max-min"),
+        (5, 2, float("nan"), "max-min"),
+        (5, 2, 1.0, "residual"),
+    ],
+)
+def test_what_is_out_of_range_is_refused(n, k, level, measure):
+    with pytest.raises(InputError, match=r"joints|locked|level|measure"):
+        planar_bound(n, k, level, measure)
