@@ -339,10 +339,10 @@ def test_the_largest_certificates_are_judged_in_bounded_time() -> None:
 
     columns = tuple(tuple(longest(6, 4) for _ in range(6)) for _ in range(13))
     certificate = ExactJacobian(13, 0, tuple(longest(k, 2) for k in range(6)), columns)
-    start = time.perf_counter()
+    start = time.process_time()
     with pytest.raises(CertificateError):
         verify_existence(certificate)
-    assert time.perf_counter() - start < 1  # the first equation; there are 120
+    assert time.process_time() - start < 10  # 0.2 for the first equation; there are 120
 
 
 def test_verification_shares_nothing_with_the_construction() -> None:

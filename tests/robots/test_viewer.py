@@ -265,7 +265,7 @@ def test_the_command_serves_a_page_and_ends_with_ctrl_c(lockedjoint, file):
         pressed = time.monotonic()
         os.killpg(process.pid, signal.SIGINT)
         _, said = process.communicate(timeout=20)
-        assert time.monotonic() - pressed < 2
+        assert time.monotonic() - pressed < 15  # also on a machine with other work
         assert (process.returncode, said) == (130, "Interrupted.\n")
     finally:
         process.kill()
