@@ -44,7 +44,9 @@ from formulations.bounds.so3_moments.programs.moment_program import (
     joined_program,
     penalised_program,
 )
-from formulations.bounds.so3_moments.programs.multipliers import refined_multipliers
+from formulations.bounds.so3_moments.programs.multipliers import (
+    refined_interior_multipliers,
+)
 from formulations.bounds.so3_moments.programs.predictor_corrector import (
     solve_with_predictor_corrector,
 )
@@ -322,7 +324,7 @@ def exclude_with_signs(
     )
     if outcome.multipliers is not None:
         scaled = [_PENALTY * x for x in outcome.multipliers[:-1]]
-        refined = refined_multipliers(program, scaled)
+        refined = refined_interior_multipliers(program, scaled)
         outcome = replace(outcome, multipliers=transformed(refined, transforms))
     clock.append(time.perf_counter())
     seconds = dict(zip(("blocks", "solver"), np.diff(clock).tolist(), strict=True))
