@@ -8,14 +8,19 @@ columns (`fixed_worst_case`), and of degree 8, not invariant. They share the fun
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import product
+from functools import cache
+from itertools import combinations, product
 from math import sqrt
 
 import numpy as np
 from scipy.optimize import linprog
 
 from formulations.bounds.closed_form import largest_residual
-from formulations.bounds.so3_moments.blocks.localisers import ScaledBlocks
+from formulations.bounds.so3_moments.blocks.localisers import (
+    KrylovLocaliser,
+    ScaledBlocks,
+    krylov_sectors,
+)
 from formulations.bounds.so3_moments.blocks.near_null_vector import (
     concentrated_rotations,
     concentrating_weights,
@@ -36,6 +41,7 @@ from formulations.bounds.so3_moments.blocks.sampled_blocks import (
 )
 from formulations.bounds.so3_moments.fixed_worst_case import (
     Conditions,
+    ResidualDistance,
     condition_families,
 )
 from formulations.bounds.so3_moments.global_bound import Evidence
@@ -55,7 +61,6 @@ from formulations.bounds.so3_moments.relaxation import (
     PREDICTOR_CORRECTOR,
     Progress,
     SolvedRelaxation,
-    residual_values,
     silent,
 )
 from formulations.bounds.so3_moments.representations.row_sectors import (
@@ -82,14 +87,15 @@ _HOW_CHECKED = (
 )
 #: β of the condition on the spectrum that is maximised under all others.
 MAXIMISED = 0.2
-#: Conditions ρ ≤ α + β tr E³ + γ tr E⁴ on the spectrum: (β, γ). Those of degree 6 also multiply
-#: squares; the others are used as they are.
-CUBIC = ((0.1, 0.0), (MAXIMISED, 0.0), (0.35, 0.0))
+#: Conditions ρ ≤ α + β tr E³ + γ tr E⁴ on the spectrum: (β, γ). Those of degree 6 multiply
+#: squares of rows of degree 3; the others, of degree 2.
+CUBIC = tuple((beta, 0.0) for beta in (0.05, 0.1, 0.15, MAXIMISED, 0.25, 0.35))
 QUARTIC = tuple(
     product((0.0, 0.1, 0.15, 0.2, 0.25, 0.3, 0.4), (-0.1, -0.05, 0.0, 0.05, 0.1, 0.2))
 )
 _GRID = 1001
-SIGNED_SPECTRAL = (*degree_sectors(3, range(4)), *degree_sectors(2, range(3)))
+_LOW = tuple(degree_sectors(2, range(3)))
+SIGNED_SPECTRAL = (*degree_sectors(3, range(4)), *_LOW)
 
 
 @dataclass(frozen=True)
@@ -145,12 +151,9 @@ def unsigned_families(conditions: UnsignedConditions, t: float) -> list[BlockFam
     d of an eigenvalue from its mean, ρ ≥ (3/5)d²; so λ_max ≤ n/3 + √(5ρ_max/3).
     """
     limit = largest_residual(JOINTS, t)
+    distance = ResidualDistance(limit, 5 * JOINTS / 3)
     deviation = null_vector_deviation(t)
     nearest = deviation * (JOINTS / 3 + sqrt(5 * limit / 3)) + 1e-12
-    size = 5 * JOINTS / 3
-
-    def distance(rotations: FloatArray) -> FloatArray:
-        return np.asarray((limit - residual_values(rotations)) / size)
 
     def nearness(rotations: FloatArray) -> FloatArray:
         total = jacobians_of(rotations).sum(axis=2)
@@ -173,6 +176,29 @@ def unsigned_families(conditions: UnsignedConditions, t: float) -> list[BlockFam
     ]
 
 
+def product_families(t: float) -> list[BlockFamily]:
+    """Return products of two conditions on the functions that do not change with the signs.
+
+    (ρ_max(t) − ρ) times those with tr E⁴; those with tr E³ times each other; and both times
+    localisers of J_f J_fᵀ − tI. All have degree 12.
+    """
+    (one,) = sector_families([RowSector(0, 0, 0, 0)], JOINTS)
+    distance = ResidualDistance(largest_residual(JOINTS, t), 5 * JOINTS / 3)
+    cubic = spectral_distances(t, CUBIC)
+    localisers = [
+        [KrylovLocaliser(sector, JOINTS, t) for sector in krylov_sectors(degree, spins, spins)]
+        for degree, spins in ((1, range(2)), (2, range(3)))
+    ]
+    low, high = ([family for family in some if family.blocks] for some in localisers)
+    return [
+        *(ScaledBlocks(ScaledBlocks(one, g), distance) for g in spectral_distances(t, QUARTIC)),
+        *(ScaledBlocks(ScaledBlocks(one, g), h) for g, h in combinations(cubic, 2)),
+        *(ScaledBlocks(family, distance) for family in high),
+        *(ScaledBlocks(family, g) for g in cubic for family in low),
+    ]
+
+
+@cache
 def spectral_limit(t: float, cubic: float, quartic: float = 0.0, joints: int = JOINTS) -> float:
     """Return α with ρ ≤ α + β tr E³ + γ tr E⁴ wherever the worst case is σ² ≥ t.
 
@@ -199,7 +225,7 @@ def spectral_limit(t: float, cubic: float, quartic: float = 0.0, joints: int = J
     root = sqrt(middle**2 + 5 * mean**2 - 30 * mean / limit)
     ends = np.array([middle - root, middle + root])
     power = np.polynomial.Polynomial([0.0, 0.0, 0.5, -cubic, -quartic])
-    grid = np.linspace(*ends, _GRID)
+    grid = np.linspace(ends[0], ends[1], _GRID)
     rows = np.stack([np.ones(_GRID), grid, 1 / (mean + grid)], axis=1)
     free = (None, None)
     found = linprog(
@@ -244,8 +270,14 @@ def spectral_families(
 ) -> list[BlockFamily]:
     """Return the blocks of the sectors, each multiplied by α + β tr E³ + γ tr E⁴ − ρ."""
     blocks = sector_families(sectors, JOINTS)
-    distances = [SpectralDistance(spectral_limit(t, *pair), *pair) for pair in slopes]
-    return [ScaledBlocks(one, distance) for distance in distances for one in blocks]
+    return [ScaledBlocks(one, g) for g in spectral_distances(t, slopes) for one in blocks]
+
+
+def spectral_distances(
+    t: float, slopes: Sequence[tuple[float, float]]
+) -> list[SpectralDistance]:
+    """Return α + β tr E³ + γ tr E⁴ − ρ for pairs (β, γ)."""
+    return [SpectralDistance(spectral_limit(t, *pair), *pair) for pair in slopes]
 
 
 def exclude_with_signs(
@@ -269,7 +301,7 @@ def exclude_with_signs(
         what the two spaces of functions share.
     signed_spectral
         Sectors of the first space that are multiplied by α + β tr E³ − ρ; if none, the
-        conditions with tr E⁴ are left out as well.
+        conditions with tr E⁴ and `product_families` are left out as well.
     rng, progress
         As in `exclude_worst_case`.
 
@@ -291,7 +323,8 @@ def exclude_with_signs(
         [
             *condition_families(replace(signed, plain=()), JOINTS, t),
             *spectral_families(signed_spectral, t),
-            *spectral_families([RowSector(0, 0, 0, 0)] if signed_spectral else [], t, QUARTIC),
+            *spectral_families(_LOW if signed_spectral else [], t, QUARTIC),
+            *(product_families(t) if signed_spectral else []),
         ],
         unsigned_families(replace(unsigned, plain=()), t),
     )

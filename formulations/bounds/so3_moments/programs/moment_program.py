@@ -182,13 +182,13 @@ def joined_program(
     moments = shared.shape[1] + sum(own)
     goals = np.zeros(moments)
     if objective is not None:
-        goal = _coefficients(np.linalg.pinv(bases[0]), bases[0], roots * objective)
+        goal = _coefficients(_inverse(bases[0]), bases[0], roots * objective)
         goals[: len(goal)] = goal
     expanded = []
     for blocks, basis, start in zip((first, second), bases, (0, own[0]), strict=True):
         places = np.arange(basis.shape[1])
         places[shared.shape[1] :] += start
-        inverse = np.linalg.pinv(basis)
+        inverse = _inverse(basis)
         for block in blocks:
             count, size = block.shape[:2]
             values = roots[:count, None] * block.reshape(count, -1)
@@ -218,6 +218,10 @@ def _completed(
         others -= frame @ (frame.T @ others)
     left = np.linalg.svd(others, full_matrices=False)[0][:, : rank - known.shape[1]]
     return np.hstack([known, np.sqrt(samples) * left])
+
+
+def _inverse(basis: FloatArray) -> FloatArray:
+    return np.asarray(np.linalg.pinv(basis), dtype=float)
 
 
 def _coefficients(inverse: FloatArray, basis: FloatArray, values: FloatArray) -> FloatArray:
