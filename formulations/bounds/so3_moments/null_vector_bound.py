@@ -8,7 +8,7 @@ columns (`fixed_worst_case`), and of degree 8, not invariant. They share the fun
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, partial
 from itertools import combinations, product
 from math import sqrt
 
@@ -20,6 +20,7 @@ from formulations.bounds.so3_moments.blocks.localisers import (
     KrylovLocaliser,
     ScaledBlocks,
     krylov_sectors,
+    krylov_vectors,
 )
 from formulations.bounds.so3_moments.blocks.near_null_vector import (
     concentrated_rotations,
@@ -179,8 +180,8 @@ def unsigned_families(conditions: UnsignedConditions, t: float) -> list[BlockFam
 def product_families(t: float) -> list[BlockFamily]:
     """Return products of two conditions on the functions that do not change with the signs.
 
-    (ρ_max(t) − ρ) times those with tr E⁴; those with tr E³ times each other; and both times
-    localisers of J_f J_fᵀ − tI. All have degree 12.
+    (ρ_max(t) − ρ) times those with tr E⁴; those with tr E³ times each other; both times
+    localisers of J_f J_fᵀ − tI; and `krylov_minor`. All have degree 12.
     """
     (one,) = sector_families([RowSector(0, 0, 0, 0)], JOINTS)
     distance = ResidualDistance(largest_residual(JOINTS, t), 5 * JOINTS / 3)
@@ -195,7 +196,23 @@ def product_families(t: float) -> list[BlockFamily]:
         *(ScaledBlocks(ScaledBlocks(one, g), h) for g, h in combinations(cubic, 2)),
         *(ScaledBlocks(family, distance) for family in high),
         *(ScaledBlocks(family, g) for g in cubic for family in low),
+        ScaledBlocks(one, partial(krylov_minor, t)),
     ]
+
+
+def krylov_minor(t: float, rotations: FloatArray) -> FloatArray:
+    """Return the mean of det VᵀA_fV, A_f = J_f J_fᵀ − tI and V = (j_f, Mj_f), over joints f.
+
+    Where A_f ⪰ 0 this product of two conditions is not negative; localisers of A_f, linear in
+    it, do not say so. Values at rotations (configurations, 7, 3, 3).
+    """
+    jacobians = jacobians_of(rotations)
+    total = np.zeros(len(rotations))
+    for locked in range(JOINTS):
+        vectors, kept = (part[..., :2] for part in krylov_vectors(jacobians, locked))
+        form = kept.swapaxes(1, 2) @ kept - t * vectors.swapaxes(1, 2) @ vectors
+        total += np.linalg.det(form)
+    return total / JOINTS
 
 
 @cache

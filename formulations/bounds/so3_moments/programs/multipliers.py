@@ -67,7 +67,7 @@ def refined_interior_multipliers(
     """Return multipliers whose dual residual is mere rounding, if they are inside of the cone.
 
     The change is that of `refined_multipliers`. Its equations are solved from an orthogonal
-    factorisation instead of the normal equations: twice as many digits, ten times the work.
+    factorisation instead of the normal equations: twice as many digits.
     """
     current = [np.asarray(x) for x in multipliers]
     roots = [semidefinite_root(x)[0] for x in current]
