@@ -79,7 +79,7 @@ def max_min_bound(
         implies, which is sharper (0.20 % above what is attained) and takes about four
         minutes, or six if rigorous, and 1.3 GB; for 7 joints. ``"null-vector"`` adds
         conditions on the columns with the signs of the null vector, and excludes
-        σ² = 0.3276, numerically only, in about eight minutes and 3 GB.
+        σ² = 0.3275, numerically only, in about five minutes and 4 GB.
     joints
         Number n of joints, 7 to 9. From 8 joints on, isotropic Jacobians exist, the residual
         can be 0 and the bound is that of eq. (6); nothing is computed then.

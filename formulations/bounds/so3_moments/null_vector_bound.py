@@ -3,25 +3,23 @@
 Two spaces of functions carry the pseudo-moments: of degree 12, invariant under the signs of the
 columns (`fixed_worst_case`), and of degree 8, not invariant. They share the functions of degree
 8 that are. The conditions on the second space are those of `blocks.null_vector`.
+
+One condition on the spectrum of JJᵀ, α(t) + β tr E³ − ρ ≥ 0, is maximised under all others: if
+the largest value is negative, t is excluded.
 """
 
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cache, partial
-from itertools import combinations, product
+from functools import cache
+from itertools import product
 from math import sqrt
 
 import numpy as np
 from scipy.optimize import linprog
 
 from formulations.bounds.closed_form import largest_residual
-from formulations.bounds.so3_moments.blocks.localisers import (
-    KrylovLocaliser,
-    ScaledBlocks,
-    krylov_sectors,
-    krylov_vectors,
-)
+from formulations.bounds.so3_moments.blocks.localisers import ScaledBlocks
 from formulations.bounds.so3_moments.blocks.near_null_vector import (
     concentrated_rotations,
     concentrating_weights,
@@ -88,15 +86,14 @@ _HOW_CHECKED = (
 )
 #: β of the condition on the spectrum that is maximised under all others.
 MAXIMISED = 0.2
-#: Conditions ρ ≤ α + β tr E³ + γ tr E⁴ on the spectrum: (β, γ). Those of degree 6 multiply
-#: squares of rows of degree 3; the others, of degree 2.
-CUBIC = tuple((beta, 0.0) for beta in (0.05, 0.1, 0.15, MAXIMISED, 0.25, 0.35))
+#: Conditions ρ ≤ α + β tr E³ + γ tr E⁴ on the spectrum: (β, γ). Those of degree 6 also multiply
+#: squares; the others are used as they are.
+CUBIC = ((0.1, 0.0), (MAXIMISED, 0.0), (0.35, 0.0))
 QUARTIC = tuple(
     product((0.0, 0.1, 0.15, 0.2, 0.25, 0.3, 0.4), (-0.1, -0.05, 0.0, 0.05, 0.1, 0.2))
 )
 _GRID = 1001
-_LOW = tuple(degree_sectors(2, range(3)))
-SIGNED_SPECTRAL = (*degree_sectors(3, range(4)), *_LOW)
+SIGNED_SPECTRAL = (*degree_sectors(3, range(4)), *degree_sectors(2, range(3)))
 
 
 @dataclass(frozen=True)
@@ -177,44 +174,6 @@ def unsigned_families(conditions: UnsignedConditions, t: float) -> list[BlockFam
     ]
 
 
-def product_families(t: float) -> list[BlockFamily]:
-    """Return products of two conditions on the functions that do not change with the signs.
-
-    (ρ_max(t) − ρ) times those with tr E⁴; those with tr E³ times each other; both times
-    localisers of J_f J_fᵀ − tI; and `krylov_minor`. All have degree 12.
-    """
-    (one,) = sector_families([RowSector(0, 0, 0, 0)], JOINTS)
-    distance = ResidualDistance(largest_residual(JOINTS, t), 5 * JOINTS / 3)
-    cubic = spectral_distances(t, CUBIC)
-    localisers = [
-        [KrylovLocaliser(sector, JOINTS, t) for sector in krylov_sectors(degree, spins, spins)]
-        for degree, spins in ((1, range(2)), (2, range(3)))
-    ]
-    low, high = ([family for family in some if family.blocks] for some in localisers)
-    return [
-        *(ScaledBlocks(ScaledBlocks(one, g), distance) for g in spectral_distances(t, QUARTIC)),
-        *(ScaledBlocks(ScaledBlocks(one, g), h) for g, h in combinations(cubic, 2)),
-        *(ScaledBlocks(family, distance) for family in high),
-        *(ScaledBlocks(family, g) for g in cubic for family in low),
-        ScaledBlocks(one, partial(krylov_minor, t)),
-    ]
-
-
-def krylov_minor(t: float, rotations: FloatArray) -> FloatArray:
-    """Return the mean of det VᵀA_fV, A_f = J_f J_fᵀ − tI and V = (j_f, Mj_f), over joints f.
-
-    Where A_f ⪰ 0 this product of two conditions is not negative; localisers of A_f, linear in
-    it, do not say so. Values at rotations (configurations, 7, 3, 3).
-    """
-    jacobians = jacobians_of(rotations)
-    total = np.zeros(len(rotations))
-    for locked in range(JOINTS):
-        vectors, kept = (part[..., :2] for part in krylov_vectors(jacobians, locked))
-        form = kept.swapaxes(1, 2) @ kept - t * vectors.swapaxes(1, 2) @ vectors
-        total += np.linalg.det(form)
-    return total / JOINTS
-
-
 @cache
 def spectral_limit(t: float, cubic: float, quartic: float = 0.0, joints: int = JOINTS) -> float:
     """Return α with ρ ≤ α + β tr E³ + γ tr E⁴ wherever the worst case is σ² ≥ t.
@@ -287,14 +246,8 @@ def spectral_families(
 ) -> list[BlockFamily]:
     """Return the blocks of the sectors, each multiplied by α + β tr E³ + γ tr E⁴ − ρ."""
     blocks = sector_families(sectors, JOINTS)
-    return [ScaledBlocks(one, g) for g in spectral_distances(t, slopes) for one in blocks]
-
-
-def spectral_distances(
-    t: float, slopes: Sequence[tuple[float, float]]
-) -> list[SpectralDistance]:
-    """Return α + β tr E³ + γ tr E⁴ − ρ for pairs (β, γ)."""
-    return [SpectralDistance(spectral_limit(t, *pair), *pair) for pair in slopes]
+    distances = [SpectralDistance(spectral_limit(t, *pair), *pair) for pair in slopes]
+    return [ScaledBlocks(one, distance) for distance in distances for one in blocks]
 
 
 def exclude_with_signs(
@@ -318,7 +271,7 @@ def exclude_with_signs(
         what the two spaces of functions share.
     signed_spectral
         Sectors of the first space that are multiplied by α + β tr E³ − ρ; if none, the
-        conditions with tr E⁴ and `product_families` are left out as well.
+        conditions with tr E⁴ are left out as well.
     rng, progress
         As in `exclude_worst_case`.
 
@@ -340,8 +293,7 @@ def exclude_with_signs(
         [
             *condition_families(replace(signed, plain=()), JOINTS, t),
             *spectral_families(signed_spectral, t),
-            *spectral_families(_LOW if signed_spectral else [], t, QUARTIC),
-            *(product_families(t) if signed_spectral else []),
+            *spectral_families([RowSector(0, 0, 0, 0)] if signed_spectral else [], t, QUARTIC),
         ],
         unsigned_families(replace(unsigned, plain=()), t),
     )

@@ -32,7 +32,6 @@ from formulations.bounds.so3_moments.null_vector_bound import (
     QUARTIC,
     SpectralDistance,
     UnsignedConditions,
-    product_families,
     spectral_limit,
     unsigned_families,
     unsigned_sectors,
@@ -164,26 +163,6 @@ def test_the_condition_on_the_spectrum_is_true_and_nearly_sharp(
         values.append(np.sum(0.5 * e**2 - beta * e**3 - gamma * e**4))
     limit = spectral_limit(t, beta, gamma)
     assert 0.9 * limit < max(values) <= limit
-
-
-def test_products_of_two_conditions_hold_at_each_own_worst_case(
-    attained: tuple[FloatArray, float], so3: SimpleNamespace
-) -> None:
-    for where in configurations(attained[0], so3)[::3]:
-        for family in product_families(worst_case(where) - 1e-9):
-            for block in family.evaluate(where):
-                assert np.linalg.eigvalsh(block[0])[0] > -1e-9
-
-
-def test_products_of_two_conditions_fail_beyond_the_worst_case(
-    attained: tuple[FloatArray, float],
-) -> None:
-    lowest_of_all = min(
-        float(np.linalg.eigvalsh(block[0])[0])
-        for family in product_families(0.332)
-        for block in family.evaluate(attained[0])
-    )
-    assert lowest_of_all < -1e-3
 
 
 def test_samples_are_rotations_and_reach_small_sums() -> None:
