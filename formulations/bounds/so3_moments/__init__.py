@@ -11,6 +11,7 @@ and `programs` in this order, then:
     rigorous_residual    a lower bound on the residual that is a theorem
     fixed_worst_case     the conditions that a worst case implies, and its exclusion
     rigorous_max_min     the same as a theorem
+    null_vector_bound    exclusion with the signs of the columns fixed by the null vector
     max_min_bound        an upper bound on the worst case
     certificate          the file of a rigorous bound; `reading` reads it strictly
     verification         the proof from that file, without solver and relaxation

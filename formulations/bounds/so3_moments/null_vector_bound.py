@@ -3,18 +3,29 @@
 Two spaces of functions carry the pseudo-moments: of degree 12, invariant under the signs of the
 columns (`fixed_worst_case`), and of degree 8, not invariant. They share the functions of degree
 8 that are. The conditions on the second space are those of `blocks.null_vector`.
+
+One condition on the spectrum of JJᵀ, α(t) + β tr E³ − ρ ≥ 0, is maximised under all others: if
+the largest value is negative, t is excluded.
 """
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import partial
+from dataclasses import dataclass, replace
+from functools import cache
+from itertools import product
 from math import sqrt
 
 import numpy as np
+from scipy.optimize import linprog
 
 from formulations.bounds.closed_form import largest_residual
 from formulations.bounds.so3_moments.blocks.localisers import ScaledBlocks
+from formulations.bounds.so3_moments.blocks.near_null_vector import (
+    concentrated_rotations,
+    concentrating_weights,
+    transformed,
+    units,
+)
 from formulations.bounds.so3_moments.blocks.null_vector import (
     JOINTS,
     FormLocaliser,
@@ -25,19 +36,21 @@ from formulations.bounds.so3_moments.blocks.null_vector import (
 )
 from formulations.bounds.so3_moments.blocks.sampled_blocks import (
     BlockFamily,
-    SectorBlocks,
     sector_families,
 )
 from formulations.bounds.so3_moments.fixed_worst_case import (
-    HOW_CHECKED,
     Conditions,
+    ResidualDistance,
     condition_families,
 )
 from formulations.bounds.so3_moments.global_bound import Evidence
 from formulations.bounds.so3_moments.programs.moment_program import (
     MomentProgram,
     joined_program,
-    margin_program,
+    penalised_program,
+)
+from formulations.bounds.so3_moments.programs.multipliers import (
+    refined_interior_multipliers,
 )
 from formulations.bounds.so3_moments.programs.predictor_corrector import (
     solve_with_predictor_corrector,
@@ -47,20 +60,40 @@ from formulations.bounds.so3_moments.relaxation import (
     PREDICTOR_CORRECTOR,
     Progress,
     SolvedRelaxation,
-    residual_values,
     silent,
 )
-from formulations.bounds.so3_moments.representations.row_sectors import UnsignedSector
+from formulations.bounds.so3_moments.representations.row_sectors import (
+    RowSector,
+    UnsignedSector,
+    degree_sectors,
+)
 from formulations.bounds.so3_moments.representations.wigner import (
     jacobians_of,
     random_rotations,
 )
 from nlp.arrays import FloatArray, Rng
 
-_SAMPLES = 520
-# Relative to a shift of some thousands; the margin is about 1e-6.
-_GAP = 1e-13
-_MARGIN_OVER_RESIDUAL = 30.0
+_SAMPLES, _UNSIGNED_SAMPLES = 540, 320
+_PENALTY = 3e3
+_GAP, _ACCURACY = 1e-9, 1e-9
+# The solver stops where multipliers are still well inside of the cone: there they can be
+# refined, which takes away most of their residual.
+_LEAST_MARGIN, _MARGIN_OVER_RESIDUAL = 1e-3, 100.0
+_HOW_CHECKED = (
+    "condition on the spectrum + a sum of squares and localisers equal to a negative constant "
+    "at fresh configurations, half of them uniform and half with a small sum of the columns; "
+    "multipliers made positive semidefinite, largest difference subtracted"
+)
+#: β of the condition on the spectrum that is maximised under all others.
+MAXIMISED = 0.2
+#: Conditions ρ ≤ α + β tr E³ + γ tr E⁴ on the spectrum: (β, γ). Those of degree 6 also multiply
+#: squares; the others are used as they are.
+CUBIC = ((0.1, 0.0), (MAXIMISED, 0.0), (0.35, 0.0))
+QUARTIC = tuple(
+    product((0.0, 0.1, 0.15, 0.2, 0.25, 0.3, 0.4), (-0.1, -0.05, 0.0, 0.05, 0.1, 0.2))
+)
+_GRID = 1001
+SIGNED_SPECTRAL = (*degree_sectors(3, range(4)), *degree_sectors(2, range(3)))
 
 
 @dataclass(frozen=True)
@@ -75,6 +108,8 @@ class UnsignedConditions:
         Sectors of the blocks that are multiplied by δ − |s|².
     scaled
         Sectors of the blocks that are multiplied by ρ_max(t) − ρ.
+    spectral
+        Sectors of the blocks that are multiplied by α + β tr E³ − ρ, see `spectral_limit`.
     gram, krylov
         Sectors of the localisers of J_fᵀJ_f − tI, and of J_f J_fᵀ − tI and δ₀M − ssᵀ.
     """
@@ -82,6 +117,7 @@ class UnsignedConditions:
     plain: tuple[UnsignedSector, ...]
     near: tuple[UnsignedSector, ...]
     scaled: tuple[UnsignedSector, ...]
+    spectral: tuple[UnsignedSector, ...]
     gram: tuple[UnsignedSector, ...]
     krylov: tuple[UnsignedSector, ...]
 
@@ -95,9 +131,10 @@ def unsigned_sectors(
 
 
 UNSIGNED = UnsignedConditions(
-    plain=unsigned_sectors(4, range(3)) + unsigned_sectors(3, range(4)),
+    plain=unsigned_sectors(4, range(5)) + unsigned_sectors(3, range(4)),
     near=unsigned_sectors(3, range(4)),
     scaled=unsigned_sectors(2, range(3)),
+    spectral=unsigned_sectors(1, range(2)),
     gram=unsigned_sectors(2, range(3), locked=True)
     + unsigned_sectors(3, range(3), locked=True),
     krylov=unsigned_sectors(1, range(3), locked=True)
@@ -112,12 +149,9 @@ def unsigned_families(conditions: UnsignedConditions, t: float) -> list[BlockFam
     d of an eigenvalue from its mean, ρ ≥ (3/5)d²; so λ_max ≤ n/3 + √(5ρ_max/3).
     """
     limit = largest_residual(JOINTS, t)
+    distance = ResidualDistance(limit, 5 * JOINTS / 3)
     deviation = null_vector_deviation(t)
     nearest = deviation * (JOINTS / 3 + sqrt(5 * limit / 3)) + 1e-12
-    size = 5 * JOINTS / 3
-
-    def distance(rotations: FloatArray) -> FloatArray:
-        return np.asarray((limit - residual_values(rotations)) / size)
 
     def nearness(rotations: FloatArray) -> FloatArray:
         total = jacobians_of(rotations).sum(axis=2)
@@ -135,14 +169,92 @@ def unsigned_families(conditions: UnsignedConditions, t: float) -> list[BlockFam
         *sector_families(conditions.plain, JOINTS),
         *(ScaledBlocks(one, nearness) for one in sector_families(conditions.near, JOINTS)),
         *(ScaledBlocks(one, distance) for one in sector_families(conditions.scaled, JOINTS)),
+        *spectral_families(conditions.spectral, t),
         *(family for family in localisers if family.blocks),
     ]
+
+
+@cache
+def spectral_limit(t: float, cubic: float, quartic: float = 0.0, joints: int = JOINTS) -> float:
+    """Return α with ρ ≤ α + β tr E³ + γ tr E⁴ wherever the worst case is σ² ≥ t.
+
+    Parameters
+    ----------
+    t
+        The squared worst case, below (n − 6)/3.
+    cubic, quartic
+        β and γ.
+    joints
+        Number n of joints.
+
+    Notes
+    -----
+    The eigenvalues e_k of E = JJᵀ − (n/3)I add up to 0, and Σ 1/(c + e_k) ≤ (n − 6)/t with
+    c = n/3 − t and all c + e_k > 0. The other five have the mean −e/5, so every one of them has
+    1/(c + e) + 25/(5c − e) ≤ (n − 6)/t: it lies between the roots of a quadratic equation. If
+    ½e² − βe³ − γe⁴ ≤ A + Be + C/(c + e) there and C ≥ 0, the sum over k is at most
+    6A + (n − 6)C/t. A linear program on a grid suggests A, B and C; then A grows by what is
+    missing, at the ends and wherever the derivative of the difference is 0.
+    """
+    mean, limit = joints / 3 - t, (joints - 6) / t
+    middle = 2 * mean - 12 / limit
+    root = sqrt(middle**2 + 5 * mean**2 - 30 * mean / limit)
+    ends = np.array([middle - root, middle + root])
+    power = np.polynomial.Polynomial([0.0, 0.0, 0.5, -cubic, -quartic])
+    grid = np.linspace(ends[0], ends[1], _GRID)
+    rows = np.stack([np.ones(_GRID), grid, 1 / (mean + grid)], axis=1)
+    free = (None, None)
+    found = linprog(
+        [6, 0, limit], A_ub=-rows, b_ub=-power(grid), bounds=[free, free, (0, None)]
+    )
+    constant, slope, pole = found.x
+    turning = (power.deriv() - slope) * np.polynomial.Polynomial([mean, 1.0]) ** 2 + pole
+    where = np.clip(np.concatenate([ends, turning.roots().real]), *ends)
+    missing = np.max(power(where) - constant - slope * where - pole / (mean + where))
+    return float(6 * (constant + max(missing, 0.0)) + limit * pole) + 1e-9
+
+
+@dataclass(frozen=True)
+class SpectralDistance:
+    """The function α + β tr E³ + γ tr E⁴ − ρ of rotations (configurations, n, 3, 3).
+
+    Parameters
+    ----------
+    limit, cubic, quartic
+        α, β and γ.
+    """
+
+    limit: float
+    cubic: float
+    quartic: float = 0.0
+
+    def __call__(self, rotations: FloatArray) -> FloatArray:
+        """Return its values, (configurations,)."""
+        jacobians = jacobians_of(rotations)
+        defect = jacobians @ jacobians.swapaxes(1, 2) - jacobians.shape[2] / 3 * np.eye(6)
+        square = defect @ defect
+        cube = np.sum(square * defect, axis=(1, 2))
+        residual = 0.5 * np.trace(square, axis1=1, axis2=2)
+        fourth = np.sum(square**2, axis=(1, 2))
+        return np.asarray(self.limit + self.cubic * cube + self.quartic * fourth - residual)
+
+
+def spectral_families(
+    sectors: Sequence[RowSector | UnsignedSector],
+    t: float,
+    slopes: Sequence[tuple[float, float]] = CUBIC,
+) -> list[BlockFamily]:
+    """Return the blocks of the sectors, each multiplied by α + β tr E³ + γ tr E⁴ − ρ."""
+    blocks = sector_families(sectors, JOINTS)
+    distances = [SpectralDistance(spectral_limit(t, *pair), *pair) for pair in slopes]
+    return [ScaledBlocks(one, distance) for distance in distances for one in blocks]
 
 
 def exclude_with_signs(
     t: float,
     signed: Conditions,
     unsigned: UnsignedConditions = UNSIGNED,
+    signed_spectral: Sequence[RowSector] = SIGNED_SPECTRAL,
     *,
     rng: Rng = 0,
     progress: Progress = silent,
@@ -157,54 +269,94 @@ def exclude_with_signs(
         Conditions on the functions that are invariant under the signs of columns, and on the
         others. The entries of the scaled blocks of the first, without their factor, must span
         what the two spaces of functions share.
+    signed_spectral
+        Sectors of the first space that are multiplied by α + β tr E³ − ρ; if none, the
+        conditions with tr E⁴ are left out as well.
     rng, progress
         As in `exclude_worst_case`.
 
     Returns
     -------
     margin, evidence
-        As of `exclude_worst_case`.
+        Upper bound on α + β tr E³ − ρ (`spectral_limit`, β = 1/5) under all other conditions,
+        after the check; t is excluded, numerically, if it is negative. And the program, its
+        solution and the check.
     """
     clock = [time.perf_counter()]
     generator = np.random.default_rng(rng)
-    families: tuple[list[BlockFamily], list[BlockFamily]] = (
-        condition_families(signed, JOINTS, t),
-        unsigned_families(unsigned, t),
+    distance = SpectralDistance(spectral_limit(t, MAXIMISED), MAXIMISED)
+    plain: tuple[list[BlockFamily], ...] = (
+        [*sector_families(signed.plain, JOINTS)],
+        [*sector_families(unsigned.plain, JOINTS)],
     )
-    rotations = random_rotations(generator, _SAMPLES, JOINTS)
+    others = (
+        [
+            *condition_families(replace(signed, plain=()), JOINTS, t),
+            *spectral_families(signed_spectral, t),
+            *spectral_families([RowSector(0, 0, 0, 0)] if signed_spectral else [], t, QUARTIC),
+        ],
+        unsigned_families(replace(unsigned, plain=()), t),
+    )
+    families = [*plain[0], *others[0], *plain[1], *others[1]]
+    rotations = concentrated_rotations(generator, _SAMPLES, JOINTS)
+    weights = concentrating_weights(rotations)
     common = _evaluated(sector_families(signed.scaled, JOINTS), rotations, silent)
-    blocks = [_evaluated(own, rotations, progress) for own in families]
-    sampled = joined_program(blocks[0], blocks[1], common)
-    program = margin_program(sampled)
+    blocks: list[list[FloatArray]] = []
+    transforms: list[FloatArray] = []
+    for own, rest, count in zip(plain, others, (_SAMPLES, _UNSIGNED_SAMPLES), strict=True):
+        blocks.append([])
+        for some, semidefinite in ((own, True), (rest, False)):
+            found = _evaluated(some, rotations[:count], progress)
+            blocks[-1] += found
+            transforms += [
+                units(block, weights[:count], semidefinite=semidefinite) for block in found
+            ]
+    sampled = joined_program(
+        blocks[0], blocks[1], common, weights=weights, objective=-distance(rotations)
+    )
+    program = sampled.congruent(transforms)
     clock.append(time.perf_counter())
     progress(f"solving with {PREDICTOR_CORRECTOR}: {sampled.size}")
     outcome = solve_with_predictor_corrector(
-        program, gap=_GAP, stop=partial(excludes_t, sampled), progress=progress
+        penalised_program(program, _PENALTY),
+        gap=_GAP,
+        accuracy=_ACCURACY,
+        stop=lambda found: excludes_t(program, [_PENALTY * x for x in found[:-1]]),
+        progress=progress,
     )
+    if outcome.multipliers is not None:
+        scaled = [_PENALTY * x for x in outcome.multipliers[:-1]]
+        refined = refined_interior_multipliers(program, scaled)
+        outcome = replace(outcome, multipliers=transformed(refined, transforms))
     clock.append(time.perf_counter())
     seconds = dict(zip(("blocks", "solver"), np.diff(clock).tolist(), strict=True))
-    together = [*families[0], *families[1]]
     solved = SolvedRelaxation(
-        together, sampled, program, PREDICTOR_CORRECTOR, outcome, seconds, clock[-1]
+        families, sampled, sampled, PREDICTOR_CORRECTOR, outcome, seconds, clock[-1]
     )
     progress("checking the identity at fresh configurations")
-    fresh = random_rotations(generator, FRESH, JOINTS)
+    fresh = np.concatenate(
+        [
+            random_rotations(generator, FRESH // 2, JOINTS),
+            concentrated_rotations(generator, FRESH // 2, JOINTS),
+        ]
+    )
     bound, evidence = solved.checked(
-        sampled, lambda where: np.zeros(len(where)), fresh, HOW_CHECKED, unit_trace=True
+        sampled, lambda where: -distance(where), fresh, _HOW_CHECKED
     )
     return -bound, evidence
 
 
-def excludes_t(sampled: MomentProgram, multipliers: Sequence[FloatArray]) -> bool:
+def excludes_t(program: MomentProgram, multipliers: Sequence[FloatArray]) -> bool:
     """Whether multipliers exclude t by more than their residual."""
-    residual = float(np.linalg.norm(sampled.dual_residual(multipliers)))
-    return sampled.dual_value(multipliers) > _MARGIN_OVER_RESIDUAL * residual
+    margin = program.dual_value(multipliers)
+    if margin < _LEAST_MARGIN:
+        return False
+    residual = float(np.linalg.norm(program.dual_residual(multipliers)))
+    return margin > _MARGIN_OVER_RESIDUAL * residual
 
 
 def _evaluated(
-    families: list[BlockFamily] | list[SectorBlocks],
-    rotations: FloatArray,
-    progress: Progress,
+    families: Sequence[BlockFamily], rotations: FloatArray, progress: Progress
 ) -> list[FloatArray]:
     found: list[FloatArray] = []
     for number, family in enumerate(families, start=1):

@@ -10,6 +10,11 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from formulations.bounds.so3_moments import null_vector_bound
+from formulations.bounds.so3_moments.blocks.near_null_vector import (
+    concentrated_rotations,
+    concentrating_weights,
+    units,
+)
 from formulations.bounds.so3_moments.blocks.null_vector import (
     Form,
     FormLocaliser,
@@ -23,14 +28,24 @@ from formulations.bounds.so3_moments.blocks.sampled_blocks import SectorBlocks
 from formulations.bounds.so3_moments.fixed_worst_case import Conditions
 from formulations.bounds.so3_moments.max_min_bound import max_min_bound
 from formulations.bounds.so3_moments.null_vector_bound import (
+    CUBIC,
+    QUARTIC,
+    SpectralDistance,
     UnsignedConditions,
+    spectral_limit,
     unsigned_families,
     unsigned_sectors,
 )
 from formulations.bounds.so3_moments.programs.moment_program import (
+    MomentProgram,
     joined_program,
     margin_program,
     moment_program,
+    penalised_program,
+)
+from formulations.bounds.so3_moments.programs.multipliers import (
+    refined_interior_multipliers,
+    refined_multipliers,
 )
 from formulations.bounds.so3_moments.programs.predictor_corrector import (
     solve_with_predictor_corrector,
@@ -49,6 +64,7 @@ SMALL = UnsignedConditions(
     plain=(),
     near=unsigned_sectors(2, range(2)),
     scaled=unsigned_sectors(1, range(2)),
+    spectral=unsigned_sectors(1, range(2)),
     gram=unsigned_sectors(2, range(2), locked=True)
     + unsigned_sectors(1, range(2), locked=True),
     krylov=unsigned_sectors(2, range(2), locked=True),
@@ -113,6 +129,114 @@ def test_the_deviation_is_bounded_by_the_worst_case(
         assert spread == pytest.approx(7 - null.sum() ** 2, abs=1e-9)
         assert spread <= null_vector_deviation(t)
         assert null.min() ** 2 >= t / (2 + t) - 1e-12
+
+
+def test_the_condition_on_the_spectrum_holds_at_each_own_worst_case(
+    attained: tuple[FloatArray, float], so3: SimpleNamespace
+) -> None:
+    for where in configurations(attained[0], so3):
+        t = worst_case(where)
+        for pair in (*CUBIC, *QUARTIC[::5]):
+            distance = SpectralDistance(spectral_limit(t, *pair), *pair)
+            assert distance(where) > -1e-9
+
+
+@pytest.mark.parametrize(("beta", "gamma"), [(0.1, 0.0), (0.25, 0.0), (0.4, -0.1), (0.0, 0.2)])
+def test_the_condition_on_the_spectrum_is_true_and_nearly_sharp(
+    beta: float, gamma: float
+) -> None:
+    """Spectra scaled to t Σ 1/(λ − t) = 1, by bisection."""
+    t = 0.327
+    mean = 7 / 3 - t
+    values = []
+    directions = list(np.random.default_rng(4).standard_normal((200, 6)))
+    # Two values: k eigenvalues above the mean.
+    directions += [np.where(np.arange(6) < k, 1.0, -1.0) for k in range(1, 6)]
+    for direction in directions:
+        shape = direction - direction.mean()
+        low, high = 0.0, mean / -shape.min()
+        for _ in range(60):
+            middle = (low + high) / 2
+            allowed = t * np.sum(1 / (mean + middle * shape)) <= 1
+            low, high = (middle, high) if allowed else (low, middle)
+        e = low * shape
+        values.append(np.sum(0.5 * e**2 - beta * e**3 - gamma * e**4))
+    limit = spectral_limit(t, beta, gamma)
+    assert 0.9 * limit < max(values) <= limit
+
+
+def test_samples_are_rotations_and_reach_small_sums() -> None:
+    found = concentrated_rotations(np.random.default_rng(0), 24, 7)
+    np.testing.assert_allclose(
+        found @ found.swapaxes(-1, -2), np.tile(np.eye(3), (24, 7, 1, 1)), atol=1e-12
+    )
+    np.testing.assert_allclose(np.linalg.det(found), 1)
+    size = np.sum(jacobians_of(found).sum(axis=2) ** 2, axis=1)
+    assert np.median(size) < 1
+    assert size.min() < 0.01
+    assert size.max() > 5
+    weights = concentrating_weights(found)
+    assert weights[size > 5].max() < 1e-2 < weights.max() <= 1
+
+
+@pytest.mark.parametrize("semidefinite", [True, False])
+def test_units_make_the_mean_size_the_unit_matrix(semidefinite: bool) -> None:
+    rng = np.random.default_rng(3)
+    root = rng.standard_normal((9, 4, 4))
+    block = root @ root.swapaxes(1, 2)
+    block[:, :, 3] = block[:, 3] = 0
+    weights = rng.uniform(size=9)
+    signs = 1 if semidefinite else rng.choice([-1, 1], 9)[:, None, None]
+    found = units(signs * block, weights, semidefinite=semidefinite)
+    assert found.shape == (4, 3)
+    mean = np.average(found.T @ block @ found, axis=0, weights=weights)
+    np.testing.assert_allclose(mean, np.eye(3), atol=1e-12)
+
+
+@pytest.mark.parametrize("penalty", [1.0, 100.0])
+def test_a_penalised_program_has_the_bound_of_the_program(penalty: float) -> None:
+    """Minimise y under 0.5 + y ≥ 0 and −y ≥ 0; the start y = 0 is no interior point."""
+    blocks = [np.array([0.5, 1.0])[:, None, None], np.array([0.0, -1.0])[:, None, None]]
+    program = MomentProgram(np.array([0.0, 1.0]), tuple(blocks))
+    outcome = solve_with_predictor_corrector(penalised_program(program, penalty), gap=1e-10)
+    assert outcome.multipliers is not None
+    multipliers = [penalty * x for x in outcome.multipliers[:-1]]
+    assert np.abs(program.dual_residual(multipliers)).max() < 1e-6
+    assert program.dual_value(multipliers) == pytest.approx(-0.5, abs=1e-6)
+
+
+def test_nearly_dependent_functions_leave_no_residual() -> None:
+    """Two functions differ by 1e-7 of a third: normal equations lose the difference."""
+    rng = np.random.default_rng(6)
+    blocks, exact, rough = [], [], []
+    for size in (3, 4, 5):
+        block = rng.standard_normal((6, size, size))
+        block[2] = block[1] + 1e-7 * block[2]
+        blocks.append(block + block.swapaxes(1, 2))
+        exact.append(np.eye(size))
+        rough.append(np.eye(size) + 0.02 * (block[5] + block[5].T))
+    zero = MomentProgram(np.zeros(6), tuple(blocks))
+    program = MomentProgram(np.append(0.0, -zero.dual_residual(exact)), tuple(blocks))
+    fine = refined_interior_multipliers(program, rough)
+    assert np.abs(program.dual_residual(fine)).max() < 1e-13
+    assert min(np.linalg.eigvalsh(x)[0] for x in fine) > 0.1
+    coarse = refined_multipliers(program, rough)
+    assert np.abs(program.dual_residual(coarse)).max() > 1e-11
+
+
+def test_weights_and_congruence_leave_the_bound() -> None:
+    """The least a with a² ≤ 1 is −1, whatever the weights, and the units of the block."""
+    rng = np.random.default_rng(1)
+    a, b = rng.uniform(-1, 1, (2, 30))
+    block = np.stack([np.stack([1 + 0 * a, a], -1), np.stack([a, 1 + 0 * a], -1)], -1)
+    other = np.stack([np.stack([1 + 0 * b, b], -1), np.stack([b, 1 + 0 * b], -1)], -1)
+    common = [np.ones((30, 1, 1))]
+    for weights in (None, rng.uniform(0.01, 1, 30)):
+        program = joined_program([block], [other[:20]], common, weights=weights, objective=a)
+        turned = program.congruent([np.array([[2.0, 1], [0, 3]]), np.eye(2)])
+        outcome = solve_with_predictor_corrector(turned, gap=1e-9)
+        assert outcome.multipliers is not None
+        assert turned.dual_value(outcome.multipliers) == pytest.approx(-1, abs=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -219,6 +343,7 @@ def test_a_small_program_excludes_what_is_impossible_and_not_what_is_attained(
 ) -> None:
     """A negative δ₀ asks for |s|² < 0."""
     monkeypatch.setattr(null_vector_bound, "_SAMPLES", 120)
+    monkeypatch.setattr(null_vector_bound, "_UNSIGNED_SAMPLES", 110)
     if deviation is not None:
         monkeypatch.setattr(null_vector_bound, "null_vector_deviation", lambda _: deviation)
     signed = Conditions(
@@ -229,13 +354,14 @@ def test_a_small_program_excludes_what_is_impossible_and_not_what_is_attained(
         plain=unsigned_sectors(2, range(3)) + unsigned_sectors(1, range(2)),
         near=unsigned_sectors(1, range(2)),
         scaled=(UnsignedSector(0, 0, 0),),
+        spectral=(UnsignedSector(0, 0, 0),),
         gram=(UnsignedSector(0, 0, 0, True), *unsigned_sectors(1, range(2), locked=True)),
         krylov=(UnsignedSector(0, 0, 0, True),),
     )
-    margin, evidence = null_vector_bound.exclude_with_signs(0.3265, signed, unsigned)
-    assert evidence.status == ("optimal" if deviation is None else "enough")
+    margin, evidence = null_vector_bound.exclude_with_signs(0.3265, signed, unsigned, ())
+    assert (evidence.status == "enough") == (deviation is not None)
     assert (margin < 0) == (deviation is not None)
-    assert evidence.check["leftover"] < max(1e-6, -margin)
+    assert evidence.check["leftover"] < max(1e-5, -0.1 * margin)
 
 
 def test_no_proof_is_claimed() -> None:

@@ -21,6 +21,8 @@ from nlp.arrays import FloatArray
 from nlp.errors import LockedJointError
 
 _RELATIVE_RANK = 1e-8
+# Functions that are small where samples concentrate have ratios down to 3e-8; rounding, 1e-15.
+_WEIGHTED_RANK = 1e-10
 _SEED = 7
 
 
@@ -68,6 +70,11 @@ class MomentProgram:
             "largest_block": largest,
             "svec": svec,
         }
+
+    def congruent(self, transforms: Sequence[FloatArray]) -> "MomentProgram":
+        """Return the program with TᵀBT for each block B."""
+        blocks = (t.T @ block @ t for t, block in zip(transforms, self.blocks, strict=True))
+        return MomentProgram(self.objective, tuple(blocks))
 
     def dual_value(self, multipliers: Sequence[FloatArray]) -> float:
         """Return ρ_0 − Σ ⟨X, B_0⟩."""
@@ -132,9 +139,14 @@ def moment_program(values: FloatArray, blocks: Sequence[FloatArray]) -> MomentPr
 
 
 def joined_program(
-    first: Sequence[FloatArray], second: Sequence[FloatArray], common: Sequence[FloatArray]
+    first: Sequence[FloatArray],
+    second: Sequence[FloatArray],
+    common: Sequence[FloatArray],
+    *,
+    weights: FloatArray | None = None,
+    objective: FloatArray | None = None,
 ) -> MomentProgram:
-    """Return a program of blocks from two spaces of functions, with objective 0.
+    """Return a program of blocks from two spaces of functions.
 
     Neither space contains the other; they share the span of a few entries. Each block depends
     on the unknowns of its own space only, which the solver makes use of.
@@ -142,29 +154,114 @@ def joined_program(
     Parameters
     ----------
     first, second
-        Each block, shape (samples, size, size).
+        Each block, shape (samples, size, size). The samples of the second space are the first
+        ones of the other.
     common
-        Blocks whose entries span the intersection of the two spaces.
+        Blocks whose entries span the intersection of the two spaces, at all samples.
+    weights
+        Positive weights of the samples; functions are orthonormal with respect to them. Where
+        most of the weight is near the configurations in question, so are the unknowns small.
+    objective
+        Values of a function of the first space, at all samples; 0 if not given.
 
     Raises
     ------
     TooFewSamplesError
         If there might be as many independent functions in one space as samples.
+    OutsideSpanError
+        If an entry or the objective is outside of its span.
     """
     samples = len(common[0])
-    shared = _orthonormal_functions(common, np.ones((samples, 1)))
-    bases = [_orthonormal_functions(blocks, shared) for blocks in (first, second)]
+    roots = np.sqrt(np.ones(samples) if weights is None else weights / np.mean(weights))
+    shared = _completed(common, roots[:, None], roots)
+    bases = []
+    for blocks in (first, second):
+        count = len(blocks[0])
+        bases.append(_completed(blocks, shared[:count], roots[:count]))
     own = [basis.shape[1] - shared.shape[1] for basis in bases]
     moments = shared.shape[1] + sum(own)
+    goals = np.zeros(moments)
+    if objective is not None:
+        goal = _coefficients(_inverse(bases[0]), bases[0], roots * objective)
+        goals[: len(goal)] = goal
     expanded = []
     for blocks, basis, start in zip((first, second), bases, (0, own[0]), strict=True):
         places = np.arange(basis.shape[1])
         places[shared.shape[1] :] += start
+        inverse = _inverse(basis)
         for block in blocks:
-            found = np.zeros((moments, *block.shape[1:]))
-            found[places] = _expanded(block, basis)
+            count, size = block.shape[:2]
+            values = roots[:count, None] * block.reshape(count, -1)
+            rows = _coefficients(inverse, basis, values).reshape(-1, size, size)
+            found = np.zeros((moments, size, size))
+            found[places] = 0.5 * (rows + rows.transpose(0, 2, 1))
             expanded.append(found)
-    return MomentProgram(np.zeros(moments), tuple(expanded))
+    return MomentProgram(goals, tuple(expanded))
+
+
+def _completed(
+    blocks: Sequence[FloatArray], known: FloatArray, roots: FloatArray
+) -> FloatArray:
+    """Return the known functions and others that complete the span of the entries.
+
+    All values, (samples, functions), are times the roots of the weights.
+    """
+    samples = len(known)
+    single = (known / roots[:, None]).T[:, :, None, None]
+    vectors, strengths, _ = np.linalg.svd(_mixed([*blocks, *single]))
+    rank = int(np.sum(strengths > _WEIGHTED_RANK * strengths[0]))
+    if rank >= samples - 1:
+        raise TooFewSamplesError(f"{samples} samples for at least {rank} functions")
+    frame = np.linalg.qr(known)[0]
+    others = roots[:, None] * vectors[:, :rank]
+    for _ in range(2):
+        others -= frame @ (frame.T @ others)
+    left = np.linalg.svd(others, full_matrices=False)[0][:, : rank - known.shape[1]]
+    return np.hstack([known, np.sqrt(samples) * left])
+
+
+def _inverse(basis: FloatArray) -> FloatArray:
+    return np.asarray(np.linalg.pinv(basis), dtype=float)
+
+
+def _coefficients(inverse: FloatArray, basis: FloatArray, values: FloatArray) -> FloatArray:
+    """Return the coefficients of functions with these values; OutsideSpanError if none."""
+    found = inverse @ values
+    if np.abs(basis @ found - values).max() > 1e-8 * max(np.abs(values).max(), 1e-300):
+        raise OutsideSpanError("an entry or the objective is outside of the span")
+    return np.asarray(found)
+
+
+def penalised_program(program: MomentProgram, penalty: float) -> MomentProgram:
+    """Return the program in which all blocks may fall below 0 together, at a price.
+
+    Its multipliers, times the penalty and without the last one, are multipliers of the given
+    program, with a value at most as good; the same value if the penalty is large enough.
+
+    Parameters
+    ----------
+    program
+        The program.
+    penalty
+        The price of a multiple of the unit matrix in all blocks.
+
+    Returns
+    -------
+    MomentProgram
+        With one more unknown, the last, and one more block. y = 0 is an interior point. The
+        objective is divided by the penalty.
+    """
+    lowest = min(float(np.linalg.eigvalsh(block[0])[0]) for block in program.blocks)
+    shift = max(0.1, 0.1 - lowest)
+    blocks = []
+    for block in program.blocks:
+        unit = shift * np.eye(block.shape[1])[None]
+        blocks.append(np.concatenate([block[:1] + unit, block[1:], unit]))
+    remaining = np.zeros((program.moments + 1, 1, 1))
+    remaining[[0, -1]] = 1.0
+    objective = np.append(program.objective, penalty)
+    objective[0] += penalty
+    return MomentProgram(objective / penalty, (*blocks, remaining))
 
 
 def _expanded(block: FloatArray, basis: FloatArray) -> FloatArray:
@@ -207,18 +304,24 @@ def _orthonormal_functions(blocks: Sequence[FloatArray], known: FloatArray) -> F
     `known` holds orthonormal functions, (samples, functions), the first constant. Random
     combinations of the entries have the same span and are fewer.
     """
-    rng = np.random.default_rng(_SEED)
     samples = len(known)
-    mixed = np.zeros((samples, samples))
-    entries = 0
-    for block in blocks:
-        flat = block.reshape(samples, -1)
-        entries += flat.shape[1]
-        mixed += flat @ rng.standard_normal((flat.shape[1], samples))
-    mixed /= np.sqrt(entries)
+    mixed = _mixed(blocks)
     centred = mixed - known @ (known.T @ mixed / samples)
     vectors, strengths, _ = np.linalg.svd(centred)
     rank = int(np.sum(strengths > _RELATIVE_RANK * strengths[0]))
     if rank + known.shape[1] >= samples - 1:
         raise TooFewSamplesError(f"{samples} samples for at least {rank} functions")
     return np.hstack([known, np.sqrt(samples) * vectors[:, :rank]])
+
+
+def _mixed(blocks: Sequence[FloatArray]) -> FloatArray:
+    """Return as many random combinations of the entries as samples, (samples, samples)."""
+    rng = np.random.default_rng(_SEED)
+    samples = len(blocks[0])
+    mixed = np.zeros((samples, samples))
+    entries = 0
+    for block in blocks:
+        flat = block.reshape(samples, -1)
+        entries += flat.shape[1]
+        mixed += flat @ rng.standard_normal((flat.shape[1], samples))
+    return np.asarray(mixed / np.sqrt(entries))
