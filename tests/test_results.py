@@ -15,6 +15,7 @@ import pandas as pd
 import pytest
 
 from formulations import measures
+from formulations.bounds.certified import sharpest_worst_case_of
 from formulations.bounds.so3_moments.fixed_worst_case import worst_case_limit
 from formulations.existence.reading import read, read_either
 from formulations.existence.relaxation.relaxation import existence_relaxation
@@ -180,8 +181,9 @@ def test_jacobians_of_the_failures():
             jacobian = np.array(one["jacobian"])
             sigma = measures.worst_case_sigma(jacobian, row.locked)
             assert sigma == pytest.approx(row.merit, abs=1e-12)
-            size = measures.trace(jacobian)
-            bound = measures.sigma_bound(*jacobian.shape, size, row.locked)
+            mean = measures.sigma_bound(*jacobian.shape, measures.trace(jacobian), row.locked)
+            assert sigma - SAME <= row.bound <= mean + SAME
+            bound = sharpest_worst_case_of(jacobian, row.locked).value
             assert bound == pytest.approx(row.bound, abs=SAME)
 
 

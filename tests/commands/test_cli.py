@@ -144,7 +144,29 @@ def test_measure_two_locked_joints(lockedjoint, tmp_path):
         delimiter=",",
     )
     done = lockedjoint("measure", "a.csv", "--locked", 2, "--json", cwd=tmp_path)
-    assert json.loads(done.stdout)["worst_case_sigma"] == pytest.approx(0.382683, abs=1e-6)
+    found = json.loads(done.stdout)
+    assert found["worst_case_sigma"] == pytest.approx(0.382683, abs=1e-6)
+    # The best there is: what the mean over failures does not say.
+    assert found["gap_percent"] > 10
+    assert found["gap_to_sharpest_percent"] == pytest.approx(0, abs=1e-6)
+    assert found["sharpest_bound_kind"] == "closed form"
+
+
+def test_solve_shows_the_bound_of_the_atlas(lockedjoint, tmp_path):
+    arm = ("--model", "free-mean", "--joints", 6, "--task-dimension", 2, "--locked", 3)
+    done = lockedjoint.here("solve", "max-min", *arm, "--starts", 2, "--json", cwd=tmp_path)
+    listed = lockedjoint.here("atlas", "show", "free-mean_2x6_k3", "--json", cwd=tmp_path)
+    found, bound = json.loads(done.stdout), json.loads(listed.stdout)["bound"]
+    assert found["sharpest_bound"] == pytest.approx(bound["value"], abs=1e-9)
+    assert found["sharpest_bound_kind"] == bound["kind"] == "rigorous (branch and bound)"
+
+
+def test_a_planar_bound_is_proved_or_undecided(lockedjoint, tmp_path):
+    planar = ("bound", "--quantity", "planar", "--joints", 4, "--json")
+    done = lockedjoint.here(*planar, "--level", 0.55, cwd=tmp_path)
+    assert (done.returncode, json.loads(done.stdout)["proved"]) == (0, True)
+    done = lockedjoint.here(*planar, "--manipulability", cwd=tmp_path)
+    assert json.loads(done.stdout)["measure"] == "manipulability"
 
 
 def test_measure_and_solve_with_unequal_failures(lockedjoint, tmp_path):
