@@ -58,9 +58,9 @@ def test_an_unexplained_mismatch_is_named():
 
 def test_a_bound_is_attained_only_where_no_gap_is_left():
     rows = committed("failures")
-    assert "the proved bound is attained by free-mean 3×6, 2 locked" in finding(
-        "failures", rows
-    )
+    said = finding("failures", rows).partition(". ")[0]
+    assert "the proved bound is attained by" in said
+    assert "free-mean 3×6, 2 locked" in said
     assert "joints 0, 1, 2 never failing reaches its bound" in finding("failures", rows)
     wider = [replace(row, gap_percent=row.gap_percent + 1) for row in rows]
     assert "attained" not in finding("failures", wider)
