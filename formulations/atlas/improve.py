@@ -222,7 +222,10 @@ def _joined(
         before,
         by=before.by if value > best + RESOLUTION else "lockedjoint",
         date=facts["date"],
-        statement=_statement(outcome.setup),
+        # Of a Jacobian that these starts did not reach, how it was found stays on record.
+        statement=before.statement
+        if before.statement and value > best + REACHED_BEST
+        else _statement(outcome.setup),
         seeds=before.seeds + 1,
         starts=before.starts + len(outcome.records),
         reached_best=kept + count,
