@@ -164,7 +164,8 @@ def sharpest_worst_case_of(jacobian: ArrayLike, locked: int = 1) -> Bound:
     size = sqrt(measures.trace(matrix) / n)
     free = Arm.of(FreeColumn(m, 1.0, "mean"), n)
     known = sharpest_worst_case(free, locked)
-    return Bound(size * known.value, known.kind)
+    value = size * known.value
+    return Bound(nextafter(value, inf) if value else 0.0, known.kind)  # 0 is exact
 
 
 def planar_on_record(shape: tuple[int, int], locked: int, measure: str) -> Bound | None:

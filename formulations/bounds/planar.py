@@ -76,10 +76,10 @@ class PlanarBound:
     nodes: int
 
     def to_dict(self) -> dict[str, Any]:
-        """Return plain values, as in the record."""
+        """Return plain values, as in the record; of kind `undecided` if nothing is proved."""
         return {
             **asdict(self),
-            "kind": "rigorous",
+            "kind": "rigorous" if self.proved else "undecided",
             "command": f"lockedjoint bound --quantity planar --joints {self.joints} "
             f"--locked {self.locked} --level {self.level!r}"
             + (" --manipulability" if self.measure == "manipulability" else ""),
