@@ -19,7 +19,7 @@ shared-factor, principal-minors, factor-per-deletion, positive-factor-per-deleti
 """
 
 import warnings
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from types import MappingProxyType
@@ -148,11 +148,14 @@ class Polish:
     scaled
         Whether log σ_F/‖J‖_F is maximised instead, where only the norm of J is limited: scale
         what is found.
+    sets
+        The sets F that count; None for every set of k joints.
     """
 
     arm: ColumnModel
     locked: int = 1
     scaled: bool = False
+    sets: Sequence[tuple[int, ...]] | None = None
 
     def __call__(self, point: FloatArray) -> tuple[FloatArray, bool]:
         """Return a point within the bounds, and whether the method converged to it.
@@ -198,7 +201,7 @@ class _Remaining:
 
     def __init__(self, polish: Polish) -> None:
         m, n = polish.arm.shape
-        self.sets = measures.locked_sets(np.zeros((m, n)), polish.locked)
+        self.sets = polish.sets or measures.locked_sets(np.zeros((m, n)), polish.locked)
         self._left = np.array([np.delete(np.arange(n), one) for one in self.sets])
         self._evaluation, self._shape = _with_slopes(polish.arm), (n, m, polish.arm.size)
         self._scaled = polish.scaled

@@ -9,15 +9,11 @@ import numpy as np
 from formulations.atlas.collection import improved, pages
 from formulations.atlas.entry import ENOUGH, RESOLUTION, Entry, Found, Page
 from formulations.files.provenance import provenance
-from formulations.joints.arm import Arm
 from formulations.max_min import NAME as MAX_MIN
-from formulations.max_min import Polish
-from formulations.measures import trace, worst_case_sigma
+from formulations.measures import trace
 from formulations.solving.outcome import REACHED_BEST, Outcome
 from formulations.solving.setup import Setup
 from formulations.solving.solve import run
-from nlp.arrays import FloatArray
-from nlp.errors import InputError
 
 _STARTS = 20
 
@@ -71,96 +67,6 @@ def improve(
         if page is None:
             return
         yield page
-
-
-def improve_from_best(
-    asked: Entry,
-    known: Page | None,
-    minutes: float,
-    *,
-    progress: Callable[[str], None] = lambda _: None,
-) -> Iterator[Page]:
-    """Search around the best Jacobian, in one process; return the page after each seed.
-
-    A hop moves all variables a little, or draws one to three joints anew, and goes to the local
-    maximum there with `formulations.max_min.Polish`. From a better one the search goes on. The
-    first of 20 begins at the best itself. Hops
-    are no random starts: they are not counted among these, and say nothing about their share.
-
-    Parameters
-    ----------
-    asked, known, minutes, progress
-        As of `improve`.
-
-    Raises
-    ------
-    InputError
-        If the entry is not of max-min, its joints have more than bounds, or no Jacobian is on
-        record to begin from.
-    """
-    check_hops(asked)
-    arm, scaled = asked.arm, asked.model == "free-mean"
-    if known is None:
-        raise InputError("--from-best", asked.name, "an entry with a Jacobian on record")
-    polish, page, spent = Polish(arm, asked.locked, scaled), known, 0.0
-    while spent < 60 * minutes:
-        progress(f"{asked.name}: seed {page.found.seeds}, best {page.value}")
-        begun = process_time()
-        best = arm.variables(page.jacobian)
-        value = worst_case_sigma(page.jacobian, asked.locked)
-        for number in range(_STARTS):
-            rng = np.random.default_rng((page.found.seeds, number))
-            # The first one is the best itself: its last digits.
-            point, _ = polish(_moved(best, arm, rng) if number else best)
-            if scaled:
-                point = point * np.sqrt(arm.largest_trace / trace(arm.jacobian(point)))
-            merit = worst_case_sigma(arm.jacobian(point), asked.locked)
-            if merit > value:
-                best, value = point, merit
-        used = process_time() - begun
-        spent += used
-        page = _hopped(asked, page, arm.jacobian(best), used)
-        yield page
-
-
-def check_hops(asked: Entry) -> None:
-    """Refuse an entry that `improve_from_best` cannot search: InputError."""
-    if asked.formulation != MAX_MIN or asked.model not in ("free-mean", "unit-revolute"):
-        allowed = "an entry of max-min with the model free-mean or unit-revolute"
-        raise InputError("--from-best", asked.name, allowed)
-
-
-def _moved(best: FloatArray, arm: Arm, rng: np.random.Generator) -> FloatArray:
-    """Return variables near the best, or with some joints drawn anew."""
-    if rng.random() < 0.6:
-        size = 10.0 ** rng.uniform(-2.0, -0.3)
-        moved = best + size * rng.normal(size=best.size)
-    else:
-        moved = best.reshape(arm.shape[1], -1).copy()
-        which = rng.choice(arm.shape[1], rng.integers(1, 4), replace=False)
-        moved[which] = arm.sample(rng).reshape(moved.shape)[which]
-    return np.asarray(np.clip(moved.ravel(), *arm.bounds))
-
-
-def _hopped(asked: Entry, page: Page, jacobian: FloatArray, cpu_seconds: float) -> Page:
-    facts, before = provenance(), page.found
-    gain = worst_case_sigma(jacobian, asked.locked) - float(page.value)
-    found = replace(
-        before,
-        date=facts["date"],
-        seeds=before.seeds + 1,
-        cpu_seconds=round(before.cpu_seconds + cpu_seconds, 1),
-        versions=facts["versions"],
-        machine=facts["machine"],
-    )
-    if gain > RESOLUTION:
-        found = replace(
-            found,
-            by="lockedjoint",
-            statement=f"{MAX_MIN}, hops from the best, polished",
-            reached_best=before.reached_best if gain <= REACHED_BEST else 0,
-        )
-    return improved(asked, jacobian, found, page)
 
 
 def inherited(asked: Entry, known: Page | None) -> Page | None:

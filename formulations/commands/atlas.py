@@ -212,40 +212,41 @@ def improve(
     out: Annotated[
         Path, typer.Option(metavar="DIR", help="Folder of the entry; it goes on from there.")
     ] = Path("atlas"),
-    from_best: Annotated[
-        bool,
+    search: Annotated[
+        str,
         typer.Option(
-            "--from-best",
-            help="Hop from the best known to better ones near it, in one process, instead of "
-            "random starts; max-min, models free-mean and unit-revolute.",
+            metavar="SEARCH",
+            help="random: from random starts; hops: from the best known to those near it; "
+            "symmetric: from Jacobians with a symmetry. The last two run in one process, for "
+            "max-min with the models free-mean and unit-revolute.",
         ),
-    ] = False,
+    ] = "random",
     workers: Workers = None,
     as_json: Json = False,
 ) -> None:
-    """Search for a better Jacobian of an entry, 20 random starts at a time.
+    """Search for a better Jacobian of an entry, 20 starts at a time.
 
-    The entry is written after every 20 starts, and the next run goes on after them. The search
-    ends early when 20 starts have reached the best.
+    The entry is written after every 20 starts, and the next run goes on after them. A search
+    from random starts ends early when 20 have reached the best.
     """
     from formulations.atlas.collection import page_of, write_page
     from formulations.atlas.entry import entry
-    from formulations.atlas.improve import check_hops, improve_from_best
-    from formulations.atlas.improve import improve as search
+    from formulations.atlas.improve import improve as improve_random
+    from formulations.atlas.polished import check_polished, improve_polished
     from nlp.files import prepare_folder
     from nlp.multistart import default_workers
 
     asked = entry(name)
-    if from_best:
-        check_hops(asked)
+    if search != "random":
+        check_polished(asked, search)
     prepare_folder(out)
     known = page_of(asked, out) or page_of(asked)
     before = known.value if known else None
     page = known
     steps = (
-        improve_from_best(asked, known, minutes, progress=progress)
-        if from_best
-        else search(
+        improve_polished(asked, known, minutes, search, progress=progress)
+        if search != "random"
+        else improve_random(
             asked, known, minutes, workers=workers or default_workers(), progress=progress
         )
     )

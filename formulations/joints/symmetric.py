@@ -1,0 +1,174 @@
+"""An arm that an orthogonal map of finite order carries into itself: fewer variables."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import lru_cache
+
+import casadi as ca
+import numpy as np
+import numpy.typing as npt
+from scipy.linalg import block_diag
+
+from formulations.joints.arm import Arm
+from formulations.joints.joint import Joint
+from formulations.joints.kinds import FreeColumn, UnitRevolute
+from formulations.measures import locked_sets
+from nlp.arrays import FloatArray, finite_vector
+from nlp.errors import InputError
+from nlp.problem import Constraint
+
+_SAME = 1e-9
+
+
+@dataclass(frozen=True)
+class SymmetricArm:
+    """Columns in orbits c, Gc, …, Gᵖ⁻¹c of a map G with Gᵖ = ±1, of joints of one kind.
+
+    σ without a set of columns is that without the set that G makes of it. The columns that no
+    whole orbit is left for, n mod p, are free of G.
+
+    Parameters
+    ----------
+    arm
+        n joints of one kind.
+    symmetry
+        Rows of G, an orthogonal matrix that maps columns of the kind to such columns.
+    order
+        p, the least power of G that is 1 or −1.
+    """
+
+    arm: Arm
+    symmetry: tuple[tuple[float, ...], ...]
+    order: int
+
+    @classmethod
+    def drawn(cls, arm: Arm, rng: np.random.Generator) -> SymmetricArm:
+        """Draw G at random; half of the time of a low order, as most good optima have.
+
+        Raises
+        ------
+        InputError
+            If the joints are not of one kind, free columns or unit revolute.
+        """
+        joint, joints = arm.joints[0], arm.shape[1]
+        if len(set(arm.joints)) > 1 or not isinstance(joint, FreeColumn | UnitRevolute):
+            raise InputError("joints", arm.description, "all free columns or all unit revolute")
+        while True:
+            parts = int(rng.integers(2, 2 * joints + 1 if rng.random() < 0.5 else 7))
+            symmetry = _drawn_map(joint, parts, rng)
+            order = _order(symmetry, joints)
+            if order is not None and order > 1:
+                return cls(arm, tuple(map(tuple, symmetry.tolist())), order)
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """(m, n): task dimension and number of joints."""
+        return self.arm.shape
+
+    @property
+    def size(self) -> int:
+        """Number of variables: the parameters of one column of each orbit."""
+        return self._orbits * len(self.arm.joints[0].parameters)
+
+    @property
+    def bounds(self) -> tuple[FloatArray, FloatArray]:
+        """Bounds of the variables: none."""
+        return np.full(self.size, -np.inf), np.full(self.size, np.inf)
+
+    @property
+    def fixed_trace(self) -> float | None:
+        """‖J‖_F² where every Jacobian of the arm has the same; None otherwise."""
+        return self.arm.fixed_trace
+
+    @property
+    def description(self) -> str:
+        """The joints, and the order of the symmetry."""
+        return f"{self.arm.description}, symmetric under a map of order {self.order}"
+
+    def symbols(self) -> ca.SX:
+        """Symbols of the parameters of one column of each orbit, shape (size, 1)."""
+        return ca.SX.sym("x", self.size)
+
+    def matrix(self, variables: ca.SX) -> ca.SX:
+        """Symbolic Jacobian, shape (m, n), orbit after orbit."""
+        joint, symmetry = self.arm.joints[0], ca.DM(np.array(self.symmetry))
+        columns: list[ca.SX] = []
+        for part in ca.vertsplit(variables, len(joint.parameters)):
+            columns.append(joint.column(part))
+            if len(columns) + self.order <= self.shape[1] + 1:
+                columns.extend(_images(symmetry, columns[-1], self.order))
+        return ca.horzcat(*columns)
+
+    def constraints(self, variables: ca.SX) -> tuple[Constraint, ...]:
+        """Return the arm's bounds on its columns: none of unit revolute joints."""
+        if isinstance(self.arm.joints[0], UnitRevolute):
+            return ()
+        return self.arm.constraints(ca.vec(self.matrix(variables)))
+
+    def jacobian(self, variables: npt.ArrayLike) -> FloatArray:
+        """Return the Jacobian at numeric variables, shape (m, n)."""
+        point = finite_vector("variables", variables, self.size)
+        return np.array(_jacobian_function(self)(point), dtype=float)
+
+    def sample(self, rng: np.random.Generator) -> FloatArray:
+        """Draw one column of each orbit at random."""
+        return np.concatenate(list(self.arm.joints[0].sample(rng, self._orbits)))
+
+    def distinct_sets(self, locked: int) -> list[tuple[int, ...]]:
+        """Return one of each orbit of sets of `locked` joints; all if n mod p is not 0."""
+        sets = locked_sets(np.zeros(self.shape), locked)
+        if self.shape[1] % self.order:
+            return sets
+        return [one for one in sets if one == min(self._images_of(one))]
+
+    def _images_of(self, joints: tuple[int, ...]) -> Iterator[tuple[int, ...]]:
+        p = self.order
+        for turn in range(p):
+            yield tuple(sorted(i - i % p + (i + turn) % p for i in joints))
+
+    @property
+    def _orbits(self) -> int:
+        whole, rest = divmod(self.shape[1], self.order)
+        return whole + rest
+
+
+def _images(symmetry: ca.DM, column: ca.SX, order: int) -> Iterator[ca.SX]:
+    for _ in range(order - 1):
+        column = symmetry @ column
+        yield column
+
+
+@lru_cache(maxsize=4)
+def _jacobian_function(arm: SymmetricArm) -> ca.Function:
+    variables = arm.symbols()
+    return ca.Function("jacobian", [variables], [arm.matrix(variables)])
+
+
+def _drawn_map(joint: Joint, parts: int, rng: np.random.Generator) -> FloatArray:
+    """Return a map by angles that are multiples of 2π/`parts`, and perhaps a reflection.
+
+    Of free columns every orthogonal map of finite order is one of these in some frame. Of unit
+    revolute columns it turns v and ω alike in space, and in the plane that v and ω span.
+    """
+
+    def turn() -> FloatArray:
+        angle = 2 * np.pi * int(rng.integers(parts)) / parts
+        return np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+
+    side = np.array([[rng.choice([-1.0, 1.0])]])
+    if isinstance(joint, UnitRevolute):
+        return np.asarray(np.kron(turn(), block_diag(turn(), side)))
+    half, odd = divmod(joint.dimension, 2)
+    return np.asarray(block_diag(*(turn() for _ in range(half)), *[side] * odd))
+
+
+def _order(symmetry: FloatArray, most: int) -> int | None:
+    """Return the least power that is 1 or −1; None if it is above `most`."""
+    power, one = symmetry, np.eye(len(symmetry))
+    for order in range(1, most + 1):
+        if min(np.abs(power - one).max(), np.abs(power + one).max()) < _SAME:
+            return order
+        power = power @ symmetry
+    return None
