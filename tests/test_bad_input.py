@@ -267,8 +267,9 @@ bound --quantity planar --joints 5 --solver CLARABEL
 bound --level 1
 bound --locked 2
 bound --manipulability
-atlas improve lever-revolute_6x9_k2 --from-best
-atlas improve free-mean_2x5_k2_manipulability --from-best
+atlas improve lever-revolute_6x9_k2 --search hops
+atlas improve free-mean_2x5_k2_manipulability --search symmetric
+atlas improve free-mean_2x5_k2 --search nearest
 bound --quantity existence --trace 3
 bound --quantity existence --order 4
 bound --quantity existence --order 0
