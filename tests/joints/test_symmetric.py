@@ -70,7 +70,7 @@ def test_a_formulation_is_stated_for_it():
     symmetric = replace(symmetric, order=3)
     solution = Solver(max_min.build(symmetric), max_min.OPTIONS).solve(symmetric.sample(rng))
     jacobian = symmetric.jacobian(solution.variables[: symmetric.size])
-    assert solution.success
+    assert solution.status.success
     # The bound σ√((n − m)/n) with σ² = n/m is attained: the best 6 columns can be so symmetric.
     assert measures.worst_case_sigma(jacobian) == pytest.approx(1.0, abs=1e-6)
 
