@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import signal
 import time
 from functools import partial
@@ -9,6 +10,7 @@ from functools import partial
 import pytest
 
 from formulations.files.provenance import read_header
+from formulations.studies.running import STUDIES
 
 
 @pytest.fixture
@@ -37,6 +39,10 @@ def test_one_study(report, tmp_path):
     assert "| 7R, unit lever arms | max-min       | 0.571483 " in front
     assert "2020-02-02 (kept)" in front
     assert (kept / "robots.md").exists()
+
+
+def test_the_help_names_every_study(report, tmp_path):
+    assert set(STUDIES) <= set(re.findall(r"\w+", report("--help", cwd=tmp_path).stdout))
 
 
 @pytest.mark.parametrize(
