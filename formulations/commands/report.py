@@ -55,10 +55,10 @@ def report(
     """Regenerate the results: one folder per study, and the page in front of them.
 
     Studies: reproduction, comparison, comparison_8r, existence, bounds, failures, figures and
-    atlas; with --all, or by name, also robots, paths, workspaces, benchmark. A study's folder is replaced when
-    the study is complete; folders of studies left out are kept, and the front page says which
-    those are. After Ctrl-C finished studies are kept. Exit status 1 if a study failed; the
-    others still run.
+    atlas; with --all, or by name, also robots, paths, workspaces and benchmark. A study's
+    folder is replaced when the study is complete; folders of studies left out are kept, and the
+    front page says which those are. After Ctrl-C finished studies are kept. Exit status 1 if a
+    study failed; the others still run.
     """
     from formulations.studies.front_page import PAGE, front_page
     from formulations.studies.running import State, chosen, run_all
