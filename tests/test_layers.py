@@ -36,7 +36,7 @@ FLOORS = (
     *((f"formulations.{room}",) for room in BELOW),
     ("nlp", "formulations"),
 )
-ROOMS, MODULES = 29, 245
+ROOMS, MODULES = 29, 260
 
 
 class Import(NamedTuple):

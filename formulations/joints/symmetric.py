@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import combinations
 
 import casadi as ca
 import numpy as np
@@ -14,7 +15,6 @@ from scipy.linalg import block_diag
 from formulations.joints.arm import Arm
 from formulations.joints.joint import Joint
 from formulations.joints.kinds import FreeColumn, UnitRevolute
-from formulations.measures import locked_sets
 from nlp.arrays import FloatArray, finite_vector
 from nlp.errors import InputError
 from nlp.problem import Constraint
@@ -118,7 +118,7 @@ class SymmetricArm:
 
     def distinct_sets(self, locked: int) -> list[tuple[int, ...]]:
         """Return one of each orbit of sets of `locked` joints; all if n mod p is not 0."""
-        sets = locked_sets(np.zeros(self.shape), locked)
+        sets = list(combinations(range(self.shape[1]), locked))
         if self.shape[1] % self.order:
             return sets
         return [one for one in sets if one == min(self._images_of(one))]
