@@ -34,6 +34,13 @@ REPAIRS = {
     "<mi>&#x02AAF;</mi>": "<mo>⪯</mo>",
     "<mi>&#x02AB0;</mi>": "<mo>⪰</mo>",
 }
+# Names of functions, which the converter writes as variables: browsers leave no space beside
+# those. None is needed after an operator, nor before another function or a bracket.
+FUNCTION = re.compile(
+    r"(?P<begins><mrow>|(?<!&#x00029;)(?<![|‖])</mo>)?(?P<power><msup>)?"
+    r"<mi>(?P<name>sin|cos|log)</mi>"
+    r"(?P<ends>(?=(?:<msup>)?<mi>(?:sin|cos|log)<|<mo stretchy=\"false\">&#x00028;))?"
+)
 
 
 def mathml(latex: str, display: str) -> str:
@@ -42,7 +49,15 @@ def mathml(latex: str, display: str) -> str:
     formula = convert(latex.replace(r"\mathbf{1}", "𝟏"), display=display)
     for wrong, right in REPAIRS.items():
         formula = formula.replace(wrong, right)
-    return formula
+    return FUNCTION.sub(apart, formula)
+
+
+def apart(function: re.Match[str]) -> str:
+    """Return the name of a function, with a thin space where no operator or bracket is."""
+    before, power = function["begins"] or "", function["power"] or ""
+    left = "0" if before else "0.167em"
+    right = "0" if function["ends"] is not None else "0.167em"
+    return f'{before}{power}<mo lspace="{left}" rspace="{right}">{function["name"]}</mo>'
 
 
 def inline(writer: HTML5Translator, node: nodes.math) -> None:

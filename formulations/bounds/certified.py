@@ -267,7 +267,8 @@ def best_known(quantity: str, model: str, joints: int) -> float | None:
     ----------
     quantity
         ``residual``, the smallest ½‖JJᵀ − (n/3)I‖_F²; or ``max-min``, the largest worst-case
-        singular value, eq. (5), when one joint locks.
+        singular value, eq. (5), when one joint locks; or ``isotropy``, the largest of an
+        isotropic Jacobian.
     model
         Column model, a name in `formulations.catalogue.MODELS`.
     joints

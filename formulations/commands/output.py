@@ -30,7 +30,10 @@ def as_text(values: Mapping[str, object]) -> str:
 
 
 def shown(value: object) -> str:
-    """Return a value as a reader wants it: yes or no, nine digits, entries side by side."""
+    """Return a value as a reader wants it: yes or no, nine digits, entries side by side.
+
+    Entries that are lists of their own, such as sets of joints, are told apart: ``0, 1  0, 2``.
+    """
     if value is None:
         return "–"
     if isinstance(value, bool):
@@ -40,7 +43,10 @@ def shown(value: object) -> str:
     if isinstance(value, Mapping):
         return ", ".join(f"{name} {shown(entry)}" for name, entry in value.items())
     if isinstance(value, (list, tuple)):
-        return "  ".join(shown(entry) for entry in value)
+        return "  ".join(
+            ", ".join(map(shown, one)) if isinstance(one, (list, tuple)) else shown(one)
+            for one in value
+        )
     return str(value)
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from formulations.files.figure import INK, PAPER, SMALL, styled
+from formulations.files.figure import SMALL, styled
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -15,6 +15,9 @@ if TYPE_CHECKING:
 Cell = tuple[str, int, int, int, float]  # model, m, n, k, gap in percent
 # Gaps below this count as none; the colours end at the largest decade.
 _LEAST, _MOST = 1e-3, 100.0
+# Only the light part of a colour map: numbers on it are black, and can be read on every cell,
+# also where a page in dark mode turns lightness round.
+_COLOURS, _DARKEST, _NUMBERS = "YlGnBu", 0.45, "black"
 
 
 def heat_map(cells: Sequence[Cell]) -> Figure:
@@ -33,10 +36,15 @@ def heat_map(cells: Sequence[Cell]) -> Figure:
     for cell in cells:
         groups.setdefault(cell[:2], []).append(cell)
     large = {key: found for key, found in groups.items() if len(found) > 1}
-    from matplotlib.colors import LogNorm
+    from matplotlib import colormaps
+    from matplotlib.colors import ListedColormap, LogNorm
 
-    with styled(7.4, 0.6 + 0.95 * max(len(large), 1)) as figure:
-        every = figure.subplots(max(len(large), 1), 1, squeeze=False)[:, 0]
+    colours = ListedColormap(colormaps[_COLOURS](np.linspace(0, _DARKEST, 256)))
+    rows = [max(cell[3] for cell in found) for found in large.values()] or [1]
+    middle = {"ha": "center", "va": "center"}
+    with styled(7.4, 0.6 + 0.55 * len(rows) + 0.22 * sum(rows)) as figure:
+        ratios = {"height_ratios": rows}
+        every = figure.subplots(len(rows), 1, squeeze=False, gridspec_kw=ratios)[:, 0]
         for axes, ((model, m), found) in zip(every, large.items(), strict=False):
             joints = range(min(cell[2] for cell in found), max(cell[2] for cell in found) + 1)
             locked = range(1, max(cell[3] for cell in found) + 1)
@@ -46,20 +54,17 @@ def heat_map(cells: Sequence[Cell]) -> Figure:
             shown = axes.imshow(
                 np.clip(values, _LEAST, _MOST),
                 norm=LogNorm(_LEAST, _MOST),
-                cmap="cividis_r",
+                cmap=colours,
                 aspect="auto",
             )
             axes.set_title(f"{model}, m = {m}", fontsize=SMALL)
             axes.set_xticks(range(len(joints)), [str(n) for n in joints])
             axes.set_yticks(range(len(locked)), [str(k) for k in locked])
-            axes.set_ylabel("k")
+            axes.set_ylabel("k locked")
             for (row, place), gap in np.ndenumerate(values):
                 if np.isfinite(gap):
                     text = "0" if gap < _LEAST else f"{gap:.2g}"
-                    colour = PAPER if gap > 1 else INK
-                    axes.text(
-                        place, row, text, ha="center", va="center", color=colour, fontsize=SMALL
-                    )
+                    axes.text(place, row, text, color=_NUMBERS, fontsize=SMALL, **middle)
         every[-1].set_xlabel("joints n")
         if large:
             bar = figure.colorbar(shown, ax=list(every), shrink=0.6)

@@ -23,7 +23,10 @@ def draw(found: PathPlan) -> Figure:
         above, middle, below = figure.subplots(
             3, 1, sharex=True, height_ratios=[2, 2, 0.35 * count]
         )
-        for axes, heading in ((above, "worst-case σ"), (middle, "joints that may lock")):
+        for axes, heading in (
+            (above, "worst-case σ"),
+            (middle, "number of joints that may lock"),
+        ):
             for one, colour, name in (
                 (found.minimum_norm, GREY, "minimum norm"),
                 (found.planned, BLUE, "planned"),
@@ -34,8 +37,11 @@ def draw(found: PathPlan) -> Figure:
             axes.set_title(heading)
             axes.set_ylim(bottom=0)
             without_frame(axes, "left", "bottom")
-        above.legend(frameon=False, fontsize=SMALL, loc="upper right", ncols=2)
+        # Beside the heading, where no line is.
+        corner = {"loc": "lower right", "bbox_to_anchor": (1, 1), "borderpad": 0}
+        above.legend(frameon=False, fontsize=SMALL, ncols=2, **corner)
         middle.set_ylim(0, count + 0.3)
+        middle.set_yticks(range(0, count + 1, 1 if count < 6 else 2))
         # A bar for each joint and each time at which it may lock.
         edges = np.concatenate([times[:1], (times[1:] + times[:-1]) / 2, times[-1:]])
         for f in range(count):
@@ -50,7 +56,7 @@ def draw(found: PathPlan) -> Figure:
             )
         below.set_yticks(range(count), found.joints)
         below.invert_yaxis()
-        below.set_title("when each joint may lock, planned")
+        below.set_title("when each joint may lock (blue), on the planned trajectory")
         below.set_xlabel("time (s)")
         without_frame(below, "left", "bottom")
         for value in found.times[np.abs(found.places - np.round(found.places)) < 1e-9]:

@@ -135,7 +135,7 @@ def draw_orders(rows: Sequence[Ordered], spread: Sequence[FloatArray]) -> Figure
             bars = [one.error for one in some]
             axes.errorbar(x, y, bars, color=colour, fmt="o", ms=4, label=label)
         axes.set_xlabel("worst-case σ where the Jacobian is designed")
-        axes.set_ylabel("volume kept after any failure, ±20°")
+        axes.set_ylabel("volume kept, limits ±20° (lever arms³)")
         axes.set_ylim(bottom=0)
         figure.legend(loc="outside lower center", ncols=2, frameon=False)
     return figure

@@ -24,7 +24,9 @@ def provenance() -> Mapping[str, str]:
 
 def header(extra: Mapping[str, object]) -> str:
     """Return the provenance and `extra` as lines of a Markdown list."""
-    lines = [f"- {name}: {value}" for name, value in {**provenance(), **extra}.items()]
+    made = provenance()
+    entries = {**made, "command": f"`{made['command']}`", **extra}
+    lines = [f"- {name}: {value}" for name, value in entries.items()]
     return "\n".join(lines) + "\n"
 
 

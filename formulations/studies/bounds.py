@@ -72,7 +72,7 @@ class BoundRow(Source):
     gap_percent: float = field(default=NAN, metadata=column("gap %"))
     moments: int = 0
     largest_block: int
-    seconds: float = field(metadata=column(form=".1f"))
+    seconds: float = field(metadata=column("wall time (s)", ".1f"))
 
 
 @dataclass(frozen=True)
@@ -105,7 +105,7 @@ class RelaxationRow(Source):
     proved: float = field(metadata=column("proved upper bound of it", "+.7f"))
     verdict: str
     infeasible_alone: str = field(metadata=column(empty="–"))
-    seconds: float = field(metadata=column(form=".1f"))
+    seconds: float = field(metadata=column("wall time (s)", ".1f"))
 
 
 def study() -> Study:

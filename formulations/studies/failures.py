@@ -120,12 +120,12 @@ class Row:
 
     Attributes
     ----------
-    solved, reached_best
-        Starts at which Ipopt said that it succeeded, and whose answer, checked, is the best.
     merit, bound, gap_percent
         What is maximised, its bound, and the gap between them in percent of the bound.
     worst_case_sigma, expected_sigma
         Over the failures that can happen, of the same Jacobian.
+    solved, reached_best
+        Starts at which Ipopt said that it succeeded, and whose answer, checked, is the best.
     distinct_optima
         Classes among the starts that reached the best where all joints are alike; 0 elsewhere,
         and if the user interrupted.
@@ -139,16 +139,16 @@ class Row:
     locked: int = field(metadata=column("k"))
     failing: str
     goal: str
+    merit: float = field(metadata=column("best", ".7f"))
+    bound: float = field(metadata=column(form=".7f"))
+    gap_percent: float = field(metadata=column("gap %", "z.3f"))
+    worst_case_sigma: float = field(metadata=column("worst σ", ".5f"))
+    expected_sigma: float = field(metadata=column("expected σ", ".5f"))
     encoding: str
     starts_from: str = field(metadata=column("from"))
     starts: int
     solved: int
     reached_best: int
-    merit: float = field(metadata=column("best", ".7f"))
-    bound: float = field(metadata=column(form=".7f"))
-    gap_percent: float = field(metadata=column("gap %", "z.2f"))
-    worst_case_sigma: float = field(metadata=column("worst σ", ".5f"))
-    expected_sigma: float = field(metadata=column("expected σ", ".5f"))
     distinct_optima: int = field(metadata=column("optima", empty="–"))
     iterations_median: float = field(metadata=column("iterations", "g"))
     cpu_seconds_per_start: float = field(metadata=column("CPU ms per start", scale=1e3))

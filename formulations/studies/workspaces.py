@@ -89,7 +89,7 @@ class Row:
     raw: float = field(metadata=column("raw voxels", ".4g"))
     without_failure: float = field(metadata=column("no failure", ".4g"))
     physical: float = field(metadata=column("physical limits", ".4g"))
-    percent_kept: float = field(metadata=column("% kept", ".1f"))
+    percent_kept: float = field(metadata=column("% kept", ".3g"))
     fatal: str = field(metadata=column("keeps nothing if it locks", empty="–"))
     voxel: float = field(metadata=HIDDEN)
     passed_by_depth: Mapping[str, float] = field(metadata=HIDDEN)
@@ -123,9 +123,9 @@ class OrderRow:
         The columns, six rows.
     """
 
-    statement: str
+    statement: str = field(metadata=column("Jacobian"))
     isotropy_defect: float = field(metadata=column("isotropy defect", ".4f"))
-    worst_case_sigma: float = field(metadata=column("worst case here", ".5f"))
+    worst_case_sigma: float = field(metadata=column("σ where designed", ".5f"))
     kept: float = field(metadata=column("best order keeps", ".3f"))
     error: float = field(metadata=column("error", ".2g"))
     middle: float = field(metadata=column("median of 40 orders", ".2f"))

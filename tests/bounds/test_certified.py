@@ -53,12 +53,19 @@ def test_seven_unit_revolute_joints():
     assert numerical_bound("isotropy", SEVEN) is None
 
 
-@pytest.mark.parametrize("model", ["unit-revolute", "lever-revolute"])
-def test_the_best_known_7r_are_those_that_the_comparison_found(model):
+@pytest.mark.parametrize(
+    ("formulation", "model"),
+    [
+        ("max-min", "unit-revolute"),
+        ("max-min", "lever-revolute"),
+        ("isotropy", "lever-revolute"),
+    ],
+)
+def test_the_best_known_7r_are_those_that_the_comparison_found(formulation, model):
     found = pd.read_csv(ROOT / "results/comparison/comparison.csv")
-    same = (found.formulation == "max-min") & (found.model == model) & (found.joints == 7)
+    same = (found.formulation == formulation) & (found.model == model) & (found.joints == 7)
     best = found[same].worst_case_sigma.max()
-    assert best_known("max-min", model, 7) == pytest.approx(best, abs=1e-9)
+    assert best_known(formulation, model, 7) == pytest.approx(best, abs=1e-9)
 
 
 def test_best_known_values_that_are_exact():

@@ -60,7 +60,7 @@ def test_a_bound_is_attained_only_where_no_gap_is_left():
     rows = committed("failures")
     said = finding("failures", rows).partition(". ")[0]
     assert "the proved bound is attained by" in said
-    assert "free-mean 3×6, 2 locked" in said
+    assert "free-mean 3×6 with 2 locked" in said
     assert "joints 0, 1, 2 never failing reaches its bound" in finding("failures", rows)
     wider = [replace(row, gap_percent=row.gap_percent + 1) for row in rows]
     assert "attained" not in finding("failures", wider)
@@ -79,7 +79,8 @@ def test_the_best_and_the_poorest_arm_are_named():
     assert f"{ranked[-1].arm} comes nearest" in said
     assert f"{ranked[0].arm} keeps the least" in said
     assert f"{structural.arm} loses full rank whatever the posture" in said
-    assert "Near-structural for KUKA LBR iiwa 14, all: joint_a4." in said
+    assert "Near-structural for KUKA LBR iiwa 14: joint_a4." in said
+    assert "Near-structural for ABB IRB 140, position alone: joint_1" in said
 
 
 def test_the_most_expensive_variant_is_named_and_failed_ones_have_no_cost():

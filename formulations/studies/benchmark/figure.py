@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from math import isnan
 from typing import TYPE_CHECKING
 
-from formulations.files.figure import BLUE, GREY, ORANGE, PALE, SMALL, VERMILION, styled
+from formulations.files.figure import BLUE, GREY, INK, ORANGE, SMALL, VERMILION, styled
 from formulations.studies.benchmark.measurement import Row
 from formulations.studies.pages import groups
 
@@ -14,11 +14,12 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 # By how a peer's name begins: this library's default and fast path, others of it, the floor.
+# All else is grey.
 _COLOURS = {
     "lockedjoint, Ipopt (default)": BLUE,
     "lockedjoint, Fatrop, compiled (fast path)": VERMILION,
     "lockedjoint": ORANGE,
-    "floor": GREY,
+    "floor": INK,
 }
 _MARKS = "os^Dv<>Pp*hX"
 
@@ -46,8 +47,8 @@ def drawn(rows: Sequence[Row]) -> Figure:
                     marker=_MARKS[mark % len(_MARKS)],
                     markersize=4,
                     linewidth=1.8 if colour in (BLUE, VERMILION) else 0.9,
-                    color=colour or PALE,
-                    markeredgecolor=colour or GREY,
+                    linestyle="--" if colour == INK else "-",
+                    color=colour or GREY,
                     label=peer,
                 )
             axes.set_yscale("log")
