@@ -63,8 +63,6 @@ def improve_polished(
         or there is no Jacobian on record to hop from.
     """
     check_polished(asked, search)
-    if known is None and search == "hops":
-        raise InputError("--search", "hops", f"symmetric: {asked.name} has no Jacobian yet")
     one_seed = _hops if search == "hops" else _symmetric
     page, spent, seed = known, 0.0, -1
     while spent < 60 * minutes:
