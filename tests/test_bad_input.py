@@ -270,6 +270,7 @@ bound --manipulability
 atlas improve lever-revolute_6x9_k2 --search hops
 atlas improve free-mean_2x5_k2_manipulability --search symmetric
 atlas improve free-mean_2x5_k2 --search nearest
+atlas improve free-mean_2x5_k2 --search hops --workers 2
 bound --quantity existence --trace 3
 bound --quantity existence --order 4
 bound --quantity existence --order 0

@@ -14,6 +14,7 @@ from formulations.commands.arguments import (
     Workers,
     positive,
     progress,
+    refuse_unused,
     whole_option,
 )
 from formulations.commands.output import QUESTIONED, as_text, show
@@ -202,6 +203,7 @@ def submit(
 
 @app.command()
 def improve(
+    context: typer.Context,
     name: Name,
     minutes: Annotated[
         float,
@@ -239,6 +241,7 @@ def improve(
     asked = entry(name)
     if search != "random":
         check_polished(asked, search)
+        refuse_unused(context, ("workers",), f"--search {search}")
     prepare_folder(out)
     known = page_of(asked, out) or page_of(asked)
     before = known.value if known else None
