@@ -26,7 +26,7 @@ from formulations.commands.output import INTERRUPTED, as_text, show
 from nlp.errors import InputError
 
 if TYPE_CHECKING:
-    from formulations.robots.path import PathPlan
+    from formulations.robots.path_plan import PathPlan
 
 _FILES = ("path.csv", "path.json", "path.svg")
 
@@ -86,7 +86,8 @@ def path(
     leaving it. The search takes tens of seconds. The share that survives is measured by a test
     of its own, beside that of the minimum-norm trajectory and a ceiling by sampling.
     """
-    from formulations.robots.path import PathSearch, narrowed, plan_path
+    from formulations.robots.chain import narrowed
+    from formulations.robots.path import PathSearch, plan_path
     from formulations.robots.robot_arm import RobotArm
     from formulations.robots.waypoints import read_waypoints
     from nlp.files import prepare_file, write_bytes, write_text

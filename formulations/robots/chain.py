@@ -1,7 +1,7 @@
 """The joints between two links of a robot, as one chain of motions, and its Jacobian."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from typing import TypeAlias
 
@@ -194,6 +194,35 @@ class Chain:
                 column = ca.vertcat(ca.cross(axis, origin - start), axis)
             matrix[:, motion.variable] += motion.multiplier * column
         return matrix, turn
+
+
+def narrowed(chain: Chain, limits: Mapping[str, tuple[float, float]]) -> Chain:
+    """Return the chain with narrower limits of some joints.
+
+    Raises
+    ------
+    InputError
+        If a joint is unknown, or its limits contradict each other or those of the robot.
+    """
+    for name, (lower, upper) in limits.items():
+        if name not in chain.names:
+            allowed = f"one of {listed(chain.names)}{nearest(name, chain.names)}"
+            raise InputError("joint of --limits", name, allowed)
+        joint = chain.joints[chain.names.index(name)]
+        if not max(lower, joint.lower) < min(upper, joint.upper):
+            allowed = (
+                f"lower < upper, with room in the robot's [{joint.lower:g}, {joint.upper:g}]"
+            )
+            raise InputError(f"--limits of {name}", f"[{lower:g}, {upper:g}]", allowed)
+    joints = tuple(
+        replace(
+            joint,
+            lower=max(joint.lower, limits.get(joint.name, (-np.inf, 0))[0]),
+            upper=min(joint.upper, limits.get(joint.name, (0, np.inf))[1]),
+        )
+        for joint in chain.joints
+    )
+    return replace(chain, joints=joints)
 
 
 def rotation(axis: Sequence[float], angle: ca.SX | float) -> ca.SX:
