@@ -235,16 +235,20 @@ def tip_pose(chain: Chain, positions: ca.SX) -> tuple[ca.SX, ca.SX]:
     """Position (3, 1) and rotation (3, 3) of the tip, symbolically."""
     turn, origin = ca.SX.eye(3), ca.SX.zeros(3)
     for motion in chain.motions:
-        placement = np.array(motion.placement)
-        origin = origin + turn @ ca.DM(placement[:3, 3])
-        turn = turn @ ca.DM(placement[:3, :3])
-        value = motion.multiplier * positions[motion.variable] + motion.offset
-        if motion.translates:
-            origin = origin + turn @ ca.DM(motion.axis) * value
-        else:
-            turn = turn @ rotation(motion.axis, value)
-    end = np.array(chain.end)
-    return origin + turn @ ca.DM(end[:3, 3]), turn @ ca.DM(end[:3, :3])
+        turn, origin = displaced(turn, origin, motion, positions)
+    turn, origin = _moved(turn, origin, chain.end)
+    return origin, turn
+
+
+def displaced(
+    turn: ca.SX, origin: ca.SX, motion: Motion, positions: ca.SX
+) -> tuple[ca.SX, ca.SX]:
+    """Rotation (3, 3) and origin (3, 1) of a frame after a motion, from those before it."""
+    turn, origin = _moved(turn, origin, motion.placement)
+    value = motion.multiplier * positions[motion.variable] + motion.offset
+    if motion.translates:
+        return turn, origin + turn @ ca.DM(motion.axis) * value
+    return turn @ rotation(motion.axis, value), origin
 
 
 def check_limits(name: str, value: float, lower: float, upper: float) -> None:
