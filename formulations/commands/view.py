@@ -44,7 +44,7 @@ def view(
     """
     if find_spec("viser") is None:  # before reading, whose extra is another one
         raise MissingLibraryError("viser", "view", "viser yourdfpy")
-    from formulations.robots.posture import Search
+    from formulations.robots.posture_search import Search
     from formulations.robots.viewer import Page
     from formulations.robots.web_server import Address
 

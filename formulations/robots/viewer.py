@@ -19,7 +19,8 @@ from typing import Any
 import numpy as np
 
 from formulations.robots.picture import Picture, numbers, picture
-from formulations.robots.posture import Search, best_posture
+from formulations.robots.posture import best_posture
+from formulations.robots.posture_search import Search
 from formulations.robots.robot_arm import RobotArm
 from formulations.robots.scene import Scene
 from formulations.robots.web_server import Address, serve

@@ -12,7 +12,8 @@ from formulations.robots.capsules import between_segments, capsule_around, gap_s
 from formulations.robots.chain_between import chain_between
 from formulations.robots.clearance import read_clearance
 from formulations.robots.held_pose import HeldArm, Pose
-from formulations.robots.posture import Search, best_posture
+from formulations.robots.posture import best_posture
+from formulations.robots.posture_search import Search
 from formulations.robots.read_urdf import read_urdf
 from formulations.robots.robot_arm import RobotArm, Task
 from formulations.robots.shapes import Shape
