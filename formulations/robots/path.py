@@ -125,7 +125,7 @@ class _Planner:
         base = self._add_candidates()
         search.progress("dynamic programming")
         best = self._best_sequence()
-        found, statuses, kept, complete = None, [], False, True
+        found, statuses, improved, complete = None, [], False, True
         try:
             for _ in range(search.rounds):
                 self.nodes.add_tracks(self._beside(best))
@@ -141,12 +141,12 @@ class _Planner:
                 tried = found if moved is None else self._measured(moved)
                 gain = tried.share - found.share
                 if gain > _SAME or (gain > -_SAME and tried.roughness < found.roughness):
-                    found, kept = tried, True
+                    found, improved = tried, True
         except KeyboardInterrupt:  # the best sequence so far is an answer, too
             interrupt_answered()
             complete = False
         found = found or self._measured(best)
-        return replace(self._report(found, base, statuses, kept), complete=complete)
+        return replace(self._report(found, base, statuses, improved), complete=complete)
 
     def check_reach(self) -> None:
         """Raise InputError if a waypoint is out of reach."""
@@ -232,7 +232,7 @@ class _Planner:
         return Trajectory(configurations, ends.T, np.array(sigma))
 
     def _report(
-        self, found: Trajectory, base: FloatArray | None, statuses: list[str], polished: bool
+        self, found: Trajectory, base: FloatArray | None, statuses: list[str], improved: bool
     ) -> PathPlan:
         final = len(self.times) - 1
         kept = [self.nodes.survives(k) for k in range(final + 1)]
@@ -263,7 +263,7 @@ class _Planner:
             joint_ceiling=100 * np.mean(single, axis=0),
             hopeless_until=hopeless,
             nodes=self.nodes.count,
-            polished=polished,
+            polished=improved,
             statuses=tuple(statuses),
             deviation=float(np.max(np.linalg.norm(middle - straight, axis=0))),
             speed=float(np.max(np.abs(np.diff(q, axis=0)) / self.most)),
