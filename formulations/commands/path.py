@@ -17,7 +17,7 @@ from formulations.commands.arguments import (
     Size,
     Style,
     look,
-    positive,
+    positive_option,
     progress,
     refuse_unused,
     whole_option,
@@ -65,9 +65,7 @@ def path(
     ] = None,
     duration: Annotated[
         float,
-        typer.Option(
-            parser=positive, metavar="SECONDS", help="For the whole path, if no t is given."
-        ),
+        positive_option("SECONDS", "For the whole path, if no t is given."),
     ] = 10.0,
     samples: Annotated[int, whole_option(3, "N", "Samples of the path.", 2000)] = 60,
     tracks: Annotated[int, whole_option(8, "K", "Candidate tracks.", 10_000)] = 80,
