@@ -80,12 +80,8 @@ def several_locked_bound(task_dimension: int, joints: int, trace: float, locked:
 
     Parameters
     ----------
-    task_dimension, joints
-        m and n, n > m.
-    trace
-        T = ‖J‖_F², in the squared units of J.
-    locked
-        How many joints lock at once, k.
+    task_dimension, joints, trace, locked
+        As of `formulations.measures.eigenvalue_bound`.
 
     Raises
     ------

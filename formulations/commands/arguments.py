@@ -92,6 +92,11 @@ def positive(text: str) -> float:
     return number
 
 
+def positive_option(metavar: str, words: str, *names: str, **settings: Any) -> Any:
+    """Return an option that takes finite numbers above 0."""
+    return typer.Option(*names, parser=positive, metavar=metavar, help=words, **settings)
+
+
 Joints = Annotated[int, whole_option(2, "N", "Number of joints n, above m.", MOST_JOINTS)]
 TaskDimension = Annotated[
     int, whole_option(1, "M", "Number of task dimensions m.", MOST_DIMENSIONS)
@@ -104,11 +109,7 @@ Workers = Annotated[
 Locked = Annotated[int, whole_option(1, "K", "How many joints lock at once.")]
 Tolerance = Annotated[
     float,
-    typer.Option(
-        parser=positive,
-        metavar="TOL",
-        help="Relative tolerance of the verdict 'optimally failure tolerant'.",
-    ),
+    positive_option("TOL", "Relative tolerance of the verdict 'optimally failure tolerant'."),
 ]
 Out = Annotated[
     Path, typer.Option(metavar="DIR", help="Folder for the files; made if missing.")

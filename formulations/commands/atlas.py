@@ -12,7 +12,7 @@ from formulations.commands.arguments import (
     Locked,
     Pick,
     Workers,
-    positive,
+    positive_option,
     progress,
     refuse_unused,
     whole_option,
@@ -207,9 +207,7 @@ def improve(
     name: Name,
     minutes: Annotated[
         float,
-        typer.Option(
-            parser=positive, metavar="M", help="Processor time after which no seed is begun."
-        ),
+        positive_option("M", "Processor time after which no seed is begun."),
     ] = 10.0,
     out: Annotated[
         Path, typer.Option(metavar="DIR", help="Folder of the entry; it goes on from there.")

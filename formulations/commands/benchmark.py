@@ -5,7 +5,15 @@ from typing import Annotated
 
 import typer
 
-from formulations.commands.arguments import Json, Out, Seed, Starts, positive, progress, whole
+from formulations.commands.arguments import (
+    Json,
+    Out,
+    Seed,
+    Starts,
+    positive_option,
+    progress,
+    whole,
+)
 from formulations.commands.output import run_study
 
 
@@ -17,11 +25,7 @@ def benchmark(
     seed: Seed = 0,
     time_limit: Annotated[
         float,
-        typer.Option(
-            parser=positive,
-            metavar="SECONDS",
-            help="Processor time for each solver on one statement and size.",
-        ),
+        positive_option("SECONDS", "Processor time for each solver on one statement and size."),
     ] = 20.0,
     out: Out = Path("benchmark"),
     as_json: Json = False,

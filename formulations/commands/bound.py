@@ -12,7 +12,7 @@ from formulations.commands.arguments import (
     Json,
     Seed,
     TaskDimension,
-    positive,
+    positive_option,
     progress,
     refuse_unused,
     whole_option,
@@ -76,21 +76,18 @@ def bound(
     task_dimension: TaskDimension = 6,
     trace: Annotated[
         float | None,
-        typer.Option(
-            parser=positive,
-            metavar="T",
-            help="worst-case: any columns with ‖J‖_F² at most T; m by default, except with "
+        positive_option(
+            "T",
+            "worst-case: any columns with ‖J‖_F² at most T; m by default, except with "
             "m = 6, see --lever-arm.",
             show_default=False,
         ),
     ] = None,
     lever_arm: Annotated[
         float | None,
-        typer.Option(
-            parser=positive,
-            metavar="L",
-            help="worst-case: arms of revolute joints with |v| at most L; 1 by default with "
-            "m = 6.",
+        positive_option(
+            "L",
+            "worst-case: arms of revolute joints with |v| at most L; 1 by default with m = 6.",
             show_default=False,
         ),
     ] = None,
@@ -135,10 +132,9 @@ def bound(
     ] = None,
     level: Annotated[
         float | None,
-        typer.Option(
-            parser=positive,
-            metavar="X",
-            help="planar: the value that is to be shown to be above all, ‖J‖_F² = n; by "
+        positive_option(
+            "X",
+            "planar: the value that is to be shown to be above all, ‖J‖_F² = n; by "
             "default what the atlas has, and 0.1 % more.",
             show_default=False,
         ),

@@ -8,7 +8,13 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from formulations.commands.arguments import Json, Workers, positive, refuse_unused, whole_option
+from formulations.commands.arguments import (
+    Json,
+    Workers,
+    positive_option,
+    refuse_unused,
+    whole_option,
+)
 from formulations.commands.output import INTERRUPTED, refuse_damage, show
 
 if TYPE_CHECKING:
@@ -35,10 +41,9 @@ def campaign(
     ] = None,
     time_limit: Annotated[
         float,
-        typer.Option(
-            parser=positive,
-            metavar="SECONDS",
-            help="Time for a start, from when it begins, after which its worker is killed.",
+        positive_option(
+            "SECONDS",
+            "Time for a start, from when it begins, after which its worker is killed.",
         ),
     ] = 600.0,
     chunk: Annotated[

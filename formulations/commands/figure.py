@@ -18,7 +18,7 @@ from formulations.commands.arguments import (
     look,
     progress,
     refuse_unused,
-    whole,
+    whole_option,
 )
 from formulations.commands.output import as_text
 from nlp.errors import InputError
@@ -57,10 +57,11 @@ def figure(
     ] = None,
     starts: Annotated[
         int | None,
-        typer.Option(
-            parser=whole(1, MOST_STARTS),
-            metavar="K",
-            help="Random starts of each problem.",
+        whole_option(
+            1,
+            "K",
+            "Random starts of each problem.",
+            MOST_STARTS,
             show_default="5; figure-3 100; optima 50",
         ),
     ] = None,

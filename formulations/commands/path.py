@@ -17,7 +17,7 @@ from formulations.commands.arguments import (
     Size,
     Style,
     look,
-    positive,
+    positive_option,
     progress,
     refuse_unused,
     whole_option,
@@ -26,7 +26,7 @@ from formulations.commands.output import INTERRUPTED, as_text, show
 from nlp.errors import InputError
 
 if TYPE_CHECKING:
-    from formulations.robots.path import PathPlan
+    from formulations.robots.path_plan import PathPlan
 
 _FILES = ("path.csv", "path.json", "path.svg")
 
@@ -65,9 +65,7 @@ def path(
     ] = None,
     duration: Annotated[
         float,
-        typer.Option(
-            parser=positive, metavar="SECONDS", help="For the whole path, if no t is given."
-        ),
+        positive_option("SECONDS", "For the whole path, if no t is given."),
     ] = 10.0,
     samples: Annotated[int, whole_option(3, "N", "Samples of the path.", 2000)] = 60,
     tracks: Annotated[int, whole_option(8, "K", "Candidate tracks.", 10_000)] = 80,
@@ -86,7 +84,8 @@ def path(
     leaving it. The search takes tens of seconds. The share that survives is measured by a test
     of its own, beside that of the minimum-norm trajectory and a ceiling by sampling.
     """
-    from formulations.robots.path import PathSearch, narrowed, plan_path
+    from formulations.robots.chain import narrowed
+    from formulations.robots.path import PathSearch, plan_path
     from formulations.robots.robot_arm import RobotArm
     from formulations.robots.waypoints import read_waypoints
     from nlp.files import prepare_file, write_bytes, write_text

@@ -25,7 +25,7 @@ from formulations.commands.output import INTERRUPTED, show
 
 if TYPE_CHECKING:
     from formulations.robots.held_pose import LockedReach
-    from formulations.robots.posture import Posture
+    from formulations.robots.posture_found import Posture
 
 
 def posture(
@@ -61,7 +61,8 @@ def posture(
     and where each joint may lock so that the pose can still be reached. With --held, the best
     posture after a failure. `assess --configuration FILE` reads what --out writes.
     """
-    from formulations.robots.posture import Search, best_posture
+    from formulations.robots.posture import best_posture
+    from formulations.robots.posture_search import Search
     from formulations.unequal_max_min import checked_goal
     from nlp.files import prepare_file
     from nlp.multistart import default_workers

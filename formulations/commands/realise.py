@@ -14,9 +14,9 @@ from formulations.commands.arguments import (
     Size,
     Style,
     look,
-    positive,
+    positive_option,
     refuse_unused,
-    whole,
+    whole_option,
 )
 from formulations.commands.arguments import progress as show_progress
 from formulations.commands.output import as_text
@@ -99,7 +99,7 @@ def realise(
     ] = None,
     length: Annotated[
         float,
-        typer.Option(parser=positive, metavar="L", help="Metres per unit of linear velocity."),
+        positive_option("L", "Metres per unit of linear velocity."),
     ] = 1.0,
     slide: Annotated[
         str | None,
@@ -112,33 +112,27 @@ def realise(
     ] = None,
     tolerance: Annotated[
         float,
-        typer.Option(
-            parser=positive,
-            metavar="TOL",
-            help="How far a column may be from one that a joint can contribute.",
-        ),
+        positive_option("TOL", "How far a column may be from one that a joint can contribute."),
     ] = 1e-6,
     pick: Pick = None,
     seed: Seed = 0,
     samples: Annotated[
         int,
-        typer.Option(parser=whole(1), metavar="K", help="Displacements that criteria sample."),
+        whole_option(1, "K", "Displacements that criteria sample."),
     ] = 100,
     shortlist: Annotated[
         int,
-        typer.Option(
-            parser=whole(1),
-            metavar="K",
-            help="How many arms are judged by criteria that sample: the shortest, or those "
+        whole_option(
+            1,
+            "K",
+            "How many arms are judged by criteria that sample: the shortest, or those "
             "that a coarse sample finds best.",
         ),
     ] = 200,
     radius: Annotated[
         float,
-        typer.Option(
-            parser=positive,
-            metavar="R",
-            help="Radius of the neighbourhood; of kept the half-width of artificial limits.",
+        positive_option(
+            "R", "Radius of the neighbourhood; of kept the half-width of artificial limits."
         ),
     ] = 0.2,
     size: Size = None,

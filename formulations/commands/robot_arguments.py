@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from formulations.commands.arguments import positive
+from formulations.commands.arguments import positive_option
 from nlp.errors import FileError, InputError
 from nlp.files import load_json, read_bytes, real_in
 
@@ -61,10 +61,9 @@ Frame = Annotated[
 ]
 Length = Annotated[
     float | None,
-    typer.Option(
-        parser=positive,
-        metavar="METRES",
-        help="Characteristic length: all lengths are measured in it.",
+    positive_option(
+        "METRES",
+        "Characteristic length: all lengths are measured in it.",
         show_default="root mean square of the revolute joints' lever arms",
     ),
 ]
@@ -108,12 +107,11 @@ PoseTolerance = Annotated[
 ]
 KeptDistance = Annotated[
     float | None,
-    typer.Option(
-        "--clearance",
-        parser=positive,
-        metavar="METRES",
-        help="Distance that the links keep from each other. Needs coal; reads the meshes that "
+    positive_option(
+        "METRES",
+        "Distance that the links keep from each other. Needs coal; reads the meshes that "
         "the URDF file names.",
+        "--clearance",
         show_default="they may touch",
     ),
 ]

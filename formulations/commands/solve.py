@@ -20,7 +20,7 @@ from formulations.commands.arguments import (
     Workers,
     failure_model,
     ipopt_options,
-    positive,
+    positive_option,
     whole_option,
 )
 from formulations.commands.output import INTERRUPTED, as_text, sharpest_bound, show
@@ -80,11 +80,8 @@ def solve(
     compiled: Compiled = False,
     time_limit: Annotated[
         float | None,
-        typer.Option(
-            parser=positive,
-            metavar="SECONDS",
-            help="Time for a start, after which Ipopt stops it.",
-            show_default="no limit",
+        positive_option(
+            "SECONDS", "Time for a start, after which Ipopt stops it.", show_default="no limit"
         ),
     ] = None,
     out: Annotated[

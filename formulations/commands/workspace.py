@@ -16,7 +16,7 @@ from formulations.commands.arguments import (
     Size,
     Style,
     look,
-    positive,
+    positive_option,
     refuse_unused,
     whole_option,
 )
@@ -66,30 +66,22 @@ def workspace(
     ] = None,
     voxel: Annotated[
         float | None,
-        typer.Option(
-            parser=positive,
-            metavar="METRES",
-            help="Edge of the grid's cells.",
+        positive_option(
+            "METRES",
+            "Edge of the grid's cells.",
             show_default="a fiftieth of the sum of the links; a twelfth with --orientation, in "
             "space",
         ),
     ] = None,
     step: Annotated[
         float,
-        typer.Option(
-            "--slice",
-            parser=positive,
-            metavar="DEGREES",
-            help="Distance of the angles at which a joint may lock.",
+        positive_option(
+            "DEGREES", "Distance of the angles at which a joint may lock.", "--slice"
         ),
     ] = 5.0,
     least_width: Annotated[
         float,
-        typer.Option(
-            parser=positive,
-            metavar="DEGREES",
-            help="Least width of limits that are chosen.",
-        ),
+        positive_option("DEGREES", "Least width of limits that are chosen."),
     ] = 10.0,
     starts: Annotated[int, whole_option(1, "K", "Starts of the search on a grid.", 10**6)] = 4,
     base: robot.Base = None,

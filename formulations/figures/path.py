@@ -11,7 +11,7 @@ from formulations.files.figure import BLUE, GREY, PALE, SMALL, styled, without_f
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from formulations.robots.path import PathPlan
+    from formulations.robots.path_plan import PathPlan
 
 _WIDTH, _HEIGHT = 6.5, 4.6
 

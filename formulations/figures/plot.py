@@ -28,7 +28,7 @@ from formulations.files.figure import (
 from formulations.measures.assessment import Assessment, measure
 from formulations.realise.drawing import figure as drawing
 from formulations.realise.manipulator import Manipulator
-from formulations.robots.path import PathPlan
+from formulations.robots.path_plan import PathPlan
 from formulations.robots.robot_assessment import RobotAssessment
 from formulations.robots.workspace import Workspace
 from formulations.solving.outcome import Outcome

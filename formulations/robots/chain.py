@@ -1,7 +1,7 @@
 """The joints between two links of a robot, as one chain of motions, and its Jacobian."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from typing import TypeAlias
 
@@ -196,6 +196,35 @@ class Chain:
         return matrix, turn
 
 
+def narrowed(chain: Chain, limits: Mapping[str, tuple[float, float]]) -> Chain:
+    """Return the chain with narrower limits of some joints.
+
+    Raises
+    ------
+    InputError
+        If a joint is unknown, or its limits contradict each other or those of the robot.
+    """
+    for name, (lower, upper) in limits.items():
+        if name not in chain.names:
+            allowed = f"one of {listed(chain.names)}{nearest(name, chain.names)}"
+            raise InputError("joint of --limits", name, allowed)
+        joint = chain.joints[chain.names.index(name)]
+        if not max(lower, joint.lower) < min(upper, joint.upper):
+            allowed = (
+                f"lower < upper, with room in the robot's [{joint.lower:g}, {joint.upper:g}]"
+            )
+            raise InputError(f"--limits of {name}", f"[{lower:g}, {upper:g}]", allowed)
+    joints = tuple(
+        replace(
+            joint,
+            lower=max(joint.lower, limits.get(joint.name, (-np.inf, 0))[0]),
+            upper=min(joint.upper, limits.get(joint.name, (0, np.inf))[1]),
+        )
+        for joint in chain.joints
+    )
+    return replace(chain, joints=joints)
+
+
 def rotation(axis: Sequence[float], angle: ca.SX | float) -> ca.SX:
     """Rotation by an angle in radians about a unit vector, shape (3, 3)."""
     cross = ca.skew(ca.DM(axis))
@@ -206,16 +235,20 @@ def tip_pose(chain: Chain, positions: ca.SX) -> tuple[ca.SX, ca.SX]:
     """Position (3, 1) and rotation (3, 3) of the tip, symbolically."""
     turn, origin = ca.SX.eye(3), ca.SX.zeros(3)
     for motion in chain.motions:
-        placement = np.array(motion.placement)
-        origin = origin + turn @ ca.DM(placement[:3, 3])
-        turn = turn @ ca.DM(placement[:3, :3])
-        value = motion.multiplier * positions[motion.variable] + motion.offset
-        if motion.translates:
-            origin = origin + turn @ ca.DM(motion.axis) * value
-        else:
-            turn = turn @ rotation(motion.axis, value)
-    end = np.array(chain.end)
-    return origin + turn @ ca.DM(end[:3, 3]), turn @ ca.DM(end[:3, :3])
+        turn, origin = displaced(turn, origin, motion, positions)
+    turn, origin = _moved(turn, origin, chain.end)
+    return origin, turn
+
+
+def displaced(
+    turn: ca.SX, origin: ca.SX, motion: Motion, positions: ca.SX
+) -> tuple[ca.SX, ca.SX]:
+    """Rotation (3, 3) and origin (3, 1) of a frame after a motion, from those before it."""
+    turn, origin = _moved(turn, origin, motion.placement)
+    value = motion.multiplier * positions[motion.variable] + motion.offset
+    if motion.translates:
+        return turn, origin + turn @ ca.DM(motion.axis) * value
+    return turn @ rotation(motion.axis, value), origin
 
 
 def check_limits(name: str, value: float, lower: float, upper: float) -> None:

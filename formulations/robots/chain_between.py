@@ -106,7 +106,7 @@ def chain_between(
             continue
         slides, variable = joint.type == "prismatic", variables[driver.name]
         x, y, z = joint.axis.tolist()
-        motions.append(Motion(_frozen(pose), (x, y, z), slides, variable, k, c))
+        motions.append(Motion(frozen(pose), (x, y, z), slides, variable, k, c))
         pose = np.eye(4)
     return Chain(
         robot=tree.name,
@@ -114,7 +114,7 @@ def chain_between(
         tip=tip,
         joints=drivers,
         motions=tuple(motions),
-        end=_frozen(pose @ offset),
+        end=frozen(pose @ offset),
         held=tuple(sorted(held.items())),
         immobile=tuple(immobile.items()),
     )
@@ -204,5 +204,6 @@ def displacement(joint: Joint, value: float) -> FloatArray:
     return pose
 
 
-def _frozen(matrix: FloatArray) -> Transform:
+def frozen(matrix: FloatArray) -> Transform:
+    """Return a matrix as rows that cannot be changed."""
     return tuple(tuple(row) for row in matrix.tolist())

@@ -11,7 +11,8 @@ from scipy.spatial.transform import Rotation
 
 from formulations.files.figure import content
 from formulations.files.table import HIDDEN, column, read_rows
-from formulations.robots.path import PathPlan, PathSearch, check_reach, plan_path
+from formulations.robots.path import PathSearch, check_reach, plan_path
+from formulations.robots.path_plan import PathPlan
 from formulations.robots.robot_arm import RobotArm
 from formulations.robots.survival import Kinematics
 from formulations.robots.waypoints import ToolPath

@@ -204,7 +204,7 @@ def test_a_full_disk_is_one_sentence_and_keeps_what_is_there(tmp_path, limit):
     if limit == "pages":
         code = code.replace(
             "    cell =",
-            "    store._database.execute('PRAGMA max_page_count = 30')\n    cell =",
+            "    store._file.execute('PRAGMA max_page_count = 30')\n    cell =",
         )
     else:
         code = "import resource\nresource.setrlimit(resource.RLIMIT_FSIZE, (10**5,) * 2)" + code

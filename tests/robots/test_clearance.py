@@ -8,13 +8,15 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from formulations.robots import clearance as module
+from formulations.robots.capsules import between_segments, capsule_around, gap_squared
 from formulations.robots.chain_between import chain_between
 from formulations.robots.clearance import read_clearance
 from formulations.robots.held_pose import HeldArm, Pose
-from formulations.robots.posture import Search, best_posture
+from formulations.robots.posture import best_posture
+from formulations.robots.posture_search import Search
 from formulations.robots.read_urdf import read_urdf
 from formulations.robots.robot_arm import RobotArm, Task
+from formulations.robots.shapes import Shape
 from formulations.robots.tree import RobotError
 from formulations.studies.robots import ARMS
 from nlp.errors import InputError
@@ -77,8 +79,8 @@ def test_capsules_contain_the_simple_shapes(kind, size):
     """Points of coal's own solid, by its support in random directions."""
     pose = np.eye(4)
     pose[:3, 3] = 0.1, -0.2, 0.05
-    shape = module.Shape(kind, size, None, pose)
-    capsule = module._around(module.Link("a", 0, np.eye(4), (shape,), "collision"))
+    shape = Shape(kind, size, None, pose)
+    capsule = capsule_around((shape,), np.eye(4))
     rng = np.random.default_rng(0)
     points = rng.uniform(-0.3, 0.3, (20000, 3))
     if kind == "box":
@@ -102,8 +104,8 @@ def test_distances_of_segments_three_times():
     d[:50] = c[:50] + (b - a)[:50] * rng.uniform(-2, 2, (50, 1))  # parallel
     d[50:60] = c[50:60]  # a point
     symbols = [ca.SX.sym(name, 3) for name in "abcd"]
-    stated = ca.Function("gap", symbols, [ca.sqrt(module._gap_squared(*symbols))])
-    ours = module._between_segments(*(one[:, :, None] for one in (a, b, c, d)))[:, 0]
+    stated = ca.Function("gap", symbols, [ca.sqrt(gap_squared(*symbols))])
+    ours = between_segments(*(one[:, :, None] for one in (a, b, c, d)))[:, 0]
     for k in range(300):
         assert float(stated(a[k], b[k], c[k], d[k])) == pytest.approx(ours[k], abs=1e-4)
         theirs = coal.distance(
@@ -181,7 +183,7 @@ def test_shapes_that_are_turned_and_shifted_are_where_pinocchio_has_them(made, t
         theirs = {}
         for one, place in zip(geometry.geometryObjects, places.oMg, strict=True):
             theirs.setdefault(one.name[:2], []).append(place.homogeneous)
-        bodies, origins = found._frames(q[:, None])
+        bodies, origins = found.bodies.frames(q[:, None])
         assert len(found.links) == 6
         for link in found.links:
             body = np.eye(4)

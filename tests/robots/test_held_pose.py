@@ -12,10 +12,11 @@ from scipy.spatial.transform import Rotation
 from formulations import measures
 from formulations.__main__ import main
 from formulations.measures.unequal_failures import FailureModel
-from formulations.robots import posture
+from formulations.robots import posture_search
 from formulations.robots.chain_between import chain_between
 from formulations.robots.held_pose import HeldArm, Pose
-from formulations.robots.posture import Search, best_posture
+from formulations.robots.posture import best_posture
+from formulations.robots.posture_search import Search
 from formulations.robots.robot_arm import RobotArm, Task
 from formulations.robots.survival import Kinematics
 from formulations.robots.waypoints import read_pose
@@ -171,13 +172,13 @@ def test_out_of_reach_is_said_with_how_far(made):
 def test_a_pose_that_was_not_reached_is_no_answer(made, monkeypatch):
     """Whatever the solver says: a configuration beside the pose is dropped."""
     arm = planar(made, [1.0, 1.0, 1.0, 1.0])
-    judge = posture._judge
+    judge = posture_search._judge
 
     def beside(run, **keywords):
         run.solution.variables[0] += 1e-4
         return judge(run, **keywords)
 
-    monkeypatch.setattr(posture, "_judge", beside)
+    monkeypatch.setattr(posture_search, "_judge", beside)
     with pytest.raises(InputError, match="not found from 2 starts"):
         best_posture(arm, Search(starts=2), at=Pose((1.5, 0.8, 0)))
 

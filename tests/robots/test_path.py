@@ -9,14 +9,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from formulations.robots.chain import tip_pose
+from formulations.robots.chain import narrowed, tip_pose
 from formulations.robots.chain_between import chain_between
-from formulations.robots.path import (
-    PathSearch,
-    narrowed,
-    plan_path,
-    transcription,
-)
+from formulations.robots.path import PathSearch, plan_path
+from formulations.robots.path_polish import transcription
 from formulations.robots.robot_arm import RobotArm, Task
 from formulations.robots.survival import Kinematics, Poses, follow, on_path, survivors
 from formulations.robots.waypoints import ToolPath, read_waypoints

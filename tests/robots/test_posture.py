@@ -11,9 +11,10 @@ import pytest
 from scipy.optimize import minimize
 
 from formulations import max_min, measures
-from formulations.robots import posture
+from formulations.robots import posture_search
 from formulations.robots.chain_between import chain_between
-from formulations.robots.posture import Search, best_posture
+from formulations.robots.posture import best_posture
+from formulations.robots.posture_search import Search
 from formulations.robots.robot_arm import RobotArm, Task
 from formulations.robots.robot_assessment import assess
 from formulations.studies.robots import ARMS, SurveyArm, row_of
@@ -267,7 +268,7 @@ def test_a_start_that_did_not_converge_is_not_the_best(made, monkeypatch):
     """The first stops early at a posture of its own, with a merit that looks better."""
     arm = RobotArm(chain_between(made.tree(made.offset_arm()), "l7"), Task.parse("position"))
     usual = best_posture(arm, Search(starts=3)).assessment
-    judge = posture._judge
+    judge = posture_search._judge
 
     def judged(run, **keywords):
         one = judge(run, **keywords)
@@ -276,7 +277,7 @@ def test_a_start_that_did_not_converge_is_not_the_best(made, monkeypatch):
         where = np.zeros(arm.size)
         return replace(one, return_status="Restoration_Failed", merit=9.0, configuration=where)
 
-    monkeypatch.setattr(posture, "_judge", judged)
+    monkeypatch.setattr(posture_search, "_judge", judged)
     found = best_posture(arm, Search(starts=3))
     assert found.reached_best > 0
     assert any(found.assessment.configuration.values())

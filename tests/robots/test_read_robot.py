@@ -15,7 +15,8 @@ import yourdfpy
 
 from formulations.commands.app import app
 from formulations.robots.chain_between import chain_between
-from formulations.robots.read_robot import dh_tree, read_robot
+from formulations.robots.read_dh import dh_tree
+from formulations.robots.read_robot import read_robot
 from formulations.robots.read_urdf import read_urdf
 from formulations.robots.robot_arm import RobotArm, Task
 from formulations.studies.robots import ARMS

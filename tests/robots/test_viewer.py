@@ -19,10 +19,12 @@ from formulations.commands.view import view
 from formulations.realise.from_jacobian import realise
 from formulations.realise.write_urdf import urdf as realised_urdf
 from formulations.robots.chain_between import chain_between
-from formulations.robots.posture import Search
+from formulations.robots.picture import numbers, picture, semi_axes
+from formulations.robots.posture_search import Search
 from formulations.robots.read_urdf import parse_urdf
 from formulations.robots.robot_arm import RobotArm, Task
-from formulations.robots.viewer import Address, Page, numbers, picture, semi_axes
+from formulations.robots.viewer import Page
+from formulations.robots.web_server import Address
 from nlp.errors import InputError
 
 BROWSER = next(filter(None, map(shutil.which, ("chromium", "google-chrome"))), None)

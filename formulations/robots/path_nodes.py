@@ -1,0 +1,149 @@
+"""Configurations at the samples of a path, and the best sequence of one at each.
+
+Each configuration is a node. Its score is the number of joints that may lock there, by the test
+in `survival`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
+
+import numpy as np
+
+from formulations.robots.path_plan import IntArray
+from formulations.robots.survival import JUMP, BoolArray, Kinematics, Poses, survivors
+from formulations.robots.waypoints import place_name
+from nlp.arrays import FloatArray
+from nlp.errors import InputError
+from nlp.interrupts import deferred_interrupt
+
+# What one squared radian of motion between two samples costs, in joints that survive.
+_MOTION = 10.0
+# Speeds stay below this share of their limits until the polish.
+_SPEED = 0.98
+
+
+class Nodes:
+    """The nodes at each sample, with what is left of the path after each joint's failure.
+
+    Parameters
+    ----------
+    kinematics
+        The arm.
+    poses
+        The samples of the path.
+    seed
+        Of the test in `survival`.
+    """
+
+    def __init__(self, kinematics: Kinematics, poses: Poses, seed: int) -> None:
+        self._kinematics, self._poses, self._seed = kinematics, poses, seed
+        # Of each sample, as they came: nodes (n, B), and the last sample reached (n, B).
+        self._nodes: list[list[FloatArray]] = [[] for _ in range(len(poses))]
+        self._ends: list[list[IntArray]] = [[] for _ in range(len(poses))]
+
+    @property
+    def count(self) -> int:
+        """How many nodes there are at all samples together."""
+        return sum(one.shape[1] for parts in self._nodes for one in parts)
+
+    def any_at(self, sample: int) -> bool:
+        """Whether there are nodes at a sample."""
+        return bool(self._nodes[sample])
+
+    def at(self, sample: int) -> FloatArray:
+        """Return the nodes at a sample, shape (n, B)."""
+        return np.concatenate(self._nodes[sample], axis=1)
+
+    def survives(self, sample: int) -> BoolArray:
+        """Whether the path can be finished after joint f locks at each node, shape (n, B)."""
+        return np.asarray(np.concatenate(self._ends[sample], axis=1) == len(self._poses) - 1)
+
+    def add_tracks(self, tracks: FloatArray) -> None:
+        """Add tracks, shape (N, n, B), NaN where they have no configuration, and test them."""
+        valid = np.isfinite(tracks[:, 0])
+        samples, which = np.nonzero(valid)
+        if not len(samples):
+            return
+        nodes = tracks[samples, :, which].T
+        ends = survivors(self._kinematics, nodes, samples, self._poses, seed=self._seed)
+        with deferred_interrupt():  # both or neither
+            for sample in np.unique(samples):
+                here = samples == sample
+                self._nodes[sample].append(nodes[:, here])
+                self._ends[sample].append(ends[:, here])
+
+    def add(self, found: Mapping[int, FloatArray]) -> None:
+        """Add configurations at some samples, shape (n, B) at each, and test them."""
+        most = max((one.shape[1] for one in found.values()), default=0)
+        tracks = np.full((len(self._poses), self._kinematics.size, most), np.nan)
+        for sample, nodes in found.items():
+            tracks[sample, :, : nodes.shape[1]] = nodes
+        self.add_tracks(tracks)
+
+    def best_sequence(
+        self, most: FloatArray, names: Sequence[str], places: FloatArray
+    ) -> FloatArray:
+        """Return the sequence of largest total score and little motion, shape (N, n).
+
+        By dynamic programming from sample to sample.
+
+        Parameters
+        ----------
+        most
+            Largest motion of each joint between two samples, shape (N - 1, n).
+        names, places
+            Of the joints, and where the samples are: for the sentence of an error.
+
+        Raises
+        ------
+        InputError
+            If no sequence keeps to the largest motions.
+        """
+        nodes = [self.at(k) for k in range(len(self._poses))]
+        scores = [np.sum(self.survives(k), axis=0) for k in range(len(self._poses))]
+        value = scores[0].astype(float)
+        chosen = []
+        for k, (now, later) in enumerate(pairwise(nodes)):
+            total = value[:, None] - _cost(now, later, most[k])
+            from_ = np.argmax(total, axis=0)
+            chosen.append(from_)
+            value = total[from_, np.arange(len(from_))] + scores[k + 1]
+            if not np.any(np.isfinite(value)):
+                _refuse_gap(now, later, most[k], names, place_name(float(places[k + 1])))
+        at = int(np.argmax(value))
+        sequence = [nodes[-1][:, at]]
+        for from_, before in zip(reversed(chosen), reversed(nodes[:-1]), strict=True):
+            at = int(from_[at])
+            sequence.append(before[:, at])
+        return np.array(sequence[::-1])
+
+
+def _cost(now: FloatArray, later: FloatArray, most: FloatArray) -> FloatArray:
+    """Return what motion from each node to each later one costs; infinity if it is too fast."""
+    allowed = np.minimum(_SPEED * most, JUMP)
+    cost = np.zeros((now.shape[1], later.shape[1]))
+    for f in range(len(now)):
+        gap = later[f][None] - now[f][:, None]
+        cost += np.where(np.abs(gap) <= allowed[f], _MOTION * gap**2, np.inf)
+    return cost
+
+
+def _refuse_gap(
+    now: FloatArray, later: FloatArray, most: FloatArray, names: Sequence[str], where: str
+) -> None:
+    """Refuse a path that no sequence passes: the limits of speed, or of position."""
+    least, name = np.inf, ""
+    for point in now.T:
+        ratio = np.abs(later - point[:, None]) / most[:, None]
+        worst = np.max(ratio, axis=0)
+        at = int(np.argmin(worst))
+        if worst[at] < least:
+            least = float(worst[at])
+            name = names[int(np.argmax(ratio[:, at]))]
+    if least > _SPEED:
+        allowed = f"at least {1.1 * least:.2g} times as much time there"
+        raise InputError(f"speed of {name} at {where}", f"{least:.3g} of its limit", allowed)
+    allowed = "a path that one trajectory follows within the joints' limits"
+    raise InputError(where, "reached from no configuration before it", allowed)
