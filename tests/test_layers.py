@@ -36,7 +36,7 @@ FLOORS = (
     *((f"formulations.{room}",) for room in BELOW),
     ("nlp", "formulations"),
 )
-ROOMS, MODULES = 29, 260
+ROOMS, MODULES = 29, 265
 
 
 class Import(NamedTuple):
