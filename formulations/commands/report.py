@@ -54,8 +54,8 @@ def report(
 ) -> None:
     """Regenerate the results: one folder per study, and the page in front of them.
 
-    Studies: reproduction, comparison, comparison_8r, existence, bounds, failures, figures and
-    atlas; with --all, or by name, also robots, paths, workspaces and benchmark. A study's
+    Studies: reproduction, comparison, comparison_8r, existence, failures, figures and atlas;
+    with --all, or by name, also bounds, robots, paths, workspaces and benchmark. A study's
     folder is replaced when the study is complete; folders of studies left out are kept, and the
     front page says which those are. After Ctrl-C finished studies are kept. Exit status 1 if a
     study failed; the others still run.

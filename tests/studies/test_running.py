@@ -109,7 +109,7 @@ def test_a_file_in_the_way_is_one_sentence(tmp_path):
 
 def test_chosen():
     usual = {one.name for one in chosen(None, long=False)}
-    assert usual == set(STUDIES) - {"robots", "paths", "workspaces", "benchmark"}
+    assert usual == set(STUDIES) - {"bounds", "robots", "paths", "workspaces", "benchmark"}
     assert {one.name for one in chosen(None, long=True)} == set(STUDIES)
     assert [one.name for one in chosen(["robots", "comparison"], long=False)] == [
         "comparison",
