@@ -247,6 +247,27 @@ def test_hops_start_at_the_best_and_are_no_random_starts(name, monkeypatch):
         assert better.history[-1]["found"]["by"] == "me"
 
 
+@pytest.mark.parametrize(
+    ("diagonals", "lengths", "squared"),
+    [
+        ([(1, 1, 1), (1, 1, -1), (1, -1, 1), (-1, 1, 1)], (5 / 4, 5 / 6), 5 / 3),
+        (
+            [(1, 1, 0), (1, -1, 0), (1, 0, 1), (1, 0, -1), (0, 1, 1), (0, 1, -1)],
+            (8 / 7, 6 / 7),
+            16 / 7,
+        ),
+    ],
+)
+def test_two_entries_are_diagonals_of_a_cube_and_its_axes_twice(diagonals, lengths, squared):
+    long = np.array(diagonals, dtype=float).T
+    long *= np.sqrt(lengths[0] / np.sum(long**2, axis=0))
+    jacobian = np.hstack([long, *[np.sqrt(lengths[1]) * np.eye(3)] * 2])
+    assert measures.worst_case_sigma(jacobian, 2) == pytest.approx(np.sqrt(squared), abs=1e-12)
+    page = page_of(entry_of(jacobian, 2, "max-min"))
+    assert float(page.value) >= np.sqrt(squared) - 1e-9
+    assert float(page.value) == pytest.approx(np.sqrt(squared), abs=1e-9)
+
+
 def test_symmetric_starts_find_an_entry_anew():
     asked = entry("unit-revolute_6x10_k3")
     best = float(page_of(asked).value)
