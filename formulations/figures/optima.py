@@ -71,7 +71,7 @@ def draw(table: pd.DataFrame) -> Figure:
         rows = figure.subplots(len(names), 1, sharex=True, squeeze=False)[:, 0]
         for axes, name in zip(rows, names, strict=True):
             _draw(axes, table[table["problem"] == name], edges)
-        rows[-1].set_xlabel("σ in the worst case, measured from J alone")
+        rows[-1].set_xlabel("worst-case σ, measured from J alone")
         without_frame(rows[-1], "bottom")
     return figure
 

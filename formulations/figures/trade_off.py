@@ -52,7 +52,7 @@ def make(request: Request, points: int = POINTS) -> Picture:
         axes.hlines(bound, 0, 1.22 * right, color=INK, lw=0.6, ls=(0, (4, 3)))
         axes.text(0, bound + 0.001, f"bound (6) {bound:.5f}", va="bottom")
         axes.set_xlabel("distance from isotropy ‖JJᵀ − (T/m)I‖, T = ‖J‖²")
-        axes.set_ylabel("σ in the worst case")
+        axes.set_ylabel("worst-case σ")
         axes.set_xlim(-0.01, 1.22 * right)
         _proved(axes, low)
         without_frame(axes, "left", "bottom")
