@@ -117,7 +117,7 @@ def study() -> Study:
         template="bounds.md.j2",
         tables={"bounds": BoundRow, "relaxations": RelaxationRow},
         command="lockedjoint report --only bounds --out results",
-        takes="twenty minutes, and 4 GB of memory",
+        takes="half an hour, and 4 GB of memory",
         compute=_compute,
         long=True,
         settings={"sharpest": sharpest},
