@@ -14,6 +14,7 @@ from formulations.commands.arguments import (
     failure_scenarios,
 )
 from formulations.commands.output import as_text, show
+from formulations.files.table import written
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -135,7 +136,7 @@ def _failures(failures: Sequence[Failure]) -> str:
         (" and ".join(one.joints), _sigma(one.sigma), _direction(one.direction))
         for one in failures[:_SHOWN]
     ]
-    shown = _table(lines, ("locked", "sigma left", "worst direction"))
+    shown = written(lines, ("locked", "sigma left", "worst direction"), "plain")
     if len(failures) > _SHOWN:
         shown += f"\n… and {len(failures) - _SHOWN} failures that leave more"
     return shown
@@ -154,16 +155,11 @@ def _lengths(found: RobotAssessment) -> str:
         )
         for one in (*found.by_length, *best)
     ]
-    shown = _table(lines, ("length (m)", "sigma", "% of bound", "worst failure")).split("\n")
+    heads = ("length (m)", "sigma", "% of bound", "worst failure")
+    shown = written(lines, heads, "plain").split("\n")
     if best:
         shown.insert(-1, "best for this configuration:")
     return "\n".join(shown)
-
-
-def _table(lines: Sequence[Sequence[str]], heads: Sequence[str]) -> str:
-    from tabulate import tabulate
-
-    return tabulate(lines, heads, tablefmt="plain", disable_numparse=True)
 
 
 def _positions(values: Mapping[str, float]) -> str:

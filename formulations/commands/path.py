@@ -23,6 +23,7 @@ from formulations.commands.arguments import (
     whole_option,
 )
 from formulations.commands.output import INTERRUPTED, as_text, show
+from formulations.files.table import written
 from nlp.errors import InputError
 
 if TYPE_CHECKING:
@@ -144,8 +145,6 @@ def _limits(settings: list[str]) -> dict[str, tuple[float, float]]:
 
 
 def _text(found: PathPlan) -> str:
-    from tabulate import tabulate
-
     base = found.minimum_norm
     missing = "none completes the path"
     values = {
@@ -162,7 +161,7 @@ def _text(found: PathPlan) -> str:
         ends, hopeless = line["others_end"], line["hopeless_until"]
         rows.append(
             [
-                line["joint"],
+                str(line["joint"]),
                 *(
                     _percent(line[name])
                     for name in ("percent", "minimum_norm_percent", "ceiling_percent")
@@ -172,7 +171,7 @@ def _text(found: PathPlan) -> str:
             ]
         )
     heads = ["joint", "survives %", "minimum norm %", "ceiling %", "hopeless", "others end"]
-    table = tabulate(rows, heads, tablefmt="pipe", disable_numparse=True)
+    table = written(rows, heads, "pipe")
     ending = (
         "Hopeless: its ranges at later samples have no position in common; no trajectory "
         "survives."

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import csv
 import json
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import Field, dataclass, fields
 from enum import StrEnum
@@ -27,6 +28,8 @@ else:
     Line = TypeVar("Line")
 
 _DASH = "–"
+# A cell that counts as a number, or stands in the place of one.
+_NUMBER = re.compile(rf"{_DASH}?|(< )?[-+]?\d[\d.]*(e[-+]?\d+)?( %|(/| of )\d+)?")
 
 
 @dataclass(frozen=True)
@@ -134,14 +137,21 @@ class Table(Generic[Line]):
     def _written(
         self, style: str, escape: Callable[[str], str] = str, brief: bool = False
     ) -> str:
-        from tabulate import tabulate
-
         columns = {one.name: _column(one) for one in fields(self.kind)}
         some = brief and any(one.brief for one in columns.values())
         columns = {k: one for k, one in columns.items() if (one.brief if some else one.shown)}
         cells = [[escape(one.cell(row, k)) for k, one in columns.items()] for row in self.rows]
         heads = [one.heading or k.replace("_", " ") for k, one in columns.items()]
-        return str(tabulate(cells, heads, tablefmt=style, disable_numparse=True))
+        return written(cells, heads, style)
+
+
+def written(cells: Sequence[Sequence[str]], heads: Sequence[str], style: str) -> str:
+    """Return cells as a table in a style of tabulate, columns of numbers aligned right."""
+    from tabulate import tabulate
+
+    numeric = [all(map(_NUMBER.fullmatch, column)) for column in zip(*cells, strict=True)]
+    sides = ["right" if one else "left" for one in numeric] or None
+    return str(tabulate(cells, heads, tablefmt=style, colalign=sides, disable_numparse=True))
 
 
 def read_rows(path: Path, kind: type[Line]) -> list[Line]:

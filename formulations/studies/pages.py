@@ -8,10 +8,9 @@ from math import isnan
 from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
-from tabulate import tabulate
 
 from formulations.files.provenance import header, versions
-from formulations.files.table import Table
+from formulations.files.table import Table, written
 
 # Below this an isotropy defect, or a residual, is the solver's tolerance and not a number.
 NOTHING = 1e-6
@@ -89,7 +88,7 @@ def table(rows: Sequence[Any]) -> str:
 def aligned(text: str) -> str:
     """Return lines of cells between bars as a Markdown table, headed by the first line."""
     heads, *lines = (line.split(" | ") for line in text.splitlines() if line.strip())
-    return tabulate(lines, heads, tablefmt="pipe", disable_numparse=True)
+    return written(lines, heads, "pipe")
 
 
 @lru_cache(maxsize=1)

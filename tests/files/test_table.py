@@ -9,7 +9,7 @@ from enum import StrEnum
 
 import pytest
 
-from formulations.files.table import HIDDEN, Table, column, read_rows
+from formulations.files.table import HIDDEN, Table, column, read_rows, written
 from nlp.errors import FileError
 
 
@@ -65,9 +65,17 @@ def test_markdown_shows_headings_forms_scales_and_dashes():
     assert r"a\|b" in first
     for text in ("0.667", "12.35", "3 of 9", "– ", "red", "0.333"):
         assert text in first
-    assert "| –" in second
+    assert " – |" in second
     assert " 0.00" in second, "no negative zero"
     assert "Solved" not in first
+
+
+def test_columns_of_numbers_are_aligned_right_and_of_words_left():
+    rule = Table(Row, ROWS).markdown().splitlines()[1]
+    sides = ["right" if one.endswith(":") else "left" for one in rule.strip("|").split("|")]
+    assert sides == ["left", "right", "right", "right", "left", "left", "right"]
+    words = written([["1.5 rigorous", "proved", "< 1e-06"]], ["a", "b", "c"], "pipe")
+    assert words.splitlines()[1].split("|")[1:4] == [":-------------", ":-------", "--------:"]
 
 
 def test_the_terminal_shows_the_brief_columns():
