@@ -21,6 +21,7 @@ from contextlib import chdir, contextmanager, nullcontext, redirect_stderr, redi
 from functools import cache
 from pathlib import Path
 from tempfile import TemporaryFile
+from time import process_time
 from typing import Any
 from unittest.mock import patch
 
@@ -70,6 +71,18 @@ def _marks_all(file: str) -> bool:
     """Whether a file of tests marks every one of them ``processes``."""
     text = (ROOT / file).read_text("utf-8")
     return re.search(r"^pytestmark = [^=]*mark\.processes", text, re.MULTILINE) is not None
+
+
+@pytest.fixture(scope="session")
+def cpu_seconds() -> Callable[[Callable[[], object]], float]:
+    """Return what measures the processor seconds of a call, to be compared with another's."""
+
+    def measured(work: Callable[[], object]) -> float:
+        begun = process_time()
+        work()
+        return process_time() - begun
+
+    return measured
 
 
 @pytest.fixture(scope="session")

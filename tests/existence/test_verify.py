@@ -7,7 +7,6 @@ import json
 import random
 import subprocess
 import sys
-import time
 from collections.abc import Callable
 from dataclasses import replace
 from fractions import Fraction
@@ -203,9 +202,12 @@ def test_scaling_all_weights_proves_the_same(certificate: Certificate) -> None:
 
 @pytest.mark.long
 def test_the_largest_certificates_are_verified_in_bounded_time(
-    certificate: Certificate,
+    certificate: Certificate, cpu_seconds: Callable[[Callable[[], object]], float]
 ) -> None:
-    """Terms of three disjoint pairs have the most equal signatures, so the most renamings."""
+    """Terms of three disjoint pairs have the most equal signatures, so the most renamings.
+
+    Measured at 16 times the certificate of the theorem.
+    """
     entries = list(combinations(range(7), 2))
     disjoint = [w for w in combinations(entries, 3) if len(set(chain(*w))) == 6]
     generator = random.Random(0)
@@ -216,7 +218,10 @@ def test_the_largest_certificates_are_verified_in_bounded_time(
         )
         for _ in range(4)
     )
-    start = time.perf_counter()
-    with pytest.raises(CertificateError, match="does not hold"):
-        verify(replace(certificate, squares=squares))
-    assert time.perf_counter() - start < 60
+    largest = replace(certificate, squares=squares)
+
+    def refused() -> None:
+        with pytest.raises(CertificateError, match="does not hold"):
+            verify(largest)
+
+    assert cpu_seconds(refused) < 100 * cpu_seconds(lambda: verify(certificate))

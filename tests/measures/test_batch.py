@@ -1,7 +1,5 @@
 """The worst case of many Jacobians at once, against the one of each, and as a cost."""
 
-import time
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -113,16 +111,11 @@ def test_what_is_no_batch(given_, sentence):
         worst_case_sigma_batch(given_)
 
 
-def test_many_at_once_are_fast():
+def test_many_at_once_are_fast(cpu_seconds):
     """Measured at 16 times; half of that is the least that is accepted here."""
     stack = np.random.default_rng(0).standard_normal((1000, 6, 7))
     worst_case_sigma_batch(stack)
 
-    def seconds(work):
-        begun = time.process_time()
-        work()
-        return time.process_time() - begun
-
-    batch = min(seconds(lambda: worst_case_sigma_batch(stack)) for _ in range(3))
-    loop = seconds(lambda: [measures.worst_case(one) for one in stack])
+    batch = min(cpu_seconds(lambda: worst_case_sigma_batch(stack)) for _ in range(3))
+    loop = cpu_seconds(lambda: [measures.worst_case(one) for one in stack])
     assert loop > 8 * batch

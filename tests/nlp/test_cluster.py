@@ -124,13 +124,11 @@ def serving(reply=b""):
     [(None, "answers"), (b"", "answers"), (b"HTTP/1.1 400 Bad Request\r\n\r\n", "is not")],
     ids=["closed port", "silent", "HTTP"],
 )
-def test_a_server_that_is_no_scheduler_is_given_up_in_time(monkeypatch, reply, said):
+def test_a_server_that_is_no_scheduler_is_given_up(monkeypatch, reply, said):
     monkeypatch.setattr(module, "_PATIENCE", 0.5)
-    with nullcontext("tcp://127.0.0.1:1") if reply is None else serving(reply) as address:
-        began = time.monotonic()
-        with pytest.raises(WorkerError, match=said):
-            module.DaskCluster(address)
-        assert time.monotonic() - began < 60  # also on a machine with other work
+    server = nullcontext("tcp://127.0.0.1:1") if reply is None else serving(reply)
+    with server as address, pytest.raises(WorkerError, match=said):
+        module.DaskCluster(address)
 
 
 @pytest.mark.parametrize(
@@ -142,10 +140,10 @@ def test_refuses_addresses_that_nothing_can_have(address):
 
 
 @pytest.mark.parametrize("what", ["scheduler killed", "scheduler stopped", "workers killed"])
-def test_a_cluster_that_ends_half_way_is_given_up_in_time(tmp_path, monkeypatch, caplog, what):
+def test_a_cluster_that_ends_half_way_is_given_up(tmp_path, monkeypatch, caplog, what):
     """What arrived before is kept; one error, without distributed's own messages."""
     with dask_processes(tmp_path) as (address, scheduler, worker):
-        pool, seen, when = module.DaskCluster(address), [], []
+        pool, seen = module.DaskCluster(address), []
         monkeypatch.setattr(module, "_PATIENCE", 4.0)  # now that its workers are there
         victim = worker if what == "workers killed" else scheduler
         sent = signal.SIGSTOP if what == "scheduler stopped" else signal.SIGKILL
@@ -156,12 +154,10 @@ def test_a_cluster_that_ends_half_way_is_given_up_in_time(tmp_path, monkeypatch,
                 seen.extend(one.result for one in arrival.results)
                 if len(seen) == 30:
                     os.kill(victim.pid, sent)
-                    when.append(time.monotonic())
 
         with pytest.raises(WorkerError, match="no workers" if victim is worker else "answers"):
             run()
         pool.close()
-        assert time.monotonic() - when[0] < 60  # also on a machine with other work
     assert len(seen) == len(set(seen)) >= 30
     assert not caplog.records
 

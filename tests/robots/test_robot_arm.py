@@ -1,6 +1,5 @@
 """The column model robot: real arms against pinocchio, scaling, invariances."""
 
-import time
 from dataclasses import replace
 from functools import lru_cache
 
@@ -229,21 +228,16 @@ def test_worst_cases_of_many_postures(name, task, length):
     assert gradient[smooth] == pytest.approx(slopes[smooth], abs=1e-6)
 
 
-def test_many_postures_are_fast():
+def test_many_postures_are_fast(cpu_seconds):
     """Measured at 20 times a loop that has no gradient; half of that is the least accepted."""
     arm = real("Franka")
     rng = np.random.default_rng(0)
     points = np.array([arm.sample(rng) for _ in range(1000)])
 
-    def seconds(work):
-        begun = time.process_time()
-        work()
-        return time.process_time() - begun
-
     arm.worst_case(points)
-    batch = min(seconds(lambda: arm.worst_case(points)) for _ in range(4))
+    batch = min(cpu_seconds(lambda: arm.worst_case(points)) for _ in range(4))
     some = points[:250]
-    loop = seconds(lambda: [measures.worst_case_sigma(arm.jacobian(one)) for one in some])
+    loop = cpu_seconds(lambda: [measures.worst_case_sigma(arm.jacobian(one)) for one in some])
     assert 4 * loop > 10 * batch
 
 

@@ -6,7 +6,6 @@ import shutil
 import signal
 import socket
 import sys
-import time
 import urllib.request
 from itertools import combinations
 
@@ -264,10 +263,8 @@ def test_the_command_serves_a_page_and_ends_with_ctrl_c(lockedjoint, file):
         assert used.returncode == 2
         assert "in use; allowed: a free port of 127.0.0.1" in used.stderr
         assert used.stderr.count("\n") == 1
-        pressed = time.monotonic()
         os.killpg(process.pid, signal.SIGINT)
         _, said = process.communicate(timeout=20)
-        assert time.monotonic() - pressed < 15  # also on a machine with other work
         assert (process.returncode, said) == (130, "Interrupted.\n")
     finally:
         process.kill()
