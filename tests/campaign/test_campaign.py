@@ -123,11 +123,11 @@ def test_interrupted_and_run_again_it_equals_the_uninterrupted(
         until(store, number, process)
         workers = workers_of(process)
         os.kill(process.pid, getattr(signal, how))
-        _, err = process.communicate(timeout=30)
+        _, err = process.communicate(timeout=120)
         if how == "SIGINT":
             assert process.returncode == 130
             assert err == "Interrupted: run the same command again to go on.\n"
-        _, alive = psutil.wait_procs(workers, timeout=15)
+        _, alive = psutil.wait_procs(workers, timeout=120)
         assert not alive, "no worker outlives its campaign"
         assert number <= count(store) < RECORDS
     status, _, err = finish(folder)

@@ -456,7 +456,7 @@ def test_ctrl_c_keeps_the_rows_that_are_done(lockedjoint, tmp_path):
             break
         time.sleep(0.1)
     os.killpg(process.pid, signal.SIGINT)
-    out, err = process.communicate(timeout=60)
+    out, err = process.communicate(timeout=120)
     assert process.returncode == 130, err
     assert "Traceback" not in err
     assert "residual" in table.read_text()
@@ -558,7 +558,7 @@ def test_ctrl_c_is_answered_in_one_sentence_at_any_moment(lockedjoint, tmp_path)
         time.sleep(draw.uniform(0.2, 1.0))
         os.killpg(process.pid, signal.SIGINT)
     for words, process in zip(LONG, begun, strict=True):
-        _, err = process.communicate(timeout=60)
+        _, err = process.communicate(timeout=120)
         last = err.splitlines()[-1] if err else ""
         assert (process.returncode, last[:11]) == (130, "Interrupted"), (words, err)
         assert "Traceback" not in err

@@ -177,7 +177,7 @@ def test_ctrl_c_keeps_what_is_done(workers):
     assert process.stdout.readline().strip() == "started"
     time.sleep(8)  # a start takes hundredths of a second, starting workers a few seconds
     os.killpg(process.pid, signal.SIGINT)
-    out, err = process.communicate(timeout=60)
+    out, err = process.communicate(timeout=120)
     assert process.returncode == 0, err
     count, complete, unique = out.split()
     assert int(count) > 0

@@ -257,14 +257,14 @@ def test_the_command_serves_a_page_and_ends_with_ctrl_c(lockedjoint, file):
     process, url = start(lockedjoint, file)
     try:
         assert url.startswith("http://127.0.0.1:")
-        with urllib.request.urlopen(url, timeout=20) as answer:
+        with urllib.request.urlopen(url, timeout=120) as answer:
             assert b"<html" in answer.read()
         used = lockedjoint("view", file, "--port", url.rpartition(":")[2], cwd=file.parent)
         assert used.returncode == 2
         assert "in use; allowed: a free port of 127.0.0.1" in used.stderr
         assert used.stderr.count("\n") == 1
         os.killpg(process.pid, signal.SIGINT)
-        _, said = process.communicate(timeout=20)
+        _, said = process.communicate(timeout=120)
         assert (process.returncode, said) == (130, "Interrupted.\n")
     finally:
         process.kill()
@@ -328,7 +328,7 @@ def test_a_browser_moves_a_slider_and_locks_a_joint(lockedjoint, file, text):
             browser.close()
     finally:
         os.killpg(process.pid, signal.SIGINT)
-        process.communicate(timeout=20)
+        process.communicate(timeout=120)
 
 
 def test_all_pairs_of_locks_are_drawn(text):

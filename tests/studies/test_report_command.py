@@ -73,7 +73,7 @@ def test_ctrl_c_keeps_finished_studies(lockedjoint, tmp_path):
         time.sleep(0.05)
     time.sleep(0.3)
     os.killpg(process.pid, signal.SIGINT)
-    _, err = process.communicate(timeout=60)
+    _, err = process.communicate(timeout=120)
     assert process.returncode == 130, err
     assert "Traceback" not in err
     assert "failures: interrupted" in err
