@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping, Sequence
+from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -34,7 +35,7 @@ def shown(value: object) -> str:
 
     Entries that are lists of their own, such as sets of joints, are told apart: ``0, 1  0, 2``.
     """
-    if value is None:
+    if value is None or value != value:
         return "–"
     if isinstance(value, bool):
         return "yes" if value else "no"
@@ -67,11 +68,22 @@ def sharpest_bound(jacobian: FloatArray, locked: int) -> dict[str, Any]:
 def show(
     found: Any, as_json: bool, text: Callable[[Any], str] = as_text, out: Path | None = None
 ) -> None:
-    """Print what was found as JSON or as a text; write the JSON to `out` if it is given."""
-    content = json.dumps(found, indent=1)
+    """Print what was found as JSON or as a text; write the JSON to `out` if it is given.
+
+    JSON has no word for what is not finite: there it is null.
+    """
+    content = json.dumps(_finite(found), indent=1, allow_nan=False)
     if out is not None:
         write_text(out, content + "\n")
     typer.echo(content if as_json else text(found))
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {name: _finite(one) for name, one in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_finite(one) for one in value]
+    return None if isinstance(value, float) and not isfinite(value) else value
 
 
 def refuse_damage(damaged: Mapping[Path, Sequence[Damage]]) -> None:

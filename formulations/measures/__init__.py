@@ -292,8 +292,12 @@ def range_contributions(jacobian: npt.ArrayLike) -> FloatArray:
     """R_i, each joint's share in the range of Jᵀ, shape (n,) (eq. 9)."""
     matrix = as_jacobian(jacobian)
     _, values, rows = np.linalg.svd(matrix, full_matrices=False)
-    rank = int(np.sum(values > values[0] * max(matrix.shape) * np.finfo(float).eps))
-    return np.asarray(np.sum(rows[:rank] ** 2, axis=0))
+    return np.asarray(np.sum(rows[: _rank(values, matrix)] ** 2, axis=0))
+
+
+def _rank(values: FloatArray, matrix: FloatArray) -> int:
+    """Return the number of singular values that are more than rounding."""
+    return int(np.sum(values > values[0] * max(matrix.shape) * np.finfo(float).eps))
 
 
 def null_space_contributions(jacobian: npt.ArrayLike) -> FloatArray:
@@ -402,14 +406,14 @@ def residual_sum_of_squares(jacobian: npt.ArrayLike) -> float:
 
 
 def relative_manipulability(jacobian: npt.ArrayLike, locked: int = 1) -> FloatArray:
-    """Manipulability after each set of joints locks, over that before; NaN if it was 0."""
+    """Manipulability after each set of joints locks, over that before; NaN if rank was lost."""
     matrix = as_jacobian(jacobian)
-    sets, before = locked_sets(matrix, locked), manipulability(matrix)
-    if before == 0:
+    sets, before = locked_sets(matrix, locked), singular_values(matrix)
+    if _rank(before, matrix) < matrix.shape[0]:
         return np.full(len(sets), np.nan)
     if locked > matrix.shape[1] - matrix.shape[0]:
         return np.zeros(len(sets))
-    return np.asarray(np.prod(remaining_singular_values(matrix, sets), axis=1) / before)
+    return np.asarray(np.prod(remaining_singular_values(matrix, sets) / before, axis=1))
 
 
 def is_optimally_failure_tolerant(jacobian: npt.ArrayLike, tolerance: float = 1e-6) -> bool:

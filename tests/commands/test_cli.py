@@ -8,6 +8,7 @@ import csv
 import json
 import os
 import random
+import re
 import signal
 import subprocess
 import sys
@@ -134,6 +135,17 @@ def test_solve_takes_ipopt_s_options(lockedjoint, tmp_path):
         "solve", "residual", "--starts", 1, "--ipopt", "max_iter=1", "--json", cwd=tmp_path
     )
     assert json.loads(done.stdout)["status_counts"] == {"Maximum_Iterations_Exceeded": 1}
+
+
+def test_what_a_singular_jacobian_does_not_have_is_shown_as_missing(lockedjoint, tmp_path):
+    (tmp_path / "a.csv").write_text("1,2,3\n2,4,6\n")
+    text = lockedjoint.here("measure", "a.csv", cwd=tmp_path).stdout
+    assert re.search("^relative manipulability +–  –  –$", text, re.MULTILINE)
+    (tmp_path / "a.csv").write_text("0,0,0\n0,0,0\n")
+    text = lockedjoint.here("measure", "a.csv", "--json", cwd=tmp_path).stdout
+    found = json.loads(text, parse_constant=pytest.fail)  # no NaN, no Infinity
+    assert found["relative_manipulability"] == [None] * 3
+    assert found["condition_number"] is None
 
 
 def test_measure_two_locked_joints(lockedjoint, tmp_path):
