@@ -1,13 +1,19 @@
-"""The atlas at a glance: the gap of every entry over the number of joints and of failures."""
+"""The atlas at a glance: the gap of every entry, and the arms that the smaller ones are."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from formulations.files.figure import SMALL, styled
+from formulations.realise.choice import rank
+from formulations.realise.drawing import draw
+from formulations.realise.from_jacobian import realise
+from formulations.realise.links import room, slide_apart
+from formulations.realise.manipulator import Manipulator
+from nlp.arrays import FloatArray
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -18,6 +24,8 @@ _LEAST, _MOST = 1e-3, 100.0
 # Only the light part of a colour map: numbers on it are black, and can be read on every cell,
 # also where a page in dark mode turns lightness round.
 _COLOURS, _DARKEST, _NUMBERS = "YlGnBu", 0.45, "black"
+
+_ACROSS = 6  # arms side by side
 
 
 def heat_map(cells: Sequence[Cell]) -> Figure:
@@ -70,3 +78,36 @@ def heat_map(cells: Sequence[Cell]) -> Figure:
             bar = figure.colorbar(shown, ax=list(every), shrink=0.6)
             bar.set_label("gap to the bound, %")
     return figure
+
+
+def gallery(jacobians: Mapping[str, FloatArray]) -> Figure:
+    """Draw an arm for each Jacobian, in the order of joints with the largest clearance.
+
+    Parameters
+    ----------
+    jacobians
+        Shape (m, n) each, by what is written above its arm.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+    """
+    lines = -(-len(jacobians) // _ACROSS)
+    with styled(7.4, 1.6 * lines) as figure:
+        panels = figure.subplots(lines, _ACROSS, squeeze=False).ravel()
+        for axes, (name, jacobian) in zip(panels, jacobians.items(), strict=False):
+            unnamed = [""] * jacobian.shape[1]
+            draw(_arm(jacobian), axes, labels=unnamed, columns=False, weight=0.5)
+            axes.set_adjustable("datalim")
+            axes.set_title(name, fontsize=SMALL, loc="center")
+        for axes in panels[len(jacobians) :]:
+            axes.set_axis_off()
+    return figure
+
+
+def _arm(jacobian: FloatArray) -> Manipulator:
+    """Return an arm whose links do not touch, if one is found."""
+    given = realise(jacobian)
+    best = rank(given, "clearance").arrangements
+    chosen = given.arranged(best.orders[0].tolist(), best.flips[0].tolist())
+    return slide_apart(chosen, 0) if room(chosen).touching else chosen

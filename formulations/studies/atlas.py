@@ -8,7 +8,10 @@ from formulations.atlas.collection import pages, problem_of
 from formulations.atlas.entry import Page
 from formulations.files.figure import content
 from formulations.files.table import HIDDEN, column
+from formulations.max_min import NAME as MAX_MIN
 from formulations.studies.study import Effort, Part, Study
+
+_DRAWN = 8  # joints that an arm on the page has at most
 
 
 @dataclass(frozen=True)
@@ -60,6 +63,12 @@ class Row:
     by: str = field(metadata=HIDDEN)
     date: str = field(metadata=column())
 
+    @property
+    def section(self) -> str:
+        """Which table of the page it is in."""
+        kinds = "revolute and prismatic" if "prismatic" in self.model else self.model
+        return f"{kinds}, m = {self.task_dimension}"
+
 
 def row_of(page: Page) -> Row:
     """Return an entry's row."""
@@ -96,17 +105,32 @@ def study() -> Study:
 
 
 def _compute(effort: Effort, _: Path) -> Iterator[Part]:
-    from formulations.figures.atlas import heat_map
+    from formulations.figures.atlas import gallery, heat_map
 
-    rows = []
+    rows, arms = [], {}
     for page in pages():
         effort.progress(page.entry.name)
         if problem := problem_of(page):
             raise ArithmeticError(f"{page.entry.name}: {problem}")
-        rows.append(row_of(page))
+        row = row_of(page)
+        rows.append(row)
+        if row.formulation == MAX_MIN and row.joints <= _DRAWN and _is_arm(row):
+            model = row.model.replace(",", ",\n")
+            size = f"{row.task_dimension}×{row.joints}, k = {row.locked}"
+            arms[f"{model}\n{size}"] = page.jacobian
     frame = [
         (row.model, row.task_dimension, row.joints, row.locked, row.gap_percent)
         for row in rows
-        if row.formulation == "max-min"
+        if row.formulation == MAX_MIN
     ]
-    yield Part(rows=rows, files={"gaps.svg": content(heat_map(frame), "svg")})
+    effort.progress("drawings")
+    files = {
+        "gaps.svg": content(heat_map(frame), "svg"),
+        "arms.png": content(gallery(arms), "png"),
+    }
+    yield Part(rows=rows, files=files)
+
+
+def _is_arm(row: Row) -> bool:
+    """Whether the columns are those of joints: free ones in the plane and in space are."""
+    return row.model != "free-mean" or row.task_dimension < 6

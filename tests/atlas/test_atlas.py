@@ -32,6 +32,7 @@ from formulations.atlas.exact_value import (
 from formulations.atlas.improve import improve
 from formulations.atlas.local_optimality import local_optimality
 from formulations.atlas.polished import SEARCHES, improve_polished
+from formulations.figures.atlas import gallery, heat_map
 from nlp.errors import FileError, InputError
 
 SEEDS = st.integers(0, 2**32 - 1)
@@ -319,3 +320,21 @@ def test_commands(lockedjoint, tmp_path):
     verified = lockedjoint.here("atlas", "verify", "--entries", "mine", cwd=tmp_path)
     assert verified.returncode == 1
     assert "is not proved" in verified.stdout
+
+
+def test_the_pictures_show_every_arm_and_every_gap():
+    """An arm's tip and its joints are where its Jacobian says; a gap is a number on the map."""
+    pytest.importorskip("matplotlib")
+    names = ("free-mean_2x4_k2", "unit-revolute_6x7_k1", "unit-revolute-6+prismatic-1_6x7_k1")
+    drawn_arms = gallery({name: page_of(entry(name)).jacobian for name in names})
+    titled = [axes for axes in drawn_arms.axes if axes.get_title()]
+    assert [axes.get_title() for axes in titled] == list(names)
+    pins = [line for line in titled[0].lines if line.get_marker() == "o"]
+    tip = pins.pop().get_xydata()[0]
+    levers = sorted(np.linalg.norm(pin.get_xydata()[0] - tip) for pin in pins)
+    norms = np.linalg.norm(page_of(entry(names[0])).jacobian, axis=0)
+    assert levers == pytest.approx(sorted(norms), abs=1e-9)
+    cells = [("a", 2, 3, 1, 0.0), ("a", 2, 4, 1, 3.14), ("a", 2, 4, 2, 27.0), ("b", 3, 4, 1, 5)]
+    first, _ = heat_map(cells).axes  # one entry is no map; the bar of colours
+    assert first.get_title("left") == "a, m = 2"
+    assert sorted(text.get_text() for text in first.texts) == ["0", "27", "3.1"]
