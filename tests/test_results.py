@@ -291,6 +291,10 @@ def test_the_page_shows_its_tables(name):
     shown = [Table(kinds[stem], found).markdown() for stem, found in tables.items()]
     if name == "figures":
         shown = shown[:1]  # the other table is that of a figure
+    if name == "atlas":
+        [found] = tables.values()
+        shown = [Table(kinds["atlas"], same).markdown() for _, same in groups(found, "section")]
+        assert len(shown) == 6, "one table for each model"
     if name == "benchmark":
         [found] = tables.values()
         parts = [same for _, same in groups(found, "formulation", "joints")]
