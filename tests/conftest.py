@@ -22,6 +22,7 @@ from functools import cache
 from pathlib import Path
 from tempfile import TemporaryFile
 from time import process_time
+from timeit import timeit
 from typing import Any
 from unittest.mock import patch
 
@@ -75,14 +76,11 @@ def _marks_all(file: str) -> bool:
 
 @pytest.fixture(scope="session")
 def cpu_seconds() -> Callable[[Callable[[], object]], float]:
-    """Return what measures the processor seconds of a call, to be compared with another's."""
+    """Return what measures the processor seconds of a call, to be compared with another's.
 
-    def measured(work: Callable[[], object]) -> float:
-        begun = process_time()
-        work()
-        return process_time() - begun
-
-    return measured
+    Without the garbage collector, whose time depends on what other tests have left.
+    """
+    return lambda work: timeit(work, timer=process_time, number=1)
 
 
 @pytest.fixture(scope="session")

@@ -214,6 +214,7 @@ def test_records_hold_what_the_jacobian_says(tmp_path):
             assert row["cpu_seconds"] > 0
 
 
+@pytest.mark.long
 def test_memory_does_not_grow_with_starts(tmp_path):
     """Ten times the starts must not need more memory: results are not kept in this process."""
     cell = Cell(Setup("residual", "free"), 3, 2)

@@ -93,7 +93,7 @@ def test_a_worker_killed_mid_run_costs_nothing(cluster):
     assert there == here, "every start once, bit for bit as in this process"
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_worker_that_hangs_is_restarted(cluster, tmp_path):
     seen = collected(cluster, chunks(partial(hang_once, folder=tmp_path), 60), limit=0.6)
     assert (tmp_path / "hung").exists()
@@ -184,7 +184,7 @@ def dask_processes(folder):
             process.wait()
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_waiting_for_a_worker_does_not_count(cluster, tmp_path):
     """Chunks of three seconds behind others of three seconds, limit: half a second a start."""
     mark = partial(three_seconds_a_chunk, folder=tmp_path)

@@ -70,7 +70,7 @@ def _no_processes_left_running():
     end_idle_processes()
 
 
-@pytest.mark.parametrize("kind", ["die", pytest.param("hang", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("kind", ["die", pytest.param("hang", marks=pytest.mark.long)])
 def test_a_worker_that_fails_once_costs_nothing(tmp_path, kind):
     payload = task_of(partial(mischief, folder=tmp_path, kind=kind, bad=13, once=True))
     limit = 1.0 if kind == "hang" else None
@@ -88,7 +88,7 @@ def slowly(run, folder):
     return run.index
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_chunks_beside_one_that_hangs_are_run_again(tmp_path):
     payload = task_of(partial(slowly, folder=tmp_path))
     done, lost = collect(spread(chunks(payload, 60), Processes(2), 0.5))

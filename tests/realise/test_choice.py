@@ -77,6 +77,7 @@ def test_seven_joints_in_every_order(optimum):
     np.testing.assert_allclose(chosen.manipulator.jacobian(), optimum[:, chosen.order])
 
 
+@pytest.mark.long
 def test_ties_go_to_the_larger_clearance(optimum):
     """Many orders of the optimum have the least largest link."""
     arm = realise(optimum)
