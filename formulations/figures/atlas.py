@@ -92,7 +92,7 @@ def gallery(jacobians: Mapping[str, FloatArray]) -> Figure:
     -------
     matplotlib.figure.Figure
     """
-    lines = -(-len(jacobians) // _ACROSS)
+    lines = max(1, -(-len(jacobians) // _ACROSS))
     with styled(7.4, 1.6 * lines) as figure:
         panels = figure.subplots(lines, _ACROSS, squeeze=False).ravel()
         for axes, (name, jacobian) in zip(panels, jacobians.items(), strict=False):

@@ -206,7 +206,7 @@ def test_the_largest_certificates_are_verified_in_bounded_time(
 ) -> None:
     """Terms of three disjoint pairs have the most equal signatures, so the most renamings.
 
-    Measured at 16 times the certificate of the theorem.
+    Measured at 5 times the certificate of the theorem.
     """
     entries = list(combinations(range(7), 2))
     disjoint = [w for w in combinations(entries, 3) if len(set(chain(*w))) == 6]
@@ -224,4 +224,4 @@ def test_the_largest_certificates_are_verified_in_bounded_time(
         with pytest.raises(CertificateError, match="does not hold"):
             verify(largest)
 
-    assert cpu_seconds(refused) < 100 * cpu_seconds(lambda: verify(certificate))
+    assert cpu_seconds(refused) < 25 * cpu_seconds(lambda: verify(certificate))
