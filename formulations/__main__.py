@@ -3,20 +3,15 @@
 import os
 import sys
 
-from nlp.interrupts import INTERRUPTED, answer_interrupts, settle_interrupts
-
 USAGE_ERROR = 2
 BROKEN_PIPE = 1
+INTERRUPTED = 130
 
 
 def main() -> None:
     """Run the command line; whatever is wrong with the input is one sentence."""
-    answer_interrupts()
     try:
-        try:
-            status = _run()
-        finally:
-            settle_interrupts()
+        status = _run()
     except KeyboardInterrupt:
         sys.stderr.write("Interrupted.\n")
         status = INTERRUPTED

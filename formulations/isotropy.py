@@ -40,7 +40,7 @@ from nlp.problem import Constraint, Problem, Sense
 
 NAME = "isotropy"
 SENSE: Sense = "maximise"
-SETTINGS: frozenset[str] = frozenset()
+SETTINGS: Mapping[str, object] = MappingProxyType({})
 # Solving each barrier problem well follows the central path, which smooths the maximum over
 # joints: 99 instead of 93 of 100 starts reach the best isotropic 7R with free lever arms. The
 # tolerance makes equal optima equal enough to be counted as one.
@@ -72,13 +72,14 @@ def build(arm: ColumnModel) -> Problem:
         lower=lower,
         upper=upper,
         outputs={"jacobian": jacobian},
+        options={"ipopt": OPTIONS},
     )
     if len(known) == n:
         return feasibility
 
     level = ca.SX.sym("t")
 
-    def lift(point: FloatArray) -> FloatArray:
+    def complete_start(point: FloatArray) -> FloatArray:
         matrix = arm.jacobian(point)
         squares = np.sum(matrix**2, axis=0)
         return np.append(point, squares.sum() / m - squares.max())
@@ -89,13 +90,13 @@ def build(arm: ColumnModel) -> Problem:
         variables=ca.vertcat(variables, level),
         objective=level,
         constraints=(*constraints, epigraph),
-        lift=lift,
+        complete_start=complete_start,
         lower=np.append(lower, -np.inf),
         upper=np.append(upper, np.inf),
     )
 
 
-def merit(jacobian: FloatArray, locked: int = 1) -> float:
+def score(jacobian: FloatArray, locked: int = 1) -> float:
     """What the statement maximises, √t from J alone; −∞ if J is not isotropic."""
     m, _ = jacobian.shape
     scale = measures.trace(jacobian) / m
@@ -104,11 +105,13 @@ def merit(jacobian: FloatArray, locked: int = 1) -> float:
     return measures.worst_case_sigma(jacobian, locked)
 
 
-def bound(arm: Arm, locked: int = 1, certified: bool = True) -> Bound | None:
-    """Return what no worst case of an isotropic Jacobian is above; see `catalogue.Formulation`.
+def bound(arm: ColumnModel, locked: int = 1, certified: bool = True) -> Bound | None:
+    """Return what no worst case of an isotropic Jacobian is above; see `Formulation`.
 
     `NONE_EXISTS` where it is proved that there is no isotropic one.
     """
+    if not isinstance(arm, Arm):
+        return None
     if has_no_isotropic(arm):
         return NONE_EXISTS if certified else None
     return largest_isotropic_worst_case(arm, locked, certified)

@@ -22,17 +22,16 @@ import numpy as np
 
 from formulations import measures
 from formulations.bounds.certified import Bound, planar_on_record, sharpest
-from formulations.joints.arm import Arm
+from formulations.encodings.columns import inverse
 from formulations.joints.joint import ColumnModel
 from formulations.unequal_max_min import MOST_SETS, check_locked
 from nlp.arrays import FloatArray
-from nlp.columns import inverse
 from nlp.options import OptionValue
 from nlp.problem import Constraint, Problem, Sense
 
 NAME = "manipulability"
 SENSE: Sense = "maximise"
-SETTINGS = frozenset({"locked"})
+SETTINGS: Mapping[str, object] = MappingProxyType({"locked": 1})
 OPTIONS: Mapping[str, OptionValue] = MappingProxyType({"max_iter": 500, "tol": 1e-9})
 
 
@@ -51,9 +50,8 @@ def build(arm: ColumnModel, locked: int = 1) -> Problem:
     InputError
         If k is out of range.
     """
-    m, n = arm.shape
-    check_locked(n - m, n, locked)
-    measures.check_sets(n, locked, MOST_SETS)
+    _, n = arm.shape
+    check(arm, locked)
     variables, level = arm.symbols(), ca.SX.sym("t")
     jacobian = arm.matrix(variables)
     left = ca.SX.eye(n) - jacobian.T @ (inverse(jacobian @ jacobian.T) @ jacobian)
@@ -61,7 +59,7 @@ def build(arm: ColumnModel, locked: int = 1) -> Problem:
     rows = ca.vertcat(*(ca.det(left[joints, joints]) for joints in sets))
     lower, upper = arm.bounds
 
-    def lift(point: FloatArray) -> FloatArray:
+    def complete_start(point: FloatArray) -> FloatArray:
         return np.append(
             point, np.min(measures.relative_manipulability(arm.jacobian(point), locked)) ** 2
         )
@@ -78,16 +76,25 @@ def build(arm: ColumnModel, locked: int = 1) -> Problem:
         lower=np.append(lower, -np.inf),
         upper=np.append(upper, np.inf),
         outputs={"jacobian": jacobian},
-        lift=lift,
+        options={"ipopt": OPTIONS},
+        complete_start=complete_start,
     )
 
 
-def merit(jacobian: FloatArray, locked: int = 1) -> float:
+def check(arm: ColumnModel, locked: int) -> Mapping[str, object]:
+    """Return the settings; InputError if so many joints cannot lock at once."""
+    m, n = arm.shape
+    check_locked(n - m, n, locked)
+    measures.check_sets(n, locked, MOST_SETS)
+    return {"locked": locked}
+
+
+def score(jacobian: FloatArray, locked: int = 1) -> float:
     """What the statement maximises, √t from J alone: the least relative manipulability."""
     return float(np.min(measures.relative_manipulability(jacobian, locked)))
 
 
-def bound(arm: Arm, locked: int = 1, certified: bool = True) -> Bound | None:
+def bound(arm: ColumnModel, locked: int = 1, certified: bool = True) -> Bound | None:
     """Return what no relative manipulability of n columns of m rows is above.
 
     By Cauchy and Binet det(JJᵀ) is the sum of the squares of all minors of m columns, and each

@@ -10,16 +10,15 @@ At the optimum √t is the worst-case smallest singular value after any k joints
 eigenvalue constraints are stated smoothly in one of several encodings:
 
 two-stage
-    the default for k = 1: a few Gauss–Newton steps on the residual, then ``reduced``;
-reduced
-    no auxiliary variables, derivatives written out: see `formulations.reduced`;
+    the default for k = 1: a few Gauss–Newton steps on the residual, then ``schur-complement``;
+schur-complement
+    no auxiliary variables, derivatives written out: see `encodings.schur_complement`;
 shared-factor, principal-minors, factor-per-deletion, positive-factor-per-deletion
-    auxiliary factors, for any k: see `nlp.matrix_inequality`. These are `unequal_max_min` where
-    all joints fail alike.
+    auxiliary factors, for any k: see `encodings.factors`. These are `unequal_max_min` where
+    all joints fail alike. Unequal failures are stated there, too.
 """
 
-import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from types import MappingProxyType
@@ -27,36 +26,50 @@ from types import MappingProxyType
 import casadi as ca
 import numpy as np
 
-from formulations import measures, reduced, residual, unequal_max_min
+from formulations import measures, residual, unequal_max_min
 from formulations.bounds.certified import Bound, largest_worst_case
+from formulations.encodings import schur_complement
+from formulations.encodings.factors import ENCODINGS
 from formulations.joints.arm import Arm
 from formulations.joints.joint import ColumnModel
-from formulations.measures.unequal_failures import FailureModel
+from formulations.measures.unequal_failures import FailureModel, Scenarios, scenarios
+from formulations.unequal_max_min import Goal
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
-from nlp.matrix_inequality import ENCODINGS
 from nlp.options import OptionValue
-from nlp.problem import Evaluation, Problem, Sense
+from nlp.problem import Evaluation, Problem, Sense, Stage
 from nlp.solver import Solver
 
 NAME = "max-min"
 SENSE: Sense = "maximise"
-SETTINGS = frozenset({"encoding", "from_residual_minima", "locked", "failures", "goal"})
-REDUCED = ("two-stage", "reduced")
+SETTINGS: Mapping[str, object] = MappingProxyType(
+    {
+        "encoding": "",
+        "from_residual_minima": False,
+        "locked": 1,
+        "failures": None,
+        "goal": "worst",
+    }
+)
+WITHOUT_FACTORS = ("two-stage", "schur-complement")
 # A start that has not converged in 500 iterations (the median is below 30) does not. Steps need
 # no second look.
 OPTIONS: Mapping[str, OptionValue] = MappingProxyType(
     {"max_iter": 500, "fast_step_computation": "yes"}
 )
-# Options of single encodings, over these. A problem built here brings them along.
-ENCODING_OPTIONS: Mapping[str, Mapping[str, OptionValue]] = MappingProxyType(
-    dict.fromkeys(ENCODINGS, unequal_max_min.OPTIONS)
-)
-# How often `Polish` begins again where it did not converge.
-_POLISHES = 3
+# The first stage: most iterations, and the ‖JJᵀ − (T/m)I‖_F/T up to which J attains eq. (6).
+_ITERATIONS = 12
+_ISOTROPIC = 1e-8
 
 
-def build(arm: ColumnModel, locked: int = 1, encoding: str | None = None) -> Problem:
+def build(
+    arm: ColumnModel,
+    locked: int = 1,
+    encoding: str = "",
+    failures: Scenarios | None = None,
+    goal: Goal = "worst",
+    from_residual_minima: bool = False,  # noqa: ARG001
+) -> Problem:
     """State the problem for an arm.
 
     Parameters
@@ -66,170 +79,124 @@ def build(arm: ColumnModel, locked: int = 1, encoding: str | None = None) -> Pro
     locked
         How many joints lock at once, k.
     encoding
-        ``"two-stage"``, ``"reduced"`` or one of ``nlp.matrix_inequality.ENCODINGS``; by default
-        `default_encoding`.
+        ``"two-stage"``, ``"schur-complement"`` or one of ``encodings.factors.ENCODINGS``; by
+        default the one that suits the failures, see `check`.
+    failures
+        Which joints may fail and how likely; all alike by default.
+    goal
+        What is maximised where failures are unequal; see `unequal_max_min`.
+    from_residual_minima
+        Of `sampler`.
 
     Raises
     ------
     InputError
-        If the encoding is unknown or does not state the problem, k is out of range, or no
-        configuration that was tried keeps full rank after k joints lock.
+        As `check` does, or if no configuration that was tried keeps full rank after k joints
+        lock.
+    """
+    encoding = str(check(arm, locked, encoding, failures, goal)["encoding"])
+    if encoding in WITHOUT_FACTORS:
+        alike = FailureModel.equally_likely(arm.shape[1], locked)
+        unequal_max_min.attained_score(arm, alike, enough=0.01)
+        first = _residual_stage(arm) if encoding == "two-stage" else None
+        return schur_complement.build(arm, first, OPTIONS)
+    models = failures or FailureModel.equally_likely(arm.shape[1], locked)
+    problem = unequal_max_min.build(arm, models, goal, encoding)
+    options = {"ipopt": {**unequal_max_min.OPTIONS, **OPTIONS}}
+    return replace(problem, name=problem.name if failures else NAME, options=options)
+
+
+def check(
+    arm: ColumnModel,
+    locked: int = 1,
+    encoding: str = "",
+    failures: Scenarios | None = None,
+    goal: str = "worst",
+    from_residual_minima: bool = False,
+) -> Mapping[str, object]:
+    """Return the settings with the encoding that takes the least time, unless one is given.
+
+    Raises
+    ------
+    InputError
+        If k is out of range, the encoding is unknown or does not state the problem, the goal
+        is unknown or the failures are not of k joints.
     """
     m, n = arm.shape
-    unequal_max_min.check_locked(n - m, n, locked)
-    alike = FailureModel.equally_likely(n, locked)
-    encoding = encoding or default_encoding(locked)
-    if encoding in REDUCED:
-        check_encoding(encoding, locked)
-        unequal_max_min.attained_merit(arm, alike, enough=0.01)
-        return reduced.build(arm, two_stages=encoding == "two-stage")
-    return replace(unequal_max_min.build(arm, alike, "worst", encoding), name=NAME)
-
-
-def default_encoding(locked: int = 1) -> str:
-    """Return the encoding that takes the least time for k locked joints, all alike."""
-    return "two-stage" if locked == 1 else "shared-factor"
-
-
-def check_encoding(encoding: str, locked: int = 1, alike: bool = True) -> None:
-    """Refuse an encoding that is unknown or does not state the problem.
-
-    Parameters
-    ----------
-    encoding
-        Its name.
-    locked
-        How many joints lock at once.
-    alike
-        Whether all joints are equally likely to fail.
-
-    Raises
-    ------
-    InputError
-        If so.
-    """
-    if encoding not in (*REDUCED, *ENCODINGS):
-        allowed = "one of " + ", ".join((*REDUCED, *ENCODINGS))
-    elif encoding in REDUCED and (locked != 1 or not alike):
+    goal = unequal_max_min.checked_goal(goal)
+    models = () if failures is None else scenarios(failures)
+    if not models and goal != "worst":
+        raise InputError("goal", goal, "'worst' where all joints are alike")
+    for model in models:
+        if model.locked != locked:
+            allowed = f"{model.locked}, as in the failure model"
+            raise InputError("locked joints", locked, allowed)
+    fallible = min((len(model.fallible) for model in models), default=n)
+    unequal_max_min.check_locked(n - m, fallible, locked)
+    if not encoding and failures is not None:
+        encoding = unequal_max_min.default_encoding(failures, goal)
+    encoding = encoding or ("two-stage" if locked == 1 else "shared-factor")
+    if encoding not in (*WITHOUT_FACTORS, *ENCODINGS):
+        allowed = "one of " + ", ".join((*WITHOUT_FACTORS, *ENCODINGS))
+        raise InputError("encoding", encoding, allowed)
+    if encoding in WITHOUT_FACTORS and (locked != 1 or models):
         allowed = f"one of {', '.join(ENCODINGS)} for several locked joints or unequal failures"
-    else:
-        return
-    raise InputError("encoding", encoding, allowed)
+        raise InputError("encoding", encoding, allowed)
+    return {
+        "encoding": encoding,
+        "from_residual_minima": from_residual_minima,
+        "locked": locked,
+        "failures": failures,
+        "goal": goal,
+    }
 
 
-def merit(jacobian: FloatArray, locked: int = 1) -> float:
-    """What the statement maximises, from J alone: the worst-case singular value √t."""
+def score(
+    jacobian: FloatArray,
+    locked: int = 1,
+    failures: Scenarios | None = None,
+    goal: Goal = "worst",
+    **_: object,
+) -> float:
+    """What the statement maximises, from J alone: the worst-case singular value √t.
+
+    Where failures are unequal, see `unequal_max_min.score`.
+    """
+    if failures is not None:
+        return unequal_max_min.score(jacobian, failures, goal)
     return measures.worst_case_sigma(jacobian, locked)
 
 
-def bound(arm: Arm, locked: int = 1, certified: bool = True) -> Bound | None:
-    """Return what no worst case of the arm is above; see `catalogue.Formulation`."""
-    return largest_worst_case(arm, locked, certified)
+def bound(arm: ColumnModel, locked: int = 1, certified: bool = True) -> Bound | None:
+    """Return what no worst case of the arm is above; see `Formulation`."""
+    return largest_worst_case(arm, locked, certified) if isinstance(arm, Arm) else None
 
 
-@dataclass(frozen=True)
-class Polish:
-    """Improves a point of `build` without factors or a level, by an active-set method.
-
-    ::
-
-        maximise s   subject to  log σ_F(x) ≥ s   for every set F of k joints, bounds on x
-
-    from singular value decompositions, with ∂σ_F = u_Fᵀ ∂J v_F, by SciPy's SLSQP. In logarithms
-    it does not matter how small σ_F is: where a failure leaves 1e-4 of σ, t is below Ipopt's
-    tolerances. For joints that have bounds only, or, scaled, columns of any length.
-
-    Attributes
-    ----------
-    arm
-        The joints.
-    locked
-        How many joints lock at once, k.
-    scaled
-        Whether log σ_F/‖J‖_F is maximised instead, where only the norm of J is limited: scale
-        what is found.
-    sets
-        The sets F that count; None for every set of k joints.
-    """
-
-    arm: ColumnModel
-    locked: int = 1
-    scaled: bool = False
-    sets: Sequence[tuple[int, ...]] | None = None
-
-    def __call__(self, point: FloatArray) -> tuple[FloatArray, bool]:
-        """Return a point within the bounds, and whether the method converged to it.
-
-        Parameters
-        ----------
-        point
-            Where to begin, shape (size,), with full rank after each failure.
-        """
-        from scipy.optimize import Bounds, minimize  # takes long to load
-
-        lower, upper = self.arm.bounds
-        last = _Remaining(self)
-        constraint = {
-            "type": "ineq",
-            "fun": lambda z: last(z[:-1])[0] - z[-1],
-            "jac": lambda z: np.column_stack([last(z[:-1])[1], -np.ones(len(last.sets))]),
-        }
-        slope = np.append(np.zeros(len(point)), -1.0)
-        found, converged = point, False
-        for _ in range(_POLISHES):  # again where a line search failed, with a new Hessian
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore", RuntimeWarning)  # that it clips to the bounds
-                answer = minimize(
-                    lambda z: -z[-1],
-                    np.append(found, float(np.min(last(found)[0]))),
-                    jac=lambda _: slope,
-                    method="SLSQP",
-                    bounds=Bounds(np.append(lower, -np.inf), np.append(upper, np.inf)),
-                    constraints=[constraint],
-                    options={"ftol": 1e-12, "maxiter": 200},
-                )
-            if not np.isfinite(answer.x).all():
-                break
-            found, converged = np.clip(answer.x[:-1], lower, upper), bool(answer.success)
-            if converged:
-                break
-        return found, converged
+def sampler(
+    arm: ColumnModel, from_residual_minima: bool = False, **_: object
+) -> Callable[[np.random.Generator], FloatArray]:
+    """Return what draws starts: at random, or residual minima reached from there."""
+    return ResidualMinimum(arm) if from_residual_minima else arm.sample
 
 
-class _Remaining:
-    """Logarithms of what the failures leave, and their derivatives; keeps the last point."""
-
-    def __init__(self, polish: Polish) -> None:
-        m, n = polish.arm.shape
-        self.sets = polish.sets or measures.locked_sets(np.zeros((m, n)), polish.locked)
-        self._left = np.array([np.delete(np.arange(n), one) for one in self.sets])
-        self._evaluation, self._shape = _with_slopes(polish.arm), (n, m, polish.arm.size)
-        self._scaled = polish.scaled
-        self._point, self._value = b"", (np.zeros(0), np.zeros((0, 0)))
-
-    def __call__(self, point: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return log σ_F, shape (sets,), and derivatives, shape (sets, size)."""
-        if point.tobytes() != self._point:
-            matrix, slopes = self._evaluation(point)
-            u, values, v = np.linalg.svd(matrix[:, self._left].transpose(1, 0, 2))
-            m = values.shape[1]
-            sigma = np.maximum(values[:, -1], np.finfo(float).tiny)
-            moved = slopes.reshape(self._shape)[self._left]  # column, row, variable
-            change = np.einsum("fi,fc,fcip->fp", u[:, :, -1], v[:, m - 1, :], moved)
-            self._point = point.tobytes()
-            self._value = np.log(sigma), change / sigma[:, None]
-            if self._scaled:
-                size = np.sum(matrix**2)
-                slope = matrix.ravel(order="F") @ slopes / size
-                self._value = self._value[0] - 0.5 * np.log(size), self._value[1] - slope
-        return self._value
-
-
-@lru_cache(maxsize=4)
-def _with_slopes(arm: ColumnModel) -> Evaluation:
+def _residual_stage(arm: ColumnModel) -> Stage:
+    """Return the residual to be made small first; the answer where it attains eq. (6)."""
     variables = arm.symbols()
     matrix = arm.matrix(variables)
-    return Evaluation(variables, [matrix, ca.jacobian(ca.vec(matrix), variables)])
+    gram, norms = matrix @ matrix.T, ca.sum1(matrix**2)
+    trace = ca.sum2(norms)
+    defect = gram - trace / arm.shape[0] * ca.SX.eye(arm.shape[0])
+    unlike = ca.mmax(ca.fabs(norms - trace / arm.shape[1]))
+    evaluation = Evaluation(variables, [trace, ca.norm_fro(defect), unlike])
+    fixed = arm.fixed_trace is not None
+
+    def is_answer(point: FloatArray) -> bool:
+        total, *gaps = (value[0, 0] for value in evaluation(point))
+        return fixed and bool(max(gaps) <= _ISOTROPIC * total)
+
+    stated = residual.build(arm, hessian="gauss-newton")
+    before = replace(stated, options={"ipopt": residual.OPTIONS})
+    return Stage(before, _ITERATIONS, is_answer)
 
 
 @dataclass(frozen=True)
@@ -251,4 +218,4 @@ class ResidualMinimum:
 
 @lru_cache(maxsize=4)
 def _residual_solver(arm: ColumnModel) -> Solver:
-    return Solver(residual.build(arm), residual.OPTIONS)
+    return Solver(residual.build(arm))

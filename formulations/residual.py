@@ -21,19 +21,19 @@ import casadi as ca
 
 from formulations import appendix, measures
 from formulations.bounds.certified import Bound, least_residual
+from formulations.encodings.columns import Columns, gauss_newton, second
 from formulations.isotropy_equations import residuals
 from formulations.joints.arm import Arm
 from formulations.joints.joint import ColumnModel
 from formulations.joints.kinds import UnitRevolute
 from nlp.arrays import FloatArray
-from nlp.columns import Columns, gauss_newton, second
 from nlp.errors import InputError
 from nlp.options import OptionValue
 from nlp.problem import Constraint, Derivatives, Problem, Sense
 
 NAME = "residual"
 SENSE: Sense = "minimise"
-SETTINGS: frozenset[str] = frozenset()
+SETTINGS: Mapping[str, object] = MappingProxyType({})
 # What is added to the Hessian where it is not convex. Joints have size 1 and so has curvature:
 # looking near 1, in small strides, saves a seventh of the iterations that solvers take which
 # look from 1e-4 on and a hundredfold at a time, and therefore overshoot.
@@ -82,8 +82,8 @@ def build(
     rows
         ``"derived"`` from JJᵀ, or ``"appendix"``: the Appendix's closed forms.
     hessian
-        ``"exact"``; or ``"gauss-newton"``, see `nlp.columns.gauss_newton`: twice as fast where
-        the residual is zero at the minimum, far slower where it is not. Of the invariant
+        ``"exact"``; or ``"gauss-newton"``, see `encodings.columns.gauss_newton`: twice as fast
+        where the residual is zero at the minimum, far slower where it is not. Of the invariant
         weighting. By default, where it is zero: for eight unit revolute joints or more.
 
     Raises
@@ -119,7 +119,7 @@ def build(
         lower=lower,
         upper=upper,
         outputs={"jacobian": matrix},
-        options={"ipopt": OPTIONS},
+        options={"ipopt": OPTIONS, "fatrop": FATROP_OPTIONS},
         derivatives=written,
     )
 
@@ -139,11 +139,11 @@ def _derivatives(
     return Derivatives(ca.Function("hessian", [x, sigma, multipliers], [own]), shift=0.0)
 
 
-def merit(jacobian: FloatArray, locked: int = 1) -> float:  # noqa: ARG001
+def score(jacobian: FloatArray) -> float:
     """What the statement minimises, from J alone."""
     return measures.isotropy_defect(jacobian)
 
 
-def bound(arm: Arm, locked: int = 1, certified: bool = True) -> Bound | None:  # noqa: ARG001
-    """Return what no residual of the arm is below; see `catalogue.Formulation`."""
-    return least_residual(arm, certified)
+def bound(arm: ColumnModel, locked: int = 1, certified: bool = True) -> Bound | None:  # noqa: ARG001
+    """Return what no residual of the arm is below; see `Formulation`."""
+    return least_residual(arm, certified) if isinstance(arm, Arm) else None

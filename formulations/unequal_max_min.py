@@ -28,6 +28,7 @@ import casadi as ca
 import numpy as np
 
 from formulations import measures
+from formulations.encodings.factors import ENCODINGS, Encoding
 from formulations.joints.joint import ColumnModel
 from formulations.measures import unequal_failures
 from formulations.measures.unequal_failures import (
@@ -37,7 +38,6 @@ from formulations.measures.unequal_failures import (
 )
 from nlp.arrays import FloatArray, whole_number
 from nlp.errors import InputError
-from nlp.matrix_inequality import ENCODINGS, Encoding
 from nlp.options import OptionValue
 from nlp.problem import Constraint, Problem
 
@@ -87,13 +87,13 @@ def build(
     goal
         ``"worst"`` or ``"expected"``.
     encoding
-        One of ``nlp.matrix_inequality.ENCODINGS``; by default `default_encoding`.
+        One of ``encodings.factors.ENCODINGS``; by default `default_encoding`.
 
     Raises
     ------
     InputError
         If a name is unknown, the model is of another number of joints, k exceeds the
-        redundancy, or no configuration that was tried has a merit above zero.
+        redundancy, or no configuration that was tried has a score above zero.
     """
     if encoding is None:
         encoding = default_encoding(failures, goal)
@@ -103,7 +103,7 @@ def build(
     failures = scenarios(failures)
     for one in failures:
         check_locked(n - m, len(one.fallible), one.locked)
-    attained = attained_merit(arm, failures, goal)
+    attained = attained_score(arm, failures, goal)
     variables = arm.symbols()
     jacobian = arm.matrix(variables)
     state = _worst if goal == "worst" else _expected
@@ -123,7 +123,7 @@ def build(
         lower=lower,
         upper=np.append(largest, np.full(lower.size - largest.size, np.inf)),
         outputs={"jacobian": jacobian},
-        lift=_lift(arm, levels),
+        complete_start=_start_completer(arm, levels),
         options={"ipopt": OPTIONS},
     )
 
@@ -141,7 +141,7 @@ def default_encoding(failures: Scenarios, goal: Goal = "worst") -> str:
     return "shared-factor" if goal == "worst" and alike else "positive-factor-per-deletion"
 
 
-def merit(jacobian: FloatArray, failures: Scenarios, goal: Goal = "worst") -> float:
+def score(jacobian: FloatArray, failures: Scenarios, goal: Goal = "worst") -> float:
     """What the statement maximises, from J alone."""
     if goal == "expected":
         return unequal_failures.expected_sigma(jacobian, failures)
@@ -159,15 +159,15 @@ def check_locked(redundancy: int, fallible: int, locked: int) -> None:
     measures.check_sets(fallible, locked, MOST_SETS)
 
 
-def attained_merit(
+def attained_score(
     arm: ColumnModel, failures: Scenarios, goal: Goal = "worst", enough: float = np.inf
 ) -> float:
-    """Return the best merit of configurations drawn at random, or the first above enough.
+    """Return the best score of configurations drawn at random, or the first above enough.
 
     Raises
     ------
     InputError
-        If k exceeds the redundancy, or no configuration has a merit above zero.
+        If k exceeds the redundancy, or no configuration has a score above zero.
     """
     m, n = arm.shape
     locked = scenarios(failures)[0].locked
@@ -177,7 +177,7 @@ def attained_merit(
     rng = np.random.default_rng(1995)
     best = 0.0
     for _ in range(_SAMPLES):
-        best = max(best, merit(arm.jacobian(arm.sample(rng)), failures, goal))
+        best = max(best, score(arm.jacobian(arm.sample(rng)), failures, goal))
         if best > enough:
             break
     if best < 1e-6:
@@ -205,7 +205,7 @@ def _worst(jacobian: ca.SX, failures: Scenarios, attained: float, encoding: str)
 
     def start(numeric: FloatArray) -> tuple[FloatArray, FloatArray]:
         reach = _LEVEL_SHARE * measures.singular_values(numeric)[-1] ** 2
-        t = min(max(merit(numeric, failures) ** 2, floor), reach)
+        t = min(max(score(numeric, failures) ** 2, floor), reach)
         return np.array([t]), np.square(list(groups)) * t
 
     return _Levels(level, np.array([floor]), ca.log(level), encoded, start)
@@ -238,14 +238,16 @@ def _expected(jacobian: ca.SX, failures: Scenarios, attained: float, encoding: s
     return _Levels(unknowns, np.zeros(len(sets) + 1), least, encoded, start, (rows,))
 
 
-def _lift(arm: ColumnModel, levels: _Levels) -> Callable[[FloatArray], FloatArray]:
-    def lift(point: FloatArray) -> FloatArray:
+def _start_completer(arm: ColumnModel, levels: _Levels) -> Callable[[FloatArray], FloatArray]:
+    def complete_start(point: FloatArray) -> FloatArray:
         numeric = arm.jacobian(point)
         own, squares = levels.start(numeric)
         pairs = zip(levels.encoded, squares, strict=True)
-        return np.concatenate([point, own, *(one.lift(numeric, float(t)) for one, t in pairs)])
+        return np.concatenate(
+            [point, own, *(one.complete_start(numeric, float(t)) for one, t in pairs)]
+        )
 
-    return lift
+    return complete_start
 
 
 def _by_weight(failures: Scenarios) -> Mapping[float, Sets]:

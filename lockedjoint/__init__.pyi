@@ -11,11 +11,11 @@ from formulations.bounds.so3_moments.rigorous_residual import (
 )
 
 # Joints, the arms that they make, and which of them may fail.
-from formulations.catalogue import arm as arm
-from formulations.catalogue import certified_bound as certified_bound
-from formulations.catalogue import formulation as formulation
-from formulations.catalogue import numerical_bound as numerical_bound
-from formulations.catalogue import register as register
+from formulations.joints.models import arm as arm
+from formulations.registry import bound as bound
+from formulations.registry import formulation as formulation
+
+from formulations.registry import register as register
 
 # Proof: optimally failure-tolerant nR Jacobians exist for every n from 8 on, and not for 7.
 from formulations.existence.rings import optimal_jacobian as optimal_jacobian
@@ -53,7 +53,7 @@ from formulations.robots.structural import structural_failures as structural_fai
 from formulations.robots.waypoints import read_waypoints as read_waypoints
 from formulations.solving.outcome import Outcome as Outcome
 from formulations.solving.record import Record as Record
-from formulations.solving.setup import Setup as Setup
+from formulations.solving.case import Case as Case
 from formulations.solving.solve import solve as solve
 
 # Errors: everything that the library raises on purpose.

@@ -1,17 +1,13 @@
 """A problem's functions and derivatives compiled to machine code, once for all runs.
 
-CasADi writes them as C; the system's compiler makes a library of that, which is kept under a
-name made from the C code, the compiler's command and CasADi's version, and from the library's
-own content. Any process that needs the same functions again uses it, if it still has the
-content that its name promises. A library is code that runs with the user's rights, so it is
-kept only where nobody else can write.
+CasADi writes them as C; the system's compiler makes a library of that, which is kept in a cache
+under a name made from the C code, the compiler's command and CasADi's version.
 """
 
 import hashlib
 import os
 import shlex
 import shutil
-import stat
 import subprocess
 import tempfile
 import warnings
@@ -20,8 +16,6 @@ from pathlib import Path
 
 import casadi as ca
 
-from nlp.errors import FileError
-from nlp.files import write_bytes
 from nlp.problem import Derivatives
 
 # Straight-line code: higher levels take many times longer to compile and run no faster.
@@ -119,7 +113,10 @@ def callbacks(
 
 def shared_library(code: bytes, flags: Sequence[str] = STRAIGHT) -> Path | None:
     """Return the library made of C code; None, with a warning, if there cannot be one."""
-    compiler, why = _compiler(), "there is no C compiler; set CC to one"
+    chosen = os.environ.get("CC")
+    candidates = [shlex.split(chosen)] if chosen else [["cc"], ["gcc"], ["clang"]]
+    compiler = next((one for one in candidates if one and shutil.which(one[0])), None)
+    why = "there is no C compiler; set CC to one"
     if compiler is not None:
         try:
             return _compile(code, [*compiler, *flags])
@@ -127,62 +124,24 @@ def shared_library(code: bytes, flags: Sequence[str] = STRAIGHT) -> Path | None:
             why = f"the C compiler failed with status {reason.returncode}"
         except OSError as reason:
             why = (reason.strerror or str(reason)).lower()
-        except FileError as reason:
-            why = str(reason).rstrip(".")
     warnings.warn(f"Not compiled: {why}.", RuntimeWarning, stacklevel=3)
     return None
 
 
 def _compile(code: bytes, command: Sequence[str]) -> Path:
-    folder = _cache()
+    base = os.environ.get("XDG_CACHE_HOME")
+    # The folder is the user's own, and may be emptied at any time.
+    folder = (Path(base) if base else Path.home() / ".cache") / "lockedjoint"
+    folder.mkdir(mode=0o700, parents=True, exist_ok=True)
     key = "\0".join([ca.CasadiMeta.version(), *command]).encode() + b"\0" + code
-    name = hashlib.sha256(key).hexdigest()[:32]
-    for library in folder.glob(f"{name}-*.so"):
-        if library.name == _library_name(name, library.read_bytes()):
-            return library
-        library.unlink(missing_ok=True)  # cut off or changed; loading it could end the process
+    library = folder / f"{hashlib.sha256(key).hexdigest()[:32]}.so"
+    if library.exists():
+        return library
     with tempfile.TemporaryDirectory(dir=folder) as scratch:
         source, built = Path(scratch, "callbacks.c"), Path(scratch, "callbacks.so")
         source.write_bytes(code)
         build = [*command, "-o", str(built), str(source), "-lm"]
         # In a session of its own: a Ctrl-C is for us, and not a failure of the compiler.
         subprocess.run(build, check=True, capture_output=True, start_new_session=True)
-        content = built.read_bytes()
-    library = folder / _library_name(name, content)
-    write_bytes(library, content)
+        built.replace(library)  # at once: no process ever finds a part of it
     return library
-
-
-def _library_name(name: str, content: bytes) -> str:
-    return f"{name}-{hashlib.sha256(content).hexdigest()[:32]}.so"
-
-
-def _cache() -> Path:
-    """Return the folder of the libraries; FileError if others could put theirs there."""
-    base = os.environ.get("XDG_CACHE_HOME")
-    # The folder may be emptied at any time.
-    folder = (Path(base) if base else Path.home() / ".cache") / "lockedjoint"
-    folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-    folder = folder.resolve()
-    if os.name == "posix":
-        for place in (folder, *folder.parents):
-            if _open_to_others(place, within=place != folder):
-                allowed = f"a folder that nobody else can write to, which {place} is not"
-                raise FileError("cache", str(folder), allowed)
-    return folder
-
-
-def _open_to_others(place: Path, within: bool) -> bool:
-    """Return whether others can replace what is in a folder, or a folder within it."""
-    known, user = place.stat(), os.geteuid()
-    # Many systems give each user a group of their own, and make its folders writable to it.
-    shared = stat.S_IWOTH | (0 if within and known.st_gid == os.getegid() else stat.S_IWGRP)
-    sticky = within and known.st_mode & stat.S_ISVTX
-    owners = (user, 0) if within else (user,)
-    return known.st_uid not in owners or bool(known.st_mode & shared and not sticky)
-
-
-def _compiler() -> list[str] | None:
-    chosen = os.environ.get("CC")
-    candidates = [shlex.split(chosen)] if chosen else [["cc"], ["gcc"], ["clang"]]
-    return next((one for one in candidates if one and shutil.which(one[0])), None)

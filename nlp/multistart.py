@@ -1,43 +1,40 @@
-"""One problem from many random starts, on one or several processes, reproducibly.
+"""One problem from many starts, in this process or on any executor, reproducibly.
 
-Start k of seed s is the same on every machine and with any number of workers: it is drawn
-from a generator of its own, and no solve depends on another.
+Start k of a seed is reproducible across machines and numbers of workers: it is drawn from a
+generator of its own, and no solve depends on another.
 """
 
 import math
-import os
 from collections.abc import Callable, Generator, Mapping
-from contextlib import closing
+from concurrent.futures import Executor
+from contextlib import ExitStack, closing
 from dataclasses import dataclass
 from typing import Any, Generic
 
-import joblib
 import numpy as np
-from tqdm import tqdm
+import numpy.typing as npt
+from tqdm.auto import tqdm
 from typing_extensions import TypeVar
 
-from nlp.arrays import FloatArray, one_blas_thread, whole_number
+from nlp.arrays import FloatArray, Rng, as_floats, one_blas_thread, whole_number
+from nlp.dispatch import dispatch
 from nlp.errors import InputError, WorkerError
-from nlp.interrupts import deferred_interrupt, interrupt_answered
+from nlp.executors import LocalExecutor
 from nlp.problem import Problem
-from nlp.processes import Processes
-from nlp.spread import spread
-from nlp.task import Chunk, Done, Run, Task, generator, packed, run_start, seed_of
-
-__all__ = ["Run", "Study", "Task", "default_workers", "generator", "multistart"]
+from nlp.starts import Chunk, FinishedStart, Run, Task, packed, run_start, seed_of
 
 CHUNK = 10
 T = TypeVar("T", default=Run)
 
 
 @dataclass(frozen=True, eq=False)
-class Study(Generic[T]):
+class MultistartResult(Generic[T]):
     """The result of each start, in the order of the starts.
 
     Attributes
     ----------
     results
-        One entry per start that ended: its `Run`, or what the judge made of it.
+        One per start that ended: its `Run`, or what the judge made of it.
     complete
         Whether all starts that were asked for ended and the user did not interrupt: a Ctrl-C
         after the last start is answered, too.
@@ -46,29 +43,20 @@ class Study(Generic[T]):
     results: tuple[T, ...]
     complete: bool
 
-    def all_results(self) -> tuple[T, ...]:
-        """Return the results; KeyboardInterrupt if the user interrupted the study."""
-        if not self.complete:
-            raise KeyboardInterrupt
-        return self.results
-
 
 def _unjudged(run: Run) -> Any:
     return run
 
 
-def default_workers() -> int:
-    """Return the number of processor cores that this process may use."""
-    return int(joblib.cpu_count())
-
-
 def multistart(
     build: Callable[[], Problem],
-    sample: Callable[[np.random.Generator], FloatArray],
+    sample: Callable[[np.random.Generator], FloatArray] | npt.ArrayLike,
     *,
-    starts: int,
-    rng: int | np.integer[Any] | np.random.Generator = 0,
+    starts: int | None = None,
+    seed: Rng | None = None,
+    rng: Rng | None = None,
     workers: int = 1,
+    executor: Executor | None = None,
     options: Mapping[str, object] | None = None,
     solver: str = "ipopt",
     compiled: bool = False,
@@ -77,26 +65,31 @@ def multistart(
     figure: Callable[[T], float] | None = None,
     allow_files: bool = False,
     time_limit: float | None = None,
-) -> Study[T]:
-    """Solve one problem from many random starts.
+) -> MultistartResult[T]:
+    """Solve one problem from many starts.
 
     Parameters
     ----------
-    build, sample, options, judge
-        See `Task`. With more than one worker they are sent to other processes, also from a
-        script or notebook. Without a judge, the results are the runs themselves.
+    build, options, judge
+        See `Task`. With an executor they are sent to other processes, also from a script or
+        notebook. Without a judge, the results are the runs themselves.
+    sample
+        Draws a start from a generator; or the starts themselves, shape (starts, variables).
     starts
-        How many starts, at least 1.
-    rng
-        Seed of the study, a whole number of at least 0; or a generator, from which one seed
-        is drawn.
+        How many starts, at least 1; left out where `sample` holds them.
+    seed, rng
+        Random seed, 0 by default; or a generator, from which one seed is drawn. Two names for
+        the same.
     workers
-        How many processes at most, at least 1; one runs in this process, and no more are
-        started than there is work for.
+        How many processes at most, at least 1; no more are started than there is work for.
+        One is this process, for debugging.
+    executor
+        Any executor of processes, instead: Dask's ``client.get_executor(pure=False)``, that
+        of ``mpi4py.futures``, or another. It is not shut down.
     solver, compiled, allow_files
         See `nlp.solver.Solver`; the options are that solver's.
     label
-        Shown before a progress bar on a terminal's standard error; no bar without it.
+        Shown before a progress bar on a terminal or in a notebook; no bar without it.
     figure
         Of a result, the number whose best the bar shows, NaN for none; by default the
         objective where the solver says that it succeeded.
@@ -106,7 +99,7 @@ def multistart(
 
     Returns
     -------
-    Study
+    MultistartResult
         All results, or those there so far if the user interrupted with Ctrl-C.
 
     Raises
@@ -115,47 +108,52 @@ def multistart(
         If a number is out of range, an option is not the solver's, or the task cannot be sent
         to other processes.
     WorkerError
-        If a start ends its worker process, each time it is run.
+        If a start ends its worker process each time it is run.
     Exception
         Whatever `build`, `sample` or `judge` raises.
     """
-    starts = whole_number("starts", starts, 1)
-    seed = seed_of(rng)
+    if not callable(sample):
+        sample = as_floats("sample", sample)
+        starts = len(sample) if starts is None and sample.ndim == 2 else starts
+        if sample.ndim != 2 or len(sample) != starts:
+            shown = f"an array of shape {sample.shape}"
+            raise InputError("sample", shown, "a function, or one row for each start")
+    count = whole_number("starts", starts, 1)
+    number = seed_of(seed, rng)
     workers = whole_number("workers", workers, 1)
     settings = _limited(options or {}, solver, time_limit)
     task: Task[T] = Task(
         build, sample, settings, judge or _unjudged, solver, compiled, allow_files
     )
-    if workers == 1:
-        batches = _in_turn(task, seed, starts)
+    if workers == 1 and executor is None:
+        batches = _in_this_process(task, number, count)
     else:
-        batches = _spread(task, seed, starts, workers)
-    done: list[Done[T]] = []
+        batches = _dispatched(task, number, count, workers, executor)
+    finished: list[FinishedStart[T]] = []
     bar = tqdm(
-        total=starts,
+        total=count,
         desc=label,
-        disable=label is None or not os.isatty(2),
+        disable=True if label is None else None,
         leave=False,
         dynamic_ncols=True,
     )
+    best, interrupted = math.nan, False
     with closing(batches), bar:
-        best, interrupted = math.nan, False
         try:
             for batch in batches:
-                done += batch
-                for one in batch:
-                    pick = np.fmin if one.sense == "minimise" else np.fmax  # over NaN, too
-                    best = float(pick(best, figure(one.result) if figure else one.objective))
+                finished += batch
+                for start in batch:
+                    better = np.fmin if start.sense == "minimise" else np.fmax  # over NaN, too
+                    value = figure(start.result) if figure else start.objective
+                    best = float(better(best, value))
                 if not math.isnan(best):
                     bar.set_postfix_str(f"best {best:.8g}", refresh=False)
                 bar.update(len(batch))
         except KeyboardInterrupt:
-            interrupt_answered()
             interrupted = True  # what is done is kept
-    done.sort(key=lambda one: one.index)
-    return Study(
-        tuple(one.result for one in done), complete=len(done) == starts and not interrupted
-    )
+    finished.sort(key=lambda start: start.index)
+    results = tuple(start.result for start in finished)
+    return MultistartResult(results, complete=len(results) == count and not interrupted)
 
 
 def _limited(
@@ -172,24 +170,29 @@ def _limited(
     return {**options, "max_wall_time": float(time_limit)}
 
 
-def _in_turn(task: Task[T], seed: int, starts: int) -> Generator[list[Done[T]], None, None]:
-    with deferred_interrupt(limited=True):
-        solver = task.solver()
+def _in_this_process(
+    task: Task[T], seed: int, starts: int
+) -> Generator[list[FinishedStart[T]], None, None]:
+    solver = task.solver()
     with one_blas_thread():
         for index in range(starts):
-            with deferred_interrupt(limited=True):  # not only Ipopt: also conversions of CasADi
-                done = run_start(solver, task, seed, index)
-            yield [done]
+            yield [run_start(solver, task, seed, index)]
 
 
-def _spread(
-    task: Task[T], seed: int, starts: int, workers: int
-) -> Generator[list[Done[T]], None, None]:
+def _dispatched(
+    task: Task[T], seed: int, starts: int, workers: int, executor: Executor | None
+) -> Generator[list[FinishedStart[T]], None, None]:
     payload = packed(task)
     size = min(CHUNK, -(-starts // workers))
-    chunks = (Chunk(payload, seed, range(starts)[k : k + size]) for k in range(0, starts, size))
-    with closing(spread(chunks, Processes(workers))) as arrivals:
-        for arrival in arrivals:
-            for lost in arrival.lost:
-                raise lost.error or WorkerError(f"Start {lost.index} {lost.why}.")
-            yield arrival.results
+    firsts = range(0, starts, size)
+    chunks = (Chunk(payload, seed, range(starts)[k : k + size]) for k in firsts)
+    capacity = workers if executor is not None and workers > 1 else None
+    with ExitStack() as opened:
+        if executor is None:
+            executor = opened.enter_context(LocalExecutor(min(workers, len(firsts))))
+        results = opened.enter_context(closing(dispatch(chunks, executor, capacity=capacity)))
+        for result in results:
+            for failed in result.failed:
+                said = f"Start {failed.index} {failed.reason}."
+                raise failed.error or WorkerError(said)
+            yield result.finished

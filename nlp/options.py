@@ -1,16 +1,22 @@
-"""The options of the solvers, checked before any start runs."""
+"""The options of the solvers, checked before any start runs.
+
+Ipopt itself is asked which options it has and which values they take, in a process of its own:
+what is wrong with one it prints to standard output, and some linear solvers, where they are
+missing, crash their process.
+"""
 
 import io
 import json
+import os
 import subprocess
 import sys
 from collections.abc import Mapping
 from contextlib import redirect_stdout
 from functools import lru_cache
-from numbers import Real
+from numbers import Integral, Real
+from pathlib import Path
 from typing import Any, TypeAlias
 
-import casadi as ca
 import numpy as np
 
 from nlp.errors import InputError, SolverOptionError
@@ -32,11 +38,8 @@ FATROP: Mapping[str, type[OptionValue]] = {
     "kappa_wmin": float,
 }
 
-# Options that name a file to read or write, or a library to load, by solver.
-FILE_OPTIONS: Mapping[str, frozenset[str]] = {
-    "ipopt": frozenset({"hsllib", "option_file_name", "output_file", "pardisolib"}),
-    "fatrop": frozenset(),
-}
+# Options of Ipopt that name a file to read or write, or a library to load.
+FILE_OPTIONS = frozenset({"hsllib", "option_file_name", "output_file", "pardisolib"})
 
 # Kinds of options of Ipopt, by the word that CasADi's message has for them.
 _KINDS: Mapping[str, tuple[type[OptionValue], str]] = {
@@ -47,15 +50,20 @@ _KINDS: Mapping[str, tuple[type[OptionValue], str]] = {
 _LARGEST = 2**31 - 1
 
 
+class CheckedOptions(dict[str, OptionValue]):
+    """Options that `check_options` returned; they are not checked again."""
+
+
 def check_options(
     options: Mapping[str, object], solver: str = "ipopt", allow_files: bool = False
-) -> dict[str, OptionValue]:
+) -> CheckedOptions:
     """Return the options, each of an existing name and an allowed type and value.
 
     Parameters
     ----------
     options
-        The solver's own names of options, without a prefix, and their values.
+        The solver's own names of options and their values; Ipopt's also with the prefix of a
+        part of it, such as ``resto.``.
     solver
         ``"ipopt"`` or ``"fatrop"``.
     allow_files
@@ -64,7 +72,7 @@ def check_options(
 
     Returns
     -------
-    dict
+    CheckedOptions
         The values in the types that the solver takes: an integer where it wants one.
 
     Raises
@@ -75,17 +83,24 @@ def check_options(
         If the solver has no such option, the option does not take the value or names a file
         without leave, or the linear solver cannot be loaded.
     """
-    if solver not in FILE_OPTIONS:
-        raise InputError("solver", solver, "one of " + ", ".join(FILE_OPTIONS))
-    for name in options:
-        if name in FILE_OPTIONS[solver] and not allow_files:
-            allowed = "options without files and libraries; Python callers set allow_files"
+    if solver not in ("ipopt", "fatrop"):
+        raise InputError("solver", solver, "one of ipopt, fatrop")
+    if not isinstance(options, Mapping):
+        raise InputError("options", options, "a mapping from names of options to values")
+    if isinstance(options, CheckedOptions):
+        return options
+    if solver == "fatrop":
+        return CheckedOptions({name: _fatrop_option(name, options[name]) for name in options})
+    plain = {}
+    for name, value in options.items():
+        if not isinstance(name, str) or (
+            name.rpartition(".")[2] in FILE_OPTIONS and not allow_files
+        ):
+            allowed = "names of options without files and libraries; "
+            allowed += "Python callers set allow_files for these"
             raise SolverOptionError("Ipopt option", name, allowed)
-    check = _fatrop_option if solver == "fatrop" else _ipopt_option
-    checked = {name: check(name, value) for name, value in options.items()}
-    if solver == "ipopt" and checked.get("linear_solver", "mumps") != "mumps":
-        _try_linear_solver(json.dumps(checked))
-    return checked
+        plain[name] = _plain(name, value)
+    return CheckedOptions(_asked(json.dumps(plain)) if plain else {})
 
 
 def _fatrop_option(name: str, value: object) -> OptionValue:
@@ -98,15 +113,16 @@ def _fatrop_option(name: str, value: object) -> OptionValue:
     return number
 
 
-def _ipopt_option(name: str, value: object) -> OptionValue:
-    kind, words = _kind(name)
-    given = _typed(value, kind)
-    # No option takes an empty text in place of one of its settings: Ipopt then lists them.
-    asked = "" if given is None and kind is str else given
-    refused = "" if asked is None else _refusal(name, asked, words)
-    if given is None or refused:
-        raise SolverOptionError(f"Ipopt option {name}", value, refused or words)
-    return given
+def _plain(name: str, value: object) -> OptionValue:
+    """Return a value as JSON has it."""
+    if isinstance(value, str):
+        return value
+    if isinstance(value, Integral) and not isinstance(value, bool):
+        return int(value)
+    number = _typed(value, float)
+    if not isinstance(number, float):
+        raise SolverOptionError(f"Ipopt option {name}", value, "a text, or a finite number")
+    return number
 
 
 def _typed(value: object, kind: type[OptionValue]) -> OptionValue | None:
@@ -125,21 +141,69 @@ def _typed(value: object, kind: type[OptionValue]) -> OptionValue | None:
     return int(number) if number.is_integer() and abs(number) <= _LARGEST else None
 
 
-@lru_cache(maxsize=256)
+@lru_cache(maxsize=64)
+def _asked(options: str) -> dict[str, OptionValue]:
+    """Return Ipopt's options, a JSON object, as Ipopt takes them."""
+    command = [sys.executable, "-c", "from nlp.options import _answer; _answer()"]
+    folders = filter(None, [str(Path(__file__).parents[1]), os.environ.get("PYTHONPATH")])
+    done = subprocess.run(
+        command,
+        input=options,
+        capture_output=True,
+        text=True,
+        encoding="utf-8",
+        check=False,
+        start_new_session=True,  # a Ctrl-C is for the caller
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(folders)},
+    )
+    try:
+        answer = json.loads(done.stdout.splitlines()[-1])
+    except (IndexError, ValueError):  # it crashed: so do some linear solvers
+        name = json.loads(options).get("linear_solver", "mumps")
+        answer = ["linear_solver", name, "a linear solver that this Ipopt can load, as mumps"]
+    if isinstance(answer, list):
+        name, value, allowed = answer
+        argument = f"Ipopt option {name}" if name else "Ipopt option"
+        raise SolverOptionError(argument, value, allowed)
+    return dict(answer)
+
+
+def _answer() -> None:
+    """Read options from standard input; print them checked, or name, value and what is allowed.
+
+    For a process of its own; see `_asked`.
+    """
+    given: dict[str, OptionValue] = json.load(sys.stdin)
+    checked: dict[str, OptionValue] = {}
+    answer: object = checked
+    for name, value in given.items():
+        kind, words = _kind(name)
+        typed = _typed(value, kind)
+        # No option takes an empty text in place of one of its settings: Ipopt then lists them.
+        tried = "" if typed is None and kind is str else typed
+        refused = "" if tried is None else _refusal(name, tried, words)
+        if typed is None or refused:
+            answer = [name, value, refused or words] if words else ["", name, _UNKNOWN]
+            break
+        checked[name] = typed
+    else:
+        if checked.get("linear_solver", "mumps") != "mumps":
+            _solve_with(checked)
+    print(json.dumps(answer))
+
+
+_UNKNOWN = "the name of an option in Ipopt's option reference"
+
+
 def _kind(name: str) -> tuple[type[OptionValue], str]:
-    """Type of an option of Ipopt, also in words; SolverOptionError if there is no such option.
+    """Type of an option of Ipopt, also in words; no words if there is no such option.
 
     No option takes a dictionary, and CasADi names the type that it wants instead.
     """
     error, _ = _trial(name, {})
-    for word, kind in _KINDS.items():
-        if word in error:
-            return kind
-    allowed = "the name of an option in Ipopt's option reference"
-    raise SolverOptionError("Ipopt option", name, allowed)
+    return next((kind for word, kind in _KINDS.items() if word in error), (str, ""))
 
 
-@lru_cache(maxsize=256)
 def _refusal(name: str, value: OptionValue, words: str) -> str:
     """What Ipopt allows in place of this value, at least `words`; empty if it takes it."""
     error, said = _trial(name, value)
@@ -158,6 +222,8 @@ def _refusal(name: str, value: OptionValue, words: str) -> str:
 
 def _trial(name: str, value: object) -> tuple[str, str]:
     """Set Ipopt up with one option; return CasADi's error, if any, and what Ipopt printed."""
+    import casadi as ca
+
     x, printed = ca.SX.sym("x"), io.StringIO()
     settings: dict[str, Any] = {"ipopt": {**QUIET, name: value}, "print_time": False}
     with redirect_stdout(printed):  # CasADi prints through Python's standard output
@@ -168,24 +234,15 @@ def _trial(name: str, value: object) -> tuple[str, str]:
     return "", printed.getvalue()
 
 
-@lru_cache(maxsize=16)
-def _try_linear_solver(options: str) -> None:
-    """Solve in another process: some linear solvers, where missing, crash theirs."""
-    command = [sys.executable, "-c", _LINEAR_SOLVER_TRIAL, options]
-    tried = subprocess.run(command, capture_output=True, check=False, start_new_session=True)
-    if tried.returncode != 0:
-        allowed = "a linear solver that this Ipopt can load; mumps always is"
-        name = json.loads(options)["linear_solver"]
-        raise SolverOptionError("Ipopt option linear_solver", name, allowed)
+def _solve_with(options: Mapping[str, OptionValue]) -> None:
+    """Solve with a linear solver; one that cannot be loaded ends this process."""
+    import casadi as ca
 
-
-_LINEAR_SOLVER_TRIAL = """
-import json, sys, casadi as ca
-given = json.loads(sys.argv[1])
-names = ("linear_solver", "hsllib", "pardisolib")
-options = {name: given[name] for name in names if name in given}
-x = ca.SX.sym("x")
-solver = ca.nlpsol("trial", "ipopt", {"x": x, "f": x**2}, {"ipopt": options})
-solver(x0=1.0)
-sys.exit(0 if solver.stats()["return_status"] == "Solve_Succeeded" else 1)
-"""
+    names = ("linear_solver", "hsllib", "pardisolib")
+    taken = {**QUIET, **{name: options[name] for name in names if name in options}}
+    settings: dict[str, Any] = {"ipopt": taken, "print_time": False}
+    x = ca.SX.sym("x")
+    solver = ca.nlpsol("trial", "ipopt", {"x": x, "f": x**2}, settings)
+    solver(x0=1.0)
+    if solver.stats()["return_status"] != "Solve_Succeeded":
+        sys.exit(1)

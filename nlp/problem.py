@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
@@ -70,7 +71,8 @@ class Stage:
     Attributes
     ----------
     problem
-        The problem, in the variables that the next problem's lift takes; without a first stage.
+        The problem, in the variables that the next problem's `complete_start` takes; without
+        a first stage.
     iterations
         Most iterations, unless the caller's ``max_iter`` is lower.
     is_answer
@@ -112,7 +114,7 @@ class Problem:
         Bounds of the variables, shape (size,); unbounded where left out.
     outputs
         Named expressions that a solution reports besides x.
-    lift
+    complete_start
         Takes a start in the caller's own variables to a start in all variables: where a
         statement has auxiliary variables it fills them in. The identity where it has none.
     options
@@ -131,7 +133,7 @@ class Problem:
     lower: FloatArray | float = -np.inf
     upper: FloatArray | float = np.inf
     outputs: Mapping[str, ca.SX] = field(default_factory=dict)
-    lift: Callable[[FloatArray], FloatArray] = lambda point: point
+    complete_start: Callable[[FloatArray], FloatArray] = lambda point: point
     options: Mapping[str, Mapping[str, OptionValue]] = field(default_factory=dict)
     derivatives: Derivatives | None = None
     first: Stage | None = None
@@ -189,15 +191,17 @@ class Evaluation:
         if self._point.size:
             buffer.set_arg(0, self._point.data)
         self._buffer = buffer  # which frees itself with its last reference
+        self._lock = threading.Lock()  # the arrays are one thread's at a time
         for position, column in enumerate(self._columns):
             if column.size:
                 buffer.set_res(position, column.ravel().data)
 
     def __call__(self, point: FloatArray) -> list[FloatArray]:
         """Return the value of each expression at a point, as arrays of two dimensions."""
-        self._point[:] = point
-        self._run()
-        return [column.T.copy() for column in self._columns]
+        with self._lock:
+            self._point[:] = point
+            self._run()
+            return [column.T.copy() for column in self._columns]
 
 
 def _check_bounds(stated: Constraint | Problem, size: int, names: Sequence[str]) -> None:

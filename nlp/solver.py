@@ -6,6 +6,7 @@ written for small blocks, where Ipopt's is sparse and general: on problems of te
 the same iterations take a third of the time.
 """
 
+import threading
 import time
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -18,11 +19,12 @@ from nlp.arrays import FloatArray, finite_vector
 from nlp.compiled import callbacks, compiled_callbacks, compiled_functions
 from nlp.errors import InputError
 from nlp.generated import INVALID, Generated, generated
-from nlp.interrupts import deferred_interrupt
 from nlp.options import QUIET, OptionValue, check_options
 from nlp.problem import Constraint, Evaluation, Problem
 from nlp.solution import LIMIT, SUCCESS, Solution, Status
 
+# MUMPS keeps global state: in one process it solves one problem at a time.
+_ONE_AT_A_TIME = threading.Lock()
 # CasADi's names of derivatives, and of the options that replace them.
 _OPTIONS = {"nlp_hess_l": "hess_lag", "nlp_jac_g": "jac_g"}
 
@@ -73,6 +75,7 @@ class Solver:
         settings |= {"show_eval_warnings": False, "calc_lam_p": False}
         self.problem = problem
         self._name, self._size = name, problem.size
+        self._lock = threading.RLock()  # its memory is one thread's at a time
         x = problem.variables
         g = ca.vertcat(*(constraint.expression for constraint in problem.constraints))
         sign = 1.0 if problem.sense == "minimise" else -1.0
@@ -98,7 +101,7 @@ class Solver:
         Parameters
         ----------
         start
-            Start in the caller's variables, which ``problem.lift`` completes.
+            Start in the caller's variables, which ``problem.complete_start`` completes.
 
         Returns
         -------
@@ -114,9 +117,7 @@ class Solver:
             If the user interrupted while the solver ran.
         """
         point = np.asarray(start, dtype=float)
-        if isinstance(self._call, Generated):  # milliseconds, in which nothing can get lost
-            return self._solve(point)
-        with deferred_interrupt(limited=True):
+        with self._lock:
             return self._solve(point)
 
     def _solve(self, start: FloatArray) -> Solution:
@@ -126,7 +127,7 @@ class Solver:
         if stage is not None and self._first is not None:
             x, _, status = self._first._from(start)
             if status.success and stage.is_answer(x):
-                return self._solution(self.problem.lift(x), {}, status, ())
+                return self._solution(self.problem.complete_start(x), {}, status, ())
             earlier = (status,)
             starts = [x, start] if np.isfinite(x).all() else starts
         x, multipliers, status = self._from(starts[0])
@@ -138,7 +139,7 @@ class Solver:
     def _from(self, start: FloatArray) -> tuple[FloatArray, FloatArray, Status]:
         """Return the point, its multipliers, and how the solver ended."""
         problem = self.problem
-        x0 = finite_vector("start", problem.lift(start), self._size)
+        x0 = finite_vector("start", problem.complete_start(start), self._size)
         if self._name == "fatrop" and isinstance(self._call, _Call) and not self._defined(x0):
             nan = float("nan")
             lost = Status(INVALID, 0, nan, nan, nan, 0.0, 0.0)
@@ -227,10 +228,22 @@ class _Call:
         self._buffer = buffer, arguments  # the buffer does not keep the arrays alive
 
     def __call__(self, start: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the solver's point and the multipliers of the constraints."""
-        self._start[:] = start
-        self._run()
-        return self._found.copy(), self._multipliers.copy()
+        """Return the solver's point and the multipliers of the constraints.
+
+        Raises
+        ------
+        KeyboardInterrupt
+            If the user interrupted: CasADi stops the solver, and Python says only that.
+        """
+        with _ONE_AT_A_TIME:
+            self._start[:] = start
+            try:
+                self._run()
+            except SystemError as error:
+                if isinstance(error.__cause__, KeyboardInterrupt):
+                    raise KeyboardInterrupt from None
+                raise
+            return self._found.copy(), self._multipliers.copy()
 
     def ended(self) -> tuple[str, int, Mapping[str, Any]]:
         """Return how the solver ended, its iterations, and the statistics of each."""

@@ -1,31 +1,39 @@
-"""Records on disk: one per start, kept as they arrive, never twice.
+"""Records on disk: one SQLite file with one table, one row per start, never two.
 
-A store is one SQLite file in write-ahead mode: one process writes, others read meanwhile.
-A *cell* is a problem with all that decides its records, and a record is what became of one
-start of a cell. Floats are eight-byte floats in the file, so they come back bit for bit. NaN,
-which SQL does not have, is kept as NULL. The caller's `Schema` lists the columns.
+A row is keyed by its *cell*, the text of all that decides it, and by its start. Each row has a
+digest of its values, so that damaged ones are known. Floats are eight-byte floats in the file
+and come back bit for bit; NaN, which SQL does not have, is kept as NULL.
 
-Every record has a checksum. A store is verified when it is opened: its tables, SQLite's own
-structure, then every record. Records that arrive later are verified before the next query reads
-them.
+One process writes, others may read meanwhile. What was added is on the disk: a process may be
+killed at any moment.
 """
 
+from __future__ import annotations
+
+import hashlib
 import math
+import os
 import sqlite3
+import sys
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
+from itertools import islice
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
-from nlp.errors import FileError, InputError
-from nlp.store_checks import Damage, plain
-from nlp.store_file import StoreFile
-from nlp.store_schema import Condition, Schema, Value
-from nlp.store_verification import Checksums, Verification
-from nlp.store_version import prepare
+import numpy as np
 
-# Which types the values have, the schema knows.
-Row: TypeAlias = dict[str, Any]
+from nlp.errors import FileError, InputError, StoreError
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+Kind = Literal["INTEGER", "REAL", "TEXT", "BLOB"]
+Value: TypeAlias = str | int | float | bytes | None
+
+_TYPES: Mapping[Kind, type] = {"INTEGER": int, "REAL": float, "TEXT": str, "BLOB": bytes}
+_BUSY_SECONDS = 60.0
+_PAGE = 20_000  # rows that are read at once, so that who writes hardly waits
 
 
 class Store(AbstractContextManager["Store", None]):
@@ -35,72 +43,82 @@ class Store(AbstractContextManager["Store", None]):
     ----------
     path
         The file. Its folder must exist.
-    schema
-        The columns that the caller keeps.
+    columns
+        The values of a record, and their kinds.
+    application
+        Number that marks the file as one of these stores, 32 bits.
     writable
-        Whether to add to it. A writable store is made if there is none, and brought to the
-        schema's version if it is older and there are migrations. One process writes at a time.
+        Whether to add to it. A writable store is made if there is none.
     salvage
         Whether to open a store with damaged records. They are left out of all that is read,
         and listed in `damaged`.
 
-    Attributes
-    ----------
-    checksums
-        Whether the records had checksums; an older store that is only read is migrated in a
-        temporary copy, where they are computed from what is there.
-
     Raises
     ------
     FileError
-        If it cannot be opened, is not such a store, or its version cannot be read.
+        If it cannot be opened, or is not such a store.
     StoreError
         If its structure is damaged, records are and it is not opened to `salvage` the others,
         or another process writes to it.
     """
 
     def __init__(
-        self, path: Path, schema: Schema, *, writable: bool = False, salvage: bool = False
+        self,
+        path: Path,
+        columns: Mapping[str, Kind],
+        application: int,
+        *,
+        writable: bool = False,
+        salvage: bool = False,
     ) -> None:
         self.path = path
-        self.schema = schema
-        self._file = StoreFile(path, writable=writable)
-        try:
-            with self._file.errors():
-                self._sums = Checksums(self._file, schema)
-                self.checksums = prepare(self._file, schema, self._sums)
-                self._verification = Verification(
-                    self._file, schema, self._sums, salvage=salvage
+        self.columns = dict(columns)
+        self._names = ["cell", "start", *self.columns, "environment"]
+        self._damaged: dict[int, tuple[object, object]] = {}
+        with ExitStack() as opened, self._errors():
+            if not (writable or path.is_file()):
+                raise FileError("store", str(path), "the file of a campaign")
+            # Whoever reads undoes what a killed process had half written, where it may write.
+            uri = f"{path.absolute().as_uri()}?mode={'rwc' if writable else 'rw'}"
+            # Transactions are those of `_transaction` only.
+            self._database = sqlite3.connect(
+                uri, uri=True, timeout=_BUSY_SECONDS, isolation_level=None
+            )
+            opened.callback(lambda: self._database.close())
+            self._database.text_factory = lambda raw: raw.decode(errors="surrogateescape")
+            self._execute("PRAGMA trusted_schema = OFF")  # it may come from anybody
+            self._execute("SELECT count(*) FROM sqlite_master")  # SQLite makes the file
+            self._file = opened.enter_context(path.open("rb"))
+            if writable:
+                self._lock()
+            self._prepare(application, writable)
+            self._verify()
+            if self._damaged and not salvage:
+                cell, start = self.damaged[0]
+                many = (
+                    f"{len(self._damaged)} damaged records, the first start {start} of {cell}"
                 )
-                self._verification.update()
-        except BaseException:
-            self._file.close()
-            raise
+                raise StoreError("store", str(path), f"one that is intact; it has {many}")
+            self._opened = opened.pop_all()
 
     def __exit__(self, *_: object) -> None:
         self.close()
 
     def close(self) -> None:
         """Close the file; what was added is on the disk already."""
-        self._file.close()
+        with self._errors():
+            self._opened.close()
 
     @property
-    def damaged(self) -> tuple[Damage, ...]:
-        """The damaged records by cell, as far as the store has been verified."""
-        return self._verification.damaged
+    def damaged(self) -> list[tuple[object, object]]:
+        """Cell and start of the damaged records, as far as the file tells them.
 
-    def count(self) -> int:
-        """Return the number of records, damaged ones included."""
-        with self._file.errors():
-            return self._file.value("SELECT count(*) FROM record")
-
-    def cell(self, settings: Mapping[str, Value]) -> int:
-        """Return the number of the cell with these settings, made if there is none yet."""
-        with self._transaction():
-            return self._number("cell", settings)
+        Their digest did not match when the file was opened, and they were not replaced since.
+        """
+        return list(self._damaged.values())
 
     def add(
-        self, cell: int, records: Sequence[tuple[int, Mapping[str, Value]]], environment: str
+        self, cell: str, records: Sequence[tuple[int, Mapping[str, Value]]], environment: str
     ) -> int:
         """Keep records, all of them or none; those that are there already stay as they are.
 
@@ -109,7 +127,7 @@ class Store(AbstractContextManager["Store", None]):
         Parameters
         ----------
         cell
-            Number of the cell.
+            What decides the records.
         records
             Start and values of each.
         environment
@@ -119,12 +137,21 @@ class Store(AbstractContextManager["Store", None]):
         -------
         int
             How many were added.
-        """
-        with self._transaction():
-            made = self._number("environment", {"environment": environment})
-            return sum(self._insert(cell, made, start, values) for start, values in records)
 
-    def join(self, other: "Store", apart_from: Collection[str] = ()) -> tuple[int, int]:
+        Raises
+        ------
+        StoreError
+            If the file is no longer the one of that name.
+        """
+        self.check_in_place()
+        with self._transaction():
+            added = 0
+            for start, values in records:
+                plain = (_plain(kind, values[name]) for name, kind in self.columns.items())
+                added += self._insert((cell, int(start), *plain, environment))
+            return added
+
+    def join(self, other: Store, apart_from: Collection[str] = ()) -> tuple[int, int]:
         """Add the intact records of another store of the same kind, all of them or none.
 
         Parameters
@@ -150,145 +177,191 @@ class Store(AbstractContextManager["Store", None]):
             allowed = "another file than the store itself"
             raise FileError("store to join", str(other.path), allowed)
         counts = {True: 0, False: 0}
-        cells: dict[int, int] = {}
-        environments: dict[str, int] = {}
+        compared = ["start", *(name for name in self.columns if name not in apart_from)]
+        places = [self._names.index(name) for name in compared]
+        ours = f"SELECT {', '.join(compared)} FROM record WHERE cell = ? AND start = ?"
         with self._transaction():
-            for row in other.query("SELECT * FROM chosen ORDER BY cell, start"):
-                number, text = row["cell"], row["environment"]
-                if number not in cells:
-                    settings = {name: row[name] for name in self.schema.settings}
-                    cells[number] = self._number("cell", settings)
-                if text not in environments:
-                    environments[text] = self._number("environment", {"environment": text})
-                cell = cells[number]
-                added = self._insert(cell, environments[text], row["start"], row)
-                if not added:
-                    self._refuse_conflict(cell, row, other.path, apart_from)
+            for row in other._rows(self._names):
+                added = self._insert(row)
                 counts[added] += 1
+                theirs = tuple(row[place] for place in places)
+                if not added and self._execute(ours, row[:2]).fetchone() != theirs:
+                    which = f"record of start {row[1]!r} of {row[0]!r}"
+                    allowed = "one equal to that which is there already, apart from times"
+                    raise InputError(which, f"new in {other.path}", allowed)
         return counts[True], counts[False]
 
-    def missing(self, cell: int, starts: int) -> list[range]:
+    def missing(self, cell: str, starts: int) -> list[range]:
         """Return the starts below `starts` without an intact record, as ranges in order."""
-        select = (
-            "SELECT first, start FROM "
-            "(SELECT start, lag(start, 1, -1) OVER (ORDER BY start) + 1 AS first FROM "
-            "(SELECT start FROM record WHERE cell = ? AND start < ? "
-            "AND rowid NOT IN (SELECT id FROM temp.damaged) UNION ALL SELECT ?)) "
-            "WHERE first < start ORDER BY start"
-        )
-        with self._file.errors():
-            found = self._file.execute(select, (cell, starts, starts)).fetchall()
-        return [range(*gap) for gap in found]
+        select = "SELECT rowid, start FROM record WHERE cell = ? AND start < ? ORDER BY start"
+        gaps, first = [], 0
+        with self._errors():
+            for row, start in self._execute(select, (cell, starts)):
+                if row not in self._damaged:
+                    gaps.append(range(first, start))
+                    first = start + 1
+        return [gap for gap in (*gaps, range(first, starts)) if gap]
 
-    def rows(
-        self, conditions: Sequence[Condition] = (), columns: Sequence[str] | None = None
-    ) -> Iterator[Row]:
-        """Yield records with their cells' settings, in the order of cells and starts.
+    def frame(self, columns: Sequence[str] | None = None) -> pd.DataFrame:
+        """Return the intact records; cells as they were begun, starts in order.
 
         Parameters
         ----------
-        conditions
-            What records must meet, all of it.
         columns
-            Which columns; all by default.
-
-        Raises
-        ------
-        InputError
-            If there is no such column.
+            Which columns besides ``cell`` and ``start``; all, and ``environment``, by default.
         """
-        names = list(self.schema.columns if columns is None else columns)
-        for name in names:
-            self.schema.kind(name)
-        select = f"SELECT {', '.join(names)} FROM chosen ORDER BY cell, start"
-        return self.query(select, conditions)
+        import pandas as pd
 
-    def query(
-        self, select: str, conditions: Sequence[Condition] = (), values: Sequence[Value] = ()
-    ) -> Iterator[Row]:
-        """Yield the rows of a SELECT from ``chosen``, the records that meet all conditions.
+        wanted = self._names[2:] if columns is None else columns
+        names = ["cell", "start", *wanted]
+        kinds = {name: float for name in wanted if self.columns.get(name) == "REAL"}
+        # Lines are made columns page by page: a frame takes less memory than its rows.
+        rows, pages = self._rows(names), []
+        while page := list(islice(rows, _PAGE)):
+            pages.append(pd.DataFrame(page, columns=names).astype(kinds))
+        whole = pd.concat(pages, ignore_index=True) if pages else pd.DataFrame(columns=names)
+        begun = whole.groupby("cell", sort=False).ngroup()
+        return whole.iloc[np.lexsort((whole["start"].astype(int), begun))].reset_index(
+            drop=True
+        )
 
-        Parameters
-        ----------
-        select
-            The statement. ``chosen`` has all columns of the schema and the number of the
-            ``cell``. NULL comes back as NaN in REAL columns and in computed ones.
-        conditions
-            What records must meet, all of it.
-        values
-            Values of the question marks in `select`.
+    def check_in_place(self) -> None:
+        """Raise StoreError unless the open file is still the file of its name."""
+        with suppress(OSError):
+            if os.path.samestat(os.fstat(self._file.fileno()), self.path.stat()):
+                return
+        raise StoreError("store", str(self.path), "a file that nobody removes or replaces")
+
+    def _rows(self, names: Sequence[str]) -> Iterator[tuple[Value, ...]]:
+        """Yield the intact rows, in the order in which they were added."""
+        listed = ", ".join(f'"{name}"' for name in names)
+        select = f"SELECT rowid, {listed} FROM record WHERE rowid > ? ORDER BY rowid LIMIT ?"
+        last = 0
+        while True:
+            with self._errors():
+                page = self._execute(select, (last, _PAGE)).fetchall()
+            yield from (tuple(row) for number, *row in page if number not in self._damaged)
+            if not page:
+                return
+            last = page[-1][0]
+
+    def _verify(self) -> None:
+        """Find damaged records: a value of another kind, or a digest that does not match."""
+        kinds: list[Kind] = ["TEXT", "INTEGER", *self.columns.values(), "TEXT"]
+        damaged = dict[int, tuple[object, object]]()
+        for number, *row, digest in self._rows(["rowid", *self._names, "digest"]):
+            pairs = zip(row, kinds, strict=True)
+            fit = all(_fits(kind, value) for value, kind in pairs)
+            if not fit or _digest(row) != digest:
+                damaged[int(number or 0)] = (row[0], row[1])
+        self._damaged = damaged
+
+    def _insert(self, row: Sequence[Value]) -> bool:
+        """Add a row, or replace a damaged one; return whether it is new."""
+        insert = f"INSERT OR IGNORE INTO record VALUES ({', '.join('?' * (len(row) + 1))})"
+        line = (*row, _digest(row))
+        if self._execute(insert, line).rowcount == 1:
+            return True
+        same = "SELECT rowid FROM record WHERE cell = ? AND start = ?"
+        number = self._execute(same, row[:2]).fetchone()[0]
+        if self._damaged.pop(number, None) is None:
+            return False
+        self._execute("DELETE FROM record WHERE rowid = ?", (number,))
+        return self._execute(insert, line).rowcount == 1
+
+    def _prepare(self, application: int, writable: bool) -> None:
+        """Make the table of a new file; refuse a file with other tables, or none of ours."""
+        columns = ", ".join(f'"{name}" {kind}' for name, kind in self.columns.items())
+        table = (
+            f"CREATE TABLE record (cell TEXT NOT NULL, start INTEGER NOT NULL, {columns}, "
+            "environment TEXT NOT NULL, digest BLOB NOT NULL, PRIMARY KEY (cell, start))"
+        )
+        listed = "SELECT sql FROM sqlite_master WHERE sql NOTNULL"
+        if writable and not self._execute(listed).fetchall():
+            with self._transaction():
+                self._execute(table)
+                self._execute(f"PRAGMA application_id = {application}")
+        if self._execute("PRAGMA application_id").fetchone()[0] != application:
+            raise FileError("store", str(self.path), "the file of a campaign of this version")
+        if self._execute(listed).fetchall() != [(table,)]:
+            raise StoreError("store", str(self.path), "one that is intact (other tables)")
+        state = self._execute("PRAGMA integrity_check(1)").fetchone()[0]
+        if state != "ok":
+            raise StoreError("store", str(self.path), f"one that is intact ({state})")
+        if writable:
+            with self._transaction():  # better refused now than after hours of work
+                self._execute(f"PRAGMA application_id = {application}")
+
+    def _lock(self) -> None:
+        """Refuse a second process that writes; the system frees the lock when one ends.
+
+        SQLite's own locks are held during a transaction only. Where there is no ``flock``, its
+        mode for one process serves, in which nobody can read meanwhile.
         """
-        self._verification.update()
-        clauses = [condition.clause(self.schema) for condition in conditions] or ["true"]
-        statement = (
-            f"WITH kept AS ({self.schema.records(self._verification.last)}), "
-            f"chosen AS (SELECT * FROM kept WHERE {' AND '.join(clauses)}) {select}"
-        )
-        given = [*(condition.value for condition in conditions), *values]
-        kinds = self.schema.columns
-        with self._file.errors(), ExitStack() as finished:
-            found = self._file.execute(statement, given)
-            finished.callback(_end, found)
-            names = [column[0] for column in found.description]
-            empty = [math.nan if kinds.get(n, "REAL") == "REAL" else None for n in names]
-            for line in found:
-                read = (e if v is None else v for v, e in zip(line, empty, strict=True))
-                yield dict(zip(names, read, strict=True))
+        if sys.platform == "win32":
+            for statement in ("PRAGMA locking_mode = EXCLUSIVE", "BEGIN IMMEDIATE", "COMMIT"):
+                self._execute(statement)
+            return
+        import fcntl
 
-    def _insert(
-        self, cell: int, environment: int, start: int, values: Mapping[str, Value]
-    ) -> bool:
-        """Add a record, or replace a damaged one; return whether it is new."""
-        names = list(self.schema.values)
-        line = [plain(kind, values[name]) for name, kind in self.schema.values.items()]
-        checksum = self._sums.of(cell, environment)
-        if checksum is None:
-            raise InputError("cell", cell, "the number of a cell of the store")
-        marks = ", ".join("?" * (len(names) + 4))
-        insert = (
-            f"INSERT INTO record (cell, start, environment, {', '.join(names)}, checksum) "
-            f"VALUES ({marks}) ON CONFLICT (cell, start) DO NOTHING"
-        )
-        if self._verification.is_damaged(cell, start):
-            for table in ("record", "temp.damaged"):
-                which = f"DELETE FROM {table} WHERE cell = ? AND start = ?"
-                self._file.execute(which, (cell, start))
-        kept = (cell, int(start), environment, *line, checksum(int(start), names, line))
-        return self._file.execute(insert, kept).rowcount == 1
+        try:
+            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            allowed = "one that no other process writes"
+            raise StoreError("store", str(self.path), allowed) from None
 
-    def _refuse_conflict(
-        self, cell: int, row: Row, other: Path, apart_from: Collection[str]
-    ) -> None:
-        kinds = {n: k for n, k in self.schema.values.items() if n not in apart_from}
-        select = (
-            f"SELECT {', '.join(['start', *kinds])} FROM record WHERE cell = ? AND start = ?"
-        )
-        ours = self._file.execute(select, (cell, row["start"])).fetchone()
-        if ours[1:] != tuple(plain(kind, row[name]) for name, kind in kinds.items()):
-            identity = (*self.schema.settings, "start")
-            record = ", ".join(f"{name}={row[name]}" for name in identity)
-            allowed = "records equal to those that are there already, where starts are the same"
-            raise InputError(f"record of {record}", f"another one in {other}", allowed)
-
-    def _number(self, table: str, values: Mapping[str, Value]) -> int:
-        """Return the number of a table's row with these values, added if it is new."""
-        given = tuple(values.values())
-        columns, marks = ", ".join(values), ", ".join("?" * len(values))
-        same = " AND ".join(f"{name} = ?" for name in values)
-        add = f"INSERT INTO {table} ({columns}) VALUES ({marks}) ON CONFLICT DO NOTHING"
-        self._file.execute(add, given)
-        return self._file.value(f"SELECT id FROM {table} WHERE {same}", given)
+    def _execute(self, statement: str, values: Sequence[Value] = ()) -> sqlite3.Cursor:
+        return self._database.execute(statement, values)
 
     @contextmanager
     def _transaction(self) -> Iterator[None]:
-        try:
-            with self._file.transaction():
+        """Write all that is executed in the block, or nothing of it."""
+        before = dict(self._damaged)
+        with self._errors():
+            self._execute("BEGIN IMMEDIATE")
+            try:
                 yield
-        except BaseException:
-            self._sums.forget()  # they may be of rows that are gone
+                self._execute("COMMIT")
+            except BaseException:
+                if self._database.in_transaction:  # SQLite may have rolled back by itself
+                    self._execute("ROLLBACK")
+                self._damaged = before
+                raise
+
+    @contextmanager
+    def _errors(self) -> Iterator[None]:
+        """Turn errors of SQLite and of the system into one sentence."""
+        try:
+            yield
+        except InputError:
             raise
+        except (sqlite3.Error, OSError, ValueError, OverflowError) as reason:
+            code = int(getattr(reason, "sqlite_errorcode", 0)) & 0xFF
+            damaged = code in (sqlite3.SQLITE_ERROR, sqlite3.SQLITE_CORRUPT)
+            allowed = f"the file of a campaign, in a folder to write to ({reason})"
+            if damaged:
+                allowed = f"one that is intact ({reason})"
+            elif "full" in str(reason) or "disk I/O" in str(reason):
+                allowed = f"a file on a disk with room ({reason}); what it holds is kept"
+            raise (StoreError if damaged else FileError)(
+                "store", str(self.path), allowed
+            ) from None
 
 
-def _end(found: sqlite3.Cursor) -> None:
-    with suppress(sqlite3.ProgrammingError):  # the store was closed before its reader ended
-        found.close()
+def _fits(kind: Kind, value: Value) -> bool:
+    """Whether a value of the file is of its column's kind, or NULL; text must be in UTF-8."""
+    if isinstance(value, str) and not value.isascii():
+        return kind == "TEXT" and value.encode(errors="ignore").decode() == value
+    return value is None or type(value) is _TYPES[kind]
+
+
+def _digest(row: Sequence[Value]) -> bytes:
+    # `ascii` of these types is the same in every version of Python, and exact.
+    return hashlib.blake2b(ascii(tuple(row)).encode(), digest_size=16).digest()
+
+
+def _plain(kind: Kind, value: Any) -> Value:
+    """Return a value as it comes back from a column of this kind; NaN as None."""
+    if value is None or (isinstance(value, float) and math.isnan(value)):
+        return None
+    return _TYPES[kind](value)  # type: ignore[no-any-return]

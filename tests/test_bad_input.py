@@ -729,7 +729,7 @@ show valid.db --where ''
 show valid.db --where joints=x
 show valid.db --where joints={e64}
 show valid.db --where joints={n5000}
-show valid.db --where merit=nan
+show valid.db --where score=nan
 show valid.db --where jacobian=1
 show valid.db --group-by nothing
 show valid.db --group-by ''
@@ -737,7 +737,7 @@ show valid.db --group-by joints,joints
 show valid.db --group-by joints --records
 show valid.db --where joints=1_0
 show valid.db --where joints=٣
-show valid.db --where merit=1_0
+show valid.db --where score=1_0
 figure optima --out a.svg --store {path}
 join {path} valid.db
 join valid.json valid.db

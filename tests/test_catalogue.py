@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 import lockedjoint as lj
-from formulations.catalogue import FORMULATIONS, model_of
+from formulations.joints.models import model_of
+from formulations.registry import FORMULATIONS
 from nlp.errors import InputError
 
 PAGE = Path(__file__).parents[1] / "docs" / "howto" / "add_a_formulation.md"
@@ -29,11 +30,11 @@ def volume(monkeypatch):
 def test_a_new_formulation_is_solved_and_judged_by_its_own_merit(volume):
     outcome = lj.solve("volume", "unit-revolute", joints=7, starts=4, workers=1)
     assert outcome.verdict == "solved"
-    assert outcome.best.merit == volume.merit(outcome.best.jacobian)
-    bound = lj.certified_bound("volume", outcome.arm)
+    assert outcome.best.score == volume.score(outcome.best.jacobian)
+    bound = lj.bound("volume", outcome.arm)
     assert (bound.value, bound.kind, bound.certified) == (1 / 7, "closed form", True)
-    assert bound.gap_percent(outcome.best.merit) < 1e-4
-    assert lj.numerical_bound("volume", outcome.arm) is None
+    assert bound.gap_percent(outcome.best.score) < 1e-4
+    assert lj.bound("volume", outcome.arm, kind="numerical") is None
 
 
 @pytest.mark.parametrize(("joints", "locked"), [(8, 1), (8, 2), (10, 3)])
@@ -42,7 +43,7 @@ def test_its_bound_holds_for_random_arms(volume, joints, locked):
     bound = volume.bound(arm, locked).value
     assert bound == comb(joints - locked, 6) / comb(joints, 6)
     rng = np.random.default_rng(0)
-    merits = [volume.merit(arm.jacobian(arm.sample(rng)), locked) for _ in range(20)]
+    merits = [volume.score(arm.jacobian(arm.sample(rng)), locked) for _ in range(20)]
     assert 0 < max(merits) < bound
 
 
@@ -56,7 +57,7 @@ def test_it_takes_no_setting_of_another(volume):
 def test_what_has_no_bound_of_its_own_is_refused(volume, monkeypatch):
     monkeypatch.setattr(volume, "bound", staticmethod(lambda *_, **__: None))
     with pytest.raises(lj.InputError, match="residual, max-min, isotropy"):
-        lj.certified_bound("volume", lj.arm("unit-revolute", 7))
+        lj.bound("volume", lj.arm("unit-revolute", 7))
 
 
 @pytest.mark.parametrize("ask", [lj.certified_bound, lj.numerical_bound])
@@ -67,7 +68,7 @@ def test_unknown_formulations_have_no_bound(ask, name):
 
 
 def test_what_is_incomplete_or_has_a_name_already_is_refused():
-    with pytest.raises(lj.InputError, match="without OPTIONS, SETTINGS, build, merit, bound"):
+    with pytest.raises(lj.InputError, match="without OPTIONS, SETTINGS, build, score, bound"):
         lj.register(SimpleNamespace(NAME="half", SENSE="minimise"))
     own = FORMULATIONS["residual"]
     lj.register(own)
@@ -77,8 +78,8 @@ def test_what_is_incomplete_or_has_a_name_already_is_refused():
 
 def test_numerical_bounds_are_not_certified():
     seven = lj.arm("unit-revolute", 7)
-    assert lj.certified_bound("max-min", seven).certified
-    assert not lj.numerical_bound("max-min", seven).certified
+    assert lj.bound("max-min", seven).certified
+    assert not lj.bound("max-min", seven, kind="numerical").certified
 
 
 @pytest.mark.parametrize(
@@ -91,7 +92,7 @@ def test_an_arm_and_its_models_name_are_the_same(model):
     by_arm = lj.solve("residual", arm, starts=1, workers=1)
     by_joints = lj.solve("residual", list(arm.joints), starts=1, workers=1)
     assert by_name.arm == by_arm.arm == by_joints.arm == arm
-    assert by_name.best.merit == by_arm.best.merit == by_joints.best.merit
+    assert by_name.best.score == by_arm.best.score == by_joints.best.score
 
 
 def test_lengths_are_those_in_the_brackets():

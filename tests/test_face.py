@@ -69,10 +69,10 @@ def test_unknown_names_are_refused():
 def test_solve_in_two_lines():
     outcome = lj.solve("max-min", "free", 3, 2, starts=4, workers=1)
     assert outcome.verdict == "solved"
-    assert outcome.best.merit == pytest.approx(np.sqrt(1 / 2), abs=1e-7)
+    assert outcome.best.score == pytest.approx(np.sqrt(1 / 2), abs=1e-7)
     sparing = lj.FailureModel.equally_likely(3, never=[0])
     spared = lj.solve("max-min", "free", 3, 2, starts=4, workers=1, failures=sparing)
-    assert spared.best.merit > outcome.best.merit + 0.1
+    assert spared.best.score > outcome.best.score + 0.1
     with pytest.raises(InputError, match="one of residual, max-min, isotropy"):
         lj.solve("nothing")
 
@@ -96,14 +96,14 @@ def test_results_have_plain_values():
         best.to_dict(),
         best.status.to_dict(),
         lj.measures.worst_case(best.jacobian).to_dict(),
-        lj.certified_bound("isotropy", seven).to_dict(),
+        lj.bound("isotropy", seven).to_dict(),
         verified().to_dict(),
         local_dimension(seven, seven.sample(np.random.default_rng(0))).to_dict(),
     ]
     for one in plain:
         assert json.loads(json.dumps(one)) == one
     assert plain[0]["return_status"] == "Solve_Succeeded"
-    assert plain[0]["merit"] == lj.measures.worst_case_sigma(best.jacobian)
+    assert plain[0]["score"] == lj.measures.worst_case_sigma(best.jacobian)
     assert plain[3] == {"value": None, "kind": "exact proof"}
     assert plain[4]["joints"] == 7
     assert plain[5]["family"] == plain[5]["angles"] - plain[5]["equations"] - 4

@@ -29,22 +29,22 @@ def test_what_is_feasible_is_called_no_more_than_that(unfinished):
     near = [replace(record, violation=1e-9) for record in unfinished.records]
     outcome = replace(unfinished, records=tuple(near))
     best = max(record.worst_case_sigma for record in near)
-    assert outcome.best.merit == best
+    assert outcome.best.score == best
     assert f"not solved; best feasible point {best:.9g}" in repr(outcome)
 
 
 def test_a_start_that_did_not_converge_is_not_the_best():
     outcome = lj.solve("max-min", "free", 3, 2, starts=4, workers=1)
     status = replace(outcome.best.status, return_status="Maximum_Iterations_Exceeded")
-    better = replace(outcome.best, status=status, merit=2.0, worst_case_sigma=2.0)
-    infeasible = replace(outcome.best, violation=1e-3, merit=3.0, worst_case_sigma=3.0)
+    better = replace(outcome.best, status=status, score=2.0, worst_case_sigma=2.0)
+    infeasible = replace(outcome.best, violation=1e-3, score=3.0, worst_case_sigma=3.0)
     with_both = replace(outcome, records=(*outcome.records, better, infeasible))
-    assert with_both.best.merit == pytest.approx(np.sqrt(1 / 2), abs=1e-7)
+    assert with_both.best.score == pytest.approx(np.sqrt(1 / 2), abs=1e-7)
     assert with_both.reached == outcome.reached
     usual, row = row_of(outcome), row_of(with_both)
     same = (
         "verdict",
-        "merit",
+        "score",
         "worst_case_sigma",
         "reached_best",
         "distinct_optima",

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from formulations import isotropy, measures
-from formulations.catalogue import arm
+from formulations.joints.models import arm
 from formulations.joints.joint import NotInModelError
 from nlp.multistart import multistart
 
@@ -14,7 +14,7 @@ from nlp.multistart import multistart
 def run(one, starts, seed=0):
     build = partial(isotropy.build, one)
     return multistart(
-        build, one.sample, starts=starts, rng=seed, options=isotropy.OPTIONS
+        build, one.sample, starts=starts, rng=seed
     ).results
 
 
@@ -28,7 +28,7 @@ def test_meets_the_equations_and_the_bound_where_it_can(model, n, m):
         jacobian = run_.solution.outputs["jacobian"]
         assert run_.solution.status.success
         assert measures.is_optimally_failure_tolerant(jacobian)
-        assert isotropy.merit(jacobian) == pytest.approx(
+        assert isotropy.score(jacobian) == pytest.approx(
             measures.sigma_bound(m, n, one.largest_trace), abs=1e-7
         )
 
@@ -37,7 +37,7 @@ def test_unit_revolute_7r_is_seen_to_be_infeasible():
     for run_ in run(arm("unit-revolute", 7), 5):
         assert run_.solution.status.return_status == "Infeasible_Problem_Detected"
         assert run_.solution.violation > 0.05
-        assert isotropy.merit(run_.solution.outputs["jacobian"]) == -np.inf
+        assert isotropy.score(run_.solution.outputs["jacobian"]) == -np.inf
 
 
 def test_free_lever_arms_of_bounded_length_are_infeasible_too():
@@ -49,7 +49,7 @@ def test_free_lever_arms_of_bounded_length_are_infeasible_too():
     for run_ in run(one, 4):
         jacobian = run_.solution.outputs["jacobian"]
         assert not run_.solution.status.success
-        isotropic = np.isfinite(isotropy.merit(jacobian))
+        isotropic = np.isfinite(isotropy.score(jacobian))
         if isotropic:
             with pytest.raises(NotInModelError):
                 one.variables(jacobian)
@@ -58,7 +58,7 @@ def test_free_lever_arms_of_bounded_length_are_infeasible_too():
 def test_free_lever_arms_give_isotropic_7r():
     one = arm("lever-revolute", 7)
     found = run(one, 20)
-    merits = np.array([isotropy.merit(r.solution.outputs["jacobian"]) for r in found])
+    merits = np.array([isotropy.score(r.solution.outputs["jacobian"]) for r in found])
     assert np.sum(np.abs(merits - 0.480383041) < 1e-6) >= 18
     jacobian = found[int(np.argmax(merits))].solution.outputs["jacobian"]
     one.variables(jacobian)
@@ -69,6 +69,6 @@ def test_free_lever_arms_give_isotropic_7r():
 
 def test_merit_refuses_what_is_not_isotropic():
     jacobian = np.random.default_rng(0).normal(size=(3, 5))
-    assert isotropy.merit(jacobian) == -np.inf
+    assert isotropy.score(jacobian) == -np.inf
     frame = np.linalg.qr(jacobian.T)[0].T
-    assert isotropy.merit(frame) == measures.worst_case_sigma(frame)
+    assert isotropy.score(frame) == measures.worst_case_sigma(frame)

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 from formulations import max_min, measures, residual, unequal_max_min
-from formulations.catalogue import arm
+from formulations.joints.models import arm
 from formulations.joints.arm import Arm
 from formulations.joints.kinds import LeverRevolute, Prismatic
 from formulations.measures.canonical import distinct
 from formulations.measures.unequal_failures import FailureModel
 from formulations.reproduction.reference import planar_4r
 from nlp.errors import InputError
-from nlp.matrix_inequality import ENCODINGS
+from formulations.encodings.factors import ENCODINGS
 from nlp.multistart import multistart
 from nlp.solver import solve
 
@@ -61,7 +61,7 @@ def test_from_residual_minima_all_starts_reach_the_best():
 
 def test_residual_minima_are_what_they_are_called():
     point = max_min.ResidualMinimum(UNIT_7R)(np.random.default_rng(0))
-    assert residual.merit(UNIT_7R.jacobian(point)) == pytest.approx(0.0568265457, abs=1e-8)
+    assert residual.score(UNIT_7R.jacobian(point)) == pytest.approx(0.0568265457, abs=1e-8)
 
 
 @pytest.mark.parametrize("encoding", [*max_min.REDUCED, *ENCODINGS])
@@ -125,7 +125,7 @@ def test_the_level_is_the_worst_case_squared():
 
 def test_the_floor_is_attained():
     """What bounds the level below must lie below something that exists."""
-    attained = unequal_max_min.attained_merit(UNIT_7R, FailureModel.equally_likely(7))
+    attained = unequal_max_min.attained_score(UNIT_7R, FailureModel.equally_likely(7))
     assert 0 < attained < BEST_7R
 
 

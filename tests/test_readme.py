@@ -10,7 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from formulations.catalogue import arm, certified_bound
+from formulations.joints.models import arm
+from formulations.registry import bound
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -70,8 +71,8 @@ def test_the_bounds_are_those_on_record():
     # Rounded up: a bound holds as it is printed.
     for shown, exact in (
         (unit, bound),
-        (isotropic, certified_bound("isotropy", lever).value),
-        (free, certified_bound("max-min", lever).value),
+        (isotropic, bound("isotropy", lever).value),
+        (free, bound("max-min", lever).value),
     ):
         assert exact <= float(shown) < exact + 1e-5
     assert float(gap) == pytest.approx(100 * (1 - best / bound), abs=0.006)

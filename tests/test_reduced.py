@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from formulations import max_min, measures, reduced, residual
-from formulations.catalogue import arm
+from formulations.joints.models import arm
 from formulations.measures.unequal_failures import FailureModel
 from formulations.solving.setup import Setup
 from formulations.solving.solve import solve
@@ -104,7 +104,7 @@ def test_gauss_newton_is_the_squared_derivative_of_the_residual(one):
 def test_two_stages_reach_the_best_and_keep_both_accounts(joints):
     outcome = solve(joints=joints, starts=10, workers=1)
     assert len(outcome.reached) == 10
-    assert outcome.best.merit == pytest.approx(BEST[joints], abs=2e-9)
+    assert outcome.best.score == pytest.approx(BEST[joints], abs=2e-9)
     for record in outcome.records:
         stages = [*record.earlier, record.status]
         assert len(stages) == (1 if joints == 12 else len(stages)) <= 2
@@ -117,7 +117,7 @@ def test_two_stages_reach_the_best_and_keep_both_accounts(joints):
 def test_levers_reach_the_best():
     outcome = solve(model="lever-revolute", starts=4, workers=1)
     assert len(outcome.reached) == 4
-    assert outcome.best.merit == pytest.approx(0.5746489, abs=1e-6)
+    assert outcome.best.score == pytest.approx(0.5746489, abs=1e-6)
 
 
 def test_both_stages_by_fatrop():

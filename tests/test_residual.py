@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from formulations import measures, residual
-from formulations.catalogue import arm
+from formulations.joints.models import arm
 from formulations.isotropy_equations import independent_rows, pairs, residuals
 from formulations.joints.arm import Arm
 from formulations.joints.kinds import FreeColumn, LeverRevolute, Prismatic, UnitRevolute
@@ -75,7 +75,7 @@ def test_both_weightings_are_what_they_say(seed):
 
 def test_seven_revolute_joints_always_reach_the_paper_s_minimum():
     study = multistart(partial(residual.build, UNIT_7R), UNIT_7R.sample, starts=25, rng=11)
-    defects = [residual.merit(run.solution.outputs["jacobian"]) for run in study.results]
+    defects = [residual.score(run.solution.outputs["jacobian"]) for run in study.results]
     assert defects == pytest.approx([0.0568265457] * 25, abs=1e-9)
     assert len(distinct([run.solution.outputs["jacobian"] for run in study.results])) == 1
 

@@ -83,7 +83,7 @@ def test_comparison(anew, name):
         for number in ("sigma_bound", "certified_bound", "numerical_bound"):
             before = pytest.approx(getattr(old, number), abs=SAME, nan_ok=True)
             assert getattr(new, number) == before
-        assert new.merit == pytest.approx(old.merit, abs=SAME, nan_ok=True)
+        assert new.score == pytest.approx(old.score, abs=SAME, nan_ok=True)
         if old.verdict == "solved" and old.formulation == "max-min":
             assert new.worst_case_sigma == pytest.approx(old.worst_case_sigma, abs=SAME)
 
@@ -180,7 +180,7 @@ def test_jacobians_of_the_failures():
         if row.failing == "all alike" and row.goal == "worst":
             jacobian = np.array(one["jacobian"])
             sigma = measures.worst_case_sigma(jacobian, row.locked)
-            assert sigma == pytest.approx(row.merit, abs=1e-12)
+            assert sigma == pytest.approx(row.score, abs=1e-12)
             mean = measures.sigma_bound(*jacobian.shape, measures.trace(jacobian), row.locked)
             assert sigma - SAME <= row.bound <= mean + SAME
             bound = sharpest_worst_case_of(jacobian, row.locked).value

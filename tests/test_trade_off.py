@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from formulations import max_min, measures, trade_off
-from formulations.catalogue import arm
-from formulations.solving.trade_off_curve import curve
+from formulations.joints.models import arm
+from formulations.solving.trade_off_curve import trade_off_curve
 from nlp.errors import InputError
 from nlp.solver import solve
-from nlp.task import generator
+from nlp.starts import generator
 
 # ½‖JJᵀ − (n/3)I‖² and σ at the ends, as results/comparison has them from 100 starts each.
 ENDS = {
@@ -19,7 +19,7 @@ ENDS = {
 
 @pytest.fixture(scope="module", params=ENDS)
 def swept(request):
-    return request.param, curve(arm(request.param, 7), points=5, starts=3, seed=4)
+    return request.param, trade_off_curve(arm(request.param, 7), points=5, starts=3, seed=4)
 
 
 def test_the_ends_are_the_known_ones(swept):
@@ -67,7 +67,7 @@ def test_a_generous_limit_gives_max_min():
 
 
 def test_where_the_optimum_is_isotropic_there_is_no_trade_off():
-    [first, last] = curve(arm("free", 3, 2), points=4, starts=2)
+    [first, last] = trade_off_curve(arm("free", 3, 2), points=4, starts=2)
     assert first.worst_case_sigma == pytest.approx(last.worst_case_sigma, abs=1e-6)
     assert first.isotropy_defect == pytest.approx(0, abs=1e-9)
 

@@ -8,10 +8,10 @@ from scipy.optimize import differential_evolution
 
 from formulations import max_min, unequal_max_min
 from formulations.bounds import unequal_failures
-from formulations.catalogue import arm
+from formulations.joints.models import arm
 from formulations.measures.unequal_failures import FailureModel
 from nlp.errors import InputError
-from nlp.matrix_inequality import ENCODINGS
+from formulations.encodings.factors import ENCODINGS
 from nlp.multistart import multistart
 
 UNIT_7R = arm("unit-revolute", 7)
@@ -24,9 +24,9 @@ def best(one, failures, goal="worst", *, starts=4, encoding=None, seed=0):
     options = max_min.OPTIONS
     study = multistart(build, one.sample, starts=starts, rng=seed, options=options)
     found = [run.solution.outputs["jacobian"] for run in study.results]
-    jacobian = max(found, key=lambda matrix: unequal_max_min.merit(matrix, failures, goal))
+    jacobian = max(found, key=lambda matrix: unequal_max_min.score(matrix, failures, goal))
     one.variables(jacobian)  # within the model, or this raises
-    return unequal_max_min.merit(jacobian, failures, goal), jacobian
+    return unequal_max_min.score(jacobian, failures, goal), jacobian
 
 
 def by_brute_force(failures, goal):
@@ -34,7 +34,7 @@ def by_brute_force(failures, goal):
 
     def negative(angles):
         jacobian = np.vstack([np.cos([0, *angles]), np.sin([0, *angles])])
-        return -unequal_max_min.merit(jacobian, failures, goal)
+        return -unequal_max_min.score(jacobian, failures, goal)
 
     turns = [(0, np.pi)] * 3  # a column's sign does not matter
     found = differential_evolution(negative, turns, rng=0, tol=1e-9, popsize=8, maxiter=70)
@@ -56,9 +56,9 @@ def test_planar_4r_against_brute_force(failures, goal):
 def test_alike_joints_are_max_min(locked):
     failures = FailureModel.equally_likely(4, locked)
     build = partial(max_min.build, PLANAR_4R, locked)
-    study = multistart(build, PLANAR_4R.sample, starts=4, options=max_min.OPTIONS)
+    study = multistart(build, PLANAR_4R.sample, starts=4)
     plain = max(
-        max_min.merit(run.solution.outputs["jacobian"], locked) for run in study.results
+        max_min.score(run.solution.outputs["jacobian"], locked) for run in study.results
     )
     assert best(PLANAR_4R, failures)[0] == pytest.approx(plain, abs=1e-6)
 
@@ -73,7 +73,7 @@ def test_alike_joints_are_stated_as_max_min_states_them():
     ]
     np.testing.assert_array_equal(ours.lower, plain.lower)
     start = UNIT_7R.sample(np.random.default_rng(0))
-    np.testing.assert_array_equal(ours.lift(start), plain.lift(start))
+    np.testing.assert_array_equal(ours.complete_start(start), plain.complete_start(start))
 
 
 def test_each_joint_that_never_fails_helps_until_the_bound_is_attained():
@@ -94,15 +94,15 @@ def test_each_goal_is_best_at_its_own():
         goal: best(PLANAR_4R, failures, goal, starts=8)[1] for goal in ("worst", "expected")
     }
     for goal, other in (("worst", "expected"), ("expected", "worst")):
-        ours = unequal_max_min.merit(answers[goal], failures, goal)
-        assert ours > unequal_max_min.merit(answers[other], failures, goal) + 1e-4
+        ours = unequal_max_min.score(answers[goal], failures, goal)
+        assert ours > unequal_max_min.score(answers[other], failures, goal) + 1e-4
 
 
 def test_the_expectation_over_alike_joints_exceeds_the_best_worst_case():
     """7R: the mean of σ_f may be better than eq. (5)'s optimum by giving up equality."""
     found, jacobian = best(UNIT_7R, FailureModel.equally_likely(7), "expected", starts=3)
     assert found == pytest.approx(0.57497877, abs=1e-6)
-    assert max_min.merit(jacobian) < 0.55
+    assert max_min.score(jacobian) < 0.55
 
 
 @pytest.mark.parametrize("encoding", ENCODINGS)
@@ -127,7 +127,7 @@ def test_scenarios_against_brute_force(goal):
     models = tuple(FailureModel(tuple(np.roll((0.4, 0.02, 0.1, 0.1), k))) for k in range(3))
     found, jacobian = best(PLANAR_4R, models, goal)
     assert found == pytest.approx(by_brute_force(models, goal), abs=1e-5)
-    each = [unequal_max_min.merit(jacobian, one, goal) for one in models]
+    each = [unequal_max_min.score(jacobian, one, goal) for one in models]
     assert found == min(each)
     alone, _ = best(PLANAR_4R, models[0], goal)
     assert found < alone + 1e-6

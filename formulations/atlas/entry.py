@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from formulations import catalogue, isotropy, manipulability, max_min
+from formulations import isotropy, manipulability, max_min, registry
 from formulations.atlas.exact_value import (
     certified_manipulability,
     certified_worst_case,
@@ -18,8 +18,8 @@ from formulations.atlas.exact_value import (
     proves_worst_case,
 )
 from formulations.bounds.certified import Bound, sharpest
+from formulations.joints import models
 from formulations.joints.arm import Arm
-from formulations.joints.joint import NotInModelError
 from formulations.measures import gap_percent
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
@@ -35,7 +35,7 @@ class Entry:
     Attributes
     ----------
     model
-        Column model of the joints; see `formulations.catalogue.arm`.
+        Column model of the joints; see `formulations.joints.models.arm`.
     task_dimension, joints, locked
         m, n, and k, the number of joints that lock at once.
     formulation
@@ -59,13 +59,13 @@ class Entry:
     @property
     def arm(self) -> Arm:
         """The joints."""
-        return catalogue.arm(self.model, self.joints, self.task_dimension)
+        return models.arm(self.model, self.joints, self.task_dimension)
 
     @property
     def bound(self) -> Bound:
         """The sharpest upper bound on the worst case: proved if there is such a one."""
-        stated = catalogue.formulation(self.formulation)
-        return sharpest(stated.bound(self.arm, self.locked, one) for one in (True, False))
+        bound = registry.formulation(self.formulation).bound
+        return sharpest(bound(self.arm, self.locked, proved) for proved in (True, False))
 
     def proved_value(self, jacobian: FloatArray) -> str:
         """Return the entry's measure of a Jacobian, proved from below; a decimal number.
@@ -97,12 +97,9 @@ class Entry:
         """Whether a Jacobian, shape (m, n), is one of those that the entry asks for."""
         if jacobian.shape != (self.task_dimension, self.joints):
             return False
-        try:
-            self.arm.variables(jacobian)
-        except NotInModelError:
-            return False
-        merit = catalogue.formulation(self.formulation).merit(jacobian, self.locked)
-        return bool(np.isfinite(merit))
+        stated = registry.formulation(self.formulation)
+        locked = {"locked": self.locked} if "locked" in stated.SETTINGS else {}
+        return self.arm.admits(jacobian) and bool(np.isfinite(stated.score(jacobian, **locked)))
 
 
 @dataclass(frozen=True)

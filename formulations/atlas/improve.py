@@ -6,13 +6,13 @@ from time import process_time
 
 import numpy as np
 
+from formulations import max_min, registry
 from formulations.atlas.collection import improved, pages
 from formulations.atlas.entry import ENOUGH, RESOLUTION, Entry, Found, Page
 from formulations.files.provenance import provenance
-from formulations.max_min import NAME as MAX_MIN
 from formulations.measures import trace
+from formulations.solving.case import Case
 from formulations.solving.outcome import REACHED_BEST, Outcome
-from formulations.solving.setup import Setup
 from formulations.solving.solve import run
 
 _STARTS = 20
@@ -42,7 +42,7 @@ def improve(
     progress
         Is called with what is being done.
     """
-    setup, page = setup_of(asked), inherited(asked, known)
+    case, page = case_of(asked), inherited(asked, known)
     if page is not None and page is not known:
         yield page
     spent = 0.0
@@ -51,14 +51,7 @@ def improve(
         so_far = f", best {page.value}" if page else ""
         progress(f"{asked.name}: seed {seed}{so_far}")
         begun = process_time()
-        outcome = run(
-            setup,
-            joints=asked.joints,
-            task_dimension=asked.task_dimension,
-            starts=_STARTS,
-            seed=seed,
-            workers=workers,
-        )
+        outcome = run(case, starts=_STARTS, seed=seed, workers=workers)
         used = sum(record.cpu_seconds for record in outcome.records)
         spent += max(used, process_time() - begun)
         if not outcome.complete:
@@ -98,19 +91,14 @@ def inherited(asked: Entry, known: Page | None) -> Page | None:
     return page
 
 
-def setup_of(asked: Entry) -> Setup:
+def case_of(asked: Entry) -> Case:
     """Return what is run for an entry: the encoding that finds most where k joints lock."""
-    if asked.formulation != MAX_MIN or asked.locked == 1:
-        return Setup(asked.formulation, asked.model, locked=asked.locked)
-    tight = asked.joints - asked.task_dimension == asked.locked
-    six = asked.task_dimension == 6
-    return Setup(
-        MAX_MIN,
-        asked.model,
-        encoding="shared-factor" if tight else "principal-minors",
-        from_residual_minima=tight and six,
-        locked=asked.locked,
-    )
+    settings: dict[str, object] = {"locked": asked.locked} if asked.locked > 1 else {}
+    if asked.formulation == max_min.NAME and asked.locked > 1:
+        tight = asked.joints - asked.task_dimension == asked.locked
+        settings["encoding"] = "shared-factor" if tight else "principal-minors"
+        settings["from_residual_minima"] = tight and asked.task_dimension == 6
+    return Case(registry.formulation(asked.formulation), asked.arm, settings)
 
 
 def _joined(
@@ -119,9 +107,9 @@ def _joined(
     """Return the page with the starts of one more seed; None if nothing was ever found."""
     before = page.found if page else Found("lockedjoint", "")
     reached = outcome.reached
-    best = max((record.merit for record in reached), default=0.0)
+    best = max((record.score for record in reached), default=0.0)
     value = float(page.value) if page else 0.0
-    count = sum(abs(one.merit - max(best, value)) <= REACHED_BEST for one in reached)
+    count = sum(abs(one.score - max(best, value)) <= REACHED_BEST for one in reached)
     kept = before.reached_best if value >= best - REACHED_BEST else 0
     facts = provenance()
     found = replace(
@@ -131,7 +119,7 @@ def _joined(
         # Of a Jacobian that these starts did not reach, how it was found stays on record.
         statement=before.statement
         if before.statement and value > best + REACHED_BEST
-        else _statement(outcome.setup),
+        else _statement(outcome.case),
         seeds=before.seeds + 1,
         starts=before.starts + len(outcome.records),
         reached_best=kept + count,
@@ -144,7 +132,7 @@ def _joined(
     return replace(page, found=found) if page else None
 
 
-def _statement(setup: Setup) -> str:
-    words = [setup.formulation, setup.encoding]
-    words.append("from residual minima" if setup.from_residual_minima else "")
+def _statement(case: Case) -> str:
+    words = [case.formulation.NAME, str(case.settings.get("encoding", ""))]
+    words.append("from residual minima" if case.settings.get("from_residual_minima") else "")
     return ", ".join(filter(None, words))

@@ -23,9 +23,9 @@ from formulations.files.provenance import provenance
 from formulations.joints.arm import Arm
 from formulations.joints.symmetric import SymmetricArm
 from formulations.max_min import NAME as MAX_MIN
-from formulations.max_min import Polish
 from formulations.measures import trace, worst_case_sigma
 from formulations.solving.outcome import REACHED_BEST
+from formulations.solving.polish import Polish
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
 
@@ -97,9 +97,9 @@ def _hops(asked: Entry, page: Page | None, seed: int) -> tuple[FloatArray, str]:
         if number:  # the first one is the best itself: its last digits
             start = _moved(start, arm, np.random.default_rng((seed, number)))
         jacobian = _polished(asked, arm, start)
-        merit = worst_case_sigma(jacobian, asked.locked)
-        if merit > value:
-            best, value = jacobian, merit
+        score = worst_case_sigma(jacobian, asked.locked)
+        if score > value:
+            best, value = jacobian, score
     return best, "hops from the best"
 
 
@@ -117,9 +117,9 @@ def _symmetric(asked: Entry, page: Page | None, seed: int) -> tuple[FloatArray |
         start = asked.arm.variables(jacobian)
         start = start + _PUSH * rng.normal(size=start.size)
         jacobian = _polished(asked, asked.arm, start)
-        merit = worst_case_sigma(jacobian, asked.locked)
-        if merit > value:
-            best, value = jacobian, merit
+        score = worst_case_sigma(jacobian, asked.locked)
+        if score > value:
+            best, value = jacobian, score
             words = f"from one symmetric under a map of order {symmetric.order}"
     return best, words
 

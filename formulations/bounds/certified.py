@@ -3,7 +3,7 @@
 A bound holds for every Jacobian of the arm. It is known in closed form, by a proof in exact
 arithmetic, with all rounding bounded, or numerically: checked, but in floating point. Bounds
 that take minutes come from the record that the package carries; the commands that compute them
-again are in results/bounds. Each formulation's ``bound`` picks what applies to its merit.
+again are in results/bounds. Each formulation's ``bound`` picks what applies to its score.
 """
 
 import json
@@ -270,7 +270,7 @@ def best_known(quantity: str, model: str, joints: int) -> float | None:
         singular value, eq. (5), when one joint locks; or ``isotropy``, the largest of an
         isotropic Jacobian.
     model
-        Column model, a name in `formulations.catalogue.MODELS`.
+        Column model, a name in `formulations.joints.models.MODELS`.
     joints
         Number of joints n.
 

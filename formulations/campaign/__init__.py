@@ -1,1 +1,1 @@
-"""Many starts over formulations, models and sizes: declared, resumable, kept on disk."""
+"""Many starts over a declared grid, kept on disk: declaration → run → records → tables."""

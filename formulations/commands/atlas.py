@@ -233,8 +233,8 @@ def improve(
     from formulations.atlas.entry import entry
     from formulations.atlas.improve import improve as improve_random
     from formulations.atlas.polished import check_polished, improve_polished
+    from nlp.executors import default_workers
     from nlp.files import prepare_folder
-    from nlp.multistart import default_workers
 
     asked = entry(name)
     if search != "random":

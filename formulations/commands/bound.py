@@ -254,9 +254,9 @@ def _sharper(joints: int) -> list[dict[str, Any]]:
     """
     from formulations import measures
     from formulations.bounds.certified import best_known
-    from formulations.catalogue import certified_bound
     from formulations.joints.arm import Arm
     from formulations.joints.kinds import LeverRevolute, UnitRevolute
+    from formulations.registry import bound as certified_bound
 
     found: list[dict[str, Any]] = []
     models = {"unit-revolute": UnitRevolute(), "lever-revolute": LeverRevolute()}
@@ -275,7 +275,8 @@ def _sharper(joints: int) -> list[dict[str, Any]]:
 def _free_levers(quantity: Quantity, joints: int) -> dict[str, Any]:
     from formulations import measures
     from formulations.bounds.certified import best_known
-    from formulations.catalogue import arm, certified_bound
+    from formulations.joints.models import arm
+    from formulations.registry import bound as certified_bound
 
     if joints < 7:
         raise InputError("--joints", joints, "at least 7 with --free-levers")

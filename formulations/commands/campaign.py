@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from contextlib import closing
+import logging
+from concurrent.futures import Executor
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
@@ -16,9 +17,6 @@ from formulations.commands.arguments import (
     whole_option,
 )
 from formulations.commands.output import INTERRUPTED, refuse_damage, show
-
-if TYPE_CHECKING:
-    from nlp.spread import Pool
 
 INCOMPLETE = 1
 
@@ -39,11 +37,19 @@ def campaign(
             metavar="ADDRESS", help="Run on the Dask cluster with this scheduler instead."
         ),
     ] = None,
+    mpi: Annotated[
+        bool,
+        typer.Option(
+            "--mpi",
+            help="Run on the other ranks of `mpirun -n RANKS python -m mpi4py.futures -m "
+            "formulations campaign …` instead.",
+        ),
+    ] = False,
     time_limit: Annotated[
         float,
         positive_option(
             "SECONDS",
-            "Time for a start, from when it begins, after which its worker is killed.",
+            "Time for a start, from when it begins, after which its worker ends itself.",
         ),
     ] = 600.0,
     chunk: Annotated[
@@ -57,43 +63,43 @@ def campaign(
     """Run a declared grid of formulations, models and sizes from many random starts.
 
     Every start becomes one record in the store as it ends. Run the same command again after
-    Ctrl-C, a crash or a full disk: it goes on with what is missing, and more starts or cells
-    may be declared meanwhile. Damaged records are solved again. Exit status 1 if starts were
-    lost because they raised an exception, ended their process or exceeded the time limit, if
-    damaged records of other problems remain, or if another process is writing the store.
+    Ctrl-C, a crash or a full disk: it goes on with what is missing, and more starts or cases
+    may be declared meanwhile. Damaged records are solved again. Exit status 1 if starts
+    failed because they raised an exception, ended their process or exceeded the time limit, if
+    damaged records of other problems remain, if another process is writing the store, or if
+    the store was removed meanwhile.
     """
-    from formulations.campaign.campaign import read, run
-    from formulations.campaign.records import SCHEMA
-    from nlp.store import Store
+    from formulations.campaign.campaign import run
+    from formulations.campaign.declaration import read
+    from formulations.campaign.records import cell_of, open_store
 
-    if scheduler is not None:
-        refuse_unused(context, ("workers",), "--scheduler")
+    if scheduler is not None or mpi:
+        refuse_unused(context, ("workers",), "--scheduler or --mpi")
     declared = read(file)
     with (
-        closing(_pool(workers, scheduler)) as pool,
-        Store(store, SCHEMA, writable=True, salvage=True) as study,
+        _executor(workers, scheduler, mpi) as executor,
+        open_store(store, writable=True, salvage=True) as study,
     ):
-        report = run(declared, study, pool, time_limit, chunk, progress=True)
+        report = run(declared, study, executor, time_limit, chunk, progress=True)
         damaged = study.damaged
-    found = {
+    cells = [(cell_of(case, declared.seed), *rest) for case, *rest in report.failed]
+    values = {
         "store": str(store),
-        "cells": len(declared.cells),
+        "cases": len(declared.cases),
         "records_asked_for": report.asked,
         "added": report.added,
         "missing": report.missing,
-        "lost": [
-            {**cell.settings(), "start": start, "why": why} for cell, start, why in report.lost
-        ],
+        "failed": [{"case": cell, "start": start, "reason": why} for cell, start, why in cells],
     }
     text = (
         f"{report.asked - report.missing} of {report.asked} records of "
-        f"{len(declared.cells)} cells are in {store}, {report.added} of them new."
+        f"{len(declared.cases)} cases are in {store}, {report.added} of them new."
     )
-    show(found, as_json, lambda _: text)
-    if report.lost:
-        for cell, start, why in report.lost:
-            name = f"{cell.setup.formulation} {cell.setup.model} n={cell.joints}"
-            typer.echo(f"Lost: start {start} of {name} {why}.", err=True)
+    show(values, as_json, lambda _: text)
+    if report.failed:
+        for case, start, reason in report.failed:
+            name = f"{case.name} n={case.arm.shape[1]}"
+            typer.echo(f"Failed: start {start} of {name} {reason}.", err=True)
         raise typer.Exit(INCOMPLETE)
     if report.missing:
         typer.echo("Interrupted: run the same command again to go on.", err=True)
@@ -101,12 +107,20 @@ def campaign(
     refuse_damage({store: damaged})
 
 
-def _pool(workers: int | None, scheduler: str | None) -> Pool:
+def _executor(workers: int | None, scheduler: str | None, mpi: bool) -> Executor:
+    from nlp.errors import InputError, how_to_install
+    from nlp.executors import DaskExecutor, LocalExecutor, default_workers
+
     if scheduler is not None:
-        from nlp.cluster import DaskCluster
-
-        return DaskCluster(scheduler)
-    from nlp.multistart import default_workers
-    from nlp.processes import Processes
-
-    return Processes(workers or default_workers())
+        for part in ("distributed", "tornado"):  # what ends is said by our own errors
+            logging.getLogger(part).setLevel(logging.CRITICAL)
+        return DaskExecutor(scheduler)
+    if mpi:
+        try:
+            from mpi4py.futures import MPIPoolExecutor
+        except ImportError:
+            allowed = f"left out, or first run: {how_to_install('mpi4py', 'mpi')}"
+            raise InputError("--mpi", "given", allowed) from None
+        executor: Executor = MPIPoolExecutor()
+        return executor
+    return LocalExecutor(workers or default_workers())

@@ -46,6 +46,6 @@ def compare(
         starts=starts,
         workers=workers,
         bars=True,
-        note="merit: ½‖JJᵀ − (T/m)I‖² for residual, worst-case σ for the others; gap: "
-        "100·|bound − merit|/bound.",
+        note="score: ½‖JJᵀ − (T/m)I‖² for residual, worst-case σ for the others; gap: "
+        "100·|bound − score|/bound.",
     )

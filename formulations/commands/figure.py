@@ -80,8 +80,8 @@ def figure(
     from formulations.figures.picture import Request
     from formulations.files.figure import content, figure_class, kind_of, looking
     from formulations.files.jacobians import only_jacobian
+    from nlp.executors import default_workers
     from nlp.files import prepare_file, write_bytes, write_text
-    from nlp.multistart import default_workers
 
     wanted, form = kind(name), kind_of(out)
     for option, value in (("jacobian", jacobian), ("store", store)):

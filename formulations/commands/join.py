@@ -1,14 +1,13 @@
 """``lockedjoint join``: stores of one study from several machines become one store."""
 
 from contextlib import ExitStack
-from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from formulations.commands.arguments import Json
-from formulations.commands.output import refuse_damage, show
+from formulations.commands.output import named, refuse_damage, show
 
 
 def join(
@@ -28,21 +27,20 @@ def join(
     are named and not joined, and the exit status is 1; one that is damaged in the first store
     is replaced by an intact one.
     """
-    from formulations.campaign.records import SCHEMA, TIMES
-    from nlp.store import Store
+    from formulations.campaign.records import TIMES, open_store
 
     joined: list[dict[str, object]] = []
     with ExitStack() as opened:
-        sources = [opened.enter_context(Store(other, SCHEMA, salvage=True)) for other in others]
-        study = opened.enter_context(Store(store, SCHEMA, writable=True, salvage=True))
+        sources = [opened.enter_context(open_store(other, salvage=True)) for other in others]
+        study = opened.enter_context(open_store(store, writable=True, salvage=True))
         for source in sources:
             added, known = study.join(source, TIMES)
             row = {"store": str(source.path), "added": added, "already_there": known}
-            joined.append({**row, "damaged": [asdict(one) for one in source.damaged]})
+            joined.append({**row, "damaged": [named(*one) for one in source.damaged]})
             if not as_json:
                 text = f"{added} records of {source.path} are new, {known} were there already."
                 typer.echo(text)
         if as_json:
-            left = [asdict(one) for one in study.damaged]
+            left = [named(*one) for one in study.damaged]
             show({"store": str(store), "joined": joined, "damaged": left}, as_json)
         refuse_damage({one.path: one.damaged for one in (*sources, study)})

@@ -12,14 +12,14 @@ import typer
 
 from formulations.commands.arguments import progress as show_progress
 from nlp.files import write_text
-from nlp.interrupts import INTERRUPTED as INTERRUPTED
 
 if TYPE_CHECKING:
     from formulations.studies.study import Part, Study
     from nlp.arrays import FloatArray
-    from nlp.store_checks import Damage
 
 QUESTIONED = 1
+INTERRUPTED = 130
+_MOST_NAMED = 5
 
 
 def as_text(values: Mapping[str, object]) -> str:
@@ -86,13 +86,19 @@ def _finite(value: Any) -> Any:
     return None if isinstance(value, float) and not isfinite(value) else value
 
 
-def refuse_damage(damaged: Mapping[Path, Sequence[Damage]]) -> None:
-    """Name the damaged records of stores, if there are any, and end with status 1."""
-    from nlp.store_checks import sentence
+def named(cell: object, start: object) -> dict[str, object]:
+    """Return a record's cell and start by their names."""
+    return {"case": cell, "start": start}
 
-    for path, found in damaged.items():
-        if found:
-            typer.echo(f"Left out of {path}: {sentence(found)}.", err=True)
+
+def refuse_damage(damaged: Mapping[Path, Sequence[tuple[object, object]]]) -> None:
+    """Name the damaged records of stores, if there are any, and end with status 1."""
+    for path, records in damaged.items():
+        for cell, start in records[:_MOST_NAMED]:
+            typer.echo(f"Left out of {path}: damaged start {start} of {cell}.", err=True)
+        if len(records) > _MOST_NAMED:
+            more = f"and {len(records) - _MOST_NAMED} more damaged records"
+            typer.echo(f"Left out of {path}: {more}.", err=True)
     if any(damaged.values()):
         raise typer.Exit(QUESTIONED)
 
@@ -137,7 +143,7 @@ def run_study(
     """
     from formulations.files.table import Table
     from formulations.studies.study import INCOMPLETE, Effort
-    from nlp.multistart import default_workers
+    from nlp.executors import default_workers
 
     effort = Effort(seed, starts, workers or default_workers(), progress, bars)
     result = study.run(out, effort, (lambda _: None) if as_json else each)

@@ -64,8 +64,8 @@ def posture(
     from formulations.robots.posture import best_posture
     from formulations.robots.posture_search import Search
     from formulations.unequal_max_min import checked_goal
+    from nlp.executors import default_workers
     from nlp.files import prepare_file
-    from nlp.multistart import default_workers
 
     arm = robot.arm(file, tip, base, point, task, frame, length, held)
     count, options = workers or default_workers(), ipopt_options(ipopt)

@@ -63,8 +63,8 @@ def report(
     from formulations.studies.front_page import PAGE, front_page
     from formulations.studies.running import State, chosen, run_all
     from formulations.studies.study import Effort
+    from nlp.executors import default_workers
     from nlp.files import prepare_file, prepare_folder, write_text
-    from nlp.multistart import default_workers
 
     if only is not None:
         refuse_unused(context, ("everything",), "--only")

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import asdict
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from formulations.commands.output import refuse_damage
+from formulations.commands.output import named, refuse_damage
 from formulations.commands.output import show as print_found
 
 if TYPE_CHECKING:
@@ -65,11 +64,10 @@ def show(
     left out and named, and the exit status is 1.
     """
     from formulations.campaign import tables
-    from formulations.campaign.records import SCHEMA
+    from formulations.campaign.conditions import condition
+    from formulations.campaign.records import open_store
     from nlp.errors import InputError
     from nlp.files import prepare_file, write_bytes
-    from nlp.store import Store
-    from nlp.store_schema import condition
 
     if to not in FORMATS:
         raise InputError("--to", to, "one of " + ", ".join(FORMATS))
@@ -86,10 +84,10 @@ def show(
         raise InputError("--to", to, "none with --json")
     if to == "parquet" and out is None:
         raise InputError("--out", "missing", "a file, for parquet")
-    conditions = [condition(SCHEMA, text) for text in where or ()]
+    conditions = [condition(text) for text in where or ()]
     if out is not None:
         prepare_file(out, inputs=[store])
-    with Store(store, SCHEMA, salvage=True) as study:
+    with open_store(store, salvage=True) as study:
         if records:
             table = tables.frame(study, conditions)
         elif optima:
@@ -106,25 +104,17 @@ def show(
 
 
 def _check(store: Path, as_json: bool) -> None:
-    from formulations.campaign.records import SCHEMA
-    from nlp.store import Store
+    from formulations.campaign.records import open_store
 
-    with Store(store, SCHEMA, salvage=True) as study:
-        intact = study.count() - sum(len(one.starts) for one in study.damaged)
-        found = {
+    with open_store(store, salvage=True) as study:
+        intact = len(study.frame([]))
+        values = {
             "store": str(store),
             "intact": intact,
-            "damaged": [asdict(one) for one in study.damaged],
+            "damaged": [named(*record) for record in study.damaged],
         }
-        if not study.checksums:
-            text = (
-                f"{intact} records of an older version, without checksums; the file is whole."
-            )
-        elif study.damaged:
-            text = f"{intact} records are intact."
-        else:
-            text = f"{intact} records, all intact."
-        print_found({**found, "checksums": study.checksums}, as_json, lambda _: text)
+        text = f"{intact} records{' are' if study.damaged else ', all'} intact."
+        print_found(values, as_json, lambda _: text)
         refuse_damage({store: study.damaged})
 
 
@@ -150,7 +140,7 @@ def _to_read(table: pd.DataFrame, style: str, underscore: str = "_") -> str:
     """Return the table as text with few digits, without the matrices."""
     shown = table.drop(columns=["jacobian", "canonical_form"], errors="ignore").astype(object)
     for name in shown:
-        digits = 8 if name in ("merit", "worst_case_sigma") else 4
+        digits = 8 if name in ("score", "worst_case_sigma") else 4
         shown[name] = [_cell(value, digits) for value in shown[name]]
     shown.columns = shown.columns.str.replace("_", underscore)
     return f"{shown.to_markdown(index=False, tablefmt=style, disable_numparse=True)}\n"

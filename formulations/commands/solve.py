@@ -56,8 +56,9 @@ def solve(
     encoding: Annotated[
         str | None,
         typer.Option(
-            help="Eigenvalue constraints of max-min: two-stage, reduced, shared-factor, "
-            "principal-minors, factor-per-deletion or positive-factor-per-deletion.",
+            help="Eigenvalue constraints of max-min: two-stage, schur-complement, "
+            "shared-factor, principal-minors, factor-per-deletion or "
+            "positive-factor-per-deletion.",
             show_default="two-stage; shared-factor for several locked joints; "
             "positive-factor-per-deletion for unequal failures",
         ),
@@ -92,30 +93,31 @@ def solve(
 ) -> None:
     """Solve one formulation from random starts and measure the best answer."""
     from formulations.bounds.unequal_failures import assess_failures
-    from formulations.catalogue import arm
+    from formulations.joints.models import arm
     from formulations.measures.assessment import measure
+    from formulations.registry import formulation as formulation_of
     from formulations.solving.solve import solve as solve_from_many_starts
-    from formulations.unequal_max_min import checked_goal
     from nlp.files import prepare_file
 
-    if joints is None:
-        joints = arm(model, None if ":" in model else 7, task_dimension).shape[1]
-    failures = failure_model(failure_probabilities, never_fails, joints, locked)
+    stated = formulation_of(formulation)
+    built = arm(model, 7 if joints is None and ":" not in model else joints, task_dimension)
+    failures = failure_model(failure_probabilities, never_fails, built.shape[1], locked)
     if out is not None:
         prepare_file(out)
+    settings: dict[str, tuple[Any, Any]] = {
+        "locked": (locked, 1),
+        "failures": (failures, None),
+        "goal": (goal, "worst"),
+        "encoding": (encoding, None),
+        "from_residual_minima": (from_residual_minima, False),
+    }
     outcome = solve_from_many_starts(
-        formulation,
-        model,
-        joints,
-        task_dimension,
+        stated,
+        built,
         starts=starts,
-        rng=seed,
+        seed=seed,
         workers=workers,
-        locked=locked,
-        failures=failures,
-        goal=checked_goal(goal),
-        encoding=encoding,
-        from_residual_minima=from_residual_minima,
+        **{name: value for name, (value, default) in settings.items() if value != default},
         solver=solver,
         options=ipopt_options(ipopt),
         compiled=compiled,

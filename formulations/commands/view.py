@@ -12,7 +12,6 @@ from formulations.commands import robot_arguments as robot
 from formulations.commands.arguments import Json, Seed, Starts, whole_option
 from formulations.commands.output import INTERRUPTED, show
 from nlp.errors import MissingLibraryError
-from nlp.interrupts import interrupt_answered
 
 
 def view(
@@ -74,7 +73,6 @@ def view(
         while True:
             time.sleep(0.2)
     except KeyboardInterrupt:
-        interrupt_answered()
         page.close()
         typer.echo("Interrupted.", err=True)
         # Without waiting for a search inside of a solver, or for the end of threads.

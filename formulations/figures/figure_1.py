@@ -6,14 +6,13 @@ four of them different manipulators: all are drawn.
 
 from __future__ import annotations
 
-from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
 
 from formulations import max_min, measures
-from formulations.figures.picture import Picture, Request, reached
+from formulations.figures.picture import Picture, Request, reached, solved
 from formulations.files.figure import LABEL, PALE, TITLE, styled
 from formulations.joints.arm import Arm
 from formulations.joints.kinds import FreeColumn
@@ -22,11 +21,8 @@ from formulations.realise.family import distinct, every, symmetries
 from formulations.realise.from_jacobian import realise
 from formulations.realise.links import link_lengths
 from formulations.realise.manipulator import Manipulator
-from formulations.solving.outcome import Outcome
-from formulations.solving.record import judge
-from formulations.solving.setup import Setup
+from formulations.solving.case import Case
 from nlp.arrays import FloatArray
-from nlp.multistart import multistart
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -81,17 +77,8 @@ def optima(joints: int, request: Request, locked: int = 1) -> list[FloatArray]:
     """
     request.progress(f"max-min, planar {joints}R, {locked} locked")
     arm = Arm.of(FreeColumn(2, norm=float(np.sqrt(2 / joints)), budget="mean"), joints)
-    setup = Setup(max_min.NAME, "free-mean", locked=locked)
-    study = multistart(
-        partial(max_min.build, arm, locked),
-        arm.sample,
-        starts=request.starts,
-        rng=request.seed,
-        options=max_min.OPTIONS,
-        judge=partial(judge, arm=arm, merit=setup.merit(), locked=locked),
-    )
-    outcome = Outcome(setup, arm, study.all_results(), study.complete)
-    return [record.jacobian for record in reached(outcome)]
+    case = Case(max_min, arm, {"locked": locked})
+    return [record.jacobian for record in reached(solved(case, request))]
 
 
 def turned(matrix: FloatArray, direction: float) -> FloatArray:

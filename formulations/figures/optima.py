@@ -13,16 +13,16 @@ import numpy as np
 import pandas as pd
 
 from formulations import isotropy, max_min, residual
-from formulations.campaign.records import SCHEMA
+from formulations.campaign.records import open_store
 from formulations.campaign.tables import SETTINGS, differing, frame
 from formulations.figures.picture import NothingFoundError, Picture, Request, solved
 from formulations.files.figure import BLUE, PALE, SMALL, TITLE, beside, styled, without_frame
+from formulations.joints.models import arm
+from formulations.solving.case import Case
 from formulations.solving.outcome import Outcome
-from formulations.solving.setup import Setup
 from nlp.arrays import FloatArray
 from nlp.errors import FileError
 from nlp.solution import ACCEPTABLE, FEASIBLE, SUCCESS
-from nlp.store import Store
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -42,15 +42,15 @@ LONGEST = 42
 SHOWN = ("start", "status", "worst_case_sigma", "isotropy_defect")
 COLUMNS = ("problem", "label", *SHOWN[:2], "counted", *SHOWN[2:])
 PROBLEMS = (
-    (f"residual, {UNIT}", Setup(residual.NAME, "unit-revolute")),
-    (f"max-min, {UNIT}", Setup(max_min.NAME, "unit-revolute")),
+    (f"residual, {UNIT}", Case(residual, arm("unit-revolute", 7))),
+    (f"max-min, {UNIT}", Case(max_min, arm("unit-revolute", 7))),
     (
         f"max-min, {UNIT},\none factor per failure",
-        Setup(max_min.NAME, "unit-revolute", encoding="factor-per-deletion"),
+        Case(max_min, arm("unit-revolute", 7), {"encoding": "factor-per-deletion"}),
     ),
-    (f"residual, {LEVER}", Setup(residual.NAME, "lever-revolute")),
-    (f"isotropy, {LEVER}", Setup(isotropy.NAME, "lever-revolute")),
-    (f"max-min, {LEVER}", Setup(max_min.NAME, "lever-revolute")),
+    (f"residual, {LEVER}", Case(residual, arm("lever-revolute", 7))),
+    (f"isotropy, {LEVER}", Case(isotropy, arm("lever-revolute", 7))),
+    (f"max-min, {LEVER}", Case(max_min, arm("lever-revolute", 7))),
 )
 
 
@@ -88,7 +88,7 @@ def levels(sigmas: pd.Series) -> list[tuple[float, int]]:
 
 
 def _solved(request: Request) -> pd.DataFrame:
-    tables = [ends(name, solved(setup, request)) for name, setup in PROBLEMS]
+    tables = [ends(name, solved(case, request)) for name, case in PROBLEMS]
     return pd.concat(tables, ignore_index=True)
 
 
@@ -117,11 +117,11 @@ def stored(path: Path) -> pd.DataFrame:
     FileError
         If it is no store of a campaign, or holds no records yet.
     """
-    with Store(path, SCHEMA) as store:
-        records = frame(store, columns=[*SETTINGS, *SHOWN, "valid", "violation"])
+    with open_store(path) as store:
+        records = frame(store, columns=[*SHOWN[1:], "valid", "violation"])
     if records.empty:
         raise FileError("--store", str(path), "a store with records")
-    named = differing(records, ALWAYS_NAMED, ALWAYS_NAMED)
+    named = differing(records, SETTINGS, ALWAYS_NAMED, ALWAYS_NAMED)
     labels = records[list(SETTINGS)].apply(_label, axis=1, named=named)
     # The gate, `Record.trusted`, in the words of the store.
     feasible = (records["valid"] == 1) & (records["violation"] <= FEASIBLE)

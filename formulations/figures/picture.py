@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING
 import pandas as pd
 
 from formulations.realise.from_jacobian import MOST_JOINTS
+from formulations.solving.case import Case
 from formulations.solving.outcome import Outcome
 from formulations.solving.record import Record
-from formulations.solving.setup import Setup
 from formulations.solving.solve import run
 from nlp.arrays import FloatArray
 from nlp.errors import InputError, LockedJointError
@@ -74,19 +74,17 @@ class NothingFoundError(LockedJointError):
     exit_status = 1
 
 
-def solved(setup: Setup, request: Request) -> Outcome:
-    """Solve a setup for seven joints in six dimensions from all starts asked for.
+def solved(case: Case, request: Request) -> Outcome:
+    """Solve a case from all starts asked for.
 
     Raises
     ------
     KeyboardInterrupt
         If the user interrupted: there is no figure of an unfinished study.
     """
-    request.progress(f"{setup.formulation}, {setup.model}")
+    request.progress(case.name)
     outcome = run(
-        setup,
-        joints=7,
-        task_dimension=6,
+        case,
         starts=request.starts,
         seed=request.seed,
         workers=request.workers,
@@ -105,13 +103,13 @@ def reached(outcome: Outcome) -> tuple[Record, ...]:
         If there is none.
     """
     if not outcome.reached:
-        who = f"{outcome.setup.formulation} on {outcome.setup.model}"
+        who = outcome.case.name
         raise NothingFoundError(f"No start of {who} passes the check; ask for more starts.")
     return outcome.reached
 
 
-def best(setup: Setup, request: Request) -> FloatArray:
-    """Return the best Jacobian of a setup, shape (6, 7); see `solved` and `reached`."""
-    outcome = solved(setup, request)
+def best(case: Case, request: Request) -> FloatArray:
+    """Return the best Jacobian of a case, shape (m, n); see `solved` and `reached`."""
+    outcome = solved(case, request)
     reached(outcome)
     return outcome.best.jacobian

@@ -162,9 +162,7 @@ def _(value: RobotAssessment) -> Figure:
 
 @_figure.register(Outcome)
 def _(value: Outcome) -> Figure:
-    setup = value.setup
-    name = " ".join(filter(None, (setup.formulation, setup.variant, setup.model)))
-    table = optima.ends(name, value)
+    table = optima.ends(value.case.name, value)
     if not table["counted"].any():
         raise NothingFoundError("No start passes the check; ask for more starts.")
     return optima.draw(table)

@@ -10,10 +10,12 @@ import pandas as pd
 from formulations import max_min, measures
 from formulations.figures.picture import Picture, Request, best
 from formulations.files.figure import GREY, SMALL, TITLE, styled
+from formulations.joints.arm import Arm
+from formulations.joints.kinds import UnitRevolute
 from formulations.realise.drawing import common_lever, draw_axes
 from formulations.realise.from_jacobian import realise
 from formulations.realise.projection import clear_views
-from formulations.solving.setup import Setup
+from formulations.solving.case import Case
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
 
@@ -62,7 +64,7 @@ def make(request: Request) -> Picture:
 
 def _matrix(request: Request) -> FloatArray:
     if request.jacobian is None:
-        return best(Setup(max_min.NAME, "unit-revolute"), request)
+        return best(Case(max_min, Arm.of(UnitRevolute(), 7)), request)
     if request.jacobian.shape[0] != 6:
         shape = "×".join(map(str, request.jacobian.shape))
         raise InputError("--jacobian", f"of shape {shape}", "6 rows, for seven-axes")

@@ -12,13 +12,13 @@ import numpy as np
 import pandas as pd
 
 from formulations import max_min, measures, residual
-from formulations.catalogue import certified_bound
 from formulations.figures.picture import Picture, Request, best
 from formulations.files.figure import BLUE, INK, VERMILION, beside, styled, without_frame
 from formulations.joints.arm import Arm
 from formulations.joints.kinds import UnitRevolute
-from formulations.solving.record import in_model
-from formulations.solving.setup import Setup
+from formulations.registry import bound as bound_on
+from formulations.registry import formulation
+from formulations.solving.case import Case
 from nlp.arrays import FloatArray
 
 if TYPE_CHECKING:
@@ -59,8 +59,8 @@ def bounds(matrix: FloatArray) -> list[tuple[str, float]]:
     m, n = matrix.shape
     plain = measures.sigma_bound(m, n, measures.trace(matrix))
     found = [("bound (6)", plain)]
-    if m == 6 and in_model(arm := Arm.of(UnitRevolute(), n), matrix):
-        certified = certified_bound(max_min.NAME, arm).value
+    if m == 6 and (arm := Arm.of(UnitRevolute(), n)).admits(matrix):
+        certified = bound_on(max_min, arm).value
         if certified < plain - SAME:
             found.append((CERTIFIED, certified))
     return found
@@ -70,7 +70,10 @@ def _jacobians(request: Request) -> Sequence[tuple[str, FloatArray]]:
     if request.jacobian is not None:
         return [("", request.jacobian)]
     return [
-        (f"{title}, unit revolute 7R", best(Setup(name, "unit-revolute"), request))
+        (
+            f"{title}, unit revolute 7R",
+            best(Case(formulation(name), Arm.of(UnitRevolute(), 7)), request),
+        )
         for name, title in TITLES.items()
     ]
 

@@ -9,7 +9,6 @@ import numpy as np
 import pandas as pd
 
 from formulations import measures, residual
-from formulations.catalogue import arm, certified_bound
 from formulations.figures.picture import NothingFoundError, Picture, Request
 from formulations.files.figure import (
     BLUE,
@@ -22,7 +21,9 @@ from formulations.files.figure import (
     styled,
     without_frame,
 )
-from formulations.solving.trade_off_curve import curve
+from formulations.joints.models import arm
+from formulations.registry import bound
+from formulations.solving.trade_off_curve import trade_off_curve
 from nlp.arrays import FloatArray
 
 if TYPE_CHECKING:
@@ -66,7 +67,7 @@ def distance(defect: pd.Series) -> FloatArray:
 
 def _proved(axes: Axes, low: float) -> None:
     """Draw how isotropic unit lever arms can be at most."""
-    defect = certified_bound(residual.NAME, arm("unit-revolute", 7)).value
+    defect = bound(residual, arm("unit-revolute", 7)).value
     place = float(np.sqrt(2 * defect))
     axes.vlines(place, low, 0.517, color=GREY, lw=0.6)
     text, style = "proved: no unit lever arms left of here", {"color": GREY, "fontsize": SMALL}
@@ -74,7 +75,7 @@ def _proved(axes: Axes, low: float) -> None:
 
 
 def _curve(model: str, request: Request, points: int) -> pd.DataFrame:
-    found = curve(
+    found = trade_off_curve(
         arm(model, 7),
         points,
         request.starts,

@@ -18,7 +18,7 @@ from nlp.arrays import FloatArray, as_floats, finite_vector, whole_number
 from nlp.errors import InputError
 from nlp.problem import Constraint
 
-# What can be stated is less, see `formulations.catalogue.arm`.
+# What can be stated is less, see `formulations.joints.models.arm`.
 _MOST_JOINTS = 10_000
 
 
@@ -164,6 +164,18 @@ class Arm:
         point = np.concatenate(rows)
         self._check_extents(point)
         return point
+
+    def within_bounds(self, variables: FloatArray) -> FloatArray:
+        """Return the variables: they have no bounds."""
+        return variables
+
+    def admits(self, jacobian: FloatArray, variables: FloatArray | None = None) -> bool:  # noqa: ARG002
+        """Whether each column is one that its joint can contribute, and shared bounds hold."""
+        try:
+            self.variables(jacobian)
+        except InputError:  # also for NaN and infinity
+            return False
+        return True
 
     def _check_extents(self, point: FloatArray) -> None:
         for name, function, low, high in _extent_functions(self):

@@ -71,6 +71,15 @@ class ColumnModel(Protocol):
     def sample(self, rng: np.random.Generator) -> FloatArray:
         """Draw variables at random."""
 
+    def within_bounds(self, variables: FloatArray) -> FloatArray:
+        """Return the nearest variables within the bounds, which a solver may pass a little."""
+
+    def admits(self, jacobian: FloatArray, variables: FloatArray) -> bool:
+        """Whether this is a Jacobian of the model, at these variables: the check of answers.
+
+        Computed from the numbers alone, without the symbols that a solver was given.
+        """
+
 
 class Joint(ABC):
     """One kind of joint.

@@ -112,6 +112,14 @@ class SymmetricArm:
         point = finite_vector("variables", variables, self.size)
         return np.array(_jacobian_function(self)(point), dtype=float)
 
+    def within_bounds(self, variables: FloatArray) -> FloatArray:
+        """Return the variables: they have no bounds."""
+        return variables
+
+    def admits(self, jacobian: FloatArray, variables: FloatArray | None = None) -> bool:
+        """Whether it is a Jacobian of the arm; that it is symmetric is not checked."""
+        return self.arm.admits(jacobian, variables)
+
     def sample(self, rng: np.random.Generator) -> FloatArray:
         """Draw one column of each orbit at random."""
         return np.concatenate(list(self.arm.joints[0].sample(rng, self._orbits)))

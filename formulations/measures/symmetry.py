@@ -73,10 +73,10 @@ def mirror_image(matrix: FloatArray) -> FloatArray:
 
 @dataclass(eq=False)
 class Class:
-    """A class: the first Jacobian of it, its merit, and how many Jacobians it has."""
+    """A class: the first Jacobian of it, its score, and how many Jacobians it has."""
 
     jacobian: FloatArray
-    merit: float
+    score: float
     reached: int = 0
 
 
@@ -88,7 +88,7 @@ class Classes:
         self._found: list[Class] = []
         self._numbers = np.zeros((0, 0))
 
-    def add(self, jacobian: FloatArray, merit: float) -> None:
+    def add(self, jacobian: FloatArray, score: float) -> None:
         """Count a Jacobian in its class."""
         numbers = invariants(jacobian, self._symmetry)
         if not self._found:
@@ -99,7 +99,7 @@ class Classes:
         if near.size:
             self._found[int(near[0])].reached += 1
         elif len(self._found) < MOST:
-            self._found.append(Class(jacobian, merit, 1))
+            self._found.append(Class(jacobian, score, 1))
             self._numbers = np.vstack([self._numbers, numbers])
 
     def most_reached(self) -> list[Class]:

@@ -155,7 +155,7 @@ def slide_apart(manipulator: Manipulator, seed: int = 0) -> Manipulator:
     def points(ways: FloatArray) -> FloatArray:
         return np.asarray(manipulator.points + ways[..., None] * manipulator.directions)
 
-    def merit(ways: FloatArray) -> FloatArray:
+    def score(ways: FloatArray) -> FloatArray:
         places = points(ways)
         apart = _distances(places, manipulator.end_effector)[1].min(axis=-1, initial=np.inf)
         longer = link_lengths(places, manipulator.end_effector).sum(axis=-1) - own
@@ -163,12 +163,12 @@ def slide_apart(manipulator: Manipulator, seed: int = 0) -> Manipulator:
 
     rng = np.random.default_rng(seed)
     best, step = np.zeros(n), _FARTHEST / 2 * size
-    value = before = float(merit(best))
+    value = before = float(score(best))
     for _ in range(_ROUNDS):
         some = rng.uniform(size=(_MOVES, n)) < 0.5
         moves = best + step * some * rng.standard_normal((_MOVES, n))
         moves = np.clip(moves, -_FARTHEST * size, _FARTHEST * size)
-        values = merit(moves)
+        values = score(moves)
         winner = int(np.argmax(values))
         if values[winner] > value:
             best, value = moves[winner], float(values[winner])

@@ -118,7 +118,7 @@ def _best(joints: int, locked: int, seed: int, starts: int) -> list[FloatArray]:
     """Max-min over all planar arms with tr JJᵀ = 2, so that σ = 1 where they are isotropic."""
     arm = Arm.of(FreeColumn(2, norm=float(np.sqrt(2 / joints)), budget="mean"), joints)
     build = partial(max_min.build, arm, locked)
-    return optima(search(build, arm.sample, starts, seed, max_min.OPTIONS))
+    return optima(search(build, arm.sample, starts, seed))
 
 
 def four_joint_rows(

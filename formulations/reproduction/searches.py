@@ -22,7 +22,7 @@ def search(
     Parameters
     ----------
     build, sample, options
-        See `nlp.task.Task`.
+        See `nlp.starts.Task`.
     starts, seed
         See `nlp.multistart.multistart`.
 
@@ -31,8 +31,10 @@ def search(
     KeyboardInterrupt
         If the user interrupted: shares of an unfinished search would be wrong.
     """
-    study = multistart(build, sample, starts=starts, rng=seed, options=options)
-    return [run.solution for run in study.all_results()]
+    study = multistart(build, sample, starts=starts, seed=seed, options=options)
+    if not study.complete:
+        raise KeyboardInterrupt
+    return [run.solution for run in study.results]
 
 
 def optima(solutions: list[Solution]) -> list[FloatArray]:

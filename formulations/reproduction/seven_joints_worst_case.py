@@ -58,7 +58,7 @@ def _worst_joint_row(printed: FloatArray, exact: FloatArray) -> Row:
 
 def _improvement_row(exact: FloatArray, seed: int, starts: int) -> Row:
     build, sample = partial(max_min.build, ARM), max_min.ResidualMinimum(ARM)
-    found = optima(search(build, sample, starts, seed, max_min.OPTIONS))
+    found = optima(search(build, sample, starts, seed))
     sigmas = np.array([measures.worst_case_sigma(matrix) for matrix in found])
     best, before = float(sigmas.max()), measures.worst_case_sigma(exact)
     reached = int(np.sum(sigmas >= best - 1e-6))
@@ -77,7 +77,7 @@ def _improvement_row(exact: FloatArray, seed: int, starts: int) -> Row:
 
 def _existence_row(seed: int, starts: int) -> Row:
     build = partial(isotropy.build, ARM)
-    found = search(build, ARM.sample, starts, seed, isotropy.OPTIONS)
+    found = search(build, ARM.sample, starts, seed)
     tolerant = any(
         measures.is_optimally_failure_tolerant(solution.outputs["jacobian"], 1e-8)
         for solution in found

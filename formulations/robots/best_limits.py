@@ -50,7 +50,7 @@ def best_limits(
 
     Planar arms that have the closed form: differential evolution, then Nelder–Mead. Others:
     a pattern search on a grid twice as coarse, from the best of random intervals. Where the
-    workspace is empty, the merit is what is missing of it. The best found is not proved to be
+    workspace is empty, the score is what is missing of it. The best found is not proved to be
     the best.
 
     Parameters
@@ -95,10 +95,10 @@ def best_limits(
         coarse = ReachableSets(arm, _COARSER * voxel, 2 * SLICE)
         search = _Pattern(coarse, least_width, progress)
     found = [search.run(rng, k) for k in range(starts)]
-    limits = max(found, key=search.merit)
+    limits = max(found, key=search.score)
     if not lengths:
         return arm, limits
-    best = search.merit(limits)
+    best = search.score(limits)
     for share in _SHIFTS:
         better = True
         while better:
@@ -106,10 +106,10 @@ def best_limits(
             for shifted in _shifted_links(search.sets.arm, share):
                 grid = ReachableSets(shifted, search.sets.voxel, 2 * SLICE)
                 other = _Pattern(grid, least_width, progress)
-                if other.merit(limits) > best:
+                if other.score(limits) > best:
                     search, better = other, True
                     limits = search.climbed(limits, _MOVES[1:])
-                    best = search.merit(limits)
+                    best = search.score(limits)
                     progress(f"links {np.round(shifted.links, 3)}: {best:.4g}")
                     break
     return search.sets.arm, limits
@@ -138,7 +138,7 @@ class _Pattern:
         self._least, self._progress = least_width, progress
         self._known: dict[Ranges, float] = {}
 
-    def merit(self, limits: Ranges) -> float:
+    def score(self, limits: Ranges) -> float:
         """Size of the workspace; where it is empty, minus the failures against a voxel."""
         if limits not in self._known:
             kept = self.sets.after(limits)
@@ -151,8 +151,8 @@ class _Pattern:
     def run(self, rng: np.random.Generator, start: int) -> Ranges:
         """Climb from the best of random intervals."""
         drawn = [self._drawn(rng) for _ in range(_DRAWS)]
-        limits = self.climbed(max(drawn, key=self.merit), _MOVES)
-        self._progress(f"start {start}: {self.merit(limits):.4g}")
+        limits = self.climbed(max(drawn, key=self.score), _MOVES)
+        self._progress(f"start {start}: {self.score(limits):.4g}")
         return limits
 
     def climbed(self, limits: Ranges, moves: Sequence[int]) -> Ranges:
@@ -165,7 +165,7 @@ class _Pattern:
                     for low, high in _ENDS:
                         by = move * self._unit(joint)
                         other = self._moved(limits, joint, low * by, high * by)
-                        if other and self.merit(other) > self.merit(limits):
+                        if other and self.score(other) > self.score(limits):
                             limits, better = other, True
         return limits
 
@@ -224,7 +224,7 @@ def _best_planar(
         )
         return Planar3R(links, ranges)
 
-    def merit(x: FloatArray) -> float:
+    def score(x: FloatArray) -> float:
         one = stated(x)
         area = one.area()
         return -area if area > 0 else max(one.shortfall, 0.0) * total**2
@@ -241,7 +241,7 @@ def _best_planar(
     found = min(
         (
             optimize.differential_evolution(
-                merit,
+                score,
                 bounds,
                 x0=x0,
                 rng=seed + k,
@@ -257,7 +257,7 @@ def _best_planar(
     progress("Nelder–Mead")
     options = {"xatol": 1e-5, "fatol": 1e-8 * total**2, "maxiter": 10 * generations}
     found = optimize.minimize(
-        merit, found.x, method="Nelder-Mead", bounds=bounds, options=options
+        score, found.x, method="Nelder-Mead", bounds=bounds, options=options
     )
     best = stated(found.x)
     chosen = arm.with_links(best.lengths) if lengths else arm

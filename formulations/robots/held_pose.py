@@ -188,9 +188,11 @@ class HeldArm(RobotArm):
         drawn = self.configurations
         return drawn[:, int(rng.integers(drawn.shape[1]))].copy()
 
-    def holds(self, configuration: FloatArray) -> bool:
+    def admits(self, jacobian: FloatArray, variables: FloatArray) -> bool:
         """Whether the pose is reached and links keep their distance, in NumPy."""
-        q = configuration[:, None]
+        if not super().admits(jacobian, variables):
+            return False
+        q = variables[:, None]
         if self.pose is not None:
             errors = self.pose.errors(self.kinematics, q)
             if not self.pose.reached(errors, FEASIBLE)[0]:

@@ -29,7 +29,6 @@ from formulations.robots.survival import Kinematics, follow, on_path, survivors
 from formulations.robots.waypoints import ToolPath, place_name
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
-from nlp.interrupts import interrupt_answered
 
 # Random starts of the inverse kinematics: at waypoints, and where the path may be out of reach.
 _FIRST, _REACH = 200, 2000
@@ -143,7 +142,6 @@ class _Planner:
                 if gain > _SAME or (gain > -_SAME and tried.roughness < found.roughness):
                     found, improved = tried, True
         except KeyboardInterrupt:  # the best sequence so far is an answer, too
-            interrupt_answered()
             complete = False
         found = found or self._measured(best)
         return replace(self._report(found, base, statuses, improved), complete=complete)

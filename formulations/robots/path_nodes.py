@@ -16,7 +16,6 @@ from formulations.robots.survival import JUMP, BoolArray, Kinematics, Poses, sur
 from formulations.robots.waypoints import place_name
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
-from nlp.interrupts import deferred_interrupt
 
 # What one squared radian of motion between two samples costs, in joints that survive.
 _MOTION = 10.0
@@ -40,25 +39,25 @@ class Nodes:
     def __init__(self, kinematics: Kinematics, poses: Poses, seed: int) -> None:
         self._kinematics, self._poses, self._seed = kinematics, poses, seed
         # Of each sample, as they came: nodes (n, B), and the last sample reached (n, B).
-        self._nodes: list[list[FloatArray]] = [[] for _ in range(len(poses))]
-        self._ends: list[list[IntArray]] = [[] for _ in range(len(poses))]
+        self._known: list[list[tuple[FloatArray, IntArray]]] = [[] for _ in range(len(poses))]
 
     @property
     def count(self) -> int:
         """How many nodes there are at all samples together."""
-        return sum(one.shape[1] for parts in self._nodes for one in parts)
+        return sum(nodes.shape[1] for parts in self._known for nodes, _ in parts)
 
     def any_at(self, sample: int) -> bool:
         """Whether there are nodes at a sample."""
-        return bool(self._nodes[sample])
+        return bool(self._known[sample])
 
     def at(self, sample: int) -> FloatArray:
         """Return the nodes at a sample, shape (n, B)."""
-        return np.concatenate(self._nodes[sample], axis=1)
+        return np.concatenate([nodes for nodes, _ in self._known[sample]], axis=1)
 
     def survives(self, sample: int) -> BoolArray:
         """Whether the path can be finished after joint f locks at each node, shape (n, B)."""
-        return np.asarray(np.concatenate(self._ends[sample], axis=1) == len(self._poses) - 1)
+        ends = np.concatenate([ends for _, ends in self._known[sample]], axis=1)
+        return np.asarray(ends == len(self._poses) - 1)
 
     def add_tracks(self, tracks: FloatArray) -> None:
         """Add tracks, shape (N, n, B), NaN where they have no configuration, and test them."""
@@ -68,11 +67,9 @@ class Nodes:
             return
         nodes = tracks[samples, :, which].T
         ends = survivors(self._kinematics, nodes, samples, self._poses, seed=self._seed)
-        with deferred_interrupt():  # both or neither
-            for sample in np.unique(samples):
-                here = samples == sample
-                self._nodes[sample].append(nodes[:, here])
-                self._ends[sample].append(ends[:, here])
+        for sample in np.unique(samples):
+            here = samples == sample
+            self._known[sample].append((nodes[:, here], ends[:, here]))
 
     def add(self, found: Mapping[int, FloatArray]) -> None:
         """Add configurations at some samples, shape (n, B) at each, and test them."""

@@ -122,7 +122,7 @@ class Planar3R:
     def shortfall(self) -> float:
         """How far the failures of joints 2 and 3, and then of joint 1, are from leaving a ring.
 
-        A merit where the area is 0, which is flat: it is 0 or below where a ring is left.
+        A score where the area is 0, which is flat: it is 0 or below where a ring is left.
         """
         low, high = self.rings
         total = sum(self.lengths)

@@ -6,21 +6,17 @@ other: see `held_pose`.
 
 from __future__ import annotations
 
-from collections import Counter
-
 import numpy as np
 import numpy.typing as npt
 
-from formulations import catalogue
 from formulations.measures.unequal_failures import scenarios
 from formulations.robots.clearance import Clearance
 from formulations.robots.held_pose import HeldArm, Pose
 from formulations.robots.posture_found import Posture, describe
-from formulations.robots.posture_search import Search, candidates, problem
+from formulations.robots.posture_search import Search, searched
 from formulations.robots.robot_arm import RobotArm
 from formulations.robots.structural import structural_failures
 from formulations.robots.tree import RobotError
-from formulations.solving.outcome import REACHED_BEST
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
 from nlp.problem import Constraint
@@ -33,7 +29,7 @@ def best_posture(
     at: Pose | None = None,
     clearance: Clearance | None = None,
 ) -> Posture:
-    """Search for the posture that is best by a formulation's merit.
+    """Search for the posture that is best by a formulation's score.
 
     Parameters
     ----------
@@ -60,7 +56,7 @@ def best_posture(
         variables, or, for max-min, the arm cannot do the task even before a failure.
     InputError
         If the length is given, the task has linear or rotational directions only, and the
-        formulation's merit is best for a small Jacobian. If the pose is out of reach.
+        formulation's score is best for a small Jacobian. If the pose is out of reach.
     KeyboardInterrupt
         If interrupted before the first start ended.
     """
@@ -72,37 +68,30 @@ def best_posture(
     if _hopeless(arm, search):
         return _any_posture(arm, search)
     _check(arm, search, middle)
-    study = candidates(arm, search)
-    if not study.results:
+    outcome = searched(arm, search)
+    if not outcome.records:
         raise KeyboardInterrupt
-    statuses = Counter(one.return_status for one in study.results)
-    valid = [one for one in study.results if np.isfinite(one.merit)]
-    if not valid:
-        counts = ", ".join(f"{status} {count}" for status, count in sorted(statuses.items()))
-        where = f"posture of {arm.description} for {search.formulation}"
+    if not any(record.valid for record in outcome.records):
+        counts = outcome.status_counts.items()
+        listed = ", ".join(f"{status} {count}" for status, count in counts)
+        where = f"posture of {arm.description} for {search.stated.NAME}"
         free = "pose or distance" if isinstance(arm, HeldArm) else "task or robot"
-        allowed = f"a {free} for which one exists ({counts})"
-        raise RobotError(where, f"not found from {len(study.results)} starts", allowed)
-    pick = min if catalogue.formulation(search.formulation).SENSE == "minimise" else max
-    converged = [one for one in valid if one.converged]
-    ranked = converged or valid
-    merit = pick(one.merit for one in ranked)
-    best = [one for one in ranked if abs(one.merit - merit) <= REACHED_BEST]
-    shown = max(best, key=lambda one: one.worst_case_sigma)
+        allowed = f"a {free} for which one exists ({listed})"
+        raise RobotError(where, f"not found from {len(outcome.records)} starts", allowed)
     return describe(
         arm,
         search,
-        shown.configuration,
-        starts=len(study.results),
-        reached_best=len(best) if converged else 0,
-        status_counts=dict(sorted(statuses.items())),
-        complete=study.complete,
+        outcome.best.variables,
+        starts=len(outcome.records),
+        reached_best=len(outcome.reached),
+        status_counts=outcome.status_counts,
+        complete=outcome.complete,
     )
 
 
 def _hopeless(arm: RobotArm, search: Search) -> bool:
     """Whether the formulation needs full rank after a failure that leaves it nowhere."""
-    if "locked" not in catalogue.formulation(search.formulation).SETTINGS:
+    if "locked" not in search.stated.SETTINGS:
         return False
     if search.goal != "worst":
         return False
@@ -122,7 +111,7 @@ def _any_posture(arm: RobotArm, search: Search) -> Posture:
     if not isinstance(arm, HeldArm):
         return describe(arm, search, arm.chain.mid_range)
     point = arm.sample(np.random.default_rng(search.seed))
-    if not arm.holds(point):
+    if not arm.admits(arm.jacobian(point), point):
         where = f"posture of {arm.description}"
         allowed = "a pose or distance that one draw meets: every posture is as bad"
         raise RobotError(where, "not found", allowed)
@@ -131,13 +120,13 @@ def _any_posture(arm: RobotArm, search: Search) -> Posture:
 
 def _check(arm: RobotArm, search: Search, middle: FloatArray) -> None:
     """Refuse what the search cannot find; `middle` is the Jacobian midway between limits."""
-    stated = catalogue.formulation(search.formulation)
+    stated = search.stated
     minimised = stated.SENSE == "minimise" and arm.length is not None and not arm.task.mixed
-    if minimised and stated.merit(middle / 2) < stated.merit(middle):
+    if minimised and stated.score(middle / 2) < stated.score(middle):
         name = stated.NAME
         allowed = f"none for the {name} of such a task, which a small Jacobian makes small"
         raise InputError("length", arm.length, allowed)
-    program = problem(arm, search)
+    program = search.case(arm).build()
     equations = sum(int(np.sum(_equal(one))) for one in program.constraints)
     unknowns = program.variables.numel()
     if equations > unknowns:

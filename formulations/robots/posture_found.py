@@ -30,8 +30,8 @@ class Posture:
     mid_range_sigma
         Worst case midway between the limits, for comparison.
     seed, starts, reached_best
-        Seed, starts that ended, and those that converged to a merit within `REACHED_BEST` of
-        the best such merit. If none converged, `reached_best` is 0 and the posture is the best
+        Seed, starts that ended, and those that converged to a score within `REACHED_BEST` of
+        the best such score. If none converged, `reached_best` is 0 and the posture is the best
         at which a start stopped: within the limits, and no optimum. No starts are made where
         a failure is structural.
     status_counts
@@ -150,7 +150,7 @@ def describe(
         failures = assess_unequal(arm, arm.jacobian(configuration), search.failures, known)
     middle = arm.jacobian(arm.chain.mid_range)
     return Posture(
-        formulation=search.formulation,
+        formulation=search.stated.NAME,
         assessment=assess(arm, configuration, search.locked),
         mid_range_sigma=measures.worst_case_sigma(middle, search.locked),
         seed=search.seed,

@@ -144,7 +144,7 @@ class FailureSets(ABC):
     def missing(self, limits: Ranges) -> int:
         """Least number of failures, over the voxels, that stand against one.
 
-        A failure is a joint and a slice within its limits. It is a merit where the workspace
+        A failure is a joint and a slice within its limits. It is a score where the workspace
         is empty.
         """
         count = np.zeros(self.shape, dtype=np.int32)

@@ -213,9 +213,16 @@ class RobotArm:
         """Return none: limits are bounds."""
         return ()
 
-    def holds(self, configuration: FloatArray) -> bool:  # noqa: ARG002
-        """Whether what is asked for besides limits holds: nothing is."""
-        return True
+    def within_bounds(self, variables: FloatArray) -> FloatArray:
+        """Return the nearest positions within the limits; without limits, within one turn."""
+        lower, upper = self.bounds
+        continuous = ~np.isfinite(lower) & ~np.isfinite(upper) & ~np.array(self.chain.prismatic)
+        one_turn = (variables + np.pi) % (2 * np.pi) - np.pi
+        return np.asarray(np.clip(np.where(continuous, one_turn, variables), lower, upper))
+
+    def admits(self, jacobian: FloatArray, variables: FloatArray) -> bool:  # noqa: ARG002
+        """Whether the positions are ones that can be computed with; limits are kept already."""
+        return bool(np.all(np.abs(variables) <= LARGEST))
 
     def jacobian(self, variables: npt.ArrayLike) -> FloatArray:
         """Return the Jacobian at numeric positions, in units of ℓ, shape (m, n)."""

@@ -1,4 +1,4 @@
-"""What a setup's starts came to."""
+"""What the starts of a case came to."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from formulations.bounds.certified import NONE_EXISTS
-from formulations.catalogue import formulation
 from formulations.joints.arm import Arm
+from formulations.joints.joint import ColumnModel
 from formulations.measures.canonical import distinct
 from formulations.solving.record import Record
 from nlp.solution import INFEASIBLE
@@ -20,7 +20,7 @@ from nlp.solution import INFEASIBLE
 if TYPE_CHECKING:
     import pandas as pd
 
-    from formulations.solving.setup import Setup
+    from formulations.solving.case import Case
 
 # An answer within this of the best one has reached the best: defined here, for all tables.
 REACHED_BEST = 1e-6
@@ -29,24 +29,26 @@ Verdict = Literal["solved", "infeasible", "proved infeasible", "not solved"]
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """What a setup's starts came to, in the order of the starts.
+    """What the starts of a case came to, in the order of the starts.
 
     Attributes
     ----------
-    setup
+    case
         What was run.
-    arm
-        The joints.
     records
         One for each start that ended.
     complete
         Whether all did.
     """
 
-    setup: Setup
-    arm: Arm
+    case: Case
     records: tuple[Record, ...]
     complete: bool
+
+    @property
+    def arm(self) -> ColumnModel:
+        """The joints."""
+        return self.case.arm
 
     @cached_property
     def reached(self) -> tuple[Record, ...]:
@@ -54,16 +56,18 @@ class Outcome:
         trusted = [record for record in self.records if record.trusted]
         if not trusted:
             return ()
-        best = self._pick(trusted).merit
-        return tuple(one for one in trusted if abs(one.merit - best) <= REACHED_BEST)
+        best = self._pick(trusted).score
+        return tuple(one for one in trusted if abs(one.score - best) <= REACHED_BEST)
 
     @cached_property
     def distinct_optima(self) -> int:
         """Classes among `reached`, modulo frame, phase, order and signs.
 
-        0 where they are not counted: if the user interrupted, or failures are unequal.
+        0 where they are not counted: if the user interrupted, failures are unequal, or the arm
+        is a robot, whose joints are in order.
         """
-        if not (self.complete and self.reached and self.setup.failures is None):
+        designed = self._alike and isinstance(self.arm, Arm)
+        if not (self.complete and self.reached and designed):
             return 0
         return len(distinct([record.jacobian for record in self.reached]))
 
@@ -72,10 +76,10 @@ class Outcome:
         """The record to show.
 
         Of those that reached the best, the one with the largest worst case, or with the best
-        merit where failures are unequal. If nothing passed the gate, the best point that is
+        score where failures are unequal. If nothing passed the gate, the best point that is
         feasible; if there is none, the one with the least violation.
         """
-        if self.reached and self.setup.failures is None:
+        if self.reached and self._alike:
             return max(self.reached, key=lambda record: record.worst_case_sigma)
         feasible = [one for one in self.records if one.feasible]
         if self.reached or feasible:
@@ -83,12 +87,16 @@ class Outcome:
         return min(self.records, key=lambda record: np.nan_to_num(record.violation, nan=np.inf))
 
     def _pick(self, records: Sequence[Record]) -> Record:
-        minimise = formulation(self.setup.formulation).SENSE == "minimise"
-        return (min if minimise else max)(records, key=lambda record: record.merit)
+        minimise = self.case.formulation.SENSE == "minimise"
+        return (min if minimise else max)(records, key=lambda record: record.score)
+
+    @property
+    def _alike(self) -> bool:
+        return self.case.settings.get("failures") is None
 
     @property
     def verdict(self) -> Verdict:
-        """Whether the setup's problem is solved.
+        """Whether the case is solved.
 
         ``solved`` if any answer passed the gate (`Record.trusted`); if none did,
         ``infeasible`` if Ipopt said so and nowhere claimed success, ``proved infeasible`` if
@@ -98,7 +106,7 @@ class Outcome:
             return "solved"
         if INFEASIBLE not in self.status_counts or self.succeeded:
             return "not solved"
-        bound = formulation(self.setup.formulation).bound(self.arm, self.setup.locked)
+        bound = self.case.formulation.bound(self.arm, self.case.locked)
         return "proved infeasible" if bound is NONE_EXISTS else "infeasible"
 
     @property
@@ -115,9 +123,9 @@ class Outcome:
     def to_dict(self) -> dict[str, Any]:
         """Return what was run, the verdict and all records as plain values."""
         return {
-            "formulation": self.setup.formulation,
-            "model": self.setup.model,
-            "variant": self.setup.variant,
+            "formulation": self.case.formulation.NAME,
+            "model": self.case.model,
+            "variant": self.case.variant,
             "joints": self.arm.shape[1],
             "task_dimension": self.arm.shape[0],
             "verdict": self.verdict,
@@ -132,11 +140,11 @@ class Outcome:
         import pandas as pd
 
         lines = [record.to_dict() for record in self.records]
-        return pd.DataFrame(lines).drop(columns="jacobian", errors="ignore")
+        return pd.DataFrame(lines).drop(columns=["jacobian", "variables"], errors="ignore")
 
     def __repr__(self) -> str:
         """Say in one line what was run and what came of it."""
-        name = f"{self.setup.formulation}, {self.setup.model}, n = {self.arm.shape[1]}"
+        name = f"{self.case.formulation.NAME}, {self.case.model}, n = {self.arm.shape[1]}"
         return f"<Outcome: {name}: {self.summary}>"
 
     @property
@@ -144,11 +152,11 @@ class Outcome:
         """The verdict, and the best value as what it is."""
         if self.reached:
             share = f"{len(self.reached)} of {len(self.records)} starts at the best"
-            return f"{self.verdict}, {share} {self.best.merit:.9g}"
+            return f"{self.verdict}, {share} {self.best.score:.9g}"
         if not self.records or self.verdict != "not solved":
             return self.verdict
         if self.best.feasible:
-            return f"{self.verdict}; best feasible point {self.best.merit:.9g}"
+            return f"{self.verdict}; best feasible point {self.best.score:.9g}"
         return f"{self.verdict}; least violation {self.best.violation:.3g}"
 
     def _repr_html_(self) -> str:

@@ -1,18 +1,19 @@
-"""One start, solved and judged: the solver's own account beside what J itself says."""
+"""One start, solved and judged: the gate between the solver's answers and what may be shown."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
 from html import escape
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
 from formulations import measures
-from formulations.joints.arm import Arm
-from formulations.joints.joint import NotInModelError
+from formulations.solving.case import Case
 from nlp.arrays import FloatArray
-from nlp.multistart import Run
-from nlp.solution import FEASIBLE, Status
+from nlp.solution import FEASIBLE, Solution, Status
+
+# Improves an arm's variables; says whether its own method converged.
+Polish: TypeAlias = Callable[[FloatArray], tuple[FloatArray, bool]]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -22,40 +23,51 @@ class Record:
     Attributes
     ----------
     seed, index
-        Seed of the study and number of the start in it.
+        Random seed and number of the start.
     status
         The solver's account of the stage that gave the answer.
     violation
         Largest violation of the problem's constraints at the point.
-    merit
+    score
         What the formulation optimises, recomputed from J; NaN if J does not satisfy the
         formulation or is not of the arm's model, whatever the solver said.
     worst_case_sigma, condition_number, isotropy_defect
-        Measured from J alone.
+        Recomputed from J alone; NaN where J is not finite.
     jacobian
         Shape (m, n).
+    variables
+        The arm's variables that give J, shape (size,).
     cpu_seconds
         Processor time of the start, drawing and all stages included.
     earlier
         The solver's accounts of what was solved before; see `nlp.solution.Solution`.
+    polished
+        Whether the method that improved the answer converged; None where there was none.
     """
 
     seed: int
     index: int
     status: Status
     violation: float
-    merit: float
+    score: float
     worst_case_sigma: float
     condition_number: float
     isotropy_defect: float
     jacobian: FloatArray
-    cpu_seconds: float
+    variables: FloatArray
+    cpu_seconds: float = 0.0
     earlier: tuple[Status, ...] = ()
+    polished: bool | None = None
 
     @property
     def valid(self) -> bool:
         """Whether J satisfies the formulation and the model, by our own check."""
-        return bool(np.isfinite(self.merit))
+        return bool(np.isfinite(self.score))
+
+    @property
+    def converged(self) -> bool:
+        """Whether the last method reached its tolerances, at least the acceptable ones."""
+        return self.status.acceptable if self.polished is None else self.polished
 
     @property
     def feasible(self) -> bool:
@@ -64,12 +76,8 @@ class Record:
 
     @property
     def trusted(self) -> bool:
-        """The gate: what may be shown, ranked, drawn or called best.
-
-        The solver converged, at least to its acceptable tolerances, to a point that is
-        `feasible`.
-        """
-        return self.status.acceptable and self.feasible
+        """The gate: what may be shown, ranked, drawn or called best."""
+        return self.converged and self.feasible
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain values for tables and JSON, the solver's account among them."""
@@ -80,6 +88,7 @@ class Record:
             "cpu_seconds": self.cpu_seconds,
             "valid": self.valid,
             "jacobian": self.jacobian.tolist(),
+            "variables": self.variables.tolist(),
             "earlier": [status.to_dict() for status in self.earlier],
         }
 
@@ -88,7 +97,7 @@ class Record:
         passed = "passes the check" if self.trusted else "does not pass the check"
         return (
             f"<Record: start {self.index} of seed {self.seed}, {self.status.return_status}, "
-            f"{passed}: merit {self.merit:.9g}, worst case σ = {self.worst_case_sigma:.6g}>"
+            f"{passed}: score {self.score:.9g}, worst case σ = {self.worst_case_sigma:.6g}>"
         )
 
     def _repr_html_(self) -> str:
@@ -99,46 +108,54 @@ class Record:
         return f"<p>{escape(repr(self))}</p>{matrix}"
 
 
-def judge(run: Run, arm: Arm, merit: Callable[[FloatArray], float], locked: int = 1) -> Record:
-    """Measure a run's Jacobian and check it against the arm and the formulation.
+def judge(
+    case: Case,
+    solution: Solution,
+    *,
+    seed: int = 0,
+    index: int = 0,
+    cpu_seconds: float = 0.0,
+    polish: Polish | None = None,
+) -> Record:
+    """Measure a solution's Jacobian and check it against the arm and the formulation.
 
     Parameters
     ----------
-    run
-        The run, with the output ``jacobian``.
-    arm
-        The joints.
-    merit
-        What is optimised, from J alone; not finite if J does not satisfy the formulation.
-    locked
-        How many joints lock at once.
+    case
+        What was solved.
+    solution
+        The solver's answer. Its first variables are the arm's; they are moved to within the
+        arm's bounds, which a solver may pass by its tolerance.
+    seed, index, cpu_seconds
+        Of the start.
+    polish
+        Improves the arm's variables before they are judged; it keeps to their bounds, where
+        these are all the arm's conditions.
     """
-    solution = run.solution
-    jacobian = solution.outputs["jacobian"]
+    arm, status, nan = case.arm, solution.status, float("nan")
+    given = solution.variables[: arm.size]
+    variables, jacobian = given, np.full(arm.shape, nan)
+    violation, polished = solution.violation, None
+    if np.all(np.isfinite(given)):
+        variables = arm.within_bounds(given)
+        if polish is not None:
+            variables, polished = polish(variables)
+            violation = 0.0
+        jacobian = arm.jacobian(variables)
     finite = bool(np.all(np.isfinite(jacobian)))
-    value = merit(jacobian) if in_model(arm, jacobian) else np.nan
-    nan = float("nan")
+    score = case.score(jacobian) if finite and arm.admits(jacobian, variables) else nan
     return Record(
-        seed=run.seed,
-        index=run.index,
-        status=solution.status,
-        violation=solution.violation,
-        merit=value if np.isfinite(value) else nan,
-        worst_case_sigma=measures.worst_case_sigma(jacobian, locked) if finite else nan,
+        seed=seed,
+        index=index,
+        status=status,
+        violation=violation,
+        score=score if np.isfinite(score) else nan,
+        worst_case_sigma=measures.worst_case_sigma(jacobian, case.locked) if finite else nan,
         condition_number=measures.condition_number(jacobian) if finite else nan,
         isotropy_defect=measures.isotropy_defect(jacobian) if finite else nan,
         jacobian=jacobian,
-        cpu_seconds=run.cpu_seconds,
+        variables=variables,
+        cpu_seconds=cpu_seconds,
         earlier=solution.earlier,
+        polished=polished,
     )
-
-
-def in_model(arm: Arm, jacobian: FloatArray) -> bool:
-    """Return whether J is one of the arm's Jacobians; False for NaN and infinity."""
-    if not np.all(np.isfinite(jacobian)):
-        return False
-    try:
-        arm.variables(jacobian)
-    except NotInModelError:
-        return False
-    return True

@@ -1,69 +1,78 @@
 """One formulation on one arm from many starts: the main entry point of the library."""
 
-from collections.abc import Mapping, Sequence
-from functools import partial
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass
+from typing import Any
 
-from formulations import catalogue
-from formulations.catalogue import arm
+import numpy as np
+import numpy.typing as npt
+
+from formulations import registry
+from formulations.formulation import Formulation
+from formulations.joints import models
 from formulations.joints.arm import Arm
-from formulations.joints.joint import Joint
-from formulations.measures.unequal_failures import FailureModel
+from formulations.joints.joint import ColumnModel, Joint
+from formulations.solving.case import Case
 from formulations.solving.outcome import Outcome
-from formulations.solving.record import judge
-from formulations.solving.setup import Setup, solver_options
-from formulations.unequal_max_min import Goal
-from nlp.arrays import Rng
+from formulations.solving.record import Polish, Record, judge
+from nlp.arrays import FloatArray, Rng
 from nlp.errors import InputError
-from nlp.multistart import default_workers, multistart
-from nlp.task import seed_of
+from nlp.executors import default_workers
+from nlp.multistart import multistart
+from nlp.starts import Run, seed_of
+
+Sampler = Callable[[np.random.Generator], FloatArray] | npt.ArrayLike
 
 
 def solve(
-    formulation: str = "max-min",
-    model: str | Arm | Sequence[Joint] = "unit-revolute",
+    formulation: str | Formulation = "max-min",
+    arm: str | ColumnModel | Sequence[Joint] = "unit-revolute",
     joints: int | None = None,
     task_dimension: int | None = None,
     *,
     starts: int = 100,
-    rng: Rng = 0,
+    seed: Rng | None = None,
+    rng: Rng | None = None,
     workers: int | None = None,
-    locked: int = 1,
-    failures: FailureModel | None = None,
-    goal: Goal = "worst",
-    encoding: str | None = None,
-    from_residual_minima: bool = False,
+    executor: Executor | None = None,
     solver: str = "ipopt",
     options: Mapping[str, object] | None = None,
     compiled: bool = False,
     time_limit: float | None = None,
     progress: bool = False,
+    **settings: Any,
 ) -> Outcome:
     """Solve a formulation from random starts and judge every answer from its J alone.
 
     Parameters
     ----------
     formulation
-        ``"residual"``, ``"max-min"`` or ``"isotropy"``.
-    model
-        The joints: an arm, a row of joints, or their column model by its name in
-        `formulations.catalogue.MODELS`, or a mix such as
+        ``"residual"``, ``"max-min"``, ``"isotropy"``, ``"manipulability"``, the name of one
+        that was registered, or any object with the names of `Formulation`.
+    arm
+        Any `ColumnModel`: an `Arm` of joints to be designed, or a `RobotArm`. Also a row of
+        joints, or their kind by its name in `formulations.joints.models`, or a mix such as
         ``"lever-revolute(length=0.3):6,prismatic:2"``.
     joints, task_dimension
-        Numbers n of joints and m of task dimensions, n > m. By default those of the joints or
+        Numbers n of joints and m of task dimensions, n > m. By default those of the arm or
         of the mix; 7 and 6 where only a name is given.
     starts
         How many random starts, at least 1.
-    rng
-        A seed, or a generator from which one is drawn. Start k of a seed is the same on every
-        machine and for any number of workers.
-    workers
-        Processes; by default one per processor core.
-    locked, failures, goal, encoding, from_residual_minima
-        Of max-min; see `Setup`. By default the encoding that suits the failures.
+    seed, rng
+        Random seed, 0 by default; reproducible across machines and numbers of workers. Or a
+        generator from which one is drawn. Two names for the same.
+    workers, executor
+        Where to run; see `nlp.multistart.multistart`. By default one process per processor
+        core.
     solver, options, compiled, time_limit
-        Of the solver; see `nlp.multistart.multistart`. Options go over the formulation's own.
+        Of the solver; see `nlp.multistart.multistart`. Options go over the problem's own.
     progress
         Whether to show a bar.
+    **settings
+        Of the formulation. Of max-min: ``locked``, how many joints lock at once; ``failures``,
+        a `FailureModel`, and ``goal``, ``"worst"`` or ``"expected"``; ``encoding`` and
+        ``from_residual_minima``, see `formulations.max_min`. Of manipulability: ``locked``.
 
     Returns
     -------
@@ -79,86 +88,110 @@ def solve(
     WorkerError
         If worker processes die or hang.
     """
-    if encoding is not None and "encoding" not in catalogue.formulation(formulation).SETTINGS:
-        raise InputError("encoding", encoding, f"none for the formulation {formulation}")
-    name, joints, task_dimension = _stated(model, joints, task_dimension)
-    setup = Setup(
-        formulation,
-        name,
-        encoding=encoding or "",
-        from_residual_minima=from_residual_minima,
-        locked=locked,
-        failures=failures,
-        goal=goal,
-    )
-    return run(
-        setup,
-        joints=joints,
-        task_dimension=task_dimension,
-        starts=starts,
-        seed=seed_of(rng),
-        workers=workers or default_workers(),
-        options=options,
+    case = Case(
+        registry.formulation(formulation),
+        arm_of(arm, joints, task_dimension),
+        {name: value for name, value in settings.items() if value is not None},
+        options=options or {},
         solver=solver,
         compiled=compiled,
+    )
+    return run(
+        case,
+        starts=starts,
+        seed=seed_of(seed, rng),
+        workers=default_workers() if workers is None else workers,
+        executor=executor,
         time_limit=time_limit,
         progress=progress,
     )
 
 
-def _stated(
-    model: str | Arm | Sequence[Joint], joints: int | None, task_dimension: int | None
-) -> tuple[str, int, int]:
-    """Return the model's name, n and m."""
-    if isinstance(model, str):
-        bare = ":" not in model
-        count = 7 if joints is None and bare else joints
-        shape = arm(model, count, 6 if task_dimension is None else task_dimension).shape
-        return model, shape[1], shape[0]
-    row = model.joints if isinstance(model, Arm) else model
-    if not isinstance(row, Sequence) or not all(isinstance(one, Joint) for one in row):
-        raise InputError("model", repr(model), "a name, an Arm or a row of joints")
-    built = Arm(tuple(row))
+def arm_of(
+    arm: str | ColumnModel | Sequence[Joint],
+    joints: int | None = None,
+    task_dimension: int | None = None,
+) -> ColumnModel:
+    """Return the arm that an argument stands for; see `solve`."""
+    if isinstance(arm, str):
+        count = 7 if joints is None and ":" not in arm else joints
+        return models.arm(arm, count, 6 if task_dimension is None else task_dimension)
+    built: Any = arm
+    if isinstance(arm, Sequence) and all(isinstance(joint, Joint) for joint in arm):
+        row: Any = arm
+        built = Arm(tuple(row))
+    if not (hasattr(built, "matrix") and hasattr(built, "admits")):
+        raise InputError("arm", repr(arm), "a name, an Arm, a RobotArm or a row of joints")
     m, n = built.shape
     for argument, given, own in (("joints", joints, n), ("task dimension", task_dimension, m)):
         if given not in (None, own):
             raise InputError(argument, given, f"{own}, as the joints have, or none")
-    return catalogue.model_of(built), n, m
+    model: ColumnModel = built
+    return model
 
 
 def run(
-    setup: Setup,
+    case: Case,
     *,
-    joints: int,
-    task_dimension: int,
-    starts: int,
-    seed: int,
-    workers: int,
-    options: Mapping[str, object] | None = None,
-    solver: str = "ipopt",
-    compiled: bool = False,
+    starts: int | None = None,
+    seed: int = 0,
+    workers: int = 1,
+    executor: Executor | None = None,
     time_limit: float | None = None,
     progress: bool = False,
+    sample: Sampler | None = None,
+    polish: Polish | None = None,
 ) -> Outcome:
-    """Solve from all starts and judge what comes out.
+    """Solve a case from all starts and judge what comes out.
 
-    Start k is the same for all setups on one model. Parameters are those of
-    `nlp.multistart.multistart`; `options` go over the formulation's own.
+    Start k is the same for all cases of one arm.
+
+    Parameters
+    ----------
+    case
+        What to solve.
+    starts, seed, workers, executor, time_limit
+        See `nlp.multistart.multistart`.
+    progress
+        Whether to show a bar.
+    sample
+        What draws starts, or the starts themselves, shape (starts, variables of the arm); by
+        default that of the case.
+    polish
+        Improves each answer before it is judged; see `judge`.
     """
-    built = arm(setup.model, joints, task_dimension)
-    label = " ".join(filter(None, (setup.formulation, setup.model, setup.variant)))
     study = multistart(
-        setup.build(joints, task_dimension),
-        setup.sample(built),
+        case.build,
+        case.sample if sample is None else sample,
         starts=starts,
-        rng=seed,
+        seed=seed,
         workers=workers,
-        options=solver_options(setup.formulation, solver, options or {}, setup.encoding),
-        solver=solver,
-        compiled=compiled,
+        executor=executor,
+        options=case.options,
+        solver=case.solver,
+        compiled=case.compiled,
         time_limit=time_limit,
-        label=label if progress else None,
-        judge=partial(judge, arm=built, merit=setup.merit(), locked=setup.locked),
-        figure=lambda record: record.merit,
+        label=case.name if progress else None,
+        judge=JudgeRun(case, polish),
+        figure=lambda record: record.score,
     )
-    return Outcome(setup, built, study.results, study.complete)
+    return Outcome(case, study.results, study.complete)
+
+
+@dataclass(frozen=True)
+class JudgeRun:
+    """Judges a run where it was run; see `judge`."""
+
+    case: Case
+    polish: Polish | None = None
+
+    def __call__(self, run: Run) -> Record:
+        """Return the record of a run."""
+        return judge(
+            self.case,
+            run.solution,
+            seed=run.seed,
+            index=run.index,
+            cpu_seconds=run.cpu_seconds,
+            polish=self.polish,
+        )

@@ -1,8 +1,8 @@
 """The trade-off between isotropy and worst case as a curve, from `isotropy` to `max_min`.
 
 Each point is the best of several starts and of the optima of its neighbours on the curve.
-A Jacobian counts if it passes the gate `Record.trusted` and its isotropy defect is within the
-limit.
+A Jacobian counts if it passes the gate `Record.trusted`; within a limit, also its isotropy
+defect is judged from J alone, by the formulation `trade_off`.
 """
 
 from collections.abc import Callable
@@ -10,20 +10,17 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from formulations import isotropy, max_min, measures, residual, trade_off
+from formulations import isotropy, max_min, residual, trade_off
+from formulations.formulation import Formulation
 from formulations.joints.arm import Arm
-from formulations.solving.record import judge
-from nlp.arrays import FloatArray, whole_number
-from nlp.multistart import Run
-from nlp.solver import Solver
-from nlp.task import generator
-
-# By how much of the limit a defect may pass it.
-_SLACK = 1e-6
+from formulations.solving.case import Case
+from formulations.solving.solve import run
+from nlp.arrays import FloatArray, Rng, whole_number
+from nlp.starts import generator, seed_of
 
 
 @dataclass(frozen=True, eq=False)
-class Point:
+class TradeOffPoint:
     """One point of the curve.
 
     Attributes
@@ -50,13 +47,15 @@ class Point:
         return {**vars(self), "limit": limit, "jacobian": self.jacobian.tolist()}
 
 
-def curve(
+def trade_off_curve(
     arm: Arm,
     points: int = 10,
     starts: int = 5,
-    seed: int = 0,
+    seed: Rng | None = None,
     progress: Callable[[str], None] = lambda _: None,
-) -> tuple[Point, ...]:
+    *,
+    rng: Rng | None = None,
+) -> tuple[TradeOffPoint, ...]:
     """Return the curve, from the most isotropic Jacobian of the arm to the best worst case.
 
     The first point is the best isotropic Jacobian or, where the arm has none, the residual
@@ -71,28 +70,27 @@ def curve(
         How many points, ends included, at least 2.
     starts
         How many random starts for each, at least 1.
-    seed
-        Of the starts.
+    seed, rng
+        Random seed of the starts, or a generator from which one is drawn.
     progress
         Is called with what is being solved, in a few words.
     """
     count = whole_number("points", points, 2)
-    drawn = [arm.sample(generator(seed, k)) for k in range(whole_number("starts", starts, 1))]
+    number = seed_of(seed, rng)
+    many = whole_number("starts", starts, 1)
+    drawn = np.array([arm.sample(generator(number, k)) for k in range(many)])
     progress("isotropy")
     scale = arm.largest_trace / arm.shape[0]
-    solver = Solver(isotropy.build(arm), isotropy.OPTIONS)
-    first = _solved(arm, isotropy.NAME, isotropy.TOLERANCE * scale**2, solver, drawn)
+    first = _solved(isotropy, arm, drawn, isotropy.TOLERANCE * scale**2)
     if not first:
-        solver = Solver(residual.build(arm), residual.OPTIONS)
-        minima = _solved(arm, residual.NAME, np.inf, solver, drawn)
-        first = sorted(minima, key=lambda one: one.isotropy_defect)[:1]
+        minima = _solved(residual, arm, drawn)
+        first = sorted(minima, key=lambda point: point.isotropy_defect)[:1]
     progress("max-min")
-    solver = Solver(max_min.build(arm), max_min.OPTIONS)
-    last = _solved(arm, max_min.NAME, np.inf, solver, drawn)
+    last = _solved(max_min, arm, drawn)
     ends = [_better(*points) for points in (first, last) if points]
     if len(ends) < 2 or not ends[0].isotropy_defect < ends[1].isotropy_defect:
         return tuple(ends)
-    low, high = (one.isotropy_defect for one in ends)
+    low, high = (point.isotropy_defect for point in ends)
     limits = low + (high - low) * np.linspace(0, 1, count)[1:-1] ** 2
     return (ends[0], *_between(arm, limits, drawn, ends[0], ends[1], progress), ends[1])
 
@@ -100,44 +98,46 @@ def curve(
 def _between(
     arm: Arm,
     limits: FloatArray,
-    drawn: list[FloatArray],
-    first: Point,
-    last: Point,
+    drawn: FloatArray,
+    first: TradeOffPoint,
+    last: TradeOffPoint,
     progress: Callable[[str], None],
-) -> list[Point]:
+) -> list[TradeOffPoint]:
     """Solve from left to right, then once more from the right neighbours' optima."""
-    solvers, found = [], []
+    curve: list[TradeOffPoint] = []
     left, right = first, last
     for k, limit in enumerate(map(float, limits)):
         progress(f"trade-off {k + 1} of {len(limits)}")
-        solvers.append(Solver(trade_off.build(arm, limit), trade_off.OPTIONS))
-        starts = [arm.variables(left.jacobian), *drawn]
-        new = _solved(arm, trade_off.NAME, limit, solvers[k], starts)
-        left = _better(*new, replace(left, limit=limit))
-        found.append(left)
-    for k in reversed(range(len(found))):
-        start = [arm.variables(right.jacobian)]
-        new = _solved(arm, trade_off.NAME, found[k].limit, solvers[k], start)
-        right = found[k] = _better(found[k], *new)
+        starts = np.vstack([arm.variables(left.jacobian), drawn])
+        left = _better(*_solved(trade_off, arm, starts, limit), replace(left, limit=limit))
+        curve.append(left)
+    for k in reversed(range(len(curve))):
+        start = arm.variables(right.jacobian)[None]
+        right = curve[k] = _better(curve[k], *_solved(trade_off, arm, start, curve[k].limit))
     # What a smaller limit allows is allowed by a larger one.
-    for k in range(1, len(found)):
-        found[k] = _better(found[k], replace(found[k - 1], limit=found[k].limit))
-    return found
+    for k in range(1, len(curve)):
+        curve[k] = _better(curve[k], replace(curve[k - 1], limit=curve[k].limit))
+    return curve
 
 
 def _solved(
-    arm: Arm, statement: str, limit: float, solver: Solver, starts: list[FloatArray]
-) -> list[Point]:
-    """Return what starts lead to, as far as it passes the gate and is within the limit."""
-    points = []
-    for k, start in enumerate(starts):
-        run = Run(index=k, seed=0, solution=solver.solve(start), cpu_seconds=0.0)
-        found = judge(run, arm, measures.worst_case_sigma)
-        defect = found.isotropy_defect
-        if found.trusted and defect <= limit * (1 + _SLACK):
-            points.append(Point(statement, limit, defect, found.merit, found.jacobian))
-    return points
+    formulation: Formulation, arm: Arm, starts: FloatArray, limit: float = np.inf
+) -> list[TradeOffPoint]:
+    """Return what starts lead to, as far as it passes the gate."""
+    settings = {"defect": limit} if formulation is trade_off else {}
+    outcome = run(Case(formulation, arm, settings), sample=starts)
+    return [
+        TradeOffPoint(
+            formulation.NAME,
+            limit,
+            record.isotropy_defect,
+            record.worst_case_sigma,
+            record.jacobian,
+        )
+        for record in outcome.records
+        if record.trusted
+    ]
 
 
-def _better(*points: Point) -> Point:
-    return max(points, key=lambda one: one.worst_case_sigma)
+def _better(*points: TradeOffPoint) -> TradeOffPoint:
+    return max(points, key=lambda point: point.worst_case_sigma)

@@ -4,17 +4,20 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from math import isnan
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from formulations import measures
-from formulations.catalogue import arm, certified_bound, models_of, numerical_bound
+from formulations import isotropy, max_min, measures, residual
 from formulations.files.table import HIDDEN, column
+from formulations.formulation import Formulation
+from formulations.joints.arm import Arm
+from formulations.joints.models import arm, models_of
+from formulations.registry import bound
+from formulations.solving.case import NOTHING, Case
 from formulations.solving.outcome import Outcome
-from formulations.solving.setup import setups
 from formulations.studies.pages import outward
 from formulations.studies.study import Effort, Part, Study
-from nlp.interrupts import deferred_interrupt
 from nlp.options import check_options
 
 STARTS = 100
@@ -25,7 +28,7 @@ _NAMES = ("formulation", "variant", "model", "verdict")
 
 @dataclass(frozen=True)
 class Row:
-    """One setup's outcome: the columns of ``comparison.csv``; NaN where one does not apply.
+    """One case's outcome: the columns of ``comparison.csv``; NaN where one does not apply.
 
     Six of them are shown in tables.
 
@@ -37,11 +40,11 @@ class Row:
         Starts at which Ipopt said that it succeeded.
     reached_best
         Starts whose answer, checked from J alone, is within `REACHED_BEST` of the best.
-    merit
+    score
         What the formulation optimises, recomputed from the best J: ½‖JJᵀ − (T/m)I‖² for the
         residual, the worst-case singular value for the other two.
     certified_bound, certified_gap_percent, certificate
-        What is proved about the merit for every Jacobian of the model, how far the merit is
+        What is proved about the score for every Jacobian of the model, how far the score is
         from it in percent of the bound, and the kind of proof
         (`formulations.bounds.certified`).
     numerical_bound, numerical_gap_percent
@@ -76,9 +79,9 @@ class Row:
     reached_best: int = field(
         metadata=column(form=lambda row: f"{row.reached_best}/{row.starts}")
     )
-    merit: float = field(
+    score: float = field(
         metadata=column(
-            form=lambda row: row.verdict if isnan(row.merit) else f"{row.merit:.7g}"
+            form=lambda row: row.verdict if isnan(row.score) else f"{row.score:.7g}"
         )
     )
     certified_bound: float = field(
@@ -132,25 +135,23 @@ def study(
 
     def compute(effort: Effort, _: Path) -> Iterator[Part]:
         plain: dict[tuple[str, str], Row] = {}
-        for setup in setups(task_dimension):
-            effort.progress(" ".join((setup.formulation, setup.model, setup.variant)))
-            outcome = effort.solve(
-                setup, joints, task_dimension, STARTS, options=options, compiled=compiled
-            )
-            with deferred_interrupt():  # until the row is written
-                row = row_of(outcome, plain.get((setup.formulation, setup.model)))
-                if not setup.variant:
-                    plain[setup.formulation, setup.model] = row
-                best = outcome.best
-                entry = {
-                    **{name: getattr(row, name) for name in _NAMES},
-                    "seed": best.seed,
-                    "start": best.index,
-                    "worst_case_sigma": best.worst_case_sigma,
-                    "isotropy_defect": best.isotropy_defect,
-                    "jacobian": best.jacobian.tolist(),
-                }
-                yield Part(rows=[row], entries=[entry], complete=outcome.complete)
+        for case in cases(joints, task_dimension, options or {}, compiled):
+            effort.progress(case.name)
+            outcome = effort.solve(case, STARTS)
+            problem = (case.formulation.NAME, case.model)
+            row = row_of(outcome, plain.get(problem))
+            if not case.variant:
+                plain[problem] = row
+            best = outcome.best
+            entry = {
+                **{name: getattr(row, name) for name in _NAMES},
+                "seed": best.seed,
+                "start": best.index,
+                "worst_case_sigma": best.worst_case_sigma,
+                "isotropy_defect": best.isotropy_defect,
+                "jacobian": best.jacobian.tolist(),
+            }
+            yield Part(rows=[row], entries=[entry], complete=outcome.complete)
 
     name, option = ("comparison", "") if joints == 7 else (f"comparison_{joints}r", "--joints ")
     return Study(
@@ -167,45 +168,70 @@ def study(
     )
 
 
+def cases(
+    joints: int,
+    task_dimension: int,
+    options: Mapping[str, object] = NOTHING,
+    compiled: bool = False,
+) -> tuple[Case, ...]:
+    """List the rows: each formulation on both models, and the variants of max-min on one."""
+    first, second = (arm(model, joints, task_dimension) for model in models_of(task_dimension))
+    minima = {"encoding": "shared-factor", "from_residual_minima": True}
+    free, positive = "factor-per-deletion", "positive-factor-per-deletion"
+    listed: tuple[tuple[Formulation, Arm, dict[str, Any], str], ...] = (
+        (residual, first, {}, ""),
+        (max_min, first, {}, ""),
+        (max_min, first, minima, "from residual minima"),
+        (max_min, first, {"encoding": free}, "one factor per failure"),
+        (max_min, first, {"encoding": positive}, "one positive factor per failure"),
+        (isotropy, first, {}, ""),
+        (residual, second, {}, ""),
+        (max_min, second, {}, ""),
+        (isotropy, second, {}, ""),
+    )
+    return tuple(Case(*parts, options=options, compiled=compiled) for parts in listed)
+
+
 def row_of(outcome: Outcome, default: Row | None = None) -> Row:
     """Return an outcome of at least one record as a row.
 
     Parameters
     ----------
     outcome
-        Of a setup.
+        Of an arm of joints to be designed.
     default
         The row of the same formulation and model without a variant; None if this is it.
     """
-    setup, records = outcome.setup, outcome.records
-    m, n = outcome.arm.shape
+    case, records, built = outcome.case, outcome.records, outcome.arm
+    assert isinstance(built, Arm)
+    m, n = built.shape
     best, shown = outcome.reached, outcome.best
-    sigma, merit = (shown.worst_case_sigma, shown.merit) if best else (NAN, NAN)
-    bound = measures.sigma_bound(m, n, outcome.arm.largest_trace, setup.locked)
+    sigma, score = (shown.worst_case_sigma, shown.score) if best else (NAN, NAN)
+    limit = measures.sigma_bound(m, n, built.largest_trace, case.locked)
     seconds = sum(record.cpu_seconds for record in records)
     per_success = seconds / len(best) if best else NAN
     unit = default.cpu_seconds_per_success if default else per_success
-    proved = certified_bound(setup.formulation, outcome.arm, setup.locked)
-    checked = numerical_bound(setup.formulation, outcome.arm, setup.locked)
+    proved = bound(case.formulation, built, case.locked)
+    checked = case.formulation.bound(built, case.locked, certified=False)
     return Row(
-        formulation=setup.formulation,
-        variant=setup.variant,
-        model=setup.model,
+        formulation=case.formulation.NAME,
+        variant=case.variant,
+        model=case.model,
         joints=n,
         task_dimension=m,
         verdict=outcome.verdict,
         starts=len(records),
         solved=outcome.succeeded,
         reached_best=len(best),
-        merit=merit,
+        score=score,
         certified_bound=proved.value,
-        certified_gap_percent=proved.gap_percent(merit),
+        certified_gap_percent=proved.gap_percent(score),
         certificate=proved.kind,
         numerical_bound=checked.value if checked else NAN,
-        numerical_gap_percent=checked.gap_percent(merit) if checked else NAN,
+        numerical_gap_percent=checked.gap_percent(score) if checked else NAN,
         worst_case_sigma=sigma,
-        sigma_bound=bound,
-        gap_percent=measures.gap_percent(sigma, bound),
+        sigma_bound=limit,
+        gap_percent=measures.gap_percent(sigma, limit),
         condition_number=shown.condition_number,
         isotropy_defect=shown.isotropy_defect,
         violation=shown.violation,

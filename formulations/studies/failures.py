@@ -10,39 +10,21 @@ from formulations import max_min, measures
 from formulations.bounds import unequal_failures
 from formulations.bounds.certified import sharpest_worst_case
 from formulations.files.table import Table, column
+from formulations.joints.arm import Arm
+from formulations.joints.models import arm
 from formulations.measures.unequal_failures import (
     FailureModel,
     expected_sigma,
     possible_worst_case_sigma,
 )
+from formulations.solving.case import Case
 from formulations.solving.outcome import Outcome
-from formulations.solving.setup import Setup
 from formulations.studies.study import Effort, Part, Study
-from formulations.unequal_max_min import Goal, default_encoding, merit
+from formulations.unequal_max_min import Goal, score
 from nlp.arrays import FloatArray
-from nlp.interrupts import deferred_interrupt
 
 STARTS = 100
-
-
-@dataclass(frozen=True)
-class Case:
-    """One row of the study.
-
-    Attributes
-    ----------
-    setup
-        Max-min on a column model.
-    joints, task_dimension
-        n and m.
-    failing
-        Which joints may fail, in words.
-    """
-
-    setup: Setup
-    joints: int
-    task_dimension: int
-    failing: str = "all alike"
+ALIKE = "all alike"
 
 
 # Model, m, n, k. The planar 4R with two failures is the paper's α = π/4 (after eq. 17).
@@ -73,10 +55,8 @@ def several() -> tuple[Case, ...]:
         tight = n - m - k == 0
         minima = tight and model == "unit-revolute"
         for encoding in ("shared-factor",) if tight else ("shared-factor", "principal-minors"):
-            setup = Setup(
-                max_min.NAME, model, encoding=encoding, from_residual_minima=minima, locked=k
-            )
-            cases.append(Case(setup, n, m))
+            settings = {"encoding": encoding, "from_residual_minima": minima, "locked": k}
+            cases.append(Case(max_min, arm(model, n, m), settings, ALIKE))
     return tuple(cases)
 
 
@@ -103,15 +83,8 @@ def unequal() -> tuple[Case, ...]:
 def _unequal(
     model: str, task_dimension: int, failures: FailureModel, words: str, goal: Goal = "worst"
 ) -> Case:
-    setup = Setup(
-        max_min.NAME,
-        model,
-        encoding=default_encoding(failures, goal),
-        locked=failures.locked,
-        failures=failures,
-        goal=goal,
-    )
-    return Case(setup, failures.joints, task_dimension, words)
+    settings = {"locked": failures.locked, "failures": failures, "goal": goal}
+    return Case(max_min, arm(model, failures.joints, task_dimension), settings, words)
 
 
 @dataclass(frozen=True)
@@ -120,7 +93,7 @@ class Row:
 
     Attributes
     ----------
-    merit, bound, gap_percent
+    score, bound, gap_percent
         What is maximised, its bound, and the gap between them in percent of the bound.
     worst_case_sigma, expected_sigma
         Over the failures that can happen, of the same Jacobian.
@@ -139,7 +112,7 @@ class Row:
     locked: int = field(metadata=column("k"))
     failing: str
     goal: str
-    merit: float = field(metadata=column("best", ".7f"))
+    score: float = field(metadata=column("best", ".7f"))
     bound: float = field(metadata=column(form=".7f"))
     gap_percent: float = field(metadata=column("gap %", "z.3f"))
     worst_case_sigma: float = field(metadata=column("worst σ", ".5f"))
@@ -171,39 +144,38 @@ def study() -> Study:
 
 def _compute(effort: Effort, _: Path) -> Iterator[Part]:
     for case in (*several(), *unequal()):
-        arm = f"{case.setup.model} {case.task_dimension}×{case.joints}"
-        effort.progress(f"{arm}, {case.setup.locked} locked, {case.failing}")
-        outcome = effort.solve(case.setup, case.joints, case.task_dimension, STARTS)
-        with deferred_interrupt():  # until the row is written
-            row = row_of(case, outcome)
-            [plain] = Table(Row, [row]).plain()
-            entry = {**plain, "jacobian": outcome.best.jacobian.tolist()}
-            yield Part(rows=[row], entries=[entry], complete=outcome.complete)
+        m, n = case.arm.shape
+        effort.progress(f"{case.model} {m}×{n}, {case.locked} locked, {case.variant}")
+        outcome = effort.solve(case, STARTS)
+        row = row_of(outcome)
+        [plain] = Table(Row, [row]).plain()
+        entry = {**plain, "jacobian": outcome.best.jacobian.tolist()}
+        yield Part(rows=[row], entries=[entry], complete=outcome.complete)
 
 
-def row_of(case: Case, outcome: Outcome) -> Row:
+def row_of(outcome: Outcome) -> Row:
     """Return an outcome of at least one record as a row, measured from the Jacobian alone."""
-    setup, records = case.setup, outcome.records
+    case, records = outcome.case, outcome.records
     best, jacobian = outcome.reached, outcome.best.jacobian
-    n, k = case.joints, setup.locked
-    failures = setup.failures or FailureModel.equally_likely(n, k)
-    found = merit(jacobian, failures, setup.goal) if best else float("nan")
-    bound = _bound(case, outcome, jacobian)
+    (m, n), k, settings = case.arm.shape, case.locked, case.settings
+    failures = settings["failures"] or FailureModel.equally_likely(n, k)
+    value = score(jacobian, failures, settings["goal"]) if best else float("nan")
+    bound = _bound(case, jacobian)
     return Row(
-        model=setup.model,
-        task_dimension=case.task_dimension,
+        model=case.model,
+        task_dimension=m,
         joints=n,
         locked=k,
-        failing=case.failing,
-        goal=setup.goal,
-        encoding=setup.encoding,
-        starts_from="residual minima" if setup.from_residual_minima else "random",
+        failing=case.variant,
+        goal=settings["goal"],
+        encoding=settings["encoding"],
+        starts_from="residual minima" if settings["from_residual_minima"] else "random",
         starts=len(records),
         solved=outcome.succeeded,
         reached_best=len(best),
-        merit=found,
+        score=value,
         bound=bound,
-        gap_percent=measures.gap_percent(found, bound),
+        gap_percent=measures.gap_percent(value, bound),
         worst_case_sigma=possible_worst_case_sigma(jacobian, failures),
         expected_sigma=expected_sigma(jacobian, failures),
         distinct_optima=outcome.distinct_optima,
@@ -212,13 +184,14 @@ def row_of(case: Case, outcome: Outcome) -> Row:
     )
 
 
-def _bound(case: Case, outcome: Outcome, jacobian: FloatArray) -> float:
-    setup, m = case.setup, case.task_dimension
-    if setup.failures is None:
-        return sharpest_worst_case(outcome.arm, setup.locked).value
+def _bound(case: Case, jacobian: FloatArray) -> float:
+    failures = case.settings["failures"]
+    if failures is None:
+        assert isinstance(case.arm, Arm)
+        return sharpest_worst_case(case.arm, case.locked).value
     norms = np.sum(jacobian**2, axis=0).tolist()
     bounds = {
         "worst": unequal_failures.weighted_worst_bound,
         "expected": unequal_failures.expected_bound,
     }
-    return bounds[setup.goal](m, norms, setup.failures)
+    return bounds[case.settings["goal"]](case.arm.shape[0], norms, failures)

@@ -15,7 +15,6 @@ from formulations.robots.robot_arm import RobotArm, Task
 from formulations.robots.robot_assessment import best_7r
 from formulations.studies.study import Effort, Part, Study
 from nlp.errors import InputError, MissingLibraryError
-from nlp.interrupts import deferred_interrupt
 
 STARTS = 200
 # Where each distribution of robots keeps them.
@@ -159,10 +158,9 @@ def study(only: str | None = None) -> Study:
         for one in arms:
             effort.progress(f"{one.name}, {one.task}")
             posture = best_posture(one.arm(), search)
-            with deferred_interrupt():  # until the row is written
-                row = row_of(one, posture)
-                entry = {"arm": one.name, "variant": one.task, **posture.to_dict()}
-                yield Part(rows=[row], entries=[entry], complete=posture.complete)
+            row = row_of(one, posture)
+            entry = {"arm": one.name, "variant": one.task, **posture.to_dict()}
+            yield Part(rows=[row], entries=[entry], complete=posture.complete)
 
     return Study(
         name="robots",

@@ -15,13 +15,12 @@ from pathlib import Path
 from typing import Any
 
 from formulations.files.table import Table, read_rows
+from formulations.solving.case import Case
 from formulations.solving.outcome import Outcome
-from formulations.solving.setup import Setup
 from formulations.solving.solve import run
 from formulations.studies import pages
 from nlp.errors import FileError
 from nlp.files import prepare_file, prepare_folder, write_bytes, write_text
-from nlp.interrupts import deferred_interrupt, interrupt_answered
 
 #: Within the folder of a result: what is being computed, and what is complete but not in place.
 INCOMPLETE, COMPLETE = "incomplete", ".complete"
@@ -57,15 +56,13 @@ class Effort:
     progress: Callable[[str], None] = lambda _: None
     bars: bool = False
 
-    def solve(
-        self, setup: Setup, joints: int, task_dimension: int, usual: int, **settings: Any
-    ) -> Outcome:
+    def solve(self, case: Case, usual: int) -> Outcome:
         """Solve from all starts, `usual` if no number was asked for.
 
         Parameters
         ----------
-        setup, joints, task_dimension, settings
-            Those of `formulations.solving.solve.run`.
+        case
+            What to solve.
         usual
             Number of starts.
 
@@ -75,21 +72,17 @@ class Effort:
             If the user interrupted before the first start ended.
         """
         outcome = run(
-            setup,
-            joints=joints,
-            task_dimension=task_dimension,
+            case,
             starts=self.starts or usual,
             seed=self.seed,
             workers=self.workers,
             progress=self.bars,
-            **settings,
         )
         if not outcome.records:
             raise KeyboardInterrupt
         try:
-            _ = outcome.distinct_optima  # now: it may take longer than an interrupt can wait
+            _ = outcome.distinct_optima  # now, where an interrupt loses nothing
         except KeyboardInterrupt:
-            interrupt_answered()
             outcome = replace(outcome, complete=False)
         return outcome
 
@@ -235,23 +228,21 @@ class Study:
         complete = False
         try:
             for found in self.compute(effort, folder):
-                with deferred_interrupt():
-                    rows = [*rows[: len(rows) - found.replaces], *found.rows]
-                    entries += found.entries
-                    for name, content in found.files.items():
-                        write_bytes(part / name, content)
-                    self._write(folder, rows, entries, effort.seed, complete=False)
+                rows = [*rows[: len(rows) - found.replaces], *found.rows]
+                entries += found.entries
+                for name, content in found.files.items():
+                    write_bytes(part / name, content)
+                self._write(folder, rows, entries, effort.seed, complete=False)
                 each(found)
                 if not found.complete:
                     break
             else:
-                with deferred_interrupt():
-                    self._write(folder, rows, entries, effort.seed, complete=True)
-                    part.rename(folder / COMPLETE)
-                    _publish(folder, self.page)
-                    complete = True
+                self._write(folder, rows, entries, effort.seed, complete=True)
+                part.rename(folder / COMPLETE)
+                _publish(folder, self.page)
+                complete = True
         except KeyboardInterrupt:
-            interrupt_answered()  # what is done is kept, and the page says that it is not all
+            pass  # what is done is kept, and the page says that it is not all
         return Result(tuple(rows), complete, self.complain(rows))
 
     def discard(self, folder: Path) -> None:

@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 
 from formulations import measures
-from formulations.catalogue import arm as arm_of
 from formulations.figures.workspace import draw, draw_orders
 from formulations.files.figure import content, figure_class
 from formulations.files.table import HIDDEN, column
 from formulations.joints.arm import Arm
+from formulations.joints.models import arm as arm_of
 from formulations.realise.choice import rank
 from formulations.realise.criteria import CRITERIA, Sampling, kept_ball
 from formulations.realise.family import every, family
@@ -22,11 +22,11 @@ from formulations.robots.read_urdf import read_urdf
 from formulations.robots.serial_arm import Ranges, SerialArm
 from formulations.robots.workspace import Workspace, measured
 from formulations.robots.workspace import workspace as found_workspace
-from formulations.solving.trade_off_curve import Point, curve
+from formulations.solving.trade_off_curve import TradeOffPoint, trade_off_curve
 from formulations.studies.robots import SurveyArm
 from formulations.studies.study import Effort, Part, Study
 from nlp.arrays import FloatArray
-from nlp.task import generator
+from nlp.starts import generator
 
 #: Artificial limits of the planar 3R arm whose area is known, 0.355811.
 KNOWN: Ranges = tuple((-one, one) for one in np.deg2rad([20.0, 90.0, 90.0]).tolist())
@@ -221,7 +221,7 @@ def _orders(effort: Effort) -> Iterator[Part]:
     """The robots of Jacobians between the most isotropic one and the best worst case."""
     seven = arm_of("unit-revolute", 7)
     starts = effort.starts or CURVE_STARTS
-    points = curve(seven, JACOBIANS, starts, effort.seed, effort.progress)
+    points = trade_off_curve(seven, JACOBIANS, starts, effort.seed, effort.progress)
     rows: list[OrderRow] = []
     spread = []
     for point in (drawn(seven, effort.seed), *points):
@@ -238,12 +238,12 @@ def _orders(effort: Effort) -> Iterator[Part]:
     )
 
 
-def drawn(arm: Arm, seed: int, count: int = _DRAWN) -> Point:
+def drawn(arm: Arm, seed: int, count: int = _DRAWN) -> TradeOffPoint:
     """Return the random Jacobian with the largest worst case, of so many."""
     jacobians = [arm.jacobian(arm.sample(generator(seed, k))) for k in range(count)]
     best = max(jacobians, key=measures.worst_case_sigma)
     defect, sigma = measures.isotropy_defect(best), measures.worst_case_sigma(best)
-    return Point("random", float("inf"), float(defect), float(sigma), best)
+    return TradeOffPoint("random", float("inf"), float(defect), float(sigma), best)
 
 
 def not_dominated(row: OrderRow, rows: Sequence[OrderRow]) -> bool:
@@ -257,7 +257,7 @@ def not_dominated(row: OrderRow, rows: Sequence[OrderRow]) -> bool:
     )
 
 
-def ranked(point: Point, effort: Effort) -> tuple[OrderRow, FloatArray]:
+def ranked(point: TradeOffPoint, effort: Effort) -> tuple[OrderRow, FloatArray]:
     """Return the robots of one Jacobian as a row, and what random ones of them keep."""
     arm, kept = realise(point.jacobian), CRITERIA["kept"]
     first = Sampling(effort.seed, _POINTS, HALF)
@@ -286,7 +286,7 @@ def ranked(point: Point, effort: Effort) -> tuple[OrderRow, FloatArray]:
     return row, typical
 
 
-def typical_values(point: Point, effort: Effort) -> FloatArray:
+def typical_values(point: TradeOffPoint, effort: Effort) -> FloatArray:
     """What random orders of a Jacobian keep, shape (40,)."""
     arm = realise(point.jacobian)
     orders = every(arm)

@@ -10,7 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from formulations import catalogue, manipulability, measures
+from formulations import manipulability, measures
+from formulations.joints import models
 from formulations.atlas.collection import (
     entry_of,
     improved,
@@ -40,7 +41,7 @@ MODELS = ("unit-revolute", "lever-revolute", "unit-revolute:6,prismatic:2", "fre
 
 
 def drawn(model, seed, joints=7, dimension=6):
-    arm = catalogue.arm(model, joints, dimension)
+    arm = models.arm(model, joints, dimension)
     return arm, arm.jacobian(arm.sample(np.random.default_rng(seed)))
 
 
@@ -61,7 +62,7 @@ def test_a_value_is_proved_up_to_the_last_digits(model, seed, measure):
     prove, found = (
         (proves_worst_case, measures.worst_case_sigma(jacobian))
         if measure
-        else (proves_manipulability, manipulability.merit(jacobian))
+        else (proves_manipulability, manipulability.score(jacobian))
     )
     if found > 1e-3:
         assert prove(arm, jacobian, f"{found - 1e-13:.15f}")

@@ -11,7 +11,8 @@ from formulations import measures
 from formulations.bounds import certified
 from formulations.bounds.certified import Bound, best_known
 from formulations.bounds.so3_moments.fixed_worst_case import worst_case_limit
-from formulations.catalogue import arm, certified_bound, numerical_bound
+from formulations.joints.models import arm
+from formulations.registry import bound
 from formulations.joints.arm import Arm
 from formulations.joints.kinds import LeverRevolute, Prismatic, UnitRevolute
 
@@ -36,21 +37,21 @@ def test_the_record_is_what_the_commands_wrote():
 
 def test_seven_unit_revolute_joints():
     least = best_known("residual", "unit-revolute", 7)
-    residual = certified_bound("residual", SEVEN)
+    residual = bound("residual", SEVEN)
     assert residual.kind == "rigorous (tight)"
     assert 0.05682 < residual.value < least
-    tight = numerical_bound("residual", SEVEN)
+    tight = bound("residual", SEVEN, kind="numerical")
     assert tight.kind == "numerical (tight)"
     assert residual.value < tight.value < least
     assert tight.gap_percent(least) < 1e-4
-    worst = certified_bound("max-min", SEVEN)
+    worst = bound("max-min", SEVEN)
     assert worst.kind == "rigorous (localised)"
     largest = best_known("max-min", "unit-revolute", 7)
     assert largest < worst.value < measures.sigma_bound(6, 7, 14)
-    none = certified_bound("isotropy", SEVEN)
+    none = bound("isotropy", SEVEN)
     assert none.kind == "exact proof"
     assert np.isnan(none.value)
-    assert numerical_bound("isotropy", SEVEN) is None
+    assert bound("isotropy", SEVEN, kind="numerical") is None
 
 
 @pytest.mark.parametrize(
@@ -81,11 +82,11 @@ def test_bounds_hold_for_random_jacobians(seed):
     rng = np.random.default_rng(seed)
     for built in (SEVEN, Arm.of(UnitRevolute(), 9), arm("free", 4, 3), arm("free-mean", 5, 3)):
         matrix = built.jacobian(built.sample(rng))
-        assert measures.isotropy_defect(matrix) > certified_bound("residual", built).value
+        assert measures.isotropy_defect(matrix) > bound("residual", built).value
         for locked in (1, 2):
             if locked <= built.shape[1] - built.shape[0]:
                 worst = measures.worst_case_sigma(matrix, locked)
-                assert worst < certified_bound("max-min", built, locked).value
+                assert worst < bound("max-min", built, locked).value
 
 
 def test_a_bound_that_does_not_follow_from_the_residual_is_refused(monkeypatch):
@@ -112,15 +113,15 @@ def test_a_bound_that_does_not_follow_from_the_residual_is_refused(monkeypatch):
 
 
 def test_the_record_is_for_unit_revolute_joints_only():
-    eight = certified_bound("max-min", Arm.of(UnitRevolute(), 8))
+    eight = bound("max-min", Arm.of(UnitRevolute(), 8))
     assert eight == Bound(pytest.approx(np.sqrt(2 / 3)), "closed form")
-    assert certified_bound("residual", Arm.of(UnitRevolute(), 8)).value == 0
+    assert bound("residual", Arm.of(UnitRevolute(), 8)).value == 0
     for other in (
         Arm.of(LeverRevolute(), 7),
         Arm((*[UnitRevolute()] * 6, Prismatic())),
     ):
-        assert certified_bound("residual", other) == Bound(0.0, "closed form")
-        assert numerical_bound("max-min", other) is None
+        assert bound("residual", other) == Bound(0.0, "closed form")
+        assert bound("max-min", other, kind="numerical") is None
 
 
 def test_gap_in_percent_of_the_bound():

@@ -11,10 +11,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from formulations import catalogue
+from formulations.joints import models
 from formulations.bounds.certified import largest_worst_case
 from formulations.bounds.closed_form import block_trace_bound, excludes
-from formulations.catalogue import certified_bound
+from formulations.registry import bound
 from formulations.measures import eigenvalue_bound
 from formulations.solving.solve import solve
 from nlp.errors import InputError
@@ -157,7 +157,7 @@ def test_blocks_need_redundancy_and_positive_traces(joints: int, trace: float) -
 
 @given(st.integers(6, 9), st.integers(1, 2), st.integers(0, 2**32 - 1))
 def test_no_arm_with_prismatic_joints_beats_its_bound(revolute, prismatic, seed) -> None:
-    arm = catalogue.arm(f"unit-revolute:{revolute},prismatic:{prismatic}", revolute + prismatic)
+    arm = models.arm(f"unit-revolute:{revolute},prismatic:{prismatic}", revolute + prismatic)
     bound = largest_worst_case(arm).value
     assert bound < math.sqrt(eigenvalue_bound(6, revolute + prismatic, arm.largest_trace))
     jacobian = np.array(arm.jacobian(arm.sample(np.random.default_rng(seed))))
@@ -166,7 +166,7 @@ def test_no_arm_with_prismatic_joints_beats_its_bound(revolute, prismatic, seed)
 
 def test_the_bound_on_isotropic_arms_with_a_prismatic_joint_is_attained() -> None:
     outcome = solve("isotropy", "lever-revolute:7,prismatic:1", 8, starts=4, workers=1)
-    bound = certified_bound("isotropy", outcome.arm)
+    bound = bound("isotropy", outcome.arm)
     # T = 14, the prismatic column has norm 1: t = 14/6 − 13/7.
     assert bound.value == pytest.approx(math.sqrt(14 / 6 - 13 / 7), rel=1e-15)
     assert outcome.best.worst_case_sigma == pytest.approx(bound.value, abs=1e-8)

@@ -18,7 +18,8 @@ from formulations.bounds.free_levers import (
     isotropic_limit,
     max_min_limit,
 )
-from formulations.catalogue import arm, certified_bound
+from formulations.joints.models import arm
+from formulations.registry import bound
 from formulations.existence.rings import optimal_jacobian
 from formulations.joints.arm import Arm
 from formulations.joints.kinds import LeverRevolute, Prismatic, UnitRevolute
@@ -162,27 +163,27 @@ def test_the_best_isotropic_jacobian_meets_theorem_a():
     assert own > 0.1
     assert not excludes_isotropic(own, sigma)
     assert excludes_isotropic(3 * own, sigma)
-    assert sigma < certified_bound("isotropy", arm("lever-revolute", 7)).value < 0.5375
+    assert sigma < bound("isotropy", arm("lever-revolute", 7)).value < 0.5375
 
 
 def test_the_bounds_are_for_the_arms_for_which_they_are_proved(monkeypatch):
-    kind = certified_bound("residual", SEVEN).kind
-    free = certified_bound("isotropy", arm("lever-revolute", 7))
+    kind = bound("residual", SEVEN).kind
+    free = bound("isotropy", arm("lever-revolute", 7))
     assert free.kind == kind
     for length in (0.999, 1.0, 3.0):
-        assert certified_bound("isotropy", Arm.of(LeverRevolute(length), 7)) == free
+        assert bound("isotropy", Arm.of(LeverRevolute(length), 7)) == free
     mixed = Arm((*[UnitRevolute()] * 6, LeverRevolute()))
-    worst = certified_bound("max-min", mixed)
-    assert worst.value == max_min_limit(certified_bound("residual", SEVEN).value)
-    assert worst == certified_bound("max-min", arm("lever-revolute-each", 7))
+    worst = bound("max-min", mixed)
+    assert worst.value == max_min_limit(bound("residual", SEVEN).value)
+    assert worst == bound("max-min", arm("lever-revolute-each", 7))
     for other in (Arm.of(LeverRevolute(1.01), 7), Arm((*[LeverRevolute()] * 6, Prismatic()))):
-        assert certified_bound("max-min", other).kind == "closed form"
-    assert certified_bound("isotropy", other).kind == "closed form"
-    assert certified_bound("isotropy", arm("lever-revolute", 8)).kind == "closed form"
-    assert certified_bound("isotropy", arm("lever-revolute", 7), locked=2).value == 0
+        assert bound("max-min", other).kind == "closed form"
+    assert bound("isotropy", other).kind == "closed form"
+    assert bound("isotropy", arm("lever-revolute", 8)).kind == "closed form"
+    assert bound("isotropy", arm("lever-revolute", 7), locked=2).value == 0
     monkeypatch.setattr(certified, "_stored", lambda _: ())
     plain = Bound(measures.sigma_bound(6, 7, 14), "closed form")
-    assert certified_bound("isotropy", arm("lever-revolute", 7)) == plain
+    assert bound("isotropy", arm("lever-revolute", 7)) == plain
 
 
 @pytest.mark.parametrize("quantity", ["isotropy", "max-min"])
@@ -191,5 +192,5 @@ def test_the_command_prints_them_rounded_up(quantity, lockedjoint, tmp_path):
     assert done.returncode == 0, done.stderr
     lines = (line.split() for line in done.stdout.splitlines())
     [shown] = [words[1] for words in lines if words[0] == "bound"]
-    exact = certified_bound(quantity, arm("lever-revolute", 7)).value
+    exact = bound(quantity, arm("lever-revolute", 7)).value
     assert Fraction(exact) <= Fraction(shown) < Fraction(exact) + Fraction(1, 10**8)

@@ -12,7 +12,7 @@ from formulations.atlas.entry import Entry
 from formulations.bounds import planar
 from formulations.bounds.certified import sharpest_worst_case, sharpest_worst_case_of
 from formulations.bounds.planar import planar_bound
-from formulations.catalogue import arm
+from formulations.joints.models import arm
 from nlp.errors import InputError
 
 RECORD = json.loads((files("formulations.bounds") / "planar.json").read_text("utf-8"))

@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 from numpy.polynomial import Polynomial
 from scipy.special import roots_jacobi
 
-from formulations import catalogue, manipulability, max_min, measures
+from formulations import manipulability, max_min, measures
+from formulations.joints import models
 from formulations.atlas.collection import pages
 from formulations.bounds.closed_form import several_locked_bound
 from formulations.reproduction.reference import planar_4r
@@ -170,8 +171,8 @@ def test_two_joints_to_spare_of_which_both_lock_attain_the_bound(m):
     assert level == pytest.approx(several_locked_bound(m, n, size, 2), rel=1e-9)
     if m > 1:
         assert level < measures.eigenvalue_bound(m, n, size, 2) * 0.75
-    ratio = manipulability.bound(catalogue.arm("free-mean", n, m), 2).value
-    assert manipulability.merit(jacobian, 2) == pytest.approx(ratio, rel=1e-9)
+    ratio = manipulability.bound(models.arm("free-mean", n, m), 2).value
+    assert manipulability.score(jacobian, 2) == pytest.approx(ratio, rel=1e-9)
 
 
 @pytest.mark.parametrize("n", range(3, 11))
@@ -181,8 +182,8 @@ def test_lines_at_equal_angles_attain_the_bound_if_two_are_left(n):
     level = measures.worst_case_sigma(jacobian, n - 2) ** 2
     assert level == pytest.approx(several_locked_bound(2, n, n, n - 2), rel=1e-9)
     if n > 3:
-        ratio = manipulability.bound(catalogue.arm("free-mean", n, 2), n - 2).value
-        assert manipulability.merit(jacobian, n - 2) == pytest.approx(ratio, rel=1e-9)
+        ratio = manipulability.bound(models.arm("free-mean", n, 2), n - 2).value
+        assert manipulability.score(jacobian, n - 2) == pytest.approx(ratio, rel=1e-9)
 
 
 @given(shapes, st.integers(0, 10_000))
@@ -192,8 +193,8 @@ def test_no_jacobian_beats_the_sharper_bounds(shape, seed):
     size = measures.trace(jacobian)
     level = measures.worst_case_sigma(jacobian, locked) ** 2
     assert level <= several_locked_bound(m, n, size, locked) + 1e-9 * size
-    ratio = manipulability.bound(catalogue.arm("free-mean", n, m), locked).value
-    assert manipulability.merit(jacobian, locked) <= ratio + 1e-9
+    ratio = manipulability.bound(models.arm("free-mean", n, m), locked).value
+    assert manipulability.score(jacobian, locked) <= ratio + 1e-9
 
 
 @given(st.integers(2, 6), st.integers(0, 10_000), st.floats(0, 0.3))

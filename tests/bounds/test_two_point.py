@@ -13,7 +13,7 @@ from formulations.bounds import two_point
 from formulations.bounds.certified import largest_worst_case
 from formulations.bounds.closed_form import with_one_more_locked
 from formulations.bounds.two_point import TwoPointBound, two_point_bound
-from formulations.catalogue import arm
+from formulations.joints.models import arm
 from formulations.joints.arm import Arm
 from formulations.joints.kinds import FreeColumn
 from nlp.errors import InputError

@@ -11,14 +11,16 @@ import numpy as np
 import psutil
 import pytest
 
-from formulations import measures
-from formulations.campaign.campaign import Declaration, declaration, run
-from formulations.campaign.records import SCHEMA, TIMES, Cell, jacobian_of
+from formulations import max_min, measures, residual
+from formulations.campaign.campaign import run
+from formulations.campaign.declaration import Declaration, declaration
+from formulations.campaign.records import TIMES, cell_of, jacobian_of, open_store
+from formulations.campaign.tables import frame
+from formulations.joints.models import arm
 from formulations.measures.unequal_failures import FailureModel
-from formulations.solving.setup import Setup
+from formulations.solving.case import Case
 from nlp.errors import FileError, InputError
-from nlp.processes import Processes
-from nlp.store import Store
+from nlp.executors import LocalExecutor
 
 pytestmark = pytest.mark.processes
 PLANAR = {
@@ -56,10 +58,10 @@ def finish(launch):
 
 def records(path):
     """All records of a store, apart from times, by what they are records of."""
-    with Store(path, SCHEMA) as study:
+    with open_store(path) as study:
         rows = [
             tuple((k, repr(v)) for k, v in row.items() if k not in TIMES)
-            for row in study.rows()
+            for row in study.frame().to_dict("records")
         ]
     assert len(set(rows)) == len(rows)
     return sorted(rows)
@@ -69,8 +71,8 @@ def count(path):
     if not path.exists():
         return 0
     try:
-        with Store(path, SCHEMA) as study:
-            return sum(1 for _ in study.rows(columns=["start"]))
+        with open_store(path) as study:
+            return len(study.frame([]))
     except FileError:  # just being made
         return 0
 
@@ -83,7 +85,7 @@ def until(path, number, process):
 
 def workers_of(process):
     children = psutil.Process(process.pid).children()
-    return [child for child in children if "spawn_main" in " ".join(child.cmdline())]
+    return [child for child in children if "popen_loky" in " ".join(child.cmdline())]
 
 
 @pytest.fixture(scope="module")
@@ -93,7 +95,7 @@ def whole(finish, tmp_path_factory):
     (folder / "campaign.toml").write_text(TOML)
     status, out, err = finish(folder)
     assert status == 0, err
-    assert f"{RECORDS} of {RECORDS} records of 6 cells" in out
+    assert f"{RECORDS} of {RECORDS} records of 6 cases" in out
     found = records(folder / "study.db")
     assert len(found) == RECORDS
     return found
@@ -196,17 +198,16 @@ def test_dask_gives_the_same_records(launch, folder, whole):
 def test_more_starts_and_cells_extend_a_study(tmp_path):
     small = declaration({**PLANAR, "starts": 12, "formulations": ["residual"]})
     more = declaration({**PLANAR, "starts": 25, "formulations": ["residual", "isotropy"]})
-    with Store(tmp_path / "s.db", SCHEMA, writable=True) as store:
-        pool = Processes(2)
-        assert run(small, store, pool).added == 2 * 12
-        report = run(more, store, pool)
+    with open_store(tmp_path / "s.db", writable=True) as store, LocalExecutor(2) as two:
+        assert run(small, store, two).added == 2 * 12
+        report = run(more, store, two)
     assert (report.asked, report.added, report.missing) == (4 * 25, 2 * 25 + 2 * 13, 0)
 
 
 def test_records_hold_what_the_jacobian_says(tmp_path):
-    with Store(tmp_path / "s.db", SCHEMA, writable=True) as store:
-        run(declaration({**PLANAR, "starts": 10}), store, Processes(2))
-        for row in store.rows():
+    with open_store(tmp_path / "s.db", writable=True) as store, LocalExecutor(2) as two:
+        run(declaration({**PLANAR, "starts": 10}), store, two)
+        for row in store.frame().to_dict("records"):
             jacobian = jacobian_of(row["jacobian"], 2, 3)
             assert row["worst_case_sigma"] == measures.worst_case_sigma(jacobian)
             assert row["isotropy_defect"] == measures.isotropy_defect(jacobian)
@@ -217,11 +218,11 @@ def test_records_hold_what_the_jacobian_says(tmp_path):
 @pytest.mark.long
 def test_memory_does_not_grow_with_starts(tmp_path):
     """Ten times the starts must not need more memory: results are not kept in this process."""
-    cell = Cell(Setup("residual", "free"), 3, 2)
+    case = Case(residual, arm("free", 3, 2))
     process, used = psutil.Process(), []
-    with Store(tmp_path / "s.db", SCHEMA, writable=True) as store:
+    with open_store(tmp_path / "s.db", writable=True) as store, LocalExecutor(2) as two:
         for starts in (400, 800, 4000):
-            run(Declaration((cell,), starts), store, Processes(2))
+            run(Declaration((case,), starts), store, two)
             used.append(process.memory_info().rss)
     assert used[2] - used[1] < 4e6, "3200 records would be 6 MB and more as Python objects"
 
@@ -280,8 +281,8 @@ def test_bad_files_are_one_sentence_and_leave_nothing(finish, tmp_path, text, st
 
 def test_variants_of_max_min_do_not_multiply_the_others():
     grid = {"encodings": ["shared-factor", "factor-per-deletion"]}
-    cells = declaration({**PLANAR, **grid, "from_residual_minima": [False, True]}).cells
-    names = [cell.setup.formulation for cell in cells]
+    cases = declaration({**PLANAR, **grid, "from_residual_minima": [False, True]}).cases
+    names = [case.formulation.NAME for case in cases]
     assert {name: names.count(name) for name in names} == {
         "residual": 2,
         "max-min": 8,
@@ -291,17 +292,40 @@ def test_variants_of_max_min_do_not_multiply_the_others():
 
 def test_refuses_a_failure_model_that_no_setting_would_identify():
     """Two failure models would share one cell, and the second get the records of the first."""
-    failures = FailureModel((0.5, 0.25, 0.25))
-    with pytest.raises(InputError, match="failure model is given; allowed: left out in a camp"):
-        Cell(Setup("max-min", "free", failures=failures), 3, 2)
+    case = Case(max_min, arm("free", 3, 2), {"failures": FailureModel((0.5, 0.25, 0.25))})
+    with pytest.raises(InputError, match="failures is given; allowed: left out in a campaign"):
+        cell_of(case, 0)
 
 
 def test_compiled_cells_are_cells_of_their_own(tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    one = Setup("residual", "unit-revolute")
-    plain, fast = (Cell(one, 7, 6, solver="fatrop", compiled=c) for c in (False, True))
-    with Store(tmp_path / "s.db", SCHEMA, writable=True) as store:
-        run(Declaration((plain, fast), 10), store, Processes(2))
-        rows = list(store.rows())
-    assert [row["compiled"] for row in rows] == [0] * 10 + [1] * 10
-    np.testing.assert_allclose([row["merit"] for row in rows], 0.0568265, atol=1e-6)
+    seven = arm("unit-revolute", 7)
+    plain, fast = (Case(residual, seven, solver="fatrop", compiled=c) for c in (False, True))
+    with open_store(tmp_path / "s.db", writable=True) as store, LocalExecutor(2) as two:
+        run(Declaration((plain, fast), 10), store, two)
+        table = frame(store)
+    assert list(table["compiled"]) == [False] * 10 + [True] * 10
+    np.testing.assert_allclose(table["score"], 0.0568265, atol=1e-6)
+
+
+def test_a_store_that_is_removed_meanwhile_is_no_success(launch, folder):
+    """The records that it was asked for are in no file of that name."""
+    process = launch(folder)
+    until(folder / "study.db", 100, process)
+    (folder / "study.db").unlink()
+    out, err = process.communicate(timeout=120)
+    assert (process.returncode, out) == (1, "")
+    assert "a file that nobody removes or replaces" in err
+
+
+def test_an_interrupt_ends_it_within_seconds(launch, folder):
+    process = launch(folder)
+    until(folder / "study.db", 100, process)
+    began = time.monotonic()
+    os.killpg(process.pid, signal.SIGINT)
+    _, err = process.communicate(timeout=120)
+    assert time.monotonic() - began < 5, "1.5 s on a machine without other work"
+    assert (process.returncode, err) == (
+        130,
+        "Interrupted: run the same command again to go on.\n",
+    )

@@ -12,7 +12,8 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from formulations.catalogue import arm, certified_bound
+from formulations.joints.models import arm
+from formulations.registry import bound
 from formulations.figures import FIGURES, figure_1, optima, trade_off
 from formulations.figures.picture import Request
 from formulations.reproduction import reference
@@ -28,7 +29,7 @@ def unfinished(one):
         one,
         status=replace(one.status, return_status="Maximum_Iterations_Exceeded"),
         violation=334.0,
-        merit=0.0 if np.isclose(one.merit, one.isotropy_defect) else 13 * one.worst_case_sigma,
+        score=0.0 if np.isclose(one.score, one.isotropy_defect) else 13 * one.worst_case_sigma,
         worst_case_sigma=13 * one.worst_case_sigma,
         isotropy_defect=0.0,
         jacobian=13 * one.jacobian,
@@ -126,7 +127,7 @@ def recomputed(name, picture):
             found += [sigma for _, sigma in ends]
         return found
     seven = [one for one in RECORDS if one.trusted and one.jacobian.shape == (6, 7)]
-    proved = certified_bound("max-min", arm("unit-revolute", 7)).value
+    proved = bound("max-min", arm("unit-revolute", 7)).value
     found = [np.sqrt(1 / 3), proved, *(worst(one.jacobian) for one in seven)]
     if name == "singular-values":
         values = table[table["locked_joint"].notna()].groupby("jacobian")["value"].min()

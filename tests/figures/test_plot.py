@@ -25,7 +25,7 @@ def values(outcome):
         "Outcome": outcome,
         "Manipulator": lj.realise(MATRIX),
         "Arm": outcome.arm,
-        "Bound": lj.certified_bound("max-min", outcome.arm),
+        "Bound": lj.bound("max-min", outcome.arm),
     }
 
 
@@ -111,7 +111,7 @@ def test_lines_say_what_counts(values):
     assert repr(lj.arm("lever-revolute(length=0.3):6,prismatic(speed=0.5):2")) == (
         "<Arm: 6 × LeverRevolute(length=0.3, budget='mean'), 2 × Prismatic(speed=0.5), m = 6>"
     )
-    assert "merit 1, worst case σ = 1>" in repr(values["Record"])
+    assert "score 1, worst case σ = 1>" in repr(values["Record"])
     assert repr(values["Manipulator"]) == (
         "<Manipulator: RRRR, planar, columns 0 1 2 3 from base to tip>"
     )

@@ -6,12 +6,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from formulations.catalogue import arm
+from formulations.joints.models import arm
 from formulations.figures import optima, seven_axes, singular_values, trade_off
 from formulations.figures.picture import NothingFoundError, Request
 from formulations.reproduction import reference
 from nlp.errors import InputError
-from nlp.task import generator
+from nlp.starts import generator
 
 
 @pytest.fixture(scope="module")

@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from formulations import catalogue, max_min, measures
+from formulations import max_min, measures
+from formulations.joints import models
 from formulations.joints.symmetric import SymmetricArm
 from formulations.max_min import Polish
 from formulations.measures import remaining_singular_values
@@ -20,7 +21,7 @@ SIZES = st.sampled_from([("free-mean", 2, 7), ("free-mean", 3, 8), ("unit-revolu
 def drawn(size, seed):
     model, m, n = size
     rng = np.random.default_rng(seed)
-    symmetric = SymmetricArm.drawn(catalogue.arm(model, n, m), rng)
+    symmetric = SymmetricArm.drawn(models.arm(model, n, m), rng)
     point = symmetric.sample(rng)
     return symmetric, point, symmetric.jacobian(point)
 
@@ -63,12 +64,12 @@ def test_the_distinct_sets_have_every_value_of_all_sets(size, seed, locked):
 
 def test_a_formulation_is_stated_for_it():
     rng = np.random.default_rng(3)
-    symmetric = SymmetricArm.drawn(catalogue.arm("free-mean", 6, 3), rng)
+    symmetric = SymmetricArm.drawn(models.arm("free-mean", 6, 3), rng)
     symmetric = replace(
         symmetric, symmetry=((-0.5, -(0.75**0.5), 0), (0.75**0.5, -0.5, 0), (0, 0, 1))
     )
     symmetric = replace(symmetric, order=3)
-    solution = Solver(max_min.build(symmetric), max_min.OPTIONS).solve(symmetric.sample(rng))
+    solution = Solver(max_min.build(symmetric)).solve(symmetric.sample(rng))
     jacobian = symmetric.jacobian(solution.variables[: symmetric.size])
     assert solution.status.success
     # The bound σ√((n − m)/n) with σ² = n/m is attained: the best 6 columns can be so symmetric.
@@ -77,7 +78,7 @@ def test_a_formulation_is_stated_for_it():
 
 def test_polish_on_fewer_sets_ends_where_it_does_on_all():
     rng = np.random.default_rng(1)
-    symmetric = SymmetricArm.drawn(catalogue.arm("unit-revolute", 9), rng)
+    symmetric = SymmetricArm.drawn(models.arm("unit-revolute", 9), rng)
     while 9 % symmetric.order:
         symmetric = SymmetricArm.drawn(symmetric.arm, rng)
     start = symmetric.sample(rng)
@@ -90,4 +91,4 @@ def test_polish_on_fewer_sets_ends_where_it_does_on_all():
 def test_other_joints_are_refused():
     for model in ("lever-revolute", "unit-revolute:6,prismatic:1"):
         with pytest.raises(InputError, match="all free columns or all unit revolute"):
-            SymmetricArm.drawn(catalogue.arm(model, 7), np.random.default_rng(0))
+            SymmetricArm.drawn(models.arm(model, 7), np.random.default_rng(0))

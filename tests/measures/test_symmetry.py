@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from formulations.catalogue import arm
+from formulations.joints.models import arm
 from formulations.measures import symmetry as classes
 from formulations.measures.canonical import distinct
 from formulations.measures.symmetry import Classes, Symmetry, invariants
@@ -74,13 +74,13 @@ def test_classes_are_those_of_the_canonical_form(symmetry):
     chosen = [kinds[k] for k in (0, 1, 0, 2, 4, 0, 3, 4, 1)]
     shown = [moved(jacobian, symmetry, rng) for jacobian in chosen]
     found = Classes(symmetry)
-    for merit, jacobian in enumerate(shown):
-        found.add(jacobian, merit)
+    for score, jacobian in enumerate(shown):
+        found.add(jacobian, score)
     reached = [one.reached for one in found.most_reached()]
     assert reached == [3, 2, 2, 1, 1]
     groups = distinct(shown, classes.TOLERANCE, symmetry)
     assert sorted(map(len, groups), reverse=True) == reached
-    assert [one.merit for one in found.most_reached()] == [0, 1, 4, 3, 6]
+    assert [one.score for one in found.most_reached()] == [0, 1, 4, 3, 6]
 
 
 def test_signs_that_cannot_be_switched_away_make_another_class():

@@ -2,6 +2,7 @@
 
 import json
 import os
+import pickle
 import signal
 import socket
 import subprocess
@@ -15,11 +16,13 @@ from pathlib import Path
 import casadi as ca
 import pytest
 
-from nlp import cluster as module
+from nlp import executors
+from nlp.dispatch import dispatch
 from nlp.errors import InputError, WorkerError
+from nlp.executors import DaskExecutor
+from nlp.multistart import multistart
 from nlp.problem import Problem
-from nlp.spread import spread
-from nlp.task import Chunk, Task, packed, run_chunk
+from nlp.starts import Chunk, RunChunk, Task, packed
 
 distributed = pytest.importorskip(
     "distributed", reason='Dask is missing: pip install ".[cluster]"'
@@ -47,8 +50,8 @@ def slow_point(run):
     return run.index, run.solution.variables.tobytes()
 
 
-def hang_once(run, folder):
-    if run.index == 5 and not (folder / "hung").exists():
+def hang(run, folder, once):
+    if run.index == 5 and not (once and (folder / "hung").exists()):
         (folder / "hung").touch()
         time.sleep(600)
     return run.index
@@ -67,37 +70,37 @@ def chunks(judge, starts):
     return [Chunk(payload, 3, range(k, k + 10)) for k in range(0, starts, 10)]
 
 
-def collected(cluster, todo, limit=None, during=len):
-    pool, seen = module.DaskCluster(cluster.scheduler_address), []
-    for arrival in spread(todo, pool, limit):
-        seen += [one.result for one in arrival.results]
-        during(seen)
-    pool.close()
-    return sorted(seen)
-
-
-@pytest.mark.slow
 def test_a_worker_killed_mid_run_costs_nothing(cluster):
-    killed = []
-
-    def kill(seen):
-        if len(seen) >= 30 and not killed:
-            nanny = next(iter(cluster.workers.values()))
-            killed.append(nanny.pid)
-            nanny.process.process.kill()
-
-    todo = chunks(slow_point, 200)
-    there = collected(cluster, todo, during=kill)
-    here = [one.result for c in todo for one in run_chunk(c.payload, c.seed, c.indices)]
-    assert killed
-    assert there == here, "every start once, bit for bit as in this process"
+    todo, seen, killed = chunks(slow_point, 200), [], []
+    with DaskExecutor(cluster.scheduler_address) as executor:
+        for result in dispatch(todo, executor):
+            seen += [start.result for start in result.finished]
+            if len(seen) >= 30 and not killed:
+                killed.append(next(iter(cluster.workers.values())).process.process)
+                killed[0].kill()
+    here = [start.result for chunk in todo for start in pickle.loads(RunChunk()(chunk))]
+    assert sorted(seen) == here, "every start once, bit for bit as in this process"
 
 
-@pytest.mark.long
-def test_a_worker_that_hangs_is_restarted(cluster, tmp_path):
-    seen = collected(cluster, chunks(partial(hang_once, folder=tmp_path), 60), limit=0.6)
+@pytest.mark.parametrize("once", [True, False])
+def test_a_start_that_hangs_ends_its_worker_alone(cluster, tmp_path, once):
+    todo = chunks(partial(hang, folder=tmp_path, once=once), 60)
+    with DaskExecutor(cluster.scheduler_address) as executor:
+        results = list(dispatch(todo, executor, 1.0))
+    finished = sorted(start.result for result in results for start in result.finished)
+    failed = [start.index for result in results for start in result.failed]
     assert (tmp_path / "hung").exists()
-    assert seen == list(range(60))
+    assert failed == ([] if once else [5])
+    assert finished == [k for k in range(60) if k not in failed]
+
+
+def test_a_clients_own_executor_will_do(cluster):
+    with distributed.Client(cluster) as client:
+        executor = client.get_executor(pure=False)
+        study = multistart(parabola, sample, starts=30, seed=3, executor=executor)
+    here = multistart(parabola, sample, starts=30, seed=3)
+    points = [[run.solution.variables.tobytes() for run in s.results] for s in (study, here)]
+    assert points[0] == points[1]
 
 
 @contextmanager
@@ -120,46 +123,43 @@ def serving(reply=b""):
 
 
 @pytest.mark.parametrize(
-    ("reply", "said"),
-    [(None, "answers"), (b"", "answers"), (b"HTTP/1.1 400 Bad Request\r\n\r\n", "is not")],
+    "reply",
+    [None, b"", b"HTTP/1.1 400 Bad Request\r\n\r\n"],
     ids=["closed port", "silent", "HTTP"],
 )
-def test_a_server_that_is_no_scheduler_is_given_up(monkeypatch, reply, said):
-    monkeypatch.setattr(module, "_PATIENCE", 0.5)
+def test_a_server_that_is_no_scheduler_is_given_up(monkeypatch, reply):
+    monkeypatch.setattr(executors, "_PATIENCE", 1.0)
     server = nullcontext("tcp://127.0.0.1:1") if reply is None else serving(reply)
-    with server as address, pytest.raises(WorkerError, match=said):
-        module.DaskCluster(address)
+    with server as address, pytest.raises(WorkerError, match="No Dask scheduler answers"):
+        DaskExecutor(address)
 
 
-@pytest.mark.parametrize(
-    "address", ["nonsense://x", "tcp://127.0.0.1", "x", "tls://127.0.0.1:8786"]
-)
+@pytest.mark.parametrize("address", ["nonsense://x", "tls://127.0.0.1:8786"])
 def test_refuses_addresses_that_nothing_can_have(address):
-    with pytest.raises(InputError, match="scheduler is"):
-        module.DaskCluster(address)
+    with pytest.raises((InputError, WorkerError), match=address):
+        DaskExecutor(address)
 
 
 @pytest.mark.parametrize("what", ["scheduler killed", "scheduler stopped", "workers killed"])
-def test_a_cluster_that_ends_half_way_is_given_up(tmp_path, monkeypatch, caplog, what):
-    """What arrived before is kept; one error, without distributed's own messages."""
+def test_a_cluster_that_ends_half_way_is_given_up(tmp_path, monkeypatch, what):
+    """What arrived before is kept; then one error."""
     with dask_processes(tmp_path) as (address, scheduler, worker):
-        pool, seen = module.DaskCluster(address), []
-        monkeypatch.setattr(module, "_PATIENCE", 4.0)  # now that its workers are there
+        seen = []
         victim = worker if what == "workers killed" else scheduler
         sent = signal.SIGSTOP if what == "scheduler stopped" else signal.SIGKILL
 
         def run():
-            for arrival in spread(chunks(slow_point, 2000), pool):
-                assert not arrival.lost
-                seen.extend(one.result for one in arrival.results)
-                if len(seen) == 30:
-                    os.kill(victim.pid, sent)
+            with DaskExecutor(address) as executor:
+                monkeypatch.setattr(executors, "_PATIENCE", 3.0)  # now that it is there
+                for result in dispatch(chunks(slow_point, 2000), executor):
+                    assert not result.failed
+                    seen.extend(start.result for start in result.finished)
+                    if len(seen) == 30:
+                        os.kill(victim.pid, sent)
 
-        with pytest.raises(WorkerError, match="no workers" if victim is worker else "answers"):
+        with pytest.raises(WorkerError, match="results so far are kept"):
             run()
-        pool.close()
     assert len(seen) == len(set(seen)) >= 30
-    assert not caplog.records
 
 
 @contextmanager
@@ -182,20 +182,3 @@ def dask_processes(folder):
         for process in processes:
             process.kill()
             process.wait()
-
-
-@pytest.mark.long
-def test_waiting_for_a_worker_does_not_count(cluster, tmp_path):
-    """Chunks of three seconds behind others of three seconds, limit: half a second a start."""
-    mark = partial(three_seconds_a_chunk, folder=tmp_path)
-    todo = chunks(mark, 40)
-    assert collected(cluster, todo, limit=0.5) == list(range(40))
-    runs = [path.read_text().count("x") for path in sorted(tmp_path.iterdir())]
-    assert runs == [1] * 40, "none was killed and run again"
-
-
-def three_seconds_a_chunk(run, folder):
-    with (folder / f"{run.index:03}").open("a") as file:
-        file.write("x")
-    time.sleep(0.3)
-    return run.index

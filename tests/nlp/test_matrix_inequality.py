@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from nlp.matrix_inequality import ENCODINGS
+from formulations.encodings.factors import ENCODINGS
 from nlp.problem import Problem
 from nlp.solver import solve
 

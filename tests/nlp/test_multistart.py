@@ -13,9 +13,10 @@ import numpy as np
 import pytest
 
 from nlp.errors import InputError, SolverOptionError
-from nlp.multistart import generator, multistart
+from nlp.multistart import multistart
 from nlp.problem import Problem
-from nlp.task import seed_of
+from nlp.solver import Solver
+from nlp.starts import generator, seed_of
 
 
 def rosenbrock():
@@ -33,7 +34,7 @@ def start_of(run):
 
 def test_any_number_of_workers_gives_the_same_bytes():
     studies = [
-        multistart(rosenbrock, sample, starts=25, rng=7, workers=workers)
+        multistart(rosenbrock, sample, starts=25, seed=7, workers=workers)
         for workers in (1, 2, 3)
     ]
     points = [[run.solution.variables.tobytes() for run in s.results] for s in studies]
@@ -61,6 +62,21 @@ def test_a_generator_gives_one_seed():
     study = multistart(rosenbrock, sample, starts=2, rng=np.random.default_rng(5))
     assert [run.seed for run in study.results] == [drawn] * 2
     assert seed_of(np.int64(3)) == 3
+    assert seed_of(rng=3) == seed_of(3) == 3
+    with pytest.raises(InputError, match="left out where a seed is given"):
+        seed_of(seed=1, rng=1)
+
+
+def test_starts_may_be_given():
+    points = [[0.5, 0.5], [2.0, -1.0], [0.0, 0.0]]
+    study = multistart(rosenbrock, points, workers=2)
+    assert [run.index for run in study.results] == [0, 1, 2]
+    for run, point in zip(study.results, points, strict=True):
+        alone = Solver(rosenbrock()).solve(point)
+        assert run.solution.variables.tobytes() == alone.variables.tobytes()
+    for wrong in ([1.0, 2.0], [[1.0]] * 2):
+        with pytest.raises(InputError, match="one row for each start"):
+            multistart(rosenbrock, wrong, starts=3)
 
 
 @pytest.mark.parametrize("workers", [1, 2])
@@ -120,6 +136,7 @@ from dataclasses import dataclass
 import casadi as ca
 from nlp.multistart import multistart
 from nlp.problem import Problem
+from nlp.solver import Solver
 
 @dataclass
 class Found:
@@ -150,7 +167,7 @@ import signal
 signal.signal(signal.SIGINT, signal.default_int_handler)
 from functools import partial
 from formulations import max_min
-from formulations.catalogue import arm
+from formulations.joints.models import arm
 from nlp.multistart import multistart
 if __name__ == "__main__":
     seven = arm("unit-revolute", 7)

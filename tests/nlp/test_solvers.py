@@ -14,7 +14,7 @@ from nlp.compiled import shared_library
 from nlp.errors import InputError, SolverOptionError
 from nlp.problem import Constraint, Derivatives, Problem, Stage
 from nlp.solver import Solver
-from nlp.task import Task
+from nlp.starts import Task
 
 x = ca.SX.sym("x")
 _GENERATOR = ca.CodeGenerator("twice")

@@ -1,5 +1,7 @@
 """Linear algebra runs on one thread where starts are solved, and only there."""
 
+import pickle
+
 import casadi as ca
 import numpy as np
 import pytest
@@ -8,7 +10,7 @@ from threadpoolctl import threadpool_info, threadpool_limits
 from nlp.arrays import one_blas_thread
 from nlp.multistart import multistart
 from nlp.problem import Problem
-from nlp.task import Task, packed, run_chunk
+from nlp.starts import Chunk, RunChunk, Task, packed
 
 
 def parabola():
@@ -44,8 +46,9 @@ def test_starts_are_solved_on_one_thread_each(workers):
 
 
 def test_chunks_are_whoever_runs_them():
-    done = run_chunk(packed(Task(parabola, sample, {}, threads)), 0, range(2))
-    assert [one.result for one in done] == [{1}] * 2
+    chunk = Chunk(packed(Task(parabola, sample, {}, threads)), 0, range(2))
+    done = pickle.loads(RunChunk()(chunk))
+    assert [start.result for start in done] == [{1}] * 2
 
 
 def test_the_decorator_limits_and_lets_go():

@@ -49,7 +49,7 @@ from formulations.reproduction.row import (
 )
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
-from nlp.multistart import Study
+from nlp.multistart import MultistartResult
 
 
 @pytest.fixture(scope="module")
@@ -132,8 +132,8 @@ def test_bad_numbers_are_refused_before_any_row(arguments: dict[str, int]) -> No
 
 
 def test_interrupted_search_gives_no_row(monkeypatch: pytest.MonkeyPatch) -> None:
-    def interrupted(*_: object, **__: object) -> Study:
-        return Study((), complete=False)
+    def interrupted(*_: object, **__: object) -> MultistartResult:
+        return MultistartResult((), complete=False)
 
     monkeypatch.setattr(searches, "multistart", interrupted)
     with pytest.raises(KeyboardInterrupt):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from formulations import max_min, measures
-from formulations.catalogue import arm as designed
+from formulations.joints.models import arm as designed
 from formulations.commands.robot_arguments import pairs, read_configuration
 from formulations.robots.chain_between import chain_between
 from formulations.robots.robot_arm import RobotArm, Task

@@ -265,7 +265,7 @@ def test_a_row_of_an_arm_with_a_structural_failure(made, tmp_path):
 
 
 def test_a_start_that_did_not_converge_is_not_the_best(made, monkeypatch):
-    """The first stops early at a posture of its own, with a merit that looks better."""
+    """The first stops early at a posture of its own, with a score that looks better."""
     arm = RobotArm(chain_between(made.tree(made.offset_arm()), "l7"), Task.parse("position"))
     usual = best_posture(arm, Search(starts=3)).assessment
     judge = posture_search._judge
@@ -275,7 +275,7 @@ def test_a_start_that_did_not_converge_is_not_the_best(made, monkeypatch):
         if run.index:
             return one
         where = np.zeros(arm.size)
-        return replace(one, return_status="Restoration_Failed", merit=9.0, configuration=where)
+        return replace(one, return_status="Restoration_Failed", score=9.0, configuration=where)
 
     monkeypatch.setattr(posture_search, "_judge", judged)
     found = best_posture(arm, Search(starts=3))

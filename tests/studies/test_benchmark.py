@@ -15,7 +15,7 @@ import pytest
 import typer.testing
 
 from formulations import measures
-from formulations.catalogue import arm
+from formulations.joints.models import arm
 from formulations.commands.app import app
 from formulations.studies.benchmark import unit_revolute as hand
 from formulations.studies.benchmark.figure import drawn
@@ -66,7 +66,7 @@ def test_jax_reaches_the_known_optimum_in_a_process_of_its_own():
         "import numpy as np\n"
         "from formulations import measures\n"
         "from formulations.studies.benchmark.jax_residual import PEERS\n"
-        "from formulations.catalogue import arm\n"
+        "from formulations.joints.models import arm\n"
         "seven = arm('unit-revolute', 7)\n"
         "starts = np.array([seven.sample(np.random.default_rng(k)) for k in range(2)])\n"
         "for peer in PEERS:\n"

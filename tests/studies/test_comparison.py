@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from formulations import measures
-from formulations.catalogue import arm
+from formulations.joints.models import arm
 from formulations.files.table import Table
 from formulations.solving.setup import Setup, setups
 from formulations.solving.solve import run
@@ -55,7 +55,7 @@ def test_each_formulation_is_there_on_both_models(rows):
 def test_unit_revolute_7r(rows):
     residual = rows["residual", "", "unit-revolute"]
     assert (residual.solved, residual.reached_best, residual.distinct_optima) == (6, 6, 1)
-    assert residual.merit == pytest.approx(0.0568265457, abs=1e-9)
+    assert residual.score == pytest.approx(0.0568265457, abs=1e-9)
     assert residual.worst_case_sigma == pytest.approx(0.51986, abs=1e-5)
     max_min = rows["max-min", "", "unit-revolute"]
     assert max_min.worst_case_sigma == pytest.approx(0.571482968, abs=1e-8)
@@ -69,7 +69,7 @@ def test_isotropic_unit_revolute_7r_is_infeasible_with_its_least_violation(rows)
     assert row.verdict == "proved infeasible"
     assert (row.solved, row.reached_best, row.distinct_optima) == (0, 0, 0)
     assert row.status_counts == {"Infeasible_Problem_Detected": 6}
-    assert np.isnan(row.merit)
+    assert np.isnan(row.score)
     assert np.isnan(row.worst_case_sigma)
     assert 0.05 < row.violation < 1
     assert 0.0568265 < row.isotropy_defect < 1
@@ -97,9 +97,9 @@ def test_every_row_has_a_certified_bound_that_it_respects(rows):
         if row.verdict == "proved infeasible":
             assert row.certificate == "exact proof"
         elif formulation == "residual":
-            assert 0 <= row.certified_bound <= row.merit
+            assert 0 <= row.certified_bound <= row.score
         else:
-            assert row.merit <= row.certified_bound <= row.sigma_bound
+            assert row.score <= row.certified_bound <= row.sigma_bound
         assert np.isnan(row.numerical_bound) or model == "unit-revolute"
     residual = rows["residual", "", "unit-revolute"]
     assert residual.certified_gap_percent < 2
@@ -123,7 +123,7 @@ def test_a_solver_that_claims_success_is_not_believed(seven):
     found = seven[1]
     assert len(found.reached) == 6
     first, *others = found.records
-    broken = replace(first, merit=first.merit - 1e-3)
+    broken = replace(first, score=first.score - 1e-3)
     row = row_of(replace(found, records=(broken, *others)))
     assert (row.solved, row.reached_best) == (6, 5)
 
@@ -135,7 +135,7 @@ def test_an_outcome_tells_itself(seven):
     json.dumps(plain)
     frame = found.to_frame()
     assert len(frame) == 6
-    assert frame["merit"].max() == found.best.merit
+    assert frame["score"].max() == found.best.score
     assert "solved, 6 of 6 starts at the best 0.571482968" in repr(found)
     assert "<table" in found._repr_html_()
 
@@ -186,7 +186,7 @@ def test_files_say_what_the_rows_say(seven, run_already, tmp_path):
         lines = list(csv.DictReader(file))
     required = {
         *("formulation", "model", "joints", "task_dimension", "starts", "solved"),
-        *("reached_best", "merit", "worst_case_sigma", "sigma_bound", "gap_percent"),
+        *("reached_best", "score", "worst_case_sigma", "sigma_bound", "gap_percent"),
         *("condition_number", "isotropy_defect", "distinct_optima", "iterations_median"),
         *("cpu_seconds_per_start", "status_counts", "certified_bound", "certificate"),
     }
@@ -208,7 +208,7 @@ def test_files_say_what_the_rows_say(seven, run_already, tmp_path):
 
 def test_the_table_has_six_columns_to_read(rows):
     table = Table(Row, list(rows.values()))
-    heads = ["problem", "reached best", "merit", "proved bound", "gap %", "CPU ms per success"]
+    heads = ["problem", "reached best", "score", "proved bound", "gap %", "CPU ms per success"]
     for text in (table.markdown(), table.terminal()):
         first, _, *lines = text.splitlines()
         assert [cell.strip() for cell in first.strip("|").split("|")] == heads
@@ -216,8 +216,8 @@ def test_the_table_has_six_columns_to_read(rows):
         assert "proved infeasible" in line
         [line] = [one for one in lines if "max-min, unit-revolute  " in one]
         cells = [cell.strip() for cell in line.strip("|").split("|")]
-        bound, merit = float(cells[3]), float(cells[2])
-        assert float(cells[4]) == pytest.approx(100 * (bound - merit) / bound, abs=0.01)
+        bound, score = float(cells[3]), float(cells[2])
+        assert float(cells[4]) == pytest.approx(100 * (bound - score) / bound, abs=0.01)
 
 
 def test_the_table_shows_no_negative_zero():

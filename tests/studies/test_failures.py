@@ -40,7 +40,7 @@ def found(folder):
     stored = json.loads((folder / "jacobians.json").read_text(encoding="utf-8"))
     jacobians = [np.array(one["jacobian"]) for one in stored]
     rows = study().read(folder)["failures"]
-    assert [one["merit"] for one in stored] == [row.merit for row in rows]
+    assert [one["score"] for one in stored] == [row.score for row in rows]
     return list(zip(rows, jacobians, strict=True))
 
 
@@ -54,26 +54,26 @@ def test_every_case_can_be_stated():
 
 def test_numbers_are_those_of_the_jacobian(found):
     for row, jacobian in found:
-        assert row.merit <= row.bound * (1 + 1e-6)
-        assert row.gap_percent == pytest.approx(100 * abs(1 - row.merit / row.bound))
+        assert row.score <= row.bound * (1 + 1e-6)
+        assert row.gap_percent == pytest.approx(100 * abs(1 - row.score / row.bound))
         assert row.worst_case_sigma == measures.worst_case_sigma(jacobian, row.locked)
         if row.failing == "all alike":
-            assert row.merit == pytest.approx(row.worst_case_sigma)
+            assert row.score == pytest.approx(row.worst_case_sigma)
     [(row, jacobian)] = [one for one in found if one[0].goal == "expected"]
-    assert row.merit == expected_sigma(jacobian, unequal()[-1].setup.failures)
+    assert row.score == expected_sigma(jacobian, unequal()[-1].setup.failures)
 
 
 def test_the_paper_s_square_is_the_first_row(found):
     row, _ = found[0]
     assert (row.task_dimension, row.joints, row.locked) == (2, 4, 2)
-    assert row.merit == pytest.approx(np.sqrt(2) * np.sin(np.pi / 8), abs=1e-6)
+    assert row.score == pytest.approx(np.sqrt(2) * np.sin(np.pi / 8), abs=1e-6)
     assert row.distinct_optima == 1
 
 
 def test_files(found, folder):
     with (folder / "failures.csv").open(encoding="utf-8") as file:
         lines = list(csv.DictReader(file))
-    assert [float(line["merit"]) for line in lines] == [row.merit for row, _ in found]
+    assert [float(line["score"]) for line in lines] == [row.score for row, _ in found]
     page = (folder / "failures.md").read_text(encoding="utf-8")
     assert "not all rows are here" in page
     assert page.count("| free") == len(found) == 6

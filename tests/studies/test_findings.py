@@ -65,7 +65,7 @@ def test_a_bound_is_attained_only_where_no_gap_is_left():
     wider = [replace(row, gap_percent=row.gap_percent + 1) for row in rows]
     assert "attained" not in finding("failures", wider)
     assert "reaches" not in finding("failures", wider)
-    unknown = [replace(row, gap_percent=NAN, merit=NAN) for row in rows]
+    unknown = [replace(row, gap_percent=NAN, score=NAN) for row in rows]
     assert finding("failures", unknown) == ""
 
 

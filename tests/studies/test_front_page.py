@@ -113,7 +113,7 @@ def test_a_line_has_the_row_s_numbers(tables):
     ]
     cells = [cell.strip() for cell in line.strip("|").split("|")][2:]
     value, bound, gap, sigma, defect, success, cost = cells
-    assert float(value) == pytest.approx(row.merit, abs=1e-6)
+    assert float(value) == pytest.approx(row.score, abs=1e-6)
     number, _, kind = bound.partition(", ")
     assert float(number) == pytest.approx(row.certified_bound, abs=1e-6)
     assert kind == row.certificate

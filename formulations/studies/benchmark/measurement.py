@@ -12,13 +12,13 @@ from unittest import mock
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from formulations.catalogue import arm, formulation
 from formulations.files.table import HIDDEN, column
 from formulations.joints.arm import Arm
+from formulations.joints.models import arm
+from formulations.registry import formulation
 from formulations.solving.outcome import REACHED_BEST
-from formulations.solving.record import in_model
 from nlp.arrays import FloatArray
-from nlp.task import generator
+from nlp.starts import generator
 
 # Answers within `REACHED_BEST` of the best of all peers are successes; within this, near.
 NEAR = 1e-3
@@ -80,7 +80,7 @@ class Row:
     asked, starts
         Starts that it was given, and those that it ran within the time limit.
     success, near
-        Starts within `REACHED_BEST` and `NEAR` of the best merit of all peers.
+        Starts within `REACHED_BEST` and `NEAR` of the best score of all peers.
     cpu_seconds_per_start, cpu_seconds_per_success
         Processor time, without setting up.
     relative
@@ -132,9 +132,9 @@ class _Trial:
         return sum(self.times)
 
     @property
-    def merits(self) -> list[float]:
+    def scores(self) -> list[float]:
         """Merits of all turns' answers."""
-        return [merit for turn in self.turns for merit in turn]
+        return [score for turn in self.turns for score in turn]
 
     def solve(self, starts: FloatArray) -> FloatArray:
         """Return the peer's Jacobians, without its warnings: only its answers count."""
@@ -144,8 +144,8 @@ class _Trial:
             return self.run(starts)
 
     def within(self, best: float, tolerance: float) -> int:
-        """Return the number of starts whose merit is within a tolerance of the best."""
-        return int(np.sum(np.abs(np.array(self.merits) - best) <= tolerance))
+        """Return the number of starts whose score is within a tolerance of the best."""
+        return int(np.sum(np.abs(np.array(self.scores) - best) <= tolerance))
 
     def per(self, count: int) -> float:
         """Return processor seconds per start or success; NaN if there is none."""
@@ -232,9 +232,9 @@ def _take_turn(
         began = time.process_time()
         jacobians = trial.solve(given)
         trial.times[-1] += time.process_time() - began
-        merit = formulation(trial.peer.formulation).merit
+        score = formulation(trial.peer.formulation).score
         trial.turns[-1] += [
-            merit(matrix) if in_model(built, matrix) else float("nan")
+            score(matrix) if built.admits(matrix) else float("nan")
             for matrix in jacobians[:wanted]
         ]
         done += wanted
@@ -244,20 +244,20 @@ def _as_many(trial: _Trial, left: int, time_limit: float) -> int:
     """Return how many starts to run before the time limit is checked again."""
     if trial.peer.batched or np.isinf(time_limit):
         return left
-    if not trial.merits:
+    if not trial.scores:
         return 1
-    each = trial.seconds / len(trial.merits)
+    each = trial.seconds / len(trial.scores)
     return max(1, min(left, int((time_limit - trial.seconds) / max(each, 1e-9))))
 
 
 def _rows(trials: Sequence[_Trial], joints: int, asked: int, time_limit: float) -> list[Row]:
-    everything = [merit for trial in trials for merit in trial.merits if np.isfinite(merit)]
+    everything = [score for trial in trials for score in trial.scores if np.isfinite(score)]
     sense = formulation(trials[0].peer.formulation).SENSE
     best = (min if sense == "minimise" else max)(everything, default=float("nan"))
     unit = trials[0].per(trials[0].within(best, REACHED_BEST))
     rows = []
     for trial in trials:
-        note, starts = trial.note, len(trial.merits)
+        note, starts = trial.note, len(trial.scores)
         if trial.run is not None and trial.seconds >= time_limit and starts < asked:
             note = f"stopped after {time_limit:g} s"
         success = trial.within(best, REACHED_BEST)

@@ -4,7 +4,6 @@ from collections.abc import Sequence
 
 from formulations import max_min, residual
 from formulations.joints.arm import Arm
-from formulations.solving.setup import solver_options
 from formulations.studies.benchmark import floor, jax_residual, pymanopt_residual, scipy_peers
 from formulations.studies.benchmark.measurement import Peer, Run, each
 from nlp.solver import Solver
@@ -16,8 +15,8 @@ def residual_peer(
     """Return residual minimisation by one of this library's solvers."""
 
     def prepare(arm: Arm, batch: int) -> Run:  # noqa: ARG001
-        options = solver_options(residual.NAME, solver, {})
-        built = Solver(residual.build(arm, hessian=hessian), options, solver, compiled)
+        problem = residual.build(arm, hessian=hessian)
+        built = Solver(problem, name=solver, compiled=compiled)
         return each(lambda start: built.solve(start).outputs["jacobian"], arm.shape)
 
     which = f"{hessian} Hessian" if hessian else "exact Hessian at 7R, Gauss–Newton above"
@@ -30,8 +29,8 @@ def max_min_peer(
     """Return max-min by this library."""
 
     def prepare(arm: Arm, batch: int) -> Run:  # noqa: ARG001
-        options = solver_options(max_min.NAME, solver, {}, encoding)
-        built = Solver(max_min.build(arm, encoding=encoding), options, solver, compiled)
+        problem = max_min.build(arm, encoding=encoding)
+        built = Solver(problem, name=solver, compiled=compiled)
         return each(lambda start: built.solve(start).outputs["jacobian"], arm.shape)
 
     return Peer(name, max_min.NAME, prepare, f"encoding {encoding}")
@@ -47,7 +46,7 @@ PEERS: Sequence[Peer] = (
     residual_peer("lockedjoint, Fatrop, compiled, exact Hessian", "fatrop", True, "exact"),
     max_min_peer(DEFAULT),
     max_min_peer(FAST, solver="fatrop", compiled=True),
-    max_min_peer("lockedjoint, reduced, one stage", "reduced"),
+    max_min_peer("lockedjoint, Schur complement, one stage", "schur-complement"),
     max_min_peer("lockedjoint, shared factor", "shared-factor"),
     max_min_peer(CLASSICAL, "factor-per-deletion"),
     max_min_peer("one positive factor per failure", "positive-factor-per-deletion"),

@@ -136,7 +136,7 @@ def inverse(matrix: ca.SX) -> ca.SX:
 
 
 @dataclass(frozen=True, eq=False)
-class Reduced:
+class SchurComplement:
     """g_f = j_fᵀ (JJᵀ − tI)⁻¹ j_f and its derivatives, t last among the variables.
 
     Parameters

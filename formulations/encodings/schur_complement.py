@@ -1,4 +1,4 @@
-"""Max-min without auxiliary variables, and in two stages.
+"""Max-min by Schur complements: no auxiliary variables, and two stages.
 
 ::
 
@@ -8,7 +8,7 @@
 
 Where JJᵀ ≻ tI that is λ_min(JJᵀ − j_f j_fᵀ) ≥ t. The inverse is by LDLᵀ, unrolled, and NaN
 where JJᵀ − tI is not positive definite: the solver then shortens its step. Derivatives are
-written out, see `nlp.columns`.
+written out, see `encodings.columns`.
 
 From random starts that is no faster than the shared factor. From a point of small residual,
 where JJᵀ is nearly (n/m)I, it takes a few iterations: so *two stages*, a few Gauss–Newton steps
@@ -25,16 +25,12 @@ from types import MappingProxyType
 import casadi as ca
 import numpy as np
 
-from formulations import residual
+from formulations.encodings.columns import Columns, SchurComplement, inverse, second
 from formulations.joints.joint import ColumnModel
 from nlp.arrays import FloatArray
-from nlp.columns import Columns, Reduced, inverse, second
 from nlp.options import OptionValue
 from nlp.problem import Constraint, Derivatives, Evaluation, Problem, Stage
 
-# The first stage: most iterations, and the ‖JJᵀ − (T/m)I‖_F/T up to which J attains eq. (6).
-_ITERATIONS = 12
-_ISOTROPIC = 1e-8
 # t starts where eq. (6) bounds it, or at this share of λ_min(JJᵀ) if that is less.
 _LEVEL = 0.9
 _ALIKE = 1e-9
@@ -44,8 +40,18 @@ _SHIFT = 1e-4
 FATROP_OPTIONS: Mapping[str, OptionValue] = MappingProxyType({"tol": 1e-6})
 
 
-def build(arm: ColumnModel, two_stages: bool = True) -> Problem:
-    """State the problem for an arm, with the residual stage before it or without."""
+def build(arm: ColumnModel, first: Stage | None, options: Mapping[str, OptionValue]) -> Problem:
+    """State the problem for an arm.
+
+    Parameters
+    ----------
+    arm
+        The joints.
+    first
+        The residual, made small first; None for one stage.
+    options
+        Ipopt's options that suit it.
+    """
     variables, t = arm.symbols(), ca.SX.sym("t")
     matrix, constraints = arm.matrix(variables), arm.constraints(variables)
     m, n = arm.shape
@@ -57,9 +63,9 @@ def build(arm: ColumnModel, two_stages: bool = True) -> Problem:
     # Fatrop does not converge where joints have equations of their own. From random starts, or
     # with columns of several lengths, its restoration phase may add to the Hessian forever,
     # where neither iterations nor time are limited.
-    shift = _SHIFT if two_stages and not constraints and np.ptp(norms) < _ALIKE else None
+    shift = _SHIFT if first and not constraints and np.ptp(norms) < _ALIKE else None
 
-    def lift(point: FloatArray) -> FloatArray:
+    def complete_start(point: FloatArray) -> FloatArray:
         squares = np.linalg.eigvalsh(gram(point)[0])
         return np.append(point, min(_LEVEL * squares[0], (n - m) / n * squares.sum() / m))
 
@@ -72,10 +78,10 @@ def build(arm: ColumnModel, two_stages: bool = True) -> Problem:
         lower=np.append(lower, -np.inf),
         upper=np.append(upper, np.inf),
         outputs={"jacobian": matrix},
-        lift=lift,
-        options={"fatrop": FATROP_OPTIONS},
+        complete_start=complete_start,
+        options={"ipopt": options, "fatrop": FATROP_OPTIONS},
         derivatives=_derivatives(variables, matrix, constraints, shift),
-        first=_first(arm, variables, matrix) if two_stages else None,
+        first=first,
     )
 
 
@@ -83,13 +89,13 @@ def _derivatives(
     variables: ca.SX, matrix: ca.SX, constraints: tuple[Constraint, ...], shift: float | None
 ) -> Derivatives:
     own = ca.vertcat(*(constraint.expression for constraint in constraints))
-    reduced = Reduced(Columns.of(variables, matrix))
+    complement = SchurComplement(Columns.of(variables, matrix))
     size, count = variables.numel(), own.numel()
     z, sigma = ca.MX.sym("z", size + 1), ca.MX.sym("sigma")
     multipliers = ca.MX.sym("lambda", count + matrix.shape[1])
     x, t = z[:size], z[size]
-    slopes = reduced.slopes(x, t)
-    hessian = reduced.second(x, t, multipliers[count:])
+    slopes = complement.slopes(x, t)
+    hessian = complement.second(x, t, multipliers[count:])
     hessian[size, size] -= sigma / t**2
     if count:
         plain = ca.Function("plain", [variables], [ca.jacobian(own, variables)])
@@ -100,19 +106,3 @@ def _derivatives(
         ca.Function("slopes", [z], [slopes]),
         shift,
     )
-
-
-def _first(arm: ColumnModel, variables: ca.SX, matrix: ca.SX) -> Stage:
-    gram, norms = matrix @ matrix.T, ca.sum1(matrix**2)
-    trace = ca.sum2(norms)
-    defect = gram - trace / arm.shape[0] * ca.SX.eye(arm.shape[0])
-    unlike = ca.mmax(ca.fabs(norms - trace / arm.shape[1]))
-    evaluation = Evaluation(variables, [trace, ca.norm_fro(defect), unlike])
-    fixed = arm.fixed_trace is not None
-
-    def is_answer(point: FloatArray) -> bool:
-        total, *gaps = (value[0, 0] for value in evaluation(point))
-        return fixed and bool(max(gaps) <= _ISOTROPIC * total)
-
-    before = residual.build(arm, hessian="gauss-newton")
-    return Stage(before, _ITERATIONS, is_answer)

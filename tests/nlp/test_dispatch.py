@@ -1,4 +1,4 @@
-"""Workers are killed and hang for real; every start comes back once, or is named as lost."""
+"""Workers are killed and hang for real; every start comes back once, or is named as failed."""
 
 import itertools
 import os
@@ -6,7 +6,9 @@ import signal
 import subprocess
 import sys
 import time
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from functools import partial
+from multiprocessing import get_context
 from pathlib import Path
 
 import casadi as ca
@@ -14,12 +16,12 @@ import numpy as np
 import psutil
 import pytest
 
+from nlp.dispatch import dispatch
 from nlp.errors import WorkerError
+from nlp.executors import LocalExecutor, end_idle_processes
 from nlp.multistart import multistart
 from nlp.problem import Problem
-from nlp.processes import Processes, end_idle_processes
-from nlp.spread import spread
-from nlp.task import Chunk, Task, packed
+from nlp.starts import Chunk, Task, packed
 
 pytestmark = pytest.mark.processes
 
@@ -56,50 +58,37 @@ def chunks(payload, starts, size=10):
     return [Chunk(payload, 0, range(k, min(k + size, starts))) for k in range(0, starts, size)]
 
 
-def collect(arrivals):
-    done, lost = [], []
-    for arrival in arrivals:
-        lost += [one.index for one in arrival.lost]
-        done += [one.result for one in arrival.results]
-    return sorted(done), sorted(lost)
+def collect(results):
+    results = list(results)
+    finished = sorted(start.result for result in results for start in result.finished)
+    return finished, {start.index: start.reason for r in results for start in r.failed}
 
 
-@pytest.fixture(autouse=True)
-def _no_processes_left_running():
-    yield
+@pytest.fixture
+def two():
+    with LocalExecutor(2) as executor:
+        yield executor
     end_idle_processes()
 
 
-@pytest.mark.parametrize("kind", ["die", pytest.param("hang", marks=pytest.mark.long)])
-def test_a_worker_that_fails_once_costs_nothing(tmp_path, kind):
+@pytest.mark.parametrize("kind", ["die", "hang"])
+def test_a_worker_that_fails_once_costs_nothing(tmp_path, two, kind):
     payload = task_of(partial(mischief, folder=tmp_path, kind=kind, bad=13, once=True))
     limit = 1.0 if kind == "hang" else None
-    done, lost = collect(spread(chunks(payload, 40), Processes(2), limit))
+    finished, failed = collect(dispatch(chunks(payload, 40), two, limit))
     assert (tmp_path / f"{kind}13").exists(), "it did fail"
-    assert done == list(range(40))
-    assert lost == []
+    assert (finished, failed) == (list(range(40)), {})
 
 
-def slowly(run, folder):
-    if run.index == 0 and not (folder / "hung").exists():
-        (folder / "hung").touch()
-        time.sleep(600)
-    time.sleep(0.15)
-    return run.index
-
-
-@pytest.mark.long
-def test_chunks_beside_one_that_hangs_are_run_again(tmp_path):
-    payload = task_of(partial(slowly, folder=tmp_path))
-    done, lost = collect(spread(chunks(payload, 60), Processes(2), 0.5))
-    assert (done, lost) == (list(range(60)), [])
-
-
-def test_a_start_that_always_kills_is_lost_alone(tmp_path):
-    payload = task_of(partial(mischief, folder=tmp_path, kind="die", bad=13, once=False))
-    done, lost = collect(spread(chunks(payload, 40), Processes(2)))
-    assert lost == [13]
-    assert done == [k for k in range(40) if k != 13]
+@pytest.mark.parametrize(
+    ("kind", "reason"), [("die", "ended its process"), ("hang", "exceeded the time limit")]
+)
+def test_a_start_that_always_fails_is_named_and_lost_alone(tmp_path, two, kind, reason):
+    payload = task_of(partial(mischief, folder=tmp_path, kind=kind, bad=13, once=False))
+    limit = 3.0 if kind == "hang" else None
+    finished, failed = collect(dispatch(chunks(payload, 40), two, limit))
+    assert failed == {13: reason}
+    assert finished == [k for k in range(40) if k != 13]
 
 
 def test_multistart_names_the_start_that_kills(tmp_path):
@@ -114,17 +103,9 @@ def leaves(run):
     return run.index
 
 
-def test_a_worker_that_ends_with_status_0_is_noticed():
-    arrivals = list(spread(chunks(task_of(leaves), 20), Processes(2)))
-    assert collect(arrivals)[1] == [3]
-    assert [one.why for arrival in arrivals for one in arrival.lost] == ["ended its process"]
-
-
-def test_a_start_that_always_hangs_is_lost_alone(tmp_path):
-    payload = task_of(partial(mischief, folder=tmp_path, kind="hang", bad=3, once=False))
-    arrivals = list(spread(chunks(payload, 20, size=4), Processes(2), 0.5))
-    assert collect(arrivals) == ([k for k in range(20) if k != 3], [3])
-    assert [one.why for one in arrivals[-1].lost] == ["exceeded the time limit"]
+def test_a_worker_that_ends_with_status_0_is_noticed(two):
+    _, failed = collect(dispatch(chunks(task_of(leaves), 20), two))
+    assert failed == {3: "ended its process"}
 
 
 def slow_parabola():
@@ -132,20 +113,23 @@ def slow_parabola():
     return parabola()
 
 
-def test_building_does_not_count_as_running():
+def test_building_does_not_count_as_running(two):
     payload = packed(Task(slow_parabola, sample, {}, index_of))
-    assert collect(spread(chunks(payload, 20), Processes(2), 0.1)) == (list(range(20)), [])
+    assert collect(dispatch(chunks(payload, 20), two, 0.2)) == (list(range(20)), {})
 
 
 def test_no_more_processes_than_work():
+    end_idle_processes()
+    before = len(workers_of())
     study = multistart(parabola, sample, starts=2, workers=10**6, judge=index_of)
     assert study.results == (0, 1)
-    assert len(workers_of()) == 2
+    assert len(workers_of()) - before == 2
+    end_idle_processes()
 
 
 def workers_of(process=None):
     children = (process or psutil.Process()).children()
-    return [child for child in children if "spawn_main" in " ".join(child.cmdline())]
+    return [child for child in children if "popen_loky" in " ".join(child.cmdline())]
 
 
 ORPHANS = """
@@ -178,11 +162,10 @@ def test_workers_that_hang_end_with_a_killed_parent():
     assert not psutil.wait_procs(workers, timeout=120)[1]
 
 
-def test_all_workers_killed_from_outside():
+def test_all_workers_killed_from_outside(two):
     payload, seen = task_of(index_of), []
-    arrivals = spread(chunks(payload, 200), Processes(2))
-    for arrival in arrivals:
-        seen += [one.result for one in arrival.results]
+    for result in dispatch(chunks(payload, 200), two):
+        seen += [start.result for start in result.finished]
         if len(seen) in (20, 100):
             for child in workers_of():
                 child.kill()
@@ -195,15 +178,11 @@ def fails(run, bad):
     return run.index
 
 
-def test_an_exception_loses_its_start_only():
+def test_an_exception_loses_its_start_only(two):
     payload = task_of(partial(fails, bad=(3, 14)))
-    arrivals = list(spread(chunks(payload, 40), Processes(2)))
-    done, lost = collect(arrivals)
-    assert lost == [3, 14]
-    assert done == [k for k in range(40) if k not in lost]
-    one = next(one for arrival in arrivals for one in arrival.lost)
-    assert one.why == "raised LinAlgError: Singular matrix"
-    assert isinstance(one.error, np.linalg.LinAlgError)
+    finished, failed = collect(dispatch(chunks(payload, 40), two))
+    assert failed == dict.fromkeys((3, 14), "raised LinAlgError: Singular matrix")
+    assert finished == [k for k in range(40) if k not in failed]
 
 
 @pytest.mark.parametrize("workers", [1, 2])
@@ -212,17 +191,45 @@ def test_multistart_passes_exceptions_on(workers):
         multistart(parabola, sample, starts=12, workers=workers, judge=partial(fails, bad=(3,)))
 
 
-def test_errors_of_building_are_passed_on():
+def test_errors_of_building_are_passed_on(two):
     payload = packed(Task(partial(np.linalg.inv, np.zeros((2, 2))), sample, {}, index_of))
     with pytest.raises(np.linalg.LinAlgError):
-        list(spread(chunks(payload, 20), Processes(2)))
+        list(dispatch(chunks(payload, 20), two))
 
 
-def test_draws_chunks_only_as_workers_ask():
+def test_draws_chunks_only_as_workers_ask(two):
     payload, drawn = task_of(index_of), itertools.count()
     endless = (Chunk(payload, 0, range(10 * k, 10 * k + 10)) for k in drawn)
-    arrivals = spread(endless, Processes(2))
+    results = dispatch(endless, two)
     for _ in range(30):
-        next(arrivals)
-    arrivals.close()
+        next(results)
+    results.close()
     assert next(drawn) <= 30 + 4
+
+
+def test_any_executor_will_do():
+    """The same starts on processes of the standard library, and on threads."""
+    payload = task_of(index_of)
+    spawned = partial(ProcessPoolExecutor, 2, mp_context=get_context("spawn"))
+    for make in (spawned, partial(ThreadPoolExecutor, 2)):
+        with make() as executor:
+            assert collect(dispatch(chunks(payload, 40), executor)) == (list(range(40)), {})
+            study = multistart(parabola, sample, starts=12, executor=executor, judge=index_of)
+    assert study.results == tuple(range(12))
+
+
+def test_another_executor_that_broke_says_so(tmp_path):
+    payload = task_of(partial(mischief, folder=tmp_path, kind="die", bad=3, once=False))
+    with (
+        ProcessPoolExecutor(2, mp_context=get_context("spawn")) as executor,
+        pytest.raises(WorkerError, match="takes no more work"),
+    ):
+        list(dispatch(chunks(payload, 40), executor))
+
+
+def test_a_time_limit_never_ends_the_callers_process(tmp_path):
+    """Threads share it: there a start runs on."""
+    payload = task_of(lambda run: time.sleep(0.3) or run.index)
+    with ThreadPoolExecutor(2) as executor:
+        results = dispatch(chunks(payload, 4, size=2), executor, 0.1)
+        assert collect(results) == (list(range(4)), {})

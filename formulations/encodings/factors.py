@@ -7,7 +7,7 @@ Given an m×n matrix A of expressions, a level t and a family of column sets F, 
 without ever differentiating an eigenvalue, which has no derivative where eigenvalues repeat.
 Each encoding is a function of A, the symbol t, the column sets F, and the least ``pivot`` that
 any diagonal entry of a factor of A Aᵀ − tI may be held above. All introduce auxiliary
-variables, which the encoding's `lift` computes from a numeric A.
+variables, which the encoding's `complete_start` computes from a numeric A.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -37,14 +37,14 @@ class Encoding:
         Their lower bounds, shape (size,); they have no upper ones.
     constraints
         Smooth constraints on A, t and the auxiliary variables.
-    lift
-        ``lift(A, t)`` gives auxiliary values to start from, for a numeric A and level t.
+    complete_start
+        ``complete_start(A, t)`` gives auxiliary values to start from, for a numeric A and t.
     """
 
     variables: ca.SX
     lower: FloatArray
     constraints: tuple[Constraint, ...]
-    lift: Callable[[FloatArray, float], FloatArray]
+    complete_start: Callable[[FloatArray, float], FloatArray]
 
 
 Encode: TypeAlias = Callable[[ca.SX, ca.SX, Sequence[tuple[int, ...]], float], Encoding]
@@ -76,7 +76,7 @@ def shared_factor(
         gap = ca.SX.eye(len(columns)) - part.T @ part
         constraints.append(_factorised(_name(columns), gap, root))
 
-    def lift(numeric: FloatArray, t: float) -> FloatArray:
+    def complete_start(numeric: FloatArray, t: float) -> FloatArray:
         root = _factor(numeric @ numeric.T - t * np.eye(m))
         x = np.linalg.solve(root, numeric)
         parts = [x[:, list(columns)] for columns in several]
@@ -85,7 +85,7 @@ def shared_factor(
 
     diagonals = [_diagonal_bounds(m, pivot), *(_diagonal_bounds(len(c), 0.0) for c in several)]
     variables = ca.vertcat(entries, *(symbols for symbols, _ in small))
-    return Encoding(variables, np.concatenate(diagonals), tuple(constraints), lift)
+    return Encoding(variables, np.concatenate(diagonals), tuple(constraints), complete_start)
 
 
 def principal_minors(
@@ -129,13 +129,13 @@ def factor_per_deletion(
         kept = matrix[:, [i for i in range(n) if i not in columns]]
         constraints.append(_factorised(_name(columns), _shifted(kept, level), factor))
 
-    def lift(numeric: FloatArray, t: float) -> FloatArray:
+    def complete_start(numeric: FloatArray, t: float) -> FloatArray:
         kept = [np.delete(numeric, columns, axis=1) for columns in deleted]
         return np.concatenate([_packed(_factor(k @ k.T - t * np.eye(m))) for k in kept])
 
     variables = ca.vertcat(*(symbols for symbols, _ in factors))
     lower = np.tile(_diagonal_bounds(m, least), len(deleted))
-    return Encoding(variables, lower, tuple(constraints), lift)
+    return Encoding(variables, lower, tuple(constraints), complete_start)
 
 
 ENCODINGS: Mapping[str, Encode] = {

@@ -1,0 +1,126 @@
+"""The formulations by name: where a new one is listed, and what is known of their optima.
+
+Names are for the command line, campaign files and tables; the library passes the objects. A
+user's own is known after `register`, from a file of `load_plugin`, or by the entry points
+``lockedjoint.formulations`` of an installed package. Joints: `formulations.joints.models`.
+"""
+
+import importlib.util
+import sys
+from importlib.metadata import entry_points
+from pathlib import Path
+from typing import Literal
+
+import cloudpickle
+
+from formulations import isotropy, manipulability, max_min, residual
+from formulations.bounds.certified import Bound
+from formulations.formulation import Formulation, check_formulation
+from formulations.joints.joint import ColumnModel
+from nlp.errors import FileError, InputError
+
+FORMULATIONS: dict[str, Formulation] = {
+    module.NAME: module for module in (residual, max_min, isotropy, manipulability)
+}
+
+
+def register(statement: Formulation) -> None:
+    """List a formulation under its name, for this process.
+
+    Parameters
+    ----------
+    statement
+        A module, or any object, with what `Formulation` names.
+
+    Raises
+    ------
+    InputError
+        If something that it names is missing, or another formulation has the name.
+    """
+    check_formulation(statement)
+    if FORMULATIONS.get(statement.NAME, statement) is not statement:
+        raise InputError("formulation", statement.NAME, "a name that no other formulation has")
+    FORMULATIONS[statement.NAME] = statement
+
+
+def load_plugin(path: Path) -> None:
+    """Run a Python file that registers formulations or joints.
+
+    A file that is a formulation itself is registered. Its functions are sent to worker
+    processes by value, so it need not be installed there.
+
+    Raises
+    ------
+    FileError
+        If it cannot be run.
+    """
+    name = f"lockedjoint_plugin_{path.stem}"
+    spec = importlib.util.spec_from_file_location(name, path)
+    if spec is None or spec.loader is None:
+        raise FileError("plugin", str(path), "a Python file")
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module  # classes defined there look themselves up by it
+    cloudpickle.register_pickle_by_value(module)
+    try:
+        spec.loader.exec_module(module)
+    except Exception as reason:
+        said = f"a Python file that runs ({type(reason).__name__}: {reason})"
+        raise FileError("plugin", str(path), said) from reason
+    if hasattr(module, "NAME"):
+        register(module)
+
+
+def formulation(name: str | Formulation) -> Formulation:
+    """Return a formulation by its name, or itself; InputError if there is none."""
+    if isinstance(name, str):
+        return _named(name)
+    check_formulation(name)
+    return name
+
+
+def bound(
+    name: str | Formulation,
+    arm: ColumnModel,
+    locked: int = 1,
+    kind: Literal["certified", "numerical"] = "certified",
+) -> Bound:
+    """Return the best bound known on a formulation's score of any Jacobian of an arm.
+
+    Parameters
+    ----------
+    name
+        The formulation.
+    arm
+        The joints.
+    locked
+        How many joints lock at once.
+    kind
+        ``"certified"`` for what is proved, ``"numerical"`` for what is checked in floating
+        point only.
+
+    Raises
+    ------
+    InputError
+        If there is no such formulation or kind, or no bound of this kind is known.
+    """
+    if kind not in ("certified", "numerical"):
+        raise InputError("kind", kind, "certified or numerical")
+    certified = kind == "certified"
+    known = formulation(name).bound(arm, locked, certified)
+    if known is None:
+        others = [
+            other for other in FORMULATIONS.values() if other.bound(arm, locked, certified)
+        ]
+        names = ", ".join(other.NAME for other in others) or "none for this arm"
+        allowed = f"one with a {kind} bound of its own: {names}"
+        raise InputError("formulation", formulation(name).NAME, allowed)
+    return known
+
+
+def _named(name: str) -> Formulation:
+    if name not in FORMULATIONS:
+        for entry in entry_points(group="lockedjoint.formulations"):
+            register(entry.load())
+    if name not in FORMULATIONS:
+        raise InputError("formulation", name, "one of " + ", ".join(FORMULATIONS))
+    return FORMULATIONS[name]
