@@ -19,10 +19,7 @@ from formulations.catalogue import register as register
 
 # Proof: optimally failure-tolerant nR Jacobians exist for every n from 8 on, and not for 7.
 from formulations.existence.rings import optimal_jacobian as optimal_jacobian
-
-# Figures: of what is computed.
-from formulations.figures.plot import plot as plot
-from formulations.files.jacobians import read_jacobians as read_jacobians
+from formulations.io.jacobians import read_jacobians as read_jacobians
 from formulations.joints.arm import Arm as Arm
 from formulations.joints.kinds import FreeColumn as FreeColumn
 from formulations.joints.kinds import LeverRevolute as LeverRevolute
@@ -33,6 +30,9 @@ from formulations.measures.assessment import measure as measure
 from formulations.measures.canonical import canonical_form as canonical_form
 from formulations.measures.canonical import distinct as distinct
 from formulations.measures.unequal_failures import FailureModel as FailureModel
+
+# Figures: of what is computed.
+from formulations.plot.values import plot as plot
 
 # Robots: from a Jacobian to a robot, and from a robot to its Jacobian.
 from formulations.realise.choice import choose as choose

@@ -20,8 +20,8 @@ from formulations.bounds.so3_moments.fixed_worst_case import worst_case_limit
 from formulations.existence.reading import read, read_either
 from formulations.existence.relaxation.relaxation import existence_relaxation
 from formulations.existence.verify import verify
-from formulations.files.provenance import read_header
-from formulations.files.table import Table, read_rows
+from formulations.io.provenance import read_header
+from formulations.io.table import Table, read_rows
 from formulations.realise.criteria import CRITERIA, Sampling
 from formulations.realise.family import Arrangements, family
 from formulations.realise.from_jacobian import realise

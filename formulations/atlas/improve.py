@@ -8,7 +8,7 @@ import numpy as np
 
 from formulations.atlas.collection import improved, pages
 from formulations.atlas.entry import ENOUGH, RESOLUTION, Entry, Found, Page
-from formulations.files.provenance import provenance
+from formulations.io.provenance import provenance
 from formulations.max_min import NAME as MAX_MIN
 from formulations.measures import trace
 from formulations.solving.outcome import REACHED_BEST, Outcome

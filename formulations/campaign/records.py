@@ -14,7 +14,7 @@ from functools import lru_cache, partial
 import numpy as np
 
 from formulations.catalogue import arm
-from formulations.files.provenance import provenance
+from formulations.io.provenance import provenance
 from formulations.joints.arm import Arm
 from formulations.solving.record import Record, judge
 from formulations.solving.setup import Setup, solver_options

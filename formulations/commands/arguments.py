@@ -14,8 +14,8 @@ from nlp.errors import LARGEST, InputError, SolverOptionError, shown
 from nlp.files import real_in, whole_in
 
 if TYPE_CHECKING:
-    from formulations.files.figure import Look
     from formulations.measures.unequal_failures import FailureModel
+    from formulations.plot.style import Look
 
 T = TypeVar("T")
 
@@ -202,7 +202,7 @@ def look(size: str | None, no_title: bool, style: Path | None) -> Look:
     InputError
         If the size or the style file is not allowed.
     """
-    from formulations.files.figure import Look, read_size, read_style
+    from formulations.plot.style import Look, read_size, read_style
 
     settings, left_out = ({}, []) if style is None else read_style(style)
     if left_out:

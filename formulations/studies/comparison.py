@@ -9,7 +9,7 @@ import numpy as np
 
 from formulations import measures
 from formulations.catalogue import arm, certified_bound, models_of, numerical_bound
-from formulations.files.table import HIDDEN, column
+from formulations.io.table import HIDDEN, column
 from formulations.solving.outcome import Outcome
 from formulations.solving.setup import setups
 from formulations.studies.pages import outward

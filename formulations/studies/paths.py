@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from formulations.files.figure import content
-from formulations.files.table import HIDDEN, column, read_rows
+from formulations.io.table import HIDDEN, column, read_rows
+from formulations.plot.style import content
 from formulations.robots.path import PathSearch, check_reach, plan_path
 from formulations.robots.path_plan import PathPlan
 from formulations.robots.robot_arm import RobotArm
@@ -132,7 +132,7 @@ def study(only: str | None = None) -> Study:
             cpu = time.process_time() - started
             files = {}
             if one is chosen[0]:
-                from formulations.figures.path import draw
+                from formulations.plot.path import draw
 
                 files = {"path.svg": content(draw(found), "svg")}
             entry = {

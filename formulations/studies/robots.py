@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 
-from formulations.files.table import HIDDEN, column, read_rows
+from formulations.io.table import HIDDEN, column, read_rows
 from formulations.robots.chain_between import chain_between
 from formulations.robots.posture import best_posture
 from formulations.robots.posture_found import Posture

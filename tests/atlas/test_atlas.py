@@ -32,7 +32,7 @@ from formulations.atlas.exact_value import (
 from formulations.atlas.improve import improve
 from formulations.atlas.local_optimality import local_optimality
 from formulations.atlas.polished import SEARCHES, improve_polished
-from formulations.figures.atlas import gallery, heat_map
+from formulations.plot.atlas import gallery, heat_map
 from nlp.errors import FileError, InputError
 
 SEEDS = st.integers(0, 2**32 - 1)

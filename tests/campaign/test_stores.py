@@ -13,8 +13,8 @@ import typer.testing
 from formulations.campaign.campaign import Declaration, declaration, run
 from formulations.campaign.records import SCHEMA, TIMES, Cell
 from formulations.commands.app import app
-from formulations.figures.optima import make, stored
-from formulations.figures.picture import NothingFoundError, Request
+from formulations.plot.optima import make, stored
+from formulations.plot.picture import NothingFoundError, Request
 from formulations.solving.setup import Setup
 from nlp.errors import FileError, InputError, LockedJointError, StoreError
 from nlp.processes import Processes, end_idle_processes

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from formulations.__main__ import main
 from formulations.commands.workspace import _text
-from formulations.figures.workspace import draw
+from formulations.plot.workspace import draw
 from formulations.robots import workspace as module
 from formulations.robots.best_limits import _in_joints, best_limits
 from formulations.robots.chain_between import chain_between

@@ -9,7 +9,7 @@ import pytest
 
 from formulations import measures
 from formulations.catalogue import arm
-from formulations.files.table import Table
+from formulations.io.table import Table
 from formulations.solving.setup import Setup, setups
 from formulations.solving.solve import run
 from formulations.studies import study as study_module

@@ -13,7 +13,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from formulations.catalogue import arm, formulation
-from formulations.files.table import HIDDEN, column
+from formulations.io.table import HIDDEN, column
 from formulations.joints.arm import Arm
 from formulations.solving.outcome import REACHED_BEST
 from formulations.solving.record import in_model

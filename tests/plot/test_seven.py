@@ -7,8 +7,8 @@ import pandas as pd
 import pytest
 
 from formulations.catalogue import arm
-from formulations.figures import optima, seven_axes, singular_values, trade_off
-from formulations.figures.picture import NothingFoundError, Request
+from formulations.plot import optima, seven_axes, singular_values, trade_off
+from formulations.plot.picture import NothingFoundError, Request
 from formulations.reproduction import reference
 from nlp.errors import InputError
 from nlp.task import generator

@@ -10,8 +10,8 @@ import pandas as pd
 
 from formulations import measures, residual
 from formulations.catalogue import arm, certified_bound
-from formulations.figures.picture import NothingFoundError, Picture, Request
-from formulations.files.figure import (
+from formulations.plot.picture import NothingFoundError, Picture, Request
+from formulations.plot.style import (
     BLUE,
     GREY,
     INK,

@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from formulations.files.figure import (
+from formulations.plot.projection import View, clear_views, clearest
+from formulations.plot.style import (
     BLUE,
     GREY,
     INK,
@@ -25,7 +26,6 @@ from formulations.files.figure import (
     styled,
 )
 from formulations.realise.manipulator import Manipulator
-from formulations.realise.projection import View, clear_views, clearest
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
 

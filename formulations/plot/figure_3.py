@@ -8,9 +8,9 @@ import numpy as np
 import pandas as pd
 
 from formulations import measures
-from formulations.figures.figure_1 import angles, draw_on_circle, optima, turned
-from formulations.figures.picture import Picture, Request
-from formulations.files.figure import INK, SMALL, TITLE, VERMILION, styled
+from formulations.plot.figure_1 import angles, draw_on_circle, optima, turned
+from formulations.plot.picture import Picture, Request
+from formulations.plot.style import INK, SMALL, TITLE, VERMILION, styled
 from formulations.realise.from_jacobian import realise
 from nlp.arrays import FloatArray
 

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from formulations import max_min
-from formulations.figures import figure_1, figure_3
-from formulations.figures.figure_1 import optima, turned
-from formulations.figures.picture import NothingFoundError, Request
-from formulations.files.figure import content
+from formulations.plot import figure_1, figure_3
+from formulations.plot.figure_1 import optima, turned
+from formulations.plot.picture import NothingFoundError, Request
+from formulations.plot.style import content
 from formulations.realise.from_jacobian import realise
 from formulations.reproduction import reference
 

@@ -13,10 +13,10 @@ import pandas as pd
 
 from formulations import max_min, measures, residual
 from formulations.catalogue import certified_bound
-from formulations.figures.picture import Picture, Request, best
-from formulations.files.figure import BLUE, INK, VERMILION, beside, styled, without_frame
 from formulations.joints.arm import Arm
 from formulations.joints.kinds import UnitRevolute
+from formulations.plot.picture import Picture, Request, best
+from formulations.plot.style import BLUE, INK, VERMILION, beside, styled, without_frame
 from formulations.solving.record import in_model
 from formulations.solving.setup import Setup
 from nlp.arrays import FloatArray

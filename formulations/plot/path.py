@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from formulations.files.figure import BLUE, GREY, PALE, SMALL, styled, without_frame
+from formulations.plot.style import BLUE, GREY, PALE, SMALL, styled, without_frame
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

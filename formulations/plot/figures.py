@@ -1,10 +1,10 @@
-"""Figures of what is computed: one per file, and the list of them by name."""
+"""The figures by name, with what each is made from."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 
-from formulations.figures import (
+from formulations.plot import (
     figure_1,
     figure_3,
     optima,
@@ -12,7 +12,7 @@ from formulations.figures import (
     singular_values,
     trade_off,
 )
-from formulations.figures.picture import Picture, Request
+from formulations.plot.picture import Picture, Request
 from nlp.errors import InputError
 
 

@@ -11,7 +11,7 @@ import pytest
 
 from formulations.__main__ import main
 from formulations.campaign.records import SCHEMA
-from formulations.figures import optima
+from formulations.plot import optima
 from nlp.store import Store
 
 

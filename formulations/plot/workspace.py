@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from formulations.files.figure import (
+from formulations.plot.style import (
     BLUE,
     INK,
     ORANGE,

@@ -7,10 +7,10 @@ import numpy as np
 from tabulate import tabulate
 
 from formulations import measures
-from formulations.files.figure import content
+from formulations.plot.manipulator import figure
+from formulations.plot.style import content
 from formulations.realise.choice import Choice
 from formulations.realise.dh import Convention, DenavitHartenberg, denavit_hartenberg
-from formulations.realise.drawing import figure
 from formulations.realise.links import room
 from formulations.realise.manipulator import Manipulator
 from formulations.realise.write_urdf import urdf

@@ -13,8 +13,9 @@ import numpy as np
 import pytest
 
 from formulations.catalogue import arm, certified_bound
-from formulations.figures import FIGURES, figure_1, optima, trade_off
-from formulations.figures.picture import Request
+from formulations.plot import figure_1, optima, trade_off
+from formulations.plot.figures import FIGURES
+from formulations.plot.picture import Request
 from formulations.reproduction import reference
 from formulations.solving import record, solve, trade_off_curve
 

@@ -8,9 +8,11 @@ from itertools import combinations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from formulations.figures import optima, path, workspace
-from formulations.figures.picture import NothingFoundError
-from formulations.files.figure import (
+from formulations.measures.assessment import Assessment, measure
+from formulations.plot import optima, path, workspace
+from formulations.plot.manipulator import figure as drawing
+from formulations.plot.picture import NothingFoundError
+from formulations.plot.style import (
     INK,
     PALE,
     VERMILION,
@@ -25,8 +27,6 @@ from formulations.files.figure import (
     styled,
     without_frame,
 )
-from formulations.measures.assessment import Assessment, measure
-from formulations.realise.drawing import figure as drawing
 from formulations.realise.manipulator import Manipulator
 from formulations.robots.path_plan import PathPlan
 from formulations.robots.robot_assessment import RobotAssessment

@@ -8,11 +8,11 @@ import numpy as np
 import pandas as pd
 
 from formulations import max_min, measures
-from formulations.figures.picture import Picture, Request, best
-from formulations.files.figure import GREY, SMALL, TITLE, styled
-from formulations.realise.drawing import common_lever, draw_axes
+from formulations.plot.manipulator import common_lever, draw_axes
+from formulations.plot.picture import Picture, Request, best
+from formulations.plot.projection import clear_views
+from formulations.plot.style import GREY, SMALL, TITLE, styled
 from formulations.realise.from_jacobian import realise
-from formulations.realise.projection import clear_views
 from formulations.solving.setup import Setup
 from nlp.arrays import FloatArray
 from nlp.errors import InputError

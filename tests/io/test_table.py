@@ -9,7 +9,7 @@ from enum import StrEnum
 
 import pytest
 
-from formulations.files.table import HIDDEN, Table, column, read_rows, written
+from formulations.io.table import HIDDEN, Table, column, read_rows, written
 from nlp.errors import FileError
 
 

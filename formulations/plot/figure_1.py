@@ -13,11 +13,11 @@ import numpy as np
 import pandas as pd
 
 from formulations import max_min, measures
-from formulations.figures.picture import Picture, Request, reached
-from formulations.files.figure import LABEL, PALE, TITLE, styled
 from formulations.joints.arm import Arm
 from formulations.joints.kinds import FreeColumn
-from formulations.realise.drawing import draw
+from formulations.plot.manipulator import draw
+from formulations.plot.picture import Picture, Request, reached
+from formulations.plot.style import LABEL, PALE, TITLE, styled
 from formulations.realise.family import distinct, every, symmetries
 from formulations.realise.from_jacobian import realise
 from formulations.realise.links import link_lengths

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from formulations.files.figure import SMALL, styled
+from formulations.plot.manipulator import draw
+from formulations.plot.style import SMALL, styled
 from formulations.realise.choice import rank
-from formulations.realise.drawing import draw
 from formulations.realise.from_jacobian import realise
 from formulations.realise.links import room, slide_apart
 from formulations.realise.manipulator import Manipulator

@@ -15,8 +15,8 @@ import pandas as pd
 from formulations import isotropy, max_min, residual
 from formulations.campaign.records import SCHEMA
 from formulations.campaign.tables import SETTINGS, differing, frame
-from formulations.figures.picture import NothingFoundError, Picture, Request, solved
-from formulations.files.figure import BLUE, PALE, SMALL, TITLE, beside, styled, without_frame
+from formulations.plot.picture import NothingFoundError, Picture, Request, solved
+from formulations.plot.style import BLUE, PALE, SMALL, TITLE, beside, styled, without_frame
 from formulations.solving.outcome import Outcome
 from formulations.solving.setup import Setup
 from nlp.arrays import FloatArray
