@@ -24,6 +24,7 @@ from formulations import measures
 from formulations.bounds.certified import Bound, planar_on_record, sharpest
 from formulations.joints.arm import Arm
 from formulations.joints.joint import ColumnModel
+from formulations.measures.locked_joints import check_sets
 from formulations.unequal_max_min import MOST_SETS, check_locked
 from nlp.arrays import FloatArray
 from nlp.columns import inverse
@@ -53,7 +54,7 @@ def build(arm: ColumnModel, locked: int = 1) -> Problem:
     """
     m, n = arm.shape
     check_locked(n - m, n, locked)
-    measures.check_sets(n, locked, MOST_SETS)
+    check_sets(n, locked, MOST_SETS)
     variables, level = arm.symbols(), ca.SX.sym("t")
     jacobian = arm.matrix(variables)
     left = ca.SX.eye(n) - jacobian.T @ (inverse(jacobian @ jacobian.T) @ jacobian)

@@ -55,6 +55,11 @@ def test_nothing_heavy_is_imported_before_it_is_used():
     subprocess.run([sys.executable, "-c", code], check=True)
 
 
+def test_measures_list_what_measures_and_nothing_else():
+    assert "worst_case_sigma" in dir(lj.measures)
+    assert all(callable(getattr(lj.measures, name)) for name in dir(lj.measures))
+
+
 def test_the_version_is_that_of_the_package():
     assert lj.__version__ == version("lockedjoint")
 
