@@ -78,8 +78,9 @@ def figure(
     """
     from formulations.io.jacobians import only_jacobian
     from formulations.plot.figures import kind
+    from formulations.plot.look import looking
     from formulations.plot.picture import Request
-    from formulations.plot.style import content, figure_class, kind_of, looking
+    from formulations.plot.style import content, figure_class, kind_of
     from nlp.files import prepare_file, write_bytes, write_text
     from nlp.multistart import default_workers
 

@@ -111,8 +111,9 @@ def path(
         typer.echo(f"Note: {note}", err=True)
     plain = {"robot": arm.chain.robot, "tip": arm.chain.tip, "seed": seed, **found.to_dict()}
     if out is not None:
+        from formulations.plot.look import looking
         from formulations.plot.path import draw
-        from formulations.plot.style import content, looking
+        from formulations.plot.style import content
 
         with looking(looks):
             drawn = content(draw(found), "svg")

@@ -150,7 +150,7 @@ def realise(
     from formulations.commands import realise_forms as forms
     from formulations.io.jacobians import only_jacobian
     from formulations.io.table import Table
-    from formulations.plot.style import looking
+    from formulations.plot.look import looking
     from formulations.realise import from_jacobian
     from formulations.realise.choice import Ranked, choose, evaluate, given, rank
     from formulations.realise.criteria import Sampling

@@ -105,7 +105,8 @@ def workspace(
     The orientation of the tool is free without --orientation. The first command to try is with
     --optimise limits: within the physical limits alone, many arms keep nothing.
     """
-    from formulations.plot.style import content, kind_of, looking
+    from formulations.plot.look import looking
+    from formulations.plot.style import content, kind_of
     from formulations.robots.best_limits import best_limits
     from formulations.robots.pose_sets import PoseSets, check_poses
     from formulations.robots.reachable_sets import check_grid

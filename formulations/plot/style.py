@@ -1,26 +1,21 @@
 """Figures: one style for all of them, and the content of files, the same bytes each time.
 
 Needs matplotlib (the extra `figures`), which is imported on the first figure.
-Files are SVG, PNG or PDF. A `Look` changes size, title and style of all figures that are drawn
-within `looking`.
+Files are SVG, PNG or PDF. `look` says how a user changes size, title and style.
 """
 
 from __future__ import annotations
 
-import ast
 import io
-import re
 import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from contextvars import ContextVar
-from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
+from formulations.plot.look import Look, current_look
 from nlp.errors import FileError, InputError, MissingLibraryError
-from nlp.files import read_bytes, real_in
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -68,152 +63,6 @@ _SETTINGS: Mapping[str, object] = MappingProxyType(
 _WRITING: Mapping[str, object] = MappingProxyType(
     {"svg.hashsalt": "lockedjoint", "svg.fonttype": "none", "pdf.fonttype": 42}
 )
-_CM = 2.54
-# Least and largest width and height in cm: what can be read, and what memory holds.
-_SMALLEST, _LARGEST = 2.0, 100.0
-# Groups of settings that a style file may change: how a figure looks, never what is run or
-# opened. `text.usetex` would run LaTeX.
-_LOOKS = re.compile(
-    r"(axes|axes3d|polaraxes|font|grid|hatch|image|legend|lines|markers|mathtext|patch|scatter"
-    r"|errorbar|hist|xtick|ytick|figure\.(facecolor|edgecolor|titlesize|titleweight|labelsize"
-    r"|labelweight|constrained_layout)|text\.color)\b"
-)
-_MOST_STYLE = 100_000  # bytes
-_LITERAL = (
-    *(ast.Expression, ast.Call, ast.keyword, ast.List, ast.Tuple, ast.Constant),
-    *(ast.BinOp, ast.Add, ast.Load),
-)
-
-
-@dataclass(frozen=True)
-class Look:
-    """How figures look, where that differs from the default.
-
-    Attributes
-    ----------
-    size
-        Width and height in inches; None for each figure's own.
-    title
-        Whether the title of the whole figure is drawn. Those that tell panels apart stay.
-    settings
-        Matplotlib's settings over ours, from `read_style`.
-    """
-
-    size: tuple[float, float] | None = None
-    title: bool = True
-    settings: Mapping[str, object] = field(default_factory=dict)
-
-
-_look: ContextVar[Look] = ContextVar("look", default=Look())  # noqa: B039
-
-
-@contextmanager
-def looking(look: Look) -> Iterator[None]:
-    """Draw and write all figures within this context with this look."""
-    before = _look.set(look)
-    try:
-        yield
-    finally:
-        _look.reset(before)
-
-
-def read_size(text: str, argument: str = "--size") -> tuple[float, float]:
-    """Read a width and a height: ``16x10`` or ``16x10cm`` in cm, ``6.3x4in`` in inches.
-
-    Returns
-    -------
-    tuple
-        In inches.
-
-    Raises
-    ------
-    InputError
-        If it is something else, or less than 2 cm or more than 100 cm.
-    """
-    factor = 1.0 if text.endswith("in") else _CM
-    parts = text.removesuffix("in" if text.endswith("in") else "cm").split("x")
-    try:
-        width, height = (real_in(part.strip()) / factor for part in parts)
-    except ValueError:
-        width = height = float("nan")
-    sides = (round(_CM * one, 9) for one in (width, height))
-    if not all(_SMALLEST <= one <= _LARGEST for one in sides):
-        allowed = "WIDTHxHEIGHT in cm, each 2 to 100, such as 16x10, or in inches: 6.3x4in"
-        raise InputError(argument, text, allowed)
-    return width, height
-
-
-def read_style(path: Path, argument: str = "--style") -> tuple[dict[str, object], list[str]]:
-    """Read a matplotlib style file, as data: nothing in it is run, and no file is opened.
-
-    Parameters
-    ----------
-    path
-        Lines ``name: value``.
-    argument
-        What errors call it.
-
-    Returns
-    -------
-    settings
-        Those that say how a figure looks.
-    left_out
-        Names of the others, such as ``savefig.dpi`` and ``text.usetex``; sorted.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read, matplotlib does not know a setting or its value, or is
-        missing.
-    """
-    figure_class()
-    from matplotlib import RcParams, rcParamsDefault
-
-    settings: dict[str, object] = {}
-    left_out: set[str] = set()
-    try:
-        lines = read_bytes(path, argument, _MOST_STYLE).decode("utf-8-sig").splitlines()
-    except UnicodeDecodeError:
-        raise FileError(argument, str(path), "a text in UTF-8") from None
-    for number, line in enumerate(lines, 1):
-        # A '#' in quotation marks is a colour, else a comment, as matplotlib reads it.
-        name, colon, value = (
-            part.strip()
-            for part in re.sub(r"""((["']).*?\2)|#.*""", r"\1", line).partition(":")
-        )
-        if not (name or colon):
-            continue
-        where = f"line {number} of {path}: {name}"
-        if not colon or name not in rcParamsDefault:
-            raise FileError(argument, where, "settings of matplotlib, one NAME: VALUE a line")
-        if not _LOOKS.match(name):
-            left_out.add(name)
-            continue
-        if len(value) > 1 and value[0] == value[-1] and value[0] in "\"'":
-            value = value[1:-1]
-        if name == "axes.prop_cycle" and not _is_literal_cycle(value):
-            raise FileError(argument, where, "cycler(NAME, [VALUE, …]) without other code")
-        try:
-            settings |= {str(known): one for known, one in RcParams({name: value}).items()}
-        except (ValueError, TypeError, KeyError):
-            raise FileError(argument, where, "a value that matplotlib takes") from None
-    return settings, sorted(left_out)
-
-
-def _is_literal_cycle(text: str) -> bool:
-    """Whether it is a sum of calls of ``cycler`` with literals: matplotlib evaluates it."""
-    try:
-        nodes = list(ast.walk(ast.parse(text.strip(), mode="eval")))
-    except (SyntaxError, ValueError, RecursionError, MemoryError):
-        return False
-    names = [node for node in nodes if isinstance(node, ast.Name)]
-    called = [node.func for node in nodes if isinstance(node, ast.Call)]
-    return (
-        len(text) < 2000
-        and all(isinstance(node, (*_LITERAL, ast.Name)) for node in nodes)
-        and all(node.id == "cycler" and node in called for node in names)
-        and bool(names)
-    )
 
 
 def figure_class() -> type[Figure]:
@@ -248,7 +97,7 @@ def styled(width: float, height: float) -> Iterator[Figure]:
     new_figure = figure_class()
     from matplotlib import style
 
-    look = _look.get()
+    look = current_look()
     with style.context(["default", dict(_SETTINGS), dict(look.settings)]):
         figure = new_figure(figsize=look.size or (width, height))
         yield figure
@@ -328,9 +177,9 @@ def content(figure: Figure, kind: str) -> bytes:
     written = io.BytesIO()
     undated = {"svg": {"Date": None}, "pdf": {"CreationDate": None}, "png": {}}[kind]
     # Names of fonts are resolved when a file is written: the settings are those of drawing.
-    settings = {**_SETTINGS, **_look.get().settings, **_WRITING}
+    settings = {**_SETTINGS, **current_look().settings, **_WRITING}
     with style.context(["default", settings]):
-        if _look.get() == Look():
+        if current_look() == Look():
             figure.savefig(written, format=kind, dpi=200, metadata=undated)
         else:
             _saved_as_asked(figure, written, format=kind, dpi=200, metadata=undated)

@@ -10,20 +10,17 @@ from typing import TYPE_CHECKING
 
 from formulations.measures.assessment import Assessment, measure
 from formulations.plot import optima, path, workspace
+from formulations.plot.look import Look, looking, read_size, read_style
 from formulations.plot.manipulator import figure as drawing
 from formulations.plot.picture import NothingFoundError
 from formulations.plot.style import (
     INK,
     PALE,
     VERMILION,
-    Look,
     beside,
     content,
     figure_class,
     kind_of,
-    looking,
-    read_size,
-    read_style,
     styled,
     without_frame,
 )
@@ -97,7 +94,7 @@ def plot(
     title
         Whether the title of the whole figure is drawn.
     style
-        A matplotlib style file. What does not concern looks is left out.
+        A matplotlib style file.
 
     Returns
     -------
@@ -122,7 +119,7 @@ def plot(
     look = Look(
         None if size is None else read_size(size, "size"),
         title,
-        {} if style is None else read_style(Path(style), "style")[0],
+        {} if style is None else read_style(Path(style), "style"),
     )
     with looking(look):
         return Plot(_figure(value), look)
