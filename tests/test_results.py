@@ -27,8 +27,9 @@ from formulations.realise.family import Arrangements, family
 from formulations.realise.from_jacobian import realise
 from formulations.reproduction.row import Row as ReproductionRow
 from formulations.reproduction.row import Verdict
+from formulations.robots.kinematics import Kinematics
 from formulations.robots.planar_workspace import Planar3R
-from formulations.robots.survival import Kinematics, survivors
+from formulations.robots.survival import survivors
 from formulations.studies import existence as existence_study
 from formulations.studies.benchmark.study import growth, targets
 from formulations.studies.bounds import RUNS, BoundRow, RelaxationRow, Source, row_of

@@ -108,8 +108,8 @@ def workspace(
     from formulations.plot.look import looking
     from formulations.plot.style import content, kind_of
     from formulations.robots.best_limits import best_limits
+    from formulations.robots.cylinder_grid import check_grid
     from formulations.robots.pose_sets import PoseSets, check_poses
-    from formulations.robots.reachable_sets import check_grid
     from formulations.robots.serial_arm import SerialArm
     from formulations.robots.workspace import check_limits, measured
     from formulations.robots.workspace import workspace as found_workspace

@@ -11,10 +11,10 @@ from scipy.spatial.transform import Rotation
 
 from formulations.io.table import HIDDEN, column, read_rows
 from formulations.plot.style import content
+from formulations.robots.kinematics import Kinematics
 from formulations.robots.path import PathSearch, check_reach, plan_path
 from formulations.robots.path_plan import PathPlan
 from formulations.robots.robot_arm import RobotArm
-from formulations.robots.survival import Kinematics
 from formulations.robots.waypoints import ToolPath
 from formulations.studies.robots import ARMS, SurveyArm
 from formulations.studies.study import Effort, Part, Study

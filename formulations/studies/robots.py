@@ -11,8 +11,9 @@ from formulations.robots.posture import best_posture
 from formulations.robots.posture_found import Posture
 from formulations.robots.posture_search import Search
 from formulations.robots.read_robot import read_robot
-from formulations.robots.robot_arm import RobotArm, Task
+from formulations.robots.robot_arm import RobotArm
 from formulations.robots.robot_assessment import best_7r
+from formulations.robots.task import Task
 from formulations.studies.study import Effort, Part, Study
 from nlp.errors import InputError, MissingLibraryError
 from nlp.interrupts import deferred_interrupt

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import lockedjoint as lj
-from formulations.robots.robot_arm import Task
+from formulations.robots.task import Task
 from nlp.errors import InputError, LockedJointError
 
 MATRIX = np.array([[1.0, 0.4, -0.5, 0.2], [0.0, 1.0, 0.7, -0.6]])
