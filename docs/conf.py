@@ -14,8 +14,10 @@ import sys
 from importlib.metadata import version as installed
 from pathlib import Path
 
+from docutils.parsers.rst.states import Inliner
+
 HERE = Path(__file__).parent
-sys.path[:0] = [str(HERE.parent), str(HERE / "_extensions")]
+sys.path.insert(0, str(HERE.parent))
 # Cells run in kernels of their own: they find this checkout, its command, one thread each.
 os.environ["PYTHONPATH"] = os.pathsep.join(
     filter(None, [str(HERE.parent), os.environ.get("PYTHONPATH")])
@@ -23,16 +25,40 @@ os.environ["PYTHONPATH"] = os.pathsep.join(
 os.environ["PATH"] = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 os.environ["IPYTHONDIR"] = str(HERE / "_build" / "ipython")
-STARTUP = HERE / "_build" / "ipython" / "profile_default" / "startup"
-STARTUP.mkdir(parents=True, exist_ok=True)
-shutil.copy(HERE / "_extensions" / "bash_cells.py", STARTUP)
-# Pages have no commands of IPython; so it is told here: figures as SVG, five digits.
-(STARTUP.parent / "ipython_kernel_config.py").write_text(
-    "c = get_config()\n"
-    'c.InlineBackend.figure_formats = {"svg"}\n'
-    'c.PlainTextFormatter.float_precision = "5"\n',
+PROFILE = HERE / "_build" / "ipython" / "profile_default"
+(PROFILE / "startup").mkdir(parents=True, exist_ok=True)
+# Pages have no commands of IPython but `%%bash`. It is told here: figures as SVG, five digits.
+(PROFILE / "ipython_kernel_config.py").write_text(
+    """c = get_config()
+c.InlineBackend.figure_formats = {"svg"}
+c.PlainTextFormatter.float_precision = "5"
+""",
     encoding="utf-8",
 )
+# IPython's own `%%bash` sends output in pieces of a hundred bytes, and MyST-NB ends each with
+# a new line. It also goes on after a command that failed.
+(PROFILE / "startup" / "bash.py").write_text(
+    """import subprocess
+from IPython.core.magic import register_cell_magic
+
+@register_cell_magic
+def bash(_, cell):
+    done = subprocess.run(["bash", "-e", "-c", cell], capture_output=True, text=True)
+    print(done.stdout + done.stderr, end="")
+    done.check_returncode()
+""",
+    encoding="utf-8",
+)
+# A page for each Markdown file of `results/`, at the same place: links between them, and those
+# of pages to `/results/...`, are right in the repository and here.
+shutil.rmtree(HERE / "results", ignore_errors=True)
+for file in (HERE.parent / "results").rglob("*.md"):
+    name = file.relative_to(HERE.parent)
+    up = "../" * len(name.parts)  # from the page to the top of the repository
+    page = HERE / name
+    page.parent.mkdir(parents=True, exist_ok=True)
+    options = f":relative-images:\n:relative-docs: {up.removeprefix('../')}docs/\n"
+    page.write_text(f"```{{include}} {up}{name.as_posix()}\n{options}```\n", encoding="utf-8")
 # Outputs are kept as long as the code that made them is the same.
 code = hashlib.sha256()
 for package in ("formulations", "lockedjoint", "nlp"):
@@ -48,13 +74,10 @@ project = "lockedjoint"
 author = "The lockedjoint developers"
 version = release = installed("lockedjoint")
 extensions = [
-    "mathml",
-    "notebooks",
-    "plain_docstrings",
-    "repository_links",
     "myst_nb",
     "sphinx.ext.apidoc",
     "sphinx.ext.autodoc",
+    "sphinx.ext.mathjax",
     "sphinx.ext.napoleon",
     "sphinx_copybutton",
 ]
@@ -93,6 +116,11 @@ autodoc_typehints_description_target = "documented_params"
 autodoc_typehints_format = "short"
 autodoc_type_aliases = {"npt.ArrayLike": "ArrayLike", "FloatArray": "FloatArray"}
 autodoc_preserve_defaults = True
+# Docstrings write norms as |v|, which reStructuredText takes for a substitution: bars are text.
+Inliner.dispatch["|"] = lambda _, bar, __: (
+    *(bar.string[: bar.end("start")], []),
+    *(bar.string[bar.end("start") :], []),
+)
 napoleon_google_docstring = False
 napoleon_use_ivar = True
 napoleon_use_rtype = False
@@ -103,12 +131,11 @@ smartquotes = False  # options begin with two hyphens, in tables of results too
 # Looks ---------------------------------------------------------------------------------------
 html_theme = "furo"
 html_title = "lockedjoint"
-html_math_renderer = "mathml"
 html_static_path = ["_static"]
 html_css_files = ["site.css"]
-html_search_scorer = str(HERE / "_extensions" / "search_scorer.js")
 html_copy_source = False
 html_show_sphinx = html_show_copyright = False
 html_theme_options = {"navigation_with_keys": True}
-copybutton_exclude = ".linenos, .gp, .go"
+# What is copied from a shell cell can be pasted into a shell: it is without its `%%bash`.
+copybutton_exclude = ".linenos, .gp, .go, span:empty + .o, span:empty + .o + .k"
 copybutton_prompt_text = "$ "

@@ -11,7 +11,7 @@ eqs. (6)–(8): its bound                             `measures`, `bounds.closed
 eqs. (9)–(11): range and null space                 `measures`
 Section 3, eqs. (12)–(20): planar, positional       `joints.kinds` (free columns),
 and canonical examples, Figs. 1–3                   `reproduction.planar`,
-                                                    `reproduction.canonical`, `figures`
+                                                    `reproduction.canonical`, `plot`
 Section 4, eq. (21): revolute joints                `joints.kinds`, `joints.arm`
 eqs. (22)–(43): the isotropy equations              `isotropy_equations`, `residual`
 eqs. (44)–(45): the residual minimum of 7R          `residual`, `reproduction.seven_joints`
@@ -27,7 +27,7 @@ bounds (`bounds.so3_moments`), the best known of every kind of arm (`atlas`), Ja
 robots (`realise`) and robots as Jacobians (`robots`). Later works: docs/related_work.md.
 
 Data flows one way: model → formulation → problem → solution → record → table. Imports only go
-down this list: `commands`, `studies`, `figures`, `campaign`, `robots`, `atlas`, `solving`,
-`reproduction`, the statements and their `catalogue`, `bounds`, `realise`, `files`, `measures`,
+down this list: `commands`, `studies`, `plot`, `campaign`, `robots`, `atlas`, `solving`,
+`reproduction`, the statements and their `catalogue`, `bounds`, `realise`, `io`, `measures`,
 `existence`, `joints`, and below all of them the engine, `nlp`.
 """

@@ -31,6 +31,7 @@ from formulations import measures
 from formulations.encodings.factors import ENCODINGS, Encoding
 from formulations.joints.joint import ColumnModel
 from formulations.measures import unequal_failures
+from formulations.measures.locked_joints import check_sets
 from formulations.measures.unequal_failures import (
     Scenarios,
     largest_weights,
@@ -156,7 +157,7 @@ def check_locked(redundancy: int, fallible: int, locked: int) -> None:
     if whole_number("locked joints", locked, 1) > redundancy:
         allowed = f"at most the degree of redundancy, {redundancy}"
         raise InputError("locked joints", locked, allowed)
-    measures.check_sets(fallible, locked, MOST_SETS)
+    check_sets(fallible, locked, MOST_SETS)
 
 
 def attained_score(

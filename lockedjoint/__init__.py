@@ -13,22 +13,23 @@ proof, figures, robots. That file is the only list: each name is
 imported from the module that it states there when it is first used, so that ``import
 lockedjoint`` loads neither CasADi nor cvxpy. What is listed keeps its name and meaning as
 docs/versions.md promises.
+
+``lazy_loader.attach_stub`` does the same for names of a package's own modules only. These live
+in two other packages, `formulations` and `nlp`.
 """
 
 import ast
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 __version__ = "0.1.0"
 
-# Name → the module it lives in, and what it is called there.
+# Name → the module it lives in.
 _HOMES = {
-    alias.asname: (statement.module, alias.name)
+    alias.name: statement.module
     for statement in ast.parse(Path(__file__).with_suffix(".pyi").read_text("utf-8")).body
     if isinstance(statement, ast.ImportFrom) and statement.module
     for alias in statement.names
-    if alias.asname
 }
 __all__ = sorted(_HOMES)
 
@@ -36,15 +37,10 @@ __all__ = sorted(_HOMES)
 def __getattr__(name: str) -> Any:
     if name not in _HOMES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    home, inside = _HOMES[name]
-    module = import_module(home)
-    try:
-        found = getattr(module, inside)
-    except AttributeError:
-        found = import_module(f"{home}.{inside}")
-    globals()[name] = found
-    return found
+    # What `from home import name` does, also where the name is a module.
+    globals()[name] = value = getattr(__import__(_HOMES[name], fromlist=[name]), name)
+    return value
 
 
 def __dir__() -> list[str]:
-    return sorted([*__all__, "__version__"])
+    return [*__all__, "__version__"]

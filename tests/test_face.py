@@ -19,11 +19,9 @@ from nlp.errors import InputError
 
 @pytest.mark.parametrize("name", lj.__all__)
 def test_every_name_is_the_object_that_lives_elsewhere(name):
-    found = getattr(lj, name)
-    home, inside = lj._HOMES[name]
-    module = import_module(home)
-    assert found is (getattr(module, inside) if hasattr(module, inside) else None)
-    assert found.__doc__
+    value = getattr(lj, name)
+    assert value is getattr(import_module(lj._HOMES[name]), name)
+    assert value.__doc__
     assert name in dir(lj)
 
 
@@ -55,6 +53,11 @@ def test_nothing_heavy_is_imported_before_it_is_used():
         "assert not [name for name in late if name in sys.modules], late\n"
     )
     subprocess.run([sys.executable, "-c", code], check=True)
+
+
+def test_measures_list_what_measures_and_nothing_else():
+    assert "worst_case_sigma" in dir(lj.measures)
+    assert all(callable(getattr(lj.measures, name)) for name in dir(lj.measures))
 
 
 def test_the_version_is_that_of_the_package():

@@ -6,16 +6,14 @@ import numpy as np
 import pytest
 
 from formulations import isotropy, measures
-from formulations.joints.models import arm
 from formulations.joints.joint import NotInModelError
+from formulations.joints.models import arm
 from nlp.multistart import multistart
 
 
 def run(one, starts, seed=0):
     build = partial(isotropy.build, one)
-    return multistart(
-        build, one.sample, starts=starts, rng=seed
-    ).results
+    return multistart(build, one.sample, starts=starts, rng=seed).results
 
 
 @pytest.mark.parametrize(

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 from formulations import max_min, measures, residual, unequal_max_min
-from formulations.joints.models import arm
+from formulations.encodings.factors import ENCODINGS
 from formulations.joints.arm import Arm
 from formulations.joints.kinds import LeverRevolute, Prismatic
+from formulations.joints.models import arm
 from formulations.measures.canonical import distinct
 from formulations.measures.unequal_failures import FailureModel
 from formulations.reproduction.reference import planar_4r
 from nlp.errors import InputError
-from formulations.encodings.factors import ENCODINGS
 from nlp.multistart import multistart
 from nlp.solver import solve
 

@@ -11,7 +11,6 @@ from pathlib import Path
 import pytest
 
 from formulations.joints.models import arm
-from formulations.registry import bound
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")

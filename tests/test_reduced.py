@@ -5,11 +5,11 @@ from functools import partial
 import casadi as ca
 import numpy as np
 import pytest
+from formulations.solving.setup import Setup
 
 from formulations import max_min, measures, reduced, residual
 from formulations.joints.models import arm
 from formulations.measures.unequal_failures import FailureModel
-from formulations.solving.setup import Setup
 from formulations.solving.solve import solve
 from nlp.errors import InputError
 from nlp.multistart import multistart

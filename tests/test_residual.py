@@ -9,10 +9,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from formulations import measures, residual
-from formulations.joints.models import arm
 from formulations.isotropy_equations import independent_rows, pairs, residuals
 from formulations.joints.arm import Arm
 from formulations.joints.kinds import FreeColumn, LeverRevolute, Prismatic, UnitRevolute
+from formulations.joints.models import arm
 from formulations.measures.canonical import distinct
 from nlp.errors import InputError
 from nlp.multistart import multistart

@@ -20,15 +20,16 @@ from formulations.bounds.so3_moments.fixed_worst_case import worst_case_limit
 from formulations.existence.reading import read, read_either
 from formulations.existence.relaxation.relaxation import existence_relaxation
 from formulations.existence.verify import verify
-from formulations.files.provenance import read_header
-from formulations.files.table import Table, read_rows
+from formulations.io.provenance import read_header
+from formulations.io.table import Table, read_rows
 from formulations.realise.criteria import CRITERIA, Sampling
 from formulations.realise.family import Arrangements, family
 from formulations.realise.from_jacobian import realise
 from formulations.reproduction.row import Row as ReproductionRow
 from formulations.reproduction.row import Verdict
+from formulations.robots.kinematics import Kinematics
 from formulations.robots.planar_workspace import Planar3R
-from formulations.robots.survival import Kinematics, survivors
+from formulations.robots.survival import survivors
 from formulations.studies import existence as existence_study
 from formulations.studies.benchmark.study import growth, targets
 from formulations.studies.bounds import RUNS, BoundRow, RelaxationRow, Source, row_of

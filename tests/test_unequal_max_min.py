@@ -8,10 +8,10 @@ from scipy.optimize import differential_evolution
 
 from formulations import max_min, unequal_max_min
 from formulations.bounds import unequal_failures
+from formulations.encodings.factors import ENCODINGS
 from formulations.joints.models import arm
 from formulations.measures.unequal_failures import FailureModel
 from nlp.errors import InputError
-from formulations.encodings.factors import ENCODINGS
 from nlp.multistart import multistart
 
 UNIT_7R = arm("unit-revolute", 7)

@@ -9,7 +9,7 @@ import numpy as np
 from formulations import max_min, registry
 from formulations.atlas.collection import improved, pages
 from formulations.atlas.entry import ENOUGH, RESOLUTION, Entry, Found, Page
-from formulations.files.provenance import provenance
+from formulations.io.provenance import provenance
 from formulations.measures import trace
 from formulations.solving.case import Case
 from formulations.solving.outcome import REACHED_BEST, Outcome

@@ -19,7 +19,7 @@ import numpy as np
 
 from formulations.atlas.collection import improved
 from formulations.atlas.entry import RESOLUTION, Entry, Found, Page
-from formulations.files.provenance import provenance
+from formulations.io.provenance import provenance
 from formulations.joints.arm import Arm
 from formulations.joints.symmetric import SymmetricArm
 from formulations.max_min import NAME as MAX_MIN

@@ -25,27 +25,23 @@ in the closed form, some 1e-14, is paid for. So the bound is rigorous.
 """
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from functools import cache
 from typing import Any, Literal, TypeAlias
 
 import clarabel
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csc_matrix
 
+from formulations.bounds.planar_cells import TURN, Cell, first_cells, is_crowded, is_one_sided
+from formulations.bounds.planar_multipliers import ComplexArray, Conditions, Multipliers
 from nlp.arrays import FloatArray, whole_number
 from nlp.errors import InputError
 
 Measure: TypeAlias = Literal["max-min", "manipulability"]
-Cell: TypeAlias = tuple[int, int, int]  # from, to, in units of 2π/TURN, and how many z_i
-_Complex: TypeAlias = NDArray[np.complex128]
 
 MEASURES: tuple[Measure, ...] = ("max-min", "manipulability")
-TURN = 2**48
-ARCS = 8  # cells of the root
-_ARC = TURN // ARCS
 # Covers what rounding loses in `_proved`: some hundred operations on numbers of the size of 1.
 _ROUNDING = 1e-13
 _PROGRAMS = 12  # linear programs a node
@@ -125,7 +121,7 @@ def planar_bound(
     most = whole_number("most_nodes", most_nodes, 1)
     limit = 2 * level**2 / n if measure == "max-min" else level
     limit -= _ROUNDING
-    waiting = [_Node(cells, k, measure) for cells in _roots(n)]
+    waiting = [_Node(cells, k, measure) for cells in first_cells(n)]
     count = 0
     while waiting and count < most:
         node = waiting.pop()
@@ -136,106 +132,12 @@ def planar_bound(
     return PlanarBound(measure, n, k, float(level), not waiting, count)
 
 
-def _roots(n: int) -> Iterator[tuple[Cell, ...]]:
-    """Return all counts of z_i in the first cells, but for rotations.
-
-    One z_i is at the angle 0: one with the most in the arc that begins there.
-    """
-    for most in range(-(-n // ARCS), n + 1):
-        for counts in _counts(n - most, ARCS - 1, most):
-            held = [(0, 0, 1), (0, _ARC, most - 1)]
-            held += [((i + 1) * _ARC, (i + 2) * _ARC, one) for i, one in enumerate(counts)]
-            yield tuple(cell for cell in held if cell[2])
-
-
-def _counts(total: int, cells: int, most: int) -> Iterator[tuple[int, ...]]:
-    if cells == 0:
-        yield from [()] if total == 0 else []
-        return
-    for first in range(min(total, most) + 1):
-        for rest in _counts(total - first, cells - 1, most):
-            yield (first, *rest)
-
-
 @cache
 def _settings() -> Any:
     settings = clarabel.DefaultSettings()
     settings.verbose = settings.equilibrate_enable = False
     settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = 1e-10
     return settings
-
-
-def _crowded(cells: tuple[Cell, ...]) -> bool:
-    """Whether an arc of the length of the first holds more z_i than the first."""
-    most = sum(count for low, _, count in cells if low < _ARC)
-    return any(
-        sum(
-            count
-            for low, high, count in cells
-            if (low - start) % TURN + high - low <= _ARC
-            and (low - start) % TURN < _ARC  # an arc is without its end
-        )
-        > most
-        for start, _, _ in cells
-    )
-
-
-def _one_sided(cells: tuple[Cell, ...]) -> bool:
-    """Whether all z_i are strictly on one side of a line, so that their sum is not 0."""
-    for index, (_, end, _) in enumerate(cells):
-        others = (low for low, _, _ in cells[:index] + cells[index + 1 :])
-        if min(((low - end) % TURN for low in others), default=TURN) > TURN // 2:
-            return True
-    return False
-
-
-@dataclass(frozen=True)
-class _Conditions:
-    """Conditions of a node: v, √(1 − |v|²) or 1, and the share x_s left of each cell."""
-
-    points: _Complex
-    weights: FloatArray
-    shares: FloatArray
-
-    def some(self, which: Any) -> "_Conditions":
-        return _Conditions(self.points[which], self.weights[which], self.shares[which])
-
-    def joined(self, other: "_Conditions") -> "_Conditions":
-        return _Conditions(
-            np.concatenate([self.points, other.points]),
-            np.concatenate([self.weights, other.weights]),
-            np.concatenate([self.shares, other.shares]),
-        )
-
-    def split(self, cell: int, parts: int) -> "_Conditions":
-        """Return the conditions where a cell is replaced by parts of it."""
-        times = np.ones(self.shares.shape[1], dtype=int)
-        times[cell] = parts
-        return _Conditions(self.points, self.weights, np.repeat(self.shares, times, axis=1))
-
-
-@dataclass(frozen=True)
-class _Multipliers:
-    """What proves a number: p, one for each condition, and ν."""
-
-    conditions: _Conditions
-    p: FloatArray
-    nu: complex
-
-    def proved(self, low: FloatArray, high: FloatArray) -> float:
-        """Return what 2t/T or r is not above where all z_i are within the cells' angles."""
-        p = self.p / (self.p @ self.conditions.weights)
-        constant = p @ self.conditions.shares
-        wave = (p * self.conditions.points) @ self.conditions.shares - self.nu
-        size, phase = np.abs(wave), np.angle(wave)
-        ends = np.minimum(np.cos(low - phase), np.cos(high - phase))
-        opposite = (phase + np.pi - low) % (2 * np.pi) <= high - low + 1e-9
-        return float((constant - size * np.where(opposite, -1.0, ends)).max())
-
-    def used(self) -> "_Multipliers":
-        """Return those that are not next to zero."""
-        which = self.p > 1e-5 * self.p.max()
-        return _Multipliers(self.conditions.some(which), self.p[which], self.nu)
 
 
 class _Node:
@@ -246,7 +148,7 @@ class _Node:
         cells: tuple[Cell, ...],
         locked: int,
         measure: Measure,
-        known: _Multipliers | None = None,
+        known: Multipliers | None = None,
     ) -> None:
         self._cells, self._locked, self._measure, self._known = cells, locked, measure, known
         self._counts = np.array([count for _, _, count in cells], dtype=np.float64)
@@ -256,7 +158,7 @@ class _Node:
     def parts(self, limit: float) -> list["_Node"]:
         """Return the nodes that this one divides into; none if it is proved to be below."""
         known = self._known
-        if self._measure == "manipulability" and _one_sided(self._cells):
+        if self._measure == "manipulability" and is_one_sided(self._cells):
             return []
         if known and known.proved(self._low, self._high) <= limit:
             return []
@@ -285,8 +187,8 @@ class _Node:
         return self._halved(best and best.used(), self._widest(masses, corners))
 
     def _program(
-        self, corners: _Complex, conditions: _Conditions
-    ) -> tuple[FloatArray, float, _Multipliers | None]:
+        self, corners: ComplexArray, conditions: Conditions
+    ) -> tuple[FloatArray, float, Multipliers | None]:
         """Return Σ w_i at the corners of the cells, the value, and the multipliers."""
         parts = (corners[None] * np.conj(conditions.points)[:, None, None]).real
         left = conditions.shares[:, :, None] * (1 - parts)
@@ -312,9 +214,9 @@ class _Node:
             return np.ones(corners.shape), math.inf, None  # nothing can be there, or it failed
         nu = -complex(*found.z[1:3]) if len(equal) > 1 else 0j
         masses = np.maximum(np.array(found.x)[:-1], 0.0).reshape(corners.shape)
-        return masses, float(found.x[-1]), _Multipliers(conditions, p, nu)
+        return masses, float(found.x[-1]), Multipliers(conditions, p, nu)
 
-    def _tightest(self, mass: FloatArray, mean: _Complex) -> _Conditions:
+    def _tightest(self, mass: FloatArray, mean: ComplexArray) -> Conditions:
         """Return the conditions that means of |z_i| and z_i of the cells violate most."""
         radii = (1.0,) if self._measure == "max-min" else (0.3, 0.8)
         points = np.concatenate([radius * _DIRECTIONS for radius in radii])
@@ -327,11 +229,11 @@ class _Node:
         _, apart = np.unique(np.round(points, 3), return_index=True)  # many become the same
         points, shares = points[apart], shares[apart]
         if self._measure == "max-min":
-            return _Conditions(points, np.ones(len(points)), shares)
+            return Conditions(points, np.ones(len(points)), shares)
         points = points * np.minimum(1.0, 0.999999 / np.maximum(np.abs(points), 1e-9))
-        return _Conditions(points, np.sqrt(1 - np.abs(points) ** 2), shares)
+        return Conditions(points, np.sqrt(1 - np.abs(points) ** 2), shares)
 
-    def _left(self, mass: FloatArray, mean: _Complex, points: _Complex) -> FloatArray:
+    def _left(self, mass: FloatArray, mean: ComplexArray, points: ComplexArray) -> FloatArray:
         """Return the shares that are left where the k locked ones leave least at each v."""
         terms = mass - (np.conj(points)[:, None] * mean).real
         order = np.argsort(-terms, axis=1)
@@ -342,19 +244,19 @@ class _Node:
         return shares
 
     def _values(
-        self, conditions: _Conditions, masses: FloatArray, corners: _Complex
+        self, conditions: Conditions, masses: FloatArray, corners: ComplexArray
     ) -> FloatArray:
         parts = (corners[None] * np.conj(conditions.points)[:, None, None]).real
         left = conditions.shares * ((1 - parts) * masses).sum(axis=2)
         return np.asarray(left.sum(axis=1) / conditions.weights)
 
-    def _widest(self, masses: FloatArray, corners: _Complex) -> int:
+    def _widest(self, masses: FloatArray, corners: ComplexArray) -> int:
         """Return the cell whose mean is least like the square of a column."""
         loss = masses.sum(axis=1) - np.abs((masses * corners).sum(axis=1))
         width = self._high - self._low
         return int(np.argmax(np.where(width > 0, loss + 1e-6 * width, -1.0)))
 
-    def _halved(self, known: _Multipliers | None, index: int) -> list["_Node"]:
+    def _halved(self, known: Multipliers | None, index: int) -> list["_Node"]:
         low, high, count = self._cells[index]
         middle = (low + high) // 2
         nodes = []
@@ -362,9 +264,9 @@ class _Node:
             halves = [(low, middle, below), (middle, high, count - below)]
             held = [half for half in halves if half[2]]
             cells = (*self._cells[:index], *held, *self._cells[index + 1 :])
-            if _crowded(cells):
+            if is_crowded(cells):
                 continue
-            inherited = known and _Multipliers(
+            inherited = known and Multipliers(
                 known.conditions.split(index, len(held)), known.p, known.nu
             )
             nodes.append(_Node(cells, self._locked, self._measure, inherited))

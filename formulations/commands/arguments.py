@@ -14,8 +14,8 @@ from nlp.errors import LARGEST, InputError, SolverOptionError, shown
 from nlp.files import real_in, whole_in
 
 if TYPE_CHECKING:
-    from formulations.files.figure import Look
     from formulations.measures.unequal_failures import FailureModel
+    from formulations.plot.look import Look
 
 T = TypeVar("T")
 
@@ -135,8 +135,7 @@ Style = Annotated[
     typer.Option(
         "--style",
         metavar="FILE",
-        help="A matplotlib style file, over this project's style. Settings that do not concern "
-        "looks are left out, and named.",
+        help="A matplotlib style file, over this project's style.",
         show_default=False,
     ),
 ]
@@ -195,18 +194,16 @@ NeverFails = Annotated[
 
 
 def look(size: str | None, no_title: bool, style: Path | None) -> Look:
-    """Return how figures are to look; a note says which settings of a style are left out.
+    """Return how figures are to look.
 
     Raises
     ------
     InputError
         If the size or the style file is not allowed.
     """
-    from formulations.files.figure import Look, read_size, read_style
+    from formulations.plot.look import Look, read_size, read_style
 
-    settings, left_out = ({}, []) if style is None else read_style(style)
-    if left_out:
-        typer.echo(f"Note: not applied from {style}: {', '.join(left_out)}.", err=True)
+    settings = {} if style is None else read_style(style)
     return Look(None if size is None else read_size(size), not no_title, settings)
 
 

@@ -14,7 +14,7 @@ from formulations.commands.arguments import (
     failure_scenarios,
 )
 from formulations.commands.output import as_text, show
-from formulations.files.table import written
+from formulations.io.table import written
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

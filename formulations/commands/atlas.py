@@ -66,7 +66,7 @@ def atlas(
         return
     from formulations.atlas.collection import checked_folder, pages
     from formulations.atlas.entry import entries as known_entries
-    from formulations.files.table import Table
+    from formulations.io.table import Table
     from formulations.studies.atlas import Row, row_of
 
     if mark not in (None, "optimal", "conjectured", "open"):
@@ -171,8 +171,8 @@ def submit(
         write_page,
     )
     from formulations.atlas.entry import RESOLUTION, Found
-    from formulations.files.jacobians import only_jacobian
-    from formulations.files.provenance import provenance
+    from formulations.io.jacobians import only_jacobian
+    from formulations.io.provenance import provenance
     from nlp.files import prepare_folder
 
     if not 0 < len(by) <= 200 or not by.isprintable():

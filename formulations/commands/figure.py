@@ -76,10 +76,11 @@ def figure(
 
     Takes seconds; trade-off and optima about a minute.
     """
-    from formulations.figures import kind
-    from formulations.figures.picture import Request
-    from formulations.files.figure import content, figure_class, kind_of, looking
-    from formulations.files.jacobians import only_jacobian
+    from formulations.io.jacobians import only_jacobian
+    from formulations.plot.figures import kind
+    from formulations.plot.look import looking
+    from formulations.plot.picture import Request
+    from formulations.plot.style import content, figure_class, kind_of
     from nlp.executors import default_workers
     from nlp.files import prepare_file, write_bytes, write_text
 

@@ -38,7 +38,7 @@ def measure(
     never fail also the expected dexterity and the probability-weighted worst case.
     """
     from formulations.bounds.unequal_failures import assess_failures
-    from formulations.files.jacobians import read_jacobians
+    from formulations.io.jacobians import read_jacobians
     from formulations.measures.assessment import measure as measured
 
     found = []

@@ -141,7 +141,7 @@ def run_study(
     typer.Exit
         With status 130 if the user interrupted, 1 if something is wrong with what was found.
     """
-    from formulations.files.table import Table
+    from formulations.io.table import Table
     from formulations.studies.study import INCOMPLETE, Effort
     from nlp.executors import default_workers
 

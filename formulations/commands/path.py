@@ -23,7 +23,7 @@ from formulations.commands.arguments import (
     whole_option,
 )
 from formulations.commands.output import INTERRUPTED, as_text, show
-from formulations.files.table import written
+from formulations.io.table import written
 from nlp.errors import InputError
 
 if TYPE_CHECKING:
@@ -98,7 +98,7 @@ def path(
     arm = robot.arm(file, tip, base, point, task, "base", None, held)
     arm = RobotArm(narrowed(arm.chain, _limits(limits or [])), arm.task)
     if out is not None:
-        from formulations.files.figure import figure_class
+        from formulations.plot.style import figure_class
 
         figure_class()  # a missing package is better known at once
         for name in _FILES:
@@ -111,8 +111,9 @@ def path(
         typer.echo(f"Note: {note}", err=True)
     plain = {"robot": arm.chain.robot, "tip": arm.chain.tip, "seed": seed, **found.to_dict()}
     if out is not None:
-        from formulations.figures.path import draw
-        from formulations.files.figure import content, looking
+        from formulations.plot.look import looking
+        from formulations.plot.path import draw
+        from formulations.plot.style import content
 
         with looking(looks):
             drawn = content(draw(found), "svg")

@@ -147,10 +147,11 @@ def realise(
     (positional tasks) its direction is the one nearest to z. Links that touch are named on
     standard error.
     """
-    from formulations.files.figure import looking
-    from formulations.files.jacobians import only_jacobian
-    from formulations.files.table import Table
-    from formulations.realise import forms, from_jacobian
+    from formulations.commands import realise_forms as forms
+    from formulations.io.jacobians import only_jacobian
+    from formulations.io.table import Table
+    from formulations.plot.look import looking
+    from formulations.realise import from_jacobian
     from formulations.realise.choice import Ranked, choose, evaluate, given, rank
     from formulations.realise.criteria import Sampling
     from formulations.realise.links import room, slide_apart

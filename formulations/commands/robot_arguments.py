@@ -143,7 +143,8 @@ def arm(
     held: list[str] | None,
 ) -> RobotArm:
     """Read the robot and return the arm; InputError if anything is wrong with it."""
-    from formulations.robots.robot_arm import RobotArm, Task
+    from formulations.robots.robot_arm import RobotArm
+    from formulations.robots.task import Task
 
     directions = Task.parse(task, frame)
     return RobotArm(chain(file, tip, base, point, held), directions, length)

@@ -105,10 +105,11 @@ def workspace(
     The orientation of the tool is free without --orientation. The first command to try is with
     --optimise limits: within the physical limits alone, many arms keep nothing.
     """
-    from formulations.files.figure import content, kind_of, looking
+    from formulations.plot.look import looking
+    from formulations.plot.style import content, kind_of
     from formulations.robots.best_limits import best_limits
+    from formulations.robots.cylinder_grid import check_grid
     from formulations.robots.pose_sets import PoseSets, check_poses
-    from formulations.robots.reachable_sets import check_grid
     from formulations.robots.serial_arm import SerialArm
     from formulations.robots.workspace import check_limits, measured
     from formulations.robots.workspace import workspace as found_workspace
@@ -158,7 +159,7 @@ def workspace(
         found = measured(sets, chosen, show_progress)
     show_progress("")
     if figure is not None:
-        from formulations.figures.workspace import draw
+        from formulations.plot.workspace import draw
 
         with looking(looks):
             drawn = content(draw(found), picture)

@@ -4,450 +4,66 @@ The independent judge of every solution: plain NumPy, no solver, no model of the
 Jacobians are arrays of shape (m, n) with n > m; joints are counted from 0.
 """
 
-from collections.abc import Collection
-from dataclasses import dataclass
-from itertools import combinations
-from math import comb
-
-import numpy as np
-import numpy.typing as npt
-
-from nlp.arrays import FloatArray, as_floats, whole_number
-from nlp.errors import InputError
-
-# Failures tie when they leave the same to this share of it, or of the largest entry of J.
-TIE = 1e-6
-# More sets of locked joints than this are refused: each takes a singular value decomposition.
-MOST_SETS = 100_000
-# The fourth powers of larger entries are too near the largest floating-point number.
-LARGEST_ENTRY = 1e70
-# Steps of Newton's method, which converges in about ten; a weight that is none; a root that is
-# infinite; a slope that is none.
-_NEWTON, _NO_WEIGHT, _NO_ROOT, _NO_SLOPE = 100, 1e-100, 1e150, 1e-300
-# Entries of J that are decomposed at once.
-_CHUNK = 1_000_000
-
-
-@dataclass(frozen=True, eq=False)
-class WorstCase:
-    """The worst set of locked joints.
-
-    Attributes
-    ----------
-    sigma
-        Smallest singular value that is left (eq. 5).
-    joints
-        The locked joints that leave it, counted from 0; the first such set on a tie.
-    sets
-        Every set of locked joints that leaves no more than that, to a relative `TIE`.
-    direction
-        End-effector direction that suffers most when `joints` lock, a unit vector of shape
-        (m,) (eq. 15), its largest entry positive.
-    """
-
-    sigma: float
-    joints: tuple[int, ...]
-    sets: tuple[tuple[int, ...], ...]
-    direction: FloatArray
-
-    def to_dict(self) -> dict[str, object]:
-        """Return plain values for tables and JSON."""
-        return {
-            "sigma": self.sigma,
-            "joints": list(self.joints),
-            "sets": [list(joints) for joints in self.sets],
-            "direction": self.direction.tolist(),
-        }
-
-
-@dataclass(frozen=True, eq=False)
-class WorstCases:
-    """The worst single failure of each of N Jacobians.
-
-    Attributes
-    ----------
-    sigma
-        Smallest singular value that is left (eq. 5), shape (N,).
-    joint
-        The joint that has locked, counted from 0; one of them on a tie, shape (N,).
-    left, right
-        Singular vectors u, shape (N, m), and v, shape (N, n), which is 0 at that joint:
-        u = `direction` of `WorstCase` up to its sign.
-    """
-
-    sigma: FloatArray
-    joint: npt.NDArray[np.intp]
-    left: FloatArray
-    right: FloatArray
-
-    @property
-    def gradient(self) -> FloatArray:
-        """∂σ/∂J = u vᵀ, shape (N, m, n).
-
-        Where failures tie, or the smallest singular value that one of them leaves is
-        repeated, σ has a kink: this is a generalised gradient (Clarke), that of
-        one of the functions whose least σ is. So it is where σ = 0.
-        """
-        return self.left[:, :, None] * self.right[:, None, :]
-
-
-def as_jacobian(jacobian: npt.ArrayLike, name: str = "jacobian") -> FloatArray:
-    """Return the array as a Jacobian of floats.
-
-    Raises
-    ------
-    InputError
-        If it is not two-dimensional, has NaN, infinity or entries beyond `LARGEST_ENTRY`, or
-        no more columns than rows.
-    """
-    matrix = as_floats(name, jacobian)
-    if matrix.ndim != 2 or 0 in matrix.shape:
-        raise InputError(name, f"of shape {matrix.shape}", "a matrix, one column per joint")
-    if not np.all(np.isfinite(matrix)):
-        raise InputError(name, "a matrix with NaN or infinity", "finite numbers only")
-    largest = float(np.max(np.abs(matrix)))
-    if largest > LARGEST_ENTRY:
-        allowed = f"entries of at most {LARGEST_ENTRY:g} in magnitude"
-        raise InputError(name, f"a matrix with an entry of {largest:g}", allowed)
-    m, n = matrix.shape
-    if n <= m:
-        allowed = "more columns (joints) than rows (task dimensions)"
-        raise InputError(name, f"of shape {m}×{n}", allowed)
-    return matrix
-
-
-def singular_values(jacobian: npt.ArrayLike) -> FloatArray:
-    """Singular values in descending order, shape (m,) (eqs. 3–4)."""
-    return np.asarray(np.linalg.svd(as_jacobian(jacobian), compute_uv=False))
-
-
-def condition_number(jacobian: npt.ArrayLike) -> float:
-    """σ₁/σ_m; infinity for a singular Jacobian."""
-    values = singular_values(jacobian)
-    return float(values[0] / values[-1]) if values[-1] > 0 else float("inf")
-
-
-def manipulability(jacobian: npt.ArrayLike) -> float:
-    """√det(JJᵀ), the product of the singular values (Yoshikawa, 1985)."""
-    with np.errstate(over="ignore"):  # infinity, where many of them are large
-        return float(np.prod(singular_values(jacobian)))
-
-
-def locked_singular_values(jacobian: npt.ArrayLike, locked: int = 1) -> FloatArray:
-    """Smallest singular value after each set of `locked` joints locks (eq. 5).
-
-    Returns
-    -------
-    numpy.ndarray
-        Shape (C(n, locked),), sets in lexicographic order; zero where fewer than m
-        columns are left.
-    """
-    matrix = as_jacobian(jacobian)
-    sets = locked_sets(matrix, locked)
-    if matrix.shape[1] - locked < matrix.shape[0]:
-        return np.zeros(len(sets))
-    return remaining_singular_values(matrix, sets)[:, -1]
-
-
-def remaining_singular_values(
-    matrix: FloatArray, sets: Collection[tuple[int, ...]]
-) -> FloatArray:
-    """Singular values of J without the columns of each set, shape (sets, m), descending.
-
-    All sets have one size, which leaves at least m columns.
-    """
-    size = max(1, _CHUNK // matrix.size)  # memory stays bounded, however many sets there are
-    ordered = list(sets)
-    parts = [
-        np.linalg.svd(
-            np.array([np.delete(matrix, one, axis=1) for one in ordered[k : k + size]]),
-            compute_uv=False,
-        )
-        for k in range(0, len(ordered), size)
-    ]
-    return np.concatenate(parts)
-
-
-def worst_case_sigma(jacobian: npt.ArrayLike, locked: int = 1) -> float:
-    """Worst case over sets of locked joints of the smallest singular value (eq. 5)."""
-    return float(np.min(locked_singular_values(jacobian, locked)))
-
-
-def worst_case(jacobian: npt.ArrayLike, locked: int = 1) -> WorstCase:
-    """Worst set of `locked` joints, and the direction that it hurts most (eqs. 5 and 15)."""
-    matrix = as_jacobian(jacobian)
-    sets, sigmas = locked_sets(matrix, locked), locked_singular_values(matrix, locked)
-    worst = int(np.argmin(sigmas))
-    limit = sigmas[worst] + TIE * max(float(sigmas[worst]), float(np.max(np.abs(matrix))))
-    tied = tuple(one for one, sigma in zip(sets, sigmas, strict=True) if sigma <= limit)
-    direction = weakest_direction(np.delete(matrix, sets[worst], axis=1))
-    return WorstCase(float(sigmas[worst]), sets[worst], tied, direction)
-
-
-def worst_case_sigma_batch(jacobians: npt.ArrayLike) -> WorstCases:
-    """Worst case over single failures of many Jacobians at once (eq. 5).
-
-    One singular value decomposition of each, J = U S Vᵀ, and for all failures the
-    least eigenvalue λ of JJᵀ − jjᵀ, j the locked column: the root of
-
-        Σ_{i>m} V_fi² = λ Σ_{i≤m} V_fi² / (s_i² − λ)    in [0, s_m²],
-
-    in which nothing is subtracted that could cancel. Its eigenvector is U w,
-    w_i = V_fi s_i / (s_i² − λ).
-
-    Parameters
-    ----------
-    jacobians
-        Shape (N, m, n), n > m.
-
-    Raises
-    ------
-    InputError
-        If the shape is another, or an entry is not finite or beyond `LARGEST_ENTRY`.
-    """
-    stack = as_floats("jacobians", jacobians)
-    if stack.ndim != 3 or 0 in stack.shape[1:] or stack.shape[2] <= stack.shape[1]:
-        allowed = "shape (N, m, n), with more joints n than task dimensions m"
-        raise InputError("jacobians", f"an array of shape {stack.shape}", allowed)
-    wrong = ~np.all(np.abs(stack) <= LARGEST_ENTRY, axis=(1, 2))  # NaN, too
-    if np.any(wrong):
-        allowed = f"finite entries of at most {LARGEST_ENTRY:g} in magnitude"
-        raise InputError(
-            f"Jacobian {int(np.argmax(wrong))}", "not finite or too large", allowed
-        )
-    count, m, n = stack.shape
-    if not count:
-        empty = np.zeros(0)
-        return WorstCases(empty, empty.astype(np.intp), np.zeros((0, m)), np.zeros((0, n)))
-    outer, values, inner = np.linalg.svd(stack)
-    least = values[:, -1]
-    squares = inner**2
-    smaller = values > least[:, None]
-    ratios = np.where(smaller, least[:, None] / np.where(smaller, values, 1.0), 1.0) ** 2
-    joint, rest = _worst_downdate(squares[:, :m], ratios, np.sum(squares[:, m:], axis=1))
-    each = np.arange(count)
-    sigma = least * np.sqrt(rest / (1.0 + rest))
-    weights = inner[each, :m, joint] * np.sqrt(ratios) / (1.0 + rest[:, None] * (1.0 - ratios))
-    weights[:, -1] += _NO_WEIGHT  # the answer where the last row of Vᵀ is 0 at this joint
-    weights /= np.linalg.norm(weights, axis=1, keepdims=True)
-    left = (outer @ weights[:, :, None])[:, :, 0]
-    right = (left[:, None, :] @ stack)[:, 0, :]
-    right[each, joint] = 0.0
-    lengths = np.linalg.norm(right, axis=1)
-    # Digits of v are lost where little is left: its own decomposition has them.
-    for k in np.flatnonzero(~(lengths > 1e-6 * values[:, 0])):
-        some = np.delete(np.arange(n), joint[k])
-        turned, singular, rows = np.linalg.svd(stack[k][:, some])
-        sigma[k], lengths[k] = singular[-1], 1.0
-        left[k], right[k, some] = turned[:, -1], rows[m - 1]
-    return WorstCases(sigma, joint, left, right / lengths[:, None])
-
-
-def _worst_downdate(
-    squares: FloatArray, ratios: FloatArray, null: FloatArray
-) -> tuple[npt.NDArray[np.intp], FloatArray]:
-    """Return the joint with the least t = λ/(s_m² − λ) of `worst_case_sigma_batch`, and t.
-
-    t is the root of H(t) = Σ_i V_fi² r_i t / (1 + t x_i) = Σ_{i>m} V_fi², r_i = s_m²/s_i²,
-    x_i = 1 − r_i. With A = Σ V_fi² r_i and x̄ the mean of x_i with these weights,
-    A t/(1 + t x̄) ≤ H(t) ≤ A t (Jensen), which leaves few joints. For these Newton's method:
-    H is increasing and concave, so that from below all steps stay below the root.
-
-    Parameters
-    ----------
-    squares, ratios, null
-        V_fi² for i ≤ m, shape (N, m, n); r_i, shape (N, m); Σ_{i>m} V_fi², shape (N, n).
-    """
-    size = (ratios[:, None, :] @ squares)[:, 0, :]
-    slack = 1.0 - ratios
-    bent = ((ratios * slack)[:, None, :] @ squares)[:, 0, :]
-    lowest = np.minimum(null / np.maximum(size, _NO_SLOPE), _NO_ROOT)
-    limit = size - lowest * bent
-    highest = np.where(limit > 0, null / np.maximum(limit, _NO_SLOPE), np.inf)
-    few = lowest <= np.min(highest, axis=1, keepdims=True) * (1 + 1e-9)
-    row, joint = np.nonzero(few)
-    scaled, slack, target = squares[row, :, joint] * ratios[row], slack[row], null[row, joint]
-    found = lowest[row, joint]
-    for _ in range(_NEWTON):
-        below = 1.0 + found[:, None] * slack
-        terms = scaled / below
-        slope = np.einsum("ki,ki->k", terms, 1.0 / below)
-        step = (target - found * np.sum(terms, axis=1)) / np.maximum(slope, _NO_SLOPE)
-        found = np.minimum(found + np.maximum(step, 0.0), _NO_ROOT)
-        if np.all(step <= 1e-15 * found):
-            break
-    root = np.full(null.shape, np.inf)
-    root[row, joint] = found
-    worst = np.argmin(root, axis=1)
-    return worst, root[np.arange(len(root)), worst]
-
-
-def weakest_direction(matrix: FloatArray) -> FloatArray:
-    """Left singular vector of the smallest singular value, its largest entry positive."""
-    direction = np.linalg.svd(matrix)[0][:, -1]
-    return np.asarray(direction * np.sign(direction[np.argmax(np.abs(direction))]))
-
-
-def range_contributions(jacobian: npt.ArrayLike) -> FloatArray:
-    """R_i, each joint's share in the range of Jᵀ, shape (n,) (eq. 9)."""
-    matrix = as_jacobian(jacobian)
-    _, values, rows = np.linalg.svd(matrix, full_matrices=False)
-    return np.asarray(np.sum(rows[: _rank(values, matrix)] ** 2, axis=0))
-
-
-def _rank(values: FloatArray, matrix: FloatArray) -> int:
-    """Return the number of singular values that are more than rounding."""
-    return int(np.sum(values > values[0] * max(matrix.shape) * np.finfo(float).eps))
-
-
-def null_space_contributions(jacobian: npt.ArrayLike) -> FloatArray:
-    """N_i = 1 − R_i, each joint's share in the null space, shape (n,) (eqs. 10–11)."""
-    return 1.0 - range_contributions(jacobian)
-
-
-def sigma_bound(task_dimension: int, joints: int, trace: float, locked: int = 1) -> float:
-    """Upper bound on the worst case after any `locked` joints lock (eq. 6, for every J).
-
-    For one joint it is √(T(n − m)/(mn)), T = ‖J‖_F²; with T = mσ² this is σ√((n − m)/n). It
-    is the root of `eigenvalue_bound`.
-    """
-    return float(np.sqrt(eigenvalue_bound(task_dimension, joints, trace, locked)))
-
-
-def eigenvalue_bound(task_dimension: int, joints: int, trace: float, locked: int = 1) -> float:
-    """Upper bound on t, the least eigenvalue of J_F̄J_F̄ᵀ over all sets F of `locked` joints.
-
-    For one joint t ≤ T(n − m)/(mn), the square of eq. (6). It needs no isotropy: summing the
-    rank-one downdate condition j_fᵀ(JJᵀ − tI)⁻¹j_f ≤ 1 over f gives
-    tr((JJᵀ − tI)⁻¹) ≤ (n − m)/t, and convexity the rest. For k joints t ≤ (T/m)y with y the
-    least entry of `averaged_spectrum` of the identity, derived in
-    docs/several_failures.md; zero where fewer than m joints are left.
-
-    Parameters
-    ----------
-    task_dimension, joints
-        m and n, n > m.
-    trace
-        T = ‖J‖_F², in the squared units of J.
-    locked
-        How many joints lock at once, k.
-
-    Raises
-    ------
-    InputError
-        If a number is out of range.
-    """
-    m = whole_number("task dimension", task_dimension, 1)
-    n = whole_number("joints", joints, m + 1)
-    k = whole_number("locked joints", locked, 1)
-    if not (np.isfinite(trace) and trace >= 0):
-        raise InputError("trace", trace, "a finite number of at least 0")
-    if k > n - m:
-        return 0.0
-    if k == 1:
-        return trace * (n - m) / (m * n)
-    return float(trace / m * averaged_spectrum(np.ones(m), n, k)[0])
-
-
-def averaged_spectrum(eigenvalues: npt.ArrayLike, joints: int, locked: int = 1) -> FloatArray:
-    """Roots of the mean of det(xI − J_F̄J_F̄ᵀ) over all sets F of `locked` joints, ascending.
-
-    They depend on the eigenvalues λ of JJᵀ alone. Averaged over one of n columns the
-    characteristic polynomial is that of Λ − rrᵀ/n, r_i = √λ_i; further columns likewise.
-
-    Parameters
-    ----------
-    eigenvalues
-        Those of JJᵀ, shape (m,), at least 0.
-    joints
-        Number n of columns, above m.
-    locked
-        How many joints lock at once, at most n − m.
-    """
-    values = as_floats("eigenvalues", eigenvalues)
-    n = whole_number("joints", joints, values.size + 1)
-    if whole_number("locked joints", locked, 1) > n - values.size:
-        raise InputError("locked joints", locked, f"at most {n - values.size}")
-    for removed in range(locked):
-        roots = np.sqrt(np.maximum(values, 0.0))
-        rest = np.diag(values) - np.outer(roots, roots) / (n - removed)
-        values = np.asarray(np.linalg.eigvalsh(rest), dtype=np.float64)
-    return np.maximum(values, 0.0)
-
-
-def trace(jacobian: npt.ArrayLike) -> float:
-    """T = ‖J‖_F² = tr JJᵀ."""
-    return float(np.sum(as_jacobian(jacobian) ** 2))
-
-
-def gap_percent(found: float, bound: float) -> float:
-    """100·|bound − found|/bound: how far a value is from its bound, in percent of the bound.
-
-    NaN where the bound is 0 and the value is not, as a percentage says nothing there.
-    """
-    if bound == 0:
-        return 0.0 if found == 0 else float("nan")
-    return 100.0 * abs(bound - found) / abs(bound)
-
-
-def isotropy_defect(jacobian: npt.ArrayLike) -> float:
-    """½‖JJᵀ − (T/m)I‖_F², zero exactly for isotropic J; the same in every frame."""
-    return 0.5 * float(np.sum(_deviation(as_jacobian(jacobian)) ** 2))
-
-
-def residual_sum_of_squares(jacobian: npt.ArrayLike) -> float:
-    """fᵀf: squares of the m(m + 1)/2 distinct entries of JJᵀ − (T/m)I (eqs. 23–43).
-
-    Each off-diagonal counts once, so the value depends on the frame; its minimum over
-    frames is `isotropy_defect`.
-    """
-    deviation = _deviation(as_jacobian(jacobian))
-    return float(np.sum(deviation[np.triu_indices(deviation.shape[0])] ** 2))
-
-
-def relative_manipulability(jacobian: npt.ArrayLike, locked: int = 1) -> FloatArray:
-    """Manipulability after each set of joints locks, over that before; NaN if rank was lost."""
-    matrix = as_jacobian(jacobian)
-    sets, before = locked_sets(matrix, locked), singular_values(matrix)
-    if _rank(before, matrix) < matrix.shape[0]:
-        return np.full(len(sets), np.nan)
-    if locked > matrix.shape[1] - matrix.shape[0]:
-        return np.zeros(len(sets))
-    return np.asarray(np.prod(remaining_singular_values(matrix, sets) / before, axis=1))
-
-
-def is_optimally_failure_tolerant(jacobian: npt.ArrayLike, tolerance: float = 1e-6) -> bool:
-    """Whether J is isotropic with columns of equal norm, to a relative tolerance (Section 2).
-
-    Both JJᵀ = (T/m)I and ‖j_i‖² = T/n may be off by at most `tolerance`·T/m in any entry.
-    """
-    matrix = as_jacobian(jacobian)
-    m, n = matrix.shape
-    size = trace(matrix)
-    norms = np.sum(matrix**2, axis=0)
-    error = max(np.max(np.abs(_deviation(matrix))), np.max(np.abs(norms - size / n)))
-    return bool(size > 0 and error <= tolerance * size / m)
-
-
-def _deviation(matrix: FloatArray) -> FloatArray:
-    gram = matrix @ matrix.T
-    return np.asarray(gram - np.trace(gram) / gram.shape[0] * np.eye(gram.shape[0]))
-
-
-def locked_sets(matrix: FloatArray, locked: int) -> list[tuple[int, ...]]:
-    """Return every set of `locked` joints in lexicographic order; InputError if too many."""
-    n = matrix.shape[1]
-    if whole_number("locked joints", locked, 1) >= n:
-        raise InputError("locked joints", locked, f"fewer than the {n} joints")
-    check_sets(n, locked)
-    return list(combinations(range(n), locked))
-
-
-def check_sets(joints: int, locked: int, most: int = MOST_SETS) -> None:
-    """Raise InputError if more than `most` sets of `locked` joints can be chosen."""
-    sets = comb(joints, locked)
-    if sets > most:
-        allowed = f"numbers with at most {most} sets of joints that lock at once"
-        count = sets if sets < 10**15 else "over 10**15"
-        shown = f"{locked} of {joints}, which are {count} sets"
-        raise InputError("locked joints", shown, allowed)
+from formulations.measures.batch import WorstCases, worst_case_sigma_batch
+from formulations.measures.isotropy import (
+    is_optimally_failure_tolerant,
+    isotropy_defect,
+    residual_sum_of_squares,
+)
+from formulations.measures.jacobian import (
+    as_jacobian,
+    condition_number,
+    manipulability,
+    singular_values,
+    trace,
+)
+from formulations.measures.locked_joints import (
+    locked_sets,
+    locked_singular_values,
+    relative_manipulability,
+    remaining_singular_values,
+)
+from formulations.measures.null_space import null_space_contributions, range_contributions
+from formulations.measures.trace_bound import (
+    averaged_spectrum,
+    eigenvalue_bound,
+    gap_percent,
+    sigma_bound,
+)
+from formulations.measures.worst_failure import (
+    WorstCase,
+    weakest_direction,
+    worst_case,
+    worst_case_sigma,
+)
+
+__all__ = [
+    "WorstCase",
+    "WorstCases",
+    "as_jacobian",
+    "averaged_spectrum",
+    "condition_number",
+    "eigenvalue_bound",
+    "gap_percent",
+    "is_optimally_failure_tolerant",
+    "isotropy_defect",
+    "locked_sets",
+    "locked_singular_values",
+    "manipulability",
+    "null_space_contributions",
+    "range_contributions",
+    "relative_manipulability",
+    "remaining_singular_values",
+    "residual_sum_of_squares",
+    "sigma_bound",
+    "singular_values",
+    "trace",
+    "weakest_direction",
+    "worst_case",
+    "worst_case_sigma",
+    "worst_case_sigma_batch",
+]
+
+
+def __dir__() -> list[str]:
+    return __all__

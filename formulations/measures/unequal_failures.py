@@ -23,6 +23,7 @@ import numpy as np
 import numpy.typing as npt
 
 from formulations import measures
+from formulations.measures.locked_joints import MOST_SETS, check_sets
 from nlp.arrays import FloatArray, whole_number
 from nlp.errors import InputError
 
@@ -42,7 +43,7 @@ class FailureModel:
     ------
     InputError
         If a probability is out of range, fewer than k joints may fail, or there are more than
-        `formulations.measures.MOST_SETS` sets of k joints.
+        `MOST_SETS` sets of k joints.
     """
 
     probabilities: tuple[float, ...]
@@ -54,7 +55,7 @@ class FailureModel:
         if whole_number("locked joints", self.locked, 1) > len(self.fallible):
             allowed = f"at most the number of joints that may fail, {len(self.fallible)}"
             raise InputError("locked joints", self.locked, allowed)
-        measures.check_sets(len(self.fallible), self.locked)
+        check_sets(len(self.fallible), self.locked)
 
     @classmethod
     def equally_likely(
@@ -77,7 +78,7 @@ class FailureModel:
         probability
             Of the others' failure; the shares of the failures do not depend on it.
         """
-        count = whole_number("joints", joints, 1, measures.MOST_SETS)
+        count = whole_number("joints", joints, 1, MOST_SETS)
         return cls((probability,) * count, locked=1).sparing(never, locked)
 
     def sparing(self, never: Collection[int], locked: int | None = None) -> FailureModel:

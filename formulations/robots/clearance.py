@@ -34,9 +34,9 @@ from formulations.robots.capsules import (
     gap_squared,
 )
 from formulations.robots.chain import Chain
+from formulations.robots.kinematics import BoolArray, Kinematics
 from formulations.robots.read_urdf import is_urdf, parse_urdf, xml_root
 from formulations.robots.shapes import Shape, coal_library, read_shapes, solid
-from formulations.robots.survival import BoolArray, Kinematics
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
 from nlp.files import read_bytes

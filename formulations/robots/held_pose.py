@@ -22,8 +22,8 @@ from scipy.spatial.transform import Rotation
 
 from formulations.robots.chain import LARGEST, tip_pose
 from formulations.robots.clearance import Clearance
+from formulations.robots.kinematics import BoolArray, Kinematics
 from formulations.robots.robot_arm import RobotArm
-from formulations.robots.survival import BoolArray, Kinematics
 from formulations.robots.tree import RobotError
 from nlp.arrays import FloatArray
 from nlp.errors import InputError

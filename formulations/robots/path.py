@@ -21,11 +21,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from formulations import measures
+from formulations.robots.kinematics import Kinematics
 from formulations.robots.path_nodes import Nodes
 from formulations.robots.path_plan import PathPlan, Trajectory
 from formulations.robots.path_polish import polished
 from formulations.robots.robot_arm import RobotArm
-from formulations.robots.survival import Kinematics, follow, on_path, survivors
+from formulations.robots.survival import follow, on_path, survivors
 from formulations.robots.waypoints import ToolPath, place_name
 from nlp.arrays import FloatArray
 from nlp.errors import InputError

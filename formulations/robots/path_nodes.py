@@ -11,8 +11,9 @@ from itertools import pairwise
 
 import numpy as np
 
+from formulations.robots.kinematics import BoolArray, Kinematics
 from formulations.robots.path_plan import IntArray
-from formulations.robots.survival import JUMP, BoolArray, Kinematics, Poses, survivors
+from formulations.robots.survival import JUMP, Poses, survivors
 from formulations.robots.waypoints import place_name
 from nlp.arrays import FloatArray
 from nlp.errors import InputError

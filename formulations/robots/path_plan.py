@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from formulations.robots.survival import BoolArray, Poses
+from formulations.robots.kinematics import BoolArray
+from formulations.robots.survival import Poses
 from nlp.arrays import FloatArray
 
 IntArray = npt.NDArray[np.intp]

@@ -12,10 +12,11 @@ import casadi as ca
 import numpy as np
 
 from formulations.robots.chain import Chain, tip_pose
+from formulations.robots.kinematics import Kinematics
 from formulations.robots.path_nodes import Nodes
 from formulations.robots.path_plan import Trajectory
 from formulations.robots.robot_arm import RobotArm
-from formulations.robots.survival import JUMP, Kinematics, Poses
+from formulations.robots.survival import JUMP, Poses
 from nlp.arrays import FloatArray
 from nlp.problem import Constraint, Problem
 from nlp.solution import ACCEPTABLE, LIMIT, SUCCESS

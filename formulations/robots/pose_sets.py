@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from formulations.realise.self_motion import Poses, arcs, solve
-from formulations.robots.reachable_sets import SLICE, FailureSets, check_step
+from formulations.robots.failure_sets import SLICE, FailureSets, check_step
 from formulations.robots.serial_arm import Bits, Ranges, SerialArm
 from nlp.arrays import FloatArray
 from nlp.errors import InputError

@@ -15,7 +15,6 @@ positions ("slices") at which it may lock, and kept as bits.
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
@@ -23,55 +22,13 @@ import numpy as np
 import numpy.typing as npt
 from scipy import ndimage
 
+from formulations.robots.cylinder_grid import check_grid
+from formulations.robots.failure_sets import SLICE, FailureSets
 from formulations.robots.serial_arm import Bits, Ranges, SerialArm, moved, moved_back
 from nlp.arrays import FloatArray
-from nlp.errors import InputError
 
-#: Default distance of the positions at which a joint may lock, in radians.
-SLICE = np.deg2rad(5.0)
 _TURN = 2 * np.pi
 _TINY = 1e-9
-_LEAST_SLICE = np.deg2rad(0.0999)
-_MOST_CELLS = 5_000_000
-
-
-@dataclass(frozen=True)
-class _Cylinder:
-    """A grid of cylindrical coordinates (z, r, φ) about a joint's axis."""
-
-    cell: float
-    bottom: int  # of z, in cells
-    height: int
-    inner: int  # of r, in cells
-    radii: int
-    angles: int
-
-    @property
-    def shape(self) -> tuple[int, int, int]:
-        return self.height, self.radii, self.angles
-
-    @property
-    def size(self) -> int:
-        return self.height * self.radii * self.angles
-
-    def index(self, points: FloatArray) -> npt.NDArray[np.int32]:
-        """Cells of points (k, 3) in the flat grid; its size for those outside."""
-        z = np.floor(points[:, 2] / self.cell + 0.5).astype(int) - self.bottom
-        r = np.floor(np.hypot(points[:, 0], points[:, 1]) / self.cell).astype(int) - self.inner
-        turn = np.arctan2(points[:, 1], points[:, 0]) / _TURN * self.angles
-        phi = np.floor(turn).astype(int) % self.angles
-        inside = (z >= 0) & (z < self.height) & (r >= 0) & (r < self.radii)
-        flat = (z * self.radii + r) * self.angles + phi
-        return np.where(inside, flat, self.size).astype(np.int32)
-
-    def centres(self) -> FloatArray:
-        """Centres of the cells, shape (size, 3)."""
-        z = (np.arange(self.height) + self.bottom) * self.cell
-        r = (np.arange(self.radii) + self.inner + 0.5) * self.cell
-        phi = (np.arange(self.angles) + 0.5) * _TURN / self.angles
-        heights, radii, turns = np.meshgrid(z, r, phi, indexing="ij")
-        points = [radii * np.cos(turns), radii * np.sin(turns), heights]
-        return np.stack(points, axis=-1).reshape(-1, 3)
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,119 +38,6 @@ class _Reach:
     points: FloatArray | None
     cells: Bits | None
     dimension: int
-
-
-class FailureSets(ABC):
-    """Where the tool can be before a failure, and after each one, on a grid of voxels.
-
-    What is reached after a failure does not depend on the artificial limits. It is kept as
-    bits for each joint and each position at which it may lock.
-
-    Attributes
-    ----------
-    arm, voxel, step
-        The arm, the edge of a voxel in metres, and the distance of the positions at which a
-        revolute joint may lock, in radians; those of a prismatic joint are two voxels apart.
-    dimension
-        2 or 3.
-    shape, corner
-        Of the grid of voxels in the frame of joint 1; the first one's place, in voxels.
-    slices
-        By joint, the positions at which it may lock.
-    """
-
-    #: Whether voxels stand for one of their points each, and not for all that touches them.
-    sampled = False
-    arm: SerialArm
-    voxel: float
-    step: float
-    dimension: int
-    shape: tuple[int, ...]
-    corner: npt.NDArray[np.int_]
-    slices: dict[int, FloatArray]
-    _kept: dict[int, list[npt.NDArray[np.uint8]]]
-
-    @abstractmethod
-    def before(self, limits: Ranges) -> Bits:
-        """Voxels that are reached within limits, before a failure."""
-
-    @abstractmethod
-    def points(
-        self, voxels: Bits, rng: np.random.Generator, count: int
-    ) -> tuple[FloatArray, npt.NDArray[np.intp]]:
-        """Return points drawn from voxels, shape (count, 3), and which voxel each is in."""
-
-    @abstractmethod
-    def reaches(self, points: FloatArray, lower: FloatArray, upper: FloatArray) -> Bits:
-        """Return for which points inverse kinematics finds a configuration within limits."""
-
-    @property
-    def bytes(self) -> int:
-        """Memory of the bits."""
-        return sum(one.nbytes for kept in self._kept.values() for one in kept)
-
-    def after(self, limits: Ranges) -> Bits:
-        """Voxels that are reached after every failure within limits."""
-        bits = np.full_like(next(iter(self._kept.values()))[0], 255)
-        for joint in self._kept:
-            bits &= np.bitwise_and.reduce(
-                [self._kept[joint][k] for k in self._within(joint, limits)]
-            )
-        return self._unpacked(bits)
-
-    def missing(self, limits: Ranges) -> int:
-        """Least number of failures, over the voxels, that stand against one.
-
-        A failure is a joint and a slice within its limits. It is a score where the workspace
-        is empty.
-        """
-        count = np.zeros(self.shape, dtype=np.int32)
-        for joint in self._kept:
-            for place in self._within(joint, limits):
-                count += ~self._unpacked(self._kept[joint][place])
-        return int(count.min())
-
-    def against(self, limits: Ranges) -> tuple[str, ...]:
-        """Joints whose own failures, by themselves, leave nothing."""
-        found = []
-        for joint, kept in self._kept.items():
-            bits = np.bitwise_and.reduce([kept[k] for k in self._within(joint, limits)])
-            if not bits.any():
-                found.append(self.arm.steps[joint].name)
-        return tuple(found)
-
-    def places(self, joint: int, limits: Ranges) -> FloatArray:
-        """Positions of a joint's slices within limits, and the neighbouring ones outside."""
-        return np.asarray(self.slices[joint][self._within(joint, limits)])
-
-    def centres(self, voxels: Bits) -> FloatArray:
-        """Centres of voxels in the frame of joint 1, shape (k, 3)."""
-        return np.asarray((np.argwhere(voxels) + self.corner) * self.voxel)
-
-    @property
-    def unit(self) -> float:
-        """Area or volume of a voxel."""
-        return float(self.voxel**self.dimension)
-
-    def _positions(self, joint: int) -> FloatArray:
-        one = self.arm.steps[joint]
-        step = 2 * self.voxel if one.prismatic else self.step
-        count = max(2, int(np.ceil((one.upper - one.lower) / step)) + 1)
-        places = np.linspace(one.lower, one.upper, count)
-        return places[:-1] if one.endless else places
-
-    def _within(self, joint: int, limits: Ranges) -> npt.NDArray[np.intp]:
-        places = self.slices[joint]
-        unit = places[1] - places[0]
-        first, last = ((one - places[0]) / unit for one in limits[joint])
-        found = np.arange(np.floor(first + _TINY), np.ceil(last - _TINY) + 1).astype(int)
-        if self.arm.steps[joint].endless:
-            return np.unique(found % len(places))
-        return np.unique(np.clip(found, 0, len(places) - 1))
-
-    def _unpacked(self, bits: npt.NDArray[np.uint8]) -> Bits:
-        count = int(np.prod(self.shape))
-        return np.unpackbits(bits, count=count).view(bool).reshape(self.shape)
 
 
 class ReachableSets(FailureSets):
@@ -395,46 +239,6 @@ class ReachableSets(FailureSets):
     def _base(self, found: _Reach) -> Bits:
         cells = np.append(self._cells(found, 0).ravel(), False)
         return np.asarray(cells[self._base_map].reshape(self.shape))
-
-
-def check_grid(arm: SerialArm, voxel: float, step: float) -> list[_Cylinder]:
-    """Return the grid of each joint, for all that links of such lengths can reach.
-
-    Raises
-    ------
-    InputError
-        As `ReachableSets` does.
-    """
-    solid = 2 if arm.is_planar else 3
-    moving = len(arm.steps) - sum(arm.idle)
-    if moving <= solid:
-        allowed = f"more than {solid}: with one locked, what is reached has no size"
-        raise InputError("number of joints that move the tip", moving, allowed)
-    check_step(voxel, step)
-    reach = float(np.linalg.norm(arm.tip))
-    grids: list[_Cylinder] = []
-    for joint in reversed(arm.steps):
-        reach += max(abs(joint.lower), abs(joint.upper)) if joint.prismatic else 0.0
-        radii = int(reach / voxel) + 2
-        height = 1 if arm.is_planar else 2 * radii + 1
-        plane = -(height // 2)
-        angles = max(16, round(_TURN * radii))
-        grid = _Cylinder(voxel, plane, height, 0, radii, angles)
-        if grid.size > _MOST_CELLS:
-            allowed = f"larger: the grid has at most {_MOST_CELLS} cells"
-            raise InputError("voxel", f"{voxel:g}", allowed)
-        grids.insert(0, grid)
-        reach += float(np.linalg.norm(joint.placement[:3, 3]))
-    return grids
-
-
-def check_step(voxel: float, step: float) -> None:
-    """Raise InputError unless a voxel and the distance of slices can be used."""
-    if not 0 < voxel < np.inf:
-        raise InputError("voxel", voxel, "a finite number above 0, in metres")
-    if not _LEAST_SLICE <= step <= np.pi / 4:
-        allowed = "0.1 to 45 degrees"
-        raise InputError("slice", f"{np.rad2deg(step):g} degrees", allowed)
 
 
 def _flat(placement: FloatArray) -> FloatArray:

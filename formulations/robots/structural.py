@@ -26,7 +26,8 @@ from typing import Literal
 import numpy as np
 
 from formulations import measures
-from formulations.robots.robot_arm import DIRECTIONS, RobotArm
+from formulations.robots.robot_arm import RobotArm
+from formulations.robots.task import DIRECTIONS
 from nlp.arrays import FloatArray
 
 # Random postures tried, and of these how many for the geometry.

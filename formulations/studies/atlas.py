@@ -6,9 +6,9 @@ from pathlib import Path
 
 from formulations.atlas.collection import pages, problem_of
 from formulations.atlas.entry import Page
-from formulations.files.figure import content
-from formulations.files.table import HIDDEN, column
+from formulations.io.table import HIDDEN, column
 from formulations.max_min import NAME as MAX_MIN
+from formulations.plot.style import content
 from formulations.studies.study import Effort, Part, Study
 
 _DRAWN = 8  # joints that an arm on the page has at most
@@ -105,7 +105,7 @@ def study() -> Study:
 
 
 def _compute(effort: Effort, _: Path) -> Iterator[Part]:
-    from formulations.figures.atlas import gallery, heat_map
+    from formulations.plot.atlas import gallery, heat_map
 
     rows, arms = [], {}
     for page in pages():

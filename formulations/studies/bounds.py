@@ -14,8 +14,8 @@ from formulations.bounds.so3_moments.rigorous_residual import rigorous_residual_
 from formulations.bounds.worst_case.problem import free_columns, revolute_arm
 from formulations.bounds.worst_case.program import solve_worst_case
 from formulations.existence.relaxation.relaxation import existence_relaxation
-from formulations.files.provenance import provenance, versions
-from formulations.files.table import HIDDEN, column
+from formulations.io.provenance import provenance, versions
+from formulations.io.table import HIDDEN, column
 from formulations.measures import gap_percent
 from formulations.studies.pages import outward
 from formulations.studies.study import Effort, Part, Study

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from formulations import isotropy, max_min, measures, residual
-from formulations.files.table import HIDDEN, column
 from formulations.formulation import Formulation
+from formulations.io.table import HIDDEN, column
 from formulations.joints.arm import Arm
 from formulations.joints.models import arm, models_of
 from formulations.registry import bound

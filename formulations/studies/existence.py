@@ -11,7 +11,7 @@ from formulations.existence.exact_jacobian import ExactJacobian, verify_existenc
 from formulations.existence.reading import read, read_either
 from formulations.existence.rings import exact_jacobian
 from formulations.existence.verify import Report, verify
-from formulations.files.table import column
+from formulations.io.table import column
 from formulations.studies.study import INCOMPLETE, Effort, Part, Study
 
 CERTIFICATE = "certificate.json"

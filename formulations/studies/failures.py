@@ -9,7 +9,7 @@ import numpy as np
 from formulations import max_min, measures
 from formulations.bounds import unequal_failures
 from formulations.bounds.certified import sharpest_worst_case
-from formulations.files.table import Table, column
+from formulations.io.table import Table, column
 from formulations.joints.arm import Arm
 from formulations.joints.models import arm
 from formulations.measures.unequal_failures import (

@@ -4,9 +4,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from formulations.figures import FIGURES
-from formulations.figures.picture import Request
-from formulations.files.figure import content, figure_class
+from formulations.plot.figures import FIGURES
+from formulations.plot.picture import Request
+from formulations.plot.style import content, figure_class
 from formulations.studies.study import Effort, Part, Study
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from formulations.files.provenance import read_header
+from formulations.io.provenance import read_header
 from formulations.studies import pages
 from formulations.studies.bounds import sharpest
 from formulations.studies.comparison import Row

@@ -9,8 +9,8 @@ from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
-from formulations.files.provenance import header, versions
-from formulations.files.table import Table, written
+from formulations.io.provenance import header, versions
+from formulations.io.table import Table, written
 
 # Below this an isotropy defect, or a residual, is the solver's tolerance and not a number.
 NOTHING = 1e-6

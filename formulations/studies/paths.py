@@ -9,12 +9,12 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from formulations.files.figure import content
-from formulations.files.table import HIDDEN, column, read_rows
+from formulations.io.table import HIDDEN, column, read_rows
+from formulations.plot.style import content
+from formulations.robots.kinematics import Kinematics
 from formulations.robots.path import PathSearch, check_reach, plan_path
 from formulations.robots.path_plan import PathPlan
 from formulations.robots.robot_arm import RobotArm
-from formulations.robots.survival import Kinematics
 from formulations.robots.waypoints import ToolPath
 from formulations.studies.robots import ARMS, SurveyArm
 from formulations.studies.study import Effort, Part, Study
@@ -132,7 +132,7 @@ def study(only: str | None = None) -> Study:
             cpu = time.process_time() - started
             files = {}
             if one is chosen[0]:
-                from formulations.figures.path import draw
+                from formulations.plot.path import draw
 
                 files = {"path.svg": content(draw(found), "svg")}
             entry = {

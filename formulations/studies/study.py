@@ -14,7 +14,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from formulations.files.table import Table, read_rows
+from formulations.io.table import Table, read_rows
 from formulations.solving.case import Case
 from formulations.solving.outcome import Outcome
 from formulations.solving.solve import run

@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 
 from formulations import measures
-from formulations.figures.workspace import draw, draw_orders
-from formulations.files.figure import content, figure_class
-from formulations.files.table import HIDDEN, column
+from formulations.io.table import HIDDEN, column
 from formulations.joints.arm import Arm
 from formulations.joints.models import arm as arm_of
+from formulations.plot.style import content, figure_class
+from formulations.plot.workspace import draw, draw_orders
 from formulations.realise.choice import rank
 from formulations.realise.criteria import CRITERIA, Sampling, kept_ball
 from formulations.realise.family import every, family

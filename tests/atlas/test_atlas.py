@@ -11,7 +11,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from formulations import manipulability, measures
-from formulations.joints import models
 from formulations.atlas.collection import (
     entry_of,
     improved,
@@ -33,7 +32,8 @@ from formulations.atlas.exact_value import (
 from formulations.atlas.improve import improve
 from formulations.atlas.local_optimality import local_optimality
 from formulations.atlas.polished import SEARCHES, improve_polished
-from formulations.figures.atlas import gallery, heat_map
+from formulations.joints import models
+from formulations.plot.atlas import gallery, heat_map
 from nlp.errors import FileError, InputError
 
 SEEDS = st.integers(0, 2**32 - 1)

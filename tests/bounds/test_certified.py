@@ -11,10 +11,10 @@ from formulations import measures
 from formulations.bounds import certified
 from formulations.bounds.certified import Bound, best_known
 from formulations.bounds.so3_moments.fixed_worst_case import worst_case_limit
-from formulations.joints.models import arm
-from formulations.registry import bound
 from formulations.joints.arm import Arm
 from formulations.joints.kinds import LeverRevolute, Prismatic, UnitRevolute
+from formulations.joints.models import arm
+from formulations.registry import bound
 
 ROOT = Path(__file__).parents[2]
 SEVEN = Arm.of(UnitRevolute(), 7)

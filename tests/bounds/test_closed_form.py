@@ -11,11 +11,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from formulations.joints import models
 from formulations.bounds.certified import largest_worst_case
 from formulations.bounds.closed_form import block_trace_bound, excludes
-from formulations.registry import bound
+from formulations.joints import models
 from formulations.measures import eigenvalue_bound
+from formulations.registry import bound
 from formulations.solving.solve import solve
 from nlp.errors import InputError
 
@@ -166,7 +166,7 @@ def test_no_arm_with_prismatic_joints_beats_its_bound(revolute, prismatic, seed)
 
 def test_the_bound_on_isotropic_arms_with_a_prismatic_joint_is_attained() -> None:
     outcome = solve("isotropy", "lever-revolute:7,prismatic:1", 8, starts=4, workers=1)
-    bound = bound("isotropy", outcome.arm)
+    limit = bound("isotropy", outcome.arm)
     # T = 14, the prismatic column has norm 1: t = 14/6 − 13/7.
-    assert bound.value == pytest.approx(math.sqrt(14 / 6 - 13 / 7), rel=1e-15)
-    assert outcome.best.worst_case_sigma == pytest.approx(bound.value, abs=1e-8)
+    assert limit.value == pytest.approx(math.sqrt(14 / 6 - 13 / 7), rel=1e-15)
+    assert outcome.best.worst_case_sigma == pytest.approx(limit.value, abs=1e-8)

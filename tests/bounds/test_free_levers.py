@@ -18,11 +18,11 @@ from formulations.bounds.free_levers import (
     isotropic_limit,
     max_min_limit,
 )
-from formulations.joints.models import arm
-from formulations.registry import bound
 from formulations.existence.rings import optimal_jacobian
 from formulations.joints.arm import Arm
 from formulations.joints.kinds import LeverRevolute, Prismatic, UnitRevolute
+from formulations.joints.models import arm
+from formulations.registry import bound
 
 COMPARISON = Path(__file__).parents[2] / "results/comparison/jacobians.json"
 RESIDUAL = 0.0568

@@ -9,14 +9,15 @@ import pytest
 from formulations import measures
 from formulations.atlas.collection import page_of
 from formulations.atlas.entry import Entry
-from formulations.bounds import planar
+from formulations.bounds import planar, planar_cells
 from formulations.bounds.certified import sharpest_worst_case, sharpest_worst_case_of
 from formulations.bounds.planar import planar_bound
+from formulations.bounds.planar_cells import ARCS, TURN
+from formulations.bounds.planar_multipliers import Multipliers
 from formulations.joints.models import arm
 from nlp.errors import InputError
 
 RECORD = json.loads((files("formulations.bounds") / "planar.json").read_text("utf-8"))
-TURN = planar.TURN
 
 
 def atlas_value(joints, locked, measure):
@@ -45,7 +46,7 @@ def test_relative_manipulability_is_what_the_theorem_says():
 def located(jacobian, arcs):
     """Return the cells of a turn in `arcs` parts that the doubled angles are in, one pinned."""
     angles = np.angle((jacobian[0] + 1j * jacobian[1]) ** 2) % (2 * np.pi)
-    first = 2 * np.pi / planar.ARCS
+    first = 2 * np.pi / ARCS
     held = [np.sum((angles - start) % (2 * np.pi) < first) for start in angles]
     pinned = int(np.argmax(held))
     rest = np.delete((angles - angles[pinned]) % (2 * np.pi), pinned)
@@ -58,9 +59,9 @@ def located(jacobian, arcs):
 @pytest.mark.parametrize("seed", range(5))
 def test_every_jacobian_is_in_a_node(seed):
     jacobian = np.random.default_rng(seed).normal(size=(2, 6))
-    assert located(jacobian, planar.ARCS)[1] in set(planar._roots(6))
+    assert located(jacobian, ARCS)[1] in set(planar_cells.first_cells(6))
     for arcs in (16, 64):
-        assert not planar._crowded(located(jacobian, arcs)[1])
+        assert not planar_cells.is_crowded(located(jacobian, arcs)[1])
 
 
 @pytest.mark.parametrize("measure", planar.MEASURES)
@@ -73,14 +74,14 @@ def test_any_multipliers_bound_every_jacobian_of_the_node(seed, measure):
         value = measures.relative_manipulability(jacobian, k).min()
     else:
         value = 2 * measures.worst_case_sigma(jacobian, k) ** 2 / measures.trace(jacobian)
-    _, cells = located(jacobian, planar.ARCS)
+    _, cells = located(jacobian, ARCS)
     node = planar._Node(cells, k, measure)
     counts = np.array([one[2] for one in cells])
     mass = rng.random(counts.size)
     conditions = node._tightest(mass, mass * np.exp(1j * (node._low + node._high) / 2))
     assert conditions.shares @ counts == pytest.approx(np.full(len(conditions.points), 4))
     nu = complex(*rng.normal(size=2)) if measure == "manipulability" else 0j
-    some = planar._Multipliers(conditions, rng.random(len(conditions.points)), nu)
+    some = Multipliers(conditions, rng.random(len(conditions.points)), nu)
     assert value <= some.proved(node._low, node._high) + 1e-12
     # So do those of the linear program, which are to be sharp.
     found = node._program(np.exp(1j * np.stack([node._low, node._high], axis=1)), conditions)[2]
@@ -92,7 +93,7 @@ def test_the_best_known_stays_in_one_node(n, k):
     """Where the level is below it, one of the parts has it, however small."""
     page = page_of(Entry("free-mean", 2, n, k))
     limit = 2 * float(page.value) ** 2 / n * 0.999
-    pinned, cells = located(page.jacobian, planar.ARCS)
+    pinned, cells = located(page.jacobian, ARCS)
     angles = np.angle((page.jacobian[0] + 1j * page.jacobian[1]) ** 2)
     rest = np.delete((angles - angles[pinned]) % (2 * np.pi), pinned) * TURN / (2 * np.pi)
     node = planar._Node(cells, k, "max-min")

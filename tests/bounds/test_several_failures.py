@@ -10,9 +10,9 @@ from numpy.polynomial import Polynomial
 from scipy.special import roots_jacobi
 
 from formulations import manipulability, max_min, measures
-from formulations.joints import models
 from formulations.atlas.collection import pages
 from formulations.bounds.closed_form import several_locked_bound
+from formulations.joints import models
 from formulations.reproduction.reference import planar_4r
 from nlp.errors import InputError
 

@@ -13,9 +13,9 @@ from formulations.bounds import two_point
 from formulations.bounds.certified import largest_worst_case
 from formulations.bounds.closed_form import with_one_more_locked
 from formulations.bounds.two_point import TwoPointBound, two_point_bound
-from formulations.joints.models import arm
 from formulations.joints.arm import Arm
 from formulations.joints.kinds import FreeColumn
+from formulations.joints.models import arm
 from nlp.errors import InputError
 
 RECORD = json.loads((files("formulations.bounds") / "two_point.json").read_text("utf-8"))

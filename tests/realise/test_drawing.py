@@ -6,10 +6,10 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from formulations.files.figure import content
-from formulations.realise.drawing import columns_text, draw, figure, round_length
+from formulations.plot.manipulator import columns_text, draw, figure, round_length
+from formulations.plot.projection import PLAN, View, clear_views
+from formulations.plot.style import content
 from formulations.realise.from_jacobian import realise
-from formulations.realise.projection import PLAN, View, clear_views
 from formulations.reproduction import reference
 from nlp.errors import InputError
 

@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 from formulations import max_min, measures
-from formulations.joints.models import arm as designed
 from formulations.commands.robot_arguments import pairs, read_configuration
+from formulations.joints.models import arm as designed
 from formulations.robots.chain_between import chain_between
-from formulations.robots.robot_arm import RobotArm, Task
+from formulations.robots.robot_arm import RobotArm
 from formulations.robots.robot_assessment import assess, at_length, best_7r
+from formulations.robots.task import Task
 from nlp.errors import InputError
 from nlp.multistart import multistart
 

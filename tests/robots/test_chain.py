@@ -5,7 +5,8 @@ import pinocchio as pin
 import pytest
 
 from formulations.robots.chain_between import chain_between
-from formulations.robots.robot_arm import RobotArm, Task
+from formulations.robots.robot_arm import RobotArm
+from formulations.robots.task import Task
 from nlp.errors import InputError
 
 PLANE = Task(("vx", "wz"))

@@ -15,8 +15,9 @@ from formulations.robots.held_pose import HeldArm, Pose
 from formulations.robots.posture import best_posture
 from formulations.robots.posture_search import Search
 from formulations.robots.read_urdf import read_urdf
-from formulations.robots.robot_arm import RobotArm, Task
+from formulations.robots.robot_arm import RobotArm
 from formulations.robots.shapes import Shape
+from formulations.robots.task import Task
 from formulations.robots.tree import RobotError
 from formulations.studies.robots import ARMS
 from nlp.errors import InputError

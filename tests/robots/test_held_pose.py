@@ -15,10 +15,11 @@ from formulations.measures.unequal_failures import FailureModel
 from formulations.robots import posture_search
 from formulations.robots.chain_between import chain_between
 from formulations.robots.held_pose import HeldArm, Pose
+from formulations.robots.kinematics import Kinematics
 from formulations.robots.posture import best_posture
 from formulations.robots.posture_search import Search
-from formulations.robots.robot_arm import RobotArm, Task
-from formulations.robots.survival import Kinematics
+from formulations.robots.robot_arm import RobotArm
+from formulations.robots.task import Task
 from formulations.robots.waypoints import read_pose
 from formulations.studies.robots import ARMS
 from nlp.errors import InputError

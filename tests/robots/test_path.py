@@ -11,10 +11,12 @@ from scipy.spatial.transform import Rotation
 
 from formulations.robots.chain import narrowed, tip_pose
 from formulations.robots.chain_between import chain_between
+from formulations.robots.kinematics import Kinematics
 from formulations.robots.path import PathSearch, plan_path
 from formulations.robots.path_polish import transcription
-from formulations.robots.robot_arm import RobotArm, Task
-from formulations.robots.survival import Kinematics, Poses, follow, on_path, survivors
+from formulations.robots.robot_arm import RobotArm
+from formulations.robots.survival import Poses, follow, on_path, survivors
+from formulations.robots.task import Task
 from formulations.robots.waypoints import ToolPath, read_waypoints
 from nlp.errors import InputError
 from nlp.solver import solve

@@ -15,8 +15,9 @@ from formulations.robots import posture_search
 from formulations.robots.chain_between import chain_between
 from formulations.robots.posture import best_posture
 from formulations.robots.posture_search import Search
-from formulations.robots.robot_arm import RobotArm, Task
+from formulations.robots.robot_arm import RobotArm
 from formulations.robots.robot_assessment import assess
+from formulations.robots.task import Task
 from formulations.studies.robots import ARMS, SurveyArm, row_of
 from nlp.errors import InputError
 

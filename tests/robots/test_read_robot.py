@@ -18,7 +18,8 @@ from formulations.robots.chain_between import chain_between
 from formulations.robots.read_dh import dh_tree
 from formulations.robots.read_robot import read_robot
 from formulations.robots.read_urdf import read_urdf
-from formulations.robots.robot_arm import RobotArm, Task
+from formulations.robots.robot_arm import RobotArm
+from formulations.robots.task import Task
 from formulations.studies.robots import ARMS
 from nlp.errors import FileError, InputError
 

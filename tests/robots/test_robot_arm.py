@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 
 from formulations import measures
 from formulations.robots.chain_between import chain_between
-from formulations.robots.robot_arm import RobotArm, Task
+from formulations.robots.robot_arm import RobotArm
+from formulations.robots.task import Task
 from formulations.studies.robots import ARMS
 from nlp.errors import InputError
 

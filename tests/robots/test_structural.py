@@ -7,8 +7,9 @@ import pytest
 
 from formulations import measures
 from formulations.robots.chain_between import chain_between
-from formulations.robots.robot_arm import RobotArm, Task
+from formulations.robots.robot_arm import RobotArm
 from formulations.robots.structural import structural_failures
+from formulations.robots.task import Task
 from formulations.studies.robots import ARMS
 
 # Modified Denavit–Hartenberg parameters (α, a, d) of a spherical shoulder, an elbow and a

@@ -21,7 +21,8 @@ from formulations.robots.chain_between import chain_between
 from formulations.robots.picture import numbers, picture, semi_axes
 from formulations.robots.posture_search import Search
 from formulations.robots.read_urdf import parse_urdf
-from formulations.robots.robot_arm import RobotArm, Task
+from formulations.robots.robot_arm import RobotArm
+from formulations.robots.task import Task
 from formulations.robots.viewer import Page
 from formulations.robots.web_server import Address
 from nlp.errors import InputError

@@ -10,16 +10,17 @@ from scipy.spatial.transform import Rotation
 
 from formulations.__main__ import main
 from formulations.commands.workspace import _text
-from formulations.figures.workspace import draw
+from formulations.plot.workspace import draw
 from formulations.robots import workspace as module
 from formulations.robots.best_limits import _in_joints, best_limits
 from formulations.robots.chain_between import chain_between
+from formulations.robots.kinematics import Kinematics
 from formulations.robots.planar_workspace import Planar3R
 from formulations.robots.pose_sets import PoseSets
 from formulations.robots.reachable_sets import ReachableSets
-from formulations.robots.robot_arm import RobotArm, Task
+from formulations.robots.robot_arm import RobotArm
 from formulations.robots.serial_arm import SerialArm
-from formulations.robots.survival import Kinematics
+from formulations.robots.task import Task
 from formulations.robots.workspace import closed_form, measured, workspace
 from nlp.errors import InputError
 

@@ -15,8 +15,8 @@ import pytest
 import typer.testing
 
 from formulations import measures
-from formulations.joints.models import arm
 from formulations.commands.app import app
+from formulations.joints.models import arm
 from formulations.studies.benchmark import unit_revolute as hand
 from formulations.studies.benchmark.figure import drawn
 from formulations.studies.benchmark.measurement import NotRunError, Peer, Row, each, measure

@@ -4,8 +4,8 @@ import json
 import shutil
 from pathlib import Path
 
-from formulations.files.provenance import read_header
-from formulations.files.table import Table
+from formulations.io.provenance import read_header
+from formulations.io.table import Table
 from formulations.studies import bounds
 from formulations.studies.bounds import (
     RUNS,

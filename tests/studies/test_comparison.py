@@ -6,11 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from formulations.solving.setup import Setup, setups
 
 from formulations import measures
+from formulations.io.table import Table
 from formulations.joints.models import arm
-from formulations.files.table import Table
-from formulations.solving.setup import Setup, setups
 from formulations.solving.solve import run
 from formulations.studies import study as study_module
 from formulations.studies.comparison import Row, row_of, study

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from formulations.files.table import read_rows
+from formulations.io.table import read_rows
 from formulations.studies.comparison import Row
 from formulations.studies.existence import Fact
 from formulations.studies.front_page import (

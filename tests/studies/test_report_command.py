@@ -9,7 +9,7 @@ from functools import partial
 
 import pytest
 
-from formulations.files.provenance import read_header
+from formulations.io.provenance import read_header
 from formulations.studies.running import STUDIES
 
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from math import isnan
 from typing import TYPE_CHECKING
 
-from formulations.files.figure import BLUE, GREY, INK, ORANGE, SMALL, VERMILION, styled
+from formulations.plot.style import BLUE, GREY, INK, ORANGE, SMALL, VERMILION, styled
 from formulations.studies.benchmark.measurement import Row
 from formulations.studies.pages import groups
 

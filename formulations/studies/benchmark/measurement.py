@@ -12,7 +12,7 @@ from unittest import mock
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from formulations.files.table import HIDDEN, column
+from formulations.io.table import HIDDEN, column
 from formulations.joints.arm import Arm
 from formulations.joints.models import arm
 from formulations.registry import formulation

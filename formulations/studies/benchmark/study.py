@@ -6,7 +6,7 @@ from math import isnan
 from pathlib import Path
 from statistics import median
 
-from formulations.files.figure import content, figure_class
+from formulations.plot.style import content, figure_class
 from formulations.solving.outcome import REACHED_BEST
 from formulations.studies import pages
 from formulations.studies.benchmark import peers

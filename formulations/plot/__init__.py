@@ -1,0 +1,1 @@
+"""Figures of what is computed, one per file: `figures` lists them by name, `values` by type."""

@@ -1,0 +1,342 @@
+"""Drawings of manipulators: axes as thin lines, links as thick segments, with labels.
+
+A whole figure names its views, and has the directions of the base's frame, a scale and the
+column of the Jacobian that each joint contributes.
+
+Needs matplotlib (the extra `figures`), which is imported on the first drawing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from formulations.plot.projection import View, clear_views, clearest
+from formulations.plot.style import (
+    BLUE,
+    GREY,
+    INK,
+    ORANGE,
+    PALE,
+    PAPER,
+    SMALL,
+    VERMILION,
+    styled,
+)
+from formulations.realise.manipulator import Manipulator
+from nlp.arrays import FloatArray
+from nlp.errors import InputError
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+LINK, AXIS, TIP = ORANGE, BLUE, VERMILION
+# Half the length of a drawn axis and of a joint's body, in parts of the drawing's radius.
+AXIS_REACH, BODY_REACH = 0.42, 0.06
+# Names of axes stand this far out, in parts of the half length.
+NAME = 1.14
+# Columns are drawn to this part of their length, inside most arms.
+COLUMN_SHARE = 0.3
+PIECES = 48
+# Layers: links lie one above the other from here.
+FLOOR, LINES, LINKS, JOINTS, LETTERS = 0, 5, 10, 40, 60
+
+
+def figure(manipulator: Manipulator) -> Figure:
+    """Return a drawing: planar arms in their plane, others from two sides.
+
+    Raises
+    ------
+    InputError
+        If matplotlib is not installed.
+    """
+    views = clear_views(manipulator)
+    listed = columns_text(manipulator)
+    height = 4.4 + 0.13 * len(listed.splitlines())
+    with styled(4.2 * len(views), height) as drawn:
+        panels = drawn.subplots(1, len(views), squeeze=False)[0]
+        for axes, one in zip(panels, views, strict=True):
+            draw(manipulator, axes, one, scale=True)
+            axes.set_title(one.name, fontsize=SMALL, color=GREY, loc="center")
+        drawn.supxlabel(listed, fontsize=6.5, color=INK, family="DejaVu Sans Mono")
+    return drawn
+
+
+def columns_text(manipulator: Manipulator) -> str:
+    """Return a table: of each joint, which column it contributes, and that column."""
+    rows = manipulator.task.rows
+    names = [("vx", "vy", "vz", "wx", "wy", "wz")[row] for row in rows]
+    lines = ["joint  column  " + "".join(f"{name:>9}" for name in names)]
+    for i, entries in enumerate(manipulator.jacobian().T):
+        numbers = "".join(f"{entry:9.4g}" for entry in np.round(entries, 12) + 0.0)
+        lines.append(f"{i:>5}  {manipulator.columns[i]:>6}  {numbers}")
+    return "\n".join(lines)
+
+
+def draw(
+    manipulator: Manipulator,
+    axes: Axes,
+    view: View | None = None,
+    labels: Sequence[str] | None = None,
+    columns: bool = True,
+    weight: float = 1.0,
+    scale: bool = False,
+) -> None:
+    """Draw a manipulator into axes of a matplotlib figure.
+
+    Parameters
+    ----------
+    manipulator, axes
+        What is drawn, and where.
+    view
+        From where; chosen for clarity if left out.
+    labels
+        Names of the joints, from the base; their numbers, counted from 0, if left out.
+    columns
+        Whether the columns of a planar arm's Jacobian are drawn at the end effector,
+        all shortened alike.
+    weight
+        Factor of the line widths; below 1 in small panels, where names stand farther off.
+    scale
+        Whether the directions of the base's frame and a bar of known length stand below.
+
+    Raises
+    ------
+    InputError
+        If there are not as many labels as joints.
+    """
+    view = view or clear_views(manipulator)[0]
+    names = [str(i) for i in range(manipulator.joints)] if labels is None else list(labels)
+    if len(names) != manipulator.joints:
+        raise InputError("labels", names, f"one for each of the {manipulator.joints} joints")
+    strokes = _Strokes(manipulator, axes, view, common_lever(manipulator), weight=weight)
+    if not manipulator.task.in_plane:
+        strokes.sphere()
+        strokes.axis_lines()
+    strokes.bodies()
+    if manipulator.task.in_plane and columns:
+        strokes.columns(names)
+    strokes.ground()
+    strokes.links()
+    strokes.tip()
+    strokes.names(names, strokes.along_links())
+    if scale:
+        strokes.frame_and_scale()
+    axes.margins(0.06)
+
+
+def draw_axes(
+    manipulator: Manipulator, axes: Axes, view: View, ball: float, reach: float
+) -> None:
+    """Draw the axes alone, and a ball about the end effector that hides what is behind it.
+
+    Parameters
+    ----------
+    manipulator, axes, view
+        What is drawn, where, and from which side.
+    ball
+        Radius of the ball.
+    reach
+        Half the length of a drawn axis, in parts of the largest distance of an axis.
+    """
+    strokes = _Strokes(manipulator, axes, view, ball, reach)
+    strokes.sphere()
+    strokes.axis_lines(1.5)
+    strokes.nearest_points()
+    strokes.names([str(i) for i in range(manipulator.joints)], strokes.along_axes(0.8))
+
+
+def common_lever(manipulator: Manipulator) -> float:
+    """Radius of the sphere about the end effector that all revolute axes touch; 0 if none."""
+    columns = manipulator.full_jacobian()[:3, ~manipulator.prismatic]
+    levers = np.linalg.norm(columns, axis=0)
+    one = levers.size > 0 and float(np.ptp(levers)) < 1e-3 * float(np.max(levers))
+    return float(np.mean(levers)) if one else 0.0
+
+
+def round_length(most: float) -> float:
+    """Return the largest of 1, 2 and 5 times a power of ten that is not above `most`."""
+    power = 10.0 ** np.floor(np.log10(most))
+    return float(max(k * power for k in (1, 2, 5) if k * power <= most * (1 + 1e-12)))
+
+
+class _Strokes:
+    """Draws the parts of one manipulator, seen from one side: which lies above which."""
+
+    def __init__(
+        self,
+        arm: Manipulator,
+        axes: Axes,
+        view: View,
+        ball: float,
+        reach: float = AXIS_REACH,
+        weight: float = 1.0,
+    ) -> None:
+        self._arm, self._axes, self._view = arm, axes, view
+        self._ball, self._weight = ball, weight
+        self._tip = view.project(arm.end_effector)
+        self._joints = view.project(arm.points)
+        away = np.linalg.norm(arm.points - arm.end_effector, axis=1)
+        self._radius = float(np.max(away)) or 1.0
+        self._half = reach * self._radius * view.project(arm.directions)
+        axes.set_aspect("equal")
+        axes.set_axis_off()
+
+    def sphere(self) -> None:
+        """Draw the sphere about the end effector, if there is one: its rim and its equator."""
+        if self._ball == 0:
+            return
+        turn = np.linspace(0, 2 * np.pi, 181)
+        circle = self._ball * np.column_stack([np.cos(turn), np.sin(turn), np.zeros(181)])
+        rim = self._tip + circle
+        self._axes.fill(*rim.T[:2], fc=PAPER, ec=PALE, lw=0.8, zorder=FLOOR)
+        equator = self._tip + self._view.project(circle)
+        front = equator[:, 2:] >= self._tip[2]
+        for part, style in ((front, "-"), (~front, (0, (2, 3)))):
+            x, y, _ = np.where(part, equator, np.nan).T
+            self._axes.plot(x, y, color=PALE, lw=0.6, ls=style, zorder=FLOOR + 1)
+
+    def axis_lines(self, width: float = 0.9) -> None:
+        """Draw axes, paler where they are behind the sphere about the end effector."""
+        from matplotlib.collections import LineCollection
+
+        for point, half in zip(self._joints, self._half, strict=True):
+            line = point + np.linspace(-1, 1, PIECES + 1)[:, None] * half
+            middle = (line[:-1] + line[1:]) / 2 - self._tip
+            hidden = (np.hypot(*middle.T[:2]) < self._ball) & (middle[:, 2] < 0)
+            shades = [(AXIS, 0.35 if one else 1.0) for one in hidden]
+            pieces = list(np.stack([line[:-1, :2], line[1:, :2]], axis=1))
+            layer = LINES + (1 if point[2] >= self._tip[2] else 0)
+            drawn = LineCollection(pieces, colors=shades, lw=width, zorder=layer)
+            self._axes.add_collection(drawn)
+            self._axes.update_datalim(line[:, :2])
+
+    def nearest_points(self) -> None:
+        """Draw where each axis is nearest to the end effector, pale behind the sphere."""
+        self._axes.plot(*self._tip[:2], "+", ms=6, mew=0.8, color=GREY, zorder=LINES)
+        for point in self._joints:
+            behind = point[2] < self._tip[2]
+            [dot] = self._axes.plot(*point[:2], "o", ms=6, mec="white", mew=0.8)
+            dot.set(mfc="#EDBFA0" if behind else TIP, zorder=LINES if behind else JOINTS)
+
+    def links(self) -> None:
+        """Draw far links first, each with a white rim: crossings show which is in front."""
+        places = np.vstack([self._joints, self._tip])
+        starts, ends = places[:-1], places[1:]
+        for rank, i in enumerate(np.argsort(starts[:, 2] + ends[:, 2], kind="stable")):
+            layer = LINKS + rank / len(starts) * (JOINTS - LINKS)
+            link = ends[i] - starts[i]
+            rim = np.array([starts[i] + 0.1 * link, ends[i] - 0.1 * link])
+            self._line(rim, "white", 7.5, layer, "butt")
+            self._line(np.array([starts[i], ends[i]]), LINK, 4.5, layer, "round")
+
+    def bodies(self) -> None:
+        """Draw a stub along each axis, hollow where the joint is prismatic.
+
+        The revolute axes of a planar arm are seen end on, and drawn as circles.
+        """
+        in_plane = self._arm.task.in_plane
+        outer, inner = (11.0, 8.0) if in_plane else (7.0, 4.0)
+        half = BODY_REACH * self._radius * self._view.project(self._arm.directions)
+        for point, reach, slides in zip(self._joints, half, self._arm.prismatic, strict=True):
+            line = np.array([point - reach, point + reach])
+            if slides or not in_plane:
+                self._line(line, AXIS, outer, JOINTS, "butt")
+            if slides:
+                self._line(line, "white", inner, JOINTS, "butt")
+            elif in_plane:
+                [pin] = self._axes.plot(point[0], point[1], "o", zorder=JOINTS)
+                pin.set(mfc="white", mec=AXIS, mew=1.6 * self._weight, ms=8.5 * self._weight)
+
+    def ground(self) -> None:
+        """Draw the ground that holds the first joint."""
+        x, y = self._joints[0, :2]
+        step = 0.05 * self._radius
+        low = y - 1.9 * step
+        feet, floor = x + 1.2 * step * np.array([-1, 0, 1]), x + step * np.linspace(-2, 2, 6)
+        self._axes.plot(feet, [low, y, low], color=INK, lw=0.9, zorder=LINES)
+        self._axes.plot(floor, np.full(6, low), color=INK, lw=0.9, zorder=LINES)
+        hatches = np.stack([floor[1:], floor[1:] - step / 2])
+        heights = np.stack([np.full(5, low), np.full(5, low - step / 2)])
+        self._axes.plot(hatches, heights, color=INK, lw=0.6, zorder=LINES)
+
+    def columns(self, names: Sequence[str]) -> None:
+        """Draw the velocities that the joints give the end effector, shortened alike."""
+        start = self._tip[:2]
+        for name, column in zip(names, self._arm.full_jacobian()[:3].T, strict=True):
+            shift = COLUMN_SHARE * self._view.project(column)[:2]
+            size = float(np.linalg.norm(shift))
+            if size == 0:
+                continue
+            arrow = {"arrowstyle": "-|>", "color": INK, "lw": 0.8, "shrinkA": 3}
+            ends = tuple(start + shift), tuple(start)
+            self._axes.annotate("", *ends, arrowprops=arrow, zorder=JOINTS)
+            place = start + shift * (1 + 0.13 * self._radius / size)
+            self._text(place, f"$j_{{{name}}}$", INK, 9.0)
+
+    def tip(self) -> None:
+        """Draw the end effector."""
+        size = 6.5 * self._weight
+        [dot] = self._axes.plot(*self._tip[:2], "o", ms=size, mfc=TIP, mec="white", mew=1.2)
+        dot.set_zorder(JOINTS + 1)
+
+    def frame_and_scale(self) -> None:
+        """Draw the axes of the base's frame, and a bar of 1, 2 or 5 times a power of ten."""
+        (left, low), (right, _) = self._axes.dataLim.get_points()
+        reach = 0.16 * self._radius
+        start = np.array([left + 1.3 * reach, low - 2.2 * reach])
+        arrow = {"arrowstyle": "-|>", "color": INK, "lw": 0.8, "shrinkA": 0, "shrinkB": 0}
+        for name, seen in zip("xyz", self._view.project(np.eye(3)), strict=True):
+            shift = reach * seen[:2]
+            if np.hypot(*shift) < 0.1 * reach:
+                continue  # along the line of sight
+            ends = tuple(start + shift), tuple(start)
+            self._axes.annotate("", *ends, arrowprops=arrow, zorder=JOINTS)
+            self._text(start + 1.4 * shift, name, INK, 8.0)
+        length = round_length(0.5 * self._radius)
+        bar = np.array([[right - length, start[1]], [right, start[1]]])
+        self._axes.plot(*bar.T, color=INK, lw=1.6, solid_capstyle="butt", marker="|", ms=5)
+        self._text(bar.mean(axis=0) + [0.0, 0.5 * reach], f"{length:g} m", INK, 8.0)
+
+    def names(self, names: Sequence[str], taken: FloatArray) -> None:
+        """Write each joint's name where it is farthest from the places taken, shape (k, 2)."""
+        if self._arm.task.in_plane:
+            turn = np.radians(np.arange(0, 360, 30))
+            around = np.column_stack([np.cos(turn), np.sin(turn)])
+            choices = self._joints[:, None, :2] + 0.13 / self._weight * self._radius * around
+        else:
+            choices = np.stack([self._joints + k * self._half for k in (-NAME, NAME)], axis=1)
+        for name, offered in zip(names, choices[..., :2], strict=True):
+            place = clearest(offered, taken)
+            taken = np.vstack([taken, place])
+            self._text(place, name, AXIS, 10.0)
+
+    def along_links(self) -> FloatArray:
+        """Return places on the links and on the ground, shape (k, 2)."""
+        places = np.vstack([self._joints, self._tip])[:, :2]
+        links = np.linspace(places[:-1], places[1:], 9).reshape(-1, 2)
+        return np.vstack([links, places[:1] - [0.0, 0.1 * self._radius]])
+
+    def along_axes(self, share: float) -> FloatArray:
+        """Return places on the axes, up to a share of their half length, shape (k, 2)."""
+        ends = share * self._half
+        places = np.linspace(self._joints - ends, self._joints + ends, 9)
+        return np.asarray(places[..., :2].reshape(-1, 2))
+
+    def _line(
+        self, ends: FloatArray, colour: str, width: float, layer: float, cap: str
+    ) -> None:
+        [line] = self._axes.plot(*ends.T[:2], color=colour, lw=width * self._weight)
+        line.set(zorder=layer, solid_capstyle=cap)
+
+    def _text(self, place: FloatArray, text: str, colour: str, size: float) -> None:
+        from matplotlib.patheffects import withStroke
+
+        x, y = place
+        written = self._axes.text(x, y, text, color=colour, fontsize=size, zorder=LETTERS)
+        written.set(ha="center", va="center")
+        written.set_path_effects([withStroke(linewidth=2.5, foreground="white")])
+        self._axes.update_datalim([tuple(place)])

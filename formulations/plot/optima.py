@@ -1,0 +1,192 @@
+"""Which optima random starts end at, and how many at each: one histogram per problem.
+
+Starts are counted by the worst case of the Jacobian that they end at, from J alone. Those that
+do not pass the gate (`Record.trusted`) are counted apart.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pandas as pd
+
+from formulations import isotropy, max_min, residual
+from formulations.campaign.records import open_store
+from formulations.campaign.tables import SETTINGS, differing, frame
+from formulations.joints.models import arm
+from formulations.plot.picture import NothingFoundError, Picture, Request, solved
+from formulations.plot.style import BLUE, PALE, SMALL, TITLE, beside, styled, without_frame
+from formulations.solving.case import Case
+from formulations.solving.outcome import Outcome
+from nlp.arrays import FloatArray
+from nlp.errors import FileError
+from nlp.solution import ACCEPTABLE, FEASIBLE, SUCCESS
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+WIDTH, ROW = 8.4, 0.8
+BINS = 240
+# Starts this close to one another are at one optimum, as far as numbers are printed.
+SAME = 1e-5
+# More optima than this, and than this share of the starts, are a continuum.
+FEW, SCATTERED = 3, 0.2
+UNIT, LEVER = "unit lever arms", "free lever arms"
+# Of a store: settings that every label names, and the length of a line beside a histogram.
+ALWAYS_NAMED = ("formulation", "model", "joints")
+LONGEST = 42
+# What is shown of a start, and the columns of the table in their order.
+SHOWN = ("start", "status", "worst_case_sigma", "isotropy_defect")
+COLUMNS = ("problem", "label", *SHOWN[:2], "counted", *SHOWN[2:])
+PROBLEMS = (
+    (f"residual, {UNIT}", Case(residual, arm("unit-revolute", 7))),
+    (f"max-min, {UNIT}", Case(max_min, arm("unit-revolute", 7))),
+    (
+        f"max-min, {UNIT},\none factor per failure",
+        Case(max_min, arm("unit-revolute", 7), {"encoding": "factor-per-deletion"}),
+    ),
+    (f"residual, {LEVER}", Case(residual, arm("lever-revolute", 7))),
+    (f"isotropy, {LEVER}", Case(isotropy, arm("lever-revolute", 7))),
+    (f"max-min, {LEVER}", Case(max_min, arm("lever-revolute", 7))),
+)
+
+
+def make(request: Request) -> Picture:
+    """Solve from all starts, or read a campaign's store, and draw where they ended."""
+    table = _solved(request) if request.store is None else stored(request.store)
+    if not table["counted"].any():
+        raise NothingFoundError("No start passes the check; ask for more starts.")
+    return Picture(draw(table), table)
+
+
+def draw(table: pd.DataFrame) -> Figure:
+    """Draw a histogram for each problem of a table with the columns `COLUMNS`."""
+    names = list(dict.fromkeys(table["problem"]))
+    edges = _edges(table.loc[table["counted"], "worst_case_sigma"])
+    with styled(WIDTH, 0.9 + ROW * len(names)) as figure:
+        figure.suptitle("Where random starts end, by the worst case σ", fontsize=TITLE)
+        rows = figure.subplots(len(names), 1, sharex=True, squeeze=False)[:, 0]
+        for axes, name in zip(rows, names, strict=True):
+            _draw(axes, table[table["problem"] == name], edges)
+        rows[-1].set_xlabel("worst-case σ, measured from J alone")
+        without_frame(rows[-1], "bottom")
+    return figure
+
+
+def levels(sigmas: pd.Series) -> list[tuple[float, int]]:
+    """Return the optima that starts ended at, best first, and how many at each."""
+    found: list[tuple[float, int]] = []
+    for sigma in sorted(sigmas, reverse=True):
+        if found and found[-1][0] - sigma <= SAME:
+            found[-1] = (found[-1][0], found[-1][1] + 1)
+        else:
+            found.append((float(sigma), 1))
+    return found
+
+
+def _solved(request: Request) -> pd.DataFrame:
+    tables = [ends(name, solved(case, request)) for name, case in PROBLEMS]
+    return pd.concat(tables, ignore_index=True)
+
+
+def ends(label: str, outcome: Outcome) -> pd.DataFrame:
+    """Return where the starts of an outcome ended, one row each, with the columns `COLUMNS`."""
+    lines = [
+        {
+            "problem": " ".join(label.split()),
+            "label": label,
+            "start": record.index,
+            "status": record.status.return_status,
+            "counted": record.trusted,
+            "worst_case_sigma": record.worst_case_sigma,
+            "isotropy_defect": record.isotropy_defect,
+        }
+        for record in outcome.records
+    ]
+    return pd.DataFrame(lines, columns=list(COLUMNS))
+
+
+def stored(path: Path) -> pd.DataFrame:
+    """Return one row per start of a campaign's store, labelled by the settings that differ.
+
+    Raises
+    ------
+    FileError
+        If it is no store of a campaign, or holds no records yet.
+    """
+    with open_store(path) as store:
+        records = frame(store, columns=[*SHOWN[1:], "valid", "violation"])
+    if records.empty:
+        raise FileError("--store", str(path), "a store with records")
+    named = differing(records, SETTINGS, ALWAYS_NAMED, ALWAYS_NAMED)
+    labels = records[list(SETTINGS)].apply(_label, axis=1, named=named)
+    # The gate, `Record.trusted`, in the words of the store.
+    feasible = (records["valid"] == 1) & (records["violation"] <= FEASIBLE)
+    counted = records["status"].isin([SUCCESS, ACCEPTABLE]) & feasible
+    counted &= np.isfinite(records["worst_case_sigma"])
+    table = records[list(SHOWN)].assign(label=labels, counted=counted)
+    return table.assign(problem=labels.str.split().str.join(" "))[list(COLUMNS)]
+
+
+def _label(settings: pd.Series, named: list[str]) -> str:
+    first = f"{settings['formulation']}, {settings['joints']} × {settings['model']}"
+    rest = [f"{name.replace('_', ' ')} {settings[name]}" for name in named if settings[name]]
+    lines = [one if len(one) <= LONGEST else f"{one[: LONGEST - 1]}…" for one in rest]
+    return "\n".join([first, *lines])
+
+
+def _edges(sigmas: pd.Series) -> FloatArray:
+    low, high = float(sigmas.min()), float(sigmas.max())
+    room = max(0.03 * (high - low), 1e-3)
+    return np.linspace(max(0.0, low - room), high + room, BINS + 1)
+
+
+def _draw(axes: Axes, table: pd.DataFrame, edges: FloatArray) -> None:
+    sigmas = table.loc[table["counted"], "worst_case_sigma"]
+    # All starts of one optimum in one bin: their last digits may lie on both sides of an edge.
+    found = levels(sigmas)
+    each = [reached for _, reached in found]
+    counts, _ = np.histogram([sigma for sigma, _ in found], edges, weights=each)
+    there = counts > 0
+    width = edges[1] - edges[0]
+    axes.bar(edges[:-1][there], counts[there], width, align="edge", color=BLUE, lw=0)
+    axes.set_xlim(edges[0], edges[-1])
+    axes.set_ylim(0, max(1, counts.max()) * 1.3)
+    axes.set_yticks([])
+    without_frame(axes, "bottom")
+    axes.spines["bottom"].set_color(PALE)
+    axes.tick_params(axis="x", length=0)
+    name = str(table["label"].iloc[0])
+    beside(axes, (0, 0), name, (-6, 0), va="bottom", xycoords="axes fraction")
+    text = _summary(found, len(table))
+    if sigmas.empty:
+        axes.text(0.5, 0.3, text, transform=axes.transAxes, ha="center")
+        return
+    # The number of starts in the highest bar, on it.
+    peak = int(np.argmax(counts))
+    top = (edges[peak] + edges[peak + 1]) / 2
+    number = axes.text(top, counts[peak], f"{counts[peak]:.0f}", color=BLUE, fontsize=SMALL)
+    number.set(ha="center", va="bottom")
+    left, right = float(sigmas.min()), float(sigmas.max())
+    before = left - edges[0] > edges[-1] - right
+    end, by = (left, -9) if before else (right, 9)
+    beside(axes, (end, 0.42 * counts[peak]), text, (by, 0))
+
+
+def _summary(found: list[tuple[float, int]], starts: int) -> str:
+    """Return how many starts ended at the best optimum, or that no two ended at one."""
+    if not found:
+        return f"none of {starts}"
+    best, reached = found[0]
+    counted = sum(number for _, number in found)
+    if len(found) > max(FEW, SCATTERED * counted):
+        text = f"{counted} of {starts}, scattered from {found[-1][0]:.3f} to {best:.3f}"
+    else:
+        text = f"{reached} of {starts} at {best:.5f}"
+        others = counted - reached
+        text += f", {others} elsewhere" if others else ""
+    lost = starts - counted
+    return text + (f", {lost} fail" if lost else "")

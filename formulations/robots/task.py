@@ -1,0 +1,65 @@
+"""The directions of the tool's velocity that a Jacobian has rows for."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal, TypeAlias
+
+from nlp.errors import InputError
+
+DIRECTIONS = ("vx", "vy", "vz", "wx", "wy", "wz")
+GROUPS = {"all": DIRECTIONS, "position": DIRECTIONS[:3], "orientation": DIRECTIONS[3:]}
+Frame: TypeAlias = Literal["base", "tip"]
+
+
+@dataclass(frozen=True)
+class Task:
+    """The directions of the tip's velocity that J has rows for.
+
+    Parameters
+    ----------
+    directions
+        Some of `DIRECTIONS`, each once: linear (v) and rotational (w) velocities.
+    frame
+        The frame whose axes they are along, ``"base"`` or ``"tip"``. It makes no difference
+        to singular values where they are all three v, all three w, or both.
+
+    Raises
+    ------
+    InputError
+        If no direction is given, one is unknown or repeated, or there is no such frame.
+    """
+
+    directions: tuple[str, ...] = DIRECTIONS
+    frame: Frame = "base"
+
+    def __post_init__(self) -> None:
+        known = set(self.directions) <= set(DIRECTIONS)
+        if not self.directions or not known or len(set(self.directions)) < len(self.directions):
+            names = ", ".join((*GROUPS, *DIRECTIONS))
+            shown = ",".join(self.directions)
+            raise InputError("task", shown, f"some of {names}, with commas, each once")
+        if self.frame not in ("base", "tip"):
+            raise InputError("frame", self.frame, "'base' or 'tip'")
+
+    @classmethod
+    def parse(cls, text: str, frame: str = "base") -> Task:
+        """Read names of directions or groups of them, separated by commas."""
+        names = [name.strip() for name in text.split(",")]
+        directions = [one for name in names for one in GROUPS.get(name, (name,))]
+        return cls(tuple(directions), frame)  # type: ignore[arg-type]
+
+    @property
+    def rows(self) -> list[int]:
+        """Their rows in the full Jacobian (v; ω)."""
+        return [DIRECTIONS.index(name) for name in self.directions]
+
+    @property
+    def linear(self) -> bool:
+        """Whether there are linear directions."""
+        return any(name.startswith("v") for name in self.directions)
+
+    @property
+    def mixed(self) -> bool:
+        """Whether there are both linear and rotational directions."""
+        return len({name[0] for name in self.directions}) == 2

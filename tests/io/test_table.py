@@ -1,0 +1,126 @@
+"""One definition of the columns: what is written is what was there, and what is read back."""
+
+import csv
+import io
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+
+import pytest
+
+from formulations.io.table import HIDDEN, Table, column, read_rows, written
+from nlp.errors import FileError
+
+
+class Colour(StrEnum):
+    RED = "red"
+
+
+@dataclass(frozen=True)
+class Row:
+    """Every kind of field."""
+
+    name: str
+    value: float = field(metadata=column("best", ".3f", brief=True))
+    cpu_seconds: float = field(metadata=column("CPU ms", "z.2f", scale=1e3))
+    count: int = field(metadata=column(form=lambda row: f"{row.count} of 9", brief=True))
+    note: str = field(metadata=column(empty="–"))
+    colour: Colour
+    counts: Mapping[str, int] = field(metadata=HIDDEN)
+    plain: float = 1 / 3
+    size: int | None = field(default=None, metadata=HIDDEN)
+
+
+ROWS = [
+    Row("a|b", 2 / 3, 0.0123456, 3, "", Colour.RED, {"Solved": 2}, size=7),
+    Row("c, d", float("nan"), -1e-9, 0, "one\ntwo", Colour.RED, {}, 1e-17),
+]
+
+
+def same(one, other):
+    return Table(Row, [one]).plain() == Table(Row, [other]).plain()
+
+
+def test_what_is_written_is_read_back_to_the_last_digit(tmp_path):
+    path = tmp_path / "table.csv"
+    path.write_text(Table(Row, ROWS).csv(), encoding="utf-8")
+    read = read_rows(path, Row)
+    assert len(read) == 2
+    assert all(map(same, read, ROWS))
+    assert read[0].value == 2 / 3
+    assert read[0].colour is Colour.RED
+    assert read[0].counts == {"Solved": 2}
+    lines = list(csv.DictReader(io.StringIO(path.read_text(encoding="utf-8"))))
+    assert lines[1]["value"] == ""
+    assert json.loads(lines[0]["counts"]) == {"Solved": 2}
+    assert [one["size"] for one in lines] == ["7", ""]
+    assert list(lines[0]) == list(Row.__dataclass_fields__)
+
+
+def test_markdown_shows_headings_forms_scales_and_dashes():
+    head, _, first, second = Table(Row, ROWS).markdown().splitlines()[:4]
+    cells = [cell.strip() for cell in head.strip("|").split("|")]
+    assert cells == ["name", "best", "CPU ms", "count", "note", "colour", "plain"]
+    assert r"a\|b" in first
+    for text in ("0.667", "12.35", "3 of 9", "– ", "red", "0.333"):
+        assert text in first
+    assert " – |" in second
+    assert " 0.00" in second, "no negative zero"
+    assert "Solved" not in first
+
+
+def test_columns_of_numbers_are_aligned_right_and_of_words_left():
+    rule = Table(Row, ROWS).markdown().splitlines()[1]
+    sides = ["right" if one.endswith(":") else "left" for one in rule.strip("|").split("|")]
+    assert sides == ["left", "right", "right", "right", "left", "left", "right"]
+    words = written([["1.5 rigorous", "proved", "< 1e-06"]], ["a", "b", "c"], "pipe")
+    assert words.splitlines()[1].split("|")[1:4] == [":-------------", ":-------", "--------:"]
+
+
+def test_the_terminal_shows_the_brief_columns():
+    head, _, first, _ = Table(Row, ROWS).terminal().splitlines()
+    assert [cell.strip() for cell in head.strip("|").split("|")] == ["best", "count"]
+    assert "3 of 9" in first
+
+
+def test_latex_has_the_columns_to_read():
+    text = Table(Row, ROWS[:1]).latex()
+    assert r"\toprule" in text
+    assert "best" in text
+    assert "12.35" in text
+
+
+def test_json_has_null_for_nan():
+    plain = Table(Row, ROWS).plain()
+    assert plain[1]["value"] is None
+    assert plain[0]["counts"] == {"Solved": 2}
+    json.dumps(plain, allow_nan=False)
+
+
+def test_a_table_of_no_rows_has_its_heads(tmp_path):
+    path = tmp_path / "table.csv"
+    path.write_text(Table(Row, []).csv(), encoding="utf-8")
+    assert path.read_text().startswith("name,value,")
+    assert read_rows(path, Row) == []
+    assert "best" in Table(Row, []).markdown()
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (("name,value", "title,value"), "columns of this version"),
+        ((",3,", ",many,"), "columns of this version"),
+        (("red", "blue"), "columns of this version"),
+        (('"{""Solved"": 2}"', "{"), "columns of this version"),
+    ],
+)
+def test_a_table_of_another_version_is_not_read(tmp_path, change, said):
+    path = tmp_path / "table.csv"
+    text = Table(Row, ROWS).csv()
+    assert change[0] in text
+    path.write_text(text.replace(*change), encoding="utf-8")
+    with pytest.raises(FileError, match=said):
+        read_rows(path, Row)
+    with pytest.raises(FileError, match="can be read"):
+        read_rows(tmp_path / "other.csv", Row)

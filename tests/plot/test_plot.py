@@ -1,0 +1,118 @@
+"""`lj.plot` draws what the value says; short lines and tables of it in notebooks."""
+
+import json
+
+import numpy as np
+import pytest
+
+import lockedjoint as lj
+from formulations.robots.task import Task
+from nlp.errors import InputError, LockedJointError
+
+MATRIX = np.array([[1.0, 0.4, -0.5, 0.2], [0.0, 1.0, 0.7, -0.6]])
+
+
+@pytest.fixture(scope="module")
+def outcome():
+    return lj.solve("max-min", "free", 4, 2, starts=3, workers=1)
+
+
+@pytest.fixture(scope="module")
+def values(outcome):
+    return {
+        "Assessment": lj.measure(MATRIX),
+        "Record": outcome.best,
+        "Outcome": outcome,
+        "Manipulator": lj.realise(MATRIX),
+        "Arm": outcome.arm,
+        "Bound": lj.bound("max-min", outcome.arm),
+    }
+
+
+@pytest.mark.parametrize("locked", [1, 2])
+def test_bars_are_what_numpy_finds(locked):
+    figure = lj.plot(lj.measure(MATRIX, locked)).figure
+    bars = figure.axes[0].patches
+    labels = [text.get_text() for text in figure.axes[0].get_xticklabels()]
+    for bar, label in zip(bars, labels, strict=True):
+        left = np.delete(MATRIX, [int(one) for one in label.split(",")], axis=1)
+        assert bar.get_height() == pytest.approx(np.linalg.svd(left)[1][-1])
+
+
+def test_many_failures_are_the_worst_of_them():
+    found = lj.measure(np.random.default_rng(0).normal(size=(2, 13)), 2)
+    axes = lj.plot(found).figure.axes[0]
+    drawn = [bar.get_height() for bar in axes.patches]
+    np.testing.assert_allclose(drawn, sorted(found.locked_sigmas)[: len(drawn)])
+    assert f"the worst {len(drawn)} of 78" in axes.get_title("left")
+
+
+def test_an_outcome_is_a_histogram_of_its_starts(outcome):
+    axes = lj.plot(outcome).figure.axes[0]
+    assert sum(bar.get_height() for bar in axes.patches) == 3
+
+
+def test_a_record_is_its_jacobian(outcome):
+    one, other = (lj.plot(v) for v in (outcome.best, lj.measure(outcome.best.jacobian)))
+    assert one._repr_svg_() == other._repr_svg_()
+
+
+def test_a_robot_at_a_configuration(tmp_path):
+    (tmp_path / "arm.csv").write_text(
+        "# convention: standard\nkind,a,d,alpha_rad,theta_rad\n" + 4 * "R,1,0,0,0\n",
+        encoding="utf-8",
+    )
+    arm = lj.RobotArm.read(tmp_path / "arm.csv", task=Task(("vx", "vy")))
+    found = lj.assess(arm, [0.1, 0.5, -0.7, 1.0])
+    drawn = [bar.get_height() for bar in lj.plot(found).figure.axes[0].patches]
+    assert drawn == [failure.sigma for failure in found.failures]
+
+
+def test_a_plot_is_saved_as_asked(tmp_path):
+    plot = lj.plot(lj.measure(MATRIX), size="5x4in", title=False)
+    assert plot.figure.axes[0].get_title("left") == ""
+    assert tuple(plot.figure.get_size_inches()) == (5, 4)
+    assert plot.save(tmp_path / "a.pdf").read_bytes().startswith(b"%PDF")
+    with pytest.raises(InputError, match=r"ends in \.svg"):
+        plot.save(tmp_path / "a.gif")
+    assert [one.name for one in tmp_path.iterdir()] == ["a.pdf"]
+
+
+def test_what_has_no_figure_is_refused():
+    with pytest.raises(InputError, match="of type ndarray; allowed: an Assessment"):
+        lj.plot(MATRIX)
+    with pytest.raises(InputError, match="size"):
+        lj.plot(lj.measure(MATRIX), size="big")
+
+
+def test_an_outcome_without_an_answer_is_said():
+    none = lj.solve("isotropy", "unit-revolute", 7, starts=1, workers=1)
+    with pytest.raises(LockedJointError, match="No start passes"):
+        lj.plot(none)
+
+
+KINDS = ("Assessment", "Record", "Outcome", "Manipulator", "Arm", "Bound")
+
+
+@pytest.mark.parametrize("name", KINDS)
+def test_a_short_line_a_table_and_plain_values(values, name):
+    value = values[name]
+    line = repr(value)
+    assert line.startswith(f"<{name}: ")
+    assert len(line) < 200
+    assert "\n" not in line
+    page = value._repr_html_()
+    assert f"&lt;{name}: " in page
+    assert "<table" in page or name in ("Arm", "Bound")
+    json.dumps(value.to_dict())
+
+
+def test_lines_say_what_counts(values):
+    assert repr(lj.arm("lever-revolute(length=0.3):6,prismatic(speed=0.5):2")) == (
+        "<Arm: 6 × LeverRevolute(length=0.3, budget='mean'), 2 × Prismatic(speed=0.5), m = 6>"
+    )
+    assert "score 1, worst case σ = 1>" in repr(values["Record"])
+    assert repr(values["Manipulator"]) == (
+        "<Manipulator: RRRR, planar, columns 0 1 2 3 from base to tip>"
+    )
+    assert repr(values["Bound"]) == "<Bound: 1, closed form>"
