@@ -180,6 +180,14 @@ def test_a_solver_cut_short_is_reported_and_decides_nothing() -> None:
     assert json.dumps(found.to_dict(), allow_nan=False)
 
 
+def test_a_solver_that_returns_nothing_decides_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(relaxation, "run", lambda *_: "solver_error: out of luck")
+    found = existence_relaxation(1)
+    assert found.verdict == "undecided"
+    assert found.to_dict()["margin"] is None
+    assert json.dumps(found.to_dict(), allow_nan=False)
+
+
 def test_the_result_is_plain_json(order_3: ExistenceRelaxation) -> None:
     shown = json.loads(json.dumps(order_3.to_dict(), allow_nan=False))
     assert shown["kind"] == "numerical"
