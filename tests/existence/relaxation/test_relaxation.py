@@ -81,13 +81,19 @@ def test_the_solver_meets_its_certificate(seed: int) -> None:
 
 
 def test_moments_of_any_scale_and_moments_that_do_not_occur() -> None:
-    # The largest smallest eigenvalue of diag(1e4·y − 1, 1 − 1e4·y) is 0, at y = 1e-4.
-    scaled = block(np.diag([-1.0, 1.0]), np.diag([1e4, -1e4]), np.zeros((2, 2)))
+    # The largest smallest eigenvalue of diag(c·y − 1, 1 − c·y) is 0, at y = 1/c.
+    scaled = block(np.diag([-1.0, 1.0]), np.diag([1e10, -1e10]), np.zeros((2, 2)))
     margin = solve_margin([scaled], np.ones(2))
     assert margin.status == "optimal"
     assert margin.value == pytest.approx(0, abs=1e-6)
     assert margin.free is not None
-    assert margin.free[0] == pytest.approx(1e-4, abs=1e-9)
+    assert margin.free[0] == pytest.approx(1e-10, rel=1e-6)
+
+
+def test_a_margin_without_limit_is_one() -> None:
+    margin = solve_margin([block([[0]], [[1]])], np.ones(1))
+    assert margin.status == "optimal"
+    assert margin.value == pytest.approx(1, abs=1e-6)
 
 
 def test_order_1_is_feasible() -> None:
@@ -219,5 +225,6 @@ def test_bad_input_is_named(
 
 def test_the_verdict_rests_on_the_certificate_alone(order_2: ExistenceRelaxation) -> None:
     unproved = check_margin(order_2.blocks, NONE, None, None)
-    unfounded = replace(unproved, value=-1.0, status="optimal")
-    assert replace(order_2, margin=unfounded).verdict == "undecided"
+    for value in (-1.0, 1.0):
+        unfounded = replace(unproved, value=value, status="optimal")
+        assert replace(order_2, margin=unfounded).verdict == "undecided"
