@@ -231,19 +231,21 @@ def _planar(
 def _worst_case(
     joints: int, task_dimension: int, trace: float | None, lever_arm: float | None, solver: str
 ) -> dict[str, Any]:
-    from formulations.bounds.worst_case.problem import free_columns, revolute_arm
-    from formulations.bounds.worst_case.program import solve_worst_case
+    from formulations.bounds.worst_case import worst_case_bound
 
     if lever_arm is None and trace is None and task_dimension == 6:
         lever_arm = 1.0
     if lever_arm is None:
-        problem = free_columns(joints, task_dimension, trace=trace)
+        free = float(task_dimension) if trace is None else trace
+        found = worst_case_bound(joints, (task_dimension,), (free,), solver=solver)
     elif task_dimension != 6 or trace is not None:
         allowed = "none with --trace or a --task-dimension other than 6"
         raise InputError("--lever-arm", lever_arm, allowed)
+    elif not 1e-100 <= lever_arm <= 1e100:
+        raise InputError("--lever-arm", lever_arm, "1e-100 to 1e100")
     else:
-        problem = revolute_arm(joints, lever_arm=lever_arm)
-    found = solve_worst_case(problem, solver=solver).to_dict()
+        traces = joints * lever_arm**2, float(joints)
+        found = worst_case_bound(joints, (3, 3), traces, solver=solver)
     return found if lever_arm != 1.0 else {**found, "sharper": _sharper(joints)}
 
 

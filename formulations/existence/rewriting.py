@@ -76,6 +76,11 @@ class Rewriting:
         assert not rest, "what the relations leave must vanish by the rules"
         return combined([(1, quotients), (1, direct)]), remainder
 
+    def remainder(self, polynomial: Polynomial) -> Polynomial:
+        """Return the remainder of `divide`, without the quotients."""
+        solved = {graph: solved_for(graph, rest) for graph, (rest, _) in self.relations.items()}
+        return substituted(substituted(polynomial, self.rewritten), solved)
+
 
 def rewriting(frame: Frame, order: int) -> Rewriting:
     """Sort the multiples of a frame's equations, up to an order, into rules and relations."""

@@ -11,8 +11,7 @@ from typing import Any
 from formulations.bounds.so3_moments.max_min_bound import max_min_bound
 from formulations.bounds.so3_moments.residual_bound import residual_bound
 from formulations.bounds.so3_moments.rigorous_residual import rigorous_residual_bound
-from formulations.bounds.worst_case.problem import free_columns, revolute_arm
-from formulations.bounds.worst_case.program import solve_worst_case
+from formulations.bounds.worst_case import worst_case_bound
 from formulations.existence.relaxation.relaxation import existence_relaxation
 from formulations.io.provenance import provenance, versions
 from formulations.io.table import HIDDEN, column
@@ -169,10 +168,8 @@ def _unit_revolute(bound: Callable[..., Any], preset: str, effort: Effort) -> An
 #: record), by the file it goes to.
 RUNS: Mapping[str, Callable[[Effort], Mapping[str, Any]]] = MappingProxyType(
     {
-        "worst_case_7_6.json": lambda _: solve_worst_case(free_columns(7, 6)).to_dict(),
-        "worst_case_7r_lever_arm_1.json": lambda _: solve_worst_case(
-            revolute_arm(7, lever_arm=1.0)
-        ).to_dict(),
+        "worst_case_7_6.json": lambda _: worst_case_bound(7, (6,), (6.0,)),
+        "worst_case_7r_lever_arm_1.json": lambda _: worst_case_bound(7, (3, 3), (7.0, 7.0)),
         "existence_order_2.json": lambda _: existence_relaxation(2, task_dimension=6).to_dict(),
         "existence_order_3.json": lambda _: existence_relaxation(3, task_dimension=6).to_dict(),
         "residual_fast.json": partial(_unit_revolute, residual_bound, "fast"),

@@ -1,39 +1,232 @@
-"""The facts about a class of Jacobians hold for its members."""
+"""Eq. (6) as a program: against formulas, random arms, and multipliers that are wrong."""
 
 from __future__ import annotations
+
+import json
+import math
+from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from formulations.bounds import worst_case
 from formulations.bounds.closed_form import block_trace_bound
-from formulations.bounds.worst_case.problem import free_columns, revolute_arm
+from formulations.bounds.worst_case import check_multipliers, worst_case_bound
+from formulations.measures import eigenvalue_bound
+from nlp.arrays import FloatArray
+from nlp.errors import InputError, SolverOptionError
+
+SIZES = [(m, n) for m in range(2, 7) for n in range(m + 1, 13)]
+# M_11 = 3 M_22, as two inequalities.
+RATIO = [(sign * np.diag([1.0, -3.0]), 0.0) for sign in (1.0, -1.0)]
 
 
-def test_lever_arms_enter_squared() -> None:
-    arm = revolute_arm(7, lever_arm=2.0)
-    assert arm.trace == 7 + 28
-    assert arm.closed_form == block_trace_bound(7, (3, 3), (28, 7))
-    assert [fact.value for fact in arm.facts] == [7, 28, 0]
-    assert free_columns(7, 6).trace == 6
+def assert_proved(bound: dict[str, Any], expected: float) -> None:
+    assert bound["status"] == "optimal"
+    # A proved upper bound lies on the safe side of the optimum, to rounding.
+    assert expected * (1 - 1e-12) <= bound["eigenvalue_bound"] <= expected * (1 + 1e-6)
+    assert bound["singular_value_bound"] == math.sqrt(bound["eigenvalue_bound"])
+    assert bound["primal_eigenvalue"] == pytest.approx(expected, rel=1e-6)
+    assert bound["certificate"]["residual"] < 1e-6
+    assert bound["certificate"]["smallest_eigenvalue"] > -1e-6
+
+
+@pytest.mark.parametrize(("m", "n"), SIZES)
+def test_agrees_with_eq_6(m: int, n: int) -> None:
+    bound = worst_case_bound(n, (m,), (m,))
+    assert_proved(bound, (n - m) / n)
+    assert bound["certificate"]["dual_value"] == pytest.approx(n / (n - m), rel=1e-6)
+
+
+@pytest.mark.parametrize("trace", [1e-9, 14.0, 1e9])
+def test_any_trace(trace: float) -> None:
+    assert_proved(worst_case_bound(7, (6,), (trace,)), eigenvalue_bound(6, 7, trace))
+
+
+@pytest.mark.parametrize("lever_arm", [0.1, 1.0, 3.0, 100.0])
+@pytest.mark.parametrize("joints", [7, 8, 12])
+def test_revolute_arms_agree_with_their_scalar_equation(joints: int, lever_arm: float) -> None:
+    traces = joints * lever_arm**2, float(joints)
+    assert_proved(
+        worst_case_bound(joints, (3, 3), traces), block_trace_bound(joints, (3, 3), traces)
+    )
+
+
+def test_blocks_of_other_sizes_agree_with_their_scalar_equation() -> None:
+    sizes, traces = (1, 2, 3), (4.0, 1.0, 7.0)
+    assert_proved(worst_case_bound(8, sizes, traces), block_trace_bound(8, sizes, traces))
 
 
 @given(st.integers(7, 12), st.floats(0.1, 10.0), st.integers(0, 2**32 - 1))
-def test_random_arms_obey_the_facts_and_the_bound(n: int, lever_arm: float, seed: int) -> None:
+def test_random_arms_obey_the_traces_and_the_bound(n: int, lever_arm: float, seed: int) -> None:
     rng = np.random.default_rng(seed)
     frames = np.linalg.qr(rng.standard_normal((n, 3, 2)))[0]
     lengths = lever_arm * rng.uniform(0.5, 1.0, size=n)
     jacobian = np.concatenate([frames[:, :, 0].T * lengths, frames[:, :, 1].T])
     gram = jacobian @ jacobian.T
-    problem = revolute_arm(n, lever_arm=lever_arm)
-    assert np.trace(gram) <= problem.trace * (1 + 1e-12)
-    for fact in problem.facts:
-        value = float(np.sum(fact.matrix * gram))
-        if fact.relation == "equal":
-            assert value == pytest.approx(fact.value, abs=1e-9)
-        else:
-            assert value <= fact.value * (1 + 1e-12)
+    traces = n * lever_arm**2, float(n)
+    assert np.trace(gram[:3, :3]) <= traces[0] * (1 + 1e-12)
+    assert np.trace(gram[3:, 3:]) <= traces[1] * (1 + 1e-12)
     worst = min(np.linalg.eigvalsh(gram - np.outer(j, j))[0] for j in jacobian.T)
-    assert problem.closed_form is not None
-    assert worst <= problem.closed_form * (1 + 1e-12)
+    assert worst <= worst_case_bound(n, (3, 3), traces)["eigenvalue_bound"]
+
+
+def test_block_traces_say_more_than_the_trace_unless_blocks_are_alike() -> None:
+    alike = worst_case_bound(7, (3, 3), (7.0, 7.0))
+    assert alike["eigenvalue_bound"] == pytest.approx(1 / 3, rel=1e-6)
+    for linear in (7 / 4, 28.0):
+        arm = worst_case_bound(7, (3, 3), (linear, 7.0))
+        free = worst_case_bound(7, (6,), (linear + 7.0,))
+        assert arm["eigenvalue_bound"] < 0.9 * free["eigenvalue_bound"]
+
+
+def test_a_fact_without_a_formula_tightens_the_bound() -> None:
+    # tr M ≤ 2, M_11 = 3 M_22, n = 4: 1/(3/2 − t) + 1/(1/2 − t) = 2/t, so t = (3 − √3)/4.
+    assert_proved(worst_case_bound(4, (2,), (2.0,), facts=RATIO), (3 - math.sqrt(3)) / 4)
+    # Of a matrix that is not symmetric only the symmetric part matters.
+    skew = np.array([[0.0, 5.0], [-5.0, 0.0]])
+    skewed = [(matrix + skew, value) for matrix, value in RATIO]
+    assert_proved(worst_case_bound(4, (2,), (2.0,), facts=skewed), (3 - math.sqrt(3)) / 4)
+
+
+def test_a_solver_cut_short_says_so_and_proves_less() -> None:
+    bound = worst_case_bound(7, (6,), (6.0,), options={"max_iter": 3})
+    assert bound["status"] == "user_limit"
+    assert bound["eigenvalue_bound"] > 1 / 7 * (1 + 1e-4)
+
+
+def test_contradictory_facts_are_reported() -> None:
+    bound = worst_case_bound(4, (2,), (2.0,), facts=[(np.diag([1.0, 0.0]), -1.0)])
+    assert bound["status"].startswith("infeasible")
+    assert bound["primal_eigenvalue"] is None
+
+
+def test_a_solver_that_returns_nothing_proves_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(worst_case, "run", lambda *_: "solver_error: out of luck")
+    bound = worst_case_bound(7, (6,), (6.0,))
+    assert bound["status"].startswith("solver_error")
+    assert bound["eigenvalue_bound"] is None
+    assert json.dumps(bound, allow_nan=False)
+
+
+def test_another_solver_agrees() -> None:
+    assert_proved(worst_case_bound(7, (6,), (6.0,), solver="SCS", options={"eps": 1e-9}), 1 / 7)
+
+
+def test_the_result_is_plain_json() -> None:
+    bound = worst_case_bound(7, (6,), (14.0,))
+    shown = json.loads(json.dumps(bound, allow_nan=False))
+    assert shown == bound
+    assert shown["kind"] == "numerical"
+    assert (shown["joints"], shown["task_dimension"], shown["trace"]) == (7, 6, 14.0)
+    assert shown["closed_form_eigenvalue_bound"] == pytest.approx(1 / 3)
+    assert shown["facts"] == []
+    again = shown["multipliers"]
+    certificate = check_multipliers(
+        7,
+        [(np.eye(6), 6.0)],
+        np.array(again["matrix"]),
+        again["redundancy"],
+        np.array(again["facts"]),
+    )
+    assert certificate == shown["certificate"]
+
+
+def test_bad_input_is_named() -> None:
+    with pytest.raises(InputError, match="solver is NONE"):
+        worst_case_bound(7, (6,), (6.0,), solver="NONE")
+    with pytest.raises(SolverOptionError, match="max_itre"):
+        worst_case_bound(7, (6,), (6.0,), options={"max_itre": 3})
+    with pytest.raises(InputError, match="joints is 6"):
+        worst_case_bound(6, (3, 3), (6.0, 6.0))
+    with pytest.raises(InputError, match="traces is -1"):
+        worst_case_bound(7, (3, 3), (-1.0, 7.0))
+    with pytest.raises(InputError, match="1e-200 to 1e200"):
+        worst_case_bound(7, (6,), (1e300,))
+    with pytest.raises(InputError, match="task dimension is 41"):
+        worst_case_bound(50, (41,), (6.0,))
+    with pytest.raises(InputError, match="matrices with 6 rows"):
+        worst_case_bound(7, (6,), (6.0,), facts=[(np.eye(2), 1.0)])
+
+
+def optimal(n: int, m: int) -> tuple[FloatArray, float, FloatArray]:
+    """Return Z, μ and ν of eq. (6), by hand: μ = m/(n − m)², Z₁₂ = −I/(n − m), ν = 1/m."""
+    redundancy = n - m
+    identity = np.eye(m)
+    mu = m / redundancy**2
+    matrix = np.block(
+        [[mu * identity, -identity / redundancy], [-identity / redundancy, identity / m]]
+    )
+    return matrix, mu, np.array([1 / m])
+
+
+@pytest.mark.parametrize(("n", "m"), [(7, 6), (3, 2), (12, 2), (4, 1)])
+def test_the_exact_multipliers_prove_exactly_eq_6(n: int, m: int) -> None:
+    certificate = check_multipliers(n, [(np.eye(m), m)], *optimal(n, m))
+    assert certificate["proved_value"] == pytest.approx(n / (n - m), rel=1e-12)
+    assert certificate["dual_value"] == pytest.approx(n / (n - m), rel=1e-12)
+    assert certificate["residual"] < 1e-14
+
+
+@given(
+    st.sampled_from([(7, 6), (3, 2), (12, 2), (5, 3)]),
+    st.integers(0, 2**32 - 1),
+    st.floats(0.0, 3.0),
+)
+def test_no_multipliers_prove_too_much(size: tuple[int, int], seed: int, noise: float) -> None:
+    n, m = size
+    rng = np.random.default_rng(seed)
+    matrix, mu, nu = optimal(n, m)
+    certificate = check_multipliers(
+        n,
+        [(np.eye(m), m)],
+        matrix + noise * rng.standard_normal(matrix.shape),
+        mu + noise * float(rng.standard_normal()),
+        nu + noise * rng.standard_normal(1),
+    )
+    assert certificate["proved_value"] <= n / (n - m) * (1 + 1e-12)
+    if noise > 1e-2:
+        assert certificate["residual"] > 1e-6
+
+
+def test_an_indefinite_matrix_is_paid_for() -> None:
+    # Huge Z₁₂ with μ = 0; without the payment of λ(n − 2m) this would prove s ≥ 2 > 6/5.
+    matrix = np.kron(np.array([[0.0, -1e3], [-1e3, 0.5]]), np.eye(2))
+    certificate = check_multipliers(12, [(np.eye(2), 2)], matrix, 0.0, np.array([0.5]))
+    assert certificate["smallest_eigenvalue"] < -900
+    assert certificate["proved_value"] < 1.2
+
+
+def test_the_first_block_must_be_a_multiple_of_the_identity() -> None:
+    # tr M ≤ 2, M_11 = 3 M_22, n = 4: the optimum is 4/(3 − √3). This Z is semidefinite and
+    # would prove 4, but its first block is diag(0, 2).
+    vector = np.array([[0.0, 1.0, 0.0, -1.0]])
+    certificate = check_multipliers(
+        4, [(np.eye(2), 2.0), *RATIO], 2 * vector.T @ vector, 1.0, np.array([0.5, 0.0, 0.5])
+    )
+    assert certificate["dual_value"] == pytest.approx(4)
+    assert certificate["residual"] == pytest.approx(1)
+    assert certificate["proved_value"] <= 4 / (3 - math.sqrt(3))
+
+
+def test_facts_take_no_negative_multipliers() -> None:
+    # M_11 ≤ 10 is no restriction; with a multiplier −1 it would prove s ≥ 19 > 2.
+    z = np.array([4.5, 5.5])
+    root = float(np.sqrt(z).sum()) / 2
+    cross = -np.diag(root * np.sqrt(z))
+    matrix = np.block([[root**2 * np.eye(2), cross], [cross, np.diag(z)]])
+    facts = [(np.eye(2), 2.0), (np.diag([1.0, 0.0]), 10.0)]
+    certificate = check_multipliers(4, facts, matrix, root**2, np.array([5.5, -1.0]))
+    assert certificate["dual_value"] > 19
+    assert certificate["residual"] >= 1
+    assert certificate["proved_value"] <= 2
+
+
+@pytest.mark.parametrize("nu", [0.0, -1.0, math.nan])
+def test_useless_multipliers_prove_nothing(nu: float) -> None:
+    certificate = check_multipliers(
+        7, [(np.eye(6), 6.0)], np.zeros((12, 12)), 0.0, np.array([nu])
+    )
+    assert certificate["proved_value"] == -math.inf

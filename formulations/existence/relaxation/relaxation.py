@@ -1,34 +1,137 @@
 """The existence of an isotropic Jacobian with equal columns, tested by its moments.
 
-A relaxation: `infeasible` excludes such Jacobians (numerically), `feasible` proves nothing.
+The margin is the largest s ≤ 1 for which free moments y make B_b(y) − sI ⪰ 0 for all blocks b,
+a semidefinite program. For multipliers X_b ⪰ 0 with Σ tr X_b ≤ 1,
+
+    s ≤ 1 − Σ tr X_b + Σ_b ⟨X_b, B_b(y)⟩,
+
+whose dependence on y should cancel. What is left of it is bounded through |y_k| ≤ Y_k, which
+holds for the moments of every solution. A negative right-hand side excludes solutions; an
+allowance for the rounding errors of the blocks themselves is added first. cvxpy finds y and
+X_b; what they prove is checked in plain NumPy. So `infeasible` excludes such Jacobians
+(numerically), but `feasible` proves nothing.
 """
 
+import math
 import time
-from collections.abc import Mapping
-from dataclasses import dataclass
-from itertools import pairwise
-from typing import Any, Literal, TypeAlias
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Literal
 
-from threadpoolctl import threadpool_limits
+import cvxpy as cp
+import numpy as np
 
 from formulations.existence.equations import Frame
-from formulations.existence.relaxation.linear_moments import (
+from formulations.existence.relaxation.moments import (
     LinearMoments,
+    MomentBlock,
+    moment_blocks,
     solve_moment_equations,
 )
-from formulations.existence.relaxation.margin import Margin, solve_margin
-from formulations.existence.relaxation.moment_matrix import (
-    MomentBlock,
-    class_tables,
-    moment_blocks,
-)
-from formulations.existence.relaxation.numbered_monomials import EdgeMultisets, RowSector
-from formulations.existence.relaxation.row_bases import row_bases
-from formulations.existence.relaxation.tableaux import dimension
-from nlp.conic import check_solver
+from formulations.existence.relaxation.tableaux import standard_tableaux
+from nlp.arrays import FloatArray, finite_or_none, one_blas_thread, whole_number
+from nlp.conic import check_solver, run
 from nlp.errors import InputError
 
-Verdict: TypeAlias = Literal["inconsistent", "infeasible", "feasible", "undecided"]
+# Relative rounding of the blocks, which are products of bases with errors of about 1e-12.
+_ROUNDING = 1e-10
+
+
+@dataclass(frozen=True, eq=False)
+class Margin:
+    """What free moments attain and multipliers prove of some blocks, and where they are from.
+
+    Parameters
+    ----------
+    free, multipliers
+        y, and one matrix X_b per block; None where there are none.
+    attained
+        Smallest eigenvalue over all blocks at y; minus infinity without one.
+    proved
+        Upper limit of the margin for moments of solutions, 1 if nothing was proved. If it is
+        negative there are no solutions.
+    residual
+        Largest coefficient of a free moment that did not cancel.
+    smallest_eigenvalue
+        Smallest eigenvalue of the multipliers as they were given.
+    value, status
+        The optimum that a solver found, or None, and what it reported.
+    """
+
+    free: FloatArray | None
+    multipliers: Sequence[FloatArray] | None
+    attained: float
+    proved: float = 1.0
+    residual: float = math.inf
+    smallest_eigenvalue: float = -math.inf
+    value: float | None = None
+    status: str = "not solved"
+
+
+def solve_margin(
+    blocks: Sequence[MomentBlock],
+    limits: FloatArray,
+    *,
+    solver: str = "CLARABEL",
+    options: Mapping[str, Any] | None = None,
+) -> Margin:
+    """Find the margin of some blocks, at least one, and check it.
+
+    Parameters
+    ----------
+    blocks, limits
+        The blocks, and limits Y_k of the absolute values of the free moments.
+    solver, options
+        Conic solver known to cvxpy, and its own options.
+    """
+    norms = [np.linalg.norm(block.matrices[1:], axis=(1, 2)) for block in blocks]
+    # Solvers want unknowns that matter equally; some may not occur at all.
+    moments = [cp.Variable() / (norm or 1.0) for norm in np.max(norms, axis=0)]
+    margin = cp.Variable()
+    conditions = [block.at(moments) - margin * np.eye(block.size) >> 0 for block in blocks]
+    program = cp.Problem(cp.Maximize(margin), [*conditions, margin <= 1])
+    status = run(program, solver, options)
+    value = finite_or_none(program.value)
+    free = None if value is None else np.array([float(y.value) for y in moments])
+    duals = [np.asarray(condition.dual_value, dtype=float) for condition in conditions]
+    multipliers = [np.atleast_2d(dual) for dual in duals]  # NaN where the solver gave none
+    return replace(check_margin(blocks, limits, free, multipliers), value=value, status=status)
+
+
+def check_margin(
+    blocks: Sequence[MomentBlock],
+    limits: FloatArray,
+    free: FloatArray | None,
+    multipliers: Sequence[FloatArray] | None,
+) -> Margin:
+    """Return what free moments attain and multipliers prove, wherever they come from.
+
+    Parameters
+    ----------
+    blocks, limits
+        The blocks, and limits Y_k of the absolute values of the free moments.
+    free, multipliers
+        Free moments, and one symmetric matrix per block; or None.
+    """
+    attained = -math.inf
+    if free is not None:
+        attained = min(float(np.linalg.eigvalsh(block.at(free))[0]) for block in blocks)
+    if multipliers is None or not all(np.isfinite(x).all() for x in multipliers):
+        return Margin(free, multipliers, attained)
+    spectra = [np.linalg.eigh(0.5 * (x + x.T)) for x in multipliers]
+    positive = [(vectors * np.maximum(values, 0)) @ vectors.T for values, vectors in spectra]
+    total = float(sum(np.trace(x) for x in positive))
+    pairs = zip(blocks, positive, strict=True)
+    products = np.sum([np.tensordot(block.matrices, x) for block, x in pairs], axis=0)
+    products /= max(total, 1.0)
+    leftover = np.abs(products[1:])
+    residual = float(leftover.max(initial=0.0))
+    smallest = min(float(values[0]) for values, _ in spectra)
+    # What rounding in the blocks can add to Σ⟨X_b, B_b(y)⟩ with Σ tr X_b ≤ 1.
+    largest = np.concatenate([[1.0], limits])
+    norms = [np.linalg.norm(block.matrices, axis=(1, 2)) @ largest for block in blocks]
+    proved = 1 - min(total, 1.0) + products[0] + leftover @ limits + _ROUNDING * max(norms)
+    return Margin(free, multipliers, attained, float(proved), residual, smallest)
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,33 +140,25 @@ class ExistenceRelaxation:
 
     Parameters
     ----------
-    moments
-        Exact solution of the linear equations between the moments.
-    blocks
-        The blocks of the moment matrix; none if the equations are inconsistent.
-    margin
-        The largest possible smallest eigenvalue over all blocks, and its check; or None.
-    alone
-        The same for each block by itself.
-    rank_doubt
-        Largest singular value taken for zero, over the smallest taken for nonzero, where rows
-        that the equations send to zero were taken out.
-    solver
-        Name of the conic solver.
-    seconds
-        Wall time of each stage.
+    moments, blocks
+        Exact solution of the linear equations between the moments, and the blocks of the moment
+        matrix; none if the equations are inconsistent.
+    margin, alone
+        The largest possible smallest eigenvalue over all blocks, and its check, or None. The
+        same for each block by itself.
+    solver, seconds
+        Name of the conic solver, and wall time of each stage.
     """
 
     moments: LinearMoments
     blocks: tuple[MomentBlock, ...]
     margin: Margin | None
     alone: tuple[Margin, ...]
-    rank_doubt: float
     solver: str
     seconds: Mapping[str, float]
 
     @property
-    def verdict(self) -> Verdict:
+    def verdict(self) -> Literal["inconsistent", "infeasible", "feasible", "undecided"]:
         """The conclusion for these moments.
 
         ``"inconsistent"``: the linear equations contradict each other (exact arithmetic).
@@ -73,43 +168,41 @@ class ExistenceRelaxation:
         """
         if self.margin is None:
             return "inconsistent"
-        if self.margin.certificate.infeasible:
+        if self.margin.proved < 0:
             return "infeasible"
-        return "feasible" if self.margin.certificate.feasible else "undecided"
+        return "feasible" if self.margin.attained >= 0 else "undecided"
 
     def to_dict(self) -> dict[str, Any]:
-        """Return plain values for tables and JSON."""
+        """Return plain values for tables and JSON; None stands for an infinite one."""
         moments, margin = self.moments, self.margin
+        checked = ("attained", "proved", "residual", "smallest_eigenvalue")
+        exact = ("order", "equations", "rank", "consistent")
         return {
-            "kind": "exact" if self.verdict == "inconsistent" else "numerical",
+            "kind": "exact" if margin is None else "numerical",
             "verdict": self.verdict,
-            "order": moments.order,
-            "joints": moments.frame.joints,
-            "task_dimension": moments.frame.task_dimension,
-            "diagonal": moments.frame.diagonal,
+            **vars(moments.frame),  # joints, task_dimension, diagonal
             "classes": len(moments.classes),
-            "equations": moments.equations,
-            "rank": moments.rank,
-            "consistent": moments.consistent,
+            **{name: getattr(moments, name) for name in exact},
             "free_moments": [{"w": graph.w, "wbar": graph.wbar} for graph in moments.free],
             "largest_block": max((block.size for block in self.blocks), default=0),
-            "margin": None if margin is None else margin.value,
-            "certificate": None if margin is None else margin.certificate.to_dict(),
+            "margin": margin and margin.value,
+            "certificate": margin
+            and {name: finite_or_none(getattr(margin, name)) for name in checked},
             "blocks": [
                 {
                     "charge": block.charge,
                     "representation": block.shape,
-                    "dimension": dimension(block.shape),
+                    "dimension": len(standard_tableaux(block.shape)),
                     "copies": block.copies,
                     "size": block.size,
                     "margin_alone": alone.value,
-                    "infeasible_alone": alone.certificate.infeasible,
+                    "infeasible_alone": alone.proved < 0,
                 }
                 for block, alone in zip(self.blocks, self.alone, strict=True)
             ],
-            "rank_doubt": self.rank_doubt,
+            "rank_doubt": max((block.doubt for block in self.blocks), default=0.0),
             "solver": self.solver,
-            "status": None if margin is None else margin.status,
+            "status": margin and margin.status,
             "seconds": dict(self.seconds),
         }
 
@@ -126,7 +219,9 @@ def existence_relaxation(
     """Test whether isotropic Jacobians with equal columns can exist, by moments.
 
     The columns are as in eq. (21): two halves of equal norm, at right angles. The Jacobian is
-    square, or has one redundant joint and is then optimally failure tolerant.
+    square, or has one redundant joint and is then optimally failure tolerant. The equations are
+    eqs. (23)–(43), with the columns scaled so that JJᵀ = I. A solver that fails is no error:
+    see the status of the `margin`.
 
     Parameters
     ----------
@@ -141,59 +236,27 @@ def existence_relaxation(
     solver, options
         Conic solver known to cvxpy, and its own options.
 
-    Returns
-    -------
-    ExistenceRelaxation
-        Also when the solver fails: see the status of its `margin`.
-
     Raises
     ------
     InputError
         If an argument is out of range or there is no such solver, before any computation.
-
-    Notes
-    -----
-    The equations are those of Maciejewski and Roberts (1995), eqs. (23)–(43), with the columns
-    scaled so that JJᵀ = I.
     """
-    even = joints - joints % 2
-    if order not in (1, 2, 3):
-        raise InputError("order", order, "1, 2, 3")
-    if joints not in range(2, 8):
-        raise InputError("joints", joints, "an integer from 2 to 7")
+    whole_number("order", order, 1, 3)
+    even = whole_number("joints", joints, 2, 7) // 2 * 2
     if task_dimension not in (None, even):
         raise InputError("task_dimension", task_dimension, f"{even}, for {joints} joints")
     check_solver(solver)
     clock = [time.perf_counter()]
     moments = solve_moment_equations(Frame(joints, even, diagonal), order)
     clock.append(time.perf_counter())
-    with threadpool_limits(limits=1, user_api="blas"):  # many small matrices: threads only wait
-        blocks, doubt = _blocks(moments) if moments.consistent else ((), 0.0)
+    with one_blas_thread():
+        blocks = tuple(moment_blocks(moments)) if moments.consistent else ()
     clock.append(time.perf_counter())
-    margin: Margin | None = None
-    alone: list[Margin] = []
-    if blocks:
-        margin, *alone = (
-            solve_margin(chosen, moments.limits(), solver=solver, options=options)
-            for chosen in (blocks, *((block,) for block in blocks))
-        )
+    limits, chosen = moments.limits(), [blocks, *((block,) for block in blocks)]
+    margins = [
+        solve_margin(own, limits, solver=solver, options=options) for own in chosen if own
+    ]
     clock.append(time.perf_counter())
-    times = (end - start for start, end in pairwise(clock))
-    seconds = dict(zip(("equations", "blocks", "solver"), times, strict=True))
-    return ExistenceRelaxation(moments, blocks, margin, tuple(alone), doubt, solver, seconds)
-
-
-def _blocks(moments: LinearMoments) -> tuple[tuple[MomentBlock, ...], float]:
-    """Return all blocks of charge 0 and up, and the doubt about their sizes."""
-    frame = moments.frame
-    multisets = EdgeMultisets(frame.joints, moments.order, frame.diagonal)
-    tables = class_tables(moments.classes, multisets)
-    coefficients = moments.coefficients()
-    blocks: list[MomentBlock] = []
-    doubt = 0.0
-    for charge in range(moments.order + 1):
-        sector = RowSector(multisets, charge)
-        bases = row_bases(sector, frame)
-        doubt = max(doubt, *(basis.doubt for basis in bases))
-        blocks += moment_blocks(bases, sector, tables, coefficients)
-    return tuple(blocks), doubt
+    seconds = dict(zip(("equations", "blocks", "solver"), np.diff(clock).tolist(), strict=True))
+    margin = margins[0] if margins else None
+    return ExistenceRelaxation(moments, blocks, margin, tuple(margins[1:]), solver, seconds)

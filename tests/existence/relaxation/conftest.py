@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from formulations.existence.relaxation.numbered_monomials import EdgeMultisets, Integers
+from formulations.existence.graphs import Monomial
+from formulations.existence.relaxation.monomials import EdgeMultisets
 from formulations.existence.relaxation.relaxation import (
     ExistenceRelaxation,
     existence_relaxation,
@@ -77,21 +78,17 @@ def printed_6r() -> Complex:
 
 
 @pytest.fixture(scope="session")
-def averages() -> Callable[[EdgeMultisets, tuple[Integers, ...], Complex], Floats]:
+def averages() -> Callable[[EdgeMultisets, tuple[Monomial, ...], Complex], Floats]:
     """Return the class moments of a given W: averaged over joint orders and conjugation."""
 
     def averaged(
-        multisets: EdgeMultisets, tables: tuple[Integers, ...], matrix: Complex
+        multisets: EdgeMultisets, classes: tuple[Monomial, ...], matrix: Complex
     ) -> Floats:
-        i, j = np.array(multisets.edges).T
-        number_of_classes = 1 + max(int(table.max()) for table in tables)
-        sums, counts = np.zeros((2, number_of_classes))
-        for members, table in zip(multisets.members, tables, strict=True):
-            values = matrix[i, j][members].prod(axis=-1)
-            products = np.outer(values, values.conj()).real
-            sums += np.bincount(table.ravel(), products.ravel(), number_of_classes)
-            counts += np.bincount(table.ravel(), minlength=number_of_classes)
-        return sums / counts
+        table = multisets.class_table(classes)
+        values = (matrix[multisets.edges] ** multisets.multiplicities).prod(axis=1)
+        products = np.outer(values, values.conj()).real
+        members, weights = table[table >= 0], products[table >= 0]
+        return np.bincount(members, weights) / np.bincount(members)
 
     return averaged
 

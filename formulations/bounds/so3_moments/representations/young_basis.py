@@ -19,9 +19,9 @@ import numpy as np
 
 from formulations.existence.relaxation.tableaux import (
     Shape,
-    all_contents,
     partitions,
     row_reading_contents,
+    standard_tableaux,
 )
 from nlp.arrays import FloatArray
 
@@ -182,13 +182,7 @@ def young_exchange(bases: FloatArray, joint: int, groups: Groups, shapes: Shapes
 @cache
 def tableau_contents(shapes: Shapes) -> tuple[tuple[Contents, ...], ...]:
     """Return the standard tableaux of a shape in each group, as contents of 2, 3, …; sorted."""
-    of_group = []
-    for shape in shapes:
-        size = sum(shape)
-        corner = sorted(row_reading_contents(shape)) if size else []
-        candidates = all_contents(size) if size else {()}
-        of_group.append(sorted(name for name in candidates if sorted(name) == corner))
-    return tuple(product(*of_group))
+    return tuple(product(*(sorted(standard_tableaux(shape)) for shape in shapes)))
 
 
 @cache

@@ -1,0 +1,120 @@
+"""Eq. (6) as a semidefinite program: the best worst case that traces of blocks of JJᵀ allow.
+
+With t = min_f λ_min(M − j_f j_fᵀ), M = JJᵀ, every J obeys tr((M − tI)⁻¹) ≤ (n − m)/t
+(docs/bounds.md, section 1). Let M' = M/t, and s = T/(mt) where tr M ≤ T. The largest t is at
+the least s with
+
+    tr Y ≤ n − m,   B = [[Y, I], [I, M' − I]] ⪰ 0,   ⟨A_k, M'⟩ ≤ s b_k for all k,
+
+where ⟨A_k, M⟩ ≤ b_k T/m is known: A_k projects on a block of rows, or is any other matrix. All
+these s are at least d = Σ ν_k tr A_k − 2 tr C − μ(n − m) for every μ ≥ 0, ν ≥ 0 and C for which
+Σ ν_k b_k = 1 and Z = [[μI, C], [Cᵀ, Σ ν_k A_k]] ⪰ 0. A solver's multipliers nearly do that.
+The equations are enforced, and a λ = λ_min(Z) < 0 that results is paid for: ⟨Z, B⟩ ≥ λ tr B and
+tr B ≤ n − 2m + sm, so that s ≥ (d + λ(n − 2m))/(1 − λm).
+"""
+
+import math
+import time
+from collections.abc import Mapping, Sequence
+from typing import Any, TypeAlias
+
+import cvxpy as cp
+import numpy as np
+
+from formulations.bounds.closed_form import block_trace_bound
+from nlp.arrays import FloatArray, finite_or_none, whole_number
+from nlp.conic import run
+from nlp.errors import InputError
+
+Facts: TypeAlias = Sequence[tuple[FloatArray, float]]
+
+
+def worst_case_bound(
+    joints: int,
+    rows: Sequence[int],
+    traces: Sequence[float],
+    *,
+    facts: Facts = (),
+    solver: str = "CLARABEL",
+    options: Mapping[str, Any] | None = None,
+) -> dict[str, Any]:
+    """Return an upper bound on t and on the measure (5), its root, as plain values for JSON.
+
+    It is what the multipliers prove, also if the solver fails, or None where that is nothing.
+
+    Parameters
+    ----------
+    joints
+        Number n of columns of J.
+    rows, traces
+        Numbers of rows of blocks of J, of sum m < n, and limits of the trace of JJᵀ on each:
+        (m,) and (T,) if only ‖J‖_F² ≤ T, (3, 3) and (nℓ², n) for revolute joints, |v| ≤ ℓ.
+    facts
+        Pairs (A, b), A of shape (m, m), with ⟨A, JJᵀ⟩ ≤ b: what else is known.
+    solver, options
+        Conic solver known to cvxpy, and its own options.
+
+    Raises
+    ------
+    InputError
+        Unless m < n, m ≤ 40, and traces are from 1e-200 n to 1e200 n.
+    """
+    m = whole_number("task dimension", sum(rows), 1, 40)  # more take over a minute
+    closed_form = block_trace_bound(joints, rows, traces)
+    if not all(1e-200 <= trace / joints <= 1e200 for trace in traces):
+        raise InputError("traces", list(traces), "1e-200 to 1e200 for each joint")
+    if any(a.shape != (m, m) for a, _ in facts):
+        raise InputError("facts", [a.shape for a, _ in facts], f"matrices with {m} rows")
+    began, total, eye = time.perf_counter(), float(sum(traces)), np.eye(m)
+    blocks = [part.T @ part for part in np.split(eye, np.cumsum(rows)[:-1])]
+    known = [(a, b * m / total) for a, b in [*zip(blocks, traces, strict=True), *facts]]
+    s, gram, y = cp.Variable(), *(cp.Variable((m, m), symmetric=True) for _ in range(2))
+    conditions = [cp.bmat([[y, eye], [eye, gram - eye]]) >> 0, cp.trace(y) <= joints - m]
+    conditions += [cp.sum(cp.multiply(a, gram)) <= s * b for a, b in known]
+    status = run(cp.Problem(cp.Minimize(s), conditions), solver, options)
+    z, mu, *nu = (np.full(c.shape, c.dual_value, float).tolist() for c in conditions)  # or NaN
+    certificate = check_multipliers(joints, known, np.array(z), mu, np.array(nu))
+    t = total / m / certificate["proved_value"] if certificate["proved_value"] > 0 else None
+    return {
+        "kind": "numerical",
+        "joints": joints,
+        "task_dimension": m,
+        "trace": total,
+        "facts": [f"block trace ≤ {trace:g}" for trace in traces if trace < total],
+        "eigenvalue_bound": t,
+        "singular_value_bound": t and math.sqrt(t),
+        "closed_form_eigenvalue_bound": closed_form,
+        "closed_form_singular_value_bound": math.sqrt(closed_form),
+        "primal_eigenvalue": finite_or_none(s.value) and total / m / float(s.value),
+        "certificate": {name: finite_or_none(value) for name, value in certificate.items()},
+        "multipliers": t and {"matrix": z, "redundancy": mu, "facts": nu},
+        "solver": solver,
+        "status": status,
+        "seconds": time.perf_counter() - began,
+    }
+
+
+def check_multipliers(
+    joints: int, facts: Facts, z: FloatArray, mu: float, nu: FloatArray
+) -> dict[str, float]:
+    """Return what Z, μ and ν prove of s, given facts (A_k, b_k), and what they violate."""
+    a = np.stack([0.5 * (matrix + matrix.T) for matrix, _ in facts])
+    b, m = np.array([value for _, value in facts]), a.shape[1]
+    z, positive = 0.5 * (z + z.T), np.maximum(nu, 0)
+
+    def enforced(mu: float, nu: FloatArray) -> FloatArray:
+        return np.block([[mu * np.eye(m), z[:m, m:]], [z[m:, :m], np.tensordot(nu, a, axes=1)]])
+
+    def dual_value(z: FloatArray) -> float:
+        return float(np.trace(z[m:, m:] - 2 * z[:m, m:] - (joints - m) / m * z[:m, :m]))
+
+    violated = [np.abs(z - enforced(mu, nu)).max(), abs(b @ nu - 1), -mu, *-nu]
+    result = {"dual_value": dual_value(z), "residual": float(max(violated))}
+    smallest = proved = -math.inf
+    if (total := b @ positive) > 0 and np.isfinite(z).all():
+        y = enforced(max(np.trace(z[:m, :m]) / m, 0), positive) / total
+        smallest = float(np.linalg.eigvalsh(y)[0])
+        # Rounding in eigvalsh is of the order of the machine precision times the norm.
+        excess = min(smallest - 2 * m * np.finfo(float).eps * float(np.linalg.norm(y)), 0.0)
+        proved = (dual_value(y) + excess * (joints - 2 * m)) / (1 - excess * m)
+    return result | {"smallest_eigenvalue": smallest, "proved_value": proved}

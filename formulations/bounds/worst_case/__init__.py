@@ -1,1 +1,0 @@
-"""Eq. (6) as a semidefinite program: problem, program, certificate, bound."""
