@@ -21,6 +21,7 @@ from formulations.joints.kinds import UnitRevolute as UnitRevolute
 
 # Joints, the arms that they make, and which of them may fail.
 from formulations.joints.models import arm as arm
+from formulations.joints.models import register_joint as register_joint
 from formulations.measures.assessment import Assessment as Assessment
 from formulations.measures.assessment import measure as measure
 from formulations.measures.canonical import canonical_form as canonical_form

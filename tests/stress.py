@@ -20,9 +20,8 @@ from itertools import count
 
 import pytest
 
-from formulations.campaign.records import SCHEMA, TIMES
+from formulations.campaign.records import TIMES, open_store
 from nlp.errors import LockedJointError
-from nlp.store import Store
 
 pytestmark = [pytest.mark.slow, pytest.mark.processes]
 STARTS, CELLS = 150, 6
@@ -45,8 +44,8 @@ runpy.run_module("formulations", run_name="__main__")
 
 def records(path):
     """Records of a store without their times, and how often each is there."""
-    with Store(path, SCHEMA) as store:
-        rows = store.rows()
+    with open_store(path) as store:
+        rows = store.frame().to_dict("records")
         return Counter(
             tuple((name, repr(value)) for name, value in row.items() if name not in TIMES)
             for row in rows
@@ -99,7 +98,7 @@ def campaign_in(folder):
 
 def wait_for_work(process, folder):
     """Wait until a campaign has opened its store, or ended."""
-    while process.poll() is None and not (folder / "s.db-wal").exists():
+    while process.poll() is None and not (folder / "s.db").exists():
         time.sleep(0.02)
 
 

@@ -10,7 +10,6 @@ import io
 import json
 import os
 import shlex
-import shutil
 import subprocess
 import sys
 import time
@@ -26,10 +25,12 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from formulations.__main__ import main
-from formulations.campaign.records import SCHEMA
+from formulations.campaign.campaign import run
+from formulations.campaign.declaration import declaration
+from formulations.campaign.records import open_store
 from formulations.commands.app import COMMANDS
 from formulations.commands.verify import verify
-from nlp.store import Store
+from nlp.executors import LocalExecutor
 
 ROOT = Path(__file__).parents[1]
 MEMORY = 4 * 2**30
@@ -951,11 +952,12 @@ _MJCF = f"<mujoco><worldbody>{_MJCF}{'</body>' * 4}</worldbody></mujoco>"
 
 
 def _store() -> bytes:
-    """A store of two cells, four starts each, with checksums."""
+    """A store of two cells, four starts each, with digests."""
     with TemporaryDirectory() as folder:
         path = Path(folder, "s.db")
-        shutil.copy(ROOT / "tests/campaign/stores/version_1.db", path)
-        Store(path, SCHEMA, writable=True).close()
+        grid = {"starts": 4, "formulations": ["residual", "max-min"], "models": ["free"]}
+        with open_store(path, writable=True) as store, LocalExecutor(1) as one:
+            run(declaration({**grid, "joints": [3], "task_dimensions": [2]}), store, one)
         return path.read_bytes()
 
 

@@ -58,8 +58,8 @@ def test_points_are_what_they_say(swept):
 def test_a_generous_limit_gives_max_min():
     planar = arm("free", 4, 2)
     start = planar.sample(generator(3, 0))
-    limited = solve(trade_off.build(planar, 10.0), start, trade_off.OPTIONS)
-    plain = solve(max_min.build(planar), start, max_min.OPTIONS)
+    limited = solve(trade_off.build(planar, 10.0), start)
+    plain = solve(max_min.build(planar), start)
     found, known = (one.outputs["jacobian"] for one in (limited, plain))
     assert measures.worst_case_sigma(found) == pytest.approx(
         measures.worst_case_sigma(known), abs=1e-6

@@ -22,7 +22,7 @@ TWICE = FailureModel((0.1, 0.2, 0.1, 0.1))
 def best(one, failures, goal="worst", *, starts=4, encoding=None, seed=0):
     build = partial(unequal_max_min.build, one, failures, goal, encoding)
     options = max_min.OPTIONS
-    study = multistart(build, one.sample, starts=starts, rng=seed, options=options)
+    study = multistart(build, one.sample, starts=starts, seed=seed, options=options)
     found = [run.solution.outputs["jacobian"] for run in study.results]
     jacobian = max(found, key=lambda matrix: unequal_max_min.score(matrix, failures, goal))
     one.variables(jacobian)  # within the model, or this raises

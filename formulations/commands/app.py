@@ -1,6 +1,7 @@
 """The command line ``lockedjoint``: names the commands; each is a file in `commands`."""
 
 from importlib import import_module
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -57,15 +58,28 @@ def _print_version(wanted: bool) -> None:
 
 @app.callback()
 def lockedjoint(
-    version: Annotated[
+    version: Annotated[  # noqa: ARG001
         bool,
         typer.Option(
             "--version", callback=_print_version, is_eager=True, help="Show the version."
         ),
     ] = False,
+    plugin: Annotated[
+        list[Path] | None,
+        typer.Option(
+            metavar="FILE.py",
+            help="A Python file with formulations or joints of your own, which all commands "
+            "then know by name. May be repeated.",
+            show_default=False,
+        ),
+    ] = None,
 ) -> None:
     """Design and certify optimally failure-tolerant manipulator Jacobians.
 
     Start with `lockedjoint compare`. Exit status: 0 when done, 1 when a check failed, 2 for
     input that is not allowed, 130 after Ctrl-C (what was done is kept).
     """
+    for path in plugin or ():
+        from formulations.registry import load_plugin
+
+        load_plugin(path)

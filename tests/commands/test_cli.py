@@ -20,8 +20,7 @@ import pytest
 import typer.core
 
 from formulations.__main__ import main
-from formulations.campaign.records import SCHEMA
-from nlp.store import Store
+from formulations.campaign.records import open_store
 
 ROOT = Path(__file__).parents[2]
 
@@ -519,7 +518,7 @@ def planted(tmp_path, monkeypatch, capsys):
     Path("q.json").write_text("{}")
     for folder in ("folder.svg", "pages/failures.md", "pages/README.md"):
         Path(folder).mkdir(parents=True)
-    with Store(Path("s.db"), SCHEMA, writable=True):
+    with open_store(Path("s.db"), writable=True):
         pass
     Path("link.svg").symlink_to("s.db")
 

@@ -10,9 +10,8 @@ import matplotlib.image
 import pytest
 
 from formulations.__main__ import main
-from formulations.campaign.records import SCHEMA
+from formulations.campaign.records import open_store
 from formulations.plot import optima
-from nlp.store import Store
 
 
 @pytest.fixture
@@ -118,13 +117,12 @@ def test_stored_starts_are_counted_by_the_gate(lockedjoint, planar):
         {"valid": 0},
     )
     with (
-        Store(planar / "s.db", SCHEMA) as store,
-        Store(planar / "t.db", SCHEMA, writable=True) as changed,
+        open_store(planar / "s.db") as store,
+        open_store(planar / "t.db", writable=True) as changed,
     ):
-        rows = list(store.rows())
-        cell = changed.cell({name: rows[0][name] for name in SCHEMA.settings})
+        rows = store.frame().to_dict("records")
         made = [{**row, **change} for row, change in zip(rows, changes, strict=True)]
-        changed.add(cell, list(enumerate(made)), rows[0]["environment"])
+        changed.add(rows[0]["cell"], list(enumerate(made)), rows[0]["environment"])
     table = optima.stored(planar / "t.db").set_index("start")
     assert table["counted"].to_dict() == {0: True, 1: False, 2: False, 3: False}
 

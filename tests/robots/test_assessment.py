@@ -55,8 +55,7 @@ def test_percentages(seven):
 def test_the_best_7r_is_what_max_min_reaches():
     """Free lever arms of mean square 1, which a robot's are at its default length."""
     one = designed("lever-revolute", 7)
-    build, options = (lambda: max_min.build(one)), max_min.OPTIONS
-    study = multistart(build, one.sample, starts=8, options=options)
+    study = multistart(lambda: max_min.build(one), one.sample, starts=8)
     found = max(
         measures.worst_case_sigma(r.solution.outputs["jacobian"]) for r in study.results
     )

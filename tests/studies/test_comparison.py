@@ -6,34 +6,27 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from formulations.solving.setup import Setup, setups
 
-from formulations import measures
+from formulations import isotropy, max_min, measures, residual
 from formulations.io.table import Table
 from formulations.joints.models import arm
-from formulations.solving.solve import run
+from formulations.solving.case import Case
+from formulations.solving.solve import run, solve
 from formulations.studies import study as study_module
-from formulations.studies.comparison import Row, row_of, study
+from formulations.studies.comparison import Row, cases, row_of, study
 from formulations.studies.study import Effort
 from nlp.errors import InputError
 
 
-def outcome(setup, *, joints=7, task_dimension=6, starts=6, seed=0, workers=1, options=None):
-    return run(
-        setup,
-        joints=joints,
-        task_dimension=task_dimension,
-        starts=starts,
-        seed=seed,
-        workers=workers,
-        options=options,
-    )
+def outcome(formulation, model, joints=7, m=6, *, starts=6, options=None):
+    case = Case(formulation, arm(model, joints, m), options=options or {})
+    return run(case, starts=starts)
 
 
 @pytest.fixture(scope="module")
 def seven():
     """Every row of the 7R comparison, from a few starts."""
-    return [outcome(setup) for setup in setups(6)]
+    return [run(case, starts=6) for case in cases(7, 6)]
 
 
 @pytest.fixture(scope="module")
@@ -77,10 +70,10 @@ def test_isotropic_unit_revolute_7r_is_infeasible_with_its_least_violation(rows)
 
 def test_infeasible_is_called_proved_only_where_it_is():
     """6 revolute joints and one prismatic of norm 1 have other traces above and below."""
-    each = Setup("isotropy", "lever-revolute-each")
-    assert row_of(outcome(each, starts=4)).verdict == "proved infeasible"
-    impossible = Setup("isotropy", "unit-revolute:6,prismatic:1")
-    assert row_of(outcome(impossible, starts=4)).verdict == "infeasible"
+    each = outcome(isotropy, "lever-revolute-each", starts=4)
+    assert row_of(each).verdict == "proved infeasible"
+    impossible = outcome(isotropy, "unit-revolute:6,prismatic:1", starts=4)
+    assert row_of(impossible).verdict == "infeasible"
 
 
 def test_free_lever_arms_reach_other_optima(rows):
@@ -115,7 +108,8 @@ def test_common_starts(seven):
         assert [(record.seed, record.index) for record in o.records] == [
             (0, k) for k in range(6)
         ]
-        assert o.setup.sample(o.arm) == o.arm.sample or o.setup.from_residual_minima
+        minima = o.case.settings.get("from_residual_minima", False)
+        assert o.case.sample == o.arm.sample or minima
 
 
 def test_a_solver_that_claims_success_is_not_believed(seven):
@@ -141,7 +135,7 @@ def test_an_outcome_tells_itself(seven):
 
 
 def test_starts_that_ran_out_of_iterations_are_not_called_infeasible():
-    row = row_of(outcome(Setup("isotropy", "unit-revolute"), options={"max_iter": 2}))
+    row = row_of(outcome(isotropy, "unit-revolute", options={"max_iter": 2}))
     assert row.verdict == "not solved"
     assert row.status_counts == {"Maximum_Iterations_Exceeded": 6}
 
@@ -155,7 +149,7 @@ def plain(outcomes):
 
 
 def test_same_seed_any_workers_identical_tables(seven):
-    again = [outcome(setup, workers=2) for setup in setups(6)]
+    again = [run(case, starts=6, workers=2) for case in cases(7, 6)]
     assert plain(again) == plain(seven)
     for one, other in zip(seven, again, strict=True):
         for a, b in zip(one.records, other.records, strict=True):
@@ -165,8 +159,8 @@ def test_same_seed_any_workers_identical_tables(seven):
 @pytest.fixture
 def run_already(seven, monkeypatch):
     """The study, whose outcomes are there."""
-    found = {o.setup: o for o in seven}
-    monkeypatch.setattr(study_module, "run", lambda setup, **_: found[setup])
+    found = {o.case.name: o for o in seven}
+    monkeypatch.setattr(study_module, "run", lambda case, **_: found[case.name])
     return study(7)
 
 
@@ -221,7 +215,7 @@ def test_the_table_has_six_columns_to_read(rows):
 
 
 def test_the_table_shows_no_negative_zero():
-    one = row_of(outcome(Setup("max-min", "free"), joints=3, task_dimension=2, starts=2))
+    one = row_of(outcome(max_min, "free", 3, 2, starts=2))
     table = Table(Row, [replace(one, certified_gap_percent=-1e-9)])
     assert " 0.00 |" in table.markdown()
     assert "-0.00" not in table.markdown() + table.terminal()
@@ -230,10 +224,11 @@ def test_the_table_shows_no_negative_zero():
 @pytest.mark.parametrize(
     ("make", "allowed"),
     [
-        (lambda: Setup("other", "free"), "one of residual, max-min, isotropy"),
-        (lambda: Setup("residual", "free", locked=2), "1 for the formulation residual"),
-        (lambda: Setup("isotropy", "free", encoding="x"), "none for the formulation isotropy"),
-        (lambda: outcome(Setup("residual", "nothing")), "one of unit-revolute"),
+        (lambda: solve("other", "free"), "one of residual, max-min, isotropy"),
+        (lambda: solve("residual", locked=2), "none for the formulation residual"),
+        (lambda: solve("isotropy", encoding="x"), "none for the formulation isotropy"),
+        (lambda: solve("manipulability", goal="worst"), "one of its settings: locked"),
+        (lambda: outcome(residual, "nothing"), "one of unit-revolute"),
         (lambda: arm("lever-revolute:5,prismatic:2", 8), "7 for lever-revolute:5,prismatic:2"),
         (lambda: arm("lever-revolute:x", 8), "NAME:COUNT"),
         (lambda: arm("unit-revolute", 7, 3), "6 for the model unit-revolute"),

@@ -18,12 +18,12 @@ from formulations.studies.study import Effort
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     """The study of the planar cases, from a few starts; interrupted at the next case."""
-    cases = sorted((*several(), *unequal()), key=lambda case: case.task_dimension)
+    cases = sorted((*several(), *unequal()), key=lambda case: case.arm.shape[0])
 
-    def run(setup, *, task_dimension, **keywords):
-        if task_dimension > 2:
+    def run(case, **keywords):
+        if case.arm.shape[0] > 2:
             raise KeyboardInterrupt
-        return solve.run(setup, task_dimension=task_dimension, **keywords)
+        return solve.run(case, **keywords)
 
     folder = tmp_path_factory.mktemp("failures")
     with pytest.MonkeyPatch.context() as patch:
@@ -45,11 +45,10 @@ def found(folder):
 
 
 def test_every_case_can_be_stated():
-    small = [case for case in (*several(), *unequal()) if case.joints <= 7]
+    small = [case for case in (*several(), *unequal()) if case.arm.shape[1] <= 7]
     assert len(small) > 10
     for case in small:
-        problem = case.setup.build(case.joints, case.task_dimension)()
-        assert problem.size > case.joints
+        assert case.build().size > case.arm.size
 
 
 def test_numbers_are_those_of_the_jacobian(found):
@@ -60,7 +59,7 @@ def test_numbers_are_those_of_the_jacobian(found):
         if row.failing == "all alike":
             assert row.score == pytest.approx(row.worst_case_sigma)
     [(row, jacobian)] = [one for one in found if one[0].goal == "expected"]
-    assert row.score == expected_sigma(jacobian, unequal()[-1].setup.failures)
+    assert row.score == expected_sigma(jacobian, unequal()[-1].settings["failures"])
 
 
 def test_the_paper_s_square_is_the_first_row(found):

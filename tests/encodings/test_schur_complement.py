@@ -1,13 +1,13 @@
-"""Max-min in reduced space: its derivatives, its two stages, and what it refuses."""
+"""Max-min by Schur complements: derivatives, two stages, and what it refuses."""
 
 from functools import partial
 
 import casadi as ca
 import numpy as np
 import pytest
-from formulations.solving.setup import Setup
 
-from formulations import max_min, measures, reduced, residual
+from formulations import max_min, measures, residual
+from formulations.encodings import schur_complement
 from formulations.joints.models import arm
 from formulations.measures.unequal_failures import FailureModel
 from formulations.solving.solve import solve
@@ -62,7 +62,7 @@ def at_a_point(problem, one):
 
 @pytest.mark.parametrize("one", ARMS.values(), ids=ARMS)
 def test_written_derivatives_are_those_of_the_expressions(one):
-    problem = reduced.build(one)
+    problem = schur_complement.build(one, None, {})
     z, rows = problem.variables, ca.vertcat(*(c.expression for c in problem.constraints))
     sigma, multipliers = ca.SX.sym("sigma"), ca.SX.sym("lambda", rows.numel())
     lagrangian = sigma * problem.objective + ca.dot(multipliers, rows)
@@ -111,11 +111,11 @@ def test_two_stages_reach_the_best_and_keep_both_accounts(joints):
         assert all(one.iterations <= 12 for one in record.earlier)
         if joints == 7:
             assert [one["iterations"] for one in record.to_dict()["earlier"]] == [12]
-    assert outcome.setup.encoding == "two-stage"
+    assert outcome.case.settings["encoding"] == "two-stage"
 
 
 def test_levers_reach_the_best():
-    outcome = solve(model="lever-revolute", starts=4, workers=1)
+    outcome = solve(arm="lever-revolute", starts=4, workers=1)
     assert len(outcome.reached) == 4
     assert outcome.best.score == pytest.approx(0.5746489, abs=1e-6)
 
@@ -141,7 +141,7 @@ def test_options_go_to_both_stages_and_the_first_has_a_limit_of_its_own():
 
 @pytest.mark.parametrize(
     ("encoding", "solver"),
-    [("reduced", "ipopt"), ("two-stage", "ipopt"), ("two-stage", "fatrop")],
+    [("schur-complement", "ipopt"), ("two-stage", "ipopt"), ("two-stage", "fatrop")],
 )
 def test_a_start_without_rank_is_a_status(encoding, solver):
     problem = max_min.build(UNIT_7R, encoding=encoding)
@@ -149,25 +149,27 @@ def test_a_start_without_rank_is_a_status(encoding, solver):
     assert solution.status.return_status
 
 
-@pytest.mark.parametrize("encoding", max_min.REDUCED)
+@pytest.mark.parametrize("encoding", max_min.WITHOUT_FACTORS)
 @pytest.mark.parametrize(
     "more", [{"locked": 2}, {"failures": FailureModel.equally_likely(8, never=[0])}]
 )
 def test_refuses_what_it_does_not_state(encoding, more):
     with pytest.raises(InputError, match="one of shared-factor"):
-        Setup("max-min", "unit-revolute", encoding=encoding, **more)
-    if "locked" in more:
-        with pytest.raises(InputError, match="encoding is"):
-            max_min.build(arm("unit-revolute", 8), encoding=encoding, **more)
+        max_min.build(arm("unit-revolute", 8), encoding=encoding, **more)
 
 
 @pytest.mark.parametrize(
-    ("model", "two_stages"),
-    [("lever-revolute", True), ("unit-revolute:6,prismatic:2", True), ("unit-revolute", False)],
+    ("model", "encoding"),
+    [
+        ("lever-revolute", "two-stage"),
+        ("unit-revolute:6,prismatic:2", "two-stage"),
+        ("unit-revolute", "schur-complement"),
+    ],
 )
-def test_fatrop_refuses_where_it_may_not_end(model, two_stages):
+def test_fatrop_refuses_where_it_may_not_end(model, encoding):
+    problem = max_min.build(arm(model, 8), encoding=encoding)
     with pytest.raises(InputError, match="fatrop for max-min"):
-        Solver(reduced.build(arm(model, 8), two_stages), name="fatrop", compiled=True)
+        Solver(problem, name="fatrop", compiled=True)
 
 
 def test_the_hessian_of_the_residual_is_one_of_two():
