@@ -97,8 +97,8 @@ def bound(
     preset: Annotated[
         str | None,
         typer.Option(
-            help="residual: compact (half a minute; by default) or tight (a minute). max-min: "
-            "localised (two minutes; by default) or null-vector (five minutes, 4 GB).",
+            help="residual: compact (by default, half a minute) or tight (1.5 minutes). "
+            "max-min: localised (by default, 1.5 minutes) or null-vector (5 minutes, 4 GB).",
             show_default=False,
         ),
     ] = None,

@@ -68,7 +68,7 @@ def max_min_bound(
     ----------
     preset
         ``"localised"`` excludes σ² = 0.3279, which is 0.20 % above what is attained in σ, in
-        about two minutes, or five if rigorous, and 1.3 GB. ``"null-vector"`` adds conditions on
+        about 1.5 minutes, or four if rigorous, and 1.3 GB. ``"null-vector"`` adds conditions on
         the columns with the signs of the null vector, and excludes σ² = 0.3275, numerically
         only, in about five minutes and 4 GB. Both are for 7 joints.
     joints
