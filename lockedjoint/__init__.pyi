@@ -6,7 +6,7 @@ from formulations import measures as measures
 from formulations.bounds.certified import Bound as Bound
 from formulations.bounds.so3_moments.max_min_bound import max_min_bound as max_min_bound
 from formulations.bounds.so3_moments.residual_bound import residual_bound as residual_bound
-from formulations.bounds.so3_moments.rigorous_residual import (
+from formulations.bounds.so3_moments.residual_bound import (
     rigorous_residual_bound as rigorous_residual_bound,
 )
 

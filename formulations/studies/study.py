@@ -320,10 +320,11 @@ def _publish(folder: Path, page: str) -> None:
     made = folder / COMPLETE
     if not made.is_dir():
         return
-    names = sorted((path.name for path in made.iterdir()), key=lambda name: name == page)
-    if names:
+    files = [path.relative_to(made) for path in sorted(made.rglob("*")) if path.is_file()]
+    files.sort(key=lambda file: str(file) == page)
+    if files:
         write_text(folder / page, _REPLACING)
-    for name in names:
-        write_bytes(folder / name, (made / name).read_bytes())
-        (made / name).unlink()
-    made.rmdir()
+    for file in files:
+        write_bytes(prepare_file(folder / file, "output file"), (made / file).read_bytes())
+        (made / file).unlink()
+    shutil.rmtree(made)

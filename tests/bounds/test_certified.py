@@ -8,9 +8,8 @@ import pandas as pd
 import pytest
 
 from formulations import measures
-from formulations.bounds import certified
 from formulations.bounds.certified import Bound, best_known
-from formulations.bounds.so3_moments.fixed_worst_case import worst_case_limit
+from formulations.bounds.so3_moments.reading import read_any
 from formulations.joints.arm import Arm
 from formulations.joints.kinds import LeverRevolute, Prismatic, UnitRevolute
 from formulations.joints.models import arm
@@ -89,27 +88,14 @@ def test_bounds_hold_for_random_jacobians(seed):
                 assert worst < bound("max-min", built, locked).value
 
 
-def test_a_bound_that_does_not_follow_from_the_residual_is_refused(monkeypatch):
-    """The sharpest bound that follows is taken; one that is 1e-11 below it is refused."""
-    assert certified.largest_worst_case(SEVEN).value < 0.57263
-    stored = certified._stored("record.json")
-    residual = certified.least_residual(SEVEN).value
-    limit = worst_case_limit(7, residual)
-
-    def shift(value, given):
-        check = {"residual_bound": given}
-        moved = [
-            {**one, "bound": value, "check": check} if one["quantity"] == "max-min" else one
-            for one in stored
-        ]
-        monkeypatch.setattr(certified, "_stored", lambda _: tuple(moved))
-
-    shift(limit, residual)
-    assert certified.largest_worst_case(SEVEN).value == limit
-    for value, given in ((limit - 1e-11, residual), (limit, residual + 1e-9)):
-        shift(value, given)
-        with pytest.raises(ArithmeticError, match="does not follow"):
-            certified.largest_worst_case(SEVEN)
+def test_rigorous_bounds_on_record_are_what_certificates_state():
+    """Nothing is sharper than a certificate that `verify` accepts."""
+    for one in json.loads((ROOT / "formulations/bounds/record.json").read_text("utf-8")):
+        if one["kind"] == "rigorous":
+            name = f"{one['quantity'].replace('-', '_')}_{one['preset']}.json"
+            stated = read_any(ROOT / "results/bounds/certificates" / name)
+            assert (stated.quantity, stated.joints) == (one["quantity"], one["joints"])
+            assert stated.bound == one["bound"]
 
 
 def test_the_record_is_for_unit_revolute_joints_only():

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from formulations.bounds.certified import largest_worst_case
-from formulations.bounds.closed_form import block_trace_bound, excludes
+from formulations.bounds.closed_form import block_trace_bound, root_above
 from formulations.joints import models
 from formulations.measures import eigenvalue_bound
 from formulations.registry import bound
@@ -84,50 +84,10 @@ def test_block_bounds_are_not_below_the_root(joints, sizes, traces) -> None:
     assert left(Fraction(t) * (1 - Fraction(1, 10**15))) < joints - sum(sizes)
 
 
-PROVED = 0.05596117076032526  # rigorous, n = 7: results/bounds
-
-
-@pytest.mark.parametrize(
-    ("joints", "residual", "sigma"),
-    [
-        (7, PROVED, 0.5763216112907318),
-        (7, PROVED, 0.57633),
-        (7, 0.0, math.nextafter(math.sqrt(1 / 3), 1)),
-        (8, 0.0, math.nextafter(math.sqrt(2 / 3), 1)),
-        (9, 0.0, math.nextafter(1.0, 2)),
-    ],
-)
-def test_worst_cases_are_excluded_exactly(joints: int, residual: float, sigma: float) -> None:
-    assert excludes(joints, residual, sigma)
-
-
-@pytest.mark.parametrize(
-    ("joints", "residual", "sigma"),
-    [
-        (7, PROVED, 0.5763216112907318 - 1e-14),
-        (7, PROVED, 0.57632),
-        (7, math.nextafter(PROVED * (1 - 1e-13), 0), 0.5763216112907318),
-        (7, 0.0, math.nextafter(math.sqrt(1 / 3), 0)),
-        (9, 0.0, 1.0),
-    ],
-)
-def test_a_shifted_value_is_not_excluded(joints: int, residual: float, sigma: float) -> None:
-    assert not excludes(joints, residual, sigma)
-
-
-@given(st.integers(1, 5), st.floats(0.01, 0.3))
-def test_what_is_excluded_is_what_extreme_spectra_do_not_reach(p: int, y: float) -> None:
-    """A spectrum is no counterexample: its own worst case and residual are not excluded."""
-    spread, mean = Fraction(y), Fraction(7, 3)
-    spectrum = [mean + (6 - p) * spread] * p + [mean - p * spread] * (6 - p)
-    low, high = 0.0, float(min(spectrum))
-    while low < (t := (low + high) / 2) < high:
-        spent = sum(Fraction(t) / (value - Fraction(t)) for value in spectrum)
-        low, high = (low, t) if spent > 1 else (t, high)
-    residual = float(sum((value - mean) ** 2 for value in spectrum) / 2)
-    assert not excludes(7, residual * (1 - 1e-12), math.sqrt(low) * (1 - 1e-12))
-    if p == 1:  # the worst of the spectra: a little more is excluded
-        assert excludes(7, residual * (1 + 1e-12), math.sqrt(high) * (1 + 1e-12))
+@given(st.fractions(min_value=Fraction(1, 10**6), max_value=10**6))
+def test_a_root_above_is_the_next_double_or_the_root(square: Fraction) -> None:
+    root = root_above(square)
+    assert Fraction(root) ** 2 >= square > Fraction(math.nextafter(root, 0)) ** 2
 
 
 @pytest.mark.parametrize(

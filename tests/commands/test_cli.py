@@ -20,6 +20,7 @@ import pytest
 import typer.core
 
 from formulations.__main__ import main
+from formulations.bounds.so3_moments import residual_bound
 from formulations.campaign.records import open_store
 
 ROOT = Path(__file__).parents[2]
@@ -318,14 +319,15 @@ def test_bound_of_existence(lockedjoint, tmp_path):
     assert "(4,2,1)" in text
 
 
-def test_global_bounds(lockedjoint, tmp_path):
+def test_global_bounds(lockedjoint, tmp_path, monkeypatch):
     eight = lockedjoint.here(
         "bound", "--quantity", "max-min", "--joints", 8, "--json", cwd=tmp_path
     )
     found = json.loads(eight.stdout)
     assert found["kind"] == "closed form"
     assert found["bound"] == pytest.approx(np.sqrt(2 / 3), abs=1e-9)
-    low = lockedjoint.here("bound", "--quantity", "residual", "--preset", "low", cwd=tmp_path)
+    monkeypatch.setattr(residual_bound, "residual_preset", lambda _: residual_bound.DEGREE_4)
+    low = lockedjoint.here("bound", "--quantity", "residual", cwd=tmp_path)
     assert low.returncode == 0, low.stderr
     assert "numerical" in low.stdout
     assert low.stderr == "", "progress is for terminals"
@@ -357,15 +359,14 @@ def test_reproduce_writes_every_row(lockedjoint, tmp_path):
         ("bound", "--solver", "NOTHING"),
         ("bound", "--quantity", "residual", "--preset", "nothing"),
         ("bound", "--quantity", "residual", "--joints", "12"),
-        ("bound", "--quantity", "residual", "--solver", "NOTHING", "--preset", "low"),
-        ("bound", "--quantity", "residual", "--rigorous", "--solver", "CLARABEL"),
+        ("bound", "--quantity", "residual", "--solver", "CLARABEL"),
         ("bound", "--quantity", "residual", "--out", "bound.json"),
         ("bound", "--quantity", "max-min", "--lever-arm", "1"),
         ("bound", "--rigorous"),
-        ("bound", "--preset", "fast"),
+        ("bound", "--preset", "compact"),
         ("bound", "--seed", "0"),
         ("bound", "--order", "3"),
-        ("bound", "--quantity", "existence", "--preset", "fast"),
+        ("bound", "--quantity", "existence", "--preset", "compact"),
         ("bound", "--quantity", "existence", "--solver", "NOTHING"),
         ("bound", "--quantity", "residual", "--order", "3"),
         ("bound", "--quantity", "max-min", "--task-dimension", "3"),
@@ -444,7 +445,7 @@ def test_bad_input_is_one_sentence_and_status_2(lockedjoint, tmp_path, arguments
     [
         ("compare", "--unknown"),
         ("compare", "--starts", "0"),
-        ("bound", "--quantity", "residual", "--solver", "NOTHING", "--preset", "low"),
+        ("bound", "--quantity", "residual", "--solver", "CLARABEL"),
         ("solve", "max-min", "--out", "file.csv/a.json"),
         ("measure", "file.csv"),
     ],

@@ -3,7 +3,7 @@
 import json
 import subprocess
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import pytest
@@ -80,6 +80,20 @@ def test_files_are_written_after_every_part_and_in_the_end(tmp_path):
     names = {"numbers.csv", "others.csv", "page.md", "entries.json", "x.json"}
     assert {path.name for path in tmp_path.iterdir()} == names
     assert one.read(tmp_path) == {"numbers": [Row(1), Row(2)], "others": [Other("b")]}
+
+
+def test_files_in_folders_are_moved_too(tmp_path):
+    def compute(effort, folder):
+        more = folder / "incomplete" / "more"
+        more.mkdir()
+        (more / "x.json").write_text(str(effort.seed))
+        yield Part([Row(effort.seed)])
+
+    for seed in (1, 2):
+        assert replace(study(), compute=compute).run(tmp_path, Effort(seed=seed)).complete
+        assert (tmp_path / "more" / "x.json").read_text() == str(seed)
+    names = {"more", "numbers.csv", "page.md"}
+    assert {path.name for path in tmp_path.iterdir()} == names
 
 
 def test_rows_may_take_the_place_of_the_latest(tmp_path):

@@ -12,29 +12,18 @@ format is refused, and sizes are limited before anything of that size is built.
 
 import json
 from base64 import b64encode
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import accumulate, pairwise
 from typing import Any, Literal, TypeAlias
 
 import numpy as np
-import scipy.linalg
 
-from formulations.bounds.so3_moments.blocks.localisers import (
-    POWERS,
-    KrylovLocaliser,
-    krylov_selection,
-)
-from formulations.bounds.so3_moments.blocks.sampled_blocks import RowBlocks
-from formulations.bounds.so3_moments.representations.adapted_rows import AdaptedRows
 from formulations.bounds.so3_moments.representations.row_sectors import Label, RowSector
-from formulations.bounds.so3_moments.representations.young_basis import Shapes, first_tableau
+from formulations.bounds.so3_moments.representations.young_basis import Shapes
 from nlp.arrays import FloatArray
-from nlp.errors import InputError
 
 FORMAT = "lockedjoint bound 2"
-# Singular values of bases below this, relative, are 0.
-_RANK = 1e-6
 # Smaller entries are 0, so that no product underflows.
 _SMALLEST = 1e-30
 # The keys of a sector, but for ``locked``, and those that the quantity max-min adds.
@@ -140,81 +129,6 @@ class BoundCertificate:
         head = {"quantity": self.quantity, "joints": self.joints}
         claim = {"bound": self.bound, "constant": self.constant}
         return json.dumps({"format": FORMAT, **head, **claim, **held}) + "\n"
-
-
-def squares_of(
-    families: Sequence[RowBlocks], factors: Sequence[FloatArray]
-) -> tuple[SectorSquares, ...]:
-    """Return the squares of blocks with a factor for each, (size, squares)."""
-    remaining = iter(factors)
-    found = []
-    for family in families:
-        sector = family.sector
-        if not isinstance(sector, RowSector):
-            raise InputError("families", sector, "invariant under the signs of the columns")
-        frames = _frames(family)
-        given = ((block, next(remaining)) for block in family.blocks)
-        blocks = [
-            _block_squares(family, block, factor, frames)
-            for block, factor in given
-            if factor.size
-        ]
-        if blocks:
-            found.append((sector, tuple(blocks)))
-    return tuple(found)
-
-
-def _frames(family: RowBlocks) -> dict[tuple[Shapes, int], tuple[tuple[int, ...], FloatArray]]:
-    """Return pivots, and the left inverse of the P e_i, for shapes and number of labels.
-
-    Blocks that are even and odd under conjugation share what belongs to the first tableau.
-    """
-    together: dict[tuple[Shapes, int], list[FloatArray]] = {}
-    for block in family.blocks:
-        start = first_tableau(block.shapes)
-        for number, _, coefficients in block.parts:
-            together.setdefault((block.shapes, number), []).append(coefficients[start])
-    found = {}
-    for key, parts in together.items():
-        vectors, values, _ = np.linalg.svd(np.hstack(parts), full_matrices=False)
-        vectors = vectors[:, values > _RANK * values[0]]
-        order = scipy.linalg.qr(vectors.T, mode="r", pivoting=True)[1]
-        pivots = sorted(int(i) for i in order[: vectors.shape[1]])
-        # P = vectors · vectorsᵀ.
-        found[key] = tuple(pivots), np.linalg.inv(vectors[pivots].T) @ vectors.T
-    return found
-
-
-def _block_squares(
-    family: RowBlocks,
-    block: AdaptedRows,
-    factor: FloatArray,
-    frames: Mapping[tuple[Shapes, int], tuple[tuple[int, ...], FloatArray]],
-) -> BlockSquares:
-    """Return the same squares with P e_i in place of the block's own rows."""
-    start = first_tableau(block.shapes)
-    changes: dict[int, FloatArray] = {}
-    for number, place, coefficients in block.parts:
-        pivots, inverse = frames[block.shapes, number]
-        change = changes.setdefault(number, np.zeros((len(pivots), block.size)))
-        change[:, place.start : place.stop] += inverse @ coefficients[start]
-    rows = tuple(
-        BlockRows(family.rows[number].parts, frames[block.shapes, number][0])
-        for number in changes
-    )
-    change = np.vstack(list(changes.values()))
-    if not isinstance(family, KrylovLocaliser):
-        return BlockSquares(block.shapes, rows, change @ factor)
-    # The rows of the factor are those of r_0, r_1 and r_2.
-    chosen, powers = family.selection(block)
-    columns = zip(_ranges(rows), (sum(one.labels, ()) for one in rows), strict=True)
-    allowed, by_power = krylov_selection(columns, len(change), family.sector.degree)
-    parts = []
-    for power in range(POWERS):
-        own = np.zeros((block.size, factor.shape[1]))
-        own[chosen[powers == power]] = factor[powers == power]
-        parts.append((change @ own)[allowed[by_power == power]])
-    return BlockSquares(block.shapes, rows, np.vstack(parts))
 
 
 def _ranges(rows: Sequence[BlockRows]) -> list[range]:

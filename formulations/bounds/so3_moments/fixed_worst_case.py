@@ -2,28 +2,31 @@
 
 If M − j_f j_fᵀ ⪰ tI for every joint f, then t Σ_k 1/(λ_k − t) ≤ n − 6 for the eigenvalues λ of
 M = JJᵀ (see `closed_form`), and Σ λ_k = 2n for unit revolute columns. Hence
-ρ = ½ Σ (λ_k − n/3)² is at most some ρ_max(t), which falls as t grows. So if no Jacobian has ρ
-below a bound, none has a t for which ρ_max(t) is below that bound.
+ρ = ½ Σ (λ_k − n/3)² is at most some ρ_max(t), which falls as t grows.
 
-More is excluded by the conditions together: the plain blocks B ⪰ 0; (ρ_max(t) − ρ)B ⪰ 0 for
-blocks of low degree; and localisers of J_f J_fᵀ − tI. If positive semidefinite multipliers with
-Σ tr X = 1 make Σ ⟨X, B(x)⟩ equal to a negative number for all x, t is not reached.
+The conditions are the plain blocks B ⪰ 0; (ρ_max(t) − ρ)B ⪰ 0 for blocks of low degree; and
+localisers of J_f J_fᵀ − tI. If positive semidefinite multipliers with Σ tr X = 1 make
+Σ ⟨X, B(x)⟩ equal to a negative number for all x, t is not reached. For a proof, `verification`
+bounds how far the sum may be from that number.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from math import isfinite, sqrt
+from fractions import Fraction
+from pathlib import Path
 
 import numpy as np
 
-from formulations.bounds.closed_form import excludes, largest_residual, mean_residual
+from formulations.bounds.closed_form import largest_residual, mean_residual, root_above
 from formulations.bounds.so3_moments.blocks.localisers import KrylovLocaliser, ScaledBlocks
 from formulations.bounds.so3_moments.blocks.sampled_blocks import BlockFamily, sector_families
+from formulations.bounds.so3_moments.certifying import search_certificate, verify_search
 from formulations.bounds.so3_moments.global_bound import Evidence
 from formulations.bounds.so3_moments.programs.moment_program import (
     MomentProgram,
     margin_program,
 )
+from formulations.bounds.so3_moments.programs.multipliers import refined_multipliers
 from formulations.bounds.so3_moments.relaxation import (
     FRESH,
     Progress,
@@ -32,15 +35,17 @@ from formulations.bounds.so3_moments.relaxation import (
     silent,
     solve_relaxation,
 )
+from formulations.bounds.so3_moments.representations.rounding import (
+    require_extended_precision,
+)
 from formulations.bounds.so3_moments.representations.row_sectors import RowSector
 from formulations.bounds.so3_moments.representations.wigner import random_rotations
+from formulations.existence.certificate import CertificateError
 from nlp.arrays import FloatArray, Rng
-from nlp.errors import InputError
+from nlp.files import prepare_file, write_text
 
 _GAP = 1e-8
-#: Room for rounding in the closed form, far more than bisection in doubles needs.
-ROUNDING = 1e-12
-HOW_CHECKED = (
+_HOW_CHECKED = (
     "a sum of squares and localisers equal to a negative constant at fresh random "
     "configurations; multipliers made positive semidefinite, largest difference subtracted"
 )
@@ -126,10 +131,63 @@ def exclude_worst_case(
         without_objective(solved),
         lambda where: np.zeros(len(where)),
         fresh,
-        HOW_CHECKED,
+        _HOW_CHECKED,
         unit_trace=True,
     )
     return -bound, evidence
+
+
+def prove_exclusion(
+    t: float,
+    conditions: Conditions,
+    joints: int,
+    *,
+    rng: Rng = 0,
+    progress: Progress = silent,
+    out: Path | None = None,
+) -> tuple[float, Evidence]:
+    """Prove that no unit revolute Jacobian has a worst case σ² ≥ t, by a certificate.
+
+    Parameters
+    ----------
+    t, conditions, joints, rng, progress
+        As in `exclude_worst_case`.
+    out
+        Where to write the certificate; nowhere if left out.
+
+    Returns
+    -------
+    bound, evidence
+        √t, rounded up, which the certificate states. And the program, its solution and what
+        was verified.
+
+    Raises
+    ------
+    NoExtendedPrecisionError
+        If this machine has no extended precision.
+    SolverFailureError
+        If the solver gives no multipliers.
+    CertificateError
+        If t is not excluded; no certificate is written then.
+    FileError
+        If the certificate cannot be written.
+    """
+    require_extended_precision()
+    if out is not None:
+        prepare_file(out)
+    families = condition_families(conditions, joints, t)
+    solved = solve_exclusion(families, joints, np.random.default_rng(rng), progress)
+    multipliers = refined_multipliers(solved.program, solved.multipliers)
+    # 0 − constant = Σ ⟨X, B(x)⟩ but for rounding.
+    constant = without_objective(solved).dual_value(multipliers)
+    if constant <= 0:
+        raise CertificateError(f"σ² ≥ {t} is not excluded: there is no certificate.")
+    bound = root_above(Fraction(t))
+    certificate = search_certificate(families, multipliers, constant, bound, joints, t)
+    _, evidence = verify_search(solved, multipliers, certificate, progress)
+    if out is not None:
+        write_text(out, certificate.to_json())
+    return bound, evidence
 
 
 def solve_exclusion(
@@ -147,36 +205,3 @@ def solve_exclusion(
 def without_objective(solved: SolvedRelaxation) -> MomentProgram:
     """Return the program whose dual value is b in the identity 0 − b = Σ ⟨X, B(x)⟩."""
     return replace(solved.sampled, objective=np.zeros(solved.sampled.moments))
-
-
-def worst_case_limit(joints: int, residual: float) -> float:
-    """Return an upper bound on the worst case σ from a lower bound on the residual ρ.
-
-    It is found in double precision, and checked in rational arithmetic (`excludes`).
-
-    Parameters
-    ----------
-    joints
-        Number n of unit revolute joints, at least 7.
-    residual
-        A lower bound on ½‖JJᵀ − (n/3)I‖_F² of all of them.
-
-    Raises
-    ------
-    InputError
-        If there are fewer than 7 joints or the bound is negative or not finite.
-    """
-    if joints < 7:
-        raise InputError("joints", joints, "an integer of at least 7")
-    if not (isfinite(residual) and residual >= 0):
-        raise InputError("residual", residual, "a finite number, not negative")
-    low, high = 0.0, (joints - 6) / 3
-    while low < (middle := 0.5 * (low + high)) < high:
-        if largest_residual(joints, middle) < residual:
-            high = middle
-        else:
-            low = middle
-    sigma = sqrt(high) + ROUNDING
-    if not excludes(joints, residual, sigma):
-        raise ArithmeticError("the bound on the worst case fails its check in exact arithmetic")
-    return sigma

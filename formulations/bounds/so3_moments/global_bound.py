@@ -81,8 +81,9 @@ class GlobalBound(Evidence):
         """Distance between the bound and the best known value, not negative if both hold."""
         if self.best_known is None:
             return None
-        sign = 1 if self.quantity == "residual" else -1
-        return sign * (self.best_known - self.bound)
+        if self.quantity == "residual":
+            return self.best_known - self.bound
+        return self.bound - self.best_known
 
     @property
     def gap_percent(self) -> float | None:

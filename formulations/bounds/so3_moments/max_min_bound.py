@@ -1,16 +1,15 @@
 """An upper bound on the worst case of every unit revolute Jacobian after one locked joint."""
 
-import time
 from dataclasses import replace
-from math import sqrt
+from fractions import Fraction
 from pathlib import Path
 
 from formulations.bounds.certified import best_known
+from formulations.bounds.closed_form import root_above
 from formulations.bounds.so3_moments.fixed_worst_case import (
-    ROUNDING,
     Conditions,
     exclude_worst_case,
-    worst_case_limit,
+    prove_exclusion,
 )
 from formulations.bounds.so3_moments.global_bound import GlobalBound, Kind
 from formulations.bounds.so3_moments.null_vector_bound import exclude_with_signs
@@ -19,16 +18,10 @@ from formulations.bounds.so3_moments.representations.row_sectors import (
     RowSector,
     without_repetition,
 )
-from formulations.bounds.so3_moments.residual_bound import RESIDUAL_PRESETS, residual_bound
-from formulations.bounds.so3_moments.rigorous_max_min import prove_exclusion
-from formulations.bounds.so3_moments.rigorous_residual import rigorous_residual_bound
+from formulations.bounds.so3_moments.residual_bound import DEGREE_4
 from nlp.arrays import Rng, one_blas_thread
 from nlp.errors import InputError
 
-_HOW_CHECKED = (
-    "closed form, checked in rational arithmetic, from a lower bound on the residual, which "
-    "was checked so: "
-)
 LOCALISED = "localised"
 NULL_VECTOR = "null-vector"
 # The squared worst cases that are excluded for seven joints.
@@ -43,8 +36,8 @@ _SQUARES = [
     *(RowSector(6, c, 0, 6) for c in (0, 2)),
 ]
 CONDITIONS = Conditions(
-    plain=without_repetition([*RESIDUAL_PRESETS["low"], *_SQUARES]),
-    scaled=RESIDUAL_PRESETS["low"],
+    plain=without_repetition([*DEGREE_4, *_SQUARES]),
+    scaled=DEGREE_4,
     krylov=tuple(
         RowSector(k, c, spin, 4, locked)
         for k, locked in ((0, 0), (2, 0), (1, 1))
@@ -59,7 +52,7 @@ SIGNED = replace(CONDITIONS, plain=without_repetition([*CONDITIONS.plain, *_MORE
 
 @one_blas_thread()
 def max_min_bound(
-    preset: str = "fast",
+    preset: str = LOCALISED,
     joints: int = 7,
     *,
     rigorous: bool = False,
@@ -69,40 +62,43 @@ def max_min_bound(
 ) -> GlobalBound:
     """Bound the worst case (5) of all unit revolute Jacobians from above.
 
-    A worst case σ limits the residual to ρ_max(σ²), so a lower bound on the residual limits σ.
+    One fixed worst case is excluded by conditions that it implies.
 
     Parameters
     ----------
     preset
-        Of the residual bound: ``"low"``, ``"fast"``, ``"compact"`` or ``"tight"``. Or
-        ``"localised"``: exclude one fixed worst case, σ² = 0.3279, by conditions that it
-        implies, which is sharper (0.20 % above what is attained) and takes about four
-        minutes, or six if rigorous, and 1.3 GB; for 7 joints. ``"null-vector"`` adds
-        conditions on the columns with the signs of the null vector, and excludes
-        σ² = 0.3275, numerically only, in about five minutes and 4 GB.
+        ``"localised"`` excludes σ² = 0.3279, which is 0.20 % above what is attained in σ, in
+        about 1.5 minutes, or four if rigorous, and 1.3 GB. ``"null-vector"`` adds conditions on
+        the columns with the signs of the null vector, and excludes σ² = 0.3275, numerically
+        only, in about five minutes and 4 GB. Both are for 7 joints.
     joints
         Number n of joints, 7 to 9. From 8 joints on, isotropic Jacobians exist, the residual
         can be 0 and the bound is that of eq. (6); nothing is computed then.
     rigorous
-        Bound all rounding errors too, those of the residual's bound or of the exclusion.
-    rng, progress
-        As in `residual_bound`.
+        Write a certificate of the exclusion and verify it, all rounding bounded.
+    rng
+        Seed of the sampled and of the fresh configurations, or a generator.
+    progress
+        Receives a short message at each step.
     out
-        Where to write the certificate of a rigorous exclusion; nowhere if left out. Other
-        rigorous bounds follow from that of `rigorous_residual_bound`, which has its own.
+        Where to write the certificate of a rigorous exclusion; nowhere if left out.
 
     Returns
     -------
     GlobalBound
         On σ, ``"numerical"`` or ``"rigorous"``; ``"closed form"`` from 8 joints on, or where
-        the preset ``"localised"`` does not exclude its worst case.
+        the worst case is not excluded numerically.
 
     Raises
     ------
     InputError
         If the preset or the number of joints is not allowed, or there is no certificate.
+    NoExtendedPrecisionError
+        If it is to be rigorous and this machine has no extended precision.
+    SolverFailureError
+        If the solver gives no multipliers.
     CertificateError
-        If a certificate was to be written, but the worst case is not excluded.
+        If it is to be rigorous, but the worst case is not excluded.
     FileError
         If the certificate cannot be written.
 
@@ -110,64 +106,35 @@ def max_min_bound(
     -----
     The measure and eq. (6) are those of Maciejewski and Roberts (1995).
     """
-    if preset not in (*RESIDUAL_PRESETS, *EXCLUDED):
-        raise InputError("preset", preset, ", ".join((*RESIDUAL_PRESETS, *EXCLUDED)))
+    if preset not in EXCLUDED:
+        raise InputError("preset", preset, ", ".join(EXCLUDED))
     check_joints(joints, smallest=7)
     if preset == NULL_VECTOR and rigorous:
         raise InputError("rigorous", rigorous, f"False for the preset {preset}")
-    if out is not None and (preset != LOCALISED or not rigorous or joints > 7):
-        allowed = f"none without --rigorous, --preset {LOCALISED} and 7 joints; the other "
-        allowed += "rigorous bounds follow from --quantity residual, which has a certificate"
-        raise InputError("--out", str(out), allowed)
+    if out is not None and (not rigorous or joints > 7):
+        raise InputError("--out", str(out), "none without --rigorous and 7 joints")
     best = best_known("max-min", "unit-revolute", joints)
+    closed_form = root_above(Fraction(joints - 6, 3))
     if joints > 7:
-        bound = worst_case_limit(joints, 0.0)
         return GlobalBound(
-            "max-min", joints, preset, "closed form", bound, best, how_checked="eq. (6)"
+            "max-min", joints, "", "closed form", closed_form, best, how_checked="eq. (6)"
         )
-    if preset in EXCLUDED:
-        return _excluded(preset, best, rigorous, rng, progress, out)
-    lower_bound = rigorous_residual_bound if rigorous else residual_bound
-    residual = lower_bound(preset, joints, rng=rng, progress=progress)
-    start = time.perf_counter()
-    limit = worst_case_limit(joints, residual.bound)
-    return replace(
-        residual,
-        quantity="max-min",
-        bound=limit,
-        best_known=best,
-        how_checked=_HOW_CHECKED + residual.how_checked,
-        check={"residual_bound": residual.bound, **residual.check},
-        seconds={**residual.seconds, "closed form": time.perf_counter() - start},
-    )
-
-
-def _excluded(
-    preset: str,
-    best: float | None,
-    rigorous: bool,
-    rng: Rng,
-    progress: Progress,
-    out: Path | None,
-) -> GlobalBound:
-    """Return the root of the squared worst case if it is excluded, else the bound (6)."""
-    squared, joints = EXCLUDED[preset], 7
+    t = EXCLUDED[preset]
+    if rigorous:
+        bound, evidence = prove_exclusion(
+            t, CONDITIONS, joints, rng=rng, progress=progress, out=out
+        )
+        return GlobalBound("max-min", joints, preset, "rigorous", bound, best, **vars(evidence))
     if preset == NULL_VECTOR:
-        exclusion = exclude_with_signs(squared, SIGNED, rng=rng, progress=progress)
-    elif rigorous:
-        exclusion = prove_exclusion(
-            squared, CONDITIONS, joints, rng=rng, progress=progress, out=out
-        )
+        margin, evidence = exclude_with_signs(t, SIGNED, rng=rng, progress=progress)
     else:
-        exclusion = exclude_worst_case(squared, CONDITIONS, joints, rng=rng, progress=progress)
-    margin, evidence = exclusion
+        margin, evidence = exclude_worst_case(t, CONDITIONS, joints, rng=rng, progress=progress)
     excluded = margin < 0
     evidence = replace(
         evidence,
         how_checked=evidence.how_checked if excluded else "not excluded; eq. (6)",
-        check={"excluded": squared, "margin": margin, **evidence.check},
+        check={"excluded": t, "margin": margin, **evidence.check},
     )
-    proved: Kind = "rigorous" if rigorous else "numerical"
-    kind: Kind = proved if excluded else "closed form"
-    bound = sqrt(squared if excluded else (joints - 6) / 3) + ROUNDING
+    kind: Kind = "numerical" if excluded else "closed form"
+    bound = root_above(Fraction(t)) if excluded else closed_form
     return GlobalBound("max-min", joints, preset, kind, bound, best, **vars(evidence))

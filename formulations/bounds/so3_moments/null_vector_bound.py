@@ -11,12 +11,9 @@ the largest value is negative, t is excluded.
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cache
-from itertools import product
 from math import sqrt
 
 import numpy as np
-from scipy.optimize import linprog
 
 from formulations.bounds.closed_form import largest_residual
 from formulations.bounds.so3_moments.blocks.localisers import ScaledBlocks
@@ -37,6 +34,13 @@ from formulations.bounds.so3_moments.blocks.null_vector import (
 from formulations.bounds.so3_moments.blocks.sampled_blocks import (
     BlockFamily,
     sector_families,
+)
+from formulations.bounds.so3_moments.blocks.spectrum import (
+    MAXIMISED,
+    QUARTIC,
+    SpectralDistance,
+    spectral_families,
+    spectral_limit,
 )
 from formulations.bounds.so3_moments.fixed_worst_case import (
     Conditions,
@@ -84,15 +88,7 @@ _HOW_CHECKED = (
     "at fresh configurations, half of them uniform and half with a small sum of the columns; "
     "multipliers made positive semidefinite, largest difference subtracted"
 )
-#: β of the condition on the spectrum that is maximised under all others.
-MAXIMISED = 0.2
-#: Conditions ρ ≤ α + β tr E³ + γ tr E⁴ on the spectrum: (β, γ). Those of degree 6 also multiply
-#: squares; the others are used as they are.
-CUBIC = ((0.1, 0.0), (MAXIMISED, 0.0), (0.35, 0.0))
-QUARTIC = tuple(
-    product((0.0, 0.1, 0.15, 0.2, 0.25, 0.3, 0.4), (-0.1, -0.05, 0.0, 0.05, 0.1, 0.2))
-)
-_GRID = 1001
+#: Sectors of the first space that are multiplied by conditions on the spectrum.
 SIGNED_SPECTRAL = (*degree_sectors(3, range(4)), *degree_sectors(2, range(3)))
 
 
@@ -172,82 +168,6 @@ def unsigned_families(conditions: UnsignedConditions, t: float) -> list[BlockFam
         *spectral_families(conditions.spectral, t),
         *(family for family in localisers if family.blocks),
     ]
-
-
-@cache
-def spectral_limit(t: float, cubic: float, quartic: float = 0.0, joints: int = JOINTS) -> float:
-    """Return α with ρ ≤ α + β tr E³ + γ tr E⁴ wherever the worst case is σ² ≥ t.
-
-    Parameters
-    ----------
-    t
-        The squared worst case, below (n − 6)/3.
-    cubic, quartic
-        β and γ.
-    joints
-        Number n of joints.
-
-    Notes
-    -----
-    The eigenvalues e_k of E = JJᵀ − (n/3)I add up to 0, and Σ 1/(c + e_k) ≤ (n − 6)/t with
-    c = n/3 − t and all c + e_k > 0. The other five have the mean −e/5, so every one of them has
-    1/(c + e) + 25/(5c − e) ≤ (n − 6)/t: it lies between the roots of a quadratic equation. If
-    ½e² − βe³ − γe⁴ ≤ A + Be + C/(c + e) there and C ≥ 0, the sum over k is at most
-    6A + (n − 6)C/t. A linear program on a grid suggests A, B and C; then A grows by what is
-    missing, at the ends and wherever the derivative of the difference is 0.
-    """
-    mean, limit = joints / 3 - t, (joints - 6) / t
-    middle = 2 * mean - 12 / limit
-    root = sqrt(middle**2 + 5 * mean**2 - 30 * mean / limit)
-    ends = np.array([middle - root, middle + root])
-    power = np.polynomial.Polynomial([0.0, 0.0, 0.5, -cubic, -quartic])
-    grid = np.linspace(ends[0], ends[1], _GRID)
-    rows = np.stack([np.ones(_GRID), grid, 1 / (mean + grid)], axis=1)
-    free = (None, None)
-    found = linprog(
-        [6, 0, limit], A_ub=-rows, b_ub=-power(grid), bounds=[free, free, (0, None)]
-    )
-    constant, slope, pole = found.x
-    turning = (power.deriv() - slope) * np.polynomial.Polynomial([mean, 1.0]) ** 2 + pole
-    where = np.clip(np.concatenate([ends, turning.roots().real]), *ends)
-    missing = np.max(power(where) - constant - slope * where - pole / (mean + where))
-    return float(6 * (constant + max(missing, 0.0)) + limit * pole) + 1e-9
-
-
-@dataclass(frozen=True)
-class SpectralDistance:
-    """The function α + β tr E³ + γ tr E⁴ − ρ of rotations (configurations, n, 3, 3).
-
-    Parameters
-    ----------
-    limit, cubic, quartic
-        α, β and γ.
-    """
-
-    limit: float
-    cubic: float
-    quartic: float = 0.0
-
-    def __call__(self, rotations: FloatArray) -> FloatArray:
-        """Return its values, (configurations,)."""
-        jacobians = jacobians_of(rotations)
-        defect = jacobians @ jacobians.swapaxes(1, 2) - jacobians.shape[2] / 3 * np.eye(6)
-        square = defect @ defect
-        cube = np.sum(square * defect, axis=(1, 2))
-        residual = 0.5 * np.trace(square, axis1=1, axis2=2)
-        fourth = np.sum(square**2, axis=(1, 2))
-        return np.asarray(self.limit + self.cubic * cube + self.quartic * fourth - residual)
-
-
-def spectral_families(
-    sectors: Sequence[RowSector | UnsignedSector],
-    t: float,
-    slopes: Sequence[tuple[float, float]] = CUBIC,
-) -> list[BlockFamily]:
-    """Return the blocks of the sectors, each multiplied by α + β tr E³ + γ tr E⁴ − ρ."""
-    blocks = sector_families(sectors, JOINTS)
-    distances = [SpectralDistance(spectral_limit(t, *pair), *pair) for pair in slopes]
-    return [ScaledBlocks(one, distance) for distance in distances for one in blocks]
 
 
 def exclude_with_signs(
@@ -330,9 +250,7 @@ def exclude_with_signs(
         outcome = replace(outcome, multipliers=transformed(refined, transforms))
     clock.append(time.perf_counter())
     seconds = dict(zip(("blocks", "solver"), np.diff(clock).tolist(), strict=True))
-    solved = SolvedRelaxation(
-        families, sampled, sampled, PREDICTOR_CORRECTOR, outcome, seconds, clock[-1]
-    )
+    solved = SolvedRelaxation(families, sampled, sampled, outcome, seconds, clock[-1])
     progress("checking the identity at fresh configurations")
     fresh = np.concatenate(
         [

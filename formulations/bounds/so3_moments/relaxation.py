@@ -70,8 +70,8 @@ class SolvedRelaxation:
         Its blocks.
     sampled, program
         The moment program of the residual, and the program that was solved.
-    solver, outcome
-        The solver and its unchecked answer.
+    outcome
+        The solver's unchecked answer.
     seconds
         Wall time of each phase.
     solved_at
@@ -81,7 +81,6 @@ class SolvedRelaxation:
     families: Sequence[BlockFamily]
     sampled: MomentProgram
     program: MomentProgram
-    solver: str
     outcome: ConicOutcome
     seconds: Mapping[str, float]
     solved_at: float
@@ -118,8 +117,8 @@ class SolvedRelaxation:
             Whether multipliers are scaled to Σ tr X = 1.
         """
         cleaned = [nearest_semidefinite(x) for x in self.multipliers]
-        total = sum(float(np.trace(x)) for x, _ in cleaned) if unit_trace else 1.0
-        scaled = [x / total for x, _ in cleaned]
+        total = sum(float(np.trace(x)) for x in cleaned) if unit_trace else 1.0
+        scaled = [x / total for x in cleaned]
         bound = identity.dual_value(scaled)
         leftover = identity_leftover(self.families, scaled, bound, objective, fresh)
         check = {
@@ -127,26 +126,25 @@ class SolvedRelaxation:
             "leftover": leftover,
             "fresh_configurations": len(fresh),
         }
-        lowest = min(smallest for _, smallest in cleaned)
-        return bound - leftover, self.evidence(how_checked, check, self.multipliers, lowest)
+        return bound - leftover, self.evidence(how_checked, check, self.multipliers)
 
     def evidence(
         self,
         how_checked: str,
         check: Mapping[str, Any] | None = None,
-        multipliers: Sequence[FloatArray] | None = None,
-        smallest_eigenvalue: float | None = None,
+        multipliers: Sequence[FloatArray] = (),
         phase: str = "check",
     ) -> Evidence:
         """Return the evidence, with the time since the solver as that of the last phase."""
-        residual = None if multipliers is None else self.program.dual_residual(multipliers)
+        residual = self.program.dual_residual(multipliers) if multipliers else None
+        lowest = [float(np.linalg.eigvalsh(x)[0]) for x in multipliers]
         return Evidence(
             size=self.sampled.size,
-            solver=self.solver,
+            solver=PREDICTOR_CORRECTOR,
             status=self.outcome.status,
             iterations=self.outcome.iterations,
             dual_residual=None if residual is None else float(np.abs(residual).max()),
-            smallest_eigenvalue=smallest_eigenvalue,
+            smallest_eigenvalue=min(lowest, default=None),
             how_checked=how_checked,
             check=check or {},
             seconds={**self.seconds, phase: time.perf_counter() - self.solved_at},
@@ -159,8 +157,6 @@ def solve_relaxation(
     rng: np.random.Generator,
     *,
     adapt: Callable[[MomentProgram], MomentProgram] = lambda program: program,
-    solver: str = PREDICTOR_CORRECTOR,
-    options: Mapping[str, Any] | None = None,
     gap: float = 1e-9,
     progress: Progress = silent,
 ) -> SolvedRelaxation:
@@ -176,17 +172,10 @@ def solve_relaxation(
         Source of the sampled configurations.
     adapt
         Returns the program to solve, from the one whose objective is the residual.
-    solver, options
-        ``"predictor-corrector"`` or a conic solver known to cvxpy, and the latter's options.
     gap
         Relative gap at which the predictor–corrector method stops.
     progress
         Receives a short message at each step.
-
-    Raises
-    ------
-    InputError
-        If there is no such solver.
     """
     clock = [time.perf_counter()]
     sampled = sampled_program(families, joints, rng, progress)
@@ -194,19 +183,13 @@ def solve_relaxation(
     clock.append(time.perf_counter())
     size = sampled.size
     progress(
-        f"solving with {solver}: {size['moments']} moments, {size['blocks']} blocks, the "
-        f"largest {size['largest_block']}"
+        f"solving with {PREDICTOR_CORRECTOR}: {size['moments']} moments, "
+        f"{size['blocks']} blocks, the largest {size['largest_block']}"
     )
-    if solver == PREDICTOR_CORRECTOR:
-        outcome = solve_with_predictor_corrector(program, gap=gap, progress=progress)
-    else:
-        # cvxpy is slow to import and not always needed.
-        from formulations.bounds.so3_moments.programs.cvxpy_solver import solve_with_cvxpy
-
-        outcome = solve_with_cvxpy(program, solver, options)
+    outcome = solve_with_predictor_corrector(program, gap=gap, progress=progress)
     clock.append(time.perf_counter())
     seconds = dict(zip(("blocks", "solver"), np.diff(clock).tolist(), strict=True))
-    return SolvedRelaxation(families, sampled, program, solver, outcome, seconds, clock[-1])
+    return SolvedRelaxation(families, sampled, program, outcome, seconds, clock[-1])
 
 
 def sampled_program(

@@ -11,12 +11,12 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from fractions import Fraction
 from functools import cache, partial
-from math import inf, nextafter, sqrt
+from math import inf, nextafter
 from typing import Any, TypeAlias
 
 import numpy as np
 
-from formulations.bounds.closed_form import largest_residual, mean_residual
+from formulations.bounds.closed_form import largest_residual, mean_residual, root_above
 from formulations.bounds.so3_moments.blocks.enclosed_localisers import (
     enclosed_krylov_sum,
     enclosed_powers,
@@ -57,7 +57,7 @@ Progress: TypeAlias = Callable[[str], None]
 # Degree that scaling by ρ, or two Krylov vectors and J_f J_fᵀ, adds to that of two rows.
 LOCALISED = 4
 # Candidates and points for each invariant: as many as determine them well.
-_CANDIDATES, _POINTS = 2.08, 1.25
+_CANDIDATES, _POINTS = 2.9, 1.4
 _dimension = cache(invariant_dimension)
 
 
@@ -139,7 +139,7 @@ def verify_bound(
         # Where σ² ≥ t, all sums are ≥ 0 and so 0 ≥ `proved`. Without that, eq. (6) is left.
         impossible = proved > 0
         known = certificate.excluded if impossible else Fraction(certificate.joints - 6, 3)
-        bound, sign = _root_above(Fraction(known)), "≤"
+        bound, sign = root_above(Fraction(known)), "≤"
         enough = impossible and certificate.bound >= bound
         check = {"excluded": certificate.excluded, "margin": -proved, **check}
     name, stated = certificate.quantity, certificate.bound
@@ -304,11 +304,3 @@ def _adapted(family: RowBlocks, squares: BlockSquares) -> AdaptedRows:
         bases = projected_tableaux(one.pivots, exchanges, places, squares.shapes)
         parts.append((number, columns, bases))
     return AdaptedRows(squares.shapes, "mixed", tuple(parts), squares.size, len(parts[0][2]))
-
-
-def _root_above(square: Fraction) -> float:
-    """Return a double that is not below the square root."""
-    root = sqrt(square)
-    while Fraction(root) ** 2 < square:
-        root = nextafter(root, inf)
-    return root

@@ -15,24 +15,23 @@ from typing import Any
 import numpy as np
 import pytest
 
-from formulations.bounds.so3_moments import (
-    fixed_worst_case,
-    rigorous_max_min,
-    rigorous_residual,
-    verification,
-)
+from formulations.bounds.closed_form import root_above
+from formulations.bounds.so3_moments import fixed_worst_case, residual_bound, verification
 from formulations.bounds.so3_moments import reading as format_module
 from formulations.bounds.so3_moments.blocks import sampled_blocks
 from formulations.bounds.so3_moments.blocks.enclosed_localisers import enclosed_residuals
 from formulations.bounds.so3_moments.blocks.sampled_blocks import SectorBlocks, sector_families
 from formulations.bounds.so3_moments.certificate import BoundCertificate
+from formulations.bounds.so3_moments.certifying import search_certificate
 from formulations.bounds.so3_moments.fixed_worst_case import (
     Conditions,
     condition_families,
+    prove_exclusion,
     solve_exclusion,
     without_objective,
 )
 from formulations.bounds.so3_moments.max_min_bound import CONDITIONS, EXCLUDED
+from formulations.bounds.so3_moments.programs.moment_program import MomentProgram
 from formulations.bounds.so3_moments.programs.multipliers import refined_multipliers
 from formulations.bounds.so3_moments.reading import IllFormedError, read_any
 from formulations.bounds.so3_moments.relaxation import solve_relaxation
@@ -46,9 +45,8 @@ from formulations.bounds.so3_moments.representations.young_basis import (
     projected_tableaux,
     young_bases,
 )
-from formulations.bounds.so3_moments.rigorous_max_min import exclusion_certificate
-from formulations.bounds.so3_moments.rigorous_residual import (
-    residual_certificate,
+from formulations.bounds.so3_moments.residual_bound import (
+    RESIDUAL_PRESETS,
     rigorous_residual_bound,
 )
 from formulations.bounds.so3_moments.verification import verify_bound
@@ -67,7 +65,8 @@ def certificate() -> BoundCertificate:
     solved = solve_relaxation(families, 6, np.random.default_rng(0), gap=1e-6)
     multipliers = refined_multipliers(solved.program, solved.multipliers)
     constant = solved.program.dual_value(multipliers)
-    return residual_certificate(families, multipliers, constant, 1e-5)
+    stated = round(constant - 1.5e-5, 8)
+    return search_certificate(families, multipliers, constant, stated, 6)
 
 
 @pytest.fixture
@@ -166,7 +165,7 @@ def test_nothing_is_shared_with_the_search(
     loaded = {name.removeprefix("formulations.") for name in done.stdout.split()}
     room = "bounds.so3_moments"
     assert f"{room}.verification" in loaded
-    for name in ("relaxation", "residual_bound", "rigorous_residual", "programs"):
+    for name in ("relaxation", "residual_bound", "certifying", "programs"):
         assert not any(one.startswith(f"{room}.{name}") for one in loaded)
     assert not any(one.startswith(("cvxpy", "clarabel", "casadi")) for one in loaded)
 
@@ -430,16 +429,22 @@ def test_random_changes_never_prove_too_much(document: dict[str, Any], tmp_path:
             verify_bound(read_any(written(tmp_path / "b.json", document)))
 
 
-def test_the_committed_certificate_is_well_formed() -> None:
-    read = read_any(ROOT / "results" / "bounds" / "certificates" / "residual_compact.json")
+def committed(name: str) -> BoundCertificate:
+    read = read_any(ROOT / "results" / "bounds" / "certificates" / f"{name}.json")
     assert isinstance(read, BoundCertificate)
+    return read
+
+
+@pytest.mark.parametrize("preset", RESIDUAL_PRESETS)
+def test_committed_certificates_of_the_residual_are_well_formed(preset: str) -> None:
+    read = committed(f"residual_{preset}")
     assert (read.quantity, read.joints) == ("residual", 7)
     assert 0.0566 < read.bound < read.constant < 0.0568265457
+    assert {sector for sector, _ in read.sectors} <= set(RESIDUAL_PRESETS[preset])
 
 
 def test_the_committed_certificate_of_max_min_is_well_formed() -> None:
-    read = read_any(ROOT / "results" / "bounds" / "certificates" / "max_min_localised.json")
-    assert isinstance(read, BoundCertificate)
+    read = committed("max_min_localised")
     assert (read.quantity, read.joints, read.excluded) == ("max-min", 7, 0.3279)
     assert Fraction(read.excluded) <= Fraction(read.bound) ** 2 < Fraction(0.3279001)
     assert read.excluded == EXCLUDED["localised"]
@@ -492,17 +497,32 @@ def test_verify_and_bound_on_the_command_line(
     assert len(done.stderr.strip().splitlines()) == 1
 
 
-def test_bound_writes_a_certificate(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_a_rigorous_bound_is_what_its_certificate_states(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
     few = degree_sectors(4, range(1), range(1))
-    monkeypatch.setattr(rigorous_residual, "residual_preset", lambda _: few)
+    monkeypatch.setattr(residual_bound, "residual_preset", lambda _: few)
     path = tmp_path / "folder" / "bound.json"
-    found = rigorous_residual_bound("low", 6, out=path)
+    found = rigorous_residual_bound(joints=6, out=path)
     verified = verify_bound(read_any(path))
-    constant, defect = found.check["claimed_bound"], found.check["defect"]
-    assert verified.claimed == pytest.approx(constant - 1.5 * defect, abs=2e-8)
-    assert verified.claimed < verified.bound < constant
+    assert verified.bound == found.check["verified"]
+    assert -1e-5 < verified.claimed < verified.bound < found.check["constant"]
+    assert (found.kind, found.bound) == ("rigorous", max(0.0, verified.claimed))
     with pytest.raises(FileError):
-        rigorous_residual_bound("low", 6, out=tmp_path)
+        rigorous_residual_bound(joints=6, out=tmp_path)
+
+
+def test_nothing_is_reported_that_was_not_verified(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """With a constant that is 1 too large the solver claims ρ ≥ 1, where 0 is attained."""
+    few = degree_sectors(4, range(1), range(1))
+    monkeypatch.setattr(residual_bound, "residual_preset", lambda _: few)
+    value = MomentProgram.dual_value
+    monkeypatch.setattr(MomentProgram, "dual_value", lambda *given: value(*given) + 1)
+    with pytest.raises(CertificateError, match="prove only"):
+        rigorous_residual_bound(joints=6, out=tmp_path / "bound.json")
+    assert not list(tmp_path.iterdir())
 
 
 # --- max-min -------------------------------------------------------------------------------
@@ -524,7 +544,8 @@ def exclusion() -> BoundCertificate:
     solved = solve_exclusion(families, 7, np.random.default_rng(0))
     multipliers = refined_multipliers(solved.program, solved.multipliers)
     constant = without_objective(solved).dual_value(multipliers)
-    return exclusion_certificate(IMPOSSIBLE, families, multipliers, constant, 7)
+    bound = root_above(Fraction(IMPOSSIBLE))
+    return search_certificate(families, multipliers, constant, bound, 7, IMPOSSIBLE)
 
 
 @pytest.fixture
@@ -670,16 +691,20 @@ def test_other_files_prove_the_exclusion_as_well(
 
 
 def test_a_proof_of_exclusion_writes_its_certificate(
-    exclusion: BoundCertificate, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+    excluding: dict[str, Any], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     """At an attained worst case nothing is excluded, and nothing is written."""
     path = tmp_path / "folder" / "bound.json"
-    with pytest.raises(CertificateError, match="no certificate was written"):
-        rigorous_max_min.prove_exclusion(0.3, SMALL, 7, out=path)
+    with pytest.raises(CertificateError, match=r"not excluded|prove only"):
+        prove_exclusion(0.3, SMALL, 7, out=path)
     assert not path.exists()
     monkeypatch.setattr(fixed_worst_case, "largest_residual", lambda *_: LIMIT)
-    margin, _ = rigorous_max_min.prove_exclusion(IMPOSSIBLE, SMALL, 7, out=path)
-    assert margin < 0
-    assert json.loads(path.read_text())["bound"] == exclusion.bound
+    bound, evidence = prove_exclusion(IMPOSSIBLE, SMALL, 7, out=path)
+    assert bound == excluding["bound"] == verify_bound(read_any(path)).bound
+    assert evidence.check["margin"] < 0
+    value = MomentProgram.dual_value
+    monkeypatch.setattr(MomentProgram, "dual_value", lambda *given: value(*given) + 100)
+    with pytest.raises(CertificateError, match="prove only"):
+        prove_exclusion(IMPOSSIBLE, SMALL, 7)
     with pytest.raises(FileError):
-        rigorous_max_min.prove_exclusion(IMPOSSIBLE, SMALL, 7, out=tmp_path)
+        prove_exclusion(IMPOSSIBLE, SMALL, 7, out=tmp_path)

@@ -158,7 +158,7 @@ def test_the_identity_of_an_exclusion_holds_with_the_plain_average(
     families = condition_families(SMALL, 7, 0.3265)
     rng = np.random.default_rng(0)
     solved = solve_relaxation(families, 7, rng, adapt=margin_program, gap=1e-8)
-    cleaned = [nearest_semidefinite(x)[0] for x in solved.multipliers]
+    cleaned = [nearest_semidefinite(x) for x in solved.multipliers]
     multipliers = [x / sum(np.trace(y) for y in cleaned) for x in cleaned]
     where = so3.haar_rotations(8, 1, 7)
     identity = replace(solved.sampled, objective=np.zeros(solved.sampled.moments))

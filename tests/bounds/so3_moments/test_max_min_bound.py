@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from fractions import Fraction
 from types import SimpleNamespace
 
 import numpy as np
@@ -13,11 +14,11 @@ from formulations.bounds.so3_moments.fixed_worst_case import (
     Conditions,
     condition_families,
     exclude_worst_case,
-    worst_case_limit,
 )
 from formulations.bounds.so3_moments.global_bound import GlobalBound
 from formulations.bounds.so3_moments.max_min_bound import max_min_bound
 from formulations.bounds.so3_moments.representations.row_sectors import RowSector
+from formulations.existence.certificate import CertificateError
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
 
@@ -82,46 +83,34 @@ def test_limits_of_the_spectrum_against_a_search() -> None:
     assert largest_residual(joints, t) == pytest.approx(best, rel=1e-5)
 
 
-def test_closed_form_of_known_residuals() -> None:
-    assert worst_case_limit(7, 0.0568265) == pytest.approx(0.57631, abs=5e-6)
-    assert worst_case_limit(7, 0.0) == pytest.approx(np.sqrt(1 / 3), abs=1e-9)
-    assert worst_case_limit(8, 0.0) == pytest.approx(np.sqrt(2 / 3), abs=1e-9)
+def test_the_limit_falls_and_vanishes_with_eq_6() -> None:
+    values = [largest_residual(7, t) for t in (0.3, 0.32, 0.33, 0.333, 1 / 3)]
+    assert values == sorted(values, reverse=True)
+    assert values[-1] == pytest.approx(0, abs=1e-9)
     assert largest_residual(7, 0.34) == -np.inf
 
 
-def test_a_root_that_was_rounded_down_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(fixed_worst_case, "ROUNDING", -1e-14)
-    with pytest.raises(ArithmeticError, match="exact"):
-        worst_case_limit(7, 0.0568265)
-
-
-def test_eight_joints_reach_the_plain_bound() -> None:
-    result = max_min_bound("low", 8)
+@pytest.mark.parametrize("joints", [8, 9])
+def test_more_joints_reach_the_plain_bound(joints: int) -> None:
+    result = max_min_bound(joints=joints)
     assert result.kind == "closed form"
-    assert result.bound == pytest.approx(np.sqrt(2 / 3), abs=1e-9)
-    assert result.gap == pytest.approx(0, abs=1e-9)
-
-
-def test_seven_joints_with_rows_of_low_degree() -> None:
-    result = max_min_bound("low", 7)
-    assert result.bound == pytest.approx(np.sqrt(1 / 3), abs=1e-4)
-    assert result.gap is not None
-    assert result.gap > 0
-    assert result.gap_percent == pytest.approx(100 * result.gap / result.bound)
+    assert Fraction(joints - 6, 3) <= Fraction(result.bound) ** 2
+    assert result.bound == pytest.approx(np.sqrt((joints - 6) / 3), abs=1e-15)
+    assert result.gap == pytest.approx(0, abs=1e-15)
 
 
 def test_a_gap_points_the_right_way() -> None:
-    below = GlobalBound("residual", 7, "low", "numerical", 0.05, 0.06)
-    above = GlobalBound("max-min", 7, "low", "numerical", 0.6, 0.5)
+    below = GlobalBound("residual", 7, "tight", "numerical", 0.05, 0.06)
+    above = GlobalBound("max-min", 7, "localised", "numerical", 0.6, 0.5)
     assert below.gap == pytest.approx(0.01)
     assert above.gap == pytest.approx(0.1)
-    assert GlobalBound("residual", 7, "low", "numerical", 0.05, None).gap is None
+    assert GlobalBound("residual", 7, "tight", "numerical", 0.05, None).gap is None
 
 
 @pytest.mark.parametrize("joints", [6, 10])
 def test_numbers_of_joints_are_checked(joints: int) -> None:
     with pytest.raises(InputError):
-        max_min_bound("low", joints)
+        max_min_bound(joints=joints)
 
 
 @pytest.mark.parametrize("t", [0.0, float("nan")])
@@ -138,10 +127,14 @@ def test_unknown_presets_are_refused() -> None:
 def test_an_exclusion_needs_a_negative_margin(monkeypatch: pytest.MonkeyPatch) -> None:
     """With conditions that exclude nothing the plain bound is reported."""
     monkeypatch.setattr(max_min_module, "CONDITIONS", SMALL)
-    result = max_min_bound("localised", 7)
+    result = max_min_bound("localised")
     assert result.kind == "closed form"
     assert result.bound == pytest.approx(np.sqrt(1 / 3), abs=1e-9)
     assert result.check["margin"] > -1e-6
+    assert result.gap is not None
+    assert result.gap_percent == pytest.approx(100 * result.gap / result.bound)
+    with pytest.raises(CertificateError):
+        max_min_bound("localised", rigorous=True)
 
 
 def test_an_impossible_worst_case_is_excluded(monkeypatch: pytest.MonkeyPatch) -> None:

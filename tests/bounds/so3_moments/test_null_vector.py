@@ -25,14 +25,16 @@ from formulations.bounds.so3_moments.blocks.null_vector import (
     signs_by_null_vector,
 )
 from formulations.bounds.so3_moments.blocks.sampled_blocks import SectorBlocks
-from formulations.bounds.so3_moments.fixed_worst_case import Conditions
-from formulations.bounds.so3_moments.max_min_bound import max_min_bound
-from formulations.bounds.so3_moments.null_vector_bound import (
+from formulations.bounds.so3_moments.blocks.spectrum import (
     CUBIC,
     QUARTIC,
     SpectralDistance,
-    UnsignedConditions,
     spectral_limit,
+)
+from formulations.bounds.so3_moments.fixed_worst_case import Conditions
+from formulations.bounds.so3_moments.max_min_bound import max_min_bound
+from formulations.bounds.so3_moments.null_vector_bound import (
+    UnsignedConditions,
     unsigned_families,
     unsigned_sectors,
 )

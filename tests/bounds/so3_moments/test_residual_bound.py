@@ -4,13 +4,13 @@ import json
 from collections.abc import Sequence
 from types import ModuleType, SimpleNamespace
 
+import cvxpy as cp
 import numpy as np
 import pytest
 
-from formulations.bounds.so3_moments import relaxation
+from formulations.bounds.so3_moments import relaxation, residual_bound
 from formulations.bounds.so3_moments.blocks import sampled_blocks
 from formulations.bounds.so3_moments.blocks.sampled_blocks import SectorBlocks, sector_families
-from formulations.bounds.so3_moments.programs.cvxpy_solver import solve_with_cvxpy
 from formulations.bounds.so3_moments.programs.moment_program import (
     ConicOutcome,
     MomentProgram,
@@ -31,15 +31,27 @@ from formulations.bounds.so3_moments.relaxation import (
     solve_relaxation,
 )
 from formulations.bounds.so3_moments.representations.row_sectors import RowSector
-from formulations.bounds.so3_moments.residual_bound import (
-    RESIDUAL_PRESETS,
-    residual_bound,
-    residual_preset,
-)
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
 
 LOW = [RowSector(k, c, spin, 4) for k in (0, 2, 4) for c in (0, 2) for spin in (0, 1)]
+
+
+def solve_with_cvxpy(program: MomentProgram, solver: str) -> ConicOutcome:
+    """Return the pseudo-moments and multipliers that a general conic solver finds."""
+    unknowns = cp.Variable(program.moments - 1)
+    conditions = []
+    for block in program.blocks:
+        size = block.shape[1]
+        slopes = block[1:].reshape(program.moments - 1, -1).T
+        value = cp.reshape(slopes @ unknowns + block[0].ravel(), (size, size), order="C")
+        conditions.append(value >> 0)
+    objective = cp.Minimize(program.objective[1:] @ unknowns + program.objective[0])
+    question = cp.Problem(objective, conditions)
+    question.solve(solver=solver)
+    duals = [np.asarray(entry.dual_value) for entry in conditions]
+    symmetric = tuple(0.5 * (entry + entry.T) for entry in duals)
+    return ConicOutcome(np.asarray(unknowns.value), symmetric, question.status)
 
 
 def evaluated(families: Sequence[SectorBlocks], rotations: FloatArray) -> list[FloatArray]:
@@ -187,7 +199,7 @@ def test_a_true_bound_passes_and_a_claimed_one_is_put_right(
     families: Sequence[SectorBlocks],
     so3: SimpleNamespace,
 ) -> None:
-    multipliers = [nearest_semidefinite(x)[0] for x in answer.multipliers]
+    multipliers = [nearest_semidefinite(x) for x in answer.multipliers]
     bound = program.dual_value(multipliers)
     fresh = so3.haar_rotations(6, 20, 7)
     leftover = identity_leftover(families, multipliers, bound, negative_residual, fresh)
@@ -204,7 +216,7 @@ def test_the_identity_holds_with_the_plain_average(
     so3: SimpleNamespace,
     plain: ModuleType,
 ) -> None:
-    multipliers = iter([nearest_semidefinite(x)[0] for x in answer.multipliers])
+    multipliers = iter([nearest_semidefinite(x) for x in answer.multipliers])
     where = so3.haar_rotations(9, 1, 7)
     total = np.zeros(1)
     for family in families:
@@ -222,7 +234,8 @@ def test_a_failed_solver_is_reported(
     solved = solve_relaxation(families, 7, np.random.default_rng(0))
     with pytest.raises(SolverFailureError, match="infeasible"):
         _ = solved.multipliers
-    result = residual_bound("low", 7, solver="predictor-corrector")
+    monkeypatch.setattr(residual_bound, "residual_preset", lambda _: LOW)
+    result = residual_bound.residual_bound()
     assert (result.bound, result.status, result.dual_residual) == (0.0, "infeasible", None)
 
 
@@ -242,12 +255,14 @@ def test_an_objective_outside_of_the_span_is_noticed(
 
 
 @pytest.mark.parametrize("joints", [6, 7, 8])
-def test_rows_of_low_degree_prove_nothing(joints: int) -> None:
-    messages = []
-    result = residual_bound("low", joints, progress=messages.append)
+def test_rows_of_degree_4_prove_nothing(joints: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(residual_bound, "residual_preset", lambda _: residual_bound.DEGREE_4)
+    messages: list[str] = []
+    result = residual_bound.residual_bound(joints=joints, progress=messages.append)
     assert 0 <= result.bound < 1e-6
     assert result.kind == "numerical"
     assert result.check["unchecked_bound"] == pytest.approx(0, abs=1e-5)
+    assert result.smallest_eigenvalue is not None
     assert result.smallest_eigenvalue > -1e-6
     assert any("solving" in line for line in messages)
     assert json.loads(json.dumps(result.to_dict()))["size"]["moments"] == 35
@@ -264,12 +279,12 @@ def test_isotropic_8r_stays_feasible(isotropic_8r: FloatArray, so3: SimpleNamesp
 
 
 def test_presets_and_arguments_are_checked() -> None:
-    fast = RESIDUAL_PRESETS["fast"]
-    assert RowSector(4, 2, 0, 6) in fast
-    assert RowSector(4, 2, 0, 4) not in fast
-    with pytest.raises(InputError, match="fast"):
-        residual_preset("quick")
+    compact = residual_bound.residual_preset("compact")
+    assert RowSector(2, 0, 1, 6) in compact
+    assert RowSector(2, 0, 1, 4) not in compact
+    with pytest.raises(InputError, match="tight"):
+        residual_bound.residual_preset("quick")
     with pytest.raises(InputError):
-        residual_bound("low", 10)
+        residual_bound.residual_bound(joints=10)
     with pytest.raises(InputError):
-        residual_bound("low", 7, solver="NONE")
+        residual_bound.rigorous_residual_bound("quick")

@@ -48,7 +48,7 @@ from nlp.arrays import FloatArray
 def enclosed_product(
     factor: FloatArray, factor_errors: FloatArray, squares: FloatArray, errors: FloatArray
 ) -> EnclosedSum:
-    """Return g·s̄ from computed g, in extended precision or not, and s̄ ≥ 0."""
+    """Return g·s̄ from computed g and s̄ ≥ 0."""
     g = factor.astype(float)
     wrong = factor_errors + UNIT * np.abs(g)
     values = g * squares
@@ -57,14 +57,13 @@ def enclosed_product(
 
 
 def enclosed_residuals(rotations: FloatArray) -> EnclosedSum:
-    """Return ρ = ½‖JJᵀ − (n/3)I‖_F² at each point, with bounds on its rounding error.
+    """Return ρ = ½‖JJᵀ − (n/3)I‖_F² with bounds on its error, of extended rotations.
 
     The entries of J are off by `ROTATION_ENTRY` units, those of JJᵀ by the sum over the
     columns, and a square by twice the entry times that.
     """
     jacobians = jacobians_of(rotations)
-    joints = jacobians.shape[-1]
-    unit = EXTENDED_UNIT if rotations.dtype == np.longdouble else UNIT
+    joints, unit = jacobians.shape[-1], EXTENDED_UNIT
     entry = joints * (2.1 * ROTATION_ENTRY * unit + 1.1 * gamma(joints + 4, unit))
     third = rotations.dtype.type(joints) / 3  # off by a unit, relative
     gram = jacobians @ jacobians.swapaxes(-1, -2) - third * np.eye(6)
@@ -126,7 +125,7 @@ def enclosed_krylov_sum(
     blocks
         A_{T,k} of each block, see `enclosed_powers`.
     rotations
-        The configurations, (configurations, n, 3, 3), in double or extended precision.
+        The configurations, (configurations, n, 3, 3), in extended precision.
     """
     count = len(rotations)
     wigner = wigner_matrices(rotations, family.largest_spin)
@@ -176,11 +175,10 @@ def krylov_forms(
 ) -> tuple[FloatArray, FloatArray]:
     """Return H = Vᵀ(J_f J_fᵀ − tI)V, (configurations, powers, powers), and bounds on its error.
 
-    The bounds are on the Frobenius norm, from those of the rotations on. In the precision of
-    the Jacobians, whose Frobenius norm is √(2n) exactly.
+    The bounds are on the Frobenius norm, from those of the rotations on. All is in extended
+    precision; the Frobenius norm of a Jacobian is √(2n) exactly.
     """
-    joints = jacobians.shape[2]
-    unit = EXTENDED_UNIT if jacobians.dtype == np.longdouble else UNIT
+    joints, unit = jacobians.shape[2], EXTENDED_UNIT
     vectors, kept = krylov_vectors(jacobians, locked)
     form = kept.swapaxes(1, 2) @ kept - jacobians.dtype.type(limit) * (
         vectors.swapaxes(1, 2) @ vectors

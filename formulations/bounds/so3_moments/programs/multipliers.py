@@ -21,16 +21,16 @@ _RELATIVE_STRENGTH = 1e-11
 _ROWS_AT_ONCE = 4000
 
 
-def semidefinite_root(matrix: FloatArray) -> tuple[FloatArray, float]:
-    """Return R with RRᵀ the nearest semidefinite matrix, and the smallest eigenvalue before."""
+def semidefinite_root(matrix: FloatArray) -> FloatArray:
+    """Return R with RRᵀ the nearest semidefinite matrix."""
     values, vectors = np.linalg.eigh(matrix)
-    return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0))), float(values[0])
+    return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
 
 
-def nearest_semidefinite(matrix: FloatArray) -> tuple[FloatArray, float]:
-    """Return the nearest positive semidefinite matrix and the smallest eigenvalue before."""
-    root, lowest = semidefinite_root(0.5 * (matrix + matrix.T))
-    return np.asarray(root @ root.T), lowest
+def nearest_semidefinite(matrix: FloatArray) -> FloatArray:
+    """Return the nearest positive semidefinite matrix."""
+    root = semidefinite_root(0.5 * (matrix + matrix.T))
+    return np.asarray(root @ root.T)
 
 
 def refined_multipliers(
@@ -46,7 +46,7 @@ def refined_multipliers(
     for _ in range(passes):
         gram = np.zeros((len(residual), len(residual)))
         for x, block in zip(current, program.blocks, strict=True):
-            root, _ = semidefinite_root(x)
+            root = semidefinite_root(x)
             scaled = (root.T @ (block[1:] @ root)).reshape(len(residual), -1)
             gram += scaled @ scaled.T
         z = np.linalg.lstsq(gram, residual, rcond=_RELATIVE_RANK)[0]
@@ -70,7 +70,7 @@ def refined_interior_multipliers(
     factorisation instead of the normal equations: twice as many digits.
     """
     current = [np.asarray(x) for x in multipliers]
-    roots = [semidefinite_root(x)[0] for x in current]
+    roots = [semidefinite_root(x) for x in current]
     factor = _triangular_factor(program, roots)
     lengths = np.linalg.norm(factor, axis=0)
     lengths[lengths == 0] = 1.0

@@ -12,48 +12,36 @@ import pytest
 
 from formulations.bounds import closed_form
 from formulations.bounds.closed_form import largest_residual
-from formulations.bounds.so3_moments import fixed_worst_case
-from formulations.bounds.so3_moments import max_min_bound as max_min_module
-from formulations.bounds.so3_moments import rigorous_max_min as rigorous_module
 from formulations.bounds.so3_moments.blocks import enclosed_localisers
 from formulations.bounds.so3_moments.blocks.enclosed_localisers import (
     enclosed_krylov_sum,
     enclosed_powers,
     enclosed_product,
     enclosed_residuals,
+    enclosed_scaled,
     krylov_forms,
+)
+from formulations.bounds.so3_moments.blocks.enclosed_squares import (
+    EnclosedSum,
+    enclosed_block,
+    enclosed_sums,
+)
+from formulations.bounds.so3_moments.blocks.invariant_basis import (
+    invariant_functions,
+    invariant_values,
 )
 from formulations.bounds.so3_moments.blocks.localisers import KrylovLocaliser, ScaledBlocks
 from formulations.bounds.so3_moments.blocks.sampled_blocks import BlockFamily, SectorBlocks
-from formulations.bounds.so3_moments.fixed_worst_case import (
-    Conditions,
-    ResidualDistance,
-    condition_families,
-    solve_exclusion,
-    without_objective,
-)
-from formulations.bounds.so3_moments.global_bound import Evidence
-from formulations.bounds.so3_moments.max_min_bound import max_min_bound
-from formulations.bounds.so3_moments.programs.multipliers import refined_multipliers
+from formulations.bounds.so3_moments.fixed_worst_case import ResidualDistance
 from formulations.bounds.so3_moments.relaxation import residual_values
 from formulations.bounds.so3_moments.representations.row_sectors import RowSector
 from formulations.bounds.so3_moments.representations.wigner import (
     jacobians_of,
     random_rotations,
 )
-from formulations.bounds.so3_moments.rigorous_identity import (
-    check_degrees,
-    conditions_defect,
-    enclosed_condition,
-)
+from formulations.bounds.so3_moments.verification import degree_of
 from nlp.arrays import FloatArray
-from nlp.errors import InputError
 
-SMALL = Conditions(
-    plain=tuple(RowSector(k, 0, 0, 4) for k in (0, 2, 4)),
-    scaled=(RowSector(0, 0, 0, 2), RowSector(2, 0, 0, 2)),
-    krylov=(RowSector(0, 0, 0, 2, 0), RowSector(1, 0, 0, 2, 1)),
-)
 LIMIT = 0.3
 
 
@@ -100,14 +88,11 @@ def exactly(number: Any) -> Fraction:
     return Fraction(float(number)) + Fraction(float(number - float(number)))
 
 
-@pytest.mark.parametrize("precise", [True, False])
-def test_forms_of_krylov_vectors_are_enclosed_at_an_exact_jacobian(precise: bool) -> None:
-    rotations, exact = extended(3, 1, 7), exact_form(exact_jacobian(3, 7), 2)
-    jacobians = jacobians_of(rotations if precise else rotations.astype(float))
-    (form,), (error,) = krylov_forms(jacobians, 2, LIMIT)
+def test_forms_of_krylov_vectors_are_enclosed_at_an_exact_jacobian() -> None:
+    exact = exact_form(exact_jacobian(3, 7), 2)
+    (form,), (error,) = krylov_forms(jacobians_of(extended(3, 1, 7)), 2, LIMIT)
     square = sum((exactly(form[k, m]) - exact[k][m]) ** 2 for k in range(3) for m in range(3))
-    assert 1e-4 * error < sqrt(square) < error
-    assert error < (1e-13 if precise else 1e-9)
+    assert 1e-4 * error < sqrt(square) < error < 1e-13
 
 
 def test_a_sum_is_enclosed_at_an_exact_jacobian() -> None:
@@ -200,15 +185,30 @@ def family(request: pytest.FixtureRequest) -> BlockFamily:
     return request.param()
 
 
-def random_multipliers(family: BlockFamily, seed: int) -> list[FloatArray]:
+def random_roots(family: BlockFamily, seed: int) -> list[FloatArray]:
     rng = np.random.default_rng(seed)
-    roots = [rng.standard_normal((size, size)) for size in family.sizes]
-    return [root @ root.T for root in roots]
+    return [rng.standard_normal((size, size)) for size in family.sizes]
+
+
+def enclosed_condition(
+    family: Any, roots: Sequence[FloatArray], rotations: FloatArray
+) -> EnclosedSum:
+    """Return Σ ⟨LLᵀ, B(x)⟩ over the blocks of plain, scaled or Krylov rows."""
+    if isinstance(family, ScaledBlocks):
+        inner = enclosed_condition(family.family, roots, rotations)
+        distance: Any = family.factor
+        return enclosed_scaled(distance.limit, distance.unit, inner, rotations)
+    if isinstance(family, KrylovLocaliser):
+        return enclosed_krylov_sum(family, enclosed(family, roots), rotations)
+    together = zip(family.blocks, roots, strict=True)
+    blocks = [enclosed_block(family, block, root) for block, root in together]
+    return enclosed_sums(family, blocks, rotations)
 
 
 def test_sums_are_enclosed(family: BlockFamily, plain: ModuleType) -> None:
-    rotations, multipliers = extended(4, 2, 4), random_multipliers(family, 5)
-    found = enclosed_condition(family, multipliers, rotations)
+    rotations, roots = extended(4, 2, 4), random_roots(family, 5)
+    found = enclosed_condition(family, roots, rotations)
+    multipliers = [root @ root.T for root in roots]
     other = plain.plain_condition_sum(family, rotations.astype(float), multipliers)
     # The second way is in double precision, without bounds.
     assert np.all(np.abs(found.values - other) < found.errors + 1e-13 * found.sizes)
@@ -276,7 +276,7 @@ def test_the_distance_from_the_average_over_orders_is_covered(family: BlockFamil
         for _, _, coefficients in block.parts:
             coefficients[0, 0] += 1e-3
     everywhere = rotations[list(permutations(range(4)))]
-    found = enclosed_condition(family, random_multipliers(family, 9), everywhere)
+    found = enclosed_condition(family, random_roots(family, 9), everywhere)
     distance = np.abs(found.values - found.values.mean())
     assert distance.max() > 1e-7 * found.sizes.max()
     assert np.all(distance <= found.errors)
@@ -292,63 +292,31 @@ def test_products_are_enclosed(factor: float) -> None:
     assert product.errors[0] < 1.0001 * (0.5 * 2.25 + abs(factor) * 0.25)
 
 
-def test_too_large_degrees_are_refused(family: BlockFamily) -> None:
-    more = 0 if isinstance(family, SectorBlocks) else 4
-    check_degrees([family], 8 + more)
-    with pytest.raises(InputError, match="degree at most 3"):
-        check_degrees([family], 7 + more)
-    with pytest.raises(InputError, match="degree at most"):
-        conditions_defect([family], [], 1.0, extended(1, 5, 4), degree=6)
+PLAIN, LOCKED = RowSector(2, 0, 0, 2), RowSector(0, 0, 0, 2, 0)
 
 
-def test_unknown_blocks_are_refused() -> None:
-    scaled = ScaledBlocks(SectorBlocks(RowSector(0, 0, 0, 2), 4), residual_values)
-    with pytest.raises(InputError, match="rounding"):
-        enclosed_condition(scaled, random_multipliers(scaled, 1), extended(1, 1, 4))
-    with pytest.raises(InputError, match="blocks of rows"):
-        check_degrees([ScaledBlocks(scaled, residual_values)], 12)
-
-
-def test_the_defect_covers_whatever_is_wrong(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A worst case of 30 is impossible: J_f J_fᵀ ⪰ tI cannot hold."""
-    monkeypatch.setattr(fixed_worst_case, "largest_residual", lambda *_: 90.0)
-    families = condition_families(SMALL, 4, 30.0)
-    solved = solve_exclusion(families, 4, np.random.default_rng(0))
-    multipliers = refined_multipliers(solved.program, solved.multipliers)
-    constant = without_objective(solved).dual_value(multipliers)
-    points = extended(11, 60, 4)
-
-    def defect(
-        factor: float = 1.0, shift: float = 0.0, blocks: Sequence[Any] = families
-    ) -> float:
-        changed = [factor * x for x in multipliers]
-        return conditions_defect(blocks, changed, constant + shift, points, degree=8)["defect"]
-
-    assert constant > 1
-    assert defect() < 1e-5
-    assert defect(shift=-0.1) > 0.1
-    assert defect(factor=1.01) > 1e-3
-    other = condition_families(SMALL, 4, 30.01)
-    assert defect(blocks=other) > 1e-4
-
-
-@pytest.mark.parametrize(("margin", "kind"), [(-1e-7, "rigorous"), (0.0, "closed form")])
-def test_only_a_negative_margin_is_a_proof(
-    margin: float, kind: str, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize(
+    ("family", "degree"),
+    [
+        (SectorBlocks(PLAIN, 4), degree_of([PLAIN])),
+        (
+            ScaledBlocks(SectorBlocks(PLAIN, 4), ResidualDistance(0.1, 8.0)),
+            degree_of([], [PLAIN]),
+        ),
+        (KrylovLocaliser(LOCKED, 4, LIMIT), degree_of([], [], [LOCKED])),
+    ],
+)
+def test_entries_have_the_degree_that_the_proof_assumes(
+    family: BlockFamily, degree: int
 ) -> None:
-    monkeypatch.setattr(
-        max_min_module, "prove_exclusion", lambda *_, **__: (margin, Evidence())
-    )
-    result = max_min_bound("localised", 7, rigorous=True)
-    assert result.kind == kind
-    limit = Fraction(max_min_module.EXCLUDED["localised"]) if margin < 0 else Fraction(1, 3)
-    assert limit < Fraction(result.bound) ** 2 < limit + Fraction(1, 10**9)
+    """They are combinations of the invariants of that degree, and of no smaller one."""
+    rotations = random_rotations(np.random.default_rng(12), 150, 4)
+    entries = np.hstack([block.reshape(150, -1) for block in family.evaluate(rotations)])
 
+    def leftover(degree: int) -> float:
+        basis = invariant_values(invariant_functions(4, degree), rotations, degree)
+        assert basis.shape[1] < 100
+        return float(np.abs(entries - basis @ np.linalg.lstsq(basis, entries)[0]).max())
 
-def test_a_proof_bounds_the_whole_constant(monkeypatch: pytest.MonkeyPatch) -> None:
-    """c + δ is what has to be negative."""
-    details = {"largest_value": 0.0, "defect": 123.0}
-    monkeypatch.setattr(rigorous_module, "conditions_defect", lambda *_, **__: details)
-    margin, evidence = rigorous_module.prove_exclusion(0.3265, SMALL, 7)
-    assert margin == pytest.approx(123.0 + evidence.check["constant"])
-    assert evidence.check["defect"] == 123.0
+    assert leftover(degree) < 1e-10
+    assert leftover(degree - 2) > 1e-3

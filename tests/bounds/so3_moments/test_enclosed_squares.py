@@ -9,7 +9,6 @@ from mpmath import mp, mpf
 from scipy.linalg import hadamard
 from sympy.physics.quantum.cg import CG
 
-from formulations.bounds.so3_moments.blocks.enclosed_localisers import enclosed_residuals
 from formulations.bounds.so3_moments.blocks.enclosed_squares import (
     enclosed_block,
     enclosed_sums,
@@ -44,7 +43,7 @@ from formulations.bounds.so3_moments.representations.wigner import (
     random_rotations,
     wigner_matrices,
 )
-from formulations.bounds.so3_moments.rigorous_identity import conditions_defect
+from formulations.bounds.so3_moments.verification import identity_defect
 from nlp.errors import InputError
 
 
@@ -116,13 +115,9 @@ def test_rounding_is_bounded_by_the_absolute_values_of_the_left_inverse() -> Non
     assert rounding < bound < 1.1 * rounding
 
 
-def test_rows_of_too_large_a_degree_are_refused(low: list[SectorBlocks]) -> None:
-    multipliers = [np.eye(size) for family in low for size in family.sizes]
-    with pytest.raises(InputError, match="degree at most 3"):
-        conditions_defect(low, multipliers, 0.0, configurations(1, 5), degree=6)
-    doubles = configurations(1, 5).astype(float)
+def test_rotations_in_double_precision_are_refused() -> None:
     with pytest.raises(InputError, match="extended precision"):
-        conditions_defect(low, multipliers, 0.0, doubles, degree=8)
+        identity_defect([], 0.0, configurations(1, 5).astype(float), 8)
 
 
 def test_another_dimension_or_too_few_points_are_no_basis() -> None:
@@ -280,15 +275,6 @@ def test_errors_of_wigner_functions_and_rows_stay_below_their_bounds() -> None:
     assert np.linalg.norm(swap @ swap - np.eye(len(swap)), 2) < 3 * exchange_error(rows)
 
 
-def test_residuals_are_off_by_less_than_their_bound(so3: SimpleNamespace) -> None:
-    rotations = so3.haar_rotations(6, 20, 7)
-    turned = so3.haar_rotations(7, 1, 1)[0, 0] @ rotations
-    first, second = map(enclosed_residuals, (rotations, turned))
-    assert np.all(np.abs(first.values - second.values) < first.errors + second.errors)
-    assert first.errors.max() < 1e-11
-    assert first.values == pytest.approx(residual_values(rotations), rel=1e-13)
-
-
 def test_refined_multipliers_satisfy_the_equations_better(
     low: list[SectorBlocks], so3: SimpleNamespace
 ) -> None:
@@ -304,31 +290,3 @@ def test_refined_multipliers_satisfy_the_equations_better(
     before = np.abs(program.dual_residual(noisy)).max()
     assert np.abs(program.dual_residual(fine)).max() < 1e-3 * before
     assert min(np.linalg.eigvalsh(x)[0] for x in fine) > -1e-12
-
-
-@pytest.mark.long
-def test_the_defect_covers_a_claim_that_is_too_large(
-    low: list[SectorBlocks], so3: SimpleNamespace
-) -> None:
-    samples = so3.haar_rotations(10, 160, 7)
-    blocks = [block for family in low for block in family.evaluate(samples)]
-    program = moment_program(residual_values(samples), blocks)
-    found = solve_with_predictor_corrector(program, gap=1e-4).multipliers
-    assert found is not None
-    multipliers = refined_multipliers(program, found)
-    claimed = program.dual_value(multipliers)
-    points = configurations(11, 80)
-
-    def defect(constant: float, scale: float) -> float:
-        scaled = [scale * x for x in multipliers]
-        bounds = conditions_defect(
-            low, scaled, constant, points, objective=enclosed_residuals, degree=8, points=60
-        )
-        assert bounds["basis_defect"] < 0.5
-        return bounds["defect"]
-
-    assert -1e-3 < claimed < 0
-    assert defect(claimed, 1.0) < 1e-6
-    assert defect(claimed + 0.1, 1.0) > 0.1
-    # ρ ≤ 5n²/3, and the sum of squares has the same size.
-    assert defect(claimed, 1.01) > 0.01 * 5 * 49 / 3

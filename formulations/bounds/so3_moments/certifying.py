@@ -1,0 +1,179 @@
+"""A rigorous bound: the certificate of what a search found, verified from its file.
+
+The squares of the certificate are factors L of the solver's multipliers, with P e_i in place of
+the rows of the search (see `certificate`). Nothing of the search is part of the proof: what is
+reported is what `verification` proves from the text of the file.
+"""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TypeAlias
+
+import numpy as np
+import scipy.linalg
+
+from formulations.bounds.so3_moments.blocks.localisers import (
+    POWERS,
+    KrylovLocaliser,
+    ScaledBlocks,
+    krylov_selection,
+)
+from formulations.bounds.so3_moments.blocks.sampled_blocks import BlockFamily, RowBlocks
+from formulations.bounds.so3_moments.certificate import (
+    BlockRows,
+    BlockSquares,
+    BoundCertificate,
+    SectorSquares,
+)
+from formulations.bounds.so3_moments.global_bound import Evidence
+from formulations.bounds.so3_moments.programs.multipliers import semidefinite_root
+from formulations.bounds.so3_moments.reading import read_any
+from formulations.bounds.so3_moments.relaxation import Progress, SolvedRelaxation
+from formulations.bounds.so3_moments.representations.adapted_rows import AdaptedRows
+from formulations.bounds.so3_moments.representations.row_sectors import RowSector
+from formulations.bounds.so3_moments.representations.young_basis import Shapes, first_tableau
+from formulations.bounds.so3_moments.verification import VerifiedBound, verify_bound
+from nlp.arrays import FloatArray
+from nlp.errors import InputError
+
+# Singular values of bases below this, relative, are 0.
+_RANK = 1e-6
+_HOW_CHECKED = (
+    "certificate verified from its file: a sum of squares or localisers by construction; its "
+    "difference from what it should be is an invariant polynomial, bounded everywhere by its "
+    "values at points, all rounding bounded"
+)
+# For shapes and number of labels: pivots i, and the left inverse of the P e_i.
+_Frames: TypeAlias = Mapping[tuple[Shapes, int], tuple[tuple[int, ...], FloatArray]]
+
+
+def verify_search(
+    solved: SolvedRelaxation,
+    multipliers: Sequence[FloatArray],
+    certificate: BoundCertificate,
+    progress: Progress,
+) -> tuple[VerifiedBound, Evidence]:
+    """Write the certificate of a search to a file, verify it from there, and say how it went.
+
+    Raises
+    ------
+    CertificateError
+        If it does not prove what it states.
+    """
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "bound.json"
+        path.write_text(certificate.to_json(), encoding="utf-8")
+        verified = verify_bound(read_any(path), progress=progress)
+    check = {"constant": certificate.constant, "verified": verified.bound, **verified.check}
+    return verified, solved.evidence(_HOW_CHECKED, check, multipliers, phase="verification")
+
+
+def search_certificate(
+    families: Sequence[BlockFamily],
+    multipliers: Sequence[FloatArray],
+    constant: float,
+    bound: float,
+    joints: int,
+    excluded: float | None = None,
+) -> BoundCertificate:
+    """Return the certificate of a bound, from multipliers X of the blocks B of a search.
+
+    Parameters
+    ----------
+    families, multipliers
+        Of ρ − `constant` = Σ ⟨X, B(x)⟩, or −`constant` = Σ ⟨X, B(x)⟩ if there is a worst case
+        to exclude.
+    constant, bound, joints, excluded
+        As of `BoundCertificate`: of max-min where `excluded` is given.
+
+    Raises
+    ------
+    InputError
+        If there are other blocks than those that a certificate can hold.
+    """
+    parts: dict[str, list[SectorSquares]] = {"sectors": [], "scaled": [], "krylov": []}
+    remaining = iter(multipliers)
+    for family in families:
+        rows = family.family if isinstance(family, ScaledBlocks) else family
+        if not isinstance(rows, RowBlocks):
+            raise InputError("families", type(rows).__name__, "blocks of rows")
+        name = "krylov" if isinstance(rows, KrylovLocaliser) else "sectors"
+        own = [next(remaining) for _ in rows.blocks]
+        parts["scaled" if rows is not family else name] += _squares(rows, own)
+    return BoundCertificate(
+        "residual" if excluded is None else "max-min",
+        joints,
+        bound,
+        constant,
+        tuple(parts["sectors"]),
+        excluded,
+        tuple(parts["scaled"]),
+        tuple(parts["krylov"]),
+    )
+
+
+def _squares(family: RowBlocks, multipliers: Sequence[FloatArray]) -> list[SectorSquares]:
+    """Return the squares of a family, nothing if all its multipliers are 0."""
+    sector = family.sector
+    if not isinstance(sector, RowSector):
+        raise InputError("families", sector, "invariant under the signs of the columns")
+    frames = _frames(family)
+    blocks = []
+    for block, multiplier in zip(family.blocks, multipliers, strict=True):
+        root = semidefinite_root(multiplier)
+        factor = root[:, root.any(axis=0)]
+        if factor.size:
+            blocks.append(_block_squares(family, block, factor, frames))
+    return [(sector, tuple(blocks))] if blocks else []
+
+
+def _frames(family: RowBlocks) -> _Frames:
+    """Return the frames of a family.
+
+    Blocks that are even and odd under conjugation share what belongs to the first tableau.
+    """
+    together: dict[tuple[Shapes, int], list[FloatArray]] = {}
+    for block in family.blocks:
+        start = first_tableau(block.shapes)
+        for number, _, coefficients in block.parts:
+            together.setdefault((block.shapes, number), []).append(coefficients[start])
+    frames = {}
+    for key, parts in together.items():
+        vectors, values, _ = np.linalg.svd(np.hstack(parts), full_matrices=False)
+        vectors = vectors[:, values > _RANK * values[0]]
+        order = scipy.linalg.qr(vectors.T, mode="r", pivoting=True)[1]
+        pivots = sorted(int(i) for i in order[: vectors.shape[1]])
+        # P = vectors · vectorsᵀ.
+        frames[key] = tuple(pivots), np.linalg.inv(vectors[pivots].T) @ vectors.T
+    return frames
+
+
+def _block_squares(
+    family: RowBlocks, block: AdaptedRows, factor: FloatArray, frames: _Frames
+) -> BlockSquares:
+    """Return the same squares with P e_i in place of the block's own rows."""
+    start = first_tableau(block.shapes)
+    changes: dict[int, FloatArray] = {}
+    for number, place, coefficients in block.parts:
+        pivots, inverse = frames[block.shapes, number]
+        change = changes.setdefault(number, np.zeros((len(pivots), block.size)))
+        change[:, place.start : place.stop] += inverse @ coefficients[start]
+    rows = tuple(
+        BlockRows(family.rows[number].parts, frames[block.shapes, number][0])
+        for number in changes
+    )
+    change = np.vstack(list(changes.values()))
+    if not isinstance(family, KrylovLocaliser):
+        return BlockSquares(block.shapes, rows, change @ factor)
+    # The rows of the factor are those of r_0, r_1 and r_2.
+    chosen, powers = family.selection(block)
+    places = BlockSquares(block.shapes, rows, change).columns
+    columns = zip(places, (sum(entry.labels, ()) for entry in rows), strict=True)
+    allowed, by_power = krylov_selection(columns, len(change), family.sector.degree)
+    parts = []
+    for power in range(POWERS):
+        own = np.zeros((block.size, factor.shape[1]))
+        own[chosen[powers == power]] = factor[powers == power]
+        parts.append((change @ own)[allowed[by_power == power]])
+    return BlockSquares(block.shapes, rows, np.vstack(parts))
