@@ -1,7 +1,11 @@
 """Entry point of ``lockedjoint`` and of ``python -m formulations``."""
 
+import _thread
 import os
+import signal
 import sys
+import threading
+from types import FrameType
 
 USAGE_ERROR = 2
 BROKEN_PIPE = 1
@@ -10,12 +14,42 @@ INTERRUPTED = 130
 
 def main() -> None:
     """Run the command line; whatever is wrong with the input is one sentence."""
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+        signal.signal(signal.SIGINT, _interrupt)
     try:
         status = _run()
-    except KeyboardInterrupt:
+    except (KeyboardInterrupt, ImportError, SystemError) as error:
+        if not _is_interrupt(error):
+            raise
         sys.stderr.write("Interrupted.\n")
         status = INTERRUPTED
+        # Where it passed through code that `exec` ran, as dataclasses do, Python remembers it
+        # and would end with another status; it forgets when it runs other such code.
+        exec("")
     sys.exit(status)
+
+
+def _interrupt(_: int, frame: FrameType | None) -> None:
+    """Raise KeyboardInterrupt, a little later where an exception would be swallowed.
+
+    Extension modules swallow one while they are imported, and CasADi one in what it calls.
+    """
+    innermost = frame
+    while frame is not None:
+        file = frame.f_code.co_filename
+        called_by_casadi = frame is not innermost and file.endswith("casadi.py")
+        if called_by_casadi or file.startswith("<frozen importlib"):
+            threading.Timer(0.02, _thread.interrupt_main).start()
+            return
+        frame = frame.f_back
+    raise KeyboardInterrupt
+
+
+def _is_interrupt(error: BaseException | None) -> bool:
+    """Whether this is a Ctrl-C, or what an extension module or CasADi made of it."""
+    while error is not None and not isinstance(error, KeyboardInterrupt):
+        error = error.__cause__ or error.__context__
+    return error is not None
 
 
 def _run() -> int:

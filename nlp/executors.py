@@ -64,7 +64,7 @@ class LocalExecutor(Executor):
     def __init__(self, workers: int) -> None:
         self.size = min(workers, _PER_CORE * default_workers())
         self.capacity = self.size + 1  # one waits, for whichever process is ready first
-        self._under_way: set[Future[Any]] = set()
+        self._under_way: set[object] = set()
         with _idle_lock:
             kept = _idle.get(self.size)
             self._processes = kept.pop() if kept else None
@@ -77,6 +77,8 @@ class LocalExecutor(Executor):
         WorkerError
             If no process can be started.
         """
+        began = object()  # a Ctrl-C may come before there is a future
+        self._under_way.add(began)
         try:
             future = self._submit(call, *arguments, **more)
         except BrokenExecutor:
@@ -84,6 +86,7 @@ class LocalExecutor(Executor):
             future = self._submit(call, *arguments, **more)
         self._under_way.add(future)
         future.add_done_callback(self._under_way.discard)
+        self._under_way.discard(began)
         return future
 
     def __exit__(

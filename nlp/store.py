@@ -336,16 +336,16 @@ class Store(AbstractContextManager["Store", None]):
         except InputError:
             raise
         except (sqlite3.Error, OSError, ValueError, OverflowError) as reason:
+            said = getattr(reason, "strerror", None) or str(reason)
             code = int(getattr(reason, "sqlite_errorcode", 0)) & 0xFF
             damaged = code in (sqlite3.SQLITE_ERROR, sqlite3.SQLITE_CORRUPT)
-            allowed = f"the file of a campaign, in a folder to write to ({reason})"
+            allowed = f"the file of a campaign, in a folder to write to ({said})"
             if damaged:
-                allowed = f"one that is intact ({reason})"
-            elif "full" in str(reason) or "disk I/O" in str(reason):
-                allowed = f"a file on a disk with room ({reason}); what it holds is kept"
-            raise (StoreError if damaged else FileError)(
-                "store", str(self.path), allowed
-            ) from None
+                allowed = f"one that is intact ({said})"
+            elif "full" in said or "disk I/O" in said:
+                allowed = f"a file on a disk with room ({said}); what it holds is kept"
+            kind = StoreError if damaged else FileError
+            raise kind("store", str(self.path), allowed) from None
 
 
 def _fits(kind: Kind, value: Value) -> bool:

@@ -728,7 +728,6 @@ show valid.db --where nothing=1
 show valid.db --where joints
 show valid.db --where ''
 show valid.db --where joints=x
-show valid.db --where joints={e64}
 show valid.db --where joints={n5000}
 show valid.db --where score=nan
 show valid.db --where jacobian=1

@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from formulations.joints.models import arm
+from formulations.registry import bound
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -52,7 +53,7 @@ def test_the_table_is_the_committed_comparison(comparison, line, key):
 
 def test_the_bounds_are_those_on_record():
     record = json.loads((ROOT / "formulations/bounds/record.json").read_text("utf-8"))
-    bound = min(
+    limit = min(
         one["bound"]
         for one in record
         if (one["quantity"], one["kind"]) == ("max-min", "rigorous")
@@ -69,12 +70,12 @@ def test_the_bounds_are_those_on_record():
     lever = arm("lever-revolute", 7)
     # Rounded up: a bound holds as it is printed.
     for shown, exact in (
-        (unit, bound),
+        (unit, limit),
         (isotropic, bound("isotropy", lever).value),
         (free, bound("max-min", lever).value),
     ):
         assert exact <= float(shown) < exact + 1e-5
-    assert float(gap) == pytest.approx(100 * (1 - best / bound), abs=0.006)
+    assert float(gap) == pytest.approx(100 * (1 - best / limit), abs=0.006)
 
 
 def test_every_link_and_picture_is_there():

@@ -14,6 +14,7 @@ from formulations.joints.arm import Arm
 from formulations.joints.kinds import LeverRevolute, Prismatic, UnitRevolute
 from formulations.joints.models import arm
 from formulations.registry import bound
+from nlp.errors import InputError
 
 ROOT = Path(__file__).parents[2]
 SEVEN = Arm.of(UnitRevolute(), 7)
@@ -50,7 +51,8 @@ def test_seven_unit_revolute_joints():
     none = bound("isotropy", SEVEN)
     assert none.kind == "exact proof"
     assert np.isnan(none.value)
-    assert bound("isotropy", SEVEN, kind="numerical") is None
+    with pytest.raises(InputError, match="numerical bound of its own: residual, max-min"):
+        bound("isotropy", SEVEN, kind="numerical")
 
 
 @pytest.mark.parametrize(
@@ -107,7 +109,8 @@ def test_the_record_is_for_unit_revolute_joints_only():
         Arm((*[UnitRevolute()] * 6, Prismatic())),
     ):
         assert bound("residual", other) == Bound(0.0, "closed form")
-        assert bound("max-min", other, kind="numerical") is None
+        with pytest.raises(InputError, match="none for this arm"):
+            bound("max-min", other, kind="numerical")
 
 
 def test_gap_in_percent_of_the_bound():

@@ -41,18 +41,18 @@ def test_the_largest_level_is_the_worst_eigenvalue(name, locked):
         constraints=encoded.constraints,
         lower=np.concatenate([[0.0], encoded.lower]),
     )
-    solution = solve(problem, np.concatenate([[start], encoded.lift(matrix, start)]))
+    solution = solve(problem, np.concatenate([[start], encoded.complete_start(matrix, start)]))
     assert solution.variables[0] == pytest.approx(truth, abs=1e-5)
 
 
 @pytest.mark.parametrize("name", ENCODINGS)
 @given(seed=st.integers(0, 10_000), locked=st.sampled_from([1, 2]))
-def test_lift_meets_every_constraint_below_the_worst_eigenvalue(name, seed, locked):
+def test_starts_meet_every_constraint_below_the_worst_eigenvalue(name, seed, locked):
     matrix = np.random.default_rng(seed).normal(size=(2, 5))
     t, sets, encoded = encode(matrix, name, locked)
     truth = min(smallest(matrix, columns) for columns in sets)
     level = 0.5 * truth
-    point = encoded.lift(matrix, level)
+    point = encoded.complete_start(matrix, level)
     assert np.all(point >= encoded.lower)
     for block in encoded.constraints:
         value = ca.Function("g", [t, encoded.variables], [block.expression])(level, point)
@@ -68,6 +68,6 @@ def test_shared_factor_is_violated_above_the_worst_eigenvalue():
     truth = min(smallest(matrix, columns) for columns in sets)
     level = min(1.05 * truth, 0.99 * np.linalg.eigvalsh(matrix @ matrix.T)[0])
     assert level > truth
-    point = encoded.lift(matrix, level)
+    point = encoded.complete_start(matrix, level)
     lengths = ca.Function("g", [t, encoded.variables], [encoded.constraints[1].expression])
     assert np.max(np.array(lengths(level, point))) > 1

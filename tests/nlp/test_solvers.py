@@ -1,16 +1,13 @@
 """The solvers by name agree; compiled callbacks are made once, and are never needed."""
 
-import os
 import subprocess
 import sys
-from pathlib import Path
 
 import casadi as ca
 import numpy as np
 import pytest
 
 from nlp import compiled, generated
-from nlp.compiled import shared_library
 from nlp.errors import InputError, SolverOptionError
 from nlp.problem import Constraint, Derivatives, Problem, Stage
 from nlp.solver import Solver
@@ -87,39 +84,6 @@ def test_the_cache_is_found_by_other_processes(cache):
     )
     subprocess.run([sys.executable, "-c", code], check=True)
     assert [p.stat().st_mtime_ns for p in cache.iterdir()] == [made]
-
-
-@pytest.mark.parametrize("change", [lambda c: c[:0], lambda c: c[:5000], lambda c: c[::-1]])
-def test_a_library_that_was_cut_off_or_changed_is_made_again(cache, change):
-    path = Path(shared_library(TWICE))
-    sound = path.read_bytes()
-    path.write_bytes(change(sound))
-    again = shared_library(TWICE)
-    assert again.read_bytes() == sound
-    assert ca.external("twice", str(again))(21) == 42
-    assert list(cache.iterdir()) == [again]
-
-
-@pytest.mark.parametrize(
-    ("place", "mode"), [("lockedjoint", 0o720), ("lockedjoint", 0o702), (".", 0o777)]
-)
-def test_a_cache_that_others_can_write_to_is_not_used(cache, place, mode):
-    shared_library(TWICE)
-    (cache.parent / place).chmod(mode)
-    with pytest.warns(RuntimeWarning, match="nobody else can write to") as said:
-        assert shared_library(TWICE) is None
-    assert len(said) == 1
-    (cache.parent / place).chmod(mode | 0o1000)  # others cannot rename what they do not own
-    if place == ".":
-        assert shared_library(TWICE) is not None
-
-
-def test_a_cache_of_another_user_is_not_used(cache, monkeypatch):
-    shared_library(TWICE)
-    user = os.geteuid() + 1
-    monkeypatch.setattr(os, "geteuid", lambda: user)
-    with pytest.warns(RuntimeWarning, match="nobody else can write to"):
-        assert shared_library(TWICE) is None
 
 
 @pytest.mark.parametrize(

@@ -13,12 +13,12 @@ import numpy as np
 import pytest
 
 from formulations.joints.models import arm
-from formulations.plot import figure_1, optima, trade_off
+from formulations.plot import optima, trade_off
 from formulations.plot.figures import FIGURES
 from formulations.plot.picture import Request
 from formulations.registry import bound
 from formulations.reproduction import reference
-from formulations.solving import record, solve, trade_off_curve
+from formulations.solving import record, solve
 
 STARTS = {"figure-1": 3, "figure-3": 8, "trade-off": 2, "optima": 2}
 RECORDS = []
@@ -41,14 +41,13 @@ def unfinished(one):
 def drawn():
     """Every figure that the command knows, by name."""
 
-    def judge(run, *arguments, **keywords):
-        found = record.judge(run, *arguments, **keywords)
-        RECORDS.append(unfinished(found) if run.index == 0 else found)
+    def judge(*arguments, **keywords):
+        found = record.judge(*arguments, **keywords)
+        RECORDS.append(unfinished(found) if found.index == 0 else found)
         return RECORDS[-1]
 
     with pytest.MonkeyPatch.context() as patch:
-        for module in (figure_1, solve, trade_off_curve):
-            patch.setattr(module, "judge", judge)
+        patch.setattr(solve, "judge", judge)
         patch.setattr(trade_off.make, "__defaults__", (3,))  # points of each curve
         return {
             name: kind.make(Request(starts=STARTS.get(name, 2)))
