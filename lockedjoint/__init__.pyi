@@ -25,14 +25,13 @@ from formulations.joints.models import register_joint as register_joint
 from formulations.measures.assessment import Assessment as Assessment
 from formulations.measures.assessment import measure as measure
 from formulations.measures.canonical import canonical_form as canonical_form
-from formulations.measures.canonical import distinct as distinct
 from formulations.measures.unequal_failures import FailureModel as FailureModel
 
 # Figures: of what is computed.
 from formulations.plot.values import plot as plot
 
 # Robots: from a Jacobian to a robot, and from a robot to its Jacobian.
-from formulations.realise.choice import choose as choose
+from formulations.realise.choice import choose_arrangement as choose_arrangement
 from formulations.realise.from_jacobian import realise as realise
 from formulations.realise.write_urdf import urdf as urdf
 from formulations.registry import bound as bound
@@ -47,7 +46,7 @@ from formulations.robots.read_robot import read_robot as read_robot
 from formulations.robots.read_urdf import read_urdf as read_urdf
 from formulations.robots.robot_arm import RobotArm as RobotArm
 from formulations.robots.robot_assessment import RobotAssessment as RobotAssessment
-from formulations.robots.robot_assessment import assess as assess
+from formulations.robots.robot_assessment import measure_robot as measure_robot
 from formulations.robots.structural import StructuralFailure as StructuralFailure
 from formulations.robots.structural import structural_failures as structural_failures
 from formulations.robots.waypoints import read_waypoints as read_waypoints

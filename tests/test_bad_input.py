@@ -524,64 +524,64 @@ figure optima --out a.svg --store .
 figure optima --out a.svg --store valid.db --starts 3
 figure optima --out a.svg --store valid.db --seed 3
 # robots
-assess
-assess missing.urdf
-assess missing.csv
-assess missing.xml
-assess valid.csv
-assess valid.json
-assess dh.csv
-assess dh.csv --tip nothing
-assess mjcf.xml --tip nothing
-assess mjcf.xml --base nothing
-assess .
-assess arm.urdf --tip nothing
-assess arm.urdf --tip ''
-assess arm.urdf --base nothing
-assess arm.urdf --base l7
-assess arm.urdf --locked 0
-assess arm.urdf --locked 7
-assess arm.urdf --locked {e64}
-assess long.urdf --locked 12
-assess arm.urdf --length 0
-assess arm.urdf --length inf
-assess arm.urdf --length 1e-300
-assess arm.urdf --length 1e308
-assess arm.urdf --task nothing
-assess arm.urdf --task ''
-assess arm.urdf --task vx,vx
-assess arm.urdf --frame nothing
-assess arm.urdf --point 1,2
-assess arm.urdf --point 1,2,3,4
-assess arm.urdf --point a,b,c
-assess arm.urdf --point nan,0,0
-assess arm.urdf --point 1_0,0,0
-assess arm.urdf --point ٣,0,0
-assess arm.urdf --held j0=0_1
-assess arm.urdf --configuration 0,0,0,0,0,0,0_1
-assess digits_arm.urdf
-assess arm.urdf --point 1e308,1e308,0
-assess arm.urdf --point {n400},0,0
-assess arm.urdf --held nothing=1
-assess arm.urdf --held j0
-assess arm.urdf --held j0=x
-assess arm.urdf --held j0=1e308
-assess arm.urdf --held j0=0 --held j0=1
-assess arm.urdf --configuration 1,2
-assess arm.urdf --configuration ''
-assess arm.urdf --configuration j0=9
-assess arm.urdf --configuration j0=nan
-assess arm.urdf --configuration j0=0,j0=1
-assess arm.urdf --configuration nothing=0
-assess arm.urdf --configuration 0,0,0,0,0,0,1e308
-assess arm.urdf --configuration 0,0,0,0,0,0,{n400}
-assess arm.urdf --configuration missing.json
-assess arm.urdf --configuration array3d.json
-assess arm.urdf --configuration huge.json
-assess arm.urdf --configuration digits.json
-assess arm.urdf --configuration deep.json
-assess arm.urdf --out valid.csv/a.json
-assess arm.urdf --out .
+measure-robot
+measure-robot missing.urdf
+measure-robot missing.csv
+measure-robot missing.xml
+measure-robot valid.csv
+measure-robot valid.json
+measure-robot dh.csv
+measure-robot dh.csv --tip nothing
+measure-robot mjcf.xml --tip nothing
+measure-robot mjcf.xml --base nothing
+measure-robot .
+measure-robot arm.urdf --tip nothing
+measure-robot arm.urdf --tip ''
+measure-robot arm.urdf --base nothing
+measure-robot arm.urdf --base l7
+measure-robot arm.urdf --locked 0
+measure-robot arm.urdf --locked 7
+measure-robot arm.urdf --locked {e64}
+measure-robot long.urdf --locked 12
+measure-robot arm.urdf --length 0
+measure-robot arm.urdf --length inf
+measure-robot arm.urdf --length 1e-300
+measure-robot arm.urdf --length 1e308
+measure-robot arm.urdf --task nothing
+measure-robot arm.urdf --task ''
+measure-robot arm.urdf --task vx,vx
+measure-robot arm.urdf --frame nothing
+measure-robot arm.urdf --point 1,2
+measure-robot arm.urdf --point 1,2,3,4
+measure-robot arm.urdf --point a,b,c
+measure-robot arm.urdf --point nan,0,0
+measure-robot arm.urdf --point 1_0,0,0
+measure-robot arm.urdf --point ٣,0,0
+measure-robot arm.urdf --held j0=0_1
+measure-robot arm.urdf --configuration 0,0,0,0,0,0,0_1
+measure-robot digits_arm.urdf
+measure-robot arm.urdf --point 1e308,1e308,0
+measure-robot arm.urdf --point {n400},0,0
+measure-robot arm.urdf --held nothing=1
+measure-robot arm.urdf --held j0
+measure-robot arm.urdf --held j0=x
+measure-robot arm.urdf --held j0=1e308
+measure-robot arm.urdf --held j0=0 --held j0=1
+measure-robot arm.urdf --configuration 1,2
+measure-robot arm.urdf --configuration ''
+measure-robot arm.urdf --configuration j0=9
+measure-robot arm.urdf --configuration j0=nan
+measure-robot arm.urdf --configuration j0=0,j0=1
+measure-robot arm.urdf --configuration nothing=0
+measure-robot arm.urdf --configuration 0,0,0,0,0,0,1e308
+measure-robot arm.urdf --configuration 0,0,0,0,0,0,{n400}
+measure-robot arm.urdf --configuration missing.json
+measure-robot arm.urdf --configuration array3d.json
+measure-robot arm.urdf --configuration huge.json
+measure-robot arm.urdf --configuration digits.json
+measure-robot arm.urdf --configuration deep.json
+measure-robot arm.urdf --out valid.csv/a.json
+measure-robot arm.urdf --out .
 posture
 view missing.urdf
 view arm.urdf --port 65536
@@ -640,8 +640,8 @@ posture arm.urdf --never-fails nothing
 posture arm.urdf --never-fails 0,1,2,3,4,5,6
 posture arm.urdf --goal nothing
 posture arm.urdf --goal expected
-assess arm.urdf --failure-probabilities x
-assess arm.urdf --never-fails 9
+measure-robot arm.urdf --failure-probabilities x
+measure-robot arm.urdf --never-fails 9
 path arm.urdf
 path arm.urdf --waypoints missing.csv
 path missing.urdf --waypoints valid.csv
@@ -996,11 +996,11 @@ READERS = {
         "figure singular-values --out a.svg --jacobian *",
     ),
     "valid.npy": ("measure *", "realise *", "figure singular-values --out a.svg --jacobian *"),
-    "valid.json": ("measure *", "realise *", "assess arm.urdf --configuration *"),
+    "valid.json": ("measure *", "realise *", "measure-robot arm.urdf --configuration *"),
     "valid.toml": ("campaign * --store new.db",),
-    "arm.urdf": ("assess *", "posture *", "workspace *", "path * --waypoints way.csv"),
-    "dh.csv": ("assess * --task position",),
-    "mjcf.xml": ("assess * --task vx",),
+    "arm.urdf": ("measure-robot *", "posture *", "workspace *", "path * --waypoints way.csv"),
+    "dh.csv": ("measure-robot * --task position",),
+    "mjcf.xml": ("measure-robot * --task vx",),
     "valid.db": ("show *", "join new.db *", "figure optima --out a.svg --store *"),
     "certificate.json": ("verify *",),
 }
@@ -1114,7 +1114,7 @@ def test_there_are_enough():
     print(len(CASES), "cases")
     assert len(CASES) >= 300
     commands = {words[0] for words in CASES}
-    assert set(COMMANDS) <= commands
+    assert {name.replace("_", "-") for name in COMMANDS} <= commands
 
 
 # A digit or a name becomes something else; each is refused by every option that takes a number.
@@ -1132,7 +1132,7 @@ NUMBERS = [
         "verify": "samples",
         "measure valid.csv": "locked tolerance",
         "realise valid.csv": "length tolerance pick seed samples shortlist radius",
-        "assess arm.urdf": "locked length",
+        "measure-robot arm.urdf": "locked length",
         "posture arm.urdf": "locked length starts seed workers",
         "view arm.urdf": "port length starts seed",
         "workspace arm.urdf": "voxel slice",

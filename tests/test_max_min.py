@@ -10,7 +10,7 @@ from formulations.encodings.factors import ENCODINGS
 from formulations.joints.arm import Arm
 from formulations.joints.kinds import LeverRevolute, Prismatic
 from formulations.joints.models import arm
-from formulations.measures.canonical import distinct
+from formulations.measures.canonical import group_equivalent
 from formulations.measures.unequal_failures import FailureModel
 from formulations.reproduction.reference import planar_4r
 from nlp.errors import InputError
@@ -79,8 +79,8 @@ def test_two_locked_joints_find_the_square(model, encoding):
         [np.sqrt(2) * np.sin(np.pi / 8)] * 5, abs=1e-6
     )
     found = [run.solution.outputs["jacobian"] for run in study.results]
-    assert len(distinct([*found, np.sqrt(2) * planar_4r(np.pi / 4)[:2]])) == 1
-    assert len(distinct([found[0], np.sqrt(2) * planar_4r(0.1)[:2]])) == 2
+    assert len(group_equivalent([*found, np.sqrt(2) * planar_4r(np.pi / 4)[:2]])) == 1
+    assert len(group_equivalent([found[0], np.sqrt(2) * planar_4r(0.1)[:2]])) == 2
 
 
 def test_two_locked_joints_of_six_find_the_icosahedron():

@@ -25,8 +25,7 @@ from formulations.io.table import Table, read_rows
 from formulations.realise.criteria import CRITERIA, Sampling
 from formulations.realise.family import Arrangements, family
 from formulations.realise.from_jacobian import realise
-from formulations.reproduction.row import Row as ReproductionRow
-from formulations.reproduction.row import Verdict
+from formulations.reproduction.row import ReproductionRow, Verdict
 from formulations.robots.kinematics import Kinematics
 from formulations.robots.planar_workspace import Planar3R
 from formulations.robots.survival import survivors
@@ -34,17 +33,15 @@ from formulations.studies import bounds as bounds_study
 from formulations.studies import existence as existence_study
 from formulations.studies.benchmark.study import growth, targets
 from formulations.studies.bounds import RUNS, BoundRow, RelaxationRow, Source, row_of
-from formulations.studies.comparison import Row as ComparisonRow
-from formulations.studies.failures import Row as FailureRow
+from formulations.studies.comparison import ComparisonRow
+from formulations.studies.failures import FailureRow
 from formulations.studies.front_page import formulation_table, learned, read_all
 from formulations.studies.pages import groups
-from formulations.studies.paths import PATHS
-from formulations.studies.paths import Row as PathRow
-from formulations.studies.robots import Row as RobotRow
+from formulations.studies.paths import PATHS, PathRow
+from formulations.studies.robots import RobotRow
 from formulations.studies.running import STUDIES
 from formulations.studies.study import Effort
-from formulations.studies.workspaces import FINAL_POINTS, HALF, OrderRow
-from formulations.studies.workspaces import Row as WorkspaceRow
+from formulations.studies.workspaces import FINAL_POINTS, HALF, OrderRow, WorkspaceRow
 
 RESULTS = Path(__file__).parents[1] / "results"
 FRONT = (RESULTS / "README.md").read_text(encoding="utf-8")

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from formulations import manipulability
-from formulations.atlas.entry import RESOLUTION, Entry, Found, Page, entries, entry
+from formulations.atlas.entry import RESOLUTION, Entry, EntryPage, Found, entries, entry
 from formulations.atlas.local_optimality import local_optimality
 from formulations.measures.canonical import canonical_form
 from nlp.arrays import FloatArray
@@ -42,7 +42,7 @@ def checked_folder(where: Path | None) -> Path | None:
     return where
 
 
-def read_page(path: Path) -> Page:
+def read_page(path: Path) -> EntryPage:
     """Read an entry's file; what it says is checked by `problem_of`.
 
     Raises
@@ -66,7 +66,7 @@ def read_page(path: Path) -> Page:
             {"value": _value(one["value"]), "found": vars(_found(one["found"]))}
             for one in content["history"]
         )
-        return Page(
+        return EntryPage(
             asked,
             jacobian,
             _value(content["value"]),
@@ -95,7 +95,7 @@ def _found(given: Mapping[str, Any]) -> Found:
     return Found(**values)
 
 
-def pages(where: Path | None = None) -> Iterator[Page]:
+def pages(where: Path | None = None) -> Iterator[EntryPage]:
     """Read all entries that a folder holds, in the order of `entries`."""
     for name in entries():
         path = (where or folder()) / f"{name}.json"
@@ -103,13 +103,13 @@ def pages(where: Path | None = None) -> Iterator[Page]:
             yield read_page(path)
 
 
-def page_of(asked: Entry, where: Path | None = None) -> Page | None:
+def page_of(asked: Entry, where: Path | None = None) -> EntryPage | None:
     """Return what a folder, by default the package's, has on an entry; None if nothing."""
     path = (where or folder()) / f"{asked.name}.json"
     return read_page(path) if path.is_file() else None
 
 
-def problem_of(page: Page) -> str:
+def problem_of(page: EntryPage) -> str:
     """Return what is wrong with an entry, recomputed from its numbers alone; empty if nothing.
 
     Checked are the model, the proved worst case, that it is below the bound, and the family.
@@ -133,7 +133,9 @@ def problem_of(page: Page) -> str:
     return ""
 
 
-def improved(asked: Entry, jacobian: FloatArray, found: Found, known: Page | None) -> Page:
+def improved(
+    asked: Entry, jacobian: FloatArray, found: Found, known: EntryPage | None
+) -> EntryPage:
     """Return the page of a Jacobian that is better than the one known, or of the same value.
 
     Parameters
@@ -162,12 +164,12 @@ def improved(asked: Entry, jacobian: FloatArray, found: Found, known: Page | Non
     form = np.asarray(np.round(form * 2.0**60) / 2.0**60)
     proved = asked.proved_value(form)
     if known is None:
-        return Page(asked, form, proved, _family(asked, form), found)
+        return EntryPage(asked, form, proved, _family(asked, form), found)
     if float(proved) - float(known.value) < RESOLUTION:
-        return Page(asked, known.jacobian, known.value, known.family, found, known.history)
+        return EntryPage(asked, known.jacobian, known.value, known.family, found, known.history)
     before: Mapping[str, Any] = {"value": known.value, "found": vars(known.found)}
     history = (*known.history, before)
-    return Page(asked, form, proved, _family(asked, form), found, history)
+    return EntryPage(asked, form, proved, _family(asked, form), found, history)
 
 
 def _family(asked: Entry, jacobian: FloatArray) -> int | None:
@@ -182,7 +184,7 @@ def _whole_or_none(value: object) -> int | None:
     return value
 
 
-def write_page(page: Page, where: Path) -> Path:
+def write_page(page: EntryPage, where: Path) -> Path:
     """Write an entry's file into a folder and return its path."""
     path = where / f"{page.entry.name}.json"
     write_text(path, page.to_json())

@@ -131,7 +131,7 @@ class Found:
 
 
 @dataclass(frozen=True, eq=False)
-class Page:
+class EntryPage:
     """What the atlas has on an entry.
 
     Attributes

@@ -8,7 +8,7 @@ import numpy as np
 
 from formulations import max_min, registry
 from formulations.atlas.collection import improved, pages
-from formulations.atlas.entry import ENOUGH, RESOLUTION, Entry, Found, Page
+from formulations.atlas.entry import ENOUGH, RESOLUTION, Entry, EntryPage, Found
 from formulations.io.provenance import provenance
 from formulations.measures import trace
 from formulations.solving.case import Case
@@ -20,12 +20,12 @@ _STARTS = 20
 
 def improve(
     asked: Entry,
-    known: Page | None,
+    known: EntryPage | None,
     minutes: float,
     *,
     workers: int = 1,
     progress: Callable[[str], None] = lambda _: None,
-) -> Iterator[Page]:
+) -> Iterator[EntryPage]:
     """Search from seed after seed, and return the page as it stands after each.
 
     Parameters
@@ -62,7 +62,7 @@ def improve(
         yield page
 
 
-def inherited(asked: Entry, known: Page | None) -> Page | None:
+def inherited(asked: Entry, known: EntryPage | None) -> EntryPage | None:
     """Return the page with the best Jacobian that another entry of this size has for it.
 
     Unit revolute columns are lever-revolute and, scaled, free columns as well.
@@ -102,8 +102,8 @@ def case_of(asked: Entry) -> Case:
 
 
 def _joined(
-    asked: Entry, page: Page | None, outcome: Outcome, cpu_seconds: float
-) -> Page | None:
+    asked: Entry, page: EntryPage | None, outcome: Outcome, cpu_seconds: float
+) -> EntryPage | None:
     """Return the page with the starts of one more seed; None if nothing was ever found."""
     before = page.found if page else Found("lockedjoint", "")
     reached = outcome.reached

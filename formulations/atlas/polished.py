@@ -18,7 +18,7 @@ from time import process_time
 import numpy as np
 
 from formulations.atlas.collection import improved
-from formulations.atlas.entry import RESOLUTION, Entry, Found, Page
+from formulations.atlas.entry import RESOLUTION, Entry, EntryPage, Found
 from formulations.io.provenance import provenance
 from formulations.joints.arm import Arm
 from formulations.joints.symmetric import SymmetricArm
@@ -41,12 +41,12 @@ _SINGULAR = 1e-6
 
 def improve_polished(
     asked: Entry,
-    known: Page | None,
+    known: EntryPage | None,
     minutes: float,
     search: str,
     *,
     progress: Callable[[str], None] = lambda _: None,
-) -> Iterator[Page]:
+) -> Iterator[EntryPage]:
     """Search for a better Jacobian, in one process; return the page after each seed.
 
     Parameters
@@ -87,7 +87,7 @@ def check_polished(asked: Entry, search: str) -> None:
         raise InputError(f"--search {search}", asked.name, allowed)
 
 
-def _hops(asked: Entry, page: Page | None, seed: int) -> tuple[FloatArray, str]:
+def _hops(asked: Entry, page: EntryPage | None, seed: int) -> tuple[FloatArray, str]:
     if page is None:
         raise InputError("--search", "hops", f"symmetric: {asked.name} has no Jacobian yet")
     arm, best = asked.arm, page.jacobian
@@ -103,7 +103,9 @@ def _hops(asked: Entry, page: Page | None, seed: int) -> tuple[FloatArray, str]:
     return best, "hops from the best"
 
 
-def _symmetric(asked: Entry, page: Page | None, seed: int) -> tuple[FloatArray | None, str]:
+def _symmetric(
+    asked: Entry, page: EntryPage | None, seed: int
+) -> tuple[FloatArray | None, str]:
     best, value, words = None, float(page.value) if page else 0.0, ""
     for number in range(_STARTS):
         rng = np.random.default_rng((seed, number))
@@ -146,8 +148,12 @@ def _moved(best: FloatArray, arm: Arm, rng: np.random.Generator) -> FloatArray:
 
 
 def _joined(
-    asked: Entry, page: Page | None, jacobian: FloatArray | None, words: str, cpu_seconds: float
-) -> Page | None:
+    asked: Entry,
+    page: EntryPage | None,
+    jacobian: FloatArray | None,
+    words: str,
+    cpu_seconds: float,
+) -> EntryPage | None:
     """Return the page with one more seed; None if nothing was ever found."""
     facts = provenance()
     before = page.found if page else Found("lockedjoint", "")

@@ -35,7 +35,7 @@ import numpy as np
 from scipy.sparse import csc_matrix
 
 from formulations.bounds.planar_cells import TURN, Cell, first_cells, is_crowded, is_one_sided
-from formulations.bounds.planar_multipliers import ComplexArray, Conditions, Multipliers
+from formulations.bounds.planar_multipliers import ComplexArray, Multipliers, NodeConditions
 from nlp.arrays import FloatArray, whole_number
 from nlp.errors import InputError
 
@@ -187,7 +187,7 @@ class _Node:
         return self._halved(best and best.used(), self._widest(masses, corners))
 
     def _program(
-        self, corners: ComplexArray, conditions: Conditions
+        self, corners: ComplexArray, conditions: NodeConditions
     ) -> tuple[FloatArray, float, Multipliers | None]:
         """Return Σ w_i at the corners of the cells, the value, and the multipliers."""
         parts = (corners[None] * np.conj(conditions.points)[:, None, None]).real
@@ -216,7 +216,7 @@ class _Node:
         masses = np.maximum(np.array(found.x)[:-1], 0.0).reshape(corners.shape)
         return masses, float(found.x[-1]), Multipliers(conditions, p, nu)
 
-    def _tightest(self, mass: FloatArray, mean: ComplexArray) -> Conditions:
+    def _tightest(self, mass: FloatArray, mean: ComplexArray) -> NodeConditions:
         """Return the conditions that means of |z_i| and z_i of the cells violate most."""
         radii = (1.0,) if self._measure == "max-min" else (0.3, 0.8)
         points = np.concatenate([radius * _DIRECTIONS for radius in radii])
@@ -229,9 +229,9 @@ class _Node:
         _, apart = np.unique(np.round(points, 3), return_index=True)  # many become the same
         points, shares = points[apart], shares[apart]
         if self._measure == "max-min":
-            return Conditions(points, np.ones(len(points)), shares)
+            return NodeConditions(points, np.ones(len(points)), shares)
         points = points * np.minimum(1.0, 0.999999 / np.maximum(np.abs(points), 1e-9))
-        return Conditions(points, np.sqrt(1 - np.abs(points) ** 2), shares)
+        return NodeConditions(points, np.sqrt(1 - np.abs(points) ** 2), shares)
 
     def _left(self, mass: FloatArray, mean: ComplexArray, points: ComplexArray) -> FloatArray:
         """Return the shares that are left where the k locked ones leave least at each v."""
@@ -244,7 +244,7 @@ class _Node:
         return shares
 
     def _values(
-        self, conditions: Conditions, masses: FloatArray, corners: ComplexArray
+        self, conditions: NodeConditions, masses: FloatArray, corners: ComplexArray
     ) -> FloatArray:
         parts = (corners[None] * np.conj(conditions.points)[:, None, None]).real
         left = conditions.shares * ((1 - parts) * masses).sum(axis=2)

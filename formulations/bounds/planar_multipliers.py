@@ -15,37 +15,37 @@ ComplexArray: TypeAlias = NDArray[np.complex128]
 
 
 @dataclass(frozen=True)
-class Conditions:
+class NodeConditions:
     """Conditions of a node: v, √(1 − |v|²) or 1, and the share x_s left of each cell."""
 
     points: ComplexArray
     weights: FloatArray
     shares: FloatArray
 
-    def some(self, which: Any) -> "Conditions":
+    def some(self, which: Any) -> "NodeConditions":
         """Return those that an index of NumPy chooses."""
-        return Conditions(self.points[which], self.weights[which], self.shares[which])
+        return NodeConditions(self.points[which], self.weights[which], self.shares[which])
 
-    def joined(self, other: "Conditions") -> "Conditions":
+    def joined(self, other: "NodeConditions") -> "NodeConditions":
         """Return these and others on the same cells."""
-        return Conditions(
+        return NodeConditions(
             np.concatenate([self.points, other.points]),
             np.concatenate([self.weights, other.weights]),
             np.concatenate([self.shares, other.shares]),
         )
 
-    def split(self, cell: int, parts: int) -> "Conditions":
+    def split(self, cell: int, parts: int) -> "NodeConditions":
         """Return the conditions where a cell is replaced by parts of it."""
         times = np.ones(self.shares.shape[1], dtype=int)
         times[cell] = parts
-        return Conditions(self.points, self.weights, np.repeat(self.shares, times, axis=1))
+        return NodeConditions(self.points, self.weights, np.repeat(self.shares, times, axis=1))
 
 
 @dataclass(frozen=True)
 class Multipliers:
     """What proves a number: p, one for each condition, and ν."""
 
-    conditions: Conditions
+    conditions: NodeConditions
     p: FloatArray
     nu: complex
 

@@ -19,7 +19,7 @@ CHUNK = 20
 
 
 @dataclass(frozen=True)
-class Report:
+class CampaignReport:
     """How a campaign stands.
 
     Attributes
@@ -44,7 +44,7 @@ def run(
     time_limit: float | None = None,
     chunk: int = CHUNK,
     progress: bool = False,
-) -> Report:
+) -> CampaignReport:
     """Solve every start that has no record yet, and keep the records as they arrive.
 
     Parameters
@@ -64,7 +64,7 @@ def run(
 
     Returns
     -------
-    Report
+    CampaignReport
         If the user interrupted with Ctrl-C, `missing` says how much is left.
 
     Raises
@@ -94,7 +94,7 @@ def run(
             pass  # what is kept is kept, and the report says that it is not all
     store.check_in_place()
     missing = _missing(store, cells, declared.starts)
-    return Report(len(cells) * declared.starts, added, missing, tuple(failed))
+    return CampaignReport(len(cells) * declared.starts, added, missing, tuple(failed))
 
 
 def _chunks(

@@ -13,7 +13,7 @@ COMMANDS = (
     "solve",
     "measure",
     "realise",
-    "assess",
+    "measure_robot",
     "posture",
     "path",
     "workspace",

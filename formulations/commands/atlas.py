@@ -21,7 +21,7 @@ from formulations.commands.output import QUESTIONED, as_text, show
 from nlp.errors import InputError
 
 if TYPE_CHECKING:
-    from formulations.atlas.entry import Page
+    from formulations.atlas.entry import EntryPage
 
 app = typer.Typer(name="atlas", rich_markup_mode=None)
 
@@ -67,7 +67,7 @@ def atlas(
     from formulations.atlas.collection import checked_folder, pages
     from formulations.atlas.entry import entries as known_entries
     from formulations.io.table import Table
-    from formulations.studies.atlas import Row, row_of
+    from formulations.studies.atlas import AtlasRow, row_of
 
     if mark not in (None, "optimal", "conjectured", "open"):
         raise InputError("--mark", mark, "optimal, conjectured or open")
@@ -88,7 +88,7 @@ def atlas(
         for row in map(row_of, pages(checked_folder(entries)))
         if all(value is None or getattr(row, name) == value for name, value in wanted.items())
     ]
-    table = Table(Row, rows)
+    table = Table(AtlasRow, rows)
     show(table.plain(), as_json, lambda _: table.terminal() if rows else "No such entry.")
 
 
@@ -270,7 +270,7 @@ def improve(
     show(values, as_json)
 
 
-def _known(name: str, entries: Path | None) -> Page:
+def _known(name: str, entries: Path | None) -> EntryPage:
     from formulations.atlas.collection import checked_folder, page_of
     from formulations.atlas.entry import entry
 

@@ -20,7 +20,7 @@ from formulations.commands.arguments import (
     failure_scenarios,
     ipopt_options,
 )
-from formulations.commands.assess import failures_text, robot_text
+from formulations.commands.measure_robot import failures_text, robot_text
 from formulations.commands.output import INTERRUPTED, show
 
 if TYPE_CHECKING:
@@ -59,7 +59,7 @@ def posture(
     A formulation over the joints' positions, from random postures; the answer is measured
     again from its Jacobian alone. With --at, the best of those that hold the tool at a pose,
     and where each joint may lock so that the pose can still be reached. With --held, the best
-    posture after a failure. `assess --configuration FILE` reads what --out writes.
+    posture after a failure. `measure-robot --configuration FILE` reads what --out writes.
     """
     from formulations.robots.posture import best_posture
     from formulations.robots.posture_search import Search

@@ -152,7 +152,7 @@ def realise(
     from formulations.io.table import Table
     from formulations.plot.look import looking
     from formulations.realise import from_jacobian
-    from formulations.realise.choice import Ranked, choose, evaluate, given, rank
+    from formulations.realise.choice import Ranked, choose_arrangement, evaluate, given, rank
     from formulations.realise.criteria import Sampling
     from formulations.realise.links import room, slide_apart
     from formulations.realise.links import slide as shortened
@@ -198,7 +198,7 @@ def realise(
         name = criterion or "clearance"
         ranked = rank(found, name, sampling, shortlist, show_progress)
         show_progress("")
-        choice = choose(found, name, sampling, shortlist, ranked)
+        choice = choose_arrangement(found, name, sampling, shortlist, ranked)
         if ranking is not None:
             write_text(ranking, Table(Ranked, ranked.rows()).csv())
     moved = chosen = choice.manipulator

@@ -20,7 +20,7 @@ from formulations.commands.arguments import (
 from formulations.commands.output import INTERRUPTED, QUESTIONED, show
 
 if TYPE_CHECKING:
-    from formulations.studies.running import Outcome
+    from formulations.studies.running import StudyOutcome
     from formulations.studies.study import Study
 
 
@@ -72,7 +72,7 @@ def report(
     studies = chosen(names, everything)
     effort = Effort(seed, starts, workers or default_workers(), progress)
     prepare_file(prepare_folder(out) / PAGE, "front page")
-    outcomes: list[Outcome] = []
+    outcomes: list[StudyOutcome] = []
     written = (State.MADE, State.QUESTIONED)
 
     def begin(study: Study) -> None:
@@ -95,7 +95,7 @@ def report(
         raise typer.Exit(QUESTIONED)
 
 
-def _show(outcomes: list[Outcome], out: Path, as_json: bool) -> None:
+def _show(outcomes: list[StudyOutcome], out: Path, as_json: bool) -> None:
     from formulations.studies.running import STUDIES
 
     ran = {one.study.name for one in outcomes}

@@ -144,9 +144,9 @@ def arm(
 ) -> RobotArm:
     """Read the robot and return the arm; InputError if anything is wrong with it."""
     from formulations.robots.robot_arm import RobotArm
-    from formulations.robots.task import Task
+    from formulations.robots.task import TaskSpace
 
-    directions = Task.parse(task, frame)
+    directions = TaskSpace.parse(task, frame)
     return RobotArm(chain(file, tip, base, point, held), directions, length)
 
 

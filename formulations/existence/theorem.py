@@ -9,7 +9,7 @@ from importlib.resources import as_file, files
 
 from formulations.existence.certificate import Certificate
 from formulations.existence.reading import read
-from formulations.existence.verify import Report, verify
+from formulations.existence.verify import TheoremReport, verify
 
 
 def package_certificate() -> Certificate:
@@ -19,7 +19,7 @@ def package_certificate() -> Certificate:
 
 
 @lru_cache(maxsize=1)
-def verified() -> Report:
+def verified() -> TheoremReport:
     """Verify the package's certificate and return what was verified.
 
     Raises

@@ -45,7 +45,7 @@ Signature: TypeAlias = tuple[Any, ...]
 
 
 @dataclass(frozen=True, slots=True)
-class Report:
+class TheoremReport:
     """What was verified: the sizes of the certificate and its constant.
 
     Parameters
@@ -71,7 +71,7 @@ class Report:
         return {**asdict(self), "constant": str(self.constant)}
 
 
-def verify(certificate: Certificate) -> Report:
+def verify(certificate: Certificate) -> TheoremReport:
     """Verify a certificate.
 
     Raises
@@ -94,7 +94,7 @@ def verify(certificate: Certificate) -> Report:
             f"the identity does not hold: {len(left)} of {len(total)} averages of monomials do "
             f"not cancel, the first being {_brief(value)} times that of {_written(w, wbar)}."
         )
-    return Report(
+    return TheoremReport(
         certificate.joints,
         certificate.constant,
         len(certificate.squares),

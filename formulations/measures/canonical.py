@@ -40,7 +40,7 @@ def canonical_form(jacobian: npt.ArrayLike, symmetry: Symmetry | None = None) ->
     return _in_canonical_frame(_arranged(matrix, symmetry), symmetry)
 
 
-def distinct(
+def group_equivalent(
     jacobians: Sequence[npt.ArrayLike],
     tolerance: float = 1e-3,
     symmetry: Symmetry | None = None,

@@ -21,7 +21,7 @@ IntArray = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)
-class Chain:
+class LinkChain:
     """Joints in order, the one at the base first, and an end effector.
 
     Parameters
@@ -41,7 +41,7 @@ class Chain:
     prismatic: BoolArray
     end_effector: FloatArray
 
-    def moved(self, displacements: FloatArray) -> tuple[Chain, FloatArray]:
+    def moved(self, displacements: FloatArray) -> tuple[LinkChain, FloatArray]:
         """Return the chain at q, shape (…, n), and how its last link has turned, (…, 3, 3)."""
         shape = np.broadcast_shapes(self.prismatic.shape, displacements.shape)
         turn = np.broadcast_to(np.eye(3), (*shape[:-1], 3, 3))
@@ -57,7 +57,7 @@ class Chain:
             travel = np.where(slides, q, 0.0)[..., None] * here
             shift = points[..., i, :] - _turned(turn, point) + travel
         tip = _turned(turn, self.end_effector) + shift
-        return Chain(directions, points, self.prismatic, tip), turn
+        return LinkChain(directions, points, self.prismatic, tip), turn
 
     def velocities(self) -> FloatArray:
         """Return the Jacobian (v; ω), reference point the end effector, shape (…, 6, n)."""

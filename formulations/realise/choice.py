@@ -203,7 +203,7 @@ def rank(
     return Ranking(name, method, candidates[order], sign * values[order], judged)
 
 
-def choose(
+def choose_arrangement(
     manipulator: Manipulator,
     name: str,
     sampling: Sampling | None = None,

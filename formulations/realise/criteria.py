@@ -11,7 +11,7 @@ from formulations.joints.joint import check_length
 from formulations.realise.dh import common_normals
 from formulations.realise.family import Family
 from formulations.realise.links import clearance, link_lengths
-from formulations.realise.manipulator import Task
+from formulations.realise.manipulator import TaskRows
 from formulations.realise.self_motion import kept
 from nlp.arrays import FloatArray, whole_number
 from nlp.errors import InputError
@@ -109,7 +109,7 @@ class Criterion:
     sampled: bool = False
     coarse: int = 0
     reversible: bool = False
-    fits: Callable[[int, Task], bool] = lambda *_: True
+    fits: Callable[[int, TaskRows], bool] = lambda *_: True
 
     def cost(self, members: Family, sampling: Sampling) -> FloatArray:
         """Values with the sign for which the least is the best, shape (N,)."""
@@ -173,9 +173,9 @@ def _workspace(
     return np.asarray(measure(moved).mean(axis=-1))
 
 
-def _one_more_joint(joints: int, task: Task) -> bool:
+def _one_more_joint(joints: int, task: TaskRows) -> bool:
     """Whether a pose of the task leaves a curve of configurations."""
-    return joints == len(task.rows) + 1 and task is not Task.ROTATIONAL
+    return joints == len(task.rows) + 1 and task is not TaskRows.ROTATIONAL
 
 
 def _kept(members: Family, sampling: Sampling) -> FloatArray:

@@ -5,7 +5,7 @@ from enum import StrEnum
 
 import numpy as np
 
-from formulations.realise.chain import BoolArray, Chain
+from formulations.realise.chain import BoolArray, LinkChain
 from formulations.realise.manipulator import Manipulator, kind_names
 from nlp.arrays import FloatArray
 
@@ -126,7 +126,7 @@ class Normals:
         return np.asarray(np.sum((self.start - before) * directions, axis=-1))
 
 
-def common_normals(chain: Chain) -> Normals:
+def common_normals(chain: LinkChain) -> Normals:
     """Return the common normals along a chain, or along many at once.
 
     Of parallel axes, the normal through the end of the previous one is taken (for the first

@@ -17,8 +17,8 @@ from math import factorial
 import numpy as np
 import numpy.typing as npt
 
-from formulations.realise.chain import BoolArray, Chain, IntArray
-from formulations.realise.manipulator import Manipulator, Task
+from formulations.realise.chain import BoolArray, IntArray, LinkChain
+from formulations.realise.manipulator import Manipulator, TaskRows
 from nlp.arrays import FloatArray
 
 # Lengths and cosines closer than this, relative to the manipulator's size, count as equal.
@@ -51,24 +51,24 @@ class Arrangements:
 
 
 @dataclass(frozen=True, eq=False)
-class Family(Chain):
+class Family(LinkChain):
     """Manipulators side by side: N chains of n joints each, and one end effector.
 
     Parameters
     ----------
     directions, points, prismatic, end_effector
-        See `Chain`; one leading dimension, of length N, but shape (3,) of the end effector.
+        See `LinkChain`; one leading dimension, of length N, but shape (3,) of the end effector.
     task, size
         Those of the manipulator they came from.
     """
 
-    task: Task
+    task: TaskRows
     size: float
 
-    def displaced(self, displacements: FloatArray) -> Chain:
+    def displaced(self, displacements: FloatArray) -> LinkChain:
         """Return all chains at all displacements, shape (N or 1, samples, n)."""
         axes = self.directions[:, None], self.points[:, None], self.prismatic[:, None]
-        return Chain(*axes, self.end_effector).moved(displacements)[0]
+        return LinkChain(*axes, self.end_effector).moved(displacements)[0]
 
     def jacobians(self, displacements: FloatArray) -> FloatArray:
         """Return the rows of their Jacobians that the task needs, (N, samples, m, n)."""

@@ -17,7 +17,7 @@ import numpy.typing as npt
 
 from formulations.joints.joint import NotInModelError, check_length
 from formulations.measures import as_jacobian
-from formulations.realise.manipulator import Manipulator, Task
+from formulations.realise.manipulator import Manipulator, TaskRows
 from nlp.arrays import FloatArray, as_floats, finite_vector
 from nlp.errors import InputError
 
@@ -47,7 +47,7 @@ def realise(
     jacobian
         Shape (m, n): (vx, vy), (vx, vy, vz) or (vx, vy, vz, ωx, ωy, ωz); other tasks by name.
     task
-        Name of a `Task` with m rows; where left out, the planar, positional or spatial one.
+        Name of a `TaskRows` with m rows; where left out, the planar, positional or spatial one.
     kinds
         ``R`` (revolute) or ``P`` (prismatic) for each joint. Where left out, columns without
         rotational velocity are prismatic in spatial and planar-pose tasks; otherwise all
@@ -73,7 +73,7 @@ def realise(
     matrix = as_jacobian(jacobian)
     if matrix.shape[1] > MOST_JOINTS:
         raise InputError("jacobian", f"of {matrix.shape[1]} columns", f"at most {MOST_JOINTS}")
-    chosen = Task.of(matrix.shape[0], task)
+    chosen = TaskRows.of(matrix.shape[0], task)
     check_length("length", length)
     check_length("tolerance", tolerance)
     columns = chosen.embed(matrix)
@@ -93,7 +93,7 @@ def realise(
         else:
             wanted = None if given is None else given[i]
             axes[i] = _direction(i, velocity, spin, chosen, wanted, tolerance)
-            turning = chosen is Task.ROTATIONAL
+            turning = chosen is TaskRows.ROTATIONAL
             offsets[i] = -axes[i] if turning else np.cross(axes[i], velocity)
     return Manipulator(axes, tip + offsets, prismatic, tip, chosen)
 
@@ -112,24 +112,24 @@ def deviation(manipulator: Manipulator, jacobian: npt.ArrayLike, length: float =
 
 
 def _prismatic(
-    columns: FloatArray, task: Task, kinds: str | None, tolerance: float
+    columns: FloatArray, task: TaskRows, kinds: str | None, tolerance: float
 ) -> npt.NDArray[np.bool_]:
     n = columns.shape[1]
     if kinds is not None:
         if len(kinds) != n or set(kinds.upper()) - set("RP"):
             raise InputError("kinds", kinds, f"{n} letters R or P, one per joint")
-        if task is Task.ROTATIONAL and "P" in kinds.upper():
+        if task is TaskRows.ROTATIONAL and "P" in kinds.upper():
             raise InputError("kinds", kinds, "revolute joints only, for a rotational task")
         return np.array([kind == "P" for kind in kinds.upper()])
-    if task in (Task.SPATIAL, Task.PLANAR_POSE):
+    if task in (TaskRows.SPATIAL, TaskRows.PLANAR_POSE):
         return np.asarray(np.linalg.norm(columns[3:], axis=0) <= tolerance)
     return np.zeros(n, dtype=bool)
 
 
-def _given(directions: npt.ArrayLike | None, task: Task, n: int) -> FloatArray | None:
+def _given(directions: npt.ArrayLike | None, task: TaskRows, n: int) -> FloatArray | None:
     if directions is None:
         return None
-    if task is not Task.POSITIONAL:
+    if task is not TaskRows.POSITIONAL:
         raise InputError("directions", "given", f"none for a {task.value} task")
     given = as_floats("directions", directions)
     if given.shape != (n, 3) or not np.all(np.isfinite(given)):
@@ -151,13 +151,13 @@ def _direction(
     i: int,
     velocity: FloatArray,
     spin: FloatArray,
-    task: Task,
+    task: TaskRows,
     wanted: FloatArray | None,
     tolerance: float,
 ) -> FloatArray:
-    if task is Task.PLANAR:
+    if task is TaskRows.PLANAR:
         return _Z
-    if task is Task.POSITIONAL:
+    if task is TaskRows.POSITIONAL:
         return _across(i, velocity, wanted, tolerance)
     norm = np.linalg.norm(spin)
     if abs(norm - 1) > tolerance:

@@ -10,7 +10,7 @@ from html import escape
 import numpy as np
 import numpy.typing as npt
 
-from formulations.realise.chain import BoolArray, Chain, IntArray
+from formulations.realise.chain import BoolArray, IntArray, LinkChain
 from nlp.arrays import FloatArray, as_floats
 from nlp.errors import InputError
 
@@ -23,7 +23,7 @@ def kind_names(prismatic: BoolArray) -> list[str]:
     return ["prismatic" if slides else "revolute" for slides in prismatic]
 
 
-class Task(StrEnum):
+class TaskRows(StrEnum):
     """Rows of the full Jacobian (v; ω) that a task needs.
 
     PLANAR: (vx, vy). POSITIONAL: (vx, vy, vz). PLANAR_POSE: (vx, vy, ωz).
@@ -41,22 +41,22 @@ class Task(StrEnum):
     def rows(self) -> list[int]:
         """Rows of the 6×n Jacobian, counted from 0."""
         return {
-            Task.PLANAR: [0, 1],
-            Task.POSITIONAL: [0, 1, 2],
-            Task.PLANAR_POSE: [0, 1, 5],
-            Task.ROTATIONAL: [3, 4, 5],
-            Task.SPATIAL: [0, 1, 2, 3, 4, 5],
+            TaskRows.PLANAR: [0, 1],
+            TaskRows.POSITIONAL: [0, 1, 2],
+            TaskRows.PLANAR_POSE: [0, 1, 5],
+            TaskRows.ROTATIONAL: [3, 4, 5],
+            TaskRows.SPATIAL: [0, 1, 2, 3, 4, 5],
         }[self]
 
     @property
     def in_plane(self) -> bool:
         """Whether all joints move the end effector in the xy-plane."""
-        return self in (Task.PLANAR, Task.PLANAR_POSE)
+        return self in (TaskRows.PLANAR, TaskRows.PLANAR_POSE)
 
     @property
     def free_directions(self) -> bool:
         """Whether a column leaves the direction of a revolute axis open, or its sign."""
-        return self in (Task.PLANAR, Task.POSITIONAL)
+        return self in (TaskRows.PLANAR, TaskRows.POSITIONAL)
 
     def embed(self, jacobian: FloatArray) -> FloatArray:
         """Return the six rows (v; ω) of the columns, zero where the task has no row."""
@@ -65,7 +65,7 @@ class Task(StrEnum):
         return full
 
     @classmethod
-    def of(cls, rows: int, name: str | None = None) -> Task:
+    def of(cls, rows: int, name: str | None = None) -> TaskRows:
         """Return the task of a Jacobian with so many rows, by its name or the default one.
 
         Raises
@@ -85,7 +85,7 @@ class Task(StrEnum):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Manipulator(Chain):
+class Manipulator(LinkChain):
     """A serial manipulator in the configuration q = 0 in which it was designed.
 
     The frame is that of the Jacobian. Joint i moves all that follows it.
@@ -93,7 +93,7 @@ class Manipulator(Chain):
     Parameters
     ----------
     directions, points, prismatic, end_effector
-        See `Chain`; without leading dimensions.
+        See `LinkChain`; without leading dimensions.
     task
         Which rows of (v; ω) the manipulator is for.
     columns
@@ -105,7 +105,7 @@ class Manipulator(Chain):
         If shapes do not agree, an entry is not finite, or a direction has not norm 1.
     """
 
-    task: Task = Task.SPATIAL
+    task: TaskRows = TaskRows.SPATIAL
     columns: tuple[int, ...] = ()
 
     def __post_init__(self) -> None:
@@ -183,13 +183,13 @@ class Manipulator(Chain):
         chain = self.rearranged(np.array(chosen), flipped)
         return replace(self, **vars(chain), columns=columns)
 
-    def rearranged(self, orders: IntArray, flips: BoolArray) -> Chain:
+    def rearranged(self, orders: IntArray, flips: BoolArray) -> LinkChain:
         """Return many arrangements, unchecked: orders and flips as in `arranged`, (…, n)."""
         prismatic, points = self.prismatic[orders], self.points[orders]
         reflected = flips & ~prismatic & self.task.free_directions
         points = np.where(reflected[..., None], 2 * self.end_effector - points, points)
         directions = np.where(flips[..., None], -1.0, 1.0) * self.directions[orders]
-        return Chain(directions, points, prismatic, self.end_effector)
+        return LinkChain(directions, points, prismatic, self.end_effector)
 
     def pose(self, displacements: npt.ArrayLike | None = None) -> FloatArray:
         """Return the pose of the end effector at q, (…, 4, 4); no rotation at q = 0."""

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from formulations.realise.chain import BoolArray, Chain, IntArray, rotation_vectors
+from formulations.realise.chain import BoolArray, IntArray, LinkChain, rotation_vectors
 from nlp.arrays import FloatArray
 
 #: Length of a tangent, in radians and units of length.
@@ -33,7 +33,7 @@ _TURN = 2 * np.pi
 
 
 @dataclass(frozen=True, eq=False)
-class Poses:
+class SelfMotionPoses:
     """Tool poses, one for each of k arms that have one joint more than the task has rows.
 
     Attributes
@@ -48,7 +48,7 @@ class Poses:
         How the tool is turned from q = 0, shape (k, 3, 3).
     """
 
-    chain: Chain
+    chain: LinkChain
     rows: list[int]
     tip: FloatArray
     turn: FloatArray
@@ -56,16 +56,16 @@ class Poses:
     def __len__(self) -> int:
         return len(self.tip)
 
-    def __getitem__(self, which: BoolArray | IntArray) -> Poses:
+    def __getitem__(self, which: BoolArray | IntArray) -> SelfMotionPoses:
         chain = self.chain
         if len(chain.prismatic) == len(self):
-            chain = Chain(
+            chain = LinkChain(
                 chain.directions[which],
                 chain.points[which],
                 chain.prismatic[which],
                 chain.end_effector,
             )
-        return Poses(chain, self.rows, self.tip[which], self.turn[which])
+        return SelfMotionPoses(chain, self.rows, self.tip[which], self.turn[which])
 
     def residual(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return what is missing to the poses, (k, m), and the Jacobians there, (k, m, n)."""
@@ -76,7 +76,11 @@ class Poses:
 
 
 def solve(
-    poses: Poses, start: FloatArray, lower: FloatArray, upper: FloatArray, steps: int = NEWTON
+    poses: SelfMotionPoses,
+    start: FloatArray,
+    lower: FloatArray,
+    upper: FloatArray,
+    steps: int = NEWTON,
 ) -> tuple[FloatArray, BoolArray]:
     """Return configurations (k, n) of the poses near a start, and which ones were found.
 
@@ -135,7 +139,7 @@ class Arcs:
 
 
 def arcs(
-    poses: Poses,
+    poses: SelfMotionPoses,
     start: FloatArray,
     lower: FloatArray,
     upper: FloatArray,
@@ -212,7 +216,7 @@ def covered(least: FloatArray, most: FloatArray, half: float, slides: BoolArray)
     return np.asarray(np.all(np.where(slides, slid, turned), axis=1))
 
 
-def kept(chain: Chain, rows: list[int], offsets: FloatArray, half: float) -> BoolArray:
+def kept(chain: LinkChain, rows: list[int], offsets: FloatArray, half: float) -> BoolArray:
     """Whether positions of the tool are kept whichever joint fails, shape (N, S).
 
     A position is kept if the arm reaches it with every joint within ±half of q = 0, and the
@@ -237,11 +241,11 @@ def kept(chain: Chain, rows: list[int], offsets: FloatArray, half: float) -> Boo
     found = np.zeros(pairs.shape[1], dtype=bool)
     for at in range(0, len(found), _CHUNK):
         arm, point = pairs[:, at : at + _CHUNK]
-        own = Chain(
+        own = LinkChain(
             chain.directions[arm], chain.points[arm], chain.prismatic[arm], chain.end_effector
         )
         turn = np.broadcast_to(np.eye(3), (len(arm), 3, 3))
-        poses = Poses(own, rows, chain.end_effector + offsets[point], turn)
+        poses = SelfMotionPoses(own, rows, chain.end_effector + offsets[point], turn)
         q, reached = solve(poses, np.zeros((len(arm), n)), -limits, limits)
         if not reached.any():
             continue

@@ -39,7 +39,7 @@ _Z = np.array([0.0, 0.0, 1.0])
 
 
 @dataclass(frozen=True, eq=False)
-class Body:
+class Solid:
     """A solid whose shape is one of URDF, round or square about an axis.
 
     Attributes
@@ -111,24 +111,24 @@ def urdf(manipulator: Manipulator, name: str = "lockedjoint") -> str:
     starts, stops = free_parts(manipulator)
     pin, height = JOINT_RADIUS * size, JOINT_LENGTH * size
     axis = manipulator.directions[0]
-    foot = Body("joint", "cylinder", places[1], axis, 2 * pin, height / 4)
+    foot = Solid("joint", "cylinder", places[1], axis, 2 * pin, height / 4)
     _link(robot, "base", [foot], MASS)
     for i in range(n):
         axis, span = manipulator.directions[i], places[i + 2] - places[i + 1]
         shape = "box" if manipulator.prismatic[i] else "cylinder"
-        bodies = [Body("joint", shape, _ORIGIN, axis, pin, height)]
+        bodies = [Solid("joint", shape, _ORIGIN, axis, pin, height)]
         collides = []
         length = float(np.linalg.norm(span))
         if length > 0:
             radius, along = LINK_RADIUS * size, span / length
-            bodies.append(Body("link", "cylinder", span / 2, along, radius, length))
+            bodies.append(Solid("link", "cylinder", span / 2, along, radius, length))
             middle = (starts[i] + stops[i]) / 2 - places[i + 1]
             short = float(np.linalg.norm(stops[i] - starts[i]))
-            collides.append(Body("link", "cylinder", middle, along, radius, short))
+            collides.append(Solid("link", "cylinder", middle, along, radius, short))
         _link(robot, f"link{i}", bodies, MASS, collides)
-    ball = [Body("tip", "sphere", _ORIGIN, _Z, TIP_RADIUS * size)]
+    ball = [Solid("tip", "sphere", _ORIGIN, _Z, TIP_RADIUS * size)]
     # No wider than its link: what has room, as `links.room` counts it, does not collide.
-    end_body = [Body("tip", "sphere", _ORIGIN, _Z, LINK_RADIUS * size)]
+    end_body = [Solid("tip", "sphere", _ORIGIN, _Z, LINK_RADIUS * size)]
     _link(robot, "tip", ball, TIP_MASS, end_body)
     names = ["base", *(f"link{i}" for i in range(n)), "tip"]
     for i in range(n):
@@ -146,9 +146,9 @@ def urdf(manipulator: Manipulator, name: str = "lockedjoint") -> str:
 def _link(
     robot: Tree.Element,
     name: str,
-    bodies: Sequence[Body],
+    bodies: Sequence[Solid],
     mass: float,
-    collides: Sequence[Body] = (),
+    collides: Sequence[Solid] = (),
 ) -> None:
     link = Tree.SubElement(robot, "link", name=name)
     shares = np.array([body.volume for body in bodies])
@@ -174,7 +174,7 @@ def _link(
         _shape(link, "collision", body)
 
 
-def _shape(link: Tree.Element, use: str, body: Body) -> Tree.Element:
+def _shape(link: Tree.Element, use: str, body: Solid) -> Tree.Element:
     element = Tree.SubElement(link, use)
     axis = body.axis
     pitch = np.arctan2(np.hypot(axis[0], axis[1]), axis[2])

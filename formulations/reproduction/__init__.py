@@ -18,13 +18,13 @@ from formulations.reproduction import (
     seven_joints,
     seven_joints_worst_case,
 )
-from formulations.reproduction.row import Row, Verdict
+from formulations.reproduction.row import ReproductionRow, Verdict
 from nlp.arrays import whole_number
 
-__all__ = ["Row", "Verdict", "has_mismatch", "iterate"]
+__all__ = ["ReproductionRow", "Verdict", "has_mismatch", "iterate"]
 
 
-def iterate(seed: int = 0, starts: int = 100) -> Iterator[Row]:
+def iterate(seed: int = 0, starts: int = 100) -> Iterator[ReproductionRow]:
     """Compute the rows one by one, in the paper's order.
 
     Parameters
@@ -52,6 +52,6 @@ def iterate(seed: int = 0, starts: int = 100) -> Iterator[Row]:
     )
 
 
-def has_mismatch(rows: Iterable[Row]) -> bool:
+def has_mismatch(rows: Iterable[ReproductionRow]) -> bool:
     """Whether any row differs from the paper without an explanation."""
     return any(row.verdict is Verdict.MISMATCH for row in rows)

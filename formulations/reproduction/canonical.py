@@ -20,7 +20,7 @@ from formulations import measures
 from formulations.reproduction import reference
 from formulations.reproduction.row import (
     ROUNDING,
-    Row,
+    ReproductionRow,
     Verdict,
     claim,
     compared,
@@ -39,14 +39,14 @@ from nlp.problem import Constraint, Problem
 FOUND = 1e-12
 
 
-def rows(seed: int = 0) -> Iterator[Row]:
+def rows(seed: int = 0) -> Iterator[ReproductionRow]:
     """Rows of eqs. (18)–(20) and of the claims around them."""
     yield from positional_rows()
     yield from canonical_rows(seed)
     yield rotation_row(seed)
 
 
-def positional_rows(matrix: FloatArray = reference.POSITIONAL_4R) -> Iterator[Row]:
+def positional_rows(matrix: FloatArray = reference.POSITIONAL_4R) -> Iterator[ReproductionRow]:
     """Rows of eqs. (18) and (19); `matrix` is Vᵀ, shape (4, 4)."""
     error = float(np.max(np.abs(matrix @ matrix.T - np.eye(4))))
     yield within("(18)", "VᵀV = I", "orthogonal", error)
@@ -62,7 +62,7 @@ def positional_rows(matrix: FloatArray = reference.POSITIONAL_4R) -> Iterator[Ro
 
 def canonical_rows(
     seed: int = 0, jacobian: FloatArray = reference.CANONICAL_6X7
-) -> Iterator[Row]:
+) -> Iterator[ReproductionRow]:
     """Rows of eq. (20) and of the claims around it."""
     values = measures.singular_values(jacobian)
     yield compared("(20)", "singular values", "σ = 1, isotropic", 1, values)
@@ -91,7 +91,7 @@ def canonical_rows(
     yield _premultiplied_row(jacobian, seed)
 
 
-def _simplex_row(jacobian: FloatArray) -> Row:
+def _simplex_row(jacobian: FloatArray) -> ReproductionRow:
     m, n = jacobian.shape
     error = float(np.max(np.abs(jacobian - reference.simplex_jacobian(m))))
     shares = [
@@ -108,7 +108,7 @@ def _simplex_row(jacobian: FloatArray) -> Row:
     )
 
 
-def _screw_row(jacobian: FloatArray) -> Row:
+def _screw_row(jacobian: FloatArray) -> ReproductionRow:
     velocity, axis = jacobian[:3], jacobian[3:]
     pitch = np.abs(np.sum(velocity * axis, axis=0))
     turning = np.linalg.norm(axis, axis=0)
@@ -120,7 +120,7 @@ def _screw_row(jacobian: FloatArray) -> Row:
     return claim("after (20)", quantity, paper, ours, not np.any(revolute), note)
 
 
-def _premultiplied_row(jacobian: FloatArray, seed: int) -> Row:
+def _premultiplied_row(jacobian: FloatArray, seed: int) -> ReproductionRow:
     rng = np.random.default_rng(seed)
     before = measures.locked_singular_values(jacobian)
     turns = np.linalg.qr(rng.standard_normal((100, 6, 6)))[0]
@@ -164,7 +164,7 @@ def violation(jacobian: FloatArray) -> float:
 
 def rotation_row(
     seed: int = 0, starts: int = 40, jacobian: FloatArray = reference.CANONICAL_6X7
-) -> Row:
+) -> ReproductionRow:
     """Row of the attempt to rotate (20) into a Jacobian of revolute joints."""
     found = search(lambda: rotation(jacobian), random_rotation, starts, seed)
     feasible = [solution for solution in found if solution.violation <= 1e-7]
@@ -172,7 +172,7 @@ def rotation_row(
     least = float(np.min(sums, initial=np.inf))
     same = int(np.sum(sums <= least + 1e-6))
     verdict = Verdict.IMPROVED if least <= FOUND else holds(bool(np.isfinite(least)))
-    return Row(
+    return ReproductionRow(
         "after (20)",
         "least violation of v·ω = 0, |v| = |ω| = 1 over all UJ, sum of squares",
         "no U identified",

@@ -8,7 +8,7 @@ from formulations import measures
 from formulations.reproduction import reference
 from formulations.reproduction.row import (
     ROUNDING,
-    Row,
+    ReproductionRow,
     claim,
     compared,
     farthest,
@@ -22,7 +22,7 @@ SHAPES = ((2, 3), (2, 4), (3, 4), (3, 7), (6, 7), (6, 8), (6, 12))
 _PER_SHAPE = 100
 
 
-def rows(seed: int = 0) -> Iterator[Row]:
+def rows(seed: int = 0) -> Iterator[ReproductionRow]:
     """Rows of Section 2, on random Jacobians of several shapes."""
     rng = np.random.default_rng(seed)
     general = [rng.standard_normal(shape) for shape in SHAPES for _ in range(_PER_SHAPE)]
@@ -43,13 +43,13 @@ def rows(seed: int = 0) -> Iterator[Row]:
     yield from _contribution_rows(general)
 
 
-def _bound_row(which: str, matrices: list[FloatArray], note: str) -> Row:
+def _bound_row(which: str, matrices: list[FloatArray], note: str) -> ReproductionRow:
     largest = max(_share_of_bound(matrix) for matrix in matrices)
     quantity = f"largest worst case over its bound, {which}"
     return claim("(6)", quantity, "at most 1", shown(largest), largest <= 1 + ROUNDING, note)
 
 
-def _equal_norms_row(matrices: list[FloatArray]) -> Row:
+def _equal_norms_row(matrices: list[FloatArray]) -> ReproductionRow:
     squares = np.concatenate([measures.locked_singular_values(j) ** 2 for j in matrices])
     left = np.concatenate([np.maximum(1 - np.sum(j**2, axis=0), 0) for j in matrices])
     error = float(np.max(np.abs(squares - left)))
@@ -59,7 +59,7 @@ def _equal_norms_row(matrices: list[FloatArray]) -> Row:
     return claim("Sec. 2", quantity, "equivalent", ours, error <= ROUNDING, note)
 
 
-def _contribution_rows(matrices: list[FloatArray]) -> Iterator[Row]:
+def _contribution_rows(matrices: list[FloatArray]) -> Iterator[ReproductionRow]:
     """R_i and N_i from the two parts of V, without the functions of `measures`."""
     squares = [np.split(np.linalg.svd(j)[2] ** 2, [len(j)]) for j in matrices]
     tops = np.concatenate([np.sum(top, axis=0) for top, _ in squares])

@@ -9,7 +9,7 @@ import numpy as np
 from formulations import measures, residual
 from formulations.joints.arm import Arm
 from formulations.joints.kinds import UnitRevolute
-from formulations.measures.canonical import distinct
+from formulations.measures.canonical import group_equivalent
 from formulations.reproduction import reference
 from formulations.reproduction.printed import (
     aligned,
@@ -17,7 +17,14 @@ from formulations.reproduction.printed import (
     product_slack,
     singular_value_slack,
 )
-from formulations.reproduction.row import Row, claim, compared, farthest, shown, shown_range
+from formulations.reproduction.row import (
+    ReproductionRow,
+    claim,
+    compared,
+    farthest,
+    shown,
+    shown_range,
+)
 from formulations.reproduction.searches import search
 from formulations.reproduction.solution_family import (
     fills_tangent_space,
@@ -40,7 +47,7 @@ _FAMILIES = "entire families"
 
 def rows(
     seed: int = 0, starts: int = 50, printed: FloatArray = reference.OPTIMAL_8R
-) -> Iterator[Row]:
+) -> Iterator[ReproductionRow]:
     """Rows of eqs. (47)–(49), of 'it immediately converges', and of the families."""
     found = solutions(8, seed, starts)
     angles = [polished(solution) for solution in found]
@@ -72,7 +79,7 @@ def polished(solution: Solution) -> FloatArray:
         return solution.variables
 
 
-def _printed_rows(printed: FloatArray) -> Iterator[Row]:
+def _printed_rows(printed: FloatArray) -> Iterator[ReproductionRow]:
     deviation = float(np.max(np.abs(printed @ printed.T - 8 / 3 * np.eye(6))))
     slack = product_slack(printed)
     quantity = "singular values of the printed matrix"
@@ -88,7 +95,7 @@ def _printed_rows(printed: FloatArray) -> Iterator[Row]:
     yield _exact_row(printed)
 
 
-def _exact_row(printed: FloatArray) -> Row:
+def _exact_row(printed: FloatArray) -> ReproductionRow:
     quantity = "distance of the printed matrix to an exactly isotropic one, any entry"
     paper = "isotropic as designed"
     try:
@@ -113,7 +120,7 @@ def _exact(printed: FloatArray) -> FloatArray:
     return solve_near(ARM, ARM.variables(nearest_unit_revolute(printed)))
 
 
-def _value_rows(matrices: list[FloatArray]) -> Iterator[Row]:
+def _value_rows(matrices: list[FloatArray]) -> Iterator[ReproductionRow]:
     note = f"own solutions, polished; the value farthest from the paper's, to {_TOLERANCE:.0e}"
     expected, paper = reference.SIGMA_8R, f"√(8/3) = {shown(reference.SIGMA_8R)}"
     values, show = [measures.singular_values(j) for j in matrices], farthest(expected)
@@ -125,7 +132,9 @@ def _value_rows(matrices: list[FloatArray]) -> Iterator[Row]:
     yield compared("(49)", quantity, paper, expected, values, note, _TOLERANCE, show)
 
 
-def _convergence_row(joints: int, found: list[Solution], equation: str, paper: str) -> Row:
+def _convergence_row(
+    joints: int, found: list[Solution], equation: str, paper: str
+) -> ReproductionRow:
     matrices = [solution.outputs["jacobian"] for solution in found]
     tolerant = sum(measures.is_optimally_failure_tolerant(j, _CONVERGED) for j in matrices)
     median = int(np.median([solution.status.iterations for solution in found]))
@@ -137,7 +146,7 @@ def _convergence_row(joints: int, found: list[Solution], equation: str, paper: s
 
 def family_rows(
     optima: list[FloatArray], printed: FloatArray = reference.OPTIMAL_8R, steps: int = 20
-) -> Iterator[Row]:
+) -> Iterator[ReproductionRow]:
     """Rows of the family that the printed Jacobian (47) belongs to, and of other optima's.
 
     Parameters
@@ -179,13 +188,13 @@ def family_rows(
     yield claim("after (46)", quantity, _FAMILIES, ours, min(sizes) >= 1, note)
 
 
-def _curve_row(start: FloatArray, steps: int) -> Row:
+def _curve_row(start: FloatArray, steps: int) -> ReproductionRow:
     try:
         points = trace_family(ARM, start, steps)
     except InputError as reason:
         return claim("after (46)", "a curve", "exists", "none", False, str(reason))
     matrices = [ARM.jacobian(point) for point in points]
-    classes = len(distinct(matrices, tolerance=_DISTINCT))
+    classes = len(group_equivalent(matrices, tolerance=_DISTINCT))
     tolerant = all(measures.is_optimally_failure_tolerant(j, _TOLERANCE) for j in matrices)
     sigmas = [measures.worst_case_sigma(matrix) for matrix in matrices]
     return claim(

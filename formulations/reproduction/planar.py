@@ -9,12 +9,12 @@ from scipy.optimize import minimize_scalar
 from formulations import max_min, measures
 from formulations.joints.arm import Arm
 from formulations.joints.kinds import FreeColumn
-from formulations.measures.canonical import distinct
+from formulations.measures.canonical import group_equivalent
 from formulations.reproduction import reference
 from formulations.reproduction.row import (
     ROUNDING,
     SOLVER,
-    Row,
+    ReproductionRow,
     claim,
     compared,
     equal,
@@ -34,7 +34,7 @@ _GRID = 0.01 + 2 * np.pi * np.arange(360) / 360
 _ODD = "odd multiples of π/4"
 
 
-def rows(seed: int = 0, starts: int = 20) -> Iterator[Row]:
+def rows(seed: int = 0, starts: int = 20) -> Iterator[ReproductionRow]:
     """Rows of eqs. (12)–(17) and of Figs. 1 and 2."""
     yield from three_joint_rows(seed, starts)
     yield from four_joint_rows(seed, starts)
@@ -45,7 +45,7 @@ def three_joint_rows(
     starts: int = 20,
     jacobian: FloatArray = reference.PLANAR_3R,
     null_space: FloatArray = reference.PLANAR_3R_NULL_SPACE,
-) -> Iterator[Row]:
+) -> Iterator[ReproductionRow]:
     """Rows of eqs. (12)–(15) and of Figs. 1 and 2."""
     values = measures.singular_values(jacobian)
     yield compared("(12)", "singular values of planar 3R", "σ = 1, isotropic", 1, values)
@@ -81,7 +81,7 @@ def end_effector(links: FloatArray, turns: FloatArray) -> FloatArray:
     return np.asarray(np.sum(turned, axis=1))
 
 
-def _configuration_row(jacobian: FloatArray) -> Row:
+def _configuration_row(jacobian: FloatArray) -> ReproductionRow:
     """Place the joints, and differentiate where the chain ends."""
     # Turning about p moves the origin, where the end effector is, by (p_y, −p_x).
     places = np.array([-jacobian[1], jacobian[0]])
@@ -94,7 +94,9 @@ def _configuration_row(jacobian: FloatArray) -> Row:
     verdict = equal(reference.PLANAR_3R, np.transpose(slopes), 1e-8)
     lengths = shown(np.linalg.norm(links, axis=0))
     note = "the chain's end differentiated by its joint angles gives (12)"
-    return Row("Fig. 1", "link lengths of a planar 3R", "exists", lengths, verdict, note)
+    return ReproductionRow(
+        "Fig. 1", "link lengths of a planar 3R", "exists", lengths, verdict, note
+    )
 
 
 def _cosines(jacobian: FloatArray) -> list[float]:
@@ -105,7 +107,7 @@ def _cosines(jacobian: FloatArray) -> list[float]:
     return cosines
 
 
-def _worst_row() -> Row:
+def _worst_row() -> ReproductionRow:
     first, *others = measures.locked_singular_values(IDLE_JOINT)
     isotropic = np.ptp(measures.singular_values(IDLE_JOINT)) <= ROUNDING
     idle = max(abs(s - reference.PLANAR_3R_WORST) for s in others) <= ROUNDING
@@ -123,14 +125,14 @@ def _best(joints: int, locked: int, seed: int, starts: int) -> list[FloatArray]:
 
 def four_joint_rows(
     seed: int = 0, starts: int = 20, family: Family = reference.planar_4r
-) -> Iterator[Row]:
+) -> Iterator[ReproductionRow]:
     """Rows of eqs. (16) and (17), and of the claim on double failures after them."""
     wholes = [family(alpha) for alpha in _GRID]
     members = [whole[:2] for whole in wholes]
     error = float(max(np.max(np.abs(v.T @ v - np.eye(4))) for v in wholes))
     quantity, note = "VᵀV = I for every α", f"{len(_GRID)} values of α"
     yield within("(16)", quantity, "orthogonal", error, note)
-    classes = len(distinct(members[:45], tolerance=1e-3))
+    classes = len(group_equivalent(members[:45], tolerance=1e-3))
     quantity = "distinct Jacobians among 45 values of α"
     note = (
         "modulo frame, order and signs; α over one eighth of a turn, beyond which they repeat"
@@ -144,7 +146,7 @@ def four_joint_rows(
     yield from _double_failure_rows(seed, starts, family)
 
 
-def _double_failure_rows(seed: int, starts: int, family: Family) -> Iterator[Row]:
+def _double_failure_rows(seed: int, starts: int, family: Family) -> Iterator[ReproductionRow]:
     def worst(alpha: float) -> float:
         return measures.worst_case_sigma(family(alpha)[:2], locked=2)
 
@@ -153,7 +155,9 @@ def _double_failure_rows(seed: int, starts: int, family: Family) -> Iterator[Row
     verdict = equal(expected, found, 1e-6) if len(found) == len(expected) else holds(False)
     note = "search over α in [0, 2π) for the best worst case of two failures, in units of π/4"
     ours = f"{shown(found / (np.pi / 4))}, times π/4"
-    yield Row("after (17)", "α optimal for double failures", _ODD, ours, verdict, note)
+    yield ReproductionRow(
+        "after (17)", "α optimal for double failures", _ODD, ours, verdict, note
+    )
     at_best, at_zero = worst(float(expected[0])), worst(0.0)
     answers = _best(4, 2, seed, starts)
     attained = max(measures.worst_case_sigma(matrix, 2) for matrix in answers)
@@ -163,9 +167,9 @@ def _double_failure_rows(seed: int, starts: int, family: Family) -> Iterator[Row
     )
     quantity = "worst case of two failures at α = kπ/4, k odd"
     verdict = equal(at_best, attained, SOLVER)
-    yield Row("after (17)", quantity, "optimal", shown(at_best), verdict, note)
+    yield ReproductionRow("after (17)", quantity, "optimal", shown(at_best), verdict, note)
     best = [a for a in answers if measures.worst_case_sigma(a, 2) >= attained - SOLVER]
-    same = len(distinct([family(np.pi / 4)[:2], *best])) == 1
+    same = len(group_equivalent([family(np.pi / 4)[:2], *best])) == 1
     quantity = "optimum for two failures, found over all planar 4R by max-min"
     ours = f"(16) at α = π/4 from {len(best)} of {starts} starts" if same else "another J"
     note = "canonical forms agree modulo frame, order and signs"

@@ -16,7 +16,7 @@ from formulations.joints.kinds import UnitRevolute
 from formulations.reproduction import reference
 from formulations.reproduction.printed import column_error
 from formulations.reproduction.row import (
-    Row,
+    ReproductionRow,
     Verdict,
     claim,
     compared,
@@ -34,7 +34,7 @@ _CONFIGURATIONS = 50
 _AS_PRINTED: Forms = partial(appendix.closed_forms, as_printed=True)
 
 
-def rows(seed: int = 0) -> Iterator[Row]:
+def rows(seed: int = 0) -> Iterator[ReproductionRow]:
     """Rows of eqs. (21), (22), of the counts of independent equations, and of the Appendix."""
     rng = np.random.default_rng(seed)
     arm = Arm.of(UnitRevolute(), 7)
@@ -71,9 +71,9 @@ def second_vector_errors(rng: np.random.Generator) -> FloatArray:
     return np.asarray(np.max(np.sum(np.abs(products), axis=1), axis=1))
 
 
-def _missing_zero_row(rng: np.random.Generator) -> Row:
+def _missing_zero_row(rng: np.random.Generator) -> ReproductionRow:
     *elsewhere, last = second_vector_errors(rng)
-    return Row(
+    return ReproductionRow(
         "(21)",
         "second vector of v, multiplied by sinγ",
         "(sinα, −cosα), two entries",
@@ -84,7 +84,7 @@ def _missing_zero_row(rng: np.random.Generator) -> Row:
     )
 
 
-def _row_names_row(jacobian: FloatArray) -> Row:
+def _row_names_row(jacobian: FloatArray) -> ReproductionRow:
     as_printed = jacobian[[0, 1, 2, 3, 4, 4]]
     n = jacobian.shape[1]
     # By eq. (21) all |ω_i| = 1: the squares of the last three rows add up to n.
@@ -92,10 +92,10 @@ def _row_names_row(jacobian: FloatArray) -> Row:
     rank = int(np.sum(measures.singular_values(as_printed) > 1e-9))
     paper, verdict = "ω_yᵀ, as the row above it", misprint(wrong, right)
     note = f"with ω_yᵀ twice Σ|ω_i|² = n fails, and J of rank {rank} is never isotropic"
-    return Row("(22)", "last row of J", paper, "ω_zᵀ", verdict, note)
+    return ReproductionRow("(22)", "last row of J", paper, "ω_zᵀ", verdict, note)
 
 
-def _count_rows(arm: Arm) -> Iterator[Row]:
+def _count_rows(arm: Arm) -> Iterator[ReproductionRow]:
     variables = arm.symbols()
     values = sampled(arm, variables, residuals(arm, variables))
     norms, products = (_function_rank(part) for part in (values[:, :6], values[:, 6:]))
@@ -122,7 +122,7 @@ def _function_rank(values: FloatArray) -> int:
     return int(np.linalg.matrix_rank(columns, tol=1e-9)) - 1
 
 
-def _dependent_angles_row(arm: Arm, point: FloatArray) -> Row:
+def _dependent_angles_row(arm: Arm, point: FloatArray) -> ReproductionRow:
     directions = symmetry_directions(arm, point)
     gauge = int(np.linalg.matrix_rank(directions, tol=1e-9))
     step = 1e-5  # to first order the singular values must not move, so by less than step²
@@ -142,7 +142,7 @@ def appendix_rows(
     seed: int = 0,
     printed: Forms = _AS_PRINTED,
     corrected: Forms = appendix.closed_forms,
-) -> Iterator[Row]:
+) -> Iterator[ReproductionRow]:
     """One row per closed form, compared at random configurations of a 7R."""
     arm = Arm.of(UnitRevolute(), 7)
     rng = np.random.default_rng(seed)
@@ -156,7 +156,7 @@ def appendix_rows(
         yield _closed_form_row(k, *errors)
 
 
-def _closed_form_row(k: int, print_error: float, corrected_error: float) -> Row:
+def _closed_form_row(k: int, print_error: float, corrected_error: float) -> ReproductionRow:
     i, j = pairs(6)[k]
     entry = f"{ROW_NAMES[i]}ᵀ{ROW_NAMES[j]}" + (" − n/3" if i == j else "")
     verdict = misprint(print_error, corrected_error)
@@ -169,7 +169,7 @@ def _closed_form_row(k: int, print_error: float, corrected_error: float) -> Row:
             f"the print repeats f_18 and is off by up to {print_error:.2g}; ours equals J's "
             f"entry {shown_error(corrected_error)}"
         )
-    return Row(equation, quantity, paper, ours, verdict, note)
+    return ReproductionRow(equation, quantity, paper, ours, verdict, note)
 
 
 def _equations(jacobian: FloatArray) -> FloatArray:

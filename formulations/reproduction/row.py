@@ -35,7 +35,7 @@ class Verdict(StrEnum):
 
 
 @dataclass(frozen=True)
-class Row:
+class ReproductionRow:
     """One numbered example or claim of the paper.
 
     Attributes
@@ -89,7 +89,7 @@ def compared(
     note: str = "",
     tolerance: float = ROUNDING,
     show: Callable[[npt.ArrayLike], str] = shown,
-) -> Row:
+) -> ReproductionRow:
     """Return the row of numbers that are to be equal to those expected; see `equal`.
 
     Parameters
@@ -105,21 +105,23 @@ def compared(
     show
         How our values are written.
     """
-    return Row(
+    return ReproductionRow(
         equation, quantity, paper, show(values), equal(expected, values, tolerance), note
     )
 
 
-def within(equation: str, quantity: str, paper: str, error: float, note: str = "") -> Row:
+def within(
+    equation: str, quantity: str, paper: str, error: float, note: str = ""
+) -> ReproductionRow:
     """Return the row of an exact statement: our error is to be at most `ROUNDING`."""
     return claim(equation, quantity, paper, shown_error(error), error <= ROUNDING, note)
 
 
 def claim(
     equation: str, quantity: str, paper: str, ours: object, true: bool, note: str = ""
-) -> Row:
+) -> ReproductionRow:
     """Return the row of a claim that is true or not."""
-    return Row(equation, quantity, paper, str(ours), holds(true), note)
+    return ReproductionRow(equation, quantity, paper, str(ours), holds(true), note)
 
 
 def to_last_digit(
@@ -129,10 +131,10 @@ def to_last_digit(
     exact: float,
     from_print: float | None = None,
     note: str = "",
-) -> Row:
+) -> ReproductionRow:
     """Return the row of a number printed with decimals; see `printed_digits`."""
     verdict = printed_digits(paper, exact, from_print)
-    return Row(equation, quantity, str(paper), shown(exact), verdict, note)
+    return ReproductionRow(equation, quantity, str(paper), shown(exact), verdict, note)
 
 
 def farthest(expected: float) -> Callable[[npt.ArrayLike], str]:

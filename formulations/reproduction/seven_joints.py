@@ -11,7 +11,7 @@ import numpy as np
 from formulations import measures, residual
 from formulations.joints.arm import Arm
 from formulations.joints.kinds import UnitRevolute
-from formulations.measures.canonical import distinct
+from formulations.measures.canonical import group_equivalent
 from formulations.reproduction import reference
 from formulations.reproduction.printed import (
     ENTRY_SLACK,
@@ -22,7 +22,7 @@ from formulations.reproduction.printed import (
     singular_value_slack,
 )
 from formulations.reproduction.row import (
-    Row,
+    ReproductionRow,
     Verdict,
     claim,
     compared,
@@ -60,7 +60,7 @@ def rows(
     printed: FloatArray = reference.NEARLY_OPTIMAL_7R,
     singular_values: tuple[Decimal, ...] = reference.SINGULAR_VALUES_7R,
     minimum: Decimal = reference.RESIDUAL_MINIMUM_7R,
-) -> Iterator[Row]:
+) -> Iterator[ReproductionRow]:
     """Rows of fᵀf = 0.056827 and of eqs. (44) and (45)."""
     found = minima(seed, starts)
     values = np.array([measures.residual_sum_of_squares(matrix) for matrix in found])
@@ -77,7 +77,7 @@ def rows(
     yield from _singular_value_rows(printed, found, singular_values)
 
 
-def _columns_row(printed: FloatArray) -> Row:
+def _columns_row(printed: FloatArray) -> ReproductionRow:
     error = column_error(printed)
     # |v|² moves by at most 2h(|v_x| + |v_y| + |v_z|) + 3h², h the error of an entry.
     slack = 2 * ENTRY_SLACK * np.sqrt(3) + 3 * ENTRY_SLACK**2
@@ -87,7 +87,9 @@ def _columns_row(printed: FloatArray) -> Row:
     return claim("(44)", quantity, "by (21)", ours, bool(error <= slack), note)
 
 
-def _printed_minimum_row(printed: FloatArray, least: float, minimum: Decimal) -> Row:
+def _printed_minimum_row(
+    printed: FloatArray, least: float, minimum: Decimal
+) -> ReproductionRow:
     as_printed = measures.residual_sum_of_squares(printed)
     defect = measures.isotropy_defect(printed)
     best_frame = least_sum_of_squares(printed)
@@ -96,7 +98,7 @@ def _printed_minimum_row(printed: FloatArray, least: float, minimum: Decimal) ->
     verdict = printed_digits(minimum, as_printed)
     if verdict is not Verdict.AGREES and near:
         verdict = Verdict.ROUNDED
-    return Row(
+    return ReproductionRow(
         "(44)",
         "fᵀf of the printed matrix",
         str(minimum),
@@ -129,9 +131,9 @@ def least_sum_of_squares(jacobian: FloatArray, starts: int = 5, seed: int = 0) -
     return min(solution.objective for solution in found)
 
 
-def _same_manipulator_row(printed: FloatArray, ours: FloatArray) -> Row:
+def _same_manipulator_row(printed: FloatArray, ours: FloatArray) -> ReproductionRow:
     exact = refined(printed)
-    same = len(distinct([exact, ours], tolerance=1e-5)) == 1
+    same = len(group_equivalent([exact, ours], tolerance=1e-5)) == 1
     moved = float(np.max(np.abs(aligned(exact, printed) - printed)))
     return claim(
         "(44)",
@@ -146,7 +148,7 @@ def _same_manipulator_row(printed: FloatArray, ours: FloatArray) -> Row:
 
 def _singular_value_rows(
     printed: FloatArray, found: list[FloatArray], singular_values: tuple[Decimal, ...]
-) -> Iterator[Row]:
+) -> Iterator[ReproductionRow]:
     spectra = np.array([measures.singular_values(matrix) for matrix in found])
     exact, from_print = spectra[0], measures.singular_values(printed)
     slack = singular_value_slack(printed)
@@ -159,7 +161,7 @@ def _singular_value_rows(
             row = replace(row, note=_rounding_note(exact[k], from_print[k]))
         yield row
     spread = float(np.max(np.ptp(spectra, axis=0)))
-    classes = len(distinct(found, tolerance=1e-5))
+    classes = len(group_equivalent(found, tolerance=1e-5))
     quantity, note = "the same for all solutions", "modulo frame, phase, order and signs"
     ours = f"spread {shown_error(spread, 1e-6)}; distinct Jacobians: {classes}"
     yield claim("(45)", quantity, "common to all", ours, spread <= 1e-6, note)

@@ -10,7 +10,14 @@ import numpy as np
 from formulations import isotropy, max_min, measures
 from formulations.existence.theorem import excludes
 from formulations.reproduction import reference
-from formulations.reproduction.row import Row, Verdict, holds, improvement, shown, to_last_digit
+from formulations.reproduction.row import (
+    ReproductionRow,
+    Verdict,
+    holds,
+    improvement,
+    shown,
+    to_last_digit,
+)
 from formulations.reproduction.searches import optima, search
 from formulations.reproduction.seven_joints import ARM, refined
 from nlp.arrays import FloatArray
@@ -26,7 +33,7 @@ def rows(
     starts: int = 20,
     printed: FloatArray = reference.NEARLY_OPTIMAL_7R,
     worst_case: Decimal = reference.WORST_CASE_7R,
-) -> Iterator[Row]:
+) -> Iterator[ReproductionRow]:
     """Rows of eq. (46), of its improvement, and of the search for an optimal 7R."""
     exact = refined(printed)
     value, from_print = (measures.worst_case_sigma(matrix) for matrix in (exact, printed))
@@ -43,7 +50,7 @@ def rows(
     yield _existence_row(seed, starts)
 
 
-def _worst_joint_row(printed: FloatArray, exact: FloatArray) -> Row:
+def _worst_joint_row(printed: FloatArray, exact: FloatArray) -> ReproductionRow:
     from_print = measures.worst_case(printed).joints[0] + 1
     sigmas = measures.locked_singular_values(exact)
     worst = np.flatnonzero(sigmas <= sigmas.min() + _TIE) + 1
@@ -53,17 +60,17 @@ def _worst_joint_row(printed: FloatArray, exact: FloatArray) -> Row:
         verdict = Verdict.ROUNDED if from_print == expected else Verdict.MISMATCH
     ours = "joints " + ", ".join(map(str, worst)) + " alike"
     note = f"in the rounded matrix joint {from_print} is worst; exactly, these all are"
-    return Row("(46)", "the worst joint", f"joint {expected}", ours, verdict, note)
+    return ReproductionRow("(46)", "the worst joint", f"joint {expected}", ours, verdict, note)
 
 
-def _improvement_row(exact: FloatArray, seed: int, starts: int) -> Row:
+def _improvement_row(exact: FloatArray, seed: int, starts: int) -> ReproductionRow:
     build, sample = partial(max_min.build, ARM), max_min.ResidualMinimum(ARM)
     found = optima(search(build, sample, starts, seed))
     sigmas = np.array([measures.worst_case_sigma(matrix) for matrix in found])
     best, before = float(sigmas.max()), measures.worst_case_sigma(exact)
     reached = int(np.sum(sigmas >= best - 1e-6))
     gaps = [measures.gap_percent(sigma, BOUND) for sigma in (before, best)]
-    return Row(
+    return ReproductionRow(
         "after (46)",
         "worst case if (5) is optimised explicitly",
         f"slightly better than {reference.WORST_CASE_7R}",
@@ -75,7 +82,7 @@ def _improvement_row(exact: FloatArray, seed: int, starts: int) -> Row:
     )
 
 
-def _existence_row(seed: int, starts: int) -> Row:
+def _existence_row(seed: int, starts: int) -> ReproductionRow:
     build = partial(isotropy.build, ARM)
     found = search(build, ARM.sample, starts, seed)
     tolerant = any(
@@ -85,7 +92,7 @@ def _existence_row(seed: int, starts: int) -> Row:
     least = min(solution.violation for solution in found)
     infeasible = sum(solution.status.return_status == INFEASIBLE for solution in found)
     proved = excludes(len(ARM.joints))
-    return Row(
+    return ReproductionRow(
         "Sec. 5",
         "optimally failure-tolerant 7R of rotational joints",
         "not found",

@@ -14,7 +14,7 @@ import numpy as np
 
 from formulations.robots.chain import Chain, Motion, displaced
 from formulations.robots.chain_between import displacement, driven_joint, frozen
-from formulations.robots.tree import MOVING, Joint, RobotTree
+from formulations.robots.tree import MOVING, RobotTree, TreeJoint
 from nlp.arrays import FloatArray
 
 
@@ -126,9 +126,9 @@ def bodies_of(
     return Bodies(len(chain.joints), tuple(moving)), places
 
 
-def _parents_first(tree: RobotTree) -> Sequence[Joint]:
+def _parents_first(tree: RobotTree) -> Sequence[TreeJoint]:
     """Return the joints so that each comes after the one before it."""
-    children: dict[str, list[Joint]] = {}
+    children: dict[str, list[TreeJoint]] = {}
     for joint in tree.joints:
         children.setdefault(joint.parent, []).append(joint)
     ordered, waiting = [], list(children.get(tree.root, []))

@@ -21,12 +21,12 @@ from formulations.robots.chain import (
     nearest,
     rotation,
 )
-from formulations.robots.tree import MOVING, Joint, RobotError, RobotTree
+from formulations.robots.tree import MOVING, RobotError, RobotTree, TreeJoint
 from nlp.arrays import FloatArray, finite_vector
 from nlp.errors import InputError
 
 # A moving joint, the joint that drives it (mostly itself), multiplier and offset.
-_Driven: TypeAlias = tuple[Joint, Joint, float, float]
+_Driven: TypeAlias = tuple[TreeJoint, TreeJoint, float, float]
 
 # Robots that exist have one or two; following rows of any length would take quadratic time.
 _MOST_MIMICS = 100
@@ -120,7 +120,7 @@ def chain_between(
     )
 
 
-def _path(tree: RobotTree, tip: str, base: str | None) -> tuple[Joint, ...]:
+def _path(tree: RobotTree, tip: str, base: str | None) -> tuple[TreeJoint, ...]:
     for name, link in (("tip", tip), ("base", base)):
         if link is not None and link not in tree.links:
             allowed = f"one of the links {listed(tree.links)}{nearest(link, tree.links)}"
@@ -139,7 +139,7 @@ def _path(tree: RobotTree, tip: str, base: str | None) -> tuple[Joint, ...]:
     return path
 
 
-def driven_joint(joints: Mapping[str, Joint], joint: Joint) -> _Driven:
+def driven_joint(joints: Mapping[str, TreeJoint], joint: TreeJoint) -> _Driven:
     """Return a joint, the joint that drives it, and by which multiplier and offset."""
     driver, multiplier, offset, seen = joint, 1.0, 0.0, {joint.name}
     while driver.mimic is not None:
@@ -173,7 +173,7 @@ def driven_joint(joints: Mapping[str, Joint], joint: Joint) -> _Driven:
 def _ranges(moving: Sequence[_Driven]) -> list[ChainJoint]:
     """Return each driving joint, its limits narrowed by those of the joints that follow it."""
     ranges: dict[str, tuple[float, float]] = {}
-    drivers: dict[str, Joint] = {}
+    drivers: dict[str, TreeJoint] = {}
     speeds: dict[str, float] = {}
     for joint, driver, multiplier, offset in moving:
         drivers[driver.name] = driver
@@ -194,7 +194,7 @@ def _ranges(moving: Sequence[_Driven]) -> list[ChainJoint]:
     ]
 
 
-def displacement(joint: Joint, value: float) -> FloatArray:
+def displacement(joint: TreeJoint, value: float) -> FloatArray:
     """Pose after a numeric displacement along or about the joint's axis, 4×4."""
     pose = np.eye(4)
     if joint.type == "prismatic":

@@ -20,7 +20,7 @@ NO_ARROW = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
-class Picture:
+class RobotPicture:
     """What is drawn of an arm, in metres and along the axes of its base.
 
     Attributes
@@ -66,7 +66,7 @@ class Picture:
 
 def picture(
     arm: RobotArm, configuration: npt.ArrayLike, locked: Collection[str] = ()
-) -> Picture:
+) -> RobotPicture:
     """Return what is drawn of an arm.
 
     Parameters
@@ -102,7 +102,7 @@ def picture(
     turn = pose[:3, :3] if arm.task.frame == "tip" else np.eye(3)
     rows = slice(0, 3) if arm.task.linear else slice(3, 6)
     direction = _along_base(arm, measures.weakest_direction(after)[:, None], turn)[:, 0]
-    return Picture(
+    return RobotPicture(
         origins=origins,
         axes=axes,
         tip=pose[:3, 3],
@@ -159,7 +159,7 @@ def _along_base(arm: RobotArm, matrix: FloatArray, turn: FloatArray) -> FloatArr
     return np.vstack([turn @ full[:3], turn @ full[3:]])
 
 
-def numbers(shown: Picture, arm: RobotArm) -> str:
+def numbers(shown: RobotPicture, arm: RobotArm) -> str:
     """Return the numbers of a picture as Markdown."""
     largest = [f"{np.linalg.norm(one[:, 0]):.4f}" for one in (shown.before, shown.after)]
     direction = "  ".join(

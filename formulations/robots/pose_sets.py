@@ -13,7 +13,7 @@ from collections.abc import Callable
 import numpy as np
 import numpy.typing as npt
 
-from formulations.realise.self_motion import Poses, arcs, solve
+from formulations.realise.self_motion import SelfMotionPoses, arcs, solve
 from formulations.robots.failure_sets import SLICE, FailureSets, check_step
 from formulations.robots.serial_arm import Bits, Ranges, SerialArm
 from nlp.arrays import FloatArray
@@ -144,9 +144,9 @@ class PoseSets(FailureSets):
         full = endless & (upper - lower >= _TURN - 1e-9)
         return np.where(full, -np.inf, lower), np.where(full, np.inf, upper)
 
-    def _poses(self, points: FloatArray) -> Poses:
+    def _poses(self, points: FloatArray) -> SelfMotionPoses:
         turn = np.broadcast_to(self._turn, (len(points), 3, 3))
-        return Poses(self.arm.at_zero, self._rows, points, turn)
+        return SelfMotionPoses(self.arm.at_zero, self._rows, points, turn)
 
     def _curves(
         self, points: FloatArray, rng: np.random.Generator

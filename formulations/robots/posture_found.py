@@ -13,7 +13,11 @@ from formulations.robots.clearance import Closest
 from formulations.robots.held_pose import HeldArm, LockedReach, Pose
 from formulations.robots.posture_search import Search
 from formulations.robots.robot_arm import RobotArm
-from formulations.robots.robot_assessment import RobotAssessment, assess, assess_unequal
+from formulations.robots.robot_assessment import (
+    RobotAssessment,
+    measure_robot,
+    measure_robot_unequal,
+)
 from nlp.arrays import FloatArray
 
 
@@ -44,7 +48,7 @@ class Posture:
     clearance
         Where links keep a distance: the nearest two, and what was looked at.
     failures
-        Where failures are unequal: what `assess_unequal` says.
+        Where failures are unequal: what `measure_robot_unequal` says.
     """
 
     formulation: str
@@ -147,11 +151,13 @@ def describe(
     failures = None
     if search.failures is not None:
         known = search.probabilities_known
-        failures = assess_unequal(arm, arm.jacobian(configuration), search.failures, known)
+        failures = measure_robot_unequal(
+            arm, arm.jacobian(configuration), search.failures, known
+        )
     middle = arm.jacobian(arm.chain.mid_range)
     return Posture(
         formulation=search.stated.NAME,
-        assessment=assess(arm, configuration, search.locked),
+        assessment=measure_robot(arm, configuration, search.locked),
         mid_range_sigma=measures.worst_case_sigma(middle, search.locked),
         seed=search.seed,
         starts=starts,

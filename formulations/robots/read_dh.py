@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from formulations.robots.tree import Joint, Limit, RobotTree, joint_between
+from formulations.robots.tree import Limit, RobotTree, TreeJoint, joint_between
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
 from nlp.files import real_in
@@ -62,7 +62,7 @@ def dh_tree(content: bytes, name: str = "robot") -> RobotTree:
     if convention not in _CONVENTIONS:
         allowed = "a line '# convention: standard' or '# convention: modified' at the beginning"
         raise InputError("convention", convention, allowed)
-    joints: list[Joint] = []
+    joints: list[TreeJoint] = []
     parent, carried = "base", _IDENTITY
     for before, kind, after, title, limit in _dh_rows(lines, convention == "modified"):
         carried = carried @ before

@@ -18,14 +18,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from formulations.robots.chain import LARGEST
-from formulations.robots.tree import MOVING, Joint, Limit, Mimic, RobotTree, joint_between
+from formulations.robots.tree import MOVING, Limit, Mimic, RobotTree, TreeJoint, joint_between
 from nlp.errors import FileError, InputError, MissingLibraryError
 from nlp.files import read_bytes, real_in
 
 if TYPE_CHECKING:
     from lxml.etree import _Element
-    from yourdfpy import Joint as UrdfJoint
     from yourdfpy import Robot as UrdfRobot
+    from yourdfpy import TreeJoint as UrdfJoint
 
 KINDS = (*MOVING, "fixed", "floating", "planar")
 _XACRO = "plain URDF (run xacro on the file first)"
@@ -120,7 +120,7 @@ def yourdfpy_tree(robot: UrdfRobot) -> RobotTree:
     return RobotTree(robot.name, links, tuple(_joint(joint) for joint in robot.joints))
 
 
-def _joint(joint: UrdfJoint) -> Joint:
+def _joint(joint: UrdfJoint) -> TreeJoint:
     mimic = joint.mimic
     if mimic is not None:
         factor = 1.0 if mimic.multiplier is None else float(mimic.multiplier)

@@ -29,7 +29,7 @@ from formulations.joints.joint import check_length
 from formulations.robots.chain import LARGEST, Chain
 from formulations.robots.chain_between import chain_between
 from formulations.robots.read_robot import read_robot
-from formulations.robots.task import Task
+from formulations.robots.task import TaskSpace
 from nlp.arrays import FloatArray, as_floats, finite_vector
 from nlp.errors import InputError
 from nlp.problem import Constraint
@@ -60,7 +60,7 @@ class RobotArm:
     """
 
     chain: Chain
-    task: Task = field(default_factory=Task)
+    task: TaskSpace = field(default_factory=TaskSpace)
     length: float | None = None
 
     def __post_init__(self) -> None:
@@ -86,7 +86,7 @@ class RobotArm:
         source: object,
         tip: str | None = None,
         base: str | None = None,
-        task: Task | str = "all",
+        task: TaskSpace | str = "all",
         length: float | None = None,
         held: Mapping[str, float] | None = None,
         point: Sequence[float] = (0.0, 0.0, 0.0),
@@ -101,7 +101,7 @@ class RobotArm:
             Links, joints that have locked and the tip's point, see `chain_between`; by
             default the only last link, the root, none and the origin.
         task
-            A task, or its directions as `Task.parse` reads them.
+            A task, or its directions as `TaskSpace.parse` reads them.
         length
             Characteristic length ℓ in metres; by default that of each configuration.
 
@@ -113,7 +113,7 @@ class RobotArm:
         tree = read_robot(source)
         tip = tree.last_link() if tip is None else tip
         chain = chain_between(tree, tip, base, held, point)
-        return cls(chain, Task.parse(task) if isinstance(task, str) else task, length)
+        return cls(chain, TaskSpace.parse(task) if isinstance(task, str) else task, length)
 
     @property
     def shape(self) -> tuple[int, int]:

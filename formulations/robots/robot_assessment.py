@@ -137,7 +137,9 @@ class RobotAssessment:
     jacobian: list[list[float]]
 
 
-def assess(arm: RobotArm, configuration: npt.ArrayLike, locked: int = 1) -> RobotAssessment:
+def measure_robot(
+    arm: RobotArm, configuration: npt.ArrayLike, locked: int = 1
+) -> RobotAssessment:
     """Measure a robot's failure tolerance at a configuration.
 
     Parameters
@@ -211,7 +213,7 @@ def at_length(arm: RobotArm, configuration: FloatArray, length: float, locked: i
     )
 
 
-def assess_unequal(
+def measure_robot_unequal(
     arm: RobotArm, jacobian: npt.ArrayLike, failures: Scenarios, probabilities_known: bool
 ) -> dict[str, Any]:
     """Return what `assess_scenarios` says of a robot's Jacobian, with the joints' names."""

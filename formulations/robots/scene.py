@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from formulations.robots.picture import NO_ARROW, Picture, frames
+from formulations.robots.picture import NO_ARROW, RobotPicture, frames
 from formulations.robots.read_urdf import is_urdf
 from formulations.robots.robot_arm import RobotArm
 from nlp.arrays import FloatArray
@@ -60,7 +60,7 @@ class Scene:
         self._place_camera(configuration)
         self._add_shapes()
 
-    def draw(self, shown: Picture, positions: FloatArray) -> None:
+    def draw(self, shown: RobotPicture, positions: FloatArray) -> None:
         """Draw a picture, and the shapes at the joints' positions, shape (n,)."""
         self._draw_shapes(positions)
         self._draw_joints(shown)
@@ -120,7 +120,7 @@ class Scene:
         turn = SO3.from_matrix(root[:3, :3]).wxyz
         self._server.scene.add_frame("/robot", wxyz=turn, position=root[:3, 3], show_axes=False)
 
-    def _draw_joints(self, shown: Picture) -> None:
+    def _draw_joints(self, shown: RobotPicture) -> None:
         scene, chain = self._server.scene, self._arm.chain
         places = np.vstack([np.zeros(3), shown.origins, shown.tip])
         links, width = np.stack([places[:-1], places[1:]], axis=1), _WIDTH * self._size
@@ -132,7 +132,7 @@ class Scene:
         colours = np.repeat(shades[:, None], 2, axis=1)
         scene.add_line_segments("/axes", lines, colours, thickness=3 * width)
 
-    def _draw_velocities(self, shown: Picture) -> None:
+    def _draw_velocities(self, shown: RobotPicture) -> None:
         scene = self._server.scene
         vertices, faces = _sphere()
         scale = _ELLIPSOID * self._size

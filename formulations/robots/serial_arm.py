@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from formulations.realise.chain import Chain as Axes
+from formulations.realise.chain import LinkChain as Axes
 from formulations.robots.chain import Chain
 from nlp.arrays import FloatArray
 from nlp.errors import InputError

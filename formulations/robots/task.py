@@ -13,7 +13,7 @@ Frame: TypeAlias = Literal["base", "tip"]
 
 
 @dataclass(frozen=True)
-class Task:
+class TaskSpace:
     """The directions of the tip's velocity that J has rows for.
 
     Parameters
@@ -43,7 +43,7 @@ class Task:
             raise InputError("frame", self.frame, "'base' or 'tip'")
 
     @classmethod
-    def parse(cls, text: str, frame: str = "base") -> Task:
+    def parse(cls, text: str, frame: str = "base") -> TaskSpace:
         """Read names of directions or groups of them, separated by commas."""
         names = [name.strip() for name in text.split(",")]
         directions = [one for name in names for one in GROUPS.get(name, (name,))]

@@ -43,7 +43,7 @@ class Mimic:
 
 
 @dataclass(frozen=True, eq=False)
-class Joint:
+class TreeJoint:
     """A joint between two links; `joint_between` makes it and checks its numbers.
 
     Attributes
@@ -82,7 +82,7 @@ def joint_between(
     axis: npt.ArrayLike = (0.0, 0.0, 1.0),
     limit: Limit = Limit(),
     mimic: Mimic | None = None,
-) -> Joint:
+) -> TreeJoint:
     """Return a joint whose axis has norm 1, and whose limits beyond `LARGEST` are none.
 
     Raises
@@ -113,7 +113,9 @@ def joint_between(
     upper = upper if upper <= LARGEST else np.inf
     # Files that know no speed write 0; nothing could move.
     speed = abs(limit.velocity) if abs(limit.velocity) > 0 else np.inf
-    return Joint(name, kind, parent, child, pose, direction, Limit(lower, upper, speed), mimic)
+    return TreeJoint(
+        name, kind, parent, child, pose, direction, Limit(lower, upper, speed), mimic
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,7 +140,7 @@ class RobotTree:
 
     name: str
     links: tuple[str, ...]
-    joints: tuple[Joint, ...]
+    joints: tuple[TreeJoint, ...]
 
     def __post_init__(self) -> None:
         named = [("link", link) for link in self.links]
@@ -174,10 +176,10 @@ class RobotTree:
             raise InputError(argument, "missing", allowed)
         return leaves[0]
 
-    def path(self, tip: str) -> tuple[Joint, ...]:
+    def path(self, tip: str) -> tuple[TreeJoint, ...]:
         """Joints from the root to a link, in order."""
         above = {joint.child: joint for joint in self.joints}
-        path: list[Joint] = []
+        path: list[TreeJoint] = []
         while tip in above:
             path.append(above[tip])
             tip = path[-1].parent

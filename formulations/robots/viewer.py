@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from formulations.robots.picture import Picture, numbers, picture
+from formulations.robots.picture import RobotPicture, numbers, picture
 from formulations.robots.posture import best_posture
 from formulations.robots.posture_search import Search
 from formulations.robots.robot_arm import RobotArm
@@ -92,7 +92,7 @@ class Page:
         """Positions of the sliders, shape (n,)."""
         return np.array([float(slider.value) for slider in self._sliders.values()])
 
-    def draw(self) -> Picture:
+    def draw(self) -> RobotPicture:
         """Draw the arm where the sliders are; return what was drawn."""
         with self._lock:
             positions = self.positions

@@ -13,7 +13,7 @@ import numpy as np
 from formulations.bounds.certified import NONE_EXISTS
 from formulations.joints.arm import Arm
 from formulations.joints.joint import ColumnModel
-from formulations.measures.canonical import distinct
+from formulations.measures.canonical import group_equivalent
 from formulations.solving.record import Record
 from nlp.solution import INFEASIBLE
 
@@ -69,7 +69,7 @@ class Outcome:
         designed = self._alike and isinstance(self.arm, Arm)
         if not (self.complete and self.reached and designed):
             return 0
-        return len(distinct([record.jacobian for record in self.reached]))
+        return len(group_equivalent([record.jacobian for record in self.reached]))
 
     @property
     def best(self) -> Record:

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from formulations.atlas.collection import pages, problem_of
-from formulations.atlas.entry import Page
+from formulations.atlas.entry import EntryPage
 from formulations.io.table import HIDDEN, column
 from formulations.max_min import NAME as MAX_MIN
 from formulations.plot.style import content
@@ -15,7 +15,7 @@ _DRAWN = 8  # joints that an arm on the page has at most
 
 
 @dataclass(frozen=True)
-class Row:
+class AtlasRow:
     """One entry: the columns of ``atlas.csv``.
 
     Attributes
@@ -70,10 +70,10 @@ class Row:
         return f"{kinds}, m = {self.task_dimension}"
 
 
-def row_of(page: Page) -> Row:
+def row_of(page: EntryPage) -> AtlasRow:
     """Return an entry's row."""
     bound = page.entry.bound
-    return Row(
+    return AtlasRow(
         entry=page.entry.name,
         **vars(page.entry),
         value=page.value,
@@ -97,7 +97,7 @@ def study() -> Study:
         title="the best Jacobian known of every kind of arm, beside the bounds",
         page="atlas.md",
         template="atlas.md.j2",
-        tables={"atlas": Row},
+        tables={"atlas": AtlasRow},
         command="lockedjoint report --only atlas --out results",
         takes="a minute",
         compute=_compute,
@@ -131,6 +131,6 @@ def _compute(effort: Effort, _: Path) -> Iterator[Part]:
     yield Part(rows=rows, files=files)
 
 
-def _is_arm(row: Row) -> bool:
+def _is_arm(row: AtlasRow) -> bool:
     """Whether the columns are those of joints: free ones in the plane and in space are."""
     return row.model != "free-mean" or row.task_dimension < 6

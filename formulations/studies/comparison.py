@@ -27,7 +27,7 @@ _NAMES = ("formulation", "variant", "model", "verdict")
 
 
 @dataclass(frozen=True)
-class Row:
+class ComparisonRow:
     """One case's outcome: the columns of ``comparison.csv``; NaN where one does not apply.
 
     Six of them are shown in tables.
@@ -134,7 +134,7 @@ def study(
             arm(model, joints, task_dimension)
 
     def compute(effort: Effort, _: Path) -> Iterator[Part]:
-        plain: dict[tuple[str, str], Row] = {}
+        plain: dict[tuple[str, str], ComparisonRow] = {}
         for case in cases(joints, task_dimension, options or {}, compiled):
             effort.progress(case.name)
             outcome = effort.solve(case, STARTS)
@@ -159,7 +159,7 @@ def study(
         title=f"the three formulations on {joints}R, from common starts",
         page="comparison.md",
         template="comparison.md.j2",
-        tables={"comparison": Row},
+        tables={"comparison": ComparisonRow},
         command=f"lockedjoint compare {option and f'{option}{joints} '}--out results/{name}",
         takes="under a minute",
         compute=compute,
@@ -192,7 +192,7 @@ def cases(
     return tuple(Case(*parts, options=options, compiled=compiled) for parts in listed)
 
 
-def row_of(outcome: Outcome, default: Row | None = None) -> Row:
+def row_of(outcome: Outcome, default: ComparisonRow | None = None) -> ComparisonRow:
     """Return an outcome of at least one record as a row.
 
     Parameters
@@ -213,7 +213,7 @@ def row_of(outcome: Outcome, default: Row | None = None) -> Row:
     unit = default.cpu_seconds_per_success if default else per_success
     proved = bound(case.formulation, built, case.locked)
     checked = case.formulation.bound(built, case.locked, certified=False)
-    return Row(
+    return ComparisonRow(
         formulation=case.formulation.NAME,
         variant=case.variant,
         model=case.model,
@@ -244,7 +244,7 @@ def row_of(outcome: Outcome, default: Row | None = None) -> Row:
     )
 
 
-def _bound(row: Row) -> str:
+def _bound(row: ComparisonRow) -> str:
     """Return the proved bound, rounded to the side on which it holds."""
     if isnan(row.certified_bound):
         return row.certificate

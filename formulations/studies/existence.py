@@ -10,7 +10,7 @@ from formulations.existence.evaluate import defects
 from formulations.existence.exact_jacobian import ExactJacobian, verify_existence
 from formulations.existence.reading import read, read_either
 from formulations.existence.rings import exact_jacobian
-from formulations.existence.verify import Report, verify
+from formulations.existence.verify import TheoremReport, verify
 from formulations.io.table import column
 from formulations.studies.study import INCOMPLETE, Effort, Part, Study
 
@@ -68,7 +68,7 @@ def study() -> Study:
     )
 
 
-def facts(certificate: Certificate, report: Report, verdict: str) -> list[Fact]:
+def facts(certificate: Certificate, report: TheoremReport, verdict: str) -> list[Fact]:
     """Return the lines of the table."""
     lines = {
         "joints": report.joints,

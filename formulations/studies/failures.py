@@ -88,7 +88,7 @@ def _unequal(
 
 
 @dataclass(frozen=True)
-class Row:
+class FailureRow:
     """One case's outcome: the columns of ``failures.csv``; NaN where nothing passed the check.
 
     Attributes
@@ -134,7 +134,7 @@ def study() -> Study:
         title="several joints locked at once, joints that never fail, unequal probabilities",
         page="failures.md",
         template="failures.md.j2",
-        tables={"failures": Row},
+        tables={"failures": FailureRow},
         command="lockedjoint failures --out results/failures",
         takes="three minutes",
         compute=_compute,
@@ -148,12 +148,12 @@ def _compute(effort: Effort, _: Path) -> Iterator[Part]:
         effort.progress(f"{case.model} {m}×{n}, {case.locked} locked, {case.variant}")
         outcome = effort.solve(case, STARTS)
         row = row_of(outcome)
-        [plain] = Table(Row, [row]).plain()
+        [plain] = Table(FailureRow, [row]).plain()
         entry = {**plain, "jacobian": outcome.best.jacobian.tolist()}
         yield Part(rows=[row], entries=[entry], complete=outcome.complete)
 
 
-def row_of(outcome: Outcome) -> Row:
+def row_of(outcome: Outcome) -> FailureRow:
     """Return an outcome of at least one record as a row, measured from the Jacobian alone."""
     case, records = outcome.case, outcome.records
     best, jacobian = outcome.reached, outcome.best.jacobian
@@ -161,7 +161,7 @@ def row_of(outcome: Outcome) -> Row:
     failures = settings["failures"] or FailureModel.equally_likely(n, k)
     value = score(jacobian, failures, settings["goal"]) if best else float("nan")
     bound = _bound(case, jacobian)
-    return Row(
+    return FailureRow(
         model=case.model,
         task_dimension=m,
         joints=n,

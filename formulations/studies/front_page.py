@@ -9,7 +9,7 @@ from typing import Any
 from formulations.io.provenance import read_header
 from formulations.studies import pages
 from formulations.studies.bounds import sharpest
-from formulations.studies.comparison import Row
+from formulations.studies.comparison import ComparisonRow
 from formulations.studies.running import STUDIES
 from formulations.studies.study import Rows, Study
 from nlp.errors import FileError
@@ -84,7 +84,9 @@ def formulation_table(tables: Rows) -> str:
     return pages.aligned(pages.block(_TEMPLATE, "formulations", _values(tables)))
 
 
-def plain(rows: Sequence[Row], formulation: str, model: str, joints: int) -> Row | None:
+def plain(
+    rows: Sequence[ComparisonRow], formulation: str, model: str, joints: int
+) -> ComparisonRow | None:
     """Return the comparison's row without a variant, if it is there."""
     wanted = (formulation, model, joints, "")
     found = (r for r in rows if (r.formulation, r.model, r.joints, r.variant) == wanted)

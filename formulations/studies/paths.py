@@ -69,7 +69,7 @@ PATHS = tuple(read_rows(Path(__file__).with_suffix(".csv"), StudyPath))
 
 
 @dataclass(frozen=True)
-class Row:
+class PathRow:
     """One path of one arm: the columns of ``paths.csv``.
 
     Attributes
@@ -154,7 +154,7 @@ def study(only: str | None = None) -> Study:
         title="trajectories along which joints may lock",
         page="paths.md",
         template="paths.md.j2",
-        tables={"paths": Row},
+        tables={"paths": PathRow},
         command="lockedjoint report --only paths --out results",
         takes="up to a quarter of an hour, and packages of robots",
         compute=compute,
@@ -164,13 +164,13 @@ def study(only: str | None = None) -> Study:
     )
 
 
-def row_of(one: StudyPath, arm: RobotArm, found: PathPlan, cpu: float) -> Row:
+def row_of(one: StudyPath, arm: RobotArm, found: PathPlan, cpu: float) -> PathRow:
     """Return what was found for a path as a row."""
     base, planned, nan = found.minimum_norm, found.planned, float("nan")
     hopeless = [
         name for name, last in zip(found.joints, found.hopeless_until, strict=True) if last >= 0
     ]
-    return Row(
+    return PathRow(
         arm=one.arm,
         package=one.robot.package,
         path=one.path,

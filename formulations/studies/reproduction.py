@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from pathlib import Path
 
-from formulations.reproduction import Row, has_mismatch, iterate
+from formulations.reproduction import ReproductionRow, has_mismatch, iterate
 from formulations.studies.study import Effort, Part, Study
 
 STARTS = 100
@@ -16,7 +16,7 @@ def study() -> Study:
         title="every numbered example and claim of the paper, computed anew",
         page="reproduction.md",
         template="reproduction.md.j2",
-        tables={"reproduction": Row},
+        tables={"reproduction": ReproductionRow},
         command="lockedjoint reproduce --out results/reproduction",
         takes="ten seconds",
         compute=_compute,

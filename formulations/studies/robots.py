@@ -13,7 +13,7 @@ from formulations.robots.posture_search import Search
 from formulations.robots.read_robot import read_robot
 from formulations.robots.robot_arm import RobotArm
 from formulations.robots.robot_assessment import best_7r
-from formulations.robots.task import Task
+from formulations.robots.task import TaskSpace
 from formulations.studies.study import Effort, Part, Study
 from nlp.errors import InputError, MissingLibraryError
 
@@ -40,7 +40,7 @@ class SurveyArm:
     tip
         The link that the Jacobian is of.
     task
-        Task directions, as `Task.parse` reads them.
+        TaskSpace directions, as `TaskSpace.parse` reads them.
     package
         The distribution that it comes in.
     base
@@ -67,7 +67,7 @@ class SurveyArm:
     def arm(self) -> RobotArm:
         """Return the arm at the default characteristic length."""
         chain = chain_between(read_robot(self.path), self.tip, self.base or None)
-        return RobotArm(chain, Task.parse(self.task))
+        return RobotArm(chain, TaskSpace.parse(self.task))
 
 
 #: The arms of the survey, those in six dimensions first.
@@ -75,7 +75,7 @@ ARMS = tuple(read_rows(Path(__file__).with_suffix(".csv"), SurveyArm))
 
 
 @dataclass(frozen=True)
-class Row:
+class RobotRow:
     """One arm: the columns of ``robots.csv``; NaN where a column does not apply.
 
     Attributes
@@ -168,7 +168,7 @@ def study(only: str | None = None) -> Study:
         title="the best postures of arms that exist",
         page="robots.md",
         template="robots.md.j2",
-        tables={"robots": Row},
+        tables={"robots": RobotRow},
         command="lockedjoint robots --out results/robots",
         takes="up to a quarter of an hour, and packages of robots",
         compute=compute,
@@ -180,7 +180,7 @@ def study(only: str | None = None) -> Study:
     )
 
 
-def row_of(one: SurveyArm, found: Posture) -> Row:
+def row_of(one: SurveyArm, found: Posture) -> RobotRow:
     """Return an arm and its best posture as a row."""
     arm = one.arm()
     m, n = arm.shape
@@ -190,7 +190,7 @@ def row_of(one: SurveyArm, found: Posture) -> Row:
         kind: ", ".join(each.joint for each in at.structural if each.kind == kind)
         for kind in ("structural", "near-structural")
     }
-    return Row(
+    return RobotRow(
         arm=one.name,
         package=one.package,
         file=one.file,
@@ -219,7 +219,7 @@ def row_of(one: SurveyArm, found: Posture) -> Row:
     )
 
 
-def _worst(row: Row) -> str:
+def _worst(row: RobotRow) -> str:
     if row.structural:
         return f"{row.structural}: structural"
     if row.near_structural:

@@ -62,7 +62,7 @@ class State(StrEnum):
 
 
 @dataclass(frozen=True)
-class Outcome:
+class StudyOutcome:
     """What became of a study, why in a sentence, and its wall time in seconds."""
 
     study: Study
@@ -99,7 +99,7 @@ def run_all(
     out: Path,
     effort: Effort,
     begin: Callable[[Study], None] = lambda _: None,
-) -> Iterator[Outcome]:
+) -> Iterator[StudyOutcome]:
     """Run studies and yield the outcome of each; after an interrupted one there is no other.
 
     Parameters
@@ -123,7 +123,7 @@ def run_all(
         begin(study)
         started = time.perf_counter()
         state, reason = _attempt(study, out, effort)
-        yield Outcome(study, state, reason, time.perf_counter() - started)
+        yield StudyOutcome(study, state, reason, time.perf_counter() - started)
         if state is State.INTERRUPTED:
             return
 

@@ -49,7 +49,7 @@ _TYPICAL, _TYPICAL_POINTS = 40, 60
 
 
 @dataclass(frozen=True)
-class Row:
+class WorkspaceRow:
     """One arm with one choice of artificial limits: the columns of ``workspaces.csv``.
 
     Attributes
@@ -142,7 +142,7 @@ def study() -> Study:
         title="what failures leave of workspaces, and the best limits",
         page="workspaces.md",
         template="workspaces.md.j2",
-        tables={"workspaces": Row, "orders": OrderRow},
+        tables={"workspaces": WorkspaceRow, "orders": OrderRow},
         command="lockedjoint report --only workspaces --out results",
         takes="a quarter of an hour, matplotlib and packages of robots",
         compute=_compute,
@@ -301,12 +301,12 @@ def _part(arm: str, choice: str, found: Workspace) -> Part:
     return Part(rows=[row], files=files)
 
 
-def row_of(arm: str, choice: str, found: Workspace) -> Row:
+def row_of(arm: str, choice: str, found: Workspace) -> WorkspaceRow:
     """Return a workspace as a row."""
     names = [one.name for one in found.arm.steps]
     depths = {str(k): one for k, one in enumerate(found.passed) if one == one}
     drawn = choice == _LIMITS
-    return Row(
+    return WorkspaceRow(
         arm=arm,
         choice=choice,
         dimension=found.dimension,

@@ -46,7 +46,16 @@ def test_help_names_every_command_and_option(lockedjoint, tmp_path):
     assert page.returncode == 0
     for command in (
         *("compare", "reproduce", "solve", "measure", "realise", "bound", "prove", "verify"),
-        *("campaign", "show", "join", "benchmark", "failures", "assess", "posture", "robots"),
+        *(
+            "campaign",
+            "show",
+            "join",
+            "benchmark",
+            "failures",
+            "measure-robot",
+            "posture",
+            "robots",
+        ),
         *("figure", "report", "path", "workspace", "view"),
     ):
         assert command in page.stdout
@@ -487,8 +496,8 @@ def test_ctrl_c_keeps_the_rows_that_are_done(lockedjoint, tmp_path):
         ("show s.db --to csv", "s.db"),
         ("solve max-min", "s.db"),
         ("prove", "folder.svg"),
-        ("assess in.urdf --task vx,vy", "in.urdf"),
-        ("assess in.urdf --task vx,vy --configuration q.json", "q.json"),
+        ("measure-robot in.urdf --task vx,vy", "in.urdf"),
+        ("measure-robot in.urdf --task vx,vy --configuration q.json", "q.json"),
         ("posture in.urdf --task vx,vy", "in.urdf"),
         ("compare", "in.csv"),
         ("reproduce", "in.csv"),

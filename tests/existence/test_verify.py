@@ -21,7 +21,7 @@ import formulations.existence.verify as verification
 from formulations.existence.certificate import Certificate, CertificateError, Square, Term
 from formulations.existence.evaluate import defects
 from formulations.existence.reading import read
-from formulations.existence.verify import Report, verify
+from formulations.existence.verify import TheoremReport, verify
 
 Change = Callable[[dict[str, Any]], object]
 RENAMED = cache(verification._renamed)
@@ -50,7 +50,7 @@ def renamed_once(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_the_committed_certificate_is_a_proof(committed: Path) -> None:
     report = verify(read(committed))
-    assert report == Report(7, Fraction(33248, 1029), 2, 351, report.monomials)
+    assert report == TheoremReport(7, Fraction(33248, 1029), 2, 351, report.monomials)
     assert report.monomials > 300
 
 

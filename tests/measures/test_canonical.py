@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from formulations.joints.arm import Arm
 from formulations.joints.kinds import FreeColumn, LeverRevolute, UnitRevolute
-from formulations.measures.canonical import canonical_form, distinct
+from formulations.measures.canonical import canonical_form, group_equivalent
 from formulations.measures.symmetry import Symmetry, symmetry_of
 from nlp.errors import InputError
 
@@ -67,14 +67,14 @@ def test_the_canonical_form_is_its_own_and_of_the_same_class(symmetry, seed):
     form = canonical_form(jacobian)
     np.testing.assert_allclose(canonical_form(form), form, atol=1e-9)
     np.testing.assert_allclose(np.linalg.svd(form)[1], np.linalg.svd(jacobian)[1], atol=1e-9)
-    assert distinct([form, jacobian]) == [[0, 1]]
+    assert group_equivalent([form, jacobian]) == [[0, 1]]
 
 
 @given(symmetries, seeds)
 def test_other_jacobians_have_other_forms(symmetry, seed):
     pair = [draw(symmetry, seed), draw(symmetry, seed + 1)]
     assert np.max(np.abs(canonical_form(pair[0]) - canonical_form(pair[1]))) > 1e-2
-    assert distinct(pair) == [[0], [1]]
+    assert group_equivalent(pair) == [[0], [1]]
 
 
 def test_groups_keep_their_members_apart_and_together():
@@ -88,14 +88,14 @@ def test_groups_keep_their_members_apart_and_together():
         disguised(second, unit, rng),
         disguised(first, unit, rng) + 1e-7 * rng.normal(size=(6, 7)),
     ]
-    assert distinct(mixed, symmetry=unit) == [[0, 2, 4], [1, 3]]
+    assert group_equivalent(mixed, symmetry=unit) == [[0, 2, 4], [1, 3]]
 
 
 def test_the_phase_is_no_symmetry_of_free_lever_arms():
     jacobian = draw(Symmetry.UNIT_REVOLUTE, 5)
     turned = phase(jacobian, 0.4)
-    assert distinct([jacobian, turned]) == [[0, 1]]
-    assert distinct([jacobian, turned], symmetry=Symmetry.REVOLUTE) == [[0], [1]]
+    assert group_equivalent([jacobian, turned]) == [[0, 1]]
+    assert group_equivalent([jacobian, turned], symmetry=Symmetry.REVOLUTE) == [[0], [1]]
 
 
 def test_highly_symmetric_jacobians_are_handled():
@@ -104,7 +104,7 @@ def test_highly_symmetric_jacobians_are_handled():
     simplex = np.linalg.svd(centred)[2][:12]
     rng = np.random.default_rng(0)
     other = disguised(simplex, Symmetry.FRAME, rng)
-    assert distinct([simplex, other]) == [[0, 1]]
+    assert group_equivalent([simplex, other]) == [[0, 1]]
 
 
 def test_rank_deficient_jacobians_have_a_form():

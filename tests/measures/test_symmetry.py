@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from formulations.joints.models import arm
 from formulations.measures import symmetry as classes
-from formulations.measures.canonical import distinct
+from formulations.measures.canonical import group_equivalent
 from formulations.measures.symmetry import Classes, Symmetry, invariants
 
 ARMS = {
@@ -78,7 +78,7 @@ def test_classes_are_those_of_the_canonical_form(symmetry):
         found.add(jacobian, score)
     reached = [one.reached for one in found.most_reached()]
     assert reached == [3, 2, 2, 1, 1]
-    groups = distinct(shown, classes.TOLERANCE, symmetry)
+    groups = group_equivalent(shown, classes.TOLERANCE, symmetry)
     assert sorted(map(len, groups), reverse=True) == reached
     assert [one.score for one in found.most_reached()] == [0, 1, 4, 3, 6]
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import lockedjoint as lj
-from formulations.robots.task import Task
+from formulations.robots.task import TaskSpace
 from nlp.errors import InputError, LockedJointError
 
 MATRIX = np.array([[1.0, 0.4, -0.5, 0.2], [0.0, 1.0, 0.7, -0.6]])
@@ -62,8 +62,8 @@ def test_a_robot_at_a_configuration(tmp_path):
         "# convention: standard\nkind,a,d,alpha_rad,theta_rad\n" + 4 * "R,1,0,0,0\n",
         encoding="utf-8",
     )
-    arm = lj.RobotArm.read(tmp_path / "arm.csv", task=Task(("vx", "vy")))
-    found = lj.assess(arm, [0.1, 0.5, -0.7, 1.0])
+    arm = lj.RobotArm.read(tmp_path / "arm.csv", task=TaskSpace(("vx", "vy")))
+    found = lj.measure_robot(arm, [0.1, 0.5, -0.7, 1.0])
     drawn = [bar.get_height() for bar in lj.plot(found).figure.axes[0].patches]
     assert drawn == [failure.sigma for failure in found.failures]
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from formulations import measures
-from formulations.realise.choice import choose, evaluate, given, search
+from formulations.realise.choice import choose_arrangement, evaluate, given, search
 from formulations.realise.criteria import CRITERIA, Sampling, smallest, worst_cases
 from formulations.realise.dh import denavit_hartenberg
 from formulations.realise.family import distinct, every, family, symmetries
@@ -58,7 +58,7 @@ def test_the_choice_is_the_best_of_all(four, name):
     tried = [one for key, one in values.items() if key in first or not CRITERIA[name].sampled]
     numbers = [one[name] for one in tried]
     best = max(numbers) if CRITERIA[name].larger_is_better else min(numbers)
-    chosen = choose(arm, name, FEW)
+    chosen = choose_arrangement(arm, name, FEW)
     assert chosen.values[name] == pytest.approx(best, rel=1e-6)
     assert evaluate(chosen.manipulator, FEW) == pytest.approx(chosen.values, nan_ok=True)
     assert np.isnan(chosen.values["kept"])  # of two joints more than rows
@@ -67,7 +67,7 @@ def test_the_choice_is_the_best_of_all(four, name):
 
 def test_seven_joints_in_every_order(optimum):
     arm = realise(optimum)
-    chosen = choose(arm, "total-length")
+    chosen = choose_arrangement(arm, "total-length")
     totals = [
         link_lengths(arm.points[list(order)], arm.end_effector).sum()
         for order in permutations(range(7))
@@ -81,7 +81,7 @@ def test_seven_joints_in_every_order(optimum):
 def test_ties_go_to_the_larger_clearance(optimum):
     """Many orders of the optimum have the least largest link."""
     arm = realise(optimum)
-    chosen = choose(arm, "largest-link")
+    chosen = choose_arrangement(arm, "largest-link")
     rng = np.random.default_rng(0)
     tied = 0
     for _ in range(50):
@@ -133,12 +133,14 @@ def test_the_search_finds_what_trying_all_finds(optimum, name):
     values = cost(found)
     assert np.all(np.diff(values) >= 0)
     sign = -1 if wanted.larger_is_better else 1
-    assert sign * values[0] == pytest.approx(choose(arm, name, FEW).values[name], rel=1e-9)
+    assert sign * values[0] == pytest.approx(
+        choose_arrangement(arm, name, FEW).values[name], rel=1e-9
+    )
 
 
 def test_many_joints_are_searched_and_a_seed_says_all():
     arm = realise(reference.harmonic_jacobian(2, 9))
-    one, two = (choose(arm, "neighbourhood", FEW) for _ in range(2))
+    one, two = (choose_arrangement(arm, "neighbourhood", FEW) for _ in range(2))
     assert one.to_dict() == two.to_dict()
     assert "seeded local search" in one.method
     assert (
@@ -148,13 +150,13 @@ def test_many_joints_are_searched_and_a_seed_says_all():
 
 
 def test_a_shortlist_is_named(optimum):
-    assert choose(realise(optimum), "reach", FEW, shortlist=9).method == (
+    assert choose_arrangement(realise(optimum), "reach", FEW, shortlist=9).method == (
         "the 9 shortest of all 5040 distinct arrangements"
     )
 
 
 def test_an_arm_whose_links_all_meet_has_no_clearance_to_tell():
-    chosen = choose(realise(np.zeros((2, 3))), "clearance", FEW)
+    chosen = choose_arrangement(realise(np.zeros((2, 3))), "clearance", FEW)
     assert chosen.to_dict()["criteria"]["clearance"] is None
     assert chosen.values["total-length"] == 0
 
@@ -169,15 +171,15 @@ def test_what_is_given_is_kept(optimum):
     ("call", "sentence"),
     [
         (
-            lambda arm: choose(arm, "beauty"),
+            lambda arm: choose_arrangement(arm, "beauty"),
             "criterion is beauty; allowed: one of total-length",
         ),
         (
-            lambda _: choose(realise(reference.planar_4r(0.3)[:2]), "kept"),
+            lambda _: choose_arrangement(realise(reference.planar_4r(0.3)[:2]), "kept"),
             "criterion is kept; allowed: another one",
         ),
         (lambda arm: given(arm, [0, 1]), "order is 0,1"),
-        (lambda arm: choose(arm, "reach", FEW, 0), "shortlist is 0"),
+        (lambda arm: choose_arrangement(arm, "reach", FEW, 0), "shortlist is 0"),
         (lambda _: Sampling(samples=0), "samples is 0"),
         (lambda _: Sampling(seed=-1), "seed is -1"),
         (lambda _: Sampling(radius=np.inf), "radius is inf"),

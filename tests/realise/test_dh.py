@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 from formulations import measures
 from formulations.realise.dh import Convention, denavit_hartenberg
 from formulations.realise.from_jacobian import realise
-from formulations.realise.manipulator import Manipulator, Task
+from formulations.realise.manipulator import Manipulator, TaskRows
 from formulations.reproduction import reference
 
 both = pytest.mark.parametrize("convention", list(Convention))
@@ -31,7 +31,7 @@ def toolbox_robot(table):
     return rtb.DHRobot(links)
 
 
-def manipulator_of(table, task=Task.SPATIAL):
+def manipulator_of(table, task=TaskRows.SPATIAL):
     """The manipulator that a table describes; the end effector's own rotation is left out."""
     pose = table.base
     frames = []

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from formulations.realise.manipulator import Manipulator, Task
+from formulations.realise.manipulator import Manipulator, TaskRows
 from nlp.errors import InputError
 
 
@@ -66,7 +66,7 @@ def test_a_flip_of_a_planar_joint_is_another_place(arm):
     flips = np.arange(arm.joints) == 0
     other = arm.arranged(range(arm.joints), flips)
     moved = not np.allclose(other.points, arm.points)
-    assert moved == (arm.task in (Task.PLANAR, Task.POSITIONAL))
+    assert moved == (arm.task in (TaskRows.PLANAR, TaskRows.POSITIONAL))
 
 
 AXES = np.eye(3)

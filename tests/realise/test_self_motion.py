@@ -9,12 +9,12 @@ from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
 from formulations.__main__ import main
-from formulations.realise.chain import Chain, rotation_vectors
-from formulations.realise.choice import choose, rank
+from formulations.realise.chain import LinkChain, rotation_vectors
+from formulations.realise.choice import choose_arrangement, rank
 from formulations.realise.criteria import CRITERIA, Sampling
 from formulations.realise.family import Arrangements, family
 from formulations.realise.from_jacobian import realise
-from formulations.realise.self_motion import Poses, arcs, covered, kept, solve
+from formulations.realise.self_motion import SelfMotionPoses, arcs, covered, kept, solve
 from formulations.reproduction import reference
 
 HALF = np.deg2rad(20.0)
@@ -26,7 +26,7 @@ def ahead(lengths):
     points = np.zeros((1, n, 3))
     points[0, 1:, 0] = np.cumsum(lengths)[:-1]
     axes = np.tile([0.0, 0.0, 1.0], (1, n, 1))
-    return Chain(axes, points, np.zeros((1, n), bool), np.array([sum(lengths), 0.0, 0.0]))
+    return LinkChain(axes, points, np.zeros((1, n), bool), np.array([sum(lengths), 0.0, 0.0]))
 
 
 def test_rotation_vectors_up_to_half_a_turn():
@@ -47,7 +47,7 @@ def test_curves_hold_the_pose_and_close(optimum):
     arm = realise(optimum)
     members = family(arm, Arrangements(np.arange(7)[None], np.zeros((1, 7), dtype=bool)))
     tip = arm.end_effector + np.array([[0.2, -0.1, 0.3], [0.0, 0.0, 0.0]])
-    poses = Poses(members, list(range(6)), tip, np.broadcast_to(np.eye(3), (2, 3, 3)))
+    poses = SelfMotionPoses(members, list(range(6)), tip, np.broadcast_to(np.eye(3), (2, 3, 3)))
     none = np.full(7, np.inf)
     q, found = solve(poses, np.zeros((2, 7)), -none, none)
     assert found.all()
@@ -64,7 +64,9 @@ def test_curves_hold_the_pose_and_close(optimum):
 
 
 def test_curves_end_at_limits():
-    poses = Poses(ahead((1.0, 1.0, 1.0)), [0, 1], np.array([[1.5, 0.5, 0]]), np.eye(3)[None])
+    poses = SelfMotionPoses(
+        ahead((1.0, 1.0, 1.0)), [0, 1], np.array([[1.5, 0.5, 0]]), np.eye(3)[None]
+    )
     low, high = np.array([-0.4, -3.0, -3.0]), np.array([1.3, 3.0, 3.0])
     q, found = solve(poses, np.array([[0.8, -1.0, 0.5]]), low, high)
     assert found.all()
@@ -82,7 +84,9 @@ def test_planar_curves_sweep_what_two_links_reach(lengths):
     rng = np.random.default_rng(0)
     points = np.zeros((12, 3))
     points[:, :2] = rng.uniform(-1.0, 1.0, (12, 2))
-    poses = Poses(ahead(lengths), [0, 1], points, np.broadcast_to(np.eye(3), (12, 3, 3)))
+    poses = SelfMotionPoses(
+        ahead(lengths), [0, 1], points, np.broadcast_to(np.eye(3), (12, 3, 3))
+    )
     none, angles = np.full(3, np.inf), np.linspace(-np.pi, np.pi, 181)
     swept = np.zeros((12, len(angles)), dtype=bool)
     for _ in range(7):  # both curves of a point, if it has two
@@ -160,7 +164,7 @@ def test_ranking_by_what_is_kept(tmp_path, monkeypatch):
     for order, value in zip(orders.tolist(), again, strict=True):
         assert by_order[tuple(order)] == by_order[tuple(order[::-1])]
         assert value == pytest.approx(by_order[tuple(order)], rel=0.2)
-    chosen = choose(arm, "kept", how, ranking=found)
+    chosen = choose_arrangement(arm, "kept", how, ranking=found)
     assert chosen.values["kept"] == pytest.approx(found.values[0], rel=0.2)
     monkeypatch.chdir(tmp_path)
     np.savetxt("j.csv", pose, delimiter=",")

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from formulations import measures
-from formulations.measures.canonical import distinct
+from formulations.measures.canonical import group_equivalent
 from formulations.reproduction import reference
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
@@ -53,7 +53,7 @@ def test_harmonic_frame_is_optimally_failure_tolerant(m: int, n: int) -> None:
 def test_harmonic_frame_of_one_redundant_joint_is_the_simplex(m: int) -> None:
     pair = [reference.harmonic_jacobian(m, m + 1), reference.simplex_jacobian(m)]
     if m < 6:
-        assert distinct(pair, tolerance=1e-9) == [[0, 1]]
+        assert group_equivalent(pair, tolerance=1e-9) == [[0, 1]]
     grams = [np.sort(np.abs(matrix.T @ matrix).ravel()) for matrix in pair]
     np.testing.assert_allclose(*grams, atol=1e-14)
 

@@ -8,7 +8,7 @@ import pytest
 from formulations import measures
 from formulations.joints.arm import Arm
 from formulations.joints.kinds import UnitRevolute
-from formulations.measures.canonical import distinct
+from formulations.measures.canonical import group_equivalent
 from formulations.reproduction import reference
 from formulations.reproduction.printed import nearest_unit_revolute
 from formulations.reproduction.solution_family import (
@@ -64,7 +64,7 @@ def test_curve_of_different_optima(angles: FloatArray) -> None:
     matrices = [ARM.jacobian(point) for point in points]
     assert len(matrices) == 7
     assert all(measures.is_optimally_failure_tolerant(matrix, 1e-11) for matrix in matrices)
-    assert len(distinct(matrices, tolerance=1e-3)) == 7
+    assert len(group_equivalent(matrices, tolerance=1e-3)) == 7
 
 
 def test_seven_joints_have_no_solution_to_be_near() -> None:

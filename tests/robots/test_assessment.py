@@ -10,8 +10,8 @@ from formulations.commands.robot_arguments import pairs, read_configuration
 from formulations.joints.models import arm as designed
 from formulations.robots.chain_between import chain_between
 from formulations.robots.robot_arm import RobotArm
-from formulations.robots.robot_assessment import assess, at_length, best_7r
-from formulations.robots.task import Task
+from formulations.robots.robot_assessment import at_length, best_7r, measure_robot
+from formulations.robots.task import TaskSpace
 from nlp.errors import InputError
 from nlp.multistart import multistart
 
@@ -28,7 +28,7 @@ POINT = np.array([0.3, -0.9, 0.4, 1.1, -0.2, 0.8, 0.5])
 def test_failures_follow_from_the_jacobian(made, locked):
     """The direction named is the one that moves least for any joint rates of norm 1."""
     arm = RobotArm(chain_between(made.tree(made.offset_arm(8)), "l8"))
-    found = assess(arm, np.append(POINT, 0.1), locked)
+    found = measure_robot(arm, np.append(POINT, 0.1), locked)
     matrix = arm.jacobian(np.append(POINT, 0.1))
     assert np.array(found.jacobian) == pytest.approx(matrix)
     assert found.worst_case_sigma == measures.worst_case_sigma(matrix, locked)
@@ -46,7 +46,7 @@ def test_failures_follow_from_the_jacobian(made, locked):
 
 
 def test_percentages(seven):
-    found = assess(seven, POINT)
+    found = measure_robot(seven, POINT)
     assert found.sigma_bound == pytest.approx(np.sqrt(14 / 42))
     assert found.percent_of_bound == pytest.approx(100 * found.worst_case_sigma * np.sqrt(3))
     assert found.percent_of_reachable == pytest.approx(100 * found.worst_case_sigma / best_7r())
@@ -63,7 +63,7 @@ def test_the_best_7r_is_what_max_min_reaches():
 
 
 def test_the_dependence_on_length(seven):
-    found = assess(seven, POINT)
+    found = measure_robot(seven, POINT)
     middle = found.by_length[len(found.by_length) // 2]
     assert middle.length == pytest.approx(found.characteristic_length)
     assert middle.worst_case_sigma == pytest.approx(found.worst_case_sigma)
@@ -75,7 +75,7 @@ def test_the_dependence_on_length(seven):
 
 
 def test_no_length_is_better_than_the_best(seven):
-    found = assess(seven, POINT)
+    found = measure_robot(seven, POINT)
     lengths = found.characteristic_length * np.logspace(-2, 2, 1001)
     percents = [at_length(seven, POINT, length, 1).percent_of_bound for length in lengths]
     assert found.best_length.percent_of_bound >= max(percents) - 1e-9
@@ -83,10 +83,10 @@ def test_no_length_is_better_than_the_best(seven):
 
 
 def test_length_is_a_mere_unit_for_positions(seven):
-    arm = RobotArm(seven.chain, Task.parse("position"))
-    found = assess(arm, POINT)
+    arm = RobotArm(seven.chain, TaskSpace.parse("position"))
+    found = measure_robot(arm, POINT)
     assert (found.by_length, found.best_length) == ((), None)
-    other = assess(RobotArm(seven.chain, arm.task, 3.7), POINT)
+    other = measure_robot(RobotArm(seven.chain, arm.task, 3.7), POINT)
     assert other.percent_of_bound == pytest.approx(found.percent_of_bound)
 
 
@@ -96,7 +96,7 @@ def test_equally_bad_failures_are_counted(made):
     joints = made.serial(square, ["0 0 1"] * 4)
     tool = made.joint("tool", "l4", "tip", "fixed", xyz="-1 1 0")
     chain = chain_between(made.tree(made.urdf([*joints, tool])), "tip")
-    found = assess(RobotArm(chain, Task(("vx", "vy"))), np.zeros(4))
+    found = measure_robot(RobotArm(chain, TaskSpace(("vx", "vy"))), np.zeros(4))
     assert found.equally_bad == 4
     assert found.worst_case_sigma == pytest.approx(1.0)
     assert found.percent_of_bound == pytest.approx(100.0)
@@ -132,7 +132,7 @@ def test_configurations_as_they_are_written(seven, tmp_path):
 )
 def test_configurations_that_are_none(seven, text, sentence):
     with pytest.raises(InputError, match="measured with `measure`"):
-        assess(np.eye(2, 3), [0.0])
+        measure_robot(np.eye(2, 3), [0.0])
     with pytest.raises(InputError, match=sentence):
         read_configuration(text, seven.chain)
 
@@ -152,6 +152,6 @@ def test_pairs_name_their_option():
 
 def test_a_configuration_outside_the_limits_is_not_assessed(seven):
     with pytest.raises(InputError, match="joint j0 is 3"):
-        assess(seven, [3, 0, 0, 0, 0, 0, 0])
+        measure_robot(seven, [3, 0, 0, 0, 0, 0, 0])
     with pytest.raises(InputError, match="locked joints is 7"):
-        assess(seven, POINT, 7)
+        measure_robot(seven, POINT, 7)

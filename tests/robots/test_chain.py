@@ -6,10 +6,10 @@ import pytest
 
 from formulations.robots.chain_between import chain_between
 from formulations.robots.robot_arm import RobotArm
-from formulations.robots.task import Task
+from formulations.robots.task import TaskSpace
 from nlp.errors import InputError
 
-PLANE = Task(("vx", "wz"))
+PLANE = TaskSpace(("vx", "wz"))
 
 
 @pytest.fixture(scope="module")
@@ -52,7 +52,7 @@ def test_every_kind_of_joint_agrees_with_pinocchio(mixed, made, held):
     text = mixed.replace('type="floating"', 'type="fixed"')
     chain = chain_between(made.tree(text), "tip", held=held)
     assert chain.names == tuple(name for name in "abde" if name not in held)
-    arm = RobotArm(chain, Task(("vx",)), 0.7)
+    arm = RobotArm(chain, TaskSpace(("vx",)), 0.7)
     rng = np.random.default_rng(0)
     for _ in range(5):
         point = arm.sample(rng)
@@ -75,7 +75,7 @@ def test_a_driver_on_another_branch_moves_the_tip(made):
     chain = chain_between(robot, "tip")
     assert chain.names == ("left", "nod")
     assert chain.prismatic == (True, False)
-    arm = RobotArm(chain, Task(("vz",)), 1.0)
+    arm = RobotArm(chain, TaskSpace(("vz",)), 1.0)
     assert arm.metric_jacobian([0.2, 0.3])[:3, 0] == pytest.approx([0, 0, 2], abs=1e-12)
 
 
@@ -103,8 +103,8 @@ def test_a_held_joint_is_a_fixed_one(mixed, made):
 def test_a_base_up_the_tree_leaves_out_what_is_before_it(mixed, made):
     """Seen from another base: the same columns, turned."""
     robot = made.tree(mixed.replace('joint="a"', 'joint="b"'))
-    whole = RobotArm(chain_between(robot, "tip"), Task(("vx", "vz")), 1.0)
-    part = RobotArm(chain_between(robot, "tip", base="two"), Task(("vx",)), 1.0)
+    whole = RobotArm(chain_between(robot, "tip"), TaskSpace(("vx", "vz")), 1.0)
+    part = RobotArm(chain_between(robot, "tip", base="two"), TaskSpace(("vx",)), 1.0)
     assert part.chain.names == ("b", "d", "e")
     point = np.array([0.2, -0.4, 0.6])
     long, short = whole.metric_jacobian([0.5, *point])[:, 1:], part.metric_jacobian(point)
@@ -119,7 +119,7 @@ def test_the_point_is_in_the_tips_frame(mixed, made):
     point = np.array([0.3, 0.1, 0.9, -0.7])
     here, there = (
         RobotArm(
-            chain_between(robot, "tip", point=r), Task(("vx",), "tip"), 1.0
+            chain_between(robot, "tip", point=r), TaskSpace(("vx",), "tip"), 1.0
         ).metric_jacobian(point)
         for r in ((0, 0, 0), shift)
     )
@@ -243,7 +243,7 @@ def test_limits_that_may_be_degrees_are_noted(made, limit, kind, noted):
             ),
             "1",
         ),
-        Task(("vx",)),
+        TaskSpace(("vx",)),
         1.0,
     )
     assert np.all(np.isfinite(arm.sample(np.random.default_rng(0))))

@@ -17,7 +17,7 @@ from formulations.robots.posture_search import Search
 from formulations.robots.read_urdf import read_urdf
 from formulations.robots.robot_arm import RobotArm
 from formulations.robots.shapes import Shape
-from formulations.robots.task import Task
+from formulations.robots.task import TaskSpace
 from formulations.robots.tree import RobotError
 from formulations.studies.robots import ARMS
 from nlp.errors import InputError
@@ -47,7 +47,7 @@ def write(made, path, geometry, lengths=(0.4, 0.4, 0.4, 0.4)):
         link = f'<link name="l{k}"/>'
         text = text.replace(link, f'<link name="l{k}">{geometry(length)}</link>')
     path.write_text(text)
-    return RobotArm(chain_between(read_urdf(path), "tip"), Task(("vx", "vy")))
+    return RobotArm(chain_between(read_urdf(path), "tip"), TaskSpace(("vx", "vy")))
 
 
 def bar(length):

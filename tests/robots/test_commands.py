@@ -1,4 +1,4 @@
-"""assess, posture and robots as a stranger meets them: real processes."""
+"""measure-robot, posture and robots as a stranger meets them: real processes."""
 
 import csv
 import json
@@ -39,7 +39,7 @@ def test_posture_then_assess_then_measure(lockedjoint, robot, tmp_path):
         assert line in found.stdout
     best = json.loads((tmp_path / "here/best.json").read_text())
     again = lockedjoint.here(
-        "assess", robot, "--configuration", "here/best.json", "--json", cwd=tmp_path
+        "measure-robot", robot, "--configuration", "here/best.json", "--json", cwd=tmp_path
     )
     assessed = json.loads(again.stdout)
     assert assessed["worst_case_sigma"] == pytest.approx(best["worst_case_sigma"], abs=1e-12)
@@ -52,7 +52,7 @@ def test_posture_then_assess_then_measure(lockedjoint, robot, tmp_path):
 
 def test_assess_shows_everything_that_was_asked_for(lockedjoint, robot, tmp_path):
     done = lockedjoint.here(
-        *("assess", robot, "--length", 0.4, "--task", "vx,vy,wz", "--frame", "tip"),
+        *("measure-robot", robot, "--length", 0.4, "--task", "vx,vy,wz", "--frame", "tip"),
         *("--held", "j1=0.5", "--locked", 2, "--point", "0,0,0.1", "--out", "a.json"),
         *("--configuration", "j0=0.1,j4=-1", "--base", "l0", "--tip", "l7"),
         cwd=tmp_path,
@@ -69,43 +69,67 @@ def test_assess_shows_everything_that_was_asked_for(lockedjoint, robot, tmp_path
 @pytest.mark.parametrize(
     ("arguments", "sentence"),
     [
-        (("assess", "none.urdf"), "none.urdf; allowed: a file that can be read"),
-        (("assess", "broken.urdf"), "well-formed XML"),
+        (("measure-robot", "none.urdf"), "none.urdf; allowed: a file that can be read"),
+        (("measure-robot", "broken.urdf"), "well-formed XML"),
         (("posture", "broken.urdf"), "well-formed XML"),
-        (("assess", "robot.urdf", "--tip", "hand"), "tip is hand; allowed: one of the links"),
-        (("assess", "robot.urdf", "--tip", "L7"), "nearest: l7."),
-        (("assess", "robot.urdf", "--base", "link_2"), "base is link_2; allowed: one of the"),
-        (("assess", "robot.urdf", "--base", "l_0"), "nearest: l0."),
-        (("assess", "robot.urdf", "--held", "J1=0"), "nearest: j1."),
-        (("assess", "robot.urdf", "--configuration", "J3=0"), "nearest: j3."),
-        (("assess", "robot.urdf", "--configuration", "1e400,0,0,0,0,0,0"), "a finite number"),
-        (("assess", "robot.urdf", "--length", "1e-300"), "length is 1e-300; allowed: 1e-20 to"),
-        (("assess", "robot.urdf", "--length", "1e300"), "length is 1e+300; allowed: 1e-20 to"),
-        (("assess", "robot.urdf", "--length", "5e-324"), "length is 5e-324"),
-        (("assess", "robot.urdf", "--point", "0,1e308,0"), "point is 1e+308; allowed: numbers"),
+        (
+            ("measure-robot", "robot.urdf", "--tip", "hand"),
+            "tip is hand; allowed: one of the links",
+        ),
+        (("measure-robot", "robot.urdf", "--tip", "L7"), "nearest: l7."),
+        (
+            ("measure-robot", "robot.urdf", "--base", "link_2"),
+            "base is link_2; allowed: one of the",
+        ),
+        (("measure-robot", "robot.urdf", "--base", "l_0"), "nearest: l0."),
+        (("measure-robot", "robot.urdf", "--held", "J1=0"), "nearest: j1."),
+        (("measure-robot", "robot.urdf", "--configuration", "J3=0"), "nearest: j3."),
+        (
+            ("measure-robot", "robot.urdf", "--configuration", "1e400,0,0,0,0,0,0"),
+            "a finite number",
+        ),
+        (
+            ("measure-robot", "robot.urdf", "--length", "1e-300"),
+            "length is 1e-300; allowed: 1e-20 to",
+        ),
+        (
+            ("measure-robot", "robot.urdf", "--length", "1e300"),
+            "length is 1e+300; allowed: 1e-20 to",
+        ),
+        (("measure-robot", "robot.urdf", "--length", "5e-324"), "length is 5e-324"),
+        (
+            ("measure-robot", "robot.urdf", "--point", "0,1e308,0"),
+            "point is 1e+308; allowed: numbers",
+        ),
         (("posture", "robot.urdf", "--point", "0,1e160,0"), "point is 1e+160"),
         (("posture", "robot.urdf", "--length", "1e-160"), "length is 1e-160"),
-        (("assess", "free.urdf", "--held", "j3=1e308", "--task", "vx"), "joint j3 is 1e+308"),
-        (("assess", "free.urdf", "--configuration", "j3=1e30"), "joint j3 is 1e+30; allowed"),
-        (("assess", "stuck.urdf"), "j0, j1, j2, j4, j5, j6; j3 cannot move"),
-        (("assess", "stuck.urdf", "--held", "j3=1", "--task", "vx"), "within [0, 0]"),
         (
-            ("assess", "stuck.urdf", "--base", "l3", "--tip", "l4"),
+            ("measure-robot", "free.urdf", "--held", "j3=1e308", "--task", "vx"),
+            "joint j3 is 1e+308",
+        ),
+        (
+            ("measure-robot", "free.urdf", "--configuration", "j3=1e30"),
+            "joint j3 is 1e+30; allowed",
+        ),
+        (("measure-robot", "stuck.urdf"), "j0, j1, j2, j4, j5, j6; j3 cannot move"),
+        (("measure-robot", "stuck.urdf", "--held", "j3=1", "--task", "vx"), "within [0, 0]"),
+        (
+            ("measure-robot", "stuck.urdf", "--base", "l3", "--tip", "l4"),
             "free joints move (j3 cannot",
         ),
         (
-            ("assess", "stuck.urdf", "--configuration", "j3=0", "--task", "vx"),
+            ("measure-robot", "stuck.urdf", "--configuration", "j3=0", "--task", "vx"),
             "joint is j3, which cannot move; allowed: one of j0, j1, j2, j4",
         ),
         (("posture", "point.urdf", "--formulation", "isotropy"), "all revolute joints meet"),
-        (("assess", "robot.urdf", "--tip", "l6"), "more than the 6 task directions"),
-        (("assess", "robot.urdf", "--task", "sideways"), "task is sideways"),
-        (("assess", "robot.urdf", "--length", "0"), "a finite number above 0"),
-        (("assess", "robot.urdf", "--configuration", "1"), "7 of them (j0, j1"),
-        (("assess", "robot.urdf", "--held", "j0"), "--held is j0; allowed: JOINT=VALUE"),
-        (("assess", "robot.urdf", "--point", "1,2"), "three numbers X,Y,Z"),
-        (("assess", "robot.urdf", "--locked", "7"), "locked joints is 7"),
-        (("assess", "branched.urdf"), "--tip is missing; allowed: a link of made"),
+        (("measure-robot", "robot.urdf", "--tip", "l6"), "more than the 6 task directions"),
+        (("measure-robot", "robot.urdf", "--task", "sideways"), "task is sideways"),
+        (("measure-robot", "robot.urdf", "--length", "0"), "a finite number above 0"),
+        (("measure-robot", "robot.urdf", "--configuration", "1"), "7 of them (j0, j1"),
+        (("measure-robot", "robot.urdf", "--held", "j0"), "--held is j0; allowed: JOINT=VALUE"),
+        (("measure-robot", "robot.urdf", "--point", "1,2"), "three numbers X,Y,Z"),
+        (("measure-robot", "robot.urdf", "--locked", "7"), "locked joints is 7"),
+        (("measure-robot", "branched.urdf"), "--tip is missing; allowed: a link of made"),
         (("posture", "robot.urdf", "--formulation", "best"), "one of residual, max-min"),
         (("posture", "robot.urdf", "--ipopt", "mu=1"), "mu"),
         (("posture", "planar.urdf"), "directions in which the tip can move at some posture"),
@@ -152,7 +176,10 @@ def test_what_is_suspicious_is_a_note(lockedjoint, made, tmp_path):
     )
     (tmp_path / "robot.urdf").write_text(made.urdf(joints))
     search = ("--starts", 2, "--workers", 1, "--formulation", "residual", "--out", "best.json")
-    for command, more in (("posture", search), ("assess", ("--configuration", "best.json"))):
+    for command, more in (
+        ("posture", search),
+        ("measure-robot", ("--configuration", "best.json")),
+    ):
         done = lockedjoint.here(
             command, "robot.urdf", "--task", "position", *more, "--json", cwd=tmp_path
         )
@@ -168,14 +195,14 @@ def test_what_is_suspicious_is_a_note(lockedjoint, made, tmp_path):
 
 
 def test_a_structural_failure_is_a_result(made, tmp_path, monkeypatch, capfd):
-    """With the advice, exit status 0, and a file that assess reads."""
+    """With the advice, exit status 0, and a file that measure-robot reads."""
     tool = made.joint("tool", "l7", "tool", "fixed", xyz="0 0 0.1")
     arm = made.spherical_shoulder_and_wrist()
     (tmp_path / "srs.urdf").write_text(
         arm.replace("</robot>", f'<link name="tool"/>{tool}</robot>')
     )
     monkeypatch.chdir(tmp_path)
-    again = ("assess", "srs.urdf", "--configuration", "best.json")
+    again = ("measure-robot", "srs.urdf", "--configuration", "best.json")
     for arguments in (("posture", "srs.urdf", "--out", "best.json"), again):
         monkeypatch.setattr(sys, "argv", ["lockedjoint", *arguments])
         with pytest.raises(SystemExit) as ended:

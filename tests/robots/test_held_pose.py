@@ -19,7 +19,7 @@ from formulations.robots.kinematics import Kinematics
 from formulations.robots.posture import best_posture
 from formulations.robots.posture_search import Search
 from formulations.robots.robot_arm import RobotArm
-from formulations.robots.task import Task
+from formulations.robots.task import TaskSpace
 from formulations.robots.waypoints import read_pose
 from formulations.studies.robots import ARMS
 from nlp.errors import InputError
@@ -107,7 +107,7 @@ def planar(made, lengths, limit=2.0):
     text = made.urdf([*joints, made.joint("tool", f"l{len(lengths)}", "tip", "fixed",
                                           xyz=f"{lengths[-1]} 0 0")])  # fmt: skip
     text = text.replace('lower="-2" upper="2"', f'lower="-{limit}" upper="{limit}"')
-    return RobotArm(chain_between(made.tree(text), "tip"), Task(("vx", "vy")))
+    return RobotArm(chain_between(made.tree(text), "tip"), TaskSpace(("vx", "vy")))
 
 
 def test_a_planar_arm_against_every_point_of_its_self_motion(made):

@@ -16,7 +16,7 @@ from formulations.robots.path import PathSearch, plan_path
 from formulations.robots.path_polish import transcription
 from formulations.robots.robot_arm import RobotArm
 from formulations.robots.survival import Poses, follow, on_path, survivors
-from formulations.robots.task import Task
+from formulations.robots.task import TaskSpace
 from formulations.robots.waypoints import ToolPath, read_waypoints
 from nlp.errors import InputError
 from nlp.solver import solve
@@ -25,7 +25,7 @@ QUICK = PathSearch(samples=12, tracks=15, rounds=1)
 
 
 def arm_of(made, text, tip, task="all"):
-    return RobotArm(chain_between(made.tree(text), tip), Task.parse(task))
+    return RobotArm(chain_between(made.tree(text), tip), TaskSpace.parse(task))
 
 
 @pytest.fixture(scope="module")

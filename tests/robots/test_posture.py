@@ -16,8 +16,8 @@ from formulations.robots.chain_between import chain_between
 from formulations.robots.posture import best_posture
 from formulations.robots.posture_search import Search
 from formulations.robots.robot_arm import RobotArm
-from formulations.robots.robot_assessment import assess
-from formulations.robots.task import Task
+from formulations.robots.robot_assessment import measure_robot
+from formulations.robots.task import TaskSpace
 from formulations.studies.robots import ARMS, SurveyArm, row_of
 from nlp.errors import InputError
 
@@ -87,7 +87,7 @@ def test_max_min_is_better_than_what_it_started_from_and_than_mid_range():
     drawn = [measures.worst_case_sigma(arm.jacobian(arm.sample(rng))) for _ in range(1000)]
     assert found.assessment.worst_case_sigma > max(drawn)
     assert found.assessment.worst_case_sigma > found.mid_range_sigma
-    middle = assess(arm, arm.chain.mid_range)
+    middle = measure_robot(arm, arm.chain.mid_range)
     assert found.mid_range_sigma == pytest.approx(middle.worst_case_sigma)
 
 
@@ -109,7 +109,7 @@ def test_a_planar_arm_against_every_posture_on_a_grid(made):
     joints = made.serial(["0 0 0"] + ["1 0 0"] * 3, ["0 0 1"] * 4)
     tool = made.joint("tool", "l4", "tip", "fixed", xyz="1 0 0")
     chain = chain_between(made.tree(made.urdf([*joints, tool])), "tip")
-    found = best_posture(RobotArm(chain, Task(("vx", "vy"))), Search(starts=6)).assessment
+    found = best_posture(RobotArm(chain, TaskSpace(("vx", "vy"))), Search(starts=6)).assessment
 
     turns = np.linspace(-2, 2, 65)
     q = np.stack(np.meshgrid(turns, turns, turns, indexing="ij"), axis=-1).reshape(-1, 3)
@@ -129,7 +129,7 @@ def test_a_planar_arm_against_every_posture_on_a_grid(made):
 @pytest.mark.parametrize("name", ["residual", "isotropy"])
 def test_the_other_formulations(name):
     """As to orientation the Panda can be isotropic, which is optimal there: √(T(n−m)/(mn))."""
-    arm = RobotArm(real("Franka").arm().chain, Task.parse("orientation"))
+    arm = RobotArm(real("Franka").arm().chain, TaskSpace.parse("orientation"))
     found = best_posture(arm, Search(name, starts=6))
     matrix = np.array(found.assessment.jacobian)
     assert measures.isotropy_defect(matrix) < 1e-9 * measures.trace(matrix) ** 2
@@ -164,7 +164,9 @@ def test_after_a_failure(made):
 
 
 def test_two_failures_at_once(made):
-    arm = RobotArm(chain_between(made.tree(made.offset_arm(8)), "l8"), Task.parse("position"))
+    arm = RobotArm(
+        chain_between(made.tree(made.offset_arm(8)), "l8"), TaskSpace.parse("position")
+    )
     found = best_posture(arm, Search(locked=2, starts=4)).assessment
     matrix = np.array(found.jacobian)
     assert found.worst_case_sigma == measures.worst_case_sigma(matrix, 2) > 0.1
@@ -216,7 +218,9 @@ def test_a_task_that_the_arm_cannot_do_is_refused(made):
 
 
 def test_the_same_whatever_the_number_of_workers(made):
-    arm = RobotArm(chain_between(made.tree(made.offset_arm()), "l7"), Task.parse("position"))
+    arm = RobotArm(
+        chain_between(made.tree(made.offset_arm()), "l7"), TaskSpace.parse("position")
+    )
     alone, shared = (best_posture(arm, Search(starts=3, workers=w)).to_dict() for w in (1, 2))
     assert alone == shared
 
@@ -233,7 +237,7 @@ def test_the_isotropy_that_seven_joints_cannot_have_is_not_claimed(made):
 
 def test_searches_that_make_no_sense(made):
     arm = RobotArm(
-        chain_between(made.tree(made.offset_arm()), "l7"), Task.parse("position"), 0.4
+        chain_between(made.tree(made.offset_arm()), "l7"), TaskSpace.parse("position"), 0.4
     )
     with pytest.raises(InputError, match=r"length is 0.4; allowed: none for the residual"):
         best_posture(arm, Search("residual"))
@@ -267,7 +271,9 @@ def test_a_row_of_an_arm_with_a_structural_failure(made, tmp_path):
 
 def test_a_start_that_did_not_converge_is_not_the_best(made, monkeypatch):
     """The first stops early at a posture of its own, with a score that looks better."""
-    arm = RobotArm(chain_between(made.tree(made.offset_arm()), "l7"), Task.parse("position"))
+    arm = RobotArm(
+        chain_between(made.tree(made.offset_arm()), "l7"), TaskSpace.parse("position")
+    )
     usual = best_posture(arm, Search(starts=3)).assessment
     judge = posture_search._judge
 

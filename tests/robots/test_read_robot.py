@@ -19,7 +19,7 @@ from formulations.robots.read_dh import dh_tree
 from formulations.robots.read_robot import read_robot
 from formulations.robots.read_urdf import read_urdf
 from formulations.robots.robot_arm import RobotArm
-from formulations.robots.task import Task
+from formulations.robots.task import TaskSpace
 from formulations.studies.robots import ARMS
 from nlp.errors import FileError, InputError
 
@@ -140,7 +140,7 @@ def test_mimicry_of_pinocchio(made):
     text = made.urdf(joints)
     model = pin.buildModelFromXML(text, mimic=True)
     arm = RobotArm.read(model, "3", task="vx")
-    file = RobotArm(chain_between(made.tree(text), "3"), Task(("vx",)))
+    file = RobotArm(chain_between(made.tree(text), "3"), TaskSpace(("vx",)))
     for point in drawn(file):
         ours = arm.metric_jacobian(point)
         assert ours == pytest.approx(file.metric_jacobian(point), abs=EXACT)
@@ -475,12 +475,12 @@ def test_the_command_line_takes_all_of_them(tmp_path, monkeypatch, capsys):
     (tmp_path / "arm.csv").write_bytes(table("modified"))
     for robot, tip in (("robot.xml", "hand"), ("arm.csv", "tip")):
         task = ["--task", "position", "--json"]
-        app(["assess", robot, "--tip", tip, *task], standalone_mode=False)
+        app(["measure-robot", robot, "--tip", tip, *task], standalone_mode=False)
         found = json.loads(capsys.readouterr().out)
         arm = RobotArm.read(robot, tip, task="position")
         assert np.array(found["jacobian"]) == pytest.approx(arm.jacobian(arm.chain.mid_range))
     with pytest.raises(InputError, match="--tip is missing"):
-        app(["assess", "robot.xml"], standalone_mode=False)
+        app(["measure-robot", "robot.xml"], standalone_mode=False)
 
 
 @pytest.mark.filterwarnings("ignore:Converted matrix")  # pink hands dense matrices to Clarabel

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from formulations import measures
 from formulations.robots.chain_between import chain_between
 from formulations.robots.robot_arm import RobotArm
-from formulations.robots.task import Task
+from formulations.robots.task import TaskSpace
 from formulations.studies.robots import ARMS
 from nlp.errors import InputError
 
@@ -71,7 +71,7 @@ def test_limits_are_those_that_pinocchio_reads(name):
 @pytest.mark.parametrize("frame", ["base", "tip"])
 def test_symbolic_and_numeric_jacobians_are_the_same(task, length, frame):
     """Two codes: the formulations see one of them, the measures the other."""
-    arm = RobotArm(real("TIAGo,").chain, Task.parse(task, frame), length)
+    arm = RobotArm(real("TIAGo,").chain, TaskSpace.parse(task, frame), length)
     q = arm.symbols()
     function = ca.Function("J", [q], [arm.matrix(q)])
     rng = np.random.default_rng(1)
@@ -159,7 +159,7 @@ def test_whose_axes_makes_no_difference_to_whole_tasks(seed):
     for task in ("all", "position", "orientation"):
         base, tip = (
             measures.locked_singular_values(
-                RobotArm(real("Franka").chain, Task.parse(task, frame)).jacobian(point)
+                RobotArm(real("Franka").chain, TaskSpace.parse(task, frame)).jacobian(point)
             )
             for frame in ("base", "tip")
         )
@@ -183,7 +183,7 @@ def test_joints_without_limits_are_drawn_from_one_turn(made):
         for k, kind in enumerate(["continuous", "prismatic", "continuous"])
     ]
     text = made.urdf(joints).replace('lower="-2" upper="2"', 'lower="-inf" upper="inf"')
-    arm = RobotArm(chain_between(made.tree(text), "l3"), Task(("vx", "vz")))
+    arm = RobotArm(chain_between(made.tree(text), "l3"), TaskSpace(("vx", "vz")))
     rng = np.random.default_rng(0)
     drawn = np.array([arm.sample(rng) for _ in range(200)])
     assert np.all(np.abs(drawn) <= [np.pi, 1.0, np.pi])
@@ -196,15 +196,17 @@ def test_what_cannot_be_an_arm():
         RobotArm(chain)
     for length in (0.0, -1.0, np.nan, np.inf):
         with pytest.raises(InputError, match="length"):
-            RobotArm(chain, Task(("vx",)), length)
+            RobotArm(chain, TaskSpace(("vx",)), length)
 
 
 def test_axes_that_all_meet_in_the_tip_have_no_lever_arm(made):
     joints = made.serial(["0 0 0.2"] + ["0 0 0"] * 3, ("0 0 1", "0 1 0", "0 0 1", "0 1 0"))
-    arm = RobotArm(chain_between(made.tree(made.urdf(joints)), "l4"), Task.parse("position"))
+    arm = RobotArm(
+        chain_between(made.tree(made.urdf(joints)), "l4"), TaskSpace.parse("position")
+    )
     with pytest.raises(InputError, match="axes of all revolute joints meet"):
         arm.jacobian(np.zeros(4))
-    turning = RobotArm(arm.chain, Task.parse("orientation"))
+    turning = RobotArm(arm.chain, TaskSpace.parse("orientation"))
     assert np.linalg.norm(turning.jacobian(np.ones(4)), axis=0) == pytest.approx(np.ones(4))
 
 
@@ -212,7 +214,7 @@ def test_axes_that_all_meet_in_the_tip_have_no_lever_arm(made):
 @pytest.mark.parametrize(("task", "length"), [("all", None), ("all", 0.3), ("position", None)])
 def test_worst_cases_of_many_postures(name, task, length):
     """Against the measure of each posture, and central differences away from ties."""
-    arm = RobotArm(real(name).chain, Task.parse(task, "tip"), length)
+    arm = RobotArm(real(name).chain, TaskSpace.parse(task, "tip"), length)
     rng, h = np.random.default_rng(2), 1e-6
     points = np.array([arm.sample(rng) for _ in range(40)])
     sigma, gradient = arm.worst_case(points)
@@ -246,7 +248,7 @@ def test_worst_cases_where_the_jacobian_has_zeros(made):
     """Entries that are zero by structure, and joints that mimic."""
     mimic = '<mimic joint="j0" multiplier="-0.5" offset="0.2"/>'
     joints = made.serial(["0 0 1"] * 4, ("0 1 0",) * 4, j2={"mimic": mimic})
-    arm = RobotArm(chain_between(made.tree(made.urdf(joints)), "l4"), Task(("vx", "vz")))
+    arm = RobotArm(chain_between(made.tree(made.urdf(joints)), "l4"), TaskSpace(("vx", "vz")))
     points = np.random.default_rng(0).uniform(-1, 1, (30, 3))
     sigma, gradient = arm.worst_case(points)
     for point, value, slope in zip(points, sigma, gradient, strict=True):
@@ -284,7 +286,9 @@ def test_what_is_no_batch_of_postures(points, sentence):
 
 def test_worst_cases_without_a_length(made):
     joints = made.serial(["0 0 0.2"] + ["0 0 0"] * 3, ("0 0 1", "0 1 0", "0 0 1", "0 1 0"))
-    arm = RobotArm(chain_between(made.tree(made.urdf(joints)), "l4"), Task.parse("position"))
+    arm = RobotArm(
+        chain_between(made.tree(made.urdf(joints)), "l4"), TaskSpace.parse("position")
+    )
     with pytest.raises(InputError, match="Jacobian 0 is not finite"):
         arm.worst_case(np.zeros((2, 4)))
 
@@ -292,9 +296,9 @@ def test_worst_cases_without_a_length(made):
 @pytest.mark.parametrize("text", ["", "vx,vx", "up", "position,vx", "vx,,vy"])
 def test_unknown_or_repeated_directions(text):
     with pytest.raises(InputError, match="task is"):
-        Task.parse(text)
+        TaskSpace.parse(text)
 
 
 def test_unknown_frame():
     with pytest.raises(InputError, match="frame is tool"):
-        Task.parse("all", "tool")
+        TaskSpace.parse("all", "tool")

@@ -9,7 +9,7 @@ from formulations import measures
 from formulations.robots.chain_between import chain_between
 from formulations.robots.robot_arm import RobotArm
 from formulations.robots.structural import structural_failures
-from formulations.robots.task import Task
+from formulations.robots.task import TaskSpace
 from formulations.studies.robots import ARMS
 
 # Modified Denavit–Hartenberg parameters (α, a, d) of a spherical shoulder, an elbow and a
@@ -39,7 +39,7 @@ def arm(made, parameters, task="all", point=(0, 0.02, 0.1)):
     ]
     tip = f"l{len(parameters)}"
     return RobotArm(
-        chain_between(made.tree(made.urdf(joints)), tip, point=point), Task.parse(task)
+        chain_between(made.tree(made.urdf(joints)), tip, point=point), TaskSpace.parse(task)
     )
 
 

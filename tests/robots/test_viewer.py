@@ -22,7 +22,7 @@ from formulations.robots.picture import numbers, picture, semi_axes
 from formulations.robots.posture_search import Search
 from formulations.robots.read_urdf import parse_urdf
 from formulations.robots.robot_arm import RobotArm
-from formulations.robots.task import Task
+from formulations.robots.task import TaskSpace
 from formulations.robots.viewer import Page
 from formulations.robots.web_server import Address
 from nlp.errors import InputError
@@ -41,7 +41,7 @@ def text(made):
 def arm_of(text, task="all", frame="base", held=None, **more):
     tree = parse_urdf(text.encode())
     tip = tree.leaves[0]
-    return RobotArm(chain_between(tree, tip, held=held, **more), Task.parse(task, frame))
+    return RobotArm(chain_between(tree, tip, held=held, **more), TaskSpace.parse(task, frame))
 
 
 def configurations(arm, count=3):

@@ -20,7 +20,7 @@ from formulations.robots.pose_sets import PoseSets
 from formulations.robots.reachable_sets import ReachableSets
 from formulations.robots.robot_arm import RobotArm
 from formulations.robots.serial_arm import SerialArm
-from formulations.robots.task import Task
+from formulations.robots.task import TaskSpace
 from formulations.robots.workspace import closed_form, measured, workspace
 from nlp.errors import InputError
 
@@ -150,7 +150,7 @@ def spatial(made):
 
 def test_positions_are_those_of_the_chain(spatial, made):
     chain = chain_between(made.tree(spatial), "l6")
-    arm, judge = SerialArm.from_chain(chain), RobotArm(chain, Task(("vx", "vy", "vz")))
+    arm, judge = SerialArm.from_chain(chain), RobotArm(chain, TaskSpace(("vx", "vy", "vz")))
     q = np.random.default_rng(0).uniform(-0.1, 0.1, (4, 5))
     _, ours = arm.positions(q)
     turn = arm.steps[0].placement[:3, :3]

@@ -19,7 +19,13 @@ from formulations.commands.app import app
 from formulations.joints.models import arm
 from formulations.studies.benchmark import unit_revolute as hand
 from formulations.studies.benchmark.figure import drawn
-from formulations.studies.benchmark.measurement import NotRunError, Peer, Row, each, measure
+from formulations.studies.benchmark.measurement import (
+    BenchmarkRow,
+    NotRunError,
+    Peer,
+    each,
+    measure,
+)
 from formulations.studies.benchmark.peers import DEFAULT, FAST, PEERS
 from formulations.studies.benchmark.study import growth, targets
 
@@ -156,7 +162,7 @@ def test_success_is_what_the_jacobian_says_not_the_peer():
 def row(peer, *milliseconds, formulation="residual", joints=7):
     first, second, third = (one / 1e3 for one in milliseconds)
     times = (0.001, second, 1.0, first, second, third)
-    return Row(formulation, joints, peer, "", 3, 3, 3, 3, *times, 0.0, "")
+    return BenchmarkRow(formulation, joints, peer, "", 3, 3, 3, 3, *times, 0.0, "")
 
 
 def test_targets_are_met_or_missed_by_the_median_of_the_rounds():

@@ -13,7 +13,7 @@ from formulations.joints.models import arm
 from formulations.solving.case import Case
 from formulations.solving.solve import run, solve
 from formulations.studies import study as study_module
-from formulations.studies.comparison import Row, cases, row_of, study
+from formulations.studies.comparison import ComparisonRow, cases, row_of, study
 from formulations.studies.study import Effort
 from nlp.errors import InputError
 
@@ -142,7 +142,7 @@ def test_starts_that_ran_out_of_iterations_are_not_called_infeasible():
 
 def plain(outcomes):
     """The table without its times."""
-    frame = Table(Row, list(map(row_of, outcomes))).frame()
+    frame = Table(ComparisonRow, list(map(row_of, outcomes))).frame()
     times = [column for column in frame if column.startswith(("cpu_seconds", "relative_cost"))]
     assert len(times) == 3
     return frame.drop(columns=times).to_csv()
@@ -201,7 +201,7 @@ def test_files_say_what_the_rows_say(seven, run_already, tmp_path):
 
 
 def test_the_table_has_six_columns_to_read(rows):
-    table = Table(Row, list(rows.values()))
+    table = Table(ComparisonRow, list(rows.values()))
     heads = ["problem", "reached best", "score", "proved bound", "gap %", "CPU ms per success"]
     for text in (table.markdown(), table.terminal()):
         first, _, *lines = text.splitlines()
@@ -216,7 +216,7 @@ def test_the_table_has_six_columns_to_read(rows):
 
 def test_the_table_shows_no_negative_zero():
     one = row_of(outcome(max_min, "free", 3, 2, starts=2))
-    table = Table(Row, [replace(one, certified_gap_percent=-1e-9)])
+    table = Table(ComparisonRow, [replace(one, certified_gap_percent=-1e-9)])
     assert " 0.00 |" in table.markdown()
     assert "-0.00" not in table.markdown() + table.terminal()
 

@@ -5,9 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from formulations.reproduction.row import Row as ReproductionRow
-from formulations.reproduction.row import Verdict
-from formulations.studies.benchmark.measurement import Row as BenchmarkRow
+from formulations.reproduction.row import ReproductionRow, Verdict
+from formulations.studies.benchmark.measurement import BenchmarkRow
 from formulations.studies.running import STUDIES
 
 RESULTS = Path(__file__).parents[2] / "results"

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from formulations.io.table import read_rows
-from formulations.studies.comparison import Row
+from formulations.studies.comparison import ComparisonRow
 from formulations.studies.existence import Fact
 from formulations.studies.front_page import (
     formulation_table,
@@ -146,20 +146,20 @@ def test_a_table_of_another_version_is_not_read(tmp_path):
     path = tmp_path / "comparison.csv"
     path.write_text("formulation,variant\nresidual,\n")
     with pytest.raises(FileError, match="columns of this version"):
-        read_rows(path, Row)
+        read_rows(path, ComparisonRow)
     with pytest.raises(FileError, match="can be read"):
-        read_rows(tmp_path / "other.csv", Row)
+        read_rows(tmp_path / "other.csv", ComparisonRow)
 
 
 def test_a_cell_that_is_no_number_is_not_read(tmp_path):
     text = (RESULTS / "comparison" / "comparison.csv").read_text(encoding="utf-8")
     good = tmp_path / "good.csv"
     good.write_text(text, encoding="utf-8")
-    assert len(read_rows(good, Row)) == 9
+    assert len(read_rows(good, ComparisonRow)) == 9
     bad = tmp_path / "bad.csv"
     bad.write_text(text.replace(",100,", ",many,"), encoding="utf-8")
     with pytest.raises(FileError, match="table"):
-        read_rows(bad, Row)
+        read_rows(bad, ComparisonRow)
 
 
 def test_pictures_stand_where_they_are_and_only_there(tmp_path):

@@ -64,7 +64,7 @@ class ResidualDistance:
 
 
 @dataclass(frozen=True)
-class Conditions:
+class WorstCaseConditions:
     """The conditions of a worst case that are used.
 
     Parameters
@@ -82,7 +82,9 @@ class Conditions:
     krylov: tuple[RowSector, ...] = ()
 
 
-def condition_families(conditions: Conditions, joints: int, t: float) -> list[BlockFamily]:
+def condition_families(
+    conditions: WorstCaseConditions, joints: int, t: float
+) -> list[BlockFamily]:
     """Return the blocks that are positive semidefinite wherever the worst case is σ² ≥ t."""
     distance = ResidualDistance(largest_residual(joints, t), mean_residual(joints))
     krylov = [KrylovLocaliser(sector, joints, t) for sector in conditions.krylov]
@@ -95,7 +97,7 @@ def condition_families(conditions: Conditions, joints: int, t: float) -> list[Bl
 
 def exclude_worst_case(
     t: float,
-    conditions: Conditions,
+    conditions: WorstCaseConditions,
     joints: int,
     *,
     rng: Rng = 0,
@@ -139,7 +141,7 @@ def exclude_worst_case(
 
 def prove_exclusion(
     t: float,
-    conditions: Conditions,
+    conditions: WorstCaseConditions,
     joints: int,
     *,
     rng: Rng = 0,

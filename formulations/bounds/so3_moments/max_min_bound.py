@@ -7,7 +7,7 @@ from pathlib import Path
 from formulations.bounds.certified import best_known
 from formulations.bounds.closed_form import root_above
 from formulations.bounds.so3_moments.fixed_worst_case import (
-    Conditions,
+    WorstCaseConditions,
     exclude_worst_case,
     prove_exclusion,
 )
@@ -35,7 +35,7 @@ _SQUARES = [
     RowSector(4, 0, 0, 6),
     *(RowSector(6, c, 0, 6) for c in (0, 2)),
 ]
-CONDITIONS = Conditions(
+CONDITIONS = WorstCaseConditions(
     plain=without_repetition([*DEGREE_4, *_SQUARES]),
     scaled=DEGREE_4,
     krylov=tuple(

@@ -43,8 +43,8 @@ from formulations.bounds.so3_moments.blocks.spectrum import (
     spectral_limit,
 )
 from formulations.bounds.so3_moments.fixed_worst_case import (
-    Conditions,
     ResidualDistance,
+    WorstCaseConditions,
     condition_families,
 )
 from formulations.bounds.so3_moments.global_bound import Evidence
@@ -172,7 +172,7 @@ def unsigned_families(conditions: UnsignedConditions, t: float) -> list[BlockFam
 
 def exclude_with_signs(
     t: float,
-    signed: Conditions,
+    signed: WorstCaseConditions,
     unsigned: UnsignedConditions = UNSIGNED,
     signed_spectral: Sequence[RowSector] = SIGNED_SPECTRAL,
     *,

@@ -7,7 +7,7 @@ from math import isnan
 from typing import TYPE_CHECKING
 
 from formulations.plot.style import BLUE, GREY, INK, ORANGE, SMALL, VERMILION, styled
-from formulations.studies.benchmark.measurement import Row
+from formulations.studies.benchmark.measurement import BenchmarkRow
 from formulations.studies.pages import groups
 
 if TYPE_CHECKING:
@@ -24,7 +24,7 @@ _COLOURS = {
 _MARKS = "os^Dv<>Pp*hX"
 
 
-def drawn(rows: Sequence[Row]) -> Figure:
+def drawn(rows: Sequence[BenchmarkRow]) -> Figure:
     """Return the figure: CPU ms per success, on a logarithmic scale.
 
     Raises

@@ -70,7 +70,7 @@ def each(one: Callable[[FloatArray], FloatArray], shape: tuple[int, int]) -> Run
 
 
 @dataclass(frozen=True)
-class Row:
+class BenchmarkRow:
     """One peer on one statement and size; NaN where it was not run.
 
     Attributes
@@ -165,7 +165,7 @@ def measure(
     seed: int,
     time_limit: float = np.inf,
     progress: Callable[[str], None] = lambda _: None,
-) -> Iterator[list[Row]]:
+) -> Iterator[list[BenchmarkRow]]:
     """Yield a row for each peer as it stands, after each round of turns.
 
     Parameters
@@ -250,7 +250,9 @@ def _as_many(trial: _Trial, left: int, time_limit: float) -> int:
     return max(1, min(left, int((time_limit - trial.seconds) / max(each, 1e-9))))
 
 
-def _rows(trials: Sequence[_Trial], joints: int, asked: int, time_limit: float) -> list[Row]:
+def _rows(
+    trials: Sequence[_Trial], joints: int, asked: int, time_limit: float
+) -> list[BenchmarkRow]:
     everything = [score for trial in trials for score in trial.scores if np.isfinite(score)]
     sense = formulation(trials[0].peer.formulation).SENSE
     best = (min if sense == "minimise" else max)(everything, default=float("nan"))
@@ -263,7 +265,7 @@ def _rows(trials: Sequence[_Trial], joints: int, asked: int, time_limit: float) 
         success = trial.within(best, REACHED_BEST)
         first, second, third = trial.per_success(best)
         rows.append(
-            Row(
+            BenchmarkRow(
                 formulation=trial.peer.formulation,
                 joints=joints,
                 peer=trial.peer.name,

@@ -11,7 +11,7 @@ from formulations.solving.outcome import REACHED_BEST
 from formulations.studies import pages
 from formulations.studies.benchmark import peers
 from formulations.studies.benchmark.figure import drawn
-from formulations.studies.benchmark.measurement import NEAR, Row, measure
+from formulations.studies.benchmark.measurement import NEAR, BenchmarkRow, measure
 from formulations.studies.benchmark.peers import CLASSICAL, DEFAULT, FAST
 from formulations.studies.pages import groups
 from formulations.studies.study import Effort, Part, Study
@@ -47,7 +47,7 @@ class Target:
     at_most: bool = False
     only: int = 0
 
-    def ratios(self, rows: Sequence[Row], joints: int) -> list[float]:
+    def ratios(self, rows: Sequence[BenchmarkRow], joints: int) -> list[float]:
         """Return the least ratio of all rounds, the median and the largest; none if unknown."""
         above, below = (
             _fastest(rows, self.formulation, joints, name) for name in (self.above, self.below)
@@ -65,7 +65,9 @@ class Target:
         return "met" if met else "missed"
 
 
-def _fastest(rows: Sequence[Row], statement: str, joints: int, name: str) -> tuple[float, ...]:
+def _fastest(
+    rows: Sequence[BenchmarkRow], statement: str, joints: int, name: str
+) -> tuple[float, ...]:
     chosen = [
         row
         for row in rows
@@ -100,10 +102,10 @@ def study(sizes: Sequence[int] = SIZES, time_limit: float = TIME_LIMIT) -> Study
     """
 
     def compute(effort: Effort, _: Path) -> Iterator[Part]:
-        starts, everything = effort.starts or STARTS, list[Row]()
+        starts, everything = effort.starts or STARTS, list[BenchmarkRow]()
         for size in sizes:
             for (_,), same in groups(peers.PEERS, "formulation"):
-                rows: Sequence[Row] = ()
+                rows: Sequence[BenchmarkRow] = ()
                 for found in measure(
                     same, size, starts, effort.seed, time_limit, effort.progress
                 ):
@@ -117,7 +119,7 @@ def study(sizes: Sequence[int] = SIZES, time_limit: float = TIME_LIMIT) -> Study
         title="processor time per start and per success, beside other solvers, 7R to 20R",
         page="benchmark.md",
         template=_TEMPLATE,
-        tables={"benchmark": Row},
+        tables={"benchmark": BenchmarkRow},
         command="lockedjoint benchmark --out results/benchmark",
         takes="a quarter of an hour, on a machine that does nothing else",
         compute=compute,
@@ -132,11 +134,11 @@ def study(sizes: Sequence[int] = SIZES, time_limit: float = TIME_LIMIT) -> Study
     )
 
 
-def targets(rows: Sequence[Row]) -> str:
+def targets(rows: Sequence[BenchmarkRow]) -> str:
     """Return which targets are met at every size, as a Markdown table."""
     return pages.aligned(pages.block(_TEMPLATE, "targets", {"rows": rows, "goals": TARGETS}))
 
 
-def growth(rows: Sequence[Row]) -> str:
+def growth(rows: Sequence[BenchmarkRow]) -> str:
     """Return CPU ms per success by number of joints, as a Markdown table."""
     return pages.aligned(pages.block(_TEMPLATE, "growth", {"rows": rows}))

@@ -24,7 +24,7 @@ from formulations.bounds.so3_moments.blocks.sampled_blocks import SectorBlocks, 
 from formulations.bounds.so3_moments.certificate import BoundCertificate
 from formulations.bounds.so3_moments.certifying import search_certificate
 from formulations.bounds.so3_moments.fixed_worst_case import (
-    Conditions,
+    WorstCaseConditions,
     condition_families,
     prove_exclusion,
     solve_exclusion,
@@ -528,7 +528,7 @@ def test_nothing_is_reported_that_was_not_verified(
 # --- max-min -------------------------------------------------------------------------------
 
 IMPOSSIBLE, LIMIT = 30.0, 90.0
-SMALL = Conditions(
+SMALL = WorstCaseConditions(
     plain=(RowSector(0, 0, 0, 4), RowSector(2, 0, 0, 4)),
     scaled=(RowSector(0, 0, 0, 2), RowSector(2, 0, 0, 2)),
     krylov=(RowSector(0, 0, 0, 2, 0), RowSector(1, 0, 0, 2, 1)),

@@ -12,7 +12,7 @@ from formulations.bounds.so3_moments.blocks.localisers import (
     krylov_vectors,
 )
 from formulations.bounds.so3_moments.fixed_worst_case import (
-    Conditions,
+    WorstCaseConditions,
     condition_families,
     exclude_worst_case,
 )
@@ -137,7 +137,7 @@ def test_a_wrong_sign_is_caught_by_the_plain_average(
     assert (leftover > 0.5) == caught
 
 
-SMALL = Conditions(
+SMALL = WorstCaseConditions(
     plain=tuple(RowSector(k, c, 0, 4) for k in (0, 2, 4) for c in (0, 2)),
     scaled=(RowSector(0, 0, 0, 4),),
     krylov=(RowSector(0, 0, 0, 2, 0), RowSector(1, 0, 0, 2, 1)),

@@ -11,7 +11,7 @@ from formulations.bounds.closed_form import largest_residual
 from formulations.bounds.so3_moments import fixed_worst_case
 from formulations.bounds.so3_moments import max_min_bound as max_min_module
 from formulations.bounds.so3_moments.fixed_worst_case import (
-    Conditions,
+    WorstCaseConditions,
     condition_families,
     exclude_worst_case,
 )
@@ -22,7 +22,7 @@ from formulations.existence.certificate import CertificateError
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
 
-SMALL = Conditions(
+SMALL = WorstCaseConditions(
     plain=tuple(RowSector(k, c, 0, 4) for k in (0, 2, 4) for c in (0, 2)),
     scaled=(RowSector(0, 0, 0, 4), RowSector(2, 0, 0, 4)),
     krylov=(RowSector(0, 0, 0, 2, 0), RowSector(1, 0, 0, 2, 1)),

@@ -31,7 +31,7 @@ from formulations.bounds.so3_moments.blocks.spectrum import (
     SpectralDistance,
     spectral_limit,
 )
-from formulations.bounds.so3_moments.fixed_worst_case import Conditions
+from formulations.bounds.so3_moments.fixed_worst_case import WorstCaseConditions
 from formulations.bounds.so3_moments.max_min_bound import max_min_bound
 from formulations.bounds.so3_moments.null_vector_bound import (
     UnsignedConditions,
@@ -348,7 +348,7 @@ def test_a_small_program_excludes_what_is_impossible_and_not_what_is_attained(
     monkeypatch.setattr(null_vector_bound, "_UNSIGNED_SAMPLES", 110)
     if deviation is not None:
         monkeypatch.setattr(null_vector_bound, "null_vector_deviation", lambda _: deviation)
-    signed = Conditions(
+    signed = WorstCaseConditions(
         plain=tuple(RowSector(k, c, 0, 4) for k in (0, 2, 4) for c in (0, 2)),
         scaled=tuple(degree_sectors(2, range(3))),
     )

@@ -1,4 +1,4 @@
-"""``lockedjoint assess``: how failure tolerant a robot is at a configuration."""
+"""``lockedjoint measure-robot``: how failure tolerant a robot is at a configuration."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _ROUNDING = 1e-12
 _SHOWN = 12
 
 
-def assess(
+def measure_robot(
     file: robot.File,
     tip: robot.Tip = None,
     configuration: robot.Configuration = None,
@@ -49,22 +49,22 @@ def assess(
     and how the answer depends on the characteristic length in which metres are measured.
     By default joints without limits are at 0.
     """
-    from formulations.robots.robot_assessment import assess as assess_robot
-    from formulations.robots.robot_assessment import assess_unequal
+    from formulations.robots.robot_assessment import measure_robot as measured
+    from formulations.robots.robot_assessment import measure_robot_unequal
     from nlp.files import prepare_file
 
     arm = robot.arm(file, tip, base, point, task, frame, length, held)
     models = failure_scenarios(failure_probabilities, never_fails, arm.chain.names, locked)
     if out is not None:
         prepare_file(out, inputs=[file, Path(configuration or file)])
-    found = assess_robot(arm, robot.read_configuration(configuration, arm.chain), locked)
+    found = measured(arm, robot.read_configuration(configuration, arm.chain), locked)
     robot.print_notes(found)
     source = "midway between the limits" if configuration is None else "as given"
     plain = {"model": found.robot, **asdict(found)}
     text = robot_text(found, {}, source)
     if models is not None:
         known = failure_probabilities is not None
-        unequal = assess_unequal(arm, found.jacobian, models, known)
+        unequal = measure_robot_unequal(arm, found.jacobian, models, known)
         plain |= unequal
         text += f"\n\n{failures_text(unequal)}"
     show(plain, as_json, lambda _: text, out)
