@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import operator
 import re
 from collections.abc import Callable, Mapping
@@ -58,7 +59,7 @@ class Condition:
                 given = real_in(self.value)
             except ValueError:
                 given = float("nan")
-            if given != given:
+            if not math.isfinite(given):
                 raise InputError(f"value of {self.column}", self.value, "a number")
         return _OPERATORS[self.sign](column, given)  # type: ignore[no-any-return]
 
