@@ -131,7 +131,7 @@ def as_parquet(table: pd.DataFrame) -> bytes:
     try:
         return table.to_parquet(engine="pyarrow", index=False)
     except ImportError:
-        command = how_to_install("pyarrow", "parquet")
+        command = how_to_install("pyarrow")
         allowed = f"csv, markdown or latex; or first run: {command}"
         raise InputError("--to", "parquet", allowed) from None
 
