@@ -80,7 +80,8 @@ def _chosen(table: pd.DataFrame, where: str) -> pd.DataFrame:
         raise InputError("condition", where, f"{allowed} ({reason})") from None
     if str(getattr(rows, "dtype", "")) != "bool":
         raise InputError("condition", where, allowed)
-    return table[rows]
+    chosen: pd.DataFrame = table[rows]
+    return chosen
 
 
 def _settings(cells: Collection[dict[str, object]]) -> list[str]:

@@ -23,7 +23,7 @@ def show(
         list[str] | None,
         typer.Option(
             metavar="CONDITION",
-            help="Only records with this, such as 'joints == 7 and score > 0.5'. May be repeated.",
+            help="Only records with this, such as 'joints == 7'. May be repeated.",
             show_default=False,
         ),
     ] = None,
