@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 # The settings that say what is optimised; the others say how.
-PROBLEM = ("formulation", "model", "joints", "task_dimension", "locked")
+_PROBLEM = ("formulation", "model", "joints", "task_dimension", "locked")
 _HOW = ("solver", "compiled", "options", "seed")
 SETTINGS = ("formulation", "model", "joints", "task_dimension", *ALWAYS, *_HOW)
 # Where optima come in families, every start has its own: only so many of a level are listed.
@@ -129,11 +129,9 @@ def grouped(store: Store, where: str = "", by: Sequence[str] | None = None) -> p
             raise InputError("group", name, "one of " + ", ".join(settings))
     if len(set(by or ())) != len(by or ()):
         raise InputError("groups", ",".join(by or ()), "every setting once")
-    keys = (
-        list(by) if by else [*PROBLEM[:4], *differing(records, settings, PROBLEM[:4], PROBLEM)]
-    )
+    keys = list(by or (*_PROBLEM[:4], *_differing(records, settings)))
     records["cost"] = _cost(records)
-    problem = records.groupby(list(PROBLEM), sort=False)
+    problem = records.groupby(list(_PROBLEM), sort=False)
     records["problem"] = problem.ngroup()
     reached = records["cost"] - problem["cost"].transform("min") <= REACHED_BEST
     records = records.assign(reached=reached, solved=records["status"] == SUCCESS)
@@ -173,13 +171,8 @@ def _cost(records: pd.DataFrame) -> pd.Series[float]:
     return (records["score"].astype(float) * sign).where(trusted)
 
 
-def differing(
-    records: pd.DataFrame,
-    settings: Sequence[str],
-    always: Sequence[str],
-    problem: Sequence[str],
-) -> list[str]:
-    """Return the settings, besides `always`, that have several values in one problem.
+def _differing(records: pd.DataFrame, settings: Sequence[str]) -> list[str]:
+    """Return the settings, besides model and size, that have several values in one problem.
 
     Whether one of the settings that name a problem differs is seen where the others are equal.
     """
@@ -187,8 +180,8 @@ def differing(
     return [
         name
         for name in settings
-        if name not in always
-        and (cells.groupby([n for n in problem if n != name])[name].nunique() > 1).any()
+        if name not in _PROBLEM[:4]
+        and (cells.groupby([n for n in _PROBLEM if n != name])[name].nunique() > 1).any()
     ]
 
 
@@ -216,16 +209,16 @@ def optima(store: Store, where: str = "") -> pd.DataFrame:
     records["cost"] = _cost(records).where(records["status"] == SUCCESS)
     records = records.dropna(subset="cost")
     rows = [
-        {**{name: group[name].iloc[0] for name in PROBLEM}, **row}
-        for _, group in records.groupby(list(PROBLEM), sort=False)
+        {**{name: group[name].iloc[0] for name in _PROBLEM}, **row}
+        for _, group in records.groupby(list(_PROBLEM), sort=False)
         for row in _optima(group.sort_values("cost", kind="stable"))
     ]
     found = ("level", "score", "worst_case_sigma", "classes", "reached", "of_starts")
-    return pd.DataFrame(rows, columns=[*PROBLEM, *found, "canonical_form"])
+    return pd.DataFrame(rows, columns=[*_PROBLEM, *found, "canonical_form"])
 
 
 def _optima(group: pd.DataFrame) -> Iterator[dict[str, object]]:
-    _, model, joints, task_dimension, locked = (group[name].iloc[0] for name in PROBLEM)
+    _, model, joints, task_dimension, locked = (group[name].iloc[0] for name in _PROBLEM)
     symmetry = _symmetry(models.arm(model, int(joints), int(task_dimension)))
     levels = (group["cost"].diff() > REACHED_BEST).cumsum() + 1
     for level, members in group[levels <= LEVELS].groupby(levels):
