@@ -129,7 +129,8 @@ def grouped(store: Store, where: str = "", by: Sequence[str] | None = None) -> p
             raise InputError("group", name, "one of " + ", ".join(settings))
     if len(set(by or ())) != len(by or ()):
         raise InputError("groups", ",".join(by or ()), "every setting once")
-    keys = list(by or (*_PROBLEM[:4], *_differing(records, settings)))
+    named = _PROBLEM[:4]
+    keys = list(by or (*named, *differing(records, settings, named, _PROBLEM)))
     records["cost"] = _cost(records)
     problem = records.groupby(list(_PROBLEM), sort=False)
     records["problem"] = problem.ngroup()
@@ -171,8 +172,13 @@ def _cost(records: pd.DataFrame) -> pd.Series[float]:
     return (records["score"].astype(float) * sign).where(trusted)
 
 
-def _differing(records: pd.DataFrame, settings: Sequence[str]) -> list[str]:
-    """Return the settings, besides model and size, that have several values in one problem.
+def differing(
+    records: pd.DataFrame,
+    settings: Sequence[str],
+    always: Sequence[str],
+    problem: Sequence[str],
+) -> list[str]:
+    """Return the settings, besides `always`, that have several values in one problem.
 
     Whether one of the settings that name a problem differs is seen where the others are equal.
     """
@@ -180,8 +186,8 @@ def _differing(records: pd.DataFrame, settings: Sequence[str]) -> list[str]:
     return [
         name
         for name in settings
-        if name not in _PROBLEM[:4]
-        and (cells.groupby([n for n in _PROBLEM if n != name])[name].nunique() > 1).any()
+        if name not in always
+        and (cells.groupby([n for n in problem if n != name])[name].nunique() > 1).any()
     ]
 
 
