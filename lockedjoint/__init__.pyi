@@ -37,13 +37,13 @@ from formulations.realise.write_urdf import urdf as urdf
 from formulations.registry import bound as bound
 from formulations.registry import formulation as formulation
 from formulations.registry import register as register
-from formulations.robots.chain_between import chain_between as chain_between
-from formulations.robots.clearance import read_clearance as read_clearance
+from formulations.kinematics.chain_between import chain_between as chain_between
+from formulations.clearance.link_clearance import read_clearance as read_clearance
 from formulations.robots.held_pose import Pose as Pose
 from formulations.robots.path import plan_path as plan_path
 from formulations.robots.posture import best_posture as best_posture
-from formulations.robots.read_robot import read_robot as read_robot
-from formulations.robots.read_urdf import read_urdf as read_urdf
+from formulations.kinematics.read_robot import read_robot as read_robot
+from formulations.kinematics.read_urdf import read_urdf as read_urdf
 from formulations.robots.robot_arm import RobotArm as RobotArm
 from formulations.robots.robot_assessment import RobotAssessment as RobotAssessment
 from formulations.robots.robot_assessment import measure_robot as measure_robot

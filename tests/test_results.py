@@ -22,11 +22,11 @@ from formulations.existence.relaxation.relaxation import existence_relaxation
 from formulations.existence.verify import verify
 from formulations.io.provenance import read_header
 from formulations.io.table import Table, read_rows
+from formulations.kinematics.forward import Kinematics
 from formulations.realise.criteria import CRITERIA, Sampling
 from formulations.realise.family import Arrangements, family
 from formulations.realise.from_jacobian import realise
 from formulations.reproduction.row import ReproductionRow, Verdict
-from formulations.robots.kinematics import Kinematics
 from formulations.robots.planar_workspace import Planar3R
 from formulations.robots.survival import survivors
 from formulations.studies import bounds as bounds_study

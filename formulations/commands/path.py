@@ -85,7 +85,7 @@ def path(
     leaving it. The search takes tens of seconds. The share that survives is measured by a test
     of its own, beside that of the minimum-norm trajectory and a ceiling by sampling.
     """
-    from formulations.robots.chain import narrowed
+    from formulations.kinematics.chain import narrowed
     from formulations.robots.path import PathSearch, plan_path
     from formulations.robots.robot_arm import RobotArm
     from formulations.robots.waypoints import read_waypoints

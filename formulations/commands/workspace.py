@@ -25,7 +25,7 @@ from formulations.commands.output import as_text, show
 from nlp.errors import InputError
 
 if TYPE_CHECKING:
-    from formulations.robots.serial_arm import Ranges, SerialArm
+    from formulations.kinematics.serial_arm import Ranges, SerialArm
     from formulations.robots.workspace import Workspace
     from nlp.arrays import FloatArray
 
@@ -105,12 +105,12 @@ def workspace(
     The orientation of the tool is free without --orientation. The first command to try is with
     --optimise limits: within the physical limits alone, many arms keep nothing.
     """
+    from formulations.kinematics.serial_arm import SerialArm
     from formulations.plot.look import looking
     from formulations.plot.style import content, kind_of
     from formulations.robots.best_limits import best_limits
     from formulations.robots.cylinder_grid import check_grid
     from formulations.robots.pose_sets import PoseSets, check_poses
-    from formulations.robots.serial_arm import SerialArm
     from formulations.robots.workspace import check_limits, measured
     from formulations.robots.workspace import workspace as found_workspace
     from nlp.files import prepare_file, write_bytes
@@ -181,7 +181,7 @@ def _turn(text: str) -> FloatArray:
 
 
 def _limits(settings: list[str], arm: SerialArm) -> Ranges:
-    from formulations.robots.chain import listed, nearest
+    from formulations.kinematics.chain import listed, nearest
 
     names = [one.name for one in arm.steps]
     found = dict(zip(names, arm.physical, strict=True))

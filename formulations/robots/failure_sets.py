@@ -11,7 +11,7 @@ from abc import ABC, abstractmethod
 import numpy as np
 import numpy.typing as npt
 
-from formulations.robots.serial_arm import Bits, Ranges, SerialArm
+from formulations.kinematics.serial_arm import Bits, Ranges, SerialArm
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
 

@@ -20,11 +20,11 @@ import casadi as ca
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from formulations.robots.chain import LARGEST, tip_pose
-from formulations.robots.clearance import Clearance
-from formulations.robots.kinematics import BoolArray, Kinematics
+from formulations.clearance.link_clearance import Clearance
+from formulations.kinematics.chain import LARGEST, tip_pose
+from formulations.kinematics.forward import BoolArray, Kinematics
+from formulations.kinematics.tree import RobotError
 from formulations.robots.robot_arm import RobotArm
-from formulations.robots.tree import RobotError
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
 from nlp.problem import Constraint

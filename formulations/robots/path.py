@@ -21,7 +21,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from formulations import measures
-from formulations.robots.kinematics import Kinematics
+from formulations.kinematics.forward import Kinematics
 from formulations.robots.path_nodes import Nodes
 from formulations.robots.path_plan import PathPlan, Trajectory
 from formulations.robots.path_polish import polished

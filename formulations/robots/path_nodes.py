@@ -11,7 +11,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from formulations.robots.kinematics import BoolArray, Kinematics
+from formulations.kinematics.forward import BoolArray, Kinematics
 from formulations.robots.path_plan import IntArray
 from formulations.robots.survival import JUMP, Poses, survivors
 from formulations.robots.waypoints import place_name

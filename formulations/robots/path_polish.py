@@ -11,8 +11,8 @@ from collections.abc import Sequence
 import casadi as ca
 import numpy as np
 
-from formulations.robots.chain import Chain, tip_pose
-from formulations.robots.kinematics import Kinematics
+from formulations.kinematics.chain import Chain, tip_pose
+from formulations.kinematics.forward import Kinematics
 from formulations.robots.path_nodes import Nodes
 from formulations.robots.path_plan import Trajectory
 from formulations.robots.robot_arm import RobotArm

@@ -9,8 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from formulations import measures
-from formulations.realise.chain import rotation
-from formulations.robots.chain import Chain
+from formulations.kinematics.chain import Chain
+from formulations.kinematics.link_chain import rotation
 from formulations.robots.robot_arm import RobotArm
 from nlp.arrays import FloatArray, finite_vector
 from nlp.errors import InputError

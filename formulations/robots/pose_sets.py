@@ -3,7 +3,7 @@
 The arm has one joint more than a pose has dimensions: four joints in the plane, seven in space.
 The configurations of a pose are then curves, its self-motion, and a joint may lock at θ if and
 only if a curve within the physical limits passes θ. Curves are followed from random
-configurations at one random point in every voxel, see `formulations.realise.self_motion`.
+configurations at one random point in every voxel, see `formulations.kinematics.self_motion`.
 """
 
 from __future__ import annotations
@@ -13,9 +13,9 @@ from collections.abc import Callable
 import numpy as np
 import numpy.typing as npt
 
-from formulations.realise.self_motion import SelfMotionPoses, arcs, solve
+from formulations.kinematics.self_motion import SelfMotionPoses, arcs, solve
+from formulations.kinematics.serial_arm import Bits, Ranges, SerialArm
 from formulations.robots.failure_sets import SLICE, FailureSets, check_step
-from formulations.robots.serial_arm import Bits, Ranges, SerialArm
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
 

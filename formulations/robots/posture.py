@@ -9,14 +9,14 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from formulations.clearance.link_clearance import Clearance
+from formulations.kinematics.tree import RobotError
 from formulations.measures.unequal_failures import scenarios
-from formulations.robots.clearance import Clearance
 from formulations.robots.held_pose import HeldArm, Pose
 from formulations.robots.posture_found import Posture, describe
 from formulations.robots.posture_search import Search, searched
 from formulations.robots.robot_arm import RobotArm
 from formulations.robots.structural import structural_failures
-from formulations.robots.tree import RobotError
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
 from nlp.problem import Constraint

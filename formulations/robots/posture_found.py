@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from formulations import measures
-from formulations.robots.clearance import Closest
+from formulations.clearance.link_clearance import Closest
 from formulations.robots.held_pose import HeldArm, LockedReach, Pose
 from formulations.robots.posture_search import Search
 from formulations.robots.robot_arm import RobotArm

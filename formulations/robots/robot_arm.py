@@ -26,9 +26,9 @@ import numpy.typing as npt
 
 from formulations import measures
 from formulations.joints.joint import check_length
-from formulations.robots.chain import LARGEST, Chain
-from formulations.robots.chain_between import chain_between
-from formulations.robots.read_robot import read_robot
+from formulations.kinematics.chain import LARGEST, Chain
+from formulations.kinematics.chain_between import chain_between
+from formulations.kinematics.read_robot import read_robot
 from formulations.robots.task import TaskSpace
 from nlp.arrays import FloatArray, as_floats, finite_vector
 from nlp.errors import InputError
@@ -96,7 +96,7 @@ class RobotArm:
         Parameters
         ----------
         source
-            A path or a model; see `formulations.robots.read_robot`.
+            A path or a model; see `formulations.kinematics.read_robot`.
         tip, base, held, point
             Links, joints that have locked and the tip's point, see `chain_between`; by
             default the only last link, the root, none and the origin.

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from formulations.robots.kinematics import BoolArray, Kinematics
+from formulations.kinematics.forward import BoolArray, Kinematics
 from nlp.arrays import FloatArray
 
 # A joint that moves further between two samples has jumped to another solution, or the arm

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
-from formulations.robots.chain import LARGEST
+from formulations.kinematics.chain import LARGEST
 from formulations.robots.survival import Poses
 from nlp.arrays import FloatArray
 from nlp.errors import FileError, InputError, shown

@@ -16,11 +16,11 @@ import numpy as np
 import numpy.typing as npt
 from scipy import ndimage
 
+from formulations.kinematics.serial_arm import Bits, Ranges, SerialArm
 from formulations.robots.failure_sets import SLICE, FailureSets
 from formulations.robots.planar_workspace import Planar3R
 from formulations.robots.pose_sets import PoseSets
 from formulations.robots.reachable_sets import ReachableSets
-from formulations.robots.serial_arm import Bits, Ranges, SerialArm
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
 

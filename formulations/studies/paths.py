@@ -10,8 +10,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from formulations.io.table import HIDDEN, column, read_rows
+from formulations.kinematics.forward import Kinematics
 from formulations.plot.style import content
-from formulations.robots.kinematics import Kinematics
 from formulations.robots.path import PathSearch, check_reach, plan_path
 from formulations.robots.path_plan import PathPlan
 from formulations.robots.robot_arm import RobotArm

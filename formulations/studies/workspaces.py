@@ -10,6 +10,9 @@ from formulations import measures
 from formulations.io.table import HIDDEN, column
 from formulations.joints.arm import Arm
 from formulations.joints.models import arm as arm_of
+from formulations.kinematics.chain_between import chain_between
+from formulations.kinematics.read_urdf import read_urdf
+from formulations.kinematics.serial_arm import Ranges, SerialArm
 from formulations.plot.style import content, figure_class
 from formulations.plot.workspace import draw, draw_orders
 from formulations.realise.choice import rank
@@ -17,9 +20,6 @@ from formulations.realise.criteria import CRITERIA, Sampling, kept_ball
 from formulations.realise.family import every, family
 from formulations.realise.from_jacobian import realise
 from formulations.robots.best_limits import STARTS, best_limits
-from formulations.robots.chain_between import chain_between
-from formulations.robots.read_urdf import read_urdf
-from formulations.robots.serial_arm import Ranges, SerialArm
 from formulations.robots.workspace import Workspace, measured
 from formulations.robots.workspace import workspace as found_workspace
 from formulations.solving.trade_off_curve import TradeOffPoint, trade_off_curve

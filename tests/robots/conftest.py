@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import pinocchio as pin
 import pytest
 
-from formulations.robots.read_urdf import parse_urdf
+from formulations.kinematics.read_urdf import parse_urdf
 from nlp.errors import MissingLibraryError
 
 

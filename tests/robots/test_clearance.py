@@ -8,17 +8,17 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from formulations.robots.capsules import between_segments, capsule_around, gap_squared
-from formulations.robots.chain_between import chain_between
-from formulations.robots.clearance import read_clearance
+from formulations.clearance.capsules import between_segments, capsule_around, gap_squared
+from formulations.clearance.link_clearance import read_clearance
+from formulations.clearance.shapes import Shape
+from formulations.kinematics.chain_between import chain_between
+from formulations.kinematics.read_urdf import read_urdf
+from formulations.kinematics.tree import RobotError
 from formulations.robots.held_pose import HeldArm, Pose
 from formulations.robots.posture import best_posture
 from formulations.robots.posture_search import Search
-from formulations.robots.read_urdf import read_urdf
 from formulations.robots.robot_arm import RobotArm
-from formulations.robots.shapes import Shape
 from formulations.robots.task import TaskSpace
-from formulations.robots.tree import RobotError
 from formulations.studies.robots import ARMS
 from nlp.errors import InputError
 

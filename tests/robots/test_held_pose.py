@@ -11,11 +11,11 @@ from scipy.spatial.transform import Rotation
 
 from formulations import measures
 from formulations.__main__ import main
+from formulations.kinematics.chain_between import chain_between
+from formulations.kinematics.forward import Kinematics
 from formulations.measures.unequal_failures import FailureModel
 from formulations.robots import posture_search
-from formulations.robots.chain_between import chain_between
 from formulations.robots.held_pose import HeldArm, Pose
-from formulations.robots.kinematics import Kinematics
 from formulations.robots.posture import best_posture
 from formulations.robots.posture_search import Search
 from formulations.robots.robot_arm import RobotArm

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from formulations.robots.chain import narrowed, tip_pose
-from formulations.robots.chain_between import chain_between
-from formulations.robots.kinematics import Kinematics
+from formulations.kinematics.chain import narrowed, tip_pose
+from formulations.kinematics.chain_between import chain_between
+from formulations.kinematics.forward import Kinematics
 from formulations.robots.path import PathSearch, plan_path
 from formulations.robots.path_polish import transcription
 from formulations.robots.robot_arm import RobotArm

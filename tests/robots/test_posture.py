@@ -11,8 +11,8 @@ import pytest
 from scipy.optimize import minimize
 
 from formulations import max_min, measures
+from formulations.kinematics.chain_between import chain_between
 from formulations.robots import posture_search
-from formulations.robots.chain_between import chain_between
 from formulations.robots.posture import best_posture
 from formulations.robots.posture_search import Search
 from formulations.robots.robot_arm import RobotArm

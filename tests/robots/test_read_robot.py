@@ -14,10 +14,10 @@ import roboticstoolbox as rtb
 import yourdfpy
 
 from formulations.commands.app import app
-from formulations.robots.chain_between import chain_between
-from formulations.robots.read_dh import dh_tree
-from formulations.robots.read_robot import read_robot
-from formulations.robots.read_urdf import read_urdf
+from formulations.kinematics.chain_between import chain_between
+from formulations.kinematics.read_dh import dh_tree
+from formulations.kinematics.read_robot import read_robot
+from formulations.kinematics.read_urdf import read_urdf
 from formulations.robots.robot_arm import RobotArm
 from formulations.robots.task import TaskSpace
 from formulations.studies.robots import ARMS

@@ -8,10 +8,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from formulations.robots import read_urdf as reading
-from formulations.robots.chain_between import chain_between
-from formulations.robots.read_urdf import parse_urdf, read_urdf
-from formulations.robots.tree import RobotTree
+from formulations.kinematics import read_urdf as reading
+from formulations.kinematics.chain_between import chain_between
+from formulations.kinematics.read_urdf import parse_urdf, read_urdf
+from formulations.kinematics.tree import RobotTree
 from nlp.errors import FileError, InputError
 
 

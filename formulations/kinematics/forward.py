@@ -11,8 +11,8 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from formulations.realise.chain import HALF_TURN, rotation_vectors
-from formulations.robots.chain import Chain
+from formulations.kinematics.chain import Chain
+from formulations.kinematics.link_chain import HALF_TURN, rotation_vectors
 from nlp.arrays import FloatArray
 
 BoolArray = npt.NDArray[np.bool_]

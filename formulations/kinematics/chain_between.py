@@ -8,7 +8,7 @@ from typing import TypeAlias
 import casadi as ca
 import numpy as np
 
-from formulations.robots.chain import (
+from formulations.kinematics.chain import (
     LARGEST,
     LIMIT_TOLERANCE,
     Chain,
@@ -21,7 +21,7 @@ from formulations.robots.chain import (
     nearest,
     rotation,
 )
-from formulations.robots.tree import MOVING, RobotError, RobotTree, TreeJoint
+from formulations.kinematics.tree import MOVING, RobotError, RobotTree, TreeJoint
 from nlp.arrays import FloatArray, finite_vector
 from nlp.errors import InputError
 

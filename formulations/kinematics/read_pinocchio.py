@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from formulations.robots.tree import Limit, Mimic, RobotTree, joint_between
+from formulations.kinematics.tree import Limit, Mimic, RobotTree, joint_between
 from nlp.arrays import FloatArray
 
 

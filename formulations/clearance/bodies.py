@@ -12,9 +12,9 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
-from formulations.robots.chain import Chain, Motion, displaced
-from formulations.robots.chain_between import displacement, driven_joint, frozen
-from formulations.robots.tree import MOVING, RobotTree, TreeJoint
+from formulations.kinematics.chain import Chain, Motion, displaced
+from formulations.kinematics.chain_between import displacement, driven_joint, frozen
+from formulations.kinematics.tree import MOVING, RobotTree, TreeJoint
 from nlp.arrays import FloatArray
 
 

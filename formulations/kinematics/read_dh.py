@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from formulations.robots.tree import Limit, RobotTree, TreeJoint, joint_between
+from formulations.kinematics.tree import Limit, RobotTree, TreeJoint, joint_between
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
 from nlp.files import real_in

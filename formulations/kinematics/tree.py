@@ -11,7 +11,7 @@ from graphlib import CycleError, TopologicalSorter
 import numpy as np
 import numpy.typing as npt
 
-from formulations.robots.chain import LARGEST, listed
+from formulations.kinematics.chain import LARGEST, listed
 from nlp.arrays import FloatArray, as_floats
 from nlp.errors import InputError
 

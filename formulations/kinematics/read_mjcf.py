@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-from formulations.robots.read_mujoco import mujoco_tree
-from formulations.robots.tree import RobotTree
+from formulations.kinematics.read_mujoco import mujoco_tree
+from formulations.kinematics.tree import RobotTree
 from nlp.errors import InputError, MissingLibraryError
 
 if TYPE_CHECKING:

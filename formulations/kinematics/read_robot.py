@@ -17,12 +17,12 @@ import os
 from pathlib import Path
 from typing import Any
 
-from formulations.robots.read_dh import dh_tree
-from formulations.robots.read_mjcf import mjcf_tree
-from formulations.robots.read_mujoco import mujoco_tree
-from formulations.robots.read_pinocchio import pinocchio_tree
-from formulations.robots.read_urdf import from_file, urdf_tree, xml_root, yourdfpy_tree
-from formulations.robots.tree import RobotTree
+from formulations.kinematics.read_dh import dh_tree
+from formulations.kinematics.read_mjcf import mjcf_tree
+from formulations.kinematics.read_mujoco import mujoco_tree
+from formulations.kinematics.read_pinocchio import pinocchio_tree
+from formulations.kinematics.read_urdf import from_file, urdf_tree, xml_root, yourdfpy_tree
+from formulations.kinematics.tree import RobotTree
 from nlp.errors import InputError
 
 _SOURCES = (

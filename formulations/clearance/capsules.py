@@ -14,7 +14,7 @@ import casadi as ca
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
-from formulations.robots.shapes import Shape, solid
+from formulations.clearance.shapes import Shape, solid
 from nlp.arrays import FloatArray
 
 # A cylinder's rim as so many points, on a circle that is larger by as much as they cut off.

@@ -26,17 +26,17 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from formulations.robots.bodies import Bodies, bodies_of
-from formulations.robots.capsules import (
+from formulations.clearance.bodies import Bodies, bodies_of
+from formulations.clearance.capsules import (
     Capsule,
     between_segments,
     capsule_around,
     gap_squared,
 )
-from formulations.robots.chain import Chain
-from formulations.robots.kinematics import BoolArray, Kinematics
-from formulations.robots.read_urdf import is_urdf, parse_urdf, xml_root
-from formulations.robots.shapes import Shape, coal_library, read_shapes, solid
+from formulations.clearance.shapes import Shape, coal_library, read_shapes, solid
+from formulations.kinematics.chain import Chain
+from formulations.kinematics.forward import BoolArray, Kinematics
+from formulations.kinematics.read_urdf import is_urdf, parse_urdf, xml_root
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
 from nlp.files import read_bytes

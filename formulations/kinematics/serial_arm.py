@@ -9,8 +9,8 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from formulations.realise.chain import LinkChain as Axes
-from formulations.robots.chain import Chain
+from formulations.kinematics.chain import Chain
+from formulations.kinematics.link_chain import LinkChain as Axes
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
 

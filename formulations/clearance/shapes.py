@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from formulations.robots.chain import LARGEST
-from formulations.robots.read_urdf import check_numbers
+from formulations.kinematics.chain import LARGEST
+from formulations.kinematics.read_urdf import check_numbers
 from nlp.arrays import FloatArray
 from nlp.errors import FileError, InputError, MissingLibraryError
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from formulations.realise.chain import BoolArray, IntArray, LinkChain, rotation_vectors
+from formulations.kinematics.link_chain import BoolArray, IntArray, LinkChain, rotation_vectors
 from nlp.arrays import FloatArray
 
 #: Length of a tangent, in radians and units of length.

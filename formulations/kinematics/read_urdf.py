@@ -17,8 +17,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from formulations.robots.chain import LARGEST
-from formulations.robots.tree import MOVING, Limit, Mimic, RobotTree, TreeJoint, joint_between
+from formulations.kinematics.chain import LARGEST
+from formulations.kinematics.tree import (
+    MOVING,
+    Limit,
+    Mimic,
+    RobotTree,
+    TreeJoint,
+    joint_between,
+)
 from nlp.errors import FileError, InputError, MissingLibraryError
 from nlp.files import read_bytes, real_in
 
