@@ -36,7 +36,8 @@ from formulations.clearance.capsules import (
 from formulations.clearance.shapes import Shape, coal_library, read_shapes, solid
 from formulations.kinematics.chain import Chain
 from formulations.kinematics.forward import BoolArray, Kinematics
-from formulations.kinematics.read_urdf import is_urdf, parse_urdf, xml_root
+from formulations.kinematics.read_urdf import parse_urdf
+from formulations.kinematics.read_xml import is_urdf, xml_root
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
 from nlp.files import read_bytes

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from formulations.kinematics.read_urdf import is_urdf
+from formulations.kinematics.read_xml import is_urdf
 from formulations.robots.picture import NO_ARROW, RobotPicture, frames
 from formulations.robots.robot_arm import RobotArm
 from nlp.arrays import FloatArray

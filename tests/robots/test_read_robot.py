@@ -1,8 +1,8 @@
 """Robots from elsewhere: each against the library that it comes from."""
 
-import builtins
 import json
 import re
+import sys
 from io import StringIO
 from pathlib import Path
 
@@ -390,7 +390,15 @@ SMALL = """<mujoco><worldbody><body name="a"><joint name="a" axis="0 1 0" type="
 <joint name="c" axis="0 1 0"/><body name="d" pos="0 0 1"/></body></body></body></worldbody>
 <equality></equality></mujoco>"""
 REFUSED = {
-    "content is MJCF with <include>": SMALL.replace("<mujoco>", '<mujoco><include file="x"/>'),
+    "file of <include> is ../robot.xml; allowed: one in the folder": SMALL.replace(
+        "<equality>", '<include file="../robot.xml"/><equality>'
+    ),
+    "/x; allowed: a file that can be read": SMALL.replace(
+        "<mujoco>", '<mujoco><include file="x"/>'
+    ),
+    "file of <include> is robot.xml; allowed: every file once": SMALL.replace(
+        "<mujoco>", '<mujoco><include file="robot.xml"/>'
+    ),
     "content is MJCF with <attach>": SMALL.replace('<body name="d"', "<attach/><body "),
     "content is MJCF with <replicate>": SMALL.replace(
         '<body name="d"', '<replicate count="1000000000"/><body '
@@ -454,19 +462,27 @@ def test_other_sources_are_refused(source):
         read_robot(source)
 
 
-@pytest.mark.parametrize("library", ["mujoco", "lxml"])
-def test_a_library_that_is_not_there_is_named(library, monkeypatch, tmp_path):
-    imported = builtins.__import__
+def test_a_library_that_is_not_there_is_named(monkeypatch, tmp_path):
+    monkeypatch.setitem(sys.modules, "mujoco", None)
+    with pytest.raises(InputError, match="mujoco is missing: .*pip install"):
+        read_robot(mjcf(tmp_path))
 
-    def without(name, *rest, **more):
-        if name == library:
-            raise ModuleNotFoundError(name)
-        return imported(name, *rest, **more)
 
-    path = mjcf(tmp_path)
-    monkeypatch.setattr(builtins, "__import__", without)
-    with pytest.raises(InputError, match=f"{library} is missing: .*pip install"):
-        read_robot(path)
+def test_files_that_mjcf_includes(tmp_path):
+    """Of the same folder or one below; the robot is that of one file."""
+    before, shoulder = MJCF.partition('<body name="shoulder"')[::2]
+    hand, after = shoulder.partition('<body name="ball"')[::2]
+    body = f'<body name="shoulder"{hand.rpartition("</body>")[0]}'
+    mjcf(tmp_path, f"<mujocoinclude>{body}</mujocoinclude>", "arm.xml")
+    (tmp_path / "parts").mkdir()
+    mjcf(tmp_path / "parts", '<mujoco><include file="arm.xml"/></mujoco>')
+    text = f'{before}<include file="parts/robot.xml"/></body><body name="ball"{after}'
+    arm = RobotArm.read(mjcf(tmp_path, text), "hand", task="position")
+    assert arm == RobotArm.read(mjcf(tmp_path), "hand", task="position")
+    (tmp_path / "arm.xml").unlink()
+    (tmp_path / "arm.xml").symlink_to(__file__)
+    with pytest.raises(FileError, match="file of <include> is arm.xml; .* in the folder"):
+        read_robot(mjcf(tmp_path, text))
 
 
 def test_the_command_line_takes_all_of_them(tmp_path, monkeypatch, capsys):
