@@ -5,16 +5,16 @@ Joints that do not move the tip are held: at zero, or at the limit nearest to it
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import casadi as ca
 import numpy as np
 
-from formulations.kinematics.chain import Chain, Motion, displaced
+from formulations.kinematics.chain import Chain, Motion
 from formulations.kinematics.chain_between import displacement, driven_joint, frozen
-from formulations.kinematics.tree import MOVING, RobotTree, TreeJoint
+from formulations.kinematics.symbolic import displaced
+from formulations.kinematics.tree import MOVING, RobotTree
 from nlp.arrays import FloatArray
 
 
@@ -106,7 +106,7 @@ def bodies_of(
     fixed = dict((*chain.immobile, *chain.held))
     moving: list[Body] = []
     places: dict[str, tuple[int, FloatArray]] = {tree.root: (0, np.eye(4))}
-    for joint in _parents_first(tree):
+    for joint in tree.parents_first:
         body, pose = places[joint.parent]
         pose = pose @ np.asarray(joint.origin)
         if joint.type in MOVING:
@@ -124,16 +124,3 @@ def bodies_of(
                 pose = pose @ displacement(joint, value)
         places[joint.child] = (body, pose)
     return Bodies(len(chain.joints), tuple(moving)), places
-
-
-def _parents_first(tree: RobotTree) -> Sequence[TreeJoint]:
-    """Return the joints so that each comes after the one before it."""
-    children: dict[str, list[TreeJoint]] = {}
-    for joint in tree.joints:
-        children.setdefault(joint.parent, []).append(joint)
-    ordered, waiting = [], list(children.get(tree.root, []))
-    while waiting:
-        joint = waiting.pop()
-        ordered.append(joint)
-        waiting += children.get(joint.child, [])
-    return ordered

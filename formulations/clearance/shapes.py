@@ -70,7 +70,7 @@ def read_shapes(root: Element, path: Path) -> Mapping[str, tuple[tuple[Shape, ..
     """
     found = {}
     for link in root.findall("link"):
-        name = link.get("name")
+        name = link.get("name", "")
         source = "collision" if link.find("collision/geometry") is not None else "visual"
         try:
             shapes = tuple(_shape(one, name, path) for one in link.findall(source))

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TypeAlias
 
-import casadi as ca
 import numpy as np
 
 from formulations.kinematics.chain import (
@@ -19,8 +18,8 @@ from formulations.kinematics.chain import (
     check_size,
     listed,
     nearest,
-    rotation,
 )
+from formulations.kinematics.link_chain import rotation
 from formulations.kinematics.tree import MOVING, RobotError, RobotTree, TreeJoint
 from nlp.arrays import FloatArray, finite_vector
 from nlp.errors import InputError
@@ -200,7 +199,7 @@ def displacement(joint: TreeJoint, value: float) -> FloatArray:
     if joint.type == "prismatic":
         pose[:3, 3] = value * joint.axis
     else:
-        pose[:3, :3] = np.array(ca.evalf(rotation(joint.axis.tolist(), value)))
+        pose[:3, :3] = rotation(joint.axis, np.asarray(value))
     return pose
 
 

@@ -71,7 +71,7 @@ class Kinematics:
             screws.append((motion, axis, origin))
             value = motion.multiplier * q[motion.variable] + motion.offset
             parts = np.matmul(stacked, turn)
-            if motion.translates:
+            if motion.prismatic:
                 origin = origin + value * axis
                 turn = parts[:, :3]
             else:
@@ -85,7 +85,7 @@ class Kinematics:
         for motion, axis, start in screws:
             column = matrix[:, motion.variable]
             scale = motion.multiplier
-            if motion.translates:
+            if motion.prismatic:
                 column[:3] += scale * axis
                 continue
             x, y, z = origin - start

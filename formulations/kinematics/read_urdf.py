@@ -127,12 +127,7 @@ def _joint(joint: Element) -> TreeJoint:
     kind = attribute(joint, "type", where)
     if kind not in _KINDS:
         raise InputError(f"type of {where}", kind, "one of " + ", ".join(_KINDS))
-    ends = []
-    for tag in ("parent", "child"):
-        end = joint.find(tag)
-        if end is None:
-            raise InputError(where, f"without <{tag}>", "a parent and a child")
-        ends.append(attribute(end, "link", f"<{tag}> of {where}"))
+    parent, child = (_end(joint, tag, where) for tag in ("parent", "child"))
     axis = numbers(joint.find("axis"), "xyz", "1 0 0", f"<axis> of {where}", LARGEST)
     element, mimic = joint.find("mimic"), None
     if element is not None:
@@ -149,7 +144,15 @@ def _joint(joint: Element) -> TreeJoint:
         keys, place = ("lower", "upper", "velocity"), f"<limit> of {where}"
         limit = Limit(*(numbers(element, key, "0", place, math.inf)[0] for key in keys))
     origin = pose_of(joint, where)
-    return joint_between(*ends, name, kind, origin, axis, _limit(kind, limit, mimic), mimic)
+    limits = _limit(kind, limit, mimic)
+    return joint_between(parent, child, name, kind, origin, axis, limits, mimic)
+
+
+def _end(joint: Element, tag: str, where: str) -> str:
+    end = joint.find(tag)
+    if end is None:
+        raise InputError(where, f"without <{tag}>", "a parent and a child")
+    return attribute(end, "link", f"<{tag}> of {where}")
 
 
 def _limit(kind: str, limit: Limit | None, mimic: Mimic | None) -> Limit:

@@ -83,7 +83,7 @@ class SerialArm:
             turn = _to_axis(np.array(motion.axis))
             low, high = _physical(joint.name, joint.prismatic, joint.lower, joint.upper)
             placement = before @ np.array(motion.placement) @ turn
-            steps.append(Step(joint.name, placement, motion.translates, low, high))
+            steps.append(Step(joint.name, placement, motion.prismatic, low, high))
             before = turn.T
         end = before @ np.array(chain.end)
         return cls(tuple(steps), end[:3, 3], end[:3, :3])

@@ -21,8 +21,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from formulations.clearance.link_clearance import Clearance
-from formulations.kinematics.chain import LARGEST, tip_pose
+from formulations.kinematics.chain import LARGEST
 from formulations.kinematics.forward import BoolArray, Kinematics
+from formulations.kinematics.symbolic import tip_pose
 from formulations.kinematics.tree import RobotError
 from formulations.robots.robot_arm import RobotArm
 from nlp.arrays import FloatArray

@@ -131,7 +131,7 @@ def frames(
         value = motion.multiplier * configuration[motion.variable] + motion.offset
         origins.append(pose[:3, 3])
         axes.append(pose[:3, :3] @ axis)
-        if motion.translates:
+        if motion.prismatic:
             moved[:3, 3] = value * axis
         else:
             moved[:3, :3] = rotation(axis, np.asarray(value))

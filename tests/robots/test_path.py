@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from formulations.kinematics.chain import narrowed, tip_pose
+from formulations.kinematics.chain import narrowed
 from formulations.kinematics.chain_between import chain_between
 from formulations.kinematics.forward import Kinematics
+from formulations.kinematics.symbolic import tip_pose
 from formulations.robots.path import PathSearch, plan_path
 from formulations.robots.path_polish import transcription
 from formulations.robots.robot_arm import RobotArm

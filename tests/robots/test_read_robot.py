@@ -464,7 +464,7 @@ def test_other_sources_are_refused(source):
 
 def test_a_library_that_is_not_there_is_named(monkeypatch, tmp_path):
     monkeypatch.setitem(sys.modules, "mujoco", None)
-    with pytest.raises(InputError, match="mujoco is missing: .*pip install"):
+    with pytest.raises(InputError, match=r"mujoco is missing: .*pip install"):
         read_robot(mjcf(tmp_path))
 
 
@@ -481,7 +481,7 @@ def test_files_that_mjcf_includes(tmp_path):
     assert arm == RobotArm.read(mjcf(tmp_path), "hand", task="position")
     (tmp_path / "arm.xml").unlink()
     (tmp_path / "arm.xml").symlink_to(__file__)
-    with pytest.raises(FileError, match="file of <include> is arm.xml; .* in the folder"):
+    with pytest.raises(FileError, match=r"file of <include> is arm.xml; .* in the folder"):
         read_robot(mjcf(tmp_path, text))
 
 
