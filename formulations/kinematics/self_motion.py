@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from formulations.kinematics.inverse import solve_ik
 from formulations.kinematics.link_chain import BoolArray, IntArray, LinkChain, rotation_vectors
 from nlp.arrays import FloatArray
 
@@ -22,8 +23,6 @@ STEP = 0.15
 STEPS = 170
 #: Steps of Newton's method from a start, and the residual that counts as reached.
 NEWTON, REACHED = 40, 1e-6
-# A Newton step moves no joint by more than this.
-_LONGEST = 0.5
 # On a curve, the residual after a tangent is of second order; above this the curve is lost.
 _LOST = 0.5
 _DAMPING = 1e-12
@@ -75,7 +74,7 @@ class SelfMotionPoses:
         return missing[:, self.rows], moved.velocities()[:, self.rows]
 
 
-def solve(
+def solve_pose(
     poses: SelfMotionPoses,
     start: FloatArray,
     lower: FloatArray,
@@ -84,40 +83,19 @@ def solve(
 ) -> tuple[FloatArray, BoolArray]:
     """Return configurations (k, n) of the poses near a start, and which ones were found.
 
-    Damped least squares within limits.
-
-    Parameters
-    ----------
-    poses
-        What is to be reached.
-    start
-        Shape (k, n).
-    lower, upper
-        Limits, shape (n,) or (k, n); infinite where there are none.
-    steps
-        At most so many.
+    See `solve_ik`.
     """
-    q, found = np.clip(start, lower, upper), np.zeros(len(poses), dtype=bool)
-    lower, upper = np.broadcast_to(lower, q.shape), np.broadcast_to(upper, q.shape)
-    left = np.arange(len(poses))
-    for _ in range(steps):
-        missing, matrix = poses[left].residual(q[left])
-        size = np.sum(missing**2, axis=1)
-        found[left] = size < REACHED**2
-        away = ~found[left]
-        left, missing, matrix, size = left[away], missing[away], matrix[away], size[away]
-        if not len(left):
-            break
-        free = upper[left] > lower[left]
-        matrix = matrix * free[:, None, :]
-        square = matrix @ np.swapaxes(matrix, 1, 2)
-        rows = np.arange(square.shape[1])
-        square[:, rows, rows] += (_DAMPING + 0.01 * np.minimum(size, 1.0))[:, None]
-        pushed = np.linalg.solve(square, missing[:, :, None])
-        move = (np.swapaxes(matrix, 1, 2) @ pushed)[:, :, 0]
-        moved = q[left] + np.clip(move, -_LONGEST, _LONGEST)
-        q[left] = np.clip(moved, lower[left], upper[left])
-    return q, found
+
+    def residual(which: IntArray, q: FloatArray) -> tuple[FloatArray, FloatArray]:
+        return poses[which].residual(q)
+
+    return solve_ik(
+        *(residual, start, lower, upper),
+        reached=REACHED,
+        damping=_DAMPING,
+        steps=steps,
+        largest=1.0,
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,7 +132,7 @@ def arcs(
     Parameters
     ----------
     poses, start, lower, upper
-        See `solve`; the start has been solved for.
+        See `solve_ik`; the start has been solved for.
     step, steps
         Length of a tangent, and how many at most in each direction.
     enough
@@ -246,7 +224,7 @@ def kept(chain: LinkChain, rows: list[int], offsets: FloatArray, half: float) ->
         )
         turn = np.broadcast_to(np.eye(3), (len(arm), 3, 3))
         poses = SelfMotionPoses(own, rows, chain.end_effector + offsets[point], turn)
-        q, reached = solve(poses, np.zeros((len(arm), n)), -limits, limits)
+        q, reached = solve_pose(poses, np.zeros((len(arm), n)), -limits, limits)
         if not reached.any():
             continue
         curves = arcs(poses[reached], q[reached], -none, none, enough=half)

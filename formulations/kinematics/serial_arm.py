@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from formulations.kinematics.chain import Chain
+from formulations.kinematics.inverse import solve_ik
 from formulations.kinematics.link_chain import LinkChain as Axes
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
@@ -224,34 +225,21 @@ class SerialArm:
             q = rng.uniform(low, high)
             full = turning & (high - low >= _TURN - 1e-9)  # has no ends to stop at
             low, high = np.where(full, -np.inf, low), np.where(full, np.inf, high)
-            found = self._nearest(q, low, high, target, size)
+            _, found = solve_ik(
+                lambda which, q, target=target: self._missing(q, target[which]),
+                *(q, low, high),
+                reached=_REACHED * size,
+                damping=1e-6 * size**2,
+                steps=_STEPS,
+            )
             left = left[~found]
         reached = np.ones(len(points), dtype=bool)
         reached[left] = False
         return reached
 
-    def _nearest(
-        self, q: FloatArray, low: FloatArray, high: FloatArray, target: FloatArray, size: float
-    ) -> Bits:
-        """Return which targets damped least squares reaches from q."""
-        reached = np.zeros(len(q), dtype=bool)
-        left = np.arange(len(q))
-        for _ in range(_STEPS):
-            tip, matrix = self.positions(q[left])
-            error = target[left] - tip
-            far = np.linalg.norm(error, axis=1) > _REACHED * size
-            reached[left[~far]] = True
-            left, error, matrix = left[far], error[far], matrix[far]
-            if not len(left):
-                break
-            matrix = matrix * (high[left] > low[left])[:, None, :]
-            square = matrix @ matrix.transpose(0, 2, 1)
-            damping = 1e-6 * size**2 + 0.01 * np.sum(error**2, axis=1)
-            square[:, range(3), range(3)] += damping[:, None]
-            pushed = np.linalg.solve(square, error[:, :, None])
-            step = np.clip((matrix.transpose(0, 2, 1) @ pushed)[:, :, 0], -0.5, 0.5)
-            q[left] = np.clip(q[left] + step, low[left], high[left])
-        return reached
+    def _missing(self, q: FloatArray, target: FloatArray) -> tuple[FloatArray, FloatArray]:
+        tip, matrix = self.positions(q)
+        return target - tip, matrix
 
 
 def _physical(name: str, prismatic: bool, low: float, high: float) -> tuple[float, float]:

@@ -13,7 +13,7 @@ from collections.abc import Callable
 import numpy as np
 import numpy.typing as npt
 
-from formulations.kinematics.self_motion import SelfMotionPoses, arcs, solve
+from formulations.kinematics.self_motion import SelfMotionPoses, arcs, solve_pose
 from formulations.kinematics.serial_arm import Bits, Ranges, SerialArm
 from formulations.robots.failure_sets import SLICE, FailureSets, check_step
 from nlp.arrays import FloatArray
@@ -132,7 +132,7 @@ class PoseSets(FailureSets):
                 break
             start = rng.uniform(lower[left], upper[left])
             low, high = self._open(lower[left], upper[left])
-            _, reached = solve(self._poses(points[left]), start, low, high)
+            _, reached = solve_pose(self._poses(points[left]), start, low, high)
             left = left[~reached]
         found = np.ones(len(points), dtype=bool)
         found[left] = False
@@ -162,7 +162,7 @@ class PoseSets(FailureSets):
             if not len(left):
                 break
             start = rng.uniform(lower, upper, (len(left), len(lower)))
-            q, reached = solve(self._poses(points[left]), start, low, high)
+            q, reached = solve_pose(self._poses(points[left]), start, low, high)
             left, q = left[reached], q[reached]
             reached_once[left] = True
             new = ~_on_known(left, q, found, turns, len(points))
