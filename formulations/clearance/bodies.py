@@ -13,7 +13,7 @@ import numpy as np
 
 from formulations.kinematics.chain import Chain, Motion
 from formulations.kinematics.chain_between import displacement, driven_joint, frozen
-from formulations.kinematics.symbolic import displaced
+from formulations.kinematics.forward import displaced
 from formulations.kinematics.tree import MOVING, RobotTree
 from nlp.arrays import FloatArray
 

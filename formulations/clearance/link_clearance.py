@@ -35,7 +35,8 @@ from formulations.clearance.capsules import (
 )
 from formulations.clearance.shapes import Shape, coal_library, read_shapes, solid
 from formulations.kinematics.chain import Chain
-from formulations.kinematics.forward import BoolArray, Kinematics
+from formulations.kinematics.forward import Kinematics
+from formulations.kinematics.inverse import BoolArray
 from formulations.kinematics.read_urdf import parse_urdf
 from formulations.kinematics.read_xml import is_urdf, xml_root
 from nlp.arrays import FloatArray

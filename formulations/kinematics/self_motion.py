@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from formulations.kinematics.inverse import solve_ik
+from formulations.kinematics.inverse import damped_least_squares
 from formulations.kinematics.link_chain import BoolArray, IntArray, LinkChain, rotation_vectors
 from nlp.arrays import FloatArray
 
@@ -83,13 +83,13 @@ def solve_pose(
 ) -> tuple[FloatArray, BoolArray]:
     """Return configurations (k, n) of the poses near a start, and which ones were found.
 
-    See `solve_ik`.
+    See `damped_least_squares`.
     """
 
     def residual(which: IntArray, q: FloatArray) -> tuple[FloatArray, FloatArray]:
         return poses[which].residual(q)
 
-    return solve_ik(
+    return damped_least_squares(
         *(residual, start, lower, upper),
         reached=REACHED,
         damping=_DAMPING,
@@ -132,7 +132,7 @@ def arcs(
     Parameters
     ----------
     poses, start, lower, upper
-        See `solve_ik`; the start has been solved for.
+        See `damped_least_squares`; the start has been solved for.
     step, steps
         Length of a tangent, and how many at most in each direction.
     enough

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 import numpy.typing as npt
 
 from formulations.kinematics.chain import Chain
-from formulations.kinematics.inverse import solve_ik
+from formulations.kinematics.inverse import IntArray, damped_least_squares
 from formulations.kinematics.link_chain import LinkChain as Axes
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
@@ -225,8 +225,8 @@ class SerialArm:
             q = rng.uniform(low, high)
             full = turning & (high - low >= _TURN - 1e-9)  # has no ends to stop at
             low, high = np.where(full, -np.inf, low), np.where(full, np.inf, high)
-            _, found = solve_ik(
-                lambda which, q, target=target: self._missing(q, target[which]),
+            _, found = damped_least_squares(
+                partial(self._missing, target),
                 *(q, low, high),
                 reached=_REACHED * size,
                 damping=1e-6 * size**2,
@@ -237,9 +237,11 @@ class SerialArm:
         reached[left] = False
         return reached
 
-    def _missing(self, q: FloatArray, target: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def _missing(
+        self, targets: FloatArray, which: IntArray, q: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
         tip, matrix = self.positions(q)
-        return target - tip, matrix
+        return targets[which] - tip, matrix
 
 
 def _physical(name: str, prismatic: bool, low: float, high: float) -> tuple[float, float]:

@@ -22,8 +22,8 @@ from scipy.spatial.transform import Rotation
 
 from formulations.clearance.link_clearance import Clearance
 from formulations.kinematics.chain import LARGEST
-from formulations.kinematics.forward import BoolArray, Kinematics
-from formulations.kinematics.symbolic import tip_pose
+from formulations.kinematics.forward import Kinematics, tip_pose
+from formulations.kinematics.inverse import BoolArray, solve_ik
 from formulations.kinematics.tree import RobotError
 from formulations.robots.robot_arm import RobotArm
 from nlp.arrays import FloatArray
@@ -303,7 +303,7 @@ class HeldArm(RobotArm):
         assert self.pose is not None
         position = np.array(self.pose.position)[:, None]
         rotation = self.pose.rotation[:, :, None]
-        q, _ = self.kinematics.reach(q, position, rotation, free, _ITERATIONS)
+        q, _ = solve_ik(self.kinematics, q, position, rotation, free, _ITERATIONS)
         return q, self.pose.reached(self.pose.errors(self.kinematics, q), _REACHED)
 
     @cached_property

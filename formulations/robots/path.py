@@ -22,6 +22,7 @@ import numpy as np
 
 from formulations import measures
 from formulations.kinematics.forward import Kinematics
+from formulations.kinematics.inverse import solve_ik
 from formulations.robots.path_nodes import Nodes
 from formulations.robots.path_plan import PathPlan, Trajectory
 from formulations.robots.path_polish import polished
@@ -214,7 +215,7 @@ class _Planner:
         tracks = np.full((*best.shape, count), np.nan)
         for sample, point in enumerate(best):
             start = np.clip(point[:, None] + push, self.kinematics.lower, self.kinematics.upper)
-            q, reached = self.kinematics.reach(start, *self.poses.at(sample), iterations=12)
+            q, reached = solve_ik(self.kinematics, start, *self.poses.at(sample), iterations=12)
             tracks[sample] = np.where(reached, q, np.nan)
         tracks[:, :, 0] = best
         return tracks

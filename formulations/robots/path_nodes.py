@@ -11,7 +11,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from formulations.kinematics.forward import BoolArray, Kinematics
+from formulations.kinematics.forward import Kinematics
+from formulations.kinematics.inverse import BoolArray
 from formulations.robots.path_plan import IntArray
 from formulations.robots.survival import JUMP, Poses, survivors
 from formulations.robots.waypoints import place_name

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from formulations.kinematics.forward import BoolArray
+from formulations.kinematics.inverse import BoolArray
 from formulations.robots.survival import Poses
 from nlp.arrays import FloatArray
 

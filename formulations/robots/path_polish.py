@@ -12,8 +12,7 @@ import casadi as ca
 import numpy as np
 
 from formulations.kinematics.chain import Chain
-from formulations.kinematics.forward import Kinematics
-from formulations.kinematics.symbolic import tip_pose
+from formulations.kinematics.forward import Kinematics, tip_pose
 from formulations.robots.path_nodes import Nodes
 from formulations.robots.path_plan import Trajectory
 from formulations.robots.robot_arm import RobotArm

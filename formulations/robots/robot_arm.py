@@ -28,8 +28,8 @@ from formulations import measures
 from formulations.joints.joint import check_length
 from formulations.kinematics.chain import LARGEST, Chain
 from formulations.kinematics.chain_between import chain_between
+from formulations.kinematics.forward import tip_jacobian
 from formulations.kinematics.read_robot import read_robot
-from formulations.kinematics.symbolic import tip_jacobian
 from formulations.robots.task import TaskSpace
 from nlp.arrays import FloatArray, as_floats, finite_vector
 from nlp.errors import InputError

@@ -15,7 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from formulations.kinematics.forward import BoolArray, Kinematics
+from formulations.kinematics.forward import Kinematics
+from formulations.kinematics.inverse import BoolArray, solve_ik
 from nlp.arrays import FloatArray
 
 # A joint that moves further between two samples has jumped to another solution, or the arm
@@ -104,7 +105,7 @@ def _advance(
 ) -> tuple[FloatArray, BoolArray]:
     """Go on by one sample; `before` is the configuration one sample earlier."""
     guess = now if centre else np.clip(2 * now - before, kinematics.lower, kinematics.upper)
-    moved, reached = kinematics.reach(guess, *pose, free, centre=centre)
+    moved, reached = solve_ik(kinematics, guess, *pose, free, centre=centre)
     return moved, reached & (np.max(np.abs(moved - now), axis=0) < JUMP)
 
 
@@ -212,7 +213,7 @@ def _elsewhere(
     push *= 0.25 / np.sqrt(np.sum(push**2, axis=0))
     for _ in range(int(rng.integers(2, 9))):
         shifted = np.clip(q + push * free, kinematics.lower, kinematics.upper)
-        moved, reached = kinematics.reach(shifted, position, rotation, free)
+        moved, reached = solve_ik(kinematics, shifted, position, rotation, free)
         reached &= np.max(np.abs(moved - q), axis=0) < JUMP
         q = np.where(reached, moved, q)
     return q
@@ -224,5 +225,5 @@ def on_path(
     """Return configurations at a pose, within the limits, from random starts; shape (n, B)."""
     least, largest = kinematics.ranges
     drawn = rng.uniform(least, largest, (len(least), starts))
-    q, reached = kinematics.reach(drawn, *poses.at(sample), iterations=60)
+    q, reached = solve_ik(kinematics, drawn, *poses.at(sample), iterations=60)
     return q[:, reached]
