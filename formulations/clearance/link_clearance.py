@@ -61,7 +61,7 @@ class Link:
     name
         Its name.
     body
-        Number of the body, in `Clearance.bodies`, that it is part of.
+        Number of the body, in `LinkClearance.bodies`, that it is part of.
     pose
         In that body's frame, 4×4.
     shapes
@@ -94,7 +94,7 @@ class Closest:
 
 
 @dataclass(frozen=True, eq=False)
-class Clearance:
+class LinkClearance:
     """The distance that links keep from each other.
 
     Attributes
@@ -148,11 +148,11 @@ class Clearance:
         return np.concatenate([self._distances(one) for one in parts], axis=1)
 
     def _distances(self, configurations: FloatArray) -> FloatArray:
-        turns, origins = self.bodies.frames(configurations)
+        rotations, origins = self.bodies.frames(configurations)
 
         def moved(points: Sequence[FloatArray]) -> FloatArray:
             placed = [
-                origins[link.body] + np.einsum("ijb,j->ib", turns[link.body], point)
+                origins[link.body] + np.einsum("ijb,j->ib", rotations[link.body], point)
                 for link, point in zip(self.links, points, strict=True)
             ]
             return np.stack(placed)
@@ -188,9 +188,9 @@ class Clearance:
         casadi.SX
             Shape (pairs, 1): at least 1 where the pair keeps the distance.
         """
-        turns, origins = self.bodies.placed(positions)
+        rotations, origins = self.bodies.placed(positions)
         points = [
-            [origins[link.body] + turns[link.body] @ ca.DM(p) for p in (one.start, one.end)]
+            [origins[link.body] + rotations[link.body] @ ca.DM(p) for p in (one.start, one.end)]
             for link, one in zip(self.links, self.capsules, strict=True)
         ]
         rows = []
@@ -203,11 +203,11 @@ class Clearance:
     def closest(self, configuration: FloatArray, pairs: Sequence[tuple[int, int]]) -> Closest:
         """Return the nearest of some pairs by the geometry itself, as coal measures it."""
         coal = coal_library()
-        turns, origins = self.bodies.frames(configuration[:, None])
+        rotations, origins = self.bodies.frames(configuration[:, None])
         placed = []
         for link, own in zip(self.links, self._geometry, strict=True):
             body = np.eye(4)
-            body[:3, :3], body[:3, 3] = turns[link.body][..., 0], origins[link.body][:, 0]
+            body[:3, :3], body[:3, 3] = rotations[link.body][..., 0], origins[link.body][:, 0]
             whole = [body @ link.pose @ shape.pose for shape in link.shapes]
             frames = [coal.Transform3s(one[:3, :3], one[:3, 3]) for one in whole]
             placed.append(list(zip(own, frames, strict=True)))
@@ -231,7 +231,7 @@ class Clearance:
         return {k: v for k, v in self.__dict__.items() if not k.startswith("_")}
 
 
-def read_clearance(path: str | os.PathLike[str], chain: Chain, least: float) -> Clearance:
+def read_clearance(path: str | os.PathLike[str], chain: Chain, least: float) -> LinkClearance:
     """Read the links' geometry of a URDF file and fit the capsules.
 
     Parameters
@@ -274,10 +274,10 @@ def read_clearance(path: str | os.PathLike[str], chain: Chain, least: float) -> 
     if not pairs:
         allowed = "a robot with geometry on two links that are not adjacent"
         raise InputError("clearance", f"of {chain.robot}", allowed)
-    return _without_contacts(Clearance(least, bodies, links, capsules, pairs), chain)
+    return _without_contacts(LinkClearance(least, bodies, links, capsules, pairs), chain)
 
 
-def _without_contacts(whole: Clearance, chain: Chain) -> Clearance:
+def _without_contacts(whole: LinkClearance, chain: Chain) -> LinkClearance:
     """Leave out pairs whose capsules are always in contact, or in wrists always too near."""
     low, high = Kinematics(chain).ranges
     drawn = np.random.default_rng(1995).uniform(low, high, (len(low), _SAMPLES))

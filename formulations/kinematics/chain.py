@@ -86,8 +86,8 @@ class Chain:
         Their displacements from base to tip; joints that mimic others add motions.
     end
         Pose of the tip's point relative to the frame that the last motion moves, 4×4.
-    held
-        Names and positions of joints that are held, as if locked.
+    locked_at
+        Names and positions of joints that have locked.
     immobile
         Names and positions of joints that cannot move, because their limits are equal or
         missing: they have no column, and are no redundancy.
@@ -99,7 +99,7 @@ class Chain:
     joints: tuple[ChainJoint, ...]
     motions: tuple[Motion, ...]
     end: Transform
-    held: tuple[tuple[str, float], ...] = ()
+    locked_at: tuple[tuple[str, float], ...] = ()
     immobile: tuple[tuple[str, float], ...] = ()
 
     @property

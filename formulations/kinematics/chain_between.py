@@ -35,7 +35,7 @@ def chain_between(
     tree: RobotTree,
     tip: str,
     base: str | None = None,
-    held: Mapping[str, float] | None = None,
+    locked_at: Mapping[str, float] | None = None,
     point: Sequence[float] = (0.0, 0.0, 0.0),
 ) -> Chain:
     """Return the chain from one link to another.
@@ -49,7 +49,7 @@ def chain_between(
     base
         Link that it is relative to: one on the way from the root to the tip; by default
         the root.
-    held
+    locked_at
         Joints that have locked, by name, and where, in radians or metres.
     point
         The point of the tip's link whose velocity is taken, in its frame, in metres.
@@ -61,7 +61,7 @@ def chain_between(
     RobotError
         If a joint on the way is of an unsupported kind.
     """
-    held = held or {}
+    locked_at = locked_at or {}
     path = _path(tree, tip, base)
     offset = np.eye(4)
     offset[:3, 3] = finite_vector("point", np.asarray(point), 3)
@@ -70,21 +70,21 @@ def chain_between(
     joints = {joint.name: joint for joint in tree.joints}
     driven = {joint.name: driven_joint(joints, joint) for joint in path if joint.type in MOVING}
     known = {driver.name: driver.limit for _, driver, _, _ in driven.values()}
-    for name, value in held.items():
+    for name, value in locked_at.items():
         if name not in known:
             names = list(known)
             raise InputError(
-                "held joint", name, f"one of {listed(names)}{nearest(name, names)}"
+                "joint of locked_at", name, f"one of {listed(names)}{nearest(name, names)}"
             )
         check_limits(name, value, known[name].lower, known[name].upper)
-    moving = [one for one in driven.values() if one[1].name not in held and one[2] != 0.0]
+    moving = [one for one in driven.values() if one[1].name not in locked_at and one[2] != 0.0]
     ranged = _ranges(moving)
     immobile = {
         one.name: one.lower / 2 + one.upper / 2
         for one in ranged
         if one.upper - one.lower <= LIMIT_TOLERANCE
     }
-    fixed = {**immobile, **held}
+    fixed = {**immobile, **locked_at}
     drivers = tuple(one for one in ranged if one.name not in immobile)
     if not drivers:
         shown = f" ({listed(list(immobile))} cannot move)" if immobile else ""
@@ -114,7 +114,7 @@ def chain_between(
         joints=drivers,
         motions=tuple(motions),
         end=frozen(pose @ offset),
-        held=tuple(sorted(held.items())),
+        locked_at=tuple(sorted(locked_at.items())),
         immobile=tuple(immobile.items()),
     )
 

@@ -29,7 +29,7 @@ class Kinematics:
 
     def __init__(self, chain: Chain, rows: Sequence[int] = range(6)) -> None:
         self.rows = list(rows)
-        self.orientation = max(self.rows) > 2
+        self.angular = max(self.rows) > 2
         self.size = len(chain.joints)
         self.lower, self.upper = (side[:, None] for side in chain.limits)
         ranged = np.isfinite(self.lower) & np.isfinite(self.upper)
@@ -54,26 +54,26 @@ class Kinematics:
     def forward(self, q: FloatArray, jacobian: bool = True) -> tuple[FloatArray, ...]:
         """Return position (3, B), rotation (3, 3, B) and, if asked, J of shape (rows, n, B)."""
         count = q.shape[1]
-        turn = np.repeat(np.eye(3)[:, :, None], count, axis=2)
+        orientation = np.repeat(np.eye(3)[:, :, None], count, axis=2)
         origin = np.zeros((3, count))
         screws = []
         for motion, stacked, shift, direction in self._motions:
-            origin = origin + np.matmul(shift, turn)
-            axis = np.matmul(direction, turn)
+            origin = origin + np.matmul(shift, orientation)
+            axis = np.matmul(direction, orientation)
             screws.append((motion, axis, origin))
             value = motion.multiplier * q[motion.variable] + motion.offset
-            parts = np.matmul(stacked, turn)
+            parts = np.matmul(stacked, orientation)
             if motion.prismatic:
                 origin = origin + value * axis
-                turn = parts[:, :3]
+                orientation = parts[:, :3]
             else:
-                turn = parts[:, :3] + np.sin(value) * parts[:, 3:6]
-                turn += (1 - np.cos(value)) * parts[:, 6:]
-        origin = origin + np.matmul(self._end[:3, 3], turn)
-        turn = np.matmul(self._end[:3, :3].T, turn)
+                orientation = parts[:, :3] + np.sin(value) * parts[:, 3:6]
+                orientation += (1 - np.cos(value)) * parts[:, 6:]
+        origin = origin + np.matmul(self._end[:3, 3], orientation)
+        orientation = np.matmul(self._end[:3, :3].T, orientation)
         if not jacobian:
-            return origin, turn
-        matrix = np.zeros((6 if self.orientation else 3, self.size, count))
+            return origin, orientation
+        matrix = np.zeros((6 if self.angular else 3, self.size, count))
         for motion, axis, start in screws:
             column = matrix[:, motion.variable]
             scale = motion.multiplier
@@ -84,22 +84,28 @@ class Kinematics:
             column[0] += scale * (axis[1] * z - axis[2] * y)
             column[1] += scale * (axis[2] * x - axis[0] * z)
             column[2] += scale * (axis[0] * y - axis[1] * x)
-            if self.orientation:
+            if self.angular:
                 column[3:] += scale * axis
-        return origin, turn, matrix[self.rows]
+        return origin, orientation, matrix[self.rows]
 
     def error(
-        self, origin: FloatArray, turn: FloatArray, position: FloatArray, rotation: FloatArray
+        self,
+        origin: FloatArray,
+        orientation: FloatArray,
+        position: FloatArray,
+        rotation: FloatArray,
     ) -> FloatArray:
         """Return what is missing to a pose, shape (rows, B): metres, and a rotation vector.
 
         The pose is one for all, (3, 1) and (3, 3, 1), or one for each.
         """
         missing = position - origin
-        if not self.orientation:
+        if not self.angular:
             return np.asarray(missing[self.rows])
         # R·Rᵀ of the wanted and the present rotation; its axis times the sine of its angle.
-        product = np.einsum("ikb,jkb->ijb", np.broadcast_to(rotation, turn.shape), turn)
+        product = np.einsum(
+            "ikb,jkb->ijb", np.broadcast_to(rotation, orientation.shape), orientation
+        )
         vector = np.stack([product[2, 1], product[0, 2], product[1, 0]])
         vector -= np.stack([product[1, 2], product[2, 0], product[0, 1]])
         sine = np.sqrt(np.sum(vector**2, axis=0)) / 2
@@ -130,13 +136,13 @@ def tip_jacobian(chain: Chain, positions: ca.SX) -> tuple[ca.SX, ca.SX]:
     casadi.SX
         Rotation from the tip's axes to those of the base, shape (3, 3).
     """
-    turn, origin = ca.SX.eye(3), ca.SX.zeros(3)
+    orientation, origin = ca.SX.eye(3), ca.SX.zeros(3)
     screws = []
     for motion in chain.motions:
-        turn, start = _moved(turn, origin, motion.placement)
-        screws.append((motion, turn @ ca.DM(motion.axis), start))
-        turn, origin = _displaced(turn, start, motion, positions)
-    turn, origin = _moved(turn, origin, chain.end)
+        orientation, start = _moved(orientation, origin, motion.placement)
+        screws.append((motion, orientation @ ca.DM(motion.axis), start))
+        orientation, origin = _displaced(orientation, start, motion, positions)
+    orientation, origin = _moved(orientation, origin, chain.end)
     matrix = ca.SX.zeros(6, len(chain.joints))
     for motion, axis, start in screws:
         if motion.prismatic:
@@ -144,37 +150,37 @@ def tip_jacobian(chain: Chain, positions: ca.SX) -> tuple[ca.SX, ca.SX]:
         else:
             column = ca.vertcat(ca.cross(axis, origin - start), axis)
         matrix[:, motion.variable] += motion.multiplier * column
-    return matrix, turn
+    return matrix, orientation
 
 
 def tip_pose(chain: Chain, positions: ca.SX) -> tuple[ca.SX, ca.SX]:
     """Position (3, 1) and rotation (3, 3) of the tip, symbolically."""
-    turn, origin = ca.SX.eye(3), ca.SX.zeros(3)
+    orientation, origin = ca.SX.eye(3), ca.SX.zeros(3)
     for motion in chain.motions:
-        turn, origin = displaced(turn, origin, motion, positions)
-    turn, origin = _moved(turn, origin, chain.end)
-    return origin, turn
+        orientation, origin = displaced(orientation, origin, motion, positions)
+    orientation, origin = _moved(orientation, origin, chain.end)
+    return origin, orientation
 
 
 def displaced(
-    turn: ca.SX, origin: ca.SX, motion: Motion, positions: ca.SX
+    orientation: ca.SX, origin: ca.SX, motion: Motion, positions: ca.SX
 ) -> tuple[ca.SX, ca.SX]:
     """Rotation (3, 3) and origin (3, 1) of a frame after a motion, from those before it."""
-    return _displaced(*_moved(turn, origin, motion.placement), motion, positions)
+    return _displaced(*_moved(orientation, origin, motion.placement), motion, positions)
 
 
 def _displaced(
-    turn: ca.SX, origin: ca.SX, motion: Motion, positions: ca.SX
+    orientation: ca.SX, origin: ca.SX, motion: Motion, positions: ca.SX
 ) -> tuple[ca.SX, ca.SX]:
     value = motion.multiplier * positions[motion.variable] + motion.offset
     if motion.prismatic:
-        return turn, origin + turn @ ca.DM(motion.axis) * value
-    return turn @ _rotation(motion.axis, value), origin
+        return orientation, origin + orientation @ ca.DM(motion.axis) * value
+    return orientation @ _rotation(motion.axis, value), origin
 
 
-def _moved(turn: ca.SX, origin: ca.SX, placement: Transform) -> tuple[ca.SX, ca.SX]:
+def _moved(orientation: ca.SX, origin: ca.SX, placement: Transform) -> tuple[ca.SX, ca.SX]:
     pose = np.array(placement)
-    return turn @ ca.DM(pose[:3, :3]), origin + turn @ ca.DM(pose[:3, 3])
+    return orientation @ ca.DM(pose[:3, :3]), origin + orientation @ ca.DM(pose[:3, 3])
 
 
 def _rotation(axis: Sequence[float], angle: ca.SX) -> ca.SX:

@@ -122,8 +122,8 @@ def solve_ik(
     active = np.arange(q.shape[1])
     for iteration in range(iterations + 1):
         position_, rotation_ = _some(position, active), _some(rotation, active)
-        origin, turn, matrix = kinematics.forward(q[:, active])
-        missing = kinematics.error(origin, turn, position_, rotation_)
+        origin, orientation, matrix = kinematics.forward(q[:, active])
+        missing = kinematics.error(origin, orientation, position_, rotation_)
         near = np.max(np.abs(missing), axis=0) < TOLERANCE
         if not (centre and iteration == 0):
             done[active[near]] = True

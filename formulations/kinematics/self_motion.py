@@ -43,14 +43,14 @@ class SelfMotionPoses:
         Rows of (v; ω) that are held.
     tip
         Where the tool is held, shape (k, 3).
-    turn
+    orientation
         How the tool is turned from q = 0, shape (k, 3, 3).
     """
 
     chain: LinkChain
     rows: list[int]
     tip: FloatArray
-    turn: FloatArray
+    orientation: FloatArray
 
     def __len__(self) -> int:
         return len(self.tip)
@@ -64,12 +64,12 @@ class SelfMotionPoses:
                 chain.prismatic[which],
                 chain.end_effector,
             )
-        return SelfMotionPoses(chain, self.rows, self.tip[which], self.turn[which])
+        return SelfMotionPoses(chain, self.rows, self.tip[which], self.orientation[which])
 
     def residual(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return what is missing to the poses, (k, m), and the Jacobians there, (k, m, n)."""
-        moved, turn = self.chain.moved(q)
-        across = self.turn @ np.swapaxes(turn, -1, -2)
+        moved, orientation = self.chain.moved(q)
+        across = self.orientation @ np.swapaxes(orientation, -1, -2)
         missing = np.concatenate([self.tip - moved.end_effector, rotation_vectors(across)], 1)
         return missing[:, self.rows], moved.velocities()[:, self.rows]
 
@@ -141,7 +141,7 @@ def arcs(
     count, n = start.shape
     points = np.full((count, 2 * steps + 1, n), np.nan)
     points[:, steps] = start
-    slides = poses.chain.prismatic[0]
+    prismatic = poses.chain.prismatic[0]
     first = np.linalg.svd(poses.residual(start)[1])[2][:, -1]
     least, most = start.copy(), start.copy()
     unfinished = np.ones(count, dtype=bool)
@@ -166,7 +166,7 @@ def arcs(
             here, left, tangent = here[kept], left[kept], moves[kept, :, 1]
             points[left, steps + sign * k] = here
             # The start again, perhaps some turns away.
-            turns = np.round((here - start[left]) / _TURN) * ~slides
+            turns = np.round((here - start[left]) / _TURN) * ~prismatic
             image = start[left] + _TURN * turns
             closed = (k > 2) & (np.linalg.norm(here - image, axis=1) < 0.8 * step)
             last = np.where(closed[:, None], image, here)
@@ -174,7 +174,7 @@ def arcs(
             most[left] = np.maximum(np.maximum(most[left], here), last)
             over = closed  # the other direction has nothing to add
             if enough < np.inf:
-                over = over | covered(least[left], most[left], enough, slides)
+                over = over | covered(least[left], most[left], enough, prismatic)
             unfinished[left[over]] = False
             ended = over | at_limit
             here, left, tangent = here[~ended], left[~ended], tangent[~ended]
@@ -183,15 +183,17 @@ def arcs(
     return Arcs(points, least, most)
 
 
-def covered(least: FloatArray, most: FloatArray, half: float, slides: BoolArray) -> BoolArray:
+def covered(
+    least: FloatArray, most: FloatArray, half: float, prismatic: BoolArray
+) -> BoolArray:
     """Whether every joint sweeps all values from −half to half, shape (k,).
 
     Angles count up to full turns.
     """
     shift = _TURN * np.ceil((least + half) / _TURN)
     turned = (half + shift <= most) | (most - least >= _TURN)
-    slid = (least <= -half) & (most >= half)
-    return np.asarray(np.all(np.where(slides, slid, turned), axis=1))
+    travelled = (least <= -half) & (most >= half)
+    return np.asarray(np.all(np.where(prismatic, travelled, turned), axis=1))
 
 
 def kept(chain: LinkChain, rows: list[int], offsets: FloatArray, half: float) -> BoolArray:
@@ -199,7 +201,7 @@ def kept(chain: LinkChain, rows: list[int], offsets: FloatArray, half: float) ->
 
     A position is kept if the arm reaches it with every joint within ±half of q = 0, and the
     self-motion curve through that configuration takes every joint over all of ±half, with no
-    other limits. Rows that turn the tool are held as at q = 0. Other curves of the same pose
+    other limits. Rows that rotate the tool are held as at q = 0. Other curves of the same pose
     are not looked at: what is kept may be more.
 
     Parameters
@@ -222,8 +224,8 @@ def kept(chain: LinkChain, rows: list[int], offsets: FloatArray, half: float) ->
         own = LinkChain(
             chain.directions[arm], chain.points[arm], chain.prismatic[arm], chain.end_effector
         )
-        turn = np.broadcast_to(np.eye(3), (len(arm), 3, 3))
-        poses = SelfMotionPoses(own, rows, chain.end_effector + offsets[point], turn)
+        orientation = np.broadcast_to(np.eye(3), (len(arm), 3, 3))
+        poses = SelfMotionPoses(own, rows, chain.end_effector + offsets[point], orientation)
         q, reached = solve_pose(poses, np.zeros((len(arm), n)), -limits, limits)
         if not reached.any():
             continue

@@ -40,7 +40,7 @@ class Step:
     upper: float
 
     @property
-    def endless(self) -> bool:
+    def continuous(self) -> bool:
         """Whether it can make a full turn, so that its angles have no ends."""
         return not self.prismatic and self.upper - self.lower >= _TURN - 1e-9
 
@@ -55,13 +55,13 @@ class SerialArm:
         The joints.
     tip
         Its point, shape (3,).
-    tip_turn
+    tip_orientation
         Its orientation, shape (3, 3).
     """
 
     steps: tuple[Step, ...]
     tip: FloatArray
-    tip_turn: FloatArray = field(default_factory=lambda: np.eye(3))
+    tip_orientation: FloatArray = field(default_factory=lambda: np.eye(3))
 
     @classmethod
     def from_chain(cls, chain: Chain) -> SerialArm:
@@ -81,11 +81,11 @@ class SerialArm:
             if motion.multiplier != 1 or motion.offset != 0:
                 allowed = "a joint that follows no other one"
                 raise InputError(f"joint {joint.name}", "a mimic joint", allowed)
-            turn = _to_axis(np.array(motion.axis))
+            orientation = _to_axis(np.array(motion.axis))
             low, high = _physical(joint.name, joint.prismatic, joint.lower, joint.upper)
-            placement = before @ np.array(motion.placement) @ turn
+            placement = before @ np.array(motion.placement) @ orientation
             steps.append(Step(joint.name, placement, motion.prismatic, low, high))
-            before = turn.T
+            before = orientation.T
         end = before @ np.array(chain.end)
         return cls(tuple(steps), end[:3, 3], end[:3, :3])
 
@@ -139,7 +139,7 @@ class SerialArm:
             placement = step.placement.copy()
             placement[:3, 3] *= factor
             steps.append(replace(step, placement=placement))
-        return SerialArm(tuple(steps), self.tip * factors[-1], self.tip_turn)
+        return SerialArm(tuple(steps), self.tip * factors[-1], self.tip_orientation)
 
     def frames(self, q: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return axes and origins of the joints, and the tip, in the frame of joint 1.
@@ -159,35 +159,35 @@ class SerialArm:
             Tip, shape (k, 3).
         """
         count, n = q.shape
-        turn, origin = np.tile(np.eye(3), (count, 1, 1)), np.zeros((count, 3))
+        orientation, origin = np.tile(np.eye(3), (count, 1, 1)), np.zeros((count, 3))
         axes, origins = np.empty((n, count, 3)), np.empty((n, count, 3))
         for k, step in enumerate(self.steps):
             if k:
-                origin = origin + turn @ step.placement[:3, 3]
-                turn = turn @ step.placement[:3, :3]
-            axes[k], origins[k] = turn[:, :, 2], origin
+                origin = origin + orientation @ step.placement[:3, 3]
+                orientation = orientation @ step.placement[:3, :3]
+            axes[k], origins[k] = orientation[:, :, 2], origin
             if step.prismatic:
                 origin = origin + q[:, k, None] * axes[k]
                 continue
             cos, sin = np.cos(q[:, k])[:, None], np.sin(q[:, k])[:, None]
-            x, y = turn[:, :, 0], turn[:, :, 1]
-            turn = np.stack([x * cos + y * sin, y * cos - x * sin, axes[k]], axis=2)
-        return axes, origins, origin + turn @ self.tip
+            x, y = orientation[:, :, 0], orientation[:, :, 1]
+            orientation = np.stack([x * cos + y * sin, y * cos - x * sin, axes[k]], axis=2)
+        return axes, origins, origin + orientation @ self.tip
 
     @cached_property
-    def turn(self) -> FloatArray:
+    def orientation(self) -> FloatArray:
         """Orientation of the tip at q = 0 in the frame of joint 1, shape (3, 3)."""
-        turn = np.eye(3)
+        orientation = np.eye(3)
         for step in self.steps[1:]:
-            turn = turn @ step.placement[:3, :3]
-        return np.asarray(turn @ self.tip_turn)
+            orientation = orientation @ step.placement[:3, :3]
+        return np.asarray(orientation @ self.tip_orientation)
 
     @cached_property
     def at_zero(self) -> Axes:
         """The arm at q = 0 in the frame of joint 1, one in front."""
         axes, origins, tip = self.frames(np.zeros((1, len(self.steps))))
-        slides = np.array([[one.prismatic for one in self.steps]])
-        return Axes(axes.transpose(1, 0, 2), origins.transpose(1, 0, 2), slides, tip[0])
+        prismatic = np.array([[one.prismatic for one in self.steps]])
+        return Axes(axes.transpose(1, 0, 2), origins.transpose(1, 0, 2), prismatic, tip[0])
 
     def positions(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return tips (k, 3) in the frame of joint 1, and Jacobians (k, 3, n), for q (k, n)."""
@@ -216,14 +216,14 @@ class SerialArm:
         """
         rng = np.random.default_rng(seed)
         size = float(np.sum(self.links))
-        turning = np.array([one.endless for one in self.steps])
+        continuous = np.array([one.continuous for one in self.steps])
         left = np.arange(len(points))
         for _ in range(_RESTARTS):
             if not len(left):
                 break
             low, high, target = lower[left], upper[left], points[left]
             q = rng.uniform(low, high)
-            full = turning & (high - low >= _TURN - 1e-9)  # has no ends to stop at
+            full = continuous & (high - low >= _TURN - 1e-9)  # has no ends to stop at
             low, high = np.where(full, -np.inf, low), np.where(full, np.inf, high)
             _, found = damped_least_squares(
                 partial(self._missing, target),
@@ -257,9 +257,9 @@ def _to_axis(axis: FloatArray) -> FloatArray:
     x = np.eye(3)[np.argmin(np.abs(axis))]
     x = np.cross(axis, x) if abs(axis[2]) < 1 - 1e-12 else np.array([1.0, 0, 0])
     x = x / np.linalg.norm(x)
-    turn = np.eye(4)
-    turn[:3, :3] = np.column_stack([x, np.cross(axis, x), axis])
-    return turn
+    orientation = np.eye(4)
+    orientation[:3, :3] = np.column_stack([x, np.cross(axis, x), axis])
+    return orientation
 
 
 def moved(placement: FloatArray, points: FloatArray) -> FloatArray:

@@ -20,7 +20,7 @@ import casadi as ca
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from formulations.clearance.link_clearance import Clearance
+from formulations.clearance.link_clearance import LinkClearance
 from formulations.kinematics.chain import LARGEST
 from formulations.kinematics.forward import Kinematics, tip_pose
 from formulations.kinematics.inverse import BoolArray, solve_ik
@@ -163,7 +163,7 @@ class HeldArm(RobotArm):
     """
 
     pose: Pose | None = None
-    clearance: Clearance | None = None
+    clearance: LinkClearance | None = None
 
     @property
     def description(self) -> str:

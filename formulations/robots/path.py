@@ -166,7 +166,7 @@ class _Planner:
             return found
         where = place_name(float(self.places[sample]))
         shown = ", ".join(f"{one:.4g}" for one in self.poses.positions[sample])
-        pose = "a pose" if self.kinematics.orientation else "a position"
+        pose = "a pose" if self.kinematics.angular else "a position"
         limits = "that the arm reaches within its joints' limits"
         raise InputError(where, f"out of reach at ({shown})", f"{pose} {limits}")
 

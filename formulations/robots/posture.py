@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from formulations.clearance.link_clearance import Clearance
+from formulations.clearance.link_clearance import LinkClearance
 from formulations.kinematics.tree import RobotError
 from formulations.measures.unequal_failures import scenarios
 from formulations.robots.held_pose import HeldArm, Pose
@@ -27,7 +27,7 @@ def best_posture(
     search: Search | None = None,
     *,
     at: Pose | None = None,
-    clearance: Clearance | None = None,
+    clearance: LinkClearance | None = None,
 ) -> Posture:
     """Search for the posture that is best by a formulation's score.
 

@@ -89,7 +89,7 @@ class RobotArm:
         base: str | None = None,
         task: TaskSpace | str = "all",
         length: float | None = None,
-        held: Mapping[str, float] | None = None,
+        locked_at: Mapping[str, float] | None = None,
         point: Sequence[float] = (0.0, 0.0, 0.0),
     ) -> RobotArm:
         """Return an arm of a robot that a file or a model describes.
@@ -98,7 +98,7 @@ class RobotArm:
         ----------
         source
             A path or a model; see `formulations.kinematics.read_robot`.
-        tip, base, held, point
+        tip, base, locked_at, point
             Links, joints that have locked and the tip's point, see `chain_between`; by
             default the only last link, the root, none and the origin.
         task
@@ -113,7 +113,7 @@ class RobotArm:
         """
         tree = read_robot(source)
         tip = tree.last_link() if tip is None else tip
-        chain = chain_between(tree, tip, base, held, point)
+        chain = chain_between(tree, tip, base, locked_at, point)
         return cls(chain, TaskSpace.parse(task) if isinstance(task, str) else task, length)
 
     @property

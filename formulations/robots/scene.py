@@ -110,7 +110,7 @@ class Scene:
             return
         chain = self._arm.chain
         where = dict(zip(chain.names, positions.tolist(), strict=True))
-        where |= {**dict(chain.immobile), **dict(chain.held)}
+        where |= {**dict(chain.immobile), **dict(chain.locked_at)}
         values = [where.get(name, 0.0) for name in self._model.actuated_joint_names]
         self._drawn_urdf.update_cfg(np.array(values))
         # The scene's origin is the arm's base, wherever the robot's root is.

@@ -239,7 +239,7 @@ def closed_form(arm: SerialArm, limits: Ranges) -> Planar3R | None:
 
     They have one if the arm is planar, has three joints and no physical limits.
     """
-    free = all(one.endless for one in arm.steps)
+    free = all(one.continuous for one in arm.steps)
     if not (arm.is_planar and len(arm.steps) == 3 and free):
         return None
     axes, origins, tip = arm.frames(np.zeros((1, 3)))
@@ -261,7 +261,7 @@ def closed_form(arm: SerialArm, limits: Ranges) -> Planar3R | None:
 def check_limits(arm: SerialArm, limits: Ranges) -> None:
     """Raise InputError unless artificial limits are in order and within the physical ones."""
     for step, (low, high) in zip(arm.steps, limits, strict=True):
-        if step.endless and -4 * np.pi <= low <= high <= min(low + 2 * np.pi, 4 * np.pi):
+        if step.continuous and -4 * np.pi <= low <= high <= min(low + 2 * np.pi, 4 * np.pi):
             continue
         if not step.lower - 1e-6 <= low <= high <= step.upper + 1e-6:
             allowed = f"two numbers in order within [{step.lower:.7g}, {step.upper:.7g}]"

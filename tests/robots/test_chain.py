@@ -35,7 +35,7 @@ def from_pinocchio(text, chain, point):
     data = model.createData()
     q = pin.neutral(model)
     places = []
-    for name, value in [*zip(chain.names, point, strict=True), *chain.held]:
+    for name, value in [*zip(chain.names, point, strict=True), *chain.locked_at]:
         joint = model.joints[model.getJointId(name)]
         q[joint.idx_q : joint.idx_q + joint.nq] = (
             value if joint.nq == 1 else [np.cos(value), np.sin(value)]
@@ -46,12 +46,12 @@ def from_pinocchio(text, chain, point):
     return full[:, places[: len(chain.names)]]
 
 
-@pytest.mark.parametrize("held", [{}, {"a": 0.4}, {"d": -2.5}, {"b": 0.7, "e": -1.0}])
-def test_every_kind_of_joint_agrees_with_pinocchio(mixed, made, held):
+@pytest.mark.parametrize("locked_at", [{}, {"a": 0.4}, {"d": -2.5}, {"b": 0.7, "e": -1.0}])
+def test_every_kind_of_joint_agrees_with_pinocchio(mixed, made, locked_at):
     """Of which the mimic joint's column is the driver's: pinocchio knows mimicry as well."""
     text = mixed.replace('type="floating"', 'type="fixed"')
-    chain = chain_between(made.tree(text), "tip", held=held)
-    assert chain.names == tuple(name for name in "abde" if name not in held)
+    chain = chain_between(made.tree(text), "tip", locked_at=locked_at)
+    assert chain.names == tuple(name for name in "abde" if name not in locked_at)
     arm = RobotArm(chain, TaskSpace(("vx",)), 0.7)
     rng = np.random.default_rng(0)
     for _ in range(5):
@@ -93,7 +93,7 @@ def test_a_held_joint_is_a_fixed_one(mixed, made):
     """Column by column the arm with a joint held is the arm without that column."""
     robot = made.tree(mixed)
     whole = RobotArm(chain_between(robot, "tip"), PLANE, 0.5)
-    rest = RobotArm(chain_between(robot, "tip", held={"d": 0.9}), PLANE, 0.5)
+    rest = RobotArm(chain_between(robot, "tip", locked_at={"d": 0.9}), PLANE, 0.5)
     full = whole.metric_jacobian([0.1, 0.2, 0.9, -0.3])
     assert rest.metric_jacobian([0.1, 0.2, -0.3]) == pytest.approx(
         np.delete(full, 2, axis=1), abs=1e-12
@@ -141,12 +141,15 @@ def test_mid_range_is_zero_without_limits(mixed, made):
         ({"tip": "four", "base": "five"}, "base is five; allowed: a link before four"),
         ({"tip": "base"}, "nothing moves"),
         ({"tip": "two", "base": "one"}, "nothing moves"),
-        ({"tip": "two", "held": {"a": 0.0}}, "nothing moves"),
+        ({"tip": "two", "locked_at": {"a": 0.0}}, "nothing moves"),
         ({"tip": "branch"}, "joint other is floating; allowed: only revolute"),
-        ({"tip": "tip", "held": {"x": 0.0}}, "held joint is x; allowed: one of a, b, d, e"),
-        ({"tip": "tip", "held": {"c": 0.0}}, "held joint is c"),
-        ({"tip": "tip", "held": {"a": 2.5}}, r"joint a is 2.5; allowed: within \[-2, 2\]"),
-        ({"tip": "tip", "held": {"a": np.nan}}, "joint a is nan"),
+        (
+            {"tip": "tip", "locked_at": {"x": 0.0}},
+            "joint of locked_at is x; allowed: one of a, b, d, e",
+        ),
+        ({"tip": "tip", "locked_at": {"c": 0.0}}, "joint of locked_at is c"),
+        ({"tip": "tip", "locked_at": {"a": 2.5}}, r"joint a is 2.5; allowed: within \[-2, 2\]"),
+        ({"tip": "tip", "locked_at": {"a": np.nan}}, "joint a is nan"),
         ({"tip": "tip", "point": (0, 0)}, "point is"),
     ],
 )
@@ -198,7 +201,7 @@ def test_a_joint_without_room_has_no_column(made, limit, at, kind):
     ]
     found = chain_between(made.tree(made.urdf(joints)), "4")
     joints[1] = made.joint("b", "1", "2", kind, axis="0 1 0")
-    same = chain_between(made.tree(made.urdf(joints)), "4", held={"b": at})
+    same = chain_between(made.tree(made.urdf(joints)), "4", locked_at={"b": at})
     assert found.names == ("a", "c", "d")
     assert found.immobile == (("b", pytest.approx(at)),)
     ours, theirs = (RobotArm(chain, PLANE, 0.5) for chain in (found, same))
