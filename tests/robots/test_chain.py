@@ -145,7 +145,7 @@ def test_mid_range_is_zero_without_limits(mixed, made):
         ({"tip": "branch"}, "joint other is floating; allowed: only revolute"),
         (
             {"tip": "tip", "locked_at": {"x": 0.0}},
-            "joint of locked_at is x; allowed: one of a, b, d, e",
+            "locked_at is x; allowed: one of a, b, d, e",
         ),
         ({"tip": "tip", "locked_at": {"c": 0.0}}, "joint of locked_at is c"),
         ({"tip": "tip", "locked_at": {"a": 2.5}}, r"joint a is 2.5; allowed: within \[-2, 2\]"),
