@@ -11,8 +11,8 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
-from formulations.kinematics.chain import Chain, Motion
-from formulations.kinematics.chain_between import displacement, driven_joint, frozen
+from formulations.kinematics.chain import Chain, Motion, frozen
+from formulations.kinematics.chain_between import displacement, driven_joint
 from formulations.kinematics.forward import displaced
 from formulations.kinematics.tree import MOVING, RobotTree
 from nlp.arrays import FloatArray

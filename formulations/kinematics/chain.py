@@ -215,3 +215,8 @@ def nearest(name: str, names: Sequence[str]) -> str:
     folded = {one.lower(): one for one in reversed(similar[:5000])}
     found = get_close_matches(name.lower()[:100], folded, n=3)
     return f"; nearest: {', '.join(folded[one] for one in found)}" if found else ""
+
+
+def frozen(matrix: FloatArray) -> Transform:
+    """Return a matrix as rows that cannot be changed."""
+    return tuple(tuple(row) for row in matrix.tolist())

@@ -13,9 +13,9 @@ from formulations.kinematics.chain import (
     Chain,
     ChainJoint,
     Motion,
-    Transform,
     check_limits,
     check_size,
+    frozen,
     listed,
     nearest,
 )
@@ -201,8 +201,3 @@ def displacement(joint: TreeJoint, value: float) -> FloatArray:
     else:
         pose[:3, :3] = rotation(joint.axis, np.asarray(value))
     return pose
-
-
-def frozen(matrix: FloatArray) -> Transform:
-    """Return a matrix as rows that cannot be changed."""
-    return tuple(tuple(row) for row in matrix.tolist())

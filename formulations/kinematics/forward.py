@@ -51,42 +51,62 @@ class Kinematics:
         largest = np.where(np.isfinite(self.upper), self.upper, np.pi)
         return np.maximum(least, -2 * np.pi), np.minimum(largest, 2 * np.pi)
 
-    def forward(self, q: FloatArray, jacobian: bool = True) -> tuple[FloatArray, ...]:
-        """Return position (3, B), rotation (3, 3, B) and, if asked, J of shape (rows, n, B)."""
+    def frames(self, q: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Return where the joints and the tip are.
+
+        Parameters
+        ----------
+        q
+            Shape (n, B).
+
+        Returns
+        -------
+        numpy.ndarray
+            Axes of the chain's motions, k of them, shape (k, 3, B).
+        numpy.ndarray
+            Their origins, shape (k, 3, B).
+        numpy.ndarray
+            Position of the tip, shape (3, B).
+        numpy.ndarray
+            Its orientation, shape (3, 3, B).
+        """
         count = q.shape[1]
         orientation = np.repeat(np.eye(3)[:, :, None], count, axis=2)
-        origin = np.zeros((3, count))
-        screws = []
-        for motion, stacked, shift, direction in self._motions:
-            origin = origin + np.matmul(shift, orientation)
-            axis = np.matmul(direction, orientation)
-            screws.append((motion, axis, origin))
+        position = np.zeros((3, count))
+        axes, origins = np.empty((2, len(self._motions), 3, count))
+        for k, (motion, stacked, shift, direction) in enumerate(self._motions):
+            origins[k] = position = position + np.matmul(shift, orientation)
+            axes[k] = np.matmul(direction, orientation)
             value = motion.multiplier * q[motion.variable] + motion.offset
             parts = np.matmul(stacked, orientation)
             if motion.prismatic:
-                origin = origin + value * axis
+                position = position + value * axes[k]
                 orientation = parts[:, :3]
             else:
                 orientation = parts[:, :3] + np.sin(value) * parts[:, 3:6]
                 orientation += (1 - np.cos(value)) * parts[:, 6:]
-        origin = origin + np.matmul(self._end[:3, 3], orientation)
-        orientation = np.matmul(self._end[:3, :3].T, orientation)
+        position = position + np.matmul(self._end[:3, 3], orientation)
+        return axes, origins, position, np.matmul(self._end[:3, :3].T, orientation)
+
+    def forward(self, q: FloatArray, jacobian: bool = True) -> tuple[FloatArray, ...]:
+        """Return position (3, B), rotation (3, 3, B) and, if asked, J of shape (rows, n, B)."""
+        axes, origins, position, orientation = self.frames(q)
         if not jacobian:
-            return origin, orientation
-        matrix = np.zeros((6 if self.angular else 3, self.size, count))
-        for motion, axis, start in screws:
+            return position, orientation
+        matrix = np.zeros((6 if self.angular else 3, self.size, q.shape[1]))
+        for (motion, *_), axis, origin in zip(self._motions, axes, origins, strict=True):
             column = matrix[:, motion.variable]
             scale = motion.multiplier
             if motion.prismatic:
                 column[:3] += scale * axis
                 continue
-            x, y, z = origin - start
+            x, y, z = position - origin
             column[0] += scale * (axis[1] * z - axis[2] * y)
             column[1] += scale * (axis[2] * x - axis[0] * z)
             column[2] += scale * (axis[0] * y - axis[1] * x)
             if self.angular:
                 column[3:] += scale * axis
-        return origin, orientation, matrix[self.rows]
+        return position, orientation, matrix[self.rows]
 
     def error(
         self,

@@ -9,9 +9,10 @@ from functools import cached_property, partial
 import numpy as np
 import numpy.typing as npt
 
-from formulations.kinematics.chain import Chain
+from formulations.kinematics.chain import Chain, ChainJoint, Motion, frozen
+from formulations.kinematics.forward import Kinematics
 from formulations.kinematics.inverse import IntArray, damped_least_squares
-from formulations.kinematics.link_chain import LinkChain as Axes
+from formulations.kinematics.link_chain import LinkChain
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
 
@@ -19,6 +20,7 @@ Bits = npt.NDArray[np.bool_]
 #: Lower and upper limit of each joint, in radians or metres.
 Ranges = tuple[tuple[float, float], ...]
 _TURN = 2 * np.pi
+_Z = (0.0, 0.0, 1.0)
 # Links and distances from an axis below this are none, in metres.
 _TINY = 1e-6
 # Inverse kinematics: random starts, steps of each, and what counts as reached, as a share of
@@ -141,61 +143,35 @@ class SerialArm:
             steps.append(replace(step, placement=placement))
         return SerialArm(tuple(steps), self.tip * factors[-1], self.tip_orientation)
 
-    def frames(self, q: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return axes and origins of the joints, and the tip, in the frame of joint 1.
-
-        Parameters
-        ----------
-        q
-            Shape (k, n).
-
-        Returns
-        -------
-        numpy.ndarray
-            Axes, shape (n, k, 3).
-        numpy.ndarray
-            Origins, shape (n, k, 3).
-        numpy.ndarray
-            Tip, shape (k, 3).
-        """
-        count, n = q.shape
-        orientation, origin = np.tile(np.eye(3), (count, 1, 1)), np.zeros((count, 3))
-        axes, origins = np.empty((n, count, 3)), np.empty((n, count, 3))
+    @cached_property
+    def kinematics(self) -> Kinematics:
+        """Of the tip's position in the frame of joint 1."""
+        motions, joints = [], []
         for k, step in enumerate(self.steps):
-            if k:
-                origin = origin + orientation @ step.placement[:3, 3]
-                orientation = orientation @ step.placement[:3, :3]
-            axes[k], origins[k] = orientation[:, :, 2], origin
-            if step.prismatic:
-                origin = origin + q[:, k, None] * axes[k]
-                continue
-            cos, sin = np.cos(q[:, k])[:, None], np.sin(q[:, k])[:, None]
-            x, y = orientation[:, :, 0], orientation[:, :, 1]
-            orientation = np.stack([x * cos + y * sin, y * cos - x * sin, axes[k]], axis=2)
-        return axes, origins, origin + orientation @ self.tip
+            placement = step.placement if k else np.eye(4)
+            motions.append(Motion(frozen(placement), _Z, step.prismatic, k, 1.0, 0.0))
+            joints.append(ChainJoint(step.name, step.prismatic, step.lower, step.upper))
+        end = np.eye(4)
+        end[:3, :3], end[:3, 3] = self.tip_orientation, self.tip
+        chain = Chain("arm", "base", "tip", tuple(joints), tuple(motions), frozen(end))
+        return Kinematics(chain, range(3))
 
     @cached_property
     def orientation(self) -> FloatArray:
         """Orientation of the tip at q = 0 in the frame of joint 1, shape (3, 3)."""
-        orientation = np.eye(3)
-        for step in self.steps[1:]:
-            orientation = orientation @ step.placement[:3, :3]
-        return np.asarray(orientation @ self.tip_orientation)
+        return self.kinematics.frames(np.zeros((len(self.steps), 1)))[3][..., 0]
 
     @cached_property
-    def at_zero(self) -> Axes:
+    def at_zero(self) -> LinkChain:
         """The arm at q = 0 in the frame of joint 1, one in front."""
-        axes, origins, tip = self.frames(np.zeros((1, len(self.steps))))
-        prismatic = np.array([[one.prismatic for one in self.steps]])
-        return Axes(axes.transpose(1, 0, 2), origins.transpose(1, 0, 2), prismatic, tip[0])
+        axes, origins, tip, _ = self.kinematics.frames(np.zeros((len(self.steps), 1)))
+        prismatic = np.array([[step.prismatic for step in self.steps]])
+        return LinkChain(axes[None, ..., 0], origins[None, ..., 0], prismatic, tip[:, 0])
 
     def positions(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return tips (k, 3) in the frame of joint 1, and Jacobians (k, 3, n), for q (k, n)."""
-        axes, origins, tip = self.frames(q)
-        columns = np.cross(axes, tip - origins)
-        sliding = [one.prismatic for one in self.steps]
-        columns[sliding] = axes[sliding]
-        return tip, columns.transpose(1, 2, 0)
+        tip, _, matrix = self.kinematics.forward(np.ascontiguousarray(q.T))
+        return tip.T, np.ascontiguousarray(np.moveaxis(matrix, -1, 0))
 
     def reaches(
         self, points: FloatArray, lower: FloatArray, upper: FloatArray, seed: int = 0

@@ -242,12 +242,12 @@ def closed_form(arm: SerialArm, limits: Ranges) -> Planar3R | None:
     free = all(one.continuous for one in arm.steps)
     if not (arm.is_planar and len(arm.steps) == 3 and free):
         return None
-    axes, origins, tip = arm.frames(np.zeros((1, 3)))
-    ends = np.array([*origins[:, 0], tip[0]])[:, :2]
+    straight = arm.at_zero
+    ends = np.array([*straight.points[0], straight.end_effector])[:, :2]
     links = np.diff(ends, axis=0)
     bearings = np.arctan2(links[:, 1], links[:, 0])
     bent = np.diff(bearings, prepend=0.0)
-    turned = np.sign(axes[:, 0, 2])
+    turned = np.sign(straight.directions[0, :, 2])
     ranges = [
         tuple(sorted((s * low + b, s * high + b)))
         for s, b, (low, high) in zip(turned, bent, limits, strict=True)
