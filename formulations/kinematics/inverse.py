@@ -18,8 +18,8 @@ from nlp.arrays import FloatArray
 
 BoolArray = npt.NDArray[np.bool_]
 IntArray = npt.NDArray[np.int64]
-#: What is missing to the targets, shape (k, m), and the Jacobians, (k, m, n): of some of the
-#: targets, by number, at their configurations, shape (k, n).
+#: What is missing to targets, shape (m, B), and the Jacobians, (m, n, B): of B of the targets,
+#: by number, at their configurations, shape (n, B).
 Residual: TypeAlias = Callable[[IntArray, FloatArray], tuple[FloatArray, FloatArray]]
 # Damping, as a share of the squared error; and the most that a joint moves in one step.
 _SHARE, _LONGEST = 0.01, 0.5
@@ -39,7 +39,7 @@ def damped_least_squares(
     steps: int,
     largest: float = np.inf,
 ) -> tuple[FloatArray, BoolArray]:
-    """Return configurations near a start, shape (k, n), and which of them reach their targets.
+    """Return configurations near a start, shape (n, B), and which of them reach their targets.
 
     Steps Jᵀ(JJᵀ + λ)⁻¹e, of which each joint moves at most 0.5, then stays within its limits.
 
@@ -48,9 +48,9 @@ def damped_least_squares(
     residual
         What is missing, and the Jacobian.
     start
-        Shape (k, n).
+        Shape (n, B).
     lower, upper
-        Limits, shape (n,) or (k, n); infinite where there are none, equal for locked joints.
+        Limits, shape (n, 1) or (n, B); infinite where there are none, equal for locked joints.
     reached
         Norm of what may be missing, e.
     damping
@@ -60,25 +60,21 @@ def damped_least_squares(
     largest
         |e|² counts as no more than this in λ.
     """
-    q, found = np.clip(start, lower, upper), np.zeros(len(start), dtype=bool)
+    q, found = np.clip(start, lower, upper), np.zeros(start.shape[1], dtype=bool)
     lower, upper = np.broadcast_to(lower, q.shape), np.broadcast_to(upper, q.shape)
-    active = np.arange(len(start))
+    active = np.arange(start.shape[1])
     for _ in range(steps):
-        missing, matrix = residual(active, q[active])
-        size = np.sum(missing**2, axis=1)
+        missing, matrix = residual(active, q[:, active])
+        size = np.sum(missing**2, axis=0)
         found[active] = size < reached**2
         away = ~found[active]
-        active, missing, matrix, size = active[away], missing[away], matrix[away], size[away]
-        if not len(active):
+        active, missing, matrix = active[away], missing[:, away], matrix[:, :, away]
+        if not active.size:
             break
-        low, high = lower[active], upper[active]
-        matrix = matrix * (high > low)[:, None, :]
-        square = matrix @ np.swapaxes(matrix, 1, 2)
-        rows = np.arange(square.shape[1])
-        square[:, rows, rows] += (damping + _SHARE * np.minimum(size, largest))[:, None]
-        pushed = np.linalg.solve(square, missing[:, :, None])
-        step = (np.swapaxes(matrix, 1, 2) @ pushed)[:, :, 0]
-        q[active] = np.clip(q[active] + np.clip(step, -_LONGEST, _LONGEST), low, high)
+        low, high = lower[:, active], upper[:, active]
+        share = damping + _SHARE * np.minimum(size[away], largest)
+        step = _least_squares(matrix * (high > low), missing, share)
+        q[:, active] = np.clip(q[:, active] + np.clip(step, -_LONGEST, _LONGEST), low, high)
     return q, found
 
 

@@ -87,15 +87,18 @@ def solve_pose(
     """
 
     def residual(which: IntArray, q: FloatArray) -> tuple[FloatArray, FloatArray]:
-        return poses[which].residual(q)
+        missing, matrix = poses[which].residual(q.T)
+        return missing.T, np.moveaxis(matrix, 0, -1)
 
-    return damped_least_squares(
-        *(residual, start, lower, upper),
+    lower, upper = (np.broadcast_to(side, start.shape).T for side in (lower, upper))
+    q, found = damped_least_squares(
+        *(residual, start.T, lower, upper),
         reached=REACHED,
         damping=_DAMPING,
         steps=steps,
         largest=1.0,
     )
+    return q.T, found
 
 
 @dataclass(frozen=True, eq=False)

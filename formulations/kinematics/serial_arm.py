@@ -197,13 +197,13 @@ class SerialArm:
         for _ in range(_RESTARTS):
             if not len(left):
                 break
-            low, high, target = lower[left], upper[left], points[left]
+            low, high, target = lower[left], upper[left], points[left].T
             q = rng.uniform(low, high)
             full = continuous & (high - low >= _TURN - 1e-9)  # has no ends to stop at
             low, high = np.where(full, -np.inf, low), np.where(full, np.inf, high)
             _, found = damped_least_squares(
                 partial(self._missing, target),
-                *(q, low, high),
+                *(q.T, low.T, high.T),
                 reached=_REACHED * size,
                 damping=1e-6 * size**2,
                 steps=_STEPS,
@@ -216,8 +216,8 @@ class SerialArm:
     def _missing(
         self, targets: FloatArray, which: IntArray, q: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        tip, matrix = self.positions(q)
-        return targets[which] - tip, matrix
+        tip, _, matrix = self.kinematics.forward(q)
+        return targets[:, which] - tip, matrix
 
 
 def _physical(name: str, prismatic: bool, low: float, high: float) -> tuple[float, float]:
