@@ -11,8 +11,8 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
-from formulations.kinematics.chain import Chain, Motion, frozen
-from formulations.kinematics.chain_between import displacement, driven_joint
+from formulations.kinematics.chain import Chain, Motion
+from formulations.kinematics.chain_between import displacement, driven_joint, motion_of
 from formulations.kinematics.forward import displaced
 from formulations.kinematics.tree import MOVING, RobotTree
 from nlp.arrays import FloatArray
@@ -114,10 +114,8 @@ def bodies_of(
         if joint.type in MOVING:
             _, driver, multiplier, offset = driven_joint(by_name, joint)
             if driver.name in chain.names and multiplier != 0:
-                x, y, z = joint.axis.tolist()
-                slides, variable = joint.type == "prismatic", chain.names.index(driver.name)
-                placement = frozen(pose)
-                motion = Motion(placement, (x, y, z), slides, variable, multiplier, offset)
+                variable = chain.names.index(driver.name)
+                motion = motion_of(joint, pose, variable, multiplier, offset)
                 moving.append(Body(body, motion))
                 body, pose = len(moving), np.eye(4)
             else:

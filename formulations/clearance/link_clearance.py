@@ -64,8 +64,8 @@ class Link:
         Number of the body, in `LinkClearance.bodies`, that it is part of.
     pose
         In that body's frame, 4×4.
-    shapes
-        Its geometry.
+    shapes, capsule
+        Its geometry, and the capsule around it, in the body's frame.
     source
         ``collision`` or ``visual``.
     """
@@ -74,6 +74,7 @@ class Link:
     body: int
     pose: FloatArray
     shapes: tuple[Shape, ...]
+    capsule: Capsule
     source: str
 
 
@@ -105,8 +106,6 @@ class LinkClearance:
         Of the whole robot.
     links
         Links with geometry.
-    capsules
-        One for each.
     pairs
         Pairs of links that are looked at.
     left_out
@@ -116,7 +115,6 @@ class LinkClearance:
     least: float
     bodies: Bodies
     links: tuple[Link, ...]
-    capsules: tuple[Capsule, ...]
     pairs: tuple[tuple[int, int], ...]
     left_out: tuple[tuple[int, int], ...] = ()
 
@@ -150,17 +148,14 @@ class LinkClearance:
     def _distances(self, configurations: FloatArray) -> FloatArray:
         rotations, origins = self.bodies.frames(configurations)
 
-        def moved(points: Sequence[FloatArray]) -> FloatArray:
-            placed = [
-                origins[link.body] + np.einsum("ijb,j->ib", rotations[link.body], point)
-                for link, point in zip(self.links, points, strict=True)
-            ]
-            return np.stack(placed)
+        def placed(link: Link, point: FloatArray) -> FloatArray:
+            moved = np.einsum("ijb,j->ib", rotations[link.body], point)
+            return np.asarray(origins[link.body] + moved)
 
-        starts = moved([one.start for one in self.capsules])
-        ends = moved([one.end for one in self.capsules])
+        starts = np.stack([placed(link, link.capsule.start) for link in self.links])
+        ends = np.stack([placed(link, link.capsule.end) for link in self.links])
+        radii = np.array([link.capsule.radius for link in self.links])
         first, second = (list(side) for side in zip(*self.pairs, strict=True))
-        radii = np.array([one.radius for one in self.capsules])
         gap = between_segments(starts[first], ends[first], starts[second], ends[second])
         return np.asarray(gap - (radii[first] + radii[second])[:, None])
 
@@ -190,14 +185,17 @@ class LinkClearance:
         """
         rotations, origins = self.bodies.placed(positions)
         points = [
-            [origins[link.body] + rotations[link.body] @ ca.DM(p) for p in (one.start, one.end)]
-            for link, one in zip(self.links, self.capsules, strict=True)
+            [
+                origins[link.body] + rotations[link.body] @ ca.DM(point)
+                for point in (link.capsule.start, link.capsule.end)
+            ]
+            for link in self.links
         ]
         rows = []
         for k in which:
             i, j = self.pairs[k]
-            least = self.capsules[i].radius + self.capsules[j].radius + self.least
-            rows.append(gap_squared(*points[i], *points[j]) / least**2)
+            radii = self.links[i].capsule.radius + self.links[j].capsule.radius
+            rows.append(gap_squared(*points[i], *points[j]) / (radii + self.least) ** 2)
         return ca.vertcat(*rows)
 
     def closest(self, configuration: FloatArray, pairs: Sequence[tuple[int, int]]) -> Closest:
@@ -259,11 +257,10 @@ def read_clearance(path: str | os.PathLike[str], chain: Chain, least: float) -> 
         raise InputError("clearance", f"of {path}", allowed)
     bodies, places = bodies_of(parse_urdf(content), chain)
     links = tuple(
-        Link(name, *places[name], shapes, source)
+        Link(name, *places[name], shapes, capsule_around(shapes, places[name][1]), source)
         for name, (shapes, source) in read_shapes(xml_root(content), path).items()
         if shapes
     )
-    capsules = tuple(capsule_around(link.shapes, link.pose) for link in links)
     pairs = tuple(
         (i, j)
         for (i, one), (j, other) in combinations(enumerate(links), 2)
@@ -274,7 +271,7 @@ def read_clearance(path: str | os.PathLike[str], chain: Chain, least: float) -> 
     if not pairs:
         allowed = "a robot with geometry on two links that are not adjacent"
         raise InputError("clearance", f"of {chain.robot}", allowed)
-    return _without_contacts(LinkClearance(least, bodies, links, capsules, pairs), chain)
+    return _without_contacts(LinkClearance(least, bodies, links, pairs), chain)
 
 
 def _without_contacts(whole: LinkClearance, chain: Chain) -> LinkClearance:

@@ -103,9 +103,7 @@ def chain_between(
             check_limits(joint.name, value, joint.limit.lower, joint.limit.upper)
             pose = pose @ displacement(joint, value)
             continue
-        slides, variable = joint.type == "prismatic", variables[driver.name]
-        x, y, z = joint.axis.tolist()
-        motions.append(Motion(frozen(pose), (x, y, z), slides, variable, k, c))
+        motions.append(motion_of(joint, pose, variables[driver.name], k, c))
         pose = np.eye(4)
     return Chain(
         robot=tree.name,
@@ -191,6 +189,15 @@ def _ranges(moving: Sequence[_Driven]) -> list[ChainJoint]:
         ChainJoint(name, driver.type == "prismatic", *ranges[name], speeds[name])
         for name, driver in drivers.items()
     ]
+
+
+def motion_of(
+    joint: TreeJoint, before: FloatArray, variable: int, multiplier: float, offset: float
+) -> Motion:
+    """Return a joint's motion, from its pose relative to the frame moved before it, 4×4."""
+    x, y, z = joint.axis.tolist()
+    prismatic = joint.type == "prismatic"
+    return Motion(frozen(before), (x, y, z), prismatic, variable, multiplier, offset)
 
 
 def displacement(joint: TreeJoint, value: float) -> FloatArray:

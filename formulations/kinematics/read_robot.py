@@ -4,7 +4,7 @@
 source                    what it must be
 ========================  ================================================================
 path that ends in .csv    a Denavit–Hartenberg table, see `read_dh`
-any other path            XML: ``<robot>`` is URDF, ``<mujoco>`` is MJCF, see `read_mjcf`
+any other path            XML: ``<robot>`` is URDF, ``<mujoco>`` is MJCF, see `read_mujoco`
 yourdfpy.URDF             as it was loaded
 pinocchio.Model           see `read_pinocchio`
 mujoco.MjModel            see `read_mujoco`
@@ -18,8 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from formulations.kinematics.read_dh import dh_tree
-from formulations.kinematics.read_mjcf import mjcf_tree
-from formulations.kinematics.read_mujoco import mujoco_tree
+from formulations.kinematics.read_mujoco import mjcf_tree, mujoco_tree
 from formulations.kinematics.read_pinocchio import pinocchio_tree
 from formulations.kinematics.read_urdf import urdf_tree, yourdfpy_tree
 from formulations.kinematics.read_xml import from_file, xml_root
