@@ -188,7 +188,7 @@ def mjcf_tree(root: Element, folder: Path | None = None) -> RobotTree:
     try:
         import mujoco
     except ModuleNotFoundError:
-        raise MissingLibraryError("mujoco", "mujoco") from None
+        raise MissingLibraryError("mujoco") from None
 
     _include(root, folder, set())
     for tag, allowed in _REFUSED.items():
