@@ -27,7 +27,7 @@ from formulations.io.table import written
 from nlp.errors import InputError
 
 if TYPE_CHECKING:
-    from formulations.robots.path_plan import PathPlan
+    from formulations.paths.plan import PathPlan
 
 _FILES = ("path.csv", "path.json", "path.svg")
 
@@ -86,9 +86,9 @@ def path(
     of its own, beside that of the minimum-norm trajectory and a ceiling by sampling.
     """
     from formulations.kinematics.chain import narrowed
-    from formulations.robots.path import PathSearch, plan_path
+    from formulations.paths.search import PathSearch, plan_path
+    from formulations.paths.waypoints import read_waypoints
     from formulations.robots.robot_arm import RobotArm
-    from formulations.robots.waypoints import read_waypoints
     from nlp.files import prepare_file, write_bytes, write_text
 
     if out is None:

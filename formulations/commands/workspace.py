@@ -26,7 +26,7 @@ from nlp.errors import InputError
 
 if TYPE_CHECKING:
     from formulations.kinematics.serial_arm import Ranges, SerialArm
-    from formulations.robots.workspace import Workspace
+    from formulations.workspaces.workspace import Workspace
     from nlp.arrays import FloatArray
 
 _CHOICES = ("limits", "lengths")
@@ -108,11 +108,11 @@ def workspace(
     from formulations.kinematics.serial_arm import SerialArm
     from formulations.plot.look import looking
     from formulations.plot.style import content, kind_of
-    from formulations.robots.best_limits import best_limits
-    from formulations.robots.cylinder_grid import check_grid
-    from formulations.robots.pose_sets import PoseSets, check_poses
-    from formulations.robots.workspace import check_limits, measured
-    from formulations.robots.workspace import workspace as found_workspace
+    from formulations.workspaces.best_limits import best_limits
+    from formulations.workspaces.cylinder_grid import check_grid
+    from formulations.workspaces.pose_sets import PoseSets, check_poses
+    from formulations.workspaces.workspace import check_limits, measured
+    from formulations.workspaces.workspace import workspace as found_workspace
     from nlp.files import prepare_file, write_bytes
 
     if figure is None:

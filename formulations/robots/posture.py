@@ -1,7 +1,7 @@
 """The most failure-tolerant posture of a robot within its joints' limits.
 
 Of all postures, or of those at a pose of the tool, with links that keep a distance from each
-other: see `held_pose`.
+other: see `pose_constrained_arm`.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import numpy.typing as npt
 from formulations.clearance.link_clearance import Clearance
 from formulations.kinematics.tree import RobotError
 from formulations.measures.unequal_failures import scenarios
-from formulations.robots.held_pose import HeldArm, Pose
+from formulations.robots.pose_constrained_arm import Pose, PoseConstrainedArm
 from formulations.robots.posture_found import Posture, describe
 from formulations.robots.posture_search import Search, searched
 from formulations.robots.robot_arm import RobotArm
@@ -62,7 +62,7 @@ def best_posture(
     """
     search = search or Search()
     if at is not None or clearance is not None:
-        arm = HeldArm(arm.chain, arm.task, arm.length, at, clearance)
+        arm = PoseConstrainedArm(arm.chain, arm.task, arm.length, at, clearance)
     # At once, because it fails where the arm has no characteristic length.
     middle = arm.jacobian(arm.chain.mid_range)
     if _hopeless(arm, search):
@@ -75,7 +75,7 @@ def best_posture(
         counts = outcome.status_counts.items()
         listed = ", ".join(f"{status} {count}" for status, count in counts)
         where = f"posture of {arm.description} for {search.stated.NAME}"
-        free = "pose or distance" if isinstance(arm, HeldArm) else "task or robot"
+        free = "pose or distance" if isinstance(arm, PoseConstrainedArm) else "task or robot"
         allowed = f"a {free} for which one exists ({listed})"
         raise RobotError(where, f"not found from {len(outcome.records)} starts", allowed)
     return describe(
@@ -108,7 +108,7 @@ def _hopeless(arm: RobotArm, search: Search) -> bool:
 
 def _any_posture(arm: RobotArm, search: Search) -> Posture:
     """Return that midway between the limits or, with something to keep to, one that does."""
-    if not isinstance(arm, HeldArm):
+    if not isinstance(arm, PoseConstrainedArm):
         return describe(arm, search, arm.chain.mid_range)
     point = arm.sample(np.random.default_rng(search.seed))
     if not arm.admits(arm.jacobian(point), point):

@@ -10,7 +10,7 @@ import numpy as np
 
 from formulations import measures
 from formulations.clearance.link_clearance import Closest
-from formulations.robots.held_pose import HeldArm, LockedReach, Pose
+from formulations.robots.pose_constrained_arm import LockedReach, Pose, PoseConstrainedArm
 from formulations.robots.posture_search import Search
 from formulations.robots.robot_arm import RobotArm
 from formulations.robots.robot_assessment import (
@@ -140,7 +140,7 @@ def describe(
     Parameters
     ----------
     arm
-        The robot; a `HeldArm` where there is a pose or a distance to keep.
+        The robot; a `PoseConstrainedArm` where there is a pose or a distance to keep.
     search
         What was looked for.
     configuration
@@ -164,13 +164,15 @@ def describe(
         reached_best=reached_best,
         status_counts=dict(status_counts or {}),
         complete=complete,
-        at=_at_pose(arm, configuration) if isinstance(arm, HeldArm) else None,
-        clearance=_kept_clearance(arm, configuration) if isinstance(arm, HeldArm) else None,
+        at=_at_pose(arm, configuration) if isinstance(arm, PoseConstrainedArm) else None,
+        clearance=_kept_clearance(arm, configuration)
+        if isinstance(arm, PoseConstrainedArm)
+        else None,
         failures=failures,
     )
 
 
-def _at_pose(arm: HeldArm, configuration: FloatArray) -> AtPose | None:
+def _at_pose(arm: PoseConstrainedArm, configuration: FloatArray) -> AtPose | None:
     if arm.pose is None:
         return None
     off, angle = arm.pose.errors(arm.kinematics, configuration[:, None])
@@ -178,7 +180,7 @@ def _at_pose(arm: HeldArm, configuration: FloatArray) -> AtPose | None:
     return AtPose(arm.pose, float(off[0]), float(angle[0]), reach)
 
 
-def _kept_clearance(arm: HeldArm, configuration: FloatArray) -> KeptClearance | None:
+def _kept_clearance(arm: PoseConstrainedArm, configuration: FloatArray) -> KeptClearance | None:
     clearance = arm.clearance
     if clearance is None:
         return None

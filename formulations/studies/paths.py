@@ -11,11 +11,11 @@ from scipy.spatial.transform import Rotation
 
 from formulations.io.table import HIDDEN, column, read_rows
 from formulations.kinematics.forward import Kinematics
+from formulations.paths.plan import PathPlan
+from formulations.paths.search import PathSearch, check_reach, plan_path
+from formulations.paths.waypoints import ToolPath
 from formulations.plot.style import content
-from formulations.robots.path import PathSearch, check_reach, plan_path
-from formulations.robots.path_plan import PathPlan
 from formulations.robots.robot_arm import RobotArm
-from formulations.robots.waypoints import ToolPath
 from formulations.studies.robots import ARMS, SurveyArm
 from formulations.studies.study import Effort, Part, Study
 

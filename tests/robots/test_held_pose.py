@@ -14,13 +14,13 @@ from formulations.__main__ import main
 from formulations.kinematics.chain_between import chain_between
 from formulations.kinematics.forward import Kinematics
 from formulations.measures.unequal_failures import FailureModel
+from formulations.paths.waypoints import read_pose
 from formulations.robots import posture_search
-from formulations.robots.held_pose import HeldArm, Pose
+from formulations.robots.pose_constrained_arm import Pose, PoseConstrainedArm
 from formulations.robots.posture import best_posture
 from formulations.robots.posture_search import Search
 from formulations.robots.robot_arm import RobotArm
 from formulations.robots.task import TaskSpace
-from formulations.robots.waypoints import read_pose
 from formulations.studies.robots import ARMS
 from nlp.errors import InputError
 
@@ -144,7 +144,7 @@ def test_a_planar_arm_against_every_point_of_its_self_motion(made):
 def test_where_each_joint_of_a_planar_arm_may_lock(made):
     """In closed form: the first joint's angle fixes how far the other two have to reach."""
     arm = planar(made, [1.0, 0.8, 0.5], 3.14159)
-    held = HeldArm(arm.chain, arm.task, None, Pose((0.8, 0.4, 0.0)))
+    held = PoseConstrainedArm(arm.chain, arm.task, None, Pose((0.8, 0.4, 0.0)))
     found = held.locked_reach(held.sample(np.random.default_rng(0)))
     angles = np.linspace(-np.pi, np.pi, 2001)
     far = np.abs(complex(0.8, 0.4) - np.exp(1j * angles))
@@ -241,7 +241,7 @@ def test_scenarios_are_the_least_over_them(made):
     for goal, key in (("worst", "weighted_worst_sigma"), ("expected", "expected_sigma")):
         both = best_posture(arm, Search(starts=3, failures=models, goal=goal), at=pose).failures
         assert both[key] == min(one[key] for one in both["scenarios"])
-        held = HeldArm(arm.chain, arm.task, None, pose)
+        held = PoseConstrainedArm(arm.chain, arm.task, None, pose)
         for q in held.configurations[:, :300].T:
             matrix = held.jacobian(q)
             least = min(_unequal(matrix, one, goal) for one in models)

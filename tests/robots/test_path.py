@@ -12,12 +12,12 @@ from scipy.spatial.transform import Rotation
 from formulations.kinematics.chain import narrowed, tip_pose
 from formulations.kinematics.chain_between import chain_between
 from formulations.kinematics.forward import Kinematics
-from formulations.robots.path import PathSearch, plan_path
-from formulations.robots.path_polish import transcription
+from formulations.paths.polish import transcription
+from formulations.paths.search import PathSearch, plan_path
+from formulations.paths.survival import Poses, follow, on_path, survivors
+from formulations.paths.waypoints import ToolPath, read_waypoints
 from formulations.robots.robot_arm import RobotArm
-from formulations.robots.survival import Poses, follow, on_path, survivors
 from formulations.robots.task import TaskSpace
-from formulations.robots.waypoints import ToolPath, read_waypoints
 from nlp.errors import InputError
 from nlp.solver import solve
 

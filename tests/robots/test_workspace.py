@@ -14,14 +14,14 @@ from formulations.kinematics.chain_between import chain_between
 from formulations.kinematics.forward import Kinematics
 from formulations.kinematics.serial_arm import SerialArm
 from formulations.plot.workspace import draw
-from formulations.robots import workspace as module
-from formulations.robots.best_limits import _in_joints, best_limits
-from formulations.robots.planar_workspace import Planar3R
-from formulations.robots.pose_sets import PoseSets
-from formulations.robots.reachable_sets import ReachableSets
 from formulations.robots.robot_arm import RobotArm
 from formulations.robots.task import TaskSpace
-from formulations.robots.workspace import closed_form, measured, workspace
+from formulations.workspaces import workspace as module
+from formulations.workspaces.best_limits import _in_joints, best_limits
+from formulations.workspaces.planar import Planar3R
+from formulations.workspaces.pose_sets import PoseSets
+from formulations.workspaces.reachable_sets import ReachableSets
+from formulations.workspaces.workspace import closed_form, measured, workspace
 from nlp.errors import InputError
 
 EQUAL = (1 / 3, 1 / 3, 1 / 3)

@@ -11,8 +11,8 @@ import numpy as np
 import numpy.typing as npt
 
 from formulations.kinematics.read_urdf import is_urdf
-from formulations.robots.picture import NO_ARROW, RobotPicture, frames
 from formulations.robots.robot_arm import RobotArm
+from formulations.viewer.picture import NO_ARROW, RobotPicture, frames
 from nlp.arrays import FloatArray
 from nlp.files import read_bytes
 

@@ -12,7 +12,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
 from formulations.kinematics.chain import LARGEST
-from formulations.robots.survival import Poses
+from formulations.paths.survival import Poses
 from nlp.arrays import FloatArray
 from nlp.errors import FileError, InputError, shown
 from nlp.files import load_json, read_bytes

@@ -1,7 +1,7 @@
 """What failures leave of the workspace: its size, how far that may be off, and the check.
 
 See `reachable_sets` for the definition. Planar arms of three joints without physical limits
-are measured in closed form, `planar_workspace`; others on a grid. The grid over-estimates, so
+are measured in closed form, `planar`; others on a grid. The grid over-estimates, so
 the size is that of its voxels times the share of a random sample of points in them for which
 inverse kinematics finds every configuration that is needed. With a fixed orientation each voxel
 stands for one random point in it, `pose_sets`, and the size is that of its voxels.
@@ -17,10 +17,10 @@ import numpy.typing as npt
 from scipy import ndimage
 
 from formulations.kinematics.serial_arm import Bits, Ranges, SerialArm
-from formulations.robots.failure_sets import SLICE, FailureSets
-from formulations.robots.planar_workspace import Planar3R
-from formulations.robots.pose_sets import PoseSets
-from formulations.robots.reachable_sets import ReachableSets
+from formulations.workspaces.failure_sets import SLICE, FailureSets
+from formulations.workspaces.planar import Planar3R
+from formulations.workspaces.pose_sets import PoseSets
+from formulations.workspaces.reachable_sets import ReachableSets
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
 
@@ -235,7 +235,7 @@ def _repeated(
 
 
 def closed_form(arm: SerialArm, limits: Ranges) -> Planar3R | None:
-    """Return the arm and limits in the form of `planar_workspace`; None if they have none.
+    """Return the arm and limits in the form of `planar`; None if they have none.
 
     They have one if the arm is planar, has three joints and no physical limits.
     """

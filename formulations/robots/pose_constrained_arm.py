@@ -150,7 +150,7 @@ class LockedReach:
 
 
 @dataclass(frozen=True)
-class HeldArm(RobotArm):
+class PoseConstrainedArm(RobotArm):
     """A robot at a pose, or with links that keep a distance, or both.
 
     Parameters
@@ -270,7 +270,7 @@ class HeldArm(RobotArm):
     def _at_pose(self) -> FloatArray:
         rng = np.random.default_rng(_SEED)
         if self.pose is None:
-            free = [super(HeldArm, self).sample(rng) for _ in range(_FREE)]
+            free = [super(PoseConstrainedArm, self).sample(rng) for _ in range(_FREE)]
             return np.stack(free, axis=1)
         low, high = self.kinematics.ranges
         tried, found, count = [], [], 0

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from formulations.kinematics.forward import BoolArray
-from formulations.robots.survival import Poses
+from formulations.paths.survival import Poses
 from nlp.arrays import FloatArray
 
 IntArray = npt.NDArray[np.intp]

@@ -12,9 +12,9 @@ from itertools import pairwise
 import numpy as np
 
 from formulations.kinematics.forward import BoolArray, Kinematics
-from formulations.robots.path_plan import IntArray
-from formulations.robots.survival import JUMP, Poses, survivors
-from formulations.robots.waypoints import place_name
+from formulations.paths.plan import IntArray
+from formulations.paths.survival import JUMP, Poses, survivors
+from formulations.paths.waypoints import place_name
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
 

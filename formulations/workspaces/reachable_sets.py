@@ -23,8 +23,8 @@ import numpy.typing as npt
 from scipy import ndimage
 
 from formulations.kinematics.serial_arm import Bits, Ranges, SerialArm, moved, moved_back
-from formulations.robots.cylinder_grid import check_grid
-from formulations.robots.failure_sets import SLICE, FailureSets
+from formulations.workspaces.cylinder_grid import check_grid
+from formulations.workspaces.failure_sets import SLICE, FailureSets
 from nlp.arrays import FloatArray
 
 _TURN = 2 * np.pi

@@ -18,12 +18,12 @@ from typing import Any
 
 import numpy as np
 
-from formulations.robots.picture import RobotPicture, numbers, picture
 from formulations.robots.posture import best_posture
 from formulations.robots.posture_search import Search
 from formulations.robots.robot_arm import RobotArm
-from formulations.robots.scene import Scene
-from formulations.robots.web_server import Address, serve
+from formulations.viewer.picture import RobotPicture, numbers, picture
+from formulations.viewer.scene import Scene
+from formulations.viewer.server import Address, serve
 from nlp.arrays import FloatArray
 from nlp.errors import LockedJointError
 

@@ -3,11 +3,11 @@
 1. Candidate tracks: configurations at several samples of the path, found by inverse kinematics
    from random starts, follow the path both ways. Some stay near minimum norm, some drift
    towards the middle of the joints' ranges.
-2. Every configuration of every track is a node, see `path_nodes`. Its score is the number of
+2. Every configuration of every track is a node, see `nodes`. Its score is the number of
    joints that may lock there, by the test in `survival`.
 3. Dynamic programming over the nodes: the sequence of the largest total score, with joint
    speeds within their limits, and little motion. Then again with tracks beside it.
-4. A polish, see `path_polish`: one sparse nonlinear program for the whole trajectory. It makes
+4. A polish, see `polish`: one sparse nonlinear program for the whole trajectory. It makes
    the trajectory smooth, and draws each joint whose failure is fatal to the nearest position
    from which the path can be finished. What it gives is tested again, and kept only if the
    share that survives rises, or if it stays and the trajectory is smoother.
@@ -22,12 +22,12 @@ import numpy as np
 
 from formulations import measures
 from formulations.kinematics.forward import Kinematics
-from formulations.robots.path_nodes import Nodes
-from formulations.robots.path_plan import PathPlan, Trajectory
-from formulations.robots.path_polish import polished
+from formulations.paths.nodes import Nodes
+from formulations.paths.plan import PathPlan, Trajectory
+from formulations.paths.polish import polished
+from formulations.paths.survival import follow, on_path, survivors
+from formulations.paths.waypoints import ToolPath, place_name
 from formulations.robots.robot_arm import RobotArm
-from formulations.robots.survival import follow, on_path, survivors
-from formulations.robots.waypoints import ToolPath, place_name
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
 

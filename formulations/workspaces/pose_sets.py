@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from formulations.kinematics.self_motion import SelfMotionPoses, arcs, solve
 from formulations.kinematics.serial_arm import Bits, Ranges, SerialArm
-from formulations.robots.failure_sets import SLICE, FailureSets, check_step
+from formulations.workspaces.failure_sets import SLICE, FailureSets, check_step
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
 

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from formulations.kinematics.serial_arm import SerialArm
-from formulations.robots.failure_sets import check_step
+from formulations.workspaces.failure_sets import check_step
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
 

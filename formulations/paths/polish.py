@@ -13,10 +13,10 @@ import numpy as np
 
 from formulations.kinematics.chain import Chain, tip_pose
 from formulations.kinematics.forward import Kinematics
-from formulations.robots.path_nodes import Nodes
-from formulations.robots.path_plan import Trajectory
+from formulations.paths.nodes import Nodes
+from formulations.paths.plan import Trajectory
+from formulations.paths.survival import JUMP, Poses
 from formulations.robots.robot_arm import RobotArm
-from formulations.robots.survival import JUMP, Poses
 from nlp.arrays import FloatArray
 from nlp.problem import Constraint, Problem
 from nlp.solution import ACCEPTABLE, LIMIT, SUCCESS
