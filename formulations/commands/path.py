@@ -159,7 +159,7 @@ def _text(found: PathPlan) -> str:
     }
     rows = []
     for line in found.joint_rows():
-        ends, hopeless = line["others_end"], line["hopeless_until"]
+        ends, unrecoverable = line["others_end"], line["unrecoverable_until"]
         rows.append(
             [
                 str(line["joint"]),
@@ -167,14 +167,21 @@ def _text(found: PathPlan) -> str:
                     _percent(line[name])
                     for name in ("percent", "minimum_norm_percent", "ceiling_percent")
                 ),
-                "–" if hopeless is None else f"until {hopeless:.3g} s",
+                "–" if unrecoverable is None else f"until {unrecoverable:.3g} s",
                 "–" if not isinstance(ends, list) else f"{ends[0]:.3g} to {ends[1]:.3g} s",
             ]
         )
-    heads = ["joint", "survives %", "minimum norm %", "ceiling %", "hopeless", "others end"]
+    heads = [
+        "joint",
+        "survives %",
+        "minimum norm %",
+        "ceiling %",
+        "unrecoverable",
+        "others end",
+    ]
     table = written(rows, heads, "pipe")
     ending = (
-        "Hopeless: its ranges at later samples have no position in common; no trajectory "
+        "Unrecoverable: its ranges at later samples have no position in common; no trajectory "
         "survives."
     )
     return f"{as_text(values)}\n\n{table}\n\n{ending}"

@@ -14,8 +14,8 @@ from formulations.kinematics.chain_between import chain_between
 from formulations.kinematics.forward import Kinematics
 from formulations.paths.polish import transcription
 from formulations.paths.search import PathSearch, plan_path
-from formulations.paths.survival import Poses, follow, on_path, survivors
-from formulations.paths.waypoints import ToolPath, read_waypoints
+from formulations.paths.survival import follow, on_path, survivors
+from formulations.paths.waypoints import Poses, ToolPath, read_waypoints
 from formulations.robots.robot_arm import RobotArm
 from formulations.robots.task import TaskSpace
 from nlp.errors import InputError
@@ -192,8 +192,8 @@ def test_a_joint_whose_ranges_do_not_meet_is_hopeless(planar):
     rows = {one["joint"]: one for one in found.joint_rows()}
     # At 1.2 joints 1 and 2 may be anywhere between, but at 2.55 both are nearly straight.
     assert found.joint_ceiling[1] < 100
-    for row, hopeless in zip(rows.values(), found.hopeless_until, strict=True):
-        assert (row["hopeless_until"] is None) == (hopeless < 0)
+    for row, hopeless in zip(rows.values(), found.unrecoverable_until, strict=True):
+        assert (row["unrecoverable_until"] is None) == (hopeless < 0)
         if hopeless >= 0:
             assert not found.planned.survives[
                 : hopeless + 1, found.joints.index(row["joint"])
