@@ -25,7 +25,7 @@ from formulations.commands.output import INTERRUPTED, show
 
 if TYPE_CHECKING:
     from formulations.robots.pose_constrained_arm import LockedReach
-    from formulations.robots.posture_found import Posture
+    from formulations.robots.posture import Posture
 
 
 def posture(

@@ -89,11 +89,11 @@ class Search:
         InputError
             If the formulation does not have a setting that is not at its default.
         """
-        default = type(self)()
+        defaults = {"locked": 1, "failures": None, "goal": "worst"}
         settings: dict[str, Any] = {
             name: getattr(self, name)
-            for name in ("locked", "failures", "goal")
-            if getattr(self, name) != getattr(default, name)
+            for name, default in defaults.items()
+            if getattr(self, name) != default
         }
         options: Mapping[str, OptionValue] = check_options(self.options)
         if self.stated is max_min:

@@ -15,12 +15,12 @@ from formulations.kinematics.chain_between import chain_between
 from formulations.kinematics.forward import Kinematics
 from formulations.measures.unequal_failures import FailureModel
 from formulations.paths.waypoints import read_pose
-from formulations.robots import posture_search
 from formulations.robots.pose_constrained_arm import Pose, PoseConstrainedArm
 from formulations.robots.posture import best_posture
 from formulations.robots.posture_search import Search
 from formulations.robots.robot_arm import RobotArm
 from formulations.robots.task import TaskSpace
+from formulations.solving import solve as solving
 from formulations.studies.robots import ARMS
 from nlp.errors import InputError
 
@@ -173,13 +173,13 @@ def test_out_of_reach_is_said_with_how_far(made):
 def test_a_pose_that_was_not_reached_is_no_answer(made, monkeypatch):
     """Whatever the solver says: a configuration beside the pose is dropped."""
     arm = planar(made, [1.0, 1.0, 1.0, 1.0])
-    judge = posture_search._judge
+    judge = solving.judge
 
-    def beside(run, **keywords):
-        run.solution.variables[0] += 1e-4
-        return judge(run, **keywords)
+    def beside(case, solution, **keywords):
+        solution.variables[0] += 1e-4
+        return judge(case, solution, **keywords)
 
-    monkeypatch.setattr(posture_search, "_judge", beside)
+    monkeypatch.setattr(solving, "judge", beside)
     with pytest.raises(InputError, match="not found from 2 starts"):
         best_posture(arm, Search(starts=2), at=Pose((1.5, 0.8, 0)))
 
