@@ -222,9 +222,9 @@ def _text(found: Workspace) -> str:
         shares = ", ".join("–" if one != one else f"{100 * one:.0f} %" for one in found.passed)
         kept["passed by depth"] = f"{shares} of voxels 0, 1, … layers below the surface"
         kept["raw voxels"] = f"{found.raw:.6g} {unit}"
-    if found.fatal:
-        kept["fatal"] = (
-            f"{', '.join(found.fatal)}: nothing is kept, because of where it may lock"
+    if found.critical:
+        kept["critical"] = (
+            f"{', '.join(found.critical)}: nothing is kept, because of where it may lock"
         )
     lines = [as_text(kept), "", "joint: artificial limits"]
     for step, (low, high) in zip(found.arm.steps, found.limits, strict=True):

@@ -317,7 +317,7 @@ def row_of(arm: str, choice: str, found: Workspace) -> WorkspaceRow:
         without_failure=found.before,
         physical=found.physical,
         percent_kept=100 * found.size / found.physical,
-        fatal=", ".join(found.fatal),
+        fatal=", ".join(found.critical),
         voxel=found.sets.voxel,
         passed_by_depth=depths,
         limits={k: [float(x) for x in one] for k, one in zip(names, found.limits, strict=True)},

@@ -98,7 +98,7 @@ class PoseSets(FailureSets):
         n = len(arm.steps)
         self._q = np.concatenate([np.zeros((0, n), dtype=np.float32), *found])
         self._owners = np.concatenate([np.zeros(0, dtype=np.intp), *owners])
-        self._kept = {
+        self._reached = {
             k: [np.packbits(one[:, place]) for place in range(one.shape[1])]
             for k, one in bits.items()
         }

@@ -18,10 +18,10 @@ from formulations.robots.robot_arm import RobotArm
 from formulations.robots.task import TaskSpace
 from formulations.workspaces import workspace as module
 from formulations.workspaces.best_limits import _in_joints, best_limits
-from formulations.workspaces.planar import Planar3R
+from formulations.workspaces.planar import Planar3R, closed_form
 from formulations.workspaces.pose_sets import PoseSets
 from formulations.workspaces.reachable_sets import ReachableSets
-from formulations.workspaces.workspace import closed_form, measured, workspace
+from formulations.workspaces.workspace import measured, workspace
 from nlp.errors import InputError
 
 EQUAL = (1 / 3, 1 / 3, 1 / 3)
@@ -39,6 +39,17 @@ WRAPPED = ((0.178, 0.329, 0.493), in_degrees((0, 285), (-145, 206), (-256, -246)
 
 def shown(made, text):
     return SerialArm.from_chain(chain_between(made.tree(text), f"l{text.count('<joint')}"))
+
+
+def contains(arm, points):
+    """Which points are in the workspace; x points midway between the limits of joint 1."""
+    rho, bearing = np.hypot(*points.T), np.arctan2(points[:, 1], points[:, 0])
+    low, high = arm.rings
+    least, largest = arm._bearings(rho)
+    starts, ends = arm._intervals(rho)
+    reached = np.any((starts <= bearing) & (bearing <= ends), axis=0)
+    kept = (least <= np.abs(bearing)) & (np.abs(bearing) <= largest)
+    return reached & kept & (low <= rho) & (rho <= high)
 
 
 def brute_force(lengths, limits, points, angles=60):
@@ -75,9 +86,9 @@ def brute_force(lengths, limits, points, angles=60):
 def test_the_closed_form_is_what_brute_force_finds(lengths, limits):
     arm = Planar3R(lengths, limits)
     points = np.random.default_rng(0).uniform(-1, 1, (200, 2))
-    ours = arm.contains(points)
+    ours = contains(arm, points)
     around = [
-        arm.contains(points + by) for by in 0.02 * np.array([(1, 0), (-1, 0), (0, 1), (0, -1)])
+        contains(arm, points + by) for by in 0.02 * np.array([(1, 0), (-1, 0), (0, 1), (0, -1)])
     ]
     away = np.all(np.equal(around, ours), axis=0)  # from the boundary
     assert np.sum(ours & away) > 3
@@ -89,7 +100,7 @@ def test_the_closed_form_is_what_brute_force_finds(lengths, limits):
 def test_the_area_is_that_of_the_points(lengths, limits):
     arm = Planar3R(lengths, limits)
     x = (np.arange(150) + 0.5) / 75 - 1
-    inside = arm.contains(np.stack(np.meshgrid(x, x), axis=-1).reshape(-1, 2))
+    inside = contains(arm, np.stack(np.meshgrid(x, x), axis=-1).reshape(-1, 2))
     assert arm.area() == pytest.approx(4 * inside.mean(), abs=1e-2)
     mirrored = tuple((-high, -low) for low, high in limits)
     assert Planar3R(lengths, mirrored).area() == pytest.approx(arm.area(), abs=1e-9)
@@ -110,10 +121,6 @@ def test_what_is_not_kept():
     assert Planar3R(EQUAL, (turn,) * 3).shortfall > 0
     still = ((0, 0), (0.5, 0.5), (1, 1))
     assert Planar3R(EQUAL, still).area() == pytest.approx(0, abs=1e-9)
-    with pytest.raises(InputError, match="lengths"):
-        Planar3R((1, 0, 1), still)
-    with pytest.raises(InputError, match="limits"):
-        Planar3R(EQUAL, ((0, 0), (1, 0.5), (1, 1)))
 
 
 # On a grid -----------------------------------------------------------------------------------
@@ -129,7 +136,9 @@ def test_the_grid_agrees_with_the_closed_form(monkeypatch):
     assert found.raw > exact.size  # over-estimates
     assert found.passed[0] < 0.7 < 0.95 < found.passed[2]
     assert found.physical == pytest.approx(np.pi, rel=0.05)
-    inside = Planar3R(EQUAL, PUBLISHED).contains(found.sets.centres(np.ones_like(found.voxels)))
+    inside = contains(
+        Planar3R(EQUAL, PUBLISHED), found.sets.centres(np.ones_like(found.voxels))
+    )
     missed = inside.reshape(found.voxels.shape) & ~found.voxels
     assert missed.sum() < 0.01 * inside.sum()
     figure = draw(found)
@@ -302,7 +311,7 @@ def test_workspace_of_a_file(lockedjoint, made, tmp_path):
 def test_a_workspace_that_is_empty_is_a_result():
     found = workspace(SerialArm.planar((0.5, 0.3, 0.2)), ((-np.pi, np.pi),) * 3, 0.05)
     assert found.size == 0
-    assert found.fatal != ()
+    assert found.critical != ()
     assert found.to_dict()["share_kept"] == 0
 
 
@@ -361,7 +370,7 @@ def test_a_planar_arm_that_holds_its_orientation():
     wrong = count = 0
     for joint, places in sets.slices.items():
         for place, theta in enumerate(places):
-            ours = sets._unpacked(sets._kept[joint][place])
+            ours = sets._unpacked(sets._reached[joint][place])
             ray = np.array([np.cos(theta), np.sin(theta)])
             back = np.array([np.cos(angle - theta), np.sin(angle - theta)])
             margin = {
