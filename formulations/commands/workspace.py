@@ -109,8 +109,8 @@ def workspace(
     from formulations.plot.look import looking
     from formulations.plot.style import content, kind_of
     from formulations.workspaces.best_limits import best_limits
-    from formulations.workspaces.cylinder_grid import check_grid
     from formulations.workspaces.pose_sets import PoseSets, check_poses
+    from formulations.workspaces.reachable_sets import check_grid
     from formulations.workspaces.workspace import check_limits, measured
     from formulations.workspaces.workspace import workspace as found_workspace
     from nlp.files import prepare_file, write_bytes

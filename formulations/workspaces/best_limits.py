@@ -9,11 +9,10 @@ import numpy as np
 from scipy import optimize
 
 from formulations.kinematics.serial_arm import Ranges, SerialArm
-from formulations.workspaces.cylinder_grid import check_grid
 from formulations.workspaces.failure_sets import SLICE, FailureSets
 from formulations.workspaces.planar import Planar3R, closed_form
 from formulations.workspaces.pose_sets import PoseSets
-from formulations.workspaces.reachable_sets import ReachableSets
+from formulations.workspaces.reachable_sets import ReachableSets, check_grid
 from formulations.workspaces.workspace import Progress
 from nlp.arrays import FloatArray
 from nlp.errors import InputError

@@ -22,9 +22,8 @@ from formulations.realise.write_urdf import urdf as realised_urdf
 from formulations.robots.posture_search import Search
 from formulations.robots.robot_arm import RobotArm
 from formulations.robots.task import TaskSpace
-from formulations.viewer.page import Page
+from formulations.viewer.page import Address, Page
 from formulations.viewer.picture import numbers, picture, semi_axes
-from formulations.viewer.server import Address
 from nlp.errors import InputError
 
 BROWSER = next(filter(None, map(shutil.which, ("chromium", "google-chrome"))), None)
