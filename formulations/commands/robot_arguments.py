@@ -14,7 +14,7 @@ from nlp.errors import FileError, InputError
 from nlp.files import load_json, read_bytes, real_in
 
 if TYPE_CHECKING:
-    from formulations.clearance.link_clearance import Clearance
+    from formulations.clearance.link_clearance import LinkClearance
     from formulations.kinematics.chain import Chain
     from formulations.robots.pose_constrained_arm import Pose
     from formulations.robots.robot_arm import RobotArm
@@ -187,7 +187,7 @@ def pose(text: str | None, tolerance: str | None) -> Pose | None:
     return Pose(tuple(position.tolist()), turn, *near)
 
 
-def kept_distance(file: Path, chain: Chain, least: float | None) -> Clearance | None:
+def kept_distance(file: Path, chain: Chain, least: float | None) -> LinkClearance | None:
     """Read the links' geometry for --clearance; None if that is not given."""
     if least is None:
         return None

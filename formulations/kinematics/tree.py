@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Sequence
 from dataclasses import dataclass
 from graphlib import CycleError, TopologicalSorter
 
@@ -148,13 +147,41 @@ class RobotTree:
         for (kind, name), count in Counter(named).items():
             if count > 1:
                 raise RobotError(f"{kind} {name}", f"there {count} times", "every name once")
+        if not self.links:
+            raise RobotError("robot", "without a <link>", "at least one link")
         links = set(self.links)
         for joint in self.joints:
             for side, link in (("parent", joint.parent), ("child", joint.child)):
                 if link not in links:
                     allowed = "the name of a <link> of the robot"
                     raise RobotError(f"{side} of joint {joint.name}", link, allowed)
-        _check_tree(self)
+        children = Counter(joint.child for joint in self.joints)
+        for link, count in children.items():
+            if count > 1:
+                allowed = "one parent at most: closed loops are not supported"
+                raise RobotError(f"link {link}", f"the child of {count} joints", allowed)
+        roots = [link for link in self.links if link not in children]
+        if len(roots) > 1:
+            shown = ", ".join(roots[:4])
+            raise RobotError("robot", f"in pieces that start at {shown}", "one connected tree")
+        try:
+            TopologicalSorter(self._parents).prepare()
+        except CycleError as error:
+            cycle = set(error.args[1])
+            shown = ", ".join([link for link in self.links if link in cycle][:4])
+            allowed = "a tree of links and joints"
+            raise RobotError("robot", f"cyclic (through {shown})", allowed) from None
+
+    @property
+    def _parents(self) -> dict[str, list[str]]:
+        return {joint.child: [joint.parent] for joint in self.joints}
+
+    @property
+    def parents_first(self) -> tuple[TreeJoint, ...]:
+        """The joints, each after the one before it."""
+        above = {joint.child: joint for joint in self.joints}
+        order = TopologicalSorter(self._parents).static_order()
+        return tuple(above[link] for link in order if link in above)
 
     @property
     def root(self) -> str:
@@ -184,37 +211,3 @@ class RobotTree:
             path.append(above[tip])
             tip = path[-1].parent
         return tuple(reversed(path))
-
-
-def _check_tree(tree: RobotTree) -> None:
-    if not tree.links:
-        raise RobotError("robot", "without a <link>", "at least one link")
-    children = Counter(joint.child for joint in tree.joints)
-    for link, count in children.items():
-        if count > 1:
-            allowed = "one parent at most: closed loops are not supported"
-            raise RobotError(f"link {link}", f"the child of {count} joints", allowed)
-    roots = [link for link in tree.links if link not in children]
-    if len(roots) > 1:
-        shown = ", ".join(roots[:4])
-        raise RobotError("robot", f"in pieces that start at {shown}", "one connected tree")
-    # From the root every link is reached, or else there is a cycle beside.
-    below: dict[str, list[str]] = {}
-    for joint in tree.joints:
-        below.setdefault(joint.parent, []).append(joint.child)
-    reached = roots
-    for link in reached:
-        reached.extend(below.get(link, ()))
-    if len(reached) < len(tree.links):
-        cycle = set(_cycle(tree))
-        shown = ", ".join([link for link in tree.links if link in cycle][:4])
-        allowed = "a tree of links and joints"
-        raise RobotError("robot", f"cyclic (through {shown})", allowed)
-
-
-def _cycle(tree: RobotTree) -> Sequence[str]:
-    try:
-        TopologicalSorter({joint.child: [joint.parent] for joint in tree.joints}).prepare()
-    except CycleError as error:
-        return list(error.args[1])
-    return ()

@@ -11,7 +11,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from formulations.kinematics.forward import BoolArray, Kinematics
+from formulations.kinematics.forward import Kinematics
+from formulations.kinematics.inverse import BoolArray
 from formulations.kinematics.link_chain import IntArray
 from formulations.paths.survival import JUMP, survivors
 from formulations.paths.waypoints import Poses, place_name

@@ -11,8 +11,8 @@ from collections.abc import Sequence
 import casadi as ca
 import numpy as np
 
-from formulations.kinematics.chain import Chain, tip_pose
-from formulations.kinematics.forward import Kinematics
+from formulations.kinematics.chain import Chain
+from formulations.kinematics.forward import Kinematics, tip_pose
 from formulations.paths.nodes import Nodes
 from formulations.paths.plan import Trajectory
 from formulations.paths.survival import JUMP

@@ -22,7 +22,8 @@ from typing import Any
 import numpy as np
 
 from formulations import measures
-from formulations.kinematics.forward import BoolArray, Kinematics
+from formulations.kinematics.forward import Kinematics
+from formulations.kinematics.inverse import BoolArray, solve_ik
 from formulations.paths.nodes import Nodes
 from formulations.paths.plan import PathPlan, Trajectory
 from formulations.paths.polish import polished
@@ -184,7 +185,7 @@ class _Planner:
             return q
         where = place_name(float(self.places[sample]))
         position = ", ".join(f"{x:.4g}" for x in self.poses.positions[sample])
-        pose = "a pose" if self.kinematics.orientation else "a position"
+        pose = "a pose" if self.kinematics.angular else "a position"
         limits = "that the arm reaches within its joints' limits"
         raise InputError(where, f"out of reach at ({position})", f"{pose} {limits}")
 
@@ -238,7 +239,7 @@ class _Planner:
         tracks = np.full((*sequence.shape, count), np.nan)
         for sample, point in enumerate(sequence):
             start = np.clip(point[:, None] + push, self.kinematics.lower, self.kinematics.upper)
-            q, reached = self.kinematics.reach(start, *self.poses.at(sample), iterations=12)
+            q, reached = solve_ik(self.kinematics, start, *self.poses.at(sample), iterations=12)
             tracks[sample] = np.where(reached, q, np.nan)
         tracks[:, :, 0] = sequence
         return tracks

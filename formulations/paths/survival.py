@@ -15,6 +15,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from formulations.kinematics.forward import Kinematics
+from formulations.kinematics.inverse import solve_ik
 from formulations.kinematics.link_chain import IntArray
 from formulations.paths.waypoints import Poses
 from nlp.arrays import FloatArray
@@ -133,7 +134,7 @@ def on_path(
     """Return configurations at a pose, within the limits, from random starts; shape (n, B)."""
     least, largest = kinematics.ranges
     drawn = rng.uniform(least, largest, (len(least), starts))
-    q, reached = kinematics.reach(drawn, *poses.at(sample), iterations=60)
+    q, reached = solve_ik(kinematics, drawn, *poses.at(sample), iterations=60)
     return q[:, reached]
 
 
@@ -163,7 +164,7 @@ def _march(
         guess = 2 * here - before[:, active]
         guess = here if centre else np.clip(guess, kinematics.lower, kinematics.upper)
         mask = None if free is None else free[:, active]
-        there, reached = kinematics.reach(guess, *poses.at(sample), mask, centre=centre)
+        there, reached = solve_ik(kinematics, guess, *poses.at(sample), mask, centre=centre)
         reached &= np.max(np.abs(there - here), axis=0) < JUMP
         before[:, active], now[:, active] = here, there
         alive[active] = reached
@@ -187,7 +188,7 @@ def _elsewhere(
     push *= 0.25 / np.sqrt(np.sum(push**2, axis=0))
     for _ in range(int(rng.integers(2, 9))):
         shifted = np.clip(q + push * free, kinematics.lower, kinematics.upper)
-        moved, reached = kinematics.reach(shifted, position, rotation, free)
+        moved, reached = solve_ik(kinematics, shifted, position, rotation, free)
         reached &= np.max(np.abs(moved - q), axis=0) < JUMP
         q = np.where(reached, moved, q)
     return q

@@ -19,9 +19,10 @@ import casadi as ca
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from formulations.clearance.link_clearance import Clearance
-from formulations.kinematics.chain import LARGEST, tip_pose
-from formulations.kinematics.forward import BoolArray, Kinematics
+from formulations.clearance.link_clearance import LinkClearance
+from formulations.kinematics.chain import LARGEST
+from formulations.kinematics.forward import Kinematics, tip_pose
+from formulations.kinematics.inverse import BoolArray, solve_ik
 from formulations.kinematics.serial_arm import Ranges
 from formulations.kinematics.tree import RobotError
 from formulations.robots.robot_arm import RobotArm
@@ -161,7 +162,7 @@ class PoseConstrainedArm(RobotArm):
     """
 
     pose: Pose | None = None
-    clearance: Clearance | None = None
+    clearance: LinkClearance | None = None
 
     @property
     def description(self) -> str:
@@ -291,7 +292,7 @@ class PoseConstrainedArm(RobotArm):
         assert self.pose is not None
         position = np.array(self.pose.position)[:, None]
         rotation = self.pose.rotation[:, :, None]
-        q, _ = self.kinematics.reach(q, position, rotation, free, _ITERATIONS)
+        q, _ = solve_ik(self.kinematics, q, position, rotation, free, _ITERATIONS)
         return q, self.pose.reached(self.pose.errors(self.kinematics, q), _REACHED)
 
     @cached_property

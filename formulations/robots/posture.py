@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from formulations import measures
-from formulations.clearance.link_clearance import Clearance, Closest
+from formulations.clearance.link_clearance import Closest, LinkClearance
 from formulations.kinematics.tree import RobotError
 from formulations.measures.unequal_failures import scenarios
 from formulations.robots.pose_constrained_arm import LockedReach, Pose, PoseConstrainedArm
@@ -140,7 +140,7 @@ def best_posture(
     search: Search | None = None,
     *,
     at: Pose | None = None,
-    clearance: Clearance | None = None,
+    clearance: LinkClearance | None = None,
 ) -> Posture:
     """Search for the posture that is best by a formulation's score.
 

@@ -9,8 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from formulations import measures
-from formulations.kinematics.chain import Chain
-from formulations.kinematics.link_chain import rotation
+from formulations.kinematics.forward import Kinematics
 from formulations.robots.robot_arm import RobotArm
 from nlp.arrays import FloatArray, finite_vector
 from nlp.errors import InputError
@@ -98,14 +97,14 @@ def picture(
         worst_joint = [name for name in names if name not in locked][worst.joints[0]]
     failed = indices or ([names.index(worst_joint)] if worst_joint else [])
     after = np.delete(matrix, failed, axis=1)
-    origins, axes, pose = frames(arm.chain, point)
-    rotated = pose[:3, :3] if arm.task.frame == "tip" else np.eye(3)
+    axes, origins, tip, orientation = Kinematics(arm.chain).frames(point[:, None])
+    rotated = orientation[..., 0] if arm.task.frame == "tip" else np.eye(3)
     rows = slice(0, 3) if arm.task.linear else slice(3, 6)
     direction = _along_base(arm, measures.weakest_direction(after)[:, None], rotated)[:, 0]
     return RobotPicture(
-        origins=origins,
-        axes=axes,
-        tip=pose[:3, 3],
+        origins=origins[..., 0],
+        axes=axes[..., 0],
+        tip=tip[:, 0],
         before=semi_axes(_along_base(arm, matrix, rotated)[rows]),
         after=semi_axes(_along_base(arm, after, rotated)[rows]),
         locked=tuple(names[k] for k in indices),
@@ -117,26 +116,6 @@ def picture(
         worst_case=worst_case,
         worst_joint=worst_joint,
     )
-
-
-def frames(
-    chain: Chain, configuration: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return origins and unit axes of a chain's motions, (k, 3), and its tip's pose, 4×4."""
-    pose = np.eye(4)
-    origins, axes = [], []
-    for motion in chain.motions:
-        pose = pose @ np.array(motion.placement)
-        axis, moved = np.array(motion.axis), np.eye(4)
-        value = motion.multiplier * configuration[motion.variable] + motion.offset
-        origins.append(pose[:3, 3])
-        axes.append(pose[:3, :3] @ axis)
-        if motion.translates:
-            moved[:3, 3] = value * axis
-        else:
-            moved[:3, :3] = rotation(axis, np.asarray(value))
-        pose = pose @ moved
-    return np.array(origins), np.array(axes), pose @ np.array(chain.end)
 
 
 def semi_axes(matrix: FloatArray) -> FloatArray:

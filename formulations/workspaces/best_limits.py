@@ -173,7 +173,7 @@ class _Pattern:
     def _moved(self, limits: Ranges, joint: int, low: float, high: float) -> Ranges | None:
         one = self.sets.arm.steps[joint]
         first, last = limits[joint][0] + low, limits[joint][1] + high
-        if one.endless:
+        if one.continuous:
             last = min(last, first + 2 * np.pi)
         else:
             first, last = max(first, one.lower), min(last, one.upper)

@@ -111,13 +111,13 @@ class FailureSets(ABC):
         step = 2 * self.voxel if one.prismatic else self.step
         count = max(2, int(np.ceil((one.upper - one.lower) / step)) + 1)
         places = np.linspace(one.lower, one.upper, count)
-        return places[:-1] if one.endless else places
+        return places[:-1] if one.continuous else places
 
     def _within(self, joint: int, limits: Ranges) -> npt.NDArray[np.intp]:
         places = self.slices[joint]
         first, last = ((end - places[0]) / (places[1] - places[0]) for end in limits[joint])
         chosen = np.arange(np.floor(first + _TINY), np.ceil(last - _TINY) + 1).astype(int)
-        if self.arm.steps[joint].endless:
+        if self.arm.steps[joint].continuous:
             return np.unique(chosen % len(places))
         return np.unique(np.clip(chosen, 0, len(places) - 1))
 

@@ -180,16 +180,16 @@ def closed_form(arm: SerialArm, limits: Ranges) -> Planar3R | None:
 
     It is if it is planar, and has three joints and no physical limits.
     """
-    free = all(joint.endless for joint in arm.steps)
+    free = all(joint.continuous for joint in arm.steps)
     if not (arm.is_planar and len(arm.steps) == 3 and free):
         return None
-    axes, origins, tip = arm.frames(np.zeros((1, 3)))
-    links = np.diff(np.array([*origins[:, 0], tip[0]])[:, :2], axis=0)
+    straight = arm.at_zero
+    links = np.diff([*straight.points[0, :, :2], straight.end_effector[:2]], axis=0)
     lengths = np.hypot(links[:, 0], links[:, 1])
     if min(lengths) < 1e-6:
         return None
     bent = np.diff(np.arctan2(links[:, 1], links[:, 0]), prepend=0.0)
-    signs = np.sign(axes[:, 0, 2])
+    signs = np.sign(straight.directions[0, :, 2])
     ranges = [
         tuple(sorted((sign * low + angle, sign * high + angle)))
         for sign, angle, (low, high) in zip(signs, bent, limits, strict=True)

@@ -13,7 +13,7 @@ from collections.abc import Callable
 import numpy as np
 import numpy.typing as npt
 
-from formulations.kinematics.self_motion import SelfMotionPoses, arcs, solve
+from formulations.kinematics.self_motion import SelfMotionPoses, arcs, solve_pose
 from formulations.kinematics.serial_arm import Bits, Ranges, SerialArm
 from formulations.workspaces.failure_sets import SLICE, FailureSets, check_step
 from nlp.arrays import FloatArray
@@ -73,7 +73,7 @@ class PoseSets(FailureSets):
         self.dimension = len(shape)
         self.corner, self.shape = corner, shape
         self._rows = [0, 1, 5] if arm.is_planar else list(range(6))
-        self._turn = arm.steps[0].placement[:3, :3].T @ turn @ arm.turn.T
+        self._turn = arm.steps[0].placement[:3, :3].T @ turn @ arm.orientation.T
         self.slices = {k: self._positions(k) for k in range(len(arm.steps))}
         rng = np.random.default_rng(seed)
         places = np.indices(shape).reshape(len(shape), -1).T + corner
@@ -108,7 +108,7 @@ class PoseSets(FailureSets):
         inside = np.ones(len(self._q), dtype=bool)
         for k, (low, high) in enumerate(limits):
             above = self._q[:, k] - low
-            if self.arm.steps[k].endless:
+            if self.arm.steps[k].continuous:
                 above = above % _TURN
             inside &= (above >= -1e-6) & (above <= high - low + 1e-6)
         found = np.zeros(int(np.prod(self.shape)), dtype=bool)
@@ -132,7 +132,7 @@ class PoseSets(FailureSets):
                 break
             start = rng.uniform(lower[left], upper[left])
             low, high = self._open(lower[left], upper[left])
-            _, reached = solve(self._poses(points[left]), start, low, high)
+            _, reached = solve_pose(self._poses(points[left]), start, low, high)
             left = left[~reached]
         found = np.ones(len(points), dtype=bool)
         found[left] = False
@@ -140,7 +140,7 @@ class PoseSets(FailureSets):
 
     def _open(self, lower: FloatArray, upper: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Limits without ends where a joint makes a full turn."""
-        endless = np.array([one.endless for one in self.arm.steps])
+        endless = np.array([one.continuous for one in self.arm.steps])
         full = endless & (upper - lower >= _TURN - 1e-9)
         return np.where(full, -np.inf, lower), np.where(full, np.inf, upper)
 
@@ -162,7 +162,7 @@ class PoseSets(FailureSets):
             if not len(left):
                 break
             start = rng.uniform(lower, upper, (len(left), len(lower)))
-            q, reached = solve(self._poses(points[left]), start, low, high)
+            q, reached = solve_pose(self._poses(points[left]), start, low, high)
             left, q = left[reached], q[reached]
             reached_once[left] = True
             new = ~_on_known(left, q, found, turns, len(points))
@@ -188,7 +188,7 @@ class PoseSets(FailureSets):
                 if not len(row):
                     break
                 place = low[row, at].astype(int)
-                if self.arm.steps[k].endless:
+                if self.arm.steps[k].continuous:
                     place %= len(places)
                 bits[k][own[row], np.clip(place, 0, len(places) - 1)] = True
                 low += 1
@@ -230,7 +230,7 @@ def check_poses(
         allowed = f"{needed} for {kind} that holds an orientation: one more than its poses have"
         raise InputError("number of joints", len(arm.steps), f"{allowed} dimensions")
     check_step(voxel, step)
-    across = arm.steps[0].placement[:3, :3].T @ turn @ arm.turn.T
+    across = arm.steps[0].placement[:3, :3].T @ turn @ arm.orientation.T
     if arm.is_planar and abs(across[2, 2] - 1) > 1e-6:
         allowed = "a turn about the parallel axes of this planar arm from its zero posture"
         raise InputError("orientation", "out of the plane", allowed)

@@ -142,7 +142,7 @@ class ReachableSets(FailureSets):
         wide = centres.shape[1]
         found[:, :wide] = centres[drawn] + rng.uniform(-0.5, 0.5, (count, wide)) * self.voxel
         if self.arm.is_planar:
-            found[:, 2] = self.arm.frames(np.zeros((1, len(self.arm.steps))))[2][0, 2]
+            found[:, 2] = self.arm.at_zero.end_effector[2]
         return found, drawn
 
     def reaches(self, points: FloatArray, lower: FloatArray, upper: FloatArray) -> Bits:

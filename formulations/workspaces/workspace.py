@@ -237,7 +237,7 @@ def _repeated(limits: Ranges, count: int) -> FloatArray:
 def check_limits(arm: SerialArm, limits: Ranges) -> None:
     """Raise InputError unless artificial limits are in order and within the physical ones."""
     for step, (low, high) in zip(arm.steps, limits, strict=True):
-        if step.endless and -4 * np.pi <= low <= high <= min(low + 2 * np.pi, 4 * np.pi):
+        if step.continuous and -4 * np.pi <= low <= high <= min(low + 2 * np.pi, 4 * np.pi):
             continue
         if not step.lower - 1e-6 <= low <= high <= step.upper + 1e-6:
             allowed = f"two numbers in order within [{step.lower:.7g}, {step.upper:.7g}]"

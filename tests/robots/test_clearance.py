@@ -59,7 +59,8 @@ def bar(length):
 
 def test_capsules_contain_the_meshes():
     _, _, found = panda()
-    for link, capsule in zip(found.links, found.capsules, strict=True):
+    for link in found.links:
+        capsule = link.capsule
         for shape in link.shapes:
             if shape.kind != "mesh":
                 continue
@@ -199,7 +200,7 @@ def test_what_is_stated_is_what_is_measured():
     which = range(len(found.pairs))
     stated = ca.Function("excess", [q], [found.excess(q, which)])
     points = sampled(arm, 20)
-    radii = np.array([one.radius for one in found.capsules])
+    radii = np.array([one.capsule.radius for one in found.links])
     first, second = np.array(found.pairs).T
     for k, gaps in enumerate(found.distances(points).T):
         least = radii[first] + radii[second] + found.least

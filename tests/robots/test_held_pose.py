@@ -13,6 +13,7 @@ from formulations import measures
 from formulations.__main__ import main
 from formulations.kinematics.chain_between import chain_between
 from formulations.kinematics.forward import Kinematics
+from formulations.kinematics.inverse import solve_ik
 from formulations.measures.unequal_failures import FailureModel
 from formulations.paths.waypoints import read_pose
 from formulations.robots.pose_constrained_arm import Pose, PoseConstrainedArm
@@ -94,7 +95,7 @@ def test_as_good_as_the_best_of_many_points_of_the_self_motion():
     kinematics, rng = Kinematics(arm.chain), np.random.default_rng(8)
     drawn = rng.uniform(*kinematics.ranges, (7, 1500))
     target = np.array(pose.position)[:, None], pose.rotation[:, :, None]
-    points, reached = kinematics.reach(drawn, *target, iterations=60)
+    points, reached = solve_ik(kinematics, drawn, *target, iterations=60)
     sampled = [measures.worst_case_sigma(arm.jacobian(q)) for q in points[:, reached].T]
     assert len(sampled) > 200
     assert max(sampled) <= found.assessment.worst_case_sigma + 1e-6

@@ -153,9 +153,9 @@ def test_limits_bind_and_hold(made):
 def test_after_a_failure(made):
     """A sub-chain: eight joints, one held; its best posture holds it."""
     tree = made.tree(made.offset_arm(8))
-    arm = RobotArm(chain_between(tree, "l8", held={"j3": 0.7}))
+    arm = RobotArm(chain_between(tree, "l8", locked_at={"j3": 0.7}))
     found = best_posture(arm, Search(starts=4)).assessment
-    assert found.held == {"j3": 0.7}
+    assert found.locked_at == {"j3": 0.7}
     assert "j3" not in found.configuration
     whole = RobotArm(chain_between(tree, "l8"), length=found.characteristic_length)
     point = [({"j3": 0.7} | found.configuration)[name] for name in whole.chain.names]

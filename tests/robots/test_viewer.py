@@ -40,7 +40,9 @@ def text(made):
 def arm_of(text, task="all", frame="base", held=None, **more):
     tree = parse_urdf(text.encode())
     tip = tree.leaves[0]
-    return RobotArm(chain_between(tree, tip, held=held, **more), TaskSpace.parse(task, frame))
+    return RobotArm(
+        chain_between(tree, tip, locked_at=held, **more), TaskSpace.parse(task, frame)
+    )
 
 
 def configurations(arm, count=3):
