@@ -294,24 +294,11 @@ def test_bad_waypoints_are_named(tmp_path, text):
 )
 def test_paths_that_cannot_be_followed_are_refused(planar, points, duration, said):
     if "between waypoints 2" in said:  # the way leads through where the arm cannot fold to
-        planar = RobotArm(
-            narrowed(planar.chain, {"j1": (-0.5, 0.5), "j2": (-0.5, 0.5)}), planar.task
-        )
+        chain = narrowed(planar.chain, {"j1": (-0.5, 0.5), "j2": (-0.5, 0.5)})
+        planar = RobotArm(chain, planar.task)
+    path = ToolPath(np.array(points, dtype=float))
     with pytest.raises(InputError, match=said):
-        plan_path(
-            planar, ToolPath(np.array(points, dtype=float)), replace(QUICK, duration=duration)
-        )
-
-
-def test_limits_that_contradict_are_refused(arm):
-    for limits, said in (
-        ({"j9": (0, 1)}, "joint of --limits is j9"),
-        ({"j1": (1, 0)}, r"limits of j1 is \[1, 0\]"),
-        ({"j1": (3, 4)}, r"with room in the robot's \[-2, 2\]"),
-    ):
-        with pytest.raises(InputError, match=said):
-            narrowed(arm.chain, limits)
-    assert narrowed(arm.chain, {"j1": (0, 9)}).joints[1].upper == 2
+        plan_path(planar, path, replace(QUICK, duration=duration))
 
 
 def test_speeds_are_read_and_narrowed_by_mimics(made):
