@@ -31,6 +31,8 @@ from formulations.measures.assessment import measure as measure
 from formulations.measures.canonical import canonical_form as canonical_form
 from formulations.measures.canonical import group_equivalent as group_equivalent
 from formulations.measures.unequal_failures import FailureModel as FailureModel
+from formulations.paths.search import plan_path as plan_path
+from formulations.paths.waypoints import read_waypoints as read_waypoints
 
 # Figures: of what is computed.
 from formulations.plot.values import plot as plot
@@ -42,15 +44,13 @@ from formulations.realise.write_urdf import urdf as urdf
 from formulations.registry import bound as bound
 from formulations.registry import formulation as formulation
 from formulations.registry import register as register
-from formulations.robots.held_pose import Pose as Pose
-from formulations.robots.path import plan_path as plan_path
+from formulations.robots.pose_constrained_arm import Pose as Pose
 from formulations.robots.posture import best_posture as best_posture
 from formulations.robots.robot_arm import RobotArm as RobotArm
 from formulations.robots.robot_assessment import RobotAssessment as RobotAssessment
 from formulations.robots.robot_assessment import measure_robot as measure_robot
 from formulations.robots.structural import StructuralFailure as StructuralFailure
 from formulations.robots.structural import structural_failures as structural_failures
-from formulations.robots.waypoints import read_waypoints as read_waypoints
 from formulations.solving.case import Case as Case
 from formulations.solving.outcome import Outcome as Outcome
 from formulations.solving.record import Record as Record

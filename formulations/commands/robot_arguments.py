@@ -16,7 +16,7 @@ from nlp.files import load_json, read_bytes, real_in
 if TYPE_CHECKING:
     from formulations.clearance.link_clearance import LinkClearance
     from formulations.kinematics.chain import Chain
-    from formulations.robots.held_pose import Pose
+    from formulations.robots.pose_constrained_arm import Pose
     from formulations.robots.robot_arm import RobotArm
     from formulations.robots.robot_assessment import RobotAssessment
     from nlp.arrays import FloatArray
@@ -168,8 +168,8 @@ def chain(
 
 def pose(text: str | None, tolerance: str | None) -> Pose | None:
     """Read --at and --tolerance; InputError if they are not what is allowed."""
-    from formulations.robots.held_pose import Pose
-    from formulations.robots.waypoints import read_pose
+    from formulations.paths.waypoints import read_pose
+    from formulations.robots.pose_constrained_arm import Pose
 
     if text is None:
         if tolerance is not None:

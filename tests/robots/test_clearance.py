@@ -14,7 +14,7 @@ from formulations.clearance.shapes import Shape
 from formulations.kinematics.chain_between import chain_between
 from formulations.kinematics.read_urdf import read_urdf
 from formulations.kinematics.tree import RobotError
-from formulations.robots.held_pose import HeldArm, Pose
+from formulations.robots.pose_constrained_arm import Pose, PoseConstrainedArm
 from formulations.robots.posture import best_posture
 from formulations.robots.posture_search import Search
 from formulations.robots.robot_arm import RobotArm
@@ -235,7 +235,7 @@ def test_links_keep_the_distance_that_is_asked_for(made, tmp_path):
     assert kept.clearance.capsules == pytest.approx(asked, abs=1e-5)
     assert kept.assessment.worst_case_sigma < free.assessment.worst_case_sigma - 1e-3
     assert kept.at.position_error < 1e-6
-    held = HeldArm(arm.chain, arm.task, None, pose)
+    held = PoseConstrainedArm(arm.chain, arm.task, None, pose)
     points = held.configurations
     apart = read_clearance(path, arm.chain, asked).is_kept(points)
     left = [arm_sigma(arm, q) for q in points[:, apart].T]

@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from formulations.kinematics.self_motion import SelfMotionPoses, arcs, solve_pose
 from formulations.kinematics.serial_arm import Bits, Ranges, SerialArm
-from formulations.robots.failure_sets import SLICE, FailureSets, check_step
+from formulations.workspaces.failure_sets import SLICE, FailureSets, check_step
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
 
@@ -98,7 +98,7 @@ class PoseSets(FailureSets):
         n = len(arm.steps)
         self._q = np.concatenate([np.zeros((0, n), dtype=np.float32), *found])
         self._owners = np.concatenate([np.zeros(0, dtype=np.intp), *owners])
-        self._kept = {
+        self._reached = {
             k: [np.packbits(one[:, place]) for place in range(one.shape[1])]
             for k, one in bits.items()
         }

@@ -6,16 +6,16 @@ in `survival`.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
 
 from formulations.kinematics.forward import Kinematics
 from formulations.kinematics.inverse import BoolArray
-from formulations.robots.path_plan import IntArray
-from formulations.robots.survival import JUMP, Poses, survivors
-from formulations.robots.waypoints import place_name
+from formulations.kinematics.link_chain import IntArray
+from formulations.paths.survival import JUMP, survivors
+from formulations.paths.waypoints import Poses, place_name
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
 
@@ -61,25 +61,19 @@ class Nodes:
         ends = np.concatenate([ends for _, ends in self._known[sample]], axis=1)
         return np.asarray(ends == len(self._poses) - 1)
 
-    def add_tracks(self, tracks: FloatArray) -> None:
-        """Add tracks, shape (N, n, B), NaN where they have no configuration, and test them."""
-        valid = np.isfinite(tracks[:, 0])
-        samples, which = np.nonzero(valid)
+    def add(self, samples: IntArray, nodes: FloatArray) -> None:
+        """Add configurations, shape (n, B), each at its sample, (B,), and test them."""
         if not len(samples):
             return
-        nodes = tracks[samples, :, which].T
         ends = survivors(self._kinematics, nodes, samples, self._poses, seed=self._seed)
         for sample in np.unique(samples):
             here = samples == sample
             self._known[sample].append((nodes[:, here], ends[:, here]))
 
-    def add(self, found: Mapping[int, FloatArray]) -> None:
-        """Add configurations at some samples, shape (n, B) at each, and test them."""
-        most = max((one.shape[1] for one in found.values()), default=0)
-        tracks = np.full((len(self._poses), self._kinematics.size, most), np.nan)
-        for sample, nodes in found.items():
-            tracks[sample, :, : nodes.shape[1]] = nodes
-        self.add_tracks(tracks)
+    def add_tracks(self, tracks: FloatArray) -> None:
+        """Add tracks, shape (N, n, B), NaN where they have no configuration."""
+        samples, which = np.nonzero(np.isfinite(tracks[:, 0]))
+        self.add(samples, tracks[samples, :, which].T)
 
     def best_sequence(
         self, most: FloatArray, names: Sequence[str], places: FloatArray
@@ -103,18 +97,17 @@ class Nodes:
         nodes = [self.at(k) for k in range(len(self._poses))]
         scores = [np.sum(self.survives(k), axis=0) for k in range(len(self._poses))]
         value = scores[0].astype(float)
-        chosen = []
+        origins = []
         for k, (now, later) in enumerate(pairwise(nodes)):
             total = value[:, None] - _cost(now, later, most[k])
-            from_ = np.argmax(total, axis=0)
-            chosen.append(from_)
-            value = total[from_, np.arange(len(from_))] + scores[k + 1]
+            origins.append(np.argmax(total, axis=0))
+            value = np.max(total, axis=0) + scores[k + 1]
             if not np.any(np.isfinite(value)):
-                _refuse_gap(now, later, most[k], names, place_name(float(places[k + 1])))
+                raise _gap(now, later, most[k], names, place_name(float(places[k + 1])))
         at = int(np.argmax(value))
         sequence = [nodes[-1][:, at]]
-        for from_, before in zip(reversed(chosen), reversed(nodes[:-1]), strict=True):
-            at = int(from_[at])
+        for origin, before in zip(reversed(origins), reversed(nodes[:-1]), strict=True):
+            at = int(origin[at])
             sequence.append(before[:, at])
         return np.array(sequence[::-1])
 
@@ -129,20 +122,16 @@ def _cost(now: FloatArray, later: FloatArray, most: FloatArray) -> FloatArray:
     return cost
 
 
-def _refuse_gap(
+def _gap(
     now: FloatArray, later: FloatArray, most: FloatArray, names: Sequence[str], where: str
-) -> None:
-    """Refuse a path that no sequence passes: the limits of speed, or of position."""
-    least, name = np.inf, ""
-    for point in now.T:
-        ratio = np.abs(later - point[:, None]) / most[:, None]
-        worst = np.max(ratio, axis=0)
-        at = int(np.argmin(worst))
-        if worst[at] < least:
-            least = float(worst[at])
-            name = names[int(np.argmax(ratio[:, at]))]
+) -> InputError:
+    """Say why no sequence passes: the limits of speed, or of position."""
+    ratios = [np.abs(later - point[:, None]) / most[:, None] for point in now.T]
+    nearest = min((ratio[:, np.argmin(np.max(ratio, axis=0))] for ratio in ratios), key=np.max)
+    least = float(np.max(nearest))
     if least > _SPEED:
+        name = names[int(np.argmax(nearest))]
         allowed = f"at least {1.1 * least:.2g} times as much time there"
-        raise InputError(f"speed of {name} at {where}", f"{least:.3g} of its limit", allowed)
+        return InputError(f"speed of {name} at {where}", f"{least:.3g} of its limit", allowed)
     allowed = "a path that one trajectory follows within the joints' limits"
-    raise InputError(where, "reached from no configuration before it", allowed)
+    return InputError(where, "reached from no configuration before it", allowed)

@@ -9,8 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from formulations import measures
-from formulations.kinematics.chain import Chain
-from formulations.kinematics.link_chain import rotation
+from formulations.kinematics.forward import Kinematics
 from formulations.robots.robot_arm import RobotArm
 from nlp.arrays import FloatArray, finite_vector
 from nlp.errors import InputError
@@ -88,55 +87,35 @@ def picture(
         if name not in names:
             raise InputError("locked joint", name, "one of " + ", ".join(names))
     point = finite_vector("configuration", configuration, arm.size)
-    matrix, m = arm.jacobian(point), arm.shape[0]
-    gone = [k for k, name in enumerate(names) if name in locked]
-    left = np.delete(matrix, gone, axis=1)
+    matrix = arm.jacobian(point)
+    indices = [k for k, name in enumerate(names) if name in locked]
+    remaining = np.delete(matrix, indices, axis=1)
     worst_case, worst_joint = 0.0, None
-    if left.shape[1] > m:
-        found = measures.worst_case(left)
-        kept = [name for name in names if name not in locked]
-        worst_case, worst_joint = found.sigma, kept[found.joints[0]]
-    failed = gone or ([names.index(worst_joint)] if worst_joint else [])
+    if remaining.shape[1] > len(matrix):
+        worst = measures.worst_case(remaining)
+        worst_case = worst.sigma
+        worst_joint = [name for name in names if name not in locked][worst.joints[0]]
+    failed = indices or ([names.index(worst_joint)] if worst_joint else [])
     after = np.delete(matrix, failed, axis=1)
-    origins, axes, pose = frames(arm.chain, point)
-    turn = pose[:3, :3] if arm.task.frame == "tip" else np.eye(3)
+    axes, origins, tip, orientation = Kinematics(arm.chain).frames(point[:, None])
+    rotated = orientation[..., 0] if arm.task.frame == "tip" else np.eye(3)
     rows = slice(0, 3) if arm.task.linear else slice(3, 6)
-    direction = _along_base(arm, measures.weakest_direction(after)[:, None], turn)[:, 0]
+    direction = _along_base(arm, measures.weakest_direction(after)[:, None], rotated)[:, 0]
     return RobotPicture(
-        origins=origins,
-        axes=axes,
-        tip=pose[:3, 3],
-        before=semi_axes(_along_base(arm, matrix, turn)[rows]),
-        after=semi_axes(_along_base(arm, after, turn)[rows]),
-        locked=tuple(names[k] for k in gone),
+        origins=origins[..., 0],
+        axes=axes[..., 0],
+        tip=tip[:, 0],
+        before=semi_axes(_along_base(arm, matrix, rotated)[rows]),
+        after=semi_axes(_along_base(arm, after, rotated)[rows]),
+        locked=tuple(names[k] for k in indices),
         failed=tuple(names[k] for k in failed),
         direction=direction,
         length=arm.length_at(point),
         sigma=_smallest(matrix),
-        sigma_left=_smallest(left),
+        sigma_left=_smallest(remaining),
         worst_case=worst_case,
         worst_joint=worst_joint,
     )
-
-
-def frames(
-    chain: Chain, configuration: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return origins and unit axes of a chain's motions, (k, 3), and its tip's pose, 4×4."""
-    pose = np.eye(4)
-    origins, axes = [], []
-    for motion in chain.motions:
-        pose = pose @ np.array(motion.placement)
-        axis, moved = np.array(motion.axis), np.eye(4)
-        value = motion.multiplier * configuration[motion.variable] + motion.offset
-        origins.append(pose[:3, 3])
-        axes.append(pose[:3, :3] @ axis)
-        if motion.prismatic:
-            moved[:3, 3] = value * axis
-        else:
-            moved[:3, :3] = rotation(axis, np.asarray(value))
-        pose = pose @ moved
-    return np.array(origins), np.array(axes), pose @ np.array(chain.end)
 
 
 def semi_axes(matrix: FloatArray) -> FloatArray:
@@ -152,32 +131,33 @@ def _smallest(matrix: FloatArray) -> float:
     return float(np.linalg.svd(matrix, compute_uv=False)[-1]) if n >= m else 0.0
 
 
-def _along_base(arm: RobotArm, matrix: FloatArray, turn: FloatArray) -> FloatArray:
+def _along_base(arm: RobotArm, matrix: FloatArray, rotated: FloatArray) -> FloatArray:
     """Return rows of the task as all six (v; ω) along the base's axes, 0 where it has none."""
     full = np.zeros((6, matrix.shape[1]))
     full[arm.task.rows] = matrix
-    return np.vstack([turn @ full[:3], turn @ full[3:]])
+    return np.vstack([rotated @ full[:3], rotated @ full[3:]])
 
 
 def numbers(shown: RobotPicture, arm: RobotArm) -> str:
     """Return the numbers of a picture as Markdown."""
-    largest = [f"{np.linalg.norm(one[:, 0]):.4f}" for one in (shown.before, shown.after)]
+    largest = [f"{np.linalg.norm(axes[:, 0]):.4f}" for axes in (shown.before, shown.after)]
+    names = ("vx", "vy", "vz", "wx", "wy", "wz")
     direction = "  ".join(
         f"{name} {value:+.2f}"
-        for name, value in zip(
-            ("vx", "vy", "vz", "wx", "wy", "wz"), shown.direction, strict=True
-        )
+        for name, value in zip(names, shown.direction, strict=True)
         if arm.task.mixed or abs(value) > NO_ARROW
     )
-    rows = {
-        "sigma, all joints": f"{shown.sigma:.4f}",
-        "sigma, locked joints out": f"{shown.sigma_left:.4f}",
-        "worst case of one more": f"**{shown.worst_case:.4f}**",
-        "worst joint": shown.worst_joint or "no joint to spare",
-        "locked": ", ".join(shown.locked) or "none",
-        "largest velocity": " → ".join(largest),
-        "worst direction": direction,
-        "length": f"{shown.length:.4f} m",
-    }
-    lines = [f"| {name} | {value} |" for name, value in rows.items()]
-    return "\n".join(["| | |", "|:--|:--|", *lines])
+    return "\n".join(
+        [
+            "| | |",
+            "|:--|:--|",
+            f"| sigma, all joints | {shown.sigma:.4f} |",
+            f"| sigma, locked joints out | {shown.sigma_left:.4f} |",
+            f"| worst case of one more | **{shown.worst_case:.4f}** |",
+            f"| worst joint | {shown.worst_joint or 'no joint to spare'} |",
+            f"| locked | {', '.join(shown.locked) or 'none'} |",
+            f"| largest velocity | {' → '.join(largest)} |",
+            f"| worst direction | {direction} |",
+            f"| length | {shown.length:.4f} m |",
+        ]
+    )

@@ -23,12 +23,54 @@ import numpy.typing as npt
 from scipy import ndimage
 
 from formulations.kinematics.serial_arm import Bits, Ranges, SerialArm, moved, moved_back
-from formulations.robots.cylinder_grid import check_grid
-from formulations.robots.failure_sets import SLICE, FailureSets
+from formulations.workspaces.failure_sets import SLICE, FailureSets, check_step
 from nlp.arrays import FloatArray
+from nlp.errors import InputError
 
 _TURN = 2 * np.pi
 _TINY = 1e-9
+_MOST_CELLS = 5_000_000
+
+
+@dataclass(frozen=True)
+class _CylinderGrid:
+    """A grid of cylindrical coordinates (z, r, φ) about a joint's axis."""
+
+    cell: float
+    bottom: int  # of z, in cells
+    height: int
+    inner: int  # of r, in cells
+    radii: int
+    angles: int
+
+    @property
+    def shape(self) -> tuple[int, int, int]:
+        """Number of cells in z, r and φ."""
+        return self.height, self.radii, self.angles
+
+    @property
+    def size(self) -> int:
+        """Number of all cells."""
+        return self.height * self.radii * self.angles
+
+    def index(self, points: FloatArray) -> npt.NDArray[np.int32]:
+        """Cells of points (k, 3) in the flat grid; its size for those outside."""
+        z = np.floor(points[:, 2] / self.cell + 0.5).astype(int) - self.bottom
+        r = np.floor(np.hypot(points[:, 0], points[:, 1]) / self.cell).astype(int) - self.inner
+        turn = np.arctan2(points[:, 1], points[:, 0]) / _TURN * self.angles
+        phi = np.floor(turn).astype(int) % self.angles
+        inside = (z >= 0) & (z < self.height) & (r >= 0) & (r < self.radii)
+        flat = (z * self.radii + r) * self.angles + phi
+        return np.where(inside, flat, self.size).astype(np.int32)
+
+    def centres(self) -> FloatArray:
+        """Centres of the cells, shape (size, 3)."""
+        z = (np.arange(self.height) + self.bottom) * self.cell
+        r = (np.arange(self.radii) + self.inner + 0.5) * self.cell
+        phi = (np.arange(self.angles) + 0.5) * _TURN / self.angles
+        heights, radii, turns = np.meshgrid(z, r, phi, indexing="ij")
+        points = [radii * np.cos(turns), radii * np.sin(turns), heights]
+        return np.stack(points, axis=-1).reshape(-1, 3)
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,22 +116,21 @@ class ReachableSets(FailureSets):
         self.arm, self.voxel, self.step = arm, voxel, step
         self._prepare()
         self.slices: dict[int, FloatArray] = {}
-        self._kept: dict[int, list[npt.NDArray[np.uint8]]] = {}
+        self._reached: dict[int, list[npt.NDArray[np.uint8]]] = {}
         free = self._from_tip(arm.physical)
         for joint, name in enumerate(one.name for one in arm.steps):
             if arm.idle[joint]:
                 continue
             progress(f"failures of {name}")
             self.slices[joint] = self._positions(joint)
-            self._kept[joint] = [
+            self._reached[joint] = [
                 np.packbits(self._base(self._to_base(free[joint], joint, float(place))))
                 for place in self.slices[joint]
             ]
 
     def before(self, limits: Ranges) -> Bits:
         """Voxels that are reached within limits, before a failure."""
-        whole = self._from_tip(limits)
-        return self._base(self._swept(whole[0], 0, limits[0]))
+        return self._base(self._swept(self._from_tip(limits)[0], 0, limits[0]))
 
     def points(
         self, voxels: Bits, rng: np.random.Generator, count: int
@@ -152,93 +193,80 @@ class ReachableSets(FailureSets):
 
     def _from_tip(self, limits: Ranges) -> list[_Reach]:
         """For each joint the set in its moving frame, from the joints after it."""
-        found = _Reach(self._flat.tip[None], None, 0)
-        sets = [found]
+        sets = [_Reach(self._flat.tip[None], None, 0)]
         for joint in range(len(limits) - 1, 0, -1):
-            found = self._carried(self._swept(found, joint, limits[joint]), joint)
-            sets.append(found)
+            sets.append(self._carried(self._swept(sets[-1], joint, limits[joint]), joint))
         return sets[::-1]
 
-    def _to_base(self, found: _Reach, joint: int, place: float) -> _Reach:
+    def _to_base(self, reach: _Reach, joint: int, place: float) -> _Reach:
         """Return the set in the frame of joint 1 if a joint is locked at a place."""
-        found = self._swept(found, joint, (place, place))
+        reach = self._swept(reach, joint, (place, place))
         for k in range(joint - 1, -1, -1):
-            found = self._swept(self._carried(found, k + 1), k, self.arm.physical[k])
-        return found
+            reach = self._swept(self._carried(reach, k + 1), k, self.arm.physical[k])
+        return reach
 
-    def _swept(self, found: _Reach, joint: int, limits: tuple[float, float]) -> _Reach:
+    def _swept(self, reach: _Reach, joint: int, limits: tuple[float, float]) -> _Reach:
         prismatic = self.arm.steps[joint].prismatic
         low, high = limits
-        thin = low == high or found.dimension < self.dimension - 1
-        if found.points is not None and thin:
-            return self._swept_points(found, prismatic, low, high)
-        cells = self._cells(found, joint)
-        grid = self._grids[joint]
+        thin = low == high or reach.dimension < self.dimension - 1
+        if reach.points is not None and thin:
+            return self._swept_points(reach, prismatic, low, high)
+        cells, grid = self._cells(reach, joint), self._grids[joint]
         unit = self.voxel if prismatic else _TURN / grid.angles
         first, last = round(low / unit), round(high / unit)
         size = last - first + 1
-        axis, mode = (0, "constant") if prismatic else (2, "wrap")
-        if prismatic:
-            wide = (
-                ndimage.maximum_filter1d(cells, size, axis=axis, mode=mode)
-                if size > 1
-                else cells
-            )
-            cells = _shifted(wide, last - size // 2)
-        elif size >= grid.angles:
+        if not prismatic and size >= grid.angles:
             cells = np.broadcast_to(cells.any(axis=2, keepdims=True), grid.shape)
         else:
-            wide = (
-                ndimage.maximum_filter1d(cells, size, axis=axis, mode=mode)
-                if size > 1
-                else cells
-            )
-            cells = np.roll(wide, last - size // 2, axis=2)
-        return _Reach(None, cells, found.dimension + (size > 1))
+            axis, mode = (0, "constant") if prismatic else (2, "wrap")
+            if size > 1:
+                cells = ndimage.maximum_filter1d(cells, size, axis=axis, mode=mode)
+            shift = last - size // 2
+            cells = _shifted(cells, shift) if prismatic else np.roll(cells, shift, axis=2)
+        return _Reach(None, cells, reach.dimension + (size > 1))
 
-    def _swept_points(self, found: _Reach, prismatic: bool, low: float, high: float) -> _Reach:
-        assert found.points is not None
-        points = found.points
+    def _swept_points(self, reach: _Reach, prismatic: bool, low: float, high: float) -> _Reach:
+        assert reach.points is not None
+        points = reach.points
         far = 1.0 if prismatic else float(np.hypot(points[:, 0], points[:, 1]).max())
         moves = high > low and far > _TINY
         count = int(np.ceil((high - low) * far / (self.voxel / 2))) + 1 if moves else 1
-        places = np.linspace(low, high, count)
+        places = np.linspace(low, high, count)[:, None]
+        x, y, z = (np.broadcast_to(column, (count, len(points))) for column in points.T)
         if prismatic:
-            all_points = points[None] + places[:, None, None] * np.array([0, 0, 1.0])
+            z = z + places
         else:
-            cos, sin = np.cos(places)[:, None], np.sin(places)[:, None]
-            x, y = points[:, 0], points[:, 1]
-            z = np.broadcast_to(points[:, 2], (count, len(points)))
-            all_points = np.stack([cos * x - sin * y, sin * x + cos * y, z], axis=-1)
-        flat = all_points.reshape(-1, 3)
-        if len(flat) > 1:
-            rounded = np.round(flat / (self.voxel / 4)).astype(np.int32)
-            _, kept = np.unique(rounded, axis=0, return_index=True)
-            flat = flat[kept]
-        return _Reach(flat, None, found.dimension + moves)
+            cos, sin = np.cos(places), np.sin(places)
+            x, y = cos * x - sin * y, sin * x + cos * y
+        swept = np.stack([x, y, z], axis=-1).reshape(-1, 3)
+        if len(swept) > 1:
+            rounded = np.round(swept / (self.voxel / 4)).astype(np.int32)
+            swept = swept[np.unique(rounded, axis=0, return_index=True)[1]]
+        return _Reach(swept, None, reach.dimension + moves)
 
-    def _carried(self, found: _Reach, joint: int) -> _Reach:
+    def _carried(self, reach: _Reach, joint: int) -> _Reach:
         """Return a set of a joint's fixed frame in the moving frame of the previous one."""
-        if found.points is not None:
+        if reach.points is not None:
             placement = self._flat.steps[joint].placement
-            return replace(found, points=moved(placement, found.points))
-        cells = np.append(self._cells(found, joint).ravel(), False)
-        return replace(
-            found, cells=cells[self._maps[joint - 1]].reshape(self._grids[joint - 1].shape)
-        )
+            return replace(reach, points=moved(placement, reach.points))
+        cells = self._mapped(reach, joint, self._maps[joint - 1])
+        return replace(reach, cells=cells.reshape(self._grids[joint - 1].shape))
 
-    def _cells(self, found: _Reach, joint: int) -> Bits:
-        if found.cells is not None:
-            return found.cells
-        assert found.points is not None
+    def _cells(self, reach: _Reach, joint: int) -> Bits:
+        if reach.cells is not None:
+            return reach.cells
+        assert reach.points is not None
         grid = self._grids[joint]
         marked = np.zeros(grid.size + 1, dtype=bool)
-        marked[grid.index(found.points)] = True
+        marked[grid.index(reach.points)] = True
         return marked[:-1].reshape(grid.shape)
 
-    def _base(self, found: _Reach) -> Bits:
-        cells = np.append(self._cells(found, 0).ravel(), False)
-        return np.asarray(cells[self._base_map].reshape(self.shape))
+    def _mapped(self, reach: _Reach, joint: int, indices: npt.NDArray[np.int32]) -> Bits:
+        """Return cells of a joint's grid by their indices; beyond it there are none."""
+        return np.append(self._cells(reach, joint).ravel(), False)[indices]
+
+    def _base(self, reach: _Reach) -> Bits:
+        return self._mapped(reach, 0, self._base_map).reshape(self.shape)
 
 
 def _flat(placement: FloatArray) -> FloatArray:
@@ -254,3 +282,34 @@ def _shifted(cells: Bits, by: int) -> Bits:
     if abs(by) < count:
         found[max(by, 0) : count + min(by, 0)] = cells[max(-by, 0) : count - max(by, 0)]
     return found
+
+
+def check_grid(arm: SerialArm, voxel: float, step: float) -> list[_CylinderGrid]:
+    """Return the grid of each joint, for all that links of such lengths can reach.
+
+    Raises
+    ------
+    InputError
+        As `ReachableSets` does.
+    """
+    solid = 2 if arm.is_planar else 3
+    moving = len(arm.steps) - sum(arm.idle)
+    if moving <= solid:
+        allowed = f"more than {solid}: with one locked, what is reached has no size"
+        raise InputError("number of joints that move the tip", moving, allowed)
+    check_step(voxel, step)
+    reach = float(np.linalg.norm(arm.tip))
+    grids: list[_CylinderGrid] = []
+    for joint in reversed(arm.steps):
+        reach += max(abs(joint.lower), abs(joint.upper)) if joint.prismatic else 0.0
+        radii = int(reach / voxel) + 2
+        height = 1 if arm.is_planar else 2 * radii + 1
+        plane = -(height // 2)
+        angles = max(16, round(_TURN * radii))
+        grid = _CylinderGrid(voxel, plane, height, 0, radii, angles)
+        if grid.size > _MOST_CELLS:
+            allowed = f"larger: the grid has at most {_MOST_CELLS} cells"
+            raise InputError("voxel", f"{voxel:g}", allowed)
+        grids.insert(0, grid)
+        reach += float(np.linalg.norm(joint.placement[:3, 3]))
+    return grids

@@ -3,12 +3,12 @@
 1. Candidate tracks: configurations at several samples of the path, found by inverse kinematics
    from random starts, follow the path both ways. Some stay near minimum norm, some drift
    towards the middle of the joints' ranges.
-2. Every configuration of every track is a node, see `path_nodes`. Its score is the number of
+2. Every configuration of every track is a node, see `nodes`. Its score is the number of
    joints that may lock there, by the test in `survival`.
 3. Dynamic programming over the nodes: the sequence of the largest total score, with joint
    speeds within their limits, and little motion. Then again with tracks beside it.
-4. A polish, see `path_polish`: one sparse nonlinear program for the whole trajectory. It makes
-   the trajectory smooth, and draws each joint whose failure is fatal to the nearest position
+4. A polish, see `polish`: one sparse nonlinear program for the whole trajectory. It makes
+   the trajectory smooth, and draws each joint whose failure is critical to the nearest position
    from which the path can be finished. What it gives is tested again, and kept only if the
    share that survives rises, or if it stays and the trajectory is smoother.
 """
@@ -16,19 +16,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from formulations import measures
 from formulations.kinematics.forward import Kinematics
-from formulations.kinematics.inverse import solve_ik
-from formulations.robots.path_nodes import Nodes
-from formulations.robots.path_plan import PathPlan, Trajectory
-from formulations.robots.path_polish import polished
+from formulations.kinematics.inverse import BoolArray, solve_ik
+from formulations.paths.nodes import Nodes
+from formulations.paths.plan import PathPlan, Trajectory
+from formulations.paths.polish import polished
+from formulations.paths.survival import follow, on_path, survivors
+from formulations.paths.waypoints import ToolPath, place_name
 from formulations.robots.robot_arm import RobotArm
-from formulations.robots.survival import follow, on_path, survivors
-from formulations.robots.waypoints import ToolPath, place_name
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
 
@@ -123,35 +124,53 @@ class _Planner:
         search = self.search
         self.check_reach()
         search.progress("candidate tracks")
-        base = self._add_candidates()
+        minimum_norm = self._add_candidates()
         search.progress("dynamic programming")
-        best = self._best_sequence()
-        found, statuses, improved, complete = None, [], False, True
+        sequence = self._best_sequence()
+        planned, statuses, improved, complete = None, [], False, True
         try:
             for _ in range(search.rounds):
-                self.nodes.add_tracks(self._beside(best))
-                best = self._best_sequence()
+                self.nodes.add_tracks(self._beside(sequence))
+                sequence = self._best_sequence()
             self._add_scattered()
-            found = self._measured(best)
+            planned = self._measured(sequence)
             for weight in _SMOOTHNESS if search.polish else ():
                 search.progress(f"polish, smoothness {weight:g}")
                 status, moved = polished(
-                    self.arm, self.poses, self.most, found, self.nodes, weight
+                    self.arm, self.poses, self.most, planned, self.nodes, weight
                 )
                 statuses.append(status)
-                tried = found if moved is None else self._measured(moved)
-                gain = tried.share - found.share
-                if gain > _SAME or (gain > -_SAME and tried.roughness < found.roughness):
-                    found, improved = tried, True
+                tried = planned if moved is None else self._measured(moved)
+                gain = tried.share - planned.share
+                if gain > _SAME or (gain > -_SAME and tried.roughness < planned.roughness):
+                    planned, improved = tried, True
         except KeyboardInterrupt:  # the best sequence so far is an answer, too
             complete = False
-        found = found or self._measured(best)
-        return replace(self._report(found, base, statuses, improved), complete=complete)
+        planned = planned or self._measured(sequence)
+        q = planned.configurations
+        middle, _ = self.kinematics.forward((q[1:] + q[:-1]).T / 2, jacobian=False)
+        straight = (self.poses.positions[1:] + self.poses.positions[:-1]).T / 2
+        return PathPlan(
+            joints=self.arm.chain.names,
+            times=self.times,
+            places=self.places,
+            poses=self.poses,
+            planned=planned,
+            minimum_norm=None if minimum_norm is None else self._measured(minimum_norm),
+            **self._ceilings(planned.survives),
+            nodes=self.nodes.count,
+            polished=improved,
+            statuses=tuple(statuses),
+            deviation=float(np.max(np.linalg.norm(middle - straight, axis=0))),
+            speed=float(np.max(np.abs(np.diff(q, axis=0)) / self.most)),
+            complete=complete,
+        )
 
     def check_reach(self) -> None:
         """Raise InputError if a waypoint is out of reach."""
-        whole = np.flatnonzero(np.abs(self.places - np.round(self.places)) < 1e-9)
-        for sample in whole.tolist():
+        for sample in np.flatnonzero(
+            np.abs(self.places - np.round(self.places)) < 1e-9
+        ).tolist():
             if not self._on_path(sample, _FIRST).shape[1]:
                 self._reachable(sample)
 
@@ -161,37 +180,40 @@ class _Planner:
 
     def _reachable(self, sample: int) -> FloatArray:
         """Return configurations at a sample from many starts; InputError if there is none."""
-        found = self._on_path(sample, _REACH)
-        if found.shape[1]:
-            return found
+        q = self._on_path(sample, _REACH)
+        if q.shape[1]:
+            return q
         where = place_name(float(self.places[sample]))
-        shown = ", ".join(f"{one:.4g}" for one in self.poses.positions[sample])
+        position = ", ".join(f"{x:.4g}" for x in self.poses.positions[sample])
         pose = "a pose" if self.kinematics.angular else "a position"
         limits = "that the arm reaches within its joints' limits"
-        raise InputError(where, f"out of reach at ({shown})", f"{pose} {limits}")
+        raise InputError(where, f"out of reach at ({position})", f"{pose} {limits}")
 
     def _add_candidates(self) -> FloatArray | None:
         """Add the first tracks; return the track of minimum norm, shape (N, n)."""
         last = len(self.times) - 1
         anchors = np.unique(np.linspace(0, last, _ANCHORS).astype(int))
         per_anchor = -(-self.search.tracks // len(anchors))
-        base = None
+        half = (per_anchor + 1) // 2
+        minimum_norm = None
         for anchor in anchors.tolist():
-            found = self._on_path(anchor, 6 * per_anchor)
-            half = (per_anchor + 1) // 2
-            for part, centre in ((found[:, :half], 0.0), (found[:, half:per_anchor], 0.05)):
-                track, _ = follow(self.kinematics, part, self.poses, anchor, centre=centre)
-                back, _ = follow(
-                    self.kinematics, part, self.poses, anchor, step=-1, centre=centre
+            starts = self._on_path(anchor, 6 * per_anchor)
+            for part, centre in ((starts[:, :half], 0.0), (starts[:, half:per_anchor], 0.05)):
+                track, back = (
+                    follow(self.kinematics, part, self.poses, anchor, step=step, centre=centre)[
+                        0
+                    ]
+                    for step in (1, -1)
                 )
                 track[:anchor] = back[:anchor]
                 self.nodes.add_tracks(track)
-            if anchor == 0 and found.shape[1]:
-                base = self._minimum_norm(found)
+            if anchor == 0 and starts.shape[1]:
+                minimum_norm = self._minimum_norm(starts)
         for sample in range(len(self.times)):
             if not self.nodes.any_at(sample):
-                self.nodes.add({sample: self._reachable(sample)[:, : self.search.tracks]})
-        return base
+                q = self._reachable(sample)[:, : self.search.tracks]
+                self.nodes.add(np.full(q.shape[1], sample), q)
+        return minimum_norm
 
     def _minimum_norm(self, starts: FloatArray) -> FloatArray | None:
         lower, upper = self.arm.bounds
@@ -204,20 +226,22 @@ class _Planner:
 
     def _add_scattered(self) -> None:
         """Add configurations that no track led to: for the ceiling."""
-        some = range(0, len(self.times), 2)
-        self.nodes.add({sample: self._on_path(sample, 60) for sample in some})
+        samples = range(0, len(self.times), 2)
+        parts = [self._on_path(sample, 60) for sample in samples]
+        counts = [part.shape[1] for part in parts]
+        self.nodes.add(np.repeat(samples, counts), np.concatenate(parts, axis=1))
 
-    def _beside(self, best: FloatArray) -> FloatArray:
+    def _beside(self, sequence: FloatArray) -> FloatArray:
         """Return tracks beside a sequence: each is pushed the same way at all samples."""
         count = max(8, self.search.tracks // 4)
-        push = self.rng.normal(size=(best.shape[1], count))
+        push = self.rng.normal(size=(sequence.shape[1], count))
         push *= self.rng.uniform(0.02, 0.3, count) / np.linalg.norm(push, axis=0)
-        tracks = np.full((*best.shape, count), np.nan)
-        for sample, point in enumerate(best):
+        tracks = np.full((*sequence.shape, count), np.nan)
+        for sample, point in enumerate(sequence):
             start = np.clip(point[:, None] + push, self.kinematics.lower, self.kinematics.upper)
             q, reached = solve_ik(self.kinematics, start, *self.poses.at(sample), iterations=12)
             tracks[sample] = np.where(reached, q, np.nan)
-        tracks[:, :, 0] = best
+        tracks[:, :, 0] = sequence
         return tracks
 
     def _best_sequence(self) -> FloatArray:
@@ -228,43 +252,24 @@ class _Planner:
         ends = survivors(
             self.kinematics, configurations.T, samples, self.poses, seed=self.search.seed
         )
-        sigma = [measures.worst_case_sigma(self.arm.jacobian(one)) for one in configurations]
+        sigma = [measures.worst_case_sigma(self.arm.jacobian(q)) for q in configurations]
         return Trajectory(configurations, ends.T, np.array(sigma))
 
-    def _report(
-        self, found: Trajectory, base: FloatArray | None, statuses: list[str], improved: bool
-    ) -> PathPlan:
+    def _ceilings(self, own: BoolArray) -> dict[str, Any]:
+        """What no trajectory through the nodes exceeds; `own` is what one survives, (N, n)."""
         final = len(self.times) - 1
-        kept = [self.nodes.survives(k) for k in range(final + 1)]
         nodes = [self.nodes.at(k) for k in range(final + 1)]
-        best = [
-            max(int(np.max(np.sum(one, axis=0))), int(np.sum(own)))
-            for one, own in zip(kept, found.survives, strict=True)
-        ]
-        single = np.array([np.any(one, axis=1) for one in kept]) | found.survives
-        least = np.array([np.min(one, axis=1) for one in nodes])
-        largest = np.array([np.max(one, axis=1) for one in nodes])
-        # What every later sample's range has in common.
-        least = np.maximum.accumulate(least[::-1])[::-1]
-        largest = np.minimum.accumulate(largest[::-1])[::-1]
+        survives = [self.nodes.survives(k) for k in range(final + 1)]
+        best = [int(np.max(np.sum(one, axis=0))) for one in survives]
+        single = np.array([np.any(one, axis=1) for one in survives]) | own
+        # What the ranges of every later sample have in common.
+        least = np.maximum.accumulate([np.min(one, axis=1) for one in reversed(nodes)])[::-1]
+        largest = np.minimum.accumulate([np.max(one, axis=1) for one in reversed(nodes)])[::-1]
         apart = (least > largest) & ~single
-        hopeless = np.where(np.any(apart, 0), final - np.argmax(apart[::-1], axis=0), -1)
-        q = found.configurations
-        middle, _ = self.kinematics.forward((q[1:] + q[:-1]).T / 2, jacobian=False)
-        straight = (self.poses.positions[1:] + self.poses.positions[:-1]).T / 2
-        return PathPlan(
-            joints=self.arm.chain.names,
-            times=self.times,
-            places=self.places,
-            poses=self.poses,
-            planned=found,
-            minimum_norm=None if base is None else self._measured(base),
-            ceiling=100 * float(np.mean(best)) / self.arm.size,
-            joint_ceiling=100 * np.mean(single, axis=0),
-            hopeless_until=hopeless,
-            nodes=self.nodes.count,
-            polished=improved,
-            statuses=tuple(statuses),
-            deviation=float(np.max(np.linalg.norm(middle - straight, axis=0))),
-            speed=float(np.max(np.abs(np.diff(q, axis=0)) / self.most)),
-        )
+        return {
+            "ceiling": 100 * float(np.mean(np.maximum(best, np.sum(own, 1)))) / self.arm.size,
+            "joint_ceiling": 100 * np.mean(single, axis=0),
+            "unrecoverable_until": np.where(
+                np.any(apart, 0), final - np.argmax(apart[::-1], axis=0), -1
+            ),
+        }

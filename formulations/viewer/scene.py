@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from formulations.kinematics.forward import Kinematics
 from formulations.kinematics.read_xml import is_urdf
-from formulations.robots.picture import NO_ARROW, RobotPicture, frames
 from formulations.robots.robot_arm import RobotArm
+from formulations.viewer.picture import NO_ARROW, RobotPicture
 from nlp.arrays import FloatArray
 from nlp.files import read_bytes
 
@@ -67,8 +68,8 @@ class Scene:
         self._draw_velocities(shown)
 
     def _place_camera(self, configuration: FloatArray) -> None:
-        origins, _, pose = frames(self._arm.chain, configuration)
-        places = np.vstack([np.zeros(3), origins, pose[:3, 3]])
+        _, origins, tip, _ = Kinematics(self._arm.chain).frames(configuration[:, None])
+        places = np.vstack([np.zeros(3), origins[..., 0], tip.T])
         middle = (places.min(axis=0) + places.max(axis=0)) / 2
         self._size = float(np.max(np.linalg.norm(places - places[0], axis=1))) or 1.0
         camera = self._server.initial_camera

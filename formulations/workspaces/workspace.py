@@ -1,7 +1,7 @@
 """What failures leave of the workspace: its size, how far that may be off, and the check.
 
 See `reachable_sets` for the definition. Planar arms of three joints without physical limits
-are measured in closed form, `planar_workspace`; others on a grid. The grid over-estimates, so
+are measured in closed form, `planar`; others on a grid. The grid over-estimates, so
 the size is that of its voxels times the share of a random sample of points in them for which
 inverse kinematics finds every configuration that is needed. With a fixed orientation each voxel
 stands for one random point in it, `pose_sets`, and the size is that of its voxels.
@@ -10,17 +10,17 @@ stands for one random point in it, `pose_sets`, and the size is that of its voxe
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 from scipy import ndimage
 
 from formulations.kinematics.serial_arm import Bits, Ranges, SerialArm
-from formulations.robots.failure_sets import SLICE, FailureSets
-from formulations.robots.planar_workspace import Planar3R
-from formulations.robots.pose_sets import PoseSets
-from formulations.robots.reachable_sets import ReachableSets
+from formulations.workspaces.failure_sets import SLICE, FailureSets
+from formulations.workspaces.planar import closed_form
+from formulations.workspaces.pose_sets import PoseSets
+from formulations.workspaces.reachable_sets import ReachableSets
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
 
@@ -54,7 +54,7 @@ class Workspace:
         Size of what is reached within the artificial limits, if no joint fails, raw.
     physical
         The same within the physical limits.
-    fatal
+    critical
         Joints whose own failures, somewhere within their artificial limits, leave nothing.
     passed
         Share of the sampled points that pass inverse kinematics, before the failure and after
@@ -72,7 +72,7 @@ class Workspace:
     raw: float
     before: float
     physical: float
-    fatal: tuple[str, ...]
+    critical: tuple[str, ...]
     passed: tuple[float, ...]
     sets: FailureSets
 
@@ -99,7 +99,7 @@ class Workspace:
             "without_failure": self.before,
             "without_failure_and_artificial_limits": self.physical,
             "share_kept": self.size / self.physical if self.physical else 0.0,
-            "fatal": list(self.fatal),
+            "critical": list(self.critical),
             "limits": {k: list(v) for k, v in zip(names, self.limits, strict=True)},
             "links": dict(zip(names, self.arm.links.tolist(), strict=True)),
             "voxel": self.sets.voxel,
@@ -136,54 +136,58 @@ def workspace(
         If a limit is outside the physical ones, or the grid cannot be made.
     """
     check_limits(arm, limits)
-    sets: FailureSets
     if turn is None:
-        sets = ReachableSets(arm, voxel, step, progress)
-    else:
-        sets = PoseSets(arm, turn, voxel, step, progress)
-    return measured(sets, limits, progress)
+        return measured(ReachableSets(arm, voxel, step, progress), limits, progress)
+    return measured(PoseSets(arm, turn, voxel, step, progress), limits, progress)
 
 
 def measured(
     sets: FailureSets, limits: Ranges, progress: Progress = lambda _: None
 ) -> Workspace:
     """Measure the workspace for one choice of limits, from sets that are there already."""
-    arm, unit = sets.arm, sets.unit
     before = sets.before(limits)
-    raw = before & sets.after(limits)
-    planar = closed_form(arm, limits)
-    found = Workspace(
-        arm=arm,
-        limits=limits,
-        dimension=2 if arm.is_planar else 3,
-        size=0.0,
-        error=0.0,
-        raw=unit * float(raw.sum()),
-        before=unit * float(before.sum()),
-        physical=unit * float(sets.before(arm.physical).sum()),
-        fatal=sets.against(limits),
-        passed=(),
-        sets=sets,
-    )
+    voxels = before & sets.after(limits)
+    raw = sets.unit * float(voxels.sum())
+    planar = closed_form(sets.arm, limits)
+    size, error, passed = 0.0, 0.0, tuple[float, ...]()
     if planar is not None:
         size, error = planar.area_with_error()
-        return replace(found, size=size, error=error)
-    if not raw.any():
-        return found
-    progress("inverse kinematics")
+    elif voxels.any():
+        progress("inverse kinematics")
+        share, error, passed = _share(sets, limits, voxels)
+        size = raw * share
+    return Workspace(
+        arm=sets.arm,
+        limits=limits,
+        dimension=sets.dimension,
+        size=size,
+        error=error,
+        raw=raw,
+        before=sets.unit * float(before.sum()),
+        physical=sets.unit * float(sets.before(sets.arm.physical).sum()),
+        critical=sets.critical(limits),
+        passed=passed,
+        sets=sets,
+    )
+
+
+def _share(
+    sets: FailureSets, limits: Ranges, voxels: Bits
+) -> tuple[float, float, tuple[float, ...]]:
+    """Return what share of the voxels counts, the error of the size, and `Workspace.passed`."""
     sample = SAMPLE_OF_POSES if sets.sampled else SAMPLE
-    passed, depths = verified(sets, limits, raw, sample)
-    share, count = float(passed.mean()), len(passed)
-    # The estimate of a binomial variance that does not vanish if all pass.
-    guarded = (share * count + 1) / (count + 2)
-    error = 2 * found.raw * float(np.sqrt(guarded * (1 - guarded) / count))
+    passed, depths = verified(sets, limits, voxels, sample)
     groups = [passed[depths == k] for k in range(_DEPTHS - 1)] + [passed[depths >= _DEPTHS - 1]]
+    by_depth = tuple(float(np.mean(one)) if len(one) else float("nan") for one in groups)
     if sets.sampled:
         # One random point in every voxel: only voxels at the surface add to the variance, each
         # at most a quarter of its size squared.
-        share, error = 1.0, sets.unit * float(np.sqrt(surface(raw)))
-    by_depth = tuple(float(np.mean(one)) if len(one) else float("nan") for one in groups)
-    return replace(found, size=found.raw * share, error=error, passed=by_depth)
+        return 1.0, sets.unit * float(np.sqrt(surface(voxels))), by_depth
+    share, count = float(passed.mean()), len(passed)
+    # The estimate of a binomial variance that does not vanish if all pass.
+    guarded = (share * count + 1) / (count + 2)
+    raw = sets.unit * float(voxels.sum())
+    return share, 2 * raw * float(np.sqrt(guarded * (1 - guarded) / count)), by_depth
 
 
 def verified(
@@ -206,17 +210,14 @@ def verified(
     layers = ndimage.distance_transform_cdt(np.pad(voxels, 1), metric="taxicab")[inner]
     below = layers[voxels] - 1
     points, drawn = sets.points(voxels, rng, sample)
-    lower, upper = (np.array(one) for one in zip(*limits, strict=True))
-    passed = sets.reaches(points, *_repeated(lower, upper, sample))
-    lower, upper = (np.array(one) for one in zip(*arm.physical, strict=True))
+    passed = sets.reaches(points, *_repeated(limits, sample))
     for joint in sets.slices:
         places = sets.places(joint, limits)
-        left = np.flatnonzero(passed)
-        targets = np.repeat(points[left], len(places), axis=0)
-        low, high = _repeated(lower, upper, len(targets))
-        low[:, joint] = high[:, joint] = np.tile(places, len(left))
-        found = sets.reaches(targets, low, high).reshape(len(left), len(places))
-        passed[left] = found.all(axis=1)
+        rest = np.flatnonzero(passed)
+        lower, upper = _repeated(arm.physical, len(rest) * len(places))
+        lower[:, joint] = upper[:, joint] = np.tile(places, len(rest))
+        reached = sets.reaches(np.repeat(points[rest], len(places), axis=0), lower, upper)
+        passed[rest] = reached.reshape(len(rest), len(places)).all(axis=1)
     return passed, below[drawn]
 
 
@@ -228,34 +229,9 @@ def surface(voxels: Bits) -> int:
     return int(outer.sum() + inner.sum())
 
 
-def _repeated(
-    lower: FloatArray, upper: FloatArray, count: int
-) -> tuple[FloatArray, FloatArray]:
-    return np.tile(lower, (count, 1)), np.tile(upper, (count, 1))
-
-
-def closed_form(arm: SerialArm, limits: Ranges) -> Planar3R | None:
-    """Return the arm and limits in the form of `planar_workspace`; None if they have none.
-
-    They have one if the arm is planar, has three joints and no physical limits.
-    """
-    free = all(one.continuous for one in arm.steps)
-    if not (arm.is_planar and len(arm.steps) == 3 and free):
-        return None
-    straight = arm.at_zero
-    ends = np.array([*straight.points[0], straight.end_effector])[:, :2]
-    links = np.diff(ends, axis=0)
-    bearings = np.arctan2(links[:, 1], links[:, 0])
-    bent = np.diff(bearings, prepend=0.0)
-    turned = np.sign(straight.directions[0, :, 2])
-    ranges = [
-        tuple(sorted((s * low + b, s * high + b)))
-        for s, b, (low, high) in zip(turned, bent, limits, strict=True)
-    ]
-    lengths = np.hypot(links[:, 0], links[:, 1])
-    if min(lengths) < 1e-6:
-        return None
-    return Planar3R(tuple(lengths.tolist()), tuple(ranges))  # type: ignore[arg-type]
+def _repeated(limits: Ranges, count: int) -> FloatArray:
+    """Lower and upper limits, each for so many points: shape (2, count, n)."""
+    return np.repeat(np.transpose(limits)[:, None], count, axis=1)
 
 
 def check_limits(arm: SerialArm, limits: Ranges) -> None:

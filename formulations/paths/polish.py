@@ -1,6 +1,6 @@
 """The polish of a trajectory: one sparse nonlinear program for all its configurations.
 
-It makes the trajectory smooth, and draws each joint whose failure is fatal to the nearest
+It makes the trajectory smooth, and draws each joint whose failure is critical to the nearest
 position from which the path can be finished.
 """
 
@@ -13,14 +13,15 @@ import numpy as np
 
 from formulations.kinematics.chain import Chain
 from formulations.kinematics.forward import Kinematics, tip_pose
-from formulations.robots.path_nodes import Nodes
-from formulations.robots.path_plan import Trajectory
+from formulations.paths.nodes import Nodes
+from formulations.paths.plan import Trajectory
+from formulations.paths.survival import JUMP
+from formulations.paths.waypoints import Poses
 from formulations.robots.robot_arm import RobotArm
-from formulations.robots.survival import JUMP, Poses
 from nlp.arrays import FloatArray
 from nlp.problem import Constraint, Problem
 from nlp.solution import ACCEPTABLE, LIMIT, SUCCESS
-from nlp.solver import Solver
+from nlp.solver import solve
 
 _OPTIONS = {"max_iter": 60, "tol": 1e-7, "acceptable_tol": 1e-5, "acceptable_iter": 5}
 # What a squared radian off the target counts: where a failure can be survived, and elsewhere.
@@ -59,25 +60,23 @@ def transcription(
         How much smoothness matters.
     """
     count, size = target.shape
-    one = ca.SX.sym("q", size)
-    origin, turn = tip_pose(chain, one)
-    pose = ca.Function("pose", [one], [origin, turn])
+    symbols = ca.SX.sym("q", size)
+    pose = ca.Function("pose", [symbols], [*tip_pose(chain, symbols)])
     q = ca.SX.sym("q", size, count)
     off = []
     for k in range(count):
-        position, rotated = pose(q[:, k])
-        product = rotated @ ca.DM(poses.rotations[k].T)
-        turned = ca.inv_skew((product - product.T) / 2)
-        off.append(ca.vertcat(position - poses.positions[k], turned)[list(rows)])
+        position, rotation = pose(q[:, k])
+        product = rotation @ ca.DM(poses.rotations[k].T)
+        angles = ca.inv_skew((product - product.T) / 2)
+        off.append(ca.vertcat(position - poses.positions[k], angles)[list(rows)])
     bend = q[:, 2:] - 2 * q[:, 1:-1] + q[:, :-2]
     objective = ca.sumsqr(ca.DM(np.sqrt(weight.T)) * (q - ca.DM(target.T)))
     blocks = [Constraint("pose", ca.vertcat(*off), 0.0, 0.0)]
-    finite = np.isfinite(most)
-    if np.any(finite):
-        steps = ca.vec(q[:, 1:] - q[:, :-1])
-        limited = np.flatnonzero(finite.ravel())
+    limited = np.flatnonzero(np.isfinite(most.ravel()))
+    if limited.size:
         bound = most.ravel()[limited] * 0.999
-        blocks.append(Constraint("speed", steps[limited.tolist()], -bound, bound))
+        steps = ca.vec(q[:, 1:] - q[:, :-1])[limited.tolist()]
+        blocks.append(Constraint("speed", steps, -bound, bound))
     lower, upper = chain.limits
     return Problem(
         name="path",
@@ -93,7 +92,7 @@ def polished(
     arm: RobotArm,
     poses: Poses,
     most: FloatArray,
-    found: Trajectory,
+    trajectory: Trajectory,
     nodes: Nodes,
     smoothness: float,
 ) -> tuple[str, FloatArray | None]:
@@ -105,10 +104,11 @@ def polished(
         The robot and the directions that count.
     poses, most, smoothness
         As of `transcription`.
-    found
-        The trajectory to begin with.
+    trajectory
+        What to begin with.
     nodes
-        Where joints are drawn to; see `targets`.
+        Where joints are drawn to: each whose failure is critical, to the nearest node at which
+        it is not.
 
     Returns
     -------
@@ -117,36 +117,29 @@ def polished(
     numpy.ndarray or None
         Configurations, shape (N, n); None if they leave the path or are too fast.
     """
-    q = found.configurations
-    rows = arm.task.rows
-    problem = transcription(arm.chain, poses, rows, most, *targets(found, nodes), smoothness)
-    solution = Solver(problem, _OPTIONS).solve(q.ravel())
+    q, rows = trajectory.configurations, arm.task.rows
+    problem = transcription(
+        arm.chain, poses, rows, most, *_targets(trajectory, nodes), smoothness
+    )
+    solution = solve(problem, q.ravel(), _OPTIONS)
     status = solution.status.return_status
     if status not in (SUCCESS, ACCEPTABLE, LIMIT):
         return status, None
     moved = np.clip(solution.variables.reshape(q.shape), *arm.bounds)
     kinematics = Kinematics(arm.chain, rows)
-    origin, turn = kinematics.forward(moved.T, jacobian=False)
-    wanted = poses.positions.T, np.moveaxis(poses.rotations, 0, 2)
-    off = kinematics.error(origin, turn, *wanted)
+    origin, rotation = kinematics.forward(moved.T, jacobian=False)
+    off = kinematics.error(origin, rotation, *poses.at(np.arange(len(poses))))
     slow = np.all(np.abs(np.diff(moved, axis=0)) <= most + 1e-9)
     return status, moved if slow and np.max(np.abs(off)) < 1e-5 else None
 
 
-def targets(found: Trajectory, nodes: Nodes) -> tuple[FloatArray, FloatArray]:
-    """Return where each joint should be, and how much that matters, both (N, n).
-
-    It should stay where it is, or where its failure is fatal go to the nearest node at which it
-    is not.
-    """
-    target = found.configurations.copy()
+def _targets(trajectory: Trajectory, nodes: Nodes) -> tuple[FloatArray, FloatArray]:
+    """Return where each joint should be, and how much that matters, both (N, n)."""
+    target = trajectory.configurations.copy()
     weight = np.full(target.shape, _KEPT)
-    for k, f in zip(*np.nonzero(~found.survives), strict=True):
-        good = nodes.survives(k)[f]
-        if np.any(good):
-            near = nodes.at(k)[:, good]
-            gaps = np.max(np.abs(near - target[k][:, None]), axis=0)
-            at = int(np.argmin(gaps))
-            if gaps[at] < JUMP:
-                target[k, f], weight[k, f] = near[f, at], _DRAWN
+    for k, f in zip(*np.nonzero(~trajectory.survives), strict=True):
+        near = nodes.at(k)[:, nodes.survives(k)[f]]
+        gaps = np.max(np.abs(near - target[k][:, None]), axis=0)
+        if np.min(gaps, initial=JUMP) < JUMP:
+            target[k, f], weight[k, f] = near[f, np.argmin(gaps)], _DRAWN
     return target, weight

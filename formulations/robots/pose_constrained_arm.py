@@ -12,7 +12,6 @@ with the other joints.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -24,6 +23,7 @@ from formulations.clearance.link_clearance import LinkClearance
 from formulations.kinematics.chain import LARGEST
 from formulations.kinematics.forward import Kinematics, tip_pose
 from formulations.kinematics.inverse import BoolArray, solve_ik
+from formulations.kinematics.serial_arm import Ranges
 from formulations.kinematics.tree import RobotError
 from formulations.robots.robot_arm import RobotArm
 from nlp.arrays import FloatArray
@@ -77,14 +77,14 @@ class Pose:
     def __post_init__(self) -> None:
         if len(self.position) != 3 or not all(abs(x) <= LARGEST for x in self.position):
             raise InputError("position", self.position, "three finite numbers, in metres")
-        turn = self.quaternion
-        if turn is not None and not (len(turn) == 4 and abs(np.linalg.norm(turn) - 1) < 1e-6):
-            raise InputError("quaternion", turn, "four numbers of length 1, scalar last")
+        rotation = self.quaternion
+        if rotation and not (len(rotation) == 4 and abs(np.linalg.norm(rotation) - 1) < 1e-6):
+            raise InputError("quaternion", rotation, "four numbers of length 1, scalar last")
         if not 0 <= self.tolerance <= LARGEST:
             raise InputError("tolerance", self.tolerance, "at least 0, in metres")
         if not 0 <= self.angle < np.pi:
             raise InputError("tolerance", self.angle, "an angle of at least 0 and below π")
-        if self.angle and turn is None:
+        if self.angle and rotation is None:
             allowed = "an angle only where the pose has an orientation"
             raise InputError("tolerance", self.angle, allowed)
 
@@ -96,34 +96,33 @@ class Pose:
     @property
     def rotation(self) -> FloatArray:
         """Shape (3, 3); the identity if the orientation is free."""
-        turn = (0, 0, 0, 1) if self.quaternion is None else self.quaternion
-        return np.asarray(Rotation.from_quat(turn).as_matrix())
+        return np.asarray(Rotation.from_quat(self.quaternion or (0, 0, 0, 1)).as_matrix())
 
-    def constraints(self, origin: ca.SX, turn: ca.SX) -> tuple[Constraint, ...]:
+    def constraints(self, origin: ca.SX, rotation: ca.SX) -> tuple[Constraint, ...]:
         """State that a tip is there, from its position (3, 1) and rotation (3, 3)."""
         off = origin - ca.DM(self.position)
         # The sum of the cosines' shortfall: 1 − cos of the angle between the two.
-        product = turn @ ca.DM(self.rotation.T)
+        product = rotation @ ca.DM(self.rotation.T)
         blocks = [
             Constraint("position", ca.sumsqr(off) / self.tolerance**2, -np.inf, 1.0)
             if self.tolerance
             else Constraint("position", off, 0.0, 0.0)
         ]
         if self.quaternion is not None and self.angle:
-            turned = (3 - ca.trace(product)) / (2 * (1 - np.cos(self.angle)))
-            blocks.append(Constraint("orientation", turned, -np.inf, 1.0))
+            share = (3 - ca.trace(product)) / (2 * (1 - np.cos(self.angle)))
+            blocks.append(Constraint("orientation", share, -np.inf, 1.0))
         elif self.quaternion is not None:
-            turned = ca.inv_skew((product - product.T) / 2)
-            blocks.append(Constraint("orientation", turned, 0.0, 0.0))
+            sines = ca.inv_skew((product - product.T) / 2)
+            blocks.append(Constraint("orientation", sines, 0.0, 0.0))
         return tuple(blocks)
 
     def errors(self, kinematics: Kinematics, q: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Distances and angles from the pose of configurations (n, B), shape (B,) each."""
-        origin, turn = kinematics.forward(q, jacobian=False)
+        origin, rotation = kinematics.forward(q, jacobian=False)
         off = np.linalg.norm(origin - np.array(self.position)[:, None], axis=0)
         if self.quaternion is None:
             return off, np.zeros_like(off)
-        product = np.einsum("ijb,kj->bik", turn, self.rotation)
+        product = np.einsum("ijb,kj->bik", rotation, self.rotation)
         return off, np.asarray(Rotation.from_matrix(product).magnitude())
 
     def reached(self, errors: tuple[FloatArray, FloatArray], slack: float) -> BoolArray:
@@ -147,11 +146,11 @@ class LockedReach:
 
     joint: str
     percent: float
-    ranges: tuple[tuple[float, float], ...]
+    ranges: Ranges
 
 
 @dataclass(frozen=True)
-class HeldArm(RobotArm):
+class PoseConstrainedArm(RobotArm):
     """A robot at a pose, or with links that keep a distance, or both.
 
     Parameters
@@ -177,11 +176,9 @@ class HeldArm(RobotArm):
         blocks: tuple[Constraint, ...] = ()
         if self.pose is not None:
             blocks = self.pose.constraints(*tip_pose(self.chain, variables))
-        if self.clearance is not None:
-            near = self._near
-            if near:
-                excess = self.clearance.excess(variables, near)
-                blocks += (Constraint("clearance", excess, 1.0, np.inf),)
+        if self.clearance is not None and self._near:
+            excess = self.clearance.excess(variables, self._near)
+            blocks += (Constraint("clearance", excess, 1.0, np.inf),)
         return blocks
 
     def sample(self, rng: np.random.Generator) -> FloatArray:
@@ -216,21 +213,20 @@ class HeldArm(RobotArm):
         RobotError
             If links are far too near each other at every configuration at the pose.
         """
-        found = self._at_pose
         if self.clearance is None:
-            return found
-        gaps = self.clearance.distances(found)
+            return self._at_pose
+        gaps = self.clearance.distances(self._at_pose)
         least = np.min(gaps, axis=0)
-        order = np.argsort(-least)[: max(int(np.sum(self.clearance.is_kept(found))), _BEST)]
+        count = max(int(np.sum(self.clearance.is_kept(self._at_pose))), _BEST)
+        order = np.argsort(-least)[:count]
         best = int(order[0])
         if least[best] < self.clearance.least - _SHORT:
             pair = self.clearance.pairs[int(np.argmin(gaps[:, best]))]
             first, second = self.clearance.names(pair)
-            where = f"clearance of {self.description}"
             nearest = f"{least[best]:.3g} m between capsules of {first} and {second} at best"
             allowed = f"at least {self.clearance.least:g} m at one of {len(least)} tried"
-            raise RobotError(where, nearest, allowed)
-        return np.asarray(found[:, order])
+            raise RobotError(f"clearance of {self.description}", nearest, allowed)
+        return np.asarray(self._at_pose[:, order])
 
     def locked_reach(self, configuration: FloatArray) -> tuple[LockedReach, ...]:
         """Return where each joint may lock so that the pose can still be reached.
@@ -240,61 +236,54 @@ class HeldArm(RobotArm):
         configuration
             One that reaches it, shape (n,).
         """
-        assert self.pose is not None
-        n, kinematics = self.size, self.kinematics
-        rng = np.random.default_rng(_SEED)
+        n, rng = self.size, np.random.default_rng(_SEED)
         known = np.column_stack([configuration, self._at_pose])
-        low, high = (side[:, 0] for side in kinematics.ranges)
-        cells = low[:, None] + (high - low)[:, None] * (np.arange(_CELLS) + 0.5) / _CELLS
-        tries = min(_NEAREST, known.shape[1]) + _RANDOM
-        starts = np.empty((n, n, _CELLS, tries))
+        low, high = (side[:, 0] for side in self.kinematics.ranges)
+        width = high - low
+        cells = low[:, None] + width[:, None] * (np.arange(_CELLS) + 0.5) / _CELLS
+        nearest = min(_NEAREST, known.shape[1])
+        starts = np.empty((n, n, _CELLS, nearest + _RANDOM))
         for f in range(n):
-            gaps = np.abs(known[f] - cells[f][:, None])
-            near = np.argsort(gaps, axis=1)[:, : tries - _RANDOM]
-            starts[:, f, :, : tries - _RANDOM] = known[:, near]
+            near = np.argsort(np.abs(known[f] - cells[f][:, None]), axis=1)[:, :nearest]
+            starts[:, f, :, :nearest] = known[:, near]
             spread = rng.uniform(size=(n, _CELLS, _RANDOM))
-            starts[:, f, :, tries - _RANDOM :] = (
-                low[:, None, None] + (high - low)[:, None, None] * spread
-            )
+            starts[:, f, :, nearest:] = low[:, None, None] + width[:, None, None] * spread
             starts[f, f] = cells[f][:, None]
         free = np.ones_like(starts, dtype=bool)
         free[range(n), range(n)] = False
         reached = self._reached(starts.reshape(n, -1), free.reshape(n, -1))[1]
-        at = np.any(reached.reshape(n, _CELLS, tries), axis=2)
-        halves = (high - low) / _CELLS / 2
+        at = np.any(reached.reshape(n, _CELLS, -1), axis=2)
         return tuple(
-            LockedReach(name, 100 * float(np.mean(one)), _runs(one, points, float(half)))
-            for name, one, points, half in zip(self.chain.names, at, cells, halves, strict=True)
+            LockedReach(name, 100 * float(np.mean(own)), _runs(own, points, float(half)))
+            for name, own, points, half in zip(
+                self.chain.names, at, cells, width / _CELLS / 2, strict=True
+            )
         )
 
     @cached_property
     def _at_pose(self) -> FloatArray:
         rng = np.random.default_rng(_SEED)
         if self.pose is None:
-            free = [super(HeldArm, self).sample(rng) for _ in range(_FREE)]
+            free = [super(PoseConstrainedArm, self).sample(rng) for _ in range(_FREE)]
             return np.stack(free, axis=1)
-        low, high = self.kinematics.ranges
-        tried, found, count = [], [], 0
-        curve = self.size - len(self.pose.rows) <= 1
+        enough = _ENOUGH if self.size - len(self.pose.rows) <= 1 else _ENOUGH_WIDE
+        q, reached = np.empty((self.size, 0)), np.empty(0, dtype=bool)
         for _ in range(_ROUNDS):
-            if count >= (_ENOUGH if curve else _ENOUGH_WIDE):
+            drawn = rng.uniform(*self.kinematics.ranges, (self.size, _STARTS))
+            moved, there = self._reached(drawn)
+            q, reached = np.hstack([q, moved]), np.hstack([reached, there])
+            if np.sum(reached) >= enough:
                 break
-            q, reached = self._reached(rng.uniform(low, high, (self.size, _STARTS)))
-            tried.append(q)
-            found.append(q[:, reached])
-            count += int(np.sum(reached))
-        if count:
-            return np.concatenate(found, axis=1)
-        off, angle = self.pose.errors(self.kinematics, np.concatenate(tried, axis=1))
+        if np.any(reached):
+            return np.asarray(q[:, reached])
+        off, angle = self.pose.errors(self.kinematics, q)
         best = int(np.argmin(off + angle))
-        shown = ", ".join(f"{x:.6g}" for x in self.pose.position)
+        position = ", ".join(f"{x:.6g}" for x in self.pose.position)
         missing = f"{off[best]:.3g} m"
         if self.pose.quaternion is not None:
-            missing += f" and {np.degrees(angle[best]):.3g}° off"
-        else:
-            missing += " off"
-        allowed = f"one that the arm reaches within its joints' limits (nearest: {missing})"
-        raise InputError(f"pose at ({shown})", "out of reach", allowed)
+            missing += f" and {np.degrees(angle[best]):.3g}°"
+        allowed = f"one that the arm reaches within its joints' limits (nearest: {missing} off)"
+        raise InputError(f"pose at ({position})", "out of reach", allowed)
 
     def _reached(
         self, q: FloatArray, free: BoolArray | None = None
@@ -312,14 +301,9 @@ class HeldArm(RobotArm):
         return self.clearance.near(self._at_pose)
 
 
-def _runs(
-    reached: Sequence[bool] | BoolArray, points: FloatArray, half: float
-) -> tuple[tuple[float, float], ...]:
-    """Ranges of neighbouring cells that are reached."""
-    runs: list[tuple[float, float]] = []
-    for one, point in zip(reached, points.tolist(), strict=True):
-        if one and runs and runs[-1][1] > point - 1.5 * half:
-            runs[-1] = (runs[-1][0], point + half)
-        elif one:
-            runs.append((point - half, point + half))
-    return tuple(runs)
+def _runs(reached: BoolArray, points: FloatArray, half: float) -> Ranges:
+    """Ranges of neighbouring cells that are reached, from their centres and half widths."""
+    ends = np.flatnonzero(np.diff(np.pad(reached, 1).astype(int))).reshape(-1, 2)
+    return tuple(
+        (float(points[first]) - half, float(points[last - 1]) + half) for first, last in ends
+    )

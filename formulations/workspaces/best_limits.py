@@ -9,12 +9,11 @@ import numpy as np
 from scipy import optimize
 
 from formulations.kinematics.serial_arm import Ranges, SerialArm
-from formulations.robots.cylinder_grid import check_grid
-from formulations.robots.failure_sets import SLICE, FailureSets
-from formulations.robots.planar_workspace import Planar3R
-from formulations.robots.pose_sets import PoseSets
-from formulations.robots.reachable_sets import ReachableSets
-from formulations.robots.workspace import Progress, closed_form
+from formulations.workspaces.failure_sets import SLICE, FailureSets
+from formulations.workspaces.planar import Planar3R, closed_form
+from formulations.workspaces.pose_sets import PoseSets
+from formulations.workspaces.reachable_sets import ReachableSets, check_grid
+from formulations.workspaces.workspace import Progress
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
 

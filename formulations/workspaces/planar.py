@@ -15,12 +15,14 @@ joint 3 from the base, r23 that of the tip from joint 2.
   of ψ are intervals, whose ends are where a joint is at a limit or two links are aligned.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import numpy as np
 
+from formulations.kinematics.serial_arm import Ranges, SerialArm
 from nlp.arrays import FloatArray
-from nlp.errors import InputError
 
 RINGS = 60
 _TURN = 2 * np.pi
@@ -38,22 +40,10 @@ class Planar3R:
     limits
         Lower and upper artificial limit of each joint, in radians. Angle 0 of joints 2 and 3
         stretches the arm. A range of a full turn or more is no limit.
-
-    Raises
-    ------
-    InputError
-        If a length is not above 0, or a limit is not finite or below its lower one.
     """
 
     lengths: tuple[float, float, float]
     limits: tuple[tuple[float, float], tuple[float, float], tuple[float, float]]
-
-    def __post_init__(self) -> None:
-        if len(self.lengths) != 3 or not all(0 < one < np.inf for one in self.lengths):
-            raise InputError("lengths", self.lengths, "three finite numbers above 0")
-        ordered = all(low <= high for low, high in self.limits)
-        if len(self.limits) != 3 or not (ordered and np.all(np.isfinite(self.limits))):
-            raise InputError("limits", self.limits, "three pairs: lower, upper, in radians")
 
     @property
     def rings(self) -> tuple[float, float]:
@@ -103,20 +93,6 @@ class Planar3R:
         negative = (np.maximum(starts, -largest), np.minimum(ends, -least))
         both = np.concatenate([positive, negative], axis=1)
         return _covered(both[0], both[1])
-
-    def contains(self, points: FloatArray) -> FloatArray:
-        """Return which points (x, y), shape (k, 2), are in the workspace.
-
-        The x axis is the direction of link 1 midway between the limits of joint 1.
-        """
-        rho = np.hypot(points[:, 0], points[:, 1])
-        bearing = np.arctan2(points[:, 1], points[:, 0])
-        low, high = self.rings
-        least, largest = self._bearings(rho)
-        starts, ends = self._intervals(rho)
-        reached = np.any((starts <= bearing) & (bearing <= ends), axis=0)
-        kept = (least <= np.abs(bearing)) & (np.abs(bearing) <= largest)
-        return np.asarray(reached & kept & (low <= rho) & (rho <= high))
 
     @property
     def shortfall(self) -> float:
@@ -197,6 +173,28 @@ class Planar3R:
         square = second**2 + third**2 + 2 * second * third * np.cos(angle)
         cosine = (first**2 + rho**2 - square) / (2 * first * np.maximum(rho, _TINY))
         return np.asarray(np.arccos(np.clip(cosine, -1, 1)))
+
+
+def closed_form(arm: SerialArm, limits: Ranges) -> Planar3R | None:
+    """Return an arm and its artificial limits as a `Planar3R`; None if it is not of this form.
+
+    It is if it is planar, and has three joints and no physical limits.
+    """
+    free = all(joint.continuous for joint in arm.steps)
+    if not (arm.is_planar and len(arm.steps) == 3 and free):
+        return None
+    straight = arm.at_zero
+    links = np.diff([*straight.points[0, :, :2], straight.end_effector[:2]], axis=0)
+    lengths = np.hypot(links[:, 0], links[:, 1])
+    if min(lengths) < 1e-6:
+        return None
+    bent = np.diff(np.arctan2(links[:, 1], links[:, 0]), prepend=0.0)
+    signs = np.sign(straight.directions[0, :, 2])
+    ranges = [
+        tuple(sorted((sign * low + angle, sign * high + angle)))
+        for sign, angle, (low, high) in zip(signs, bent, limits, strict=True)
+    ]
+    return Planar3R(tuple(lengths.tolist()), tuple(ranges))  # type: ignore[arg-type]
 
 
 def _distances(one: float, other: float, limits: tuple[float, float]) -> tuple[float, float]:

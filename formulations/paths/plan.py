@@ -6,13 +6,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from formulations.kinematics.inverse import BoolArray
-from formulations.robots.survival import Poses
+from formulations.kinematics.link_chain import IntArray
+from formulations.paths.waypoints import Poses
 from nlp.arrays import FloatArray
-
-IntArray = npt.NDArray[np.intp]
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,9 +70,9 @@ class PathPlan:
         taken, no matter whether a trajectory passes through all of them.
     joint_ceiling
         The same for each joint alone, with the configurations that suit it best.
-    hopeless_until
+    unrecoverable_until
         For each joint the last sample at which no position of it is in its range at all later
-        samples: a failure up to then is fatal whatever one does. -1 if there is none.
+        samples: a failure up to then is critical whatever one does. -1 if there is none.
     nodes
         How many configurations were tested.
     polished
@@ -97,7 +95,7 @@ class PathPlan:
     minimum_norm: Trajectory | None
     ceiling: float
     joint_ceiling: FloatArray
-    hopeless_until: IntArray
+    unrecoverable_until: IntArray
     nodes: int
     polished: bool
     statuses: tuple[str, ...]
@@ -108,18 +106,17 @@ class PathPlan:
     def joint_rows(self) -> list[dict[str, object]]:
         """Return a line for each joint: shares that survive, and where the others end."""
         rows: list[dict[str, object]] = []
+        base = self.minimum_norm
         for f, name in enumerate(self.joints):
-            kept, ends = self.planned.survives[:, f], self.planned.ends[:, f]
-            lost = self.times[ends[~kept]]
-            hopeless = int(self.hopeless_until[f])
-            base = self.minimum_norm
+            survives, ends = self.planned.survives[:, f], self.planned.ends[:, f]
+            lost, until = self.times[ends[~survives]], int(self.unrecoverable_until[f])
             rows.append(
                 {
                     "joint": name,
-                    "percent": 100 * float(np.mean(kept)),
+                    "percent": 100 * float(np.mean(survives)),
                     "minimum_norm_percent": base and 100 * float(np.mean(base.survives[:, f])),
                     "ceiling_percent": float(self.joint_ceiling[f]),
-                    "hopeless_until": float(self.times[hopeless]) if hopeless >= 0 else None,
+                    "unrecoverable_until": float(self.times[until]) if until >= 0 else None,
                     "others_end": [float(lost.min()), float(lost.max())] if lost.size else None,
                 }
             )
@@ -149,23 +146,11 @@ class PathPlan:
 
     def csv_lines(self) -> list[list[object]]:
         """Return the trajectory as lines of a table, the first with headings."""
-        head: list[object] = ["t", *self.joints, "sigma", "survivors"]
-        head += [f"{name} locked ends at" for name in self.joints]
-        found = self.planned
-        return [head] + [
-            [
-                *(time, *point.tolist(), sigma, int(np.sum(kept))),
-                *self.times[ends].tolist(),
-            ]
-            for time, point, sigma, kept, ends in zip(
-                self.times.tolist(),
-                found.configurations,
-                found.sigma.tolist(),
-                found.survives,
-                found.ends,
-                strict=True,
-            )
-        ]
+        ends = [f"{name} locked ends at" for name in self.joints]
+        one = self.planned
+        columns = (self.times, *one.configurations.T, one.sigma, one.survives.sum(axis=1))
+        lines = zip(*(x.tolist() for x in (*columns, *self.times[one.ends].T)), strict=True)
+        return [["t", *self.joints, "sigma", "survivors", *ends], *map(list, lines)]
 
 
 def _plain(one: Trajectory, times: FloatArray) -> dict[str, object]:

@@ -1,6 +1,6 @@
 """Where a tool can be before a failure, and after each one, as bits on a grid of voxels.
 
-What is reached after a failure does not depend on the artificial limits. It is kept for each
+What is reached after a failure does not depend on the artificial limits. It is stored for each
 joint and each of a grid of positions ("slices") at which it may lock.
 """
 
@@ -24,9 +24,6 @@ _LEAST_SLICE = np.deg2rad(0.0999)
 class FailureSets(ABC):
     """Where the tool can be before a failure, and after each one, on a grid of voxels.
 
-    What is reached after a failure does not depend on the artificial limits. It is kept as
-    bits for each joint and each position at which it may lock.
-
     Attributes
     ----------
     arm, voxel, step
@@ -49,7 +46,7 @@ class FailureSets(ABC):
     shape: tuple[int, ...]
     corner: npt.NDArray[np.int_]
     slices: dict[int, FloatArray]
-    _kept: dict[int, list[npt.NDArray[np.uint8]]]
+    _reached: dict[int, list[npt.NDArray[np.uint8]]]
 
     @abstractmethod
     def before(self, limits: Ranges) -> Bits:
@@ -65,40 +62,30 @@ class FailureSets(ABC):
     def reaches(self, points: FloatArray, lower: FloatArray, upper: FloatArray) -> Bits:
         """Return for which points inverse kinematics finds a configuration within limits."""
 
-    @property
-    def bytes(self) -> int:
-        """Memory of the bits."""
-        return sum(one.nbytes for kept in self._kept.values() for one in kept)
-
     def after(self, limits: Ranges) -> Bits:
         """Voxels that are reached after every failure within limits."""
-        bits = np.full_like(next(iter(self._kept.values()))[0], 255)
-        for joint in self._kept:
-            bits &= np.bitwise_and.reduce(
-                [self._kept[joint][k] for k in self._within(joint, limits)]
-            )
-        return self._unpacked(bits)
+        bits = [self._after_joint(joint, limits) for joint in self._reached]
+        return self._unpacked(np.bitwise_and.reduce(bits))
 
     def missing(self, limits: Ranges) -> int:
         """Least number of failures, over the voxels, that stand against one.
 
-        A failure is a joint and a slice within its limits. It is a merit where the workspace
+        A failure is a joint and a slice within its limits. It is a score where the workspace
         is empty.
         """
         count = np.zeros(self.shape, dtype=np.int32)
-        for joint in self._kept:
+        for joint, reached in self._reached.items():
             for place in self._within(joint, limits):
-                count += ~self._unpacked(self._kept[joint][place])
+                count += ~self._unpacked(reached[place])
         return int(count.min())
 
-    def against(self, limits: Ranges) -> tuple[str, ...]:
+    def critical(self, limits: Ranges) -> tuple[str, ...]:
         """Joints whose own failures, by themselves, leave nothing."""
-        found = []
-        for joint, kept in self._kept.items():
-            bits = np.bitwise_and.reduce([kept[k] for k in self._within(joint, limits)])
-            if not bits.any():
-                found.append(self.arm.steps[joint].name)
-        return tuple(found)
+        return tuple(
+            self.arm.steps[joint].name
+            for joint in self._reached
+            if not self._after_joint(joint, limits).any()
+        )
 
     def places(self, joint: int, limits: Ranges) -> FloatArray:
         """Positions of a joint's slices within limits, and the neighbouring ones outside."""
@@ -113,6 +100,12 @@ class FailureSets(ABC):
         """Area or volume of a voxel."""
         return float(self.voxel**self.dimension)
 
+    def _after_joint(self, joint: int, limits: Ranges) -> npt.NDArray[np.uint8]:
+        reached = self._reached[joint]
+        return np.asarray(
+            np.bitwise_and.reduce([reached[k] for k in self._within(joint, limits)])
+        )
+
     def _positions(self, joint: int) -> FloatArray:
         one = self.arm.steps[joint]
         step = 2 * self.voxel if one.prismatic else self.step
@@ -122,12 +115,11 @@ class FailureSets(ABC):
 
     def _within(self, joint: int, limits: Ranges) -> npt.NDArray[np.intp]:
         places = self.slices[joint]
-        unit = places[1] - places[0]
-        first, last = ((one - places[0]) / unit for one in limits[joint])
-        found = np.arange(np.floor(first + _TINY), np.ceil(last - _TINY) + 1).astype(int)
+        first, last = ((end - places[0]) / (places[1] - places[0]) for end in limits[joint])
+        chosen = np.arange(np.floor(first + _TINY), np.ceil(last - _TINY) + 1).astype(int)
         if self.arm.steps[joint].continuous:
-            return np.unique(found % len(places))
-        return np.unique(np.clip(found, 0, len(places) - 1))
+            return np.unique(chosen % len(places))
+        return np.unique(np.clip(chosen, 0, len(places) - 1))
 
     def _unpacked(self, bits: npt.NDArray[np.uint8]) -> Bits:
         count = int(np.prod(self.shape))
@@ -139,5 +131,4 @@ def check_step(voxel: float, step: float) -> None:
     if not 0 < voxel < np.inf:
         raise InputError("voxel", voxel, "a finite number above 0, in metres")
     if not _LEAST_SLICE <= step <= np.pi / 4:
-        allowed = "0.1 to 45 degrees"
-        raise InputError("slice", f"{np.rad2deg(step):g} degrees", allowed)
+        raise InputError("slice", f"{np.rad2deg(step):g} degrees", "0.1 to 45 degrees")

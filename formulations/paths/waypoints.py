@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,7 +12,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
 from formulations.kinematics.chain import LARGEST
-from formulations.robots.survival import Poses
+from formulations.kinematics.link_chain import IntArray
 from nlp.arrays import FloatArray
 from nlp.errors import FileError, InputError, shown
 from nlp.files import load_json, read_bytes
@@ -29,9 +29,30 @@ _POSE = (
     "x,y,z, metres; or with roll,pitch,yaw (radians) or qx,qy,qz,qw (length 1) besides; or a "
     "JSON file with such a list or object"
 )
+_WITHOUT_HEADER = {
+    len(names): names for names in (POSITION, (*POSITION, *ANGLES), (*POSITION, *QUATERNION))
+}
 _MOST = 1000
+# How far from 1 the length of a quaternion may be.
+_LENGTH = 1e-2
 # How many metres a radian counts for, where times are shared out by length.
 _METRES_PER_RADIAN = 0.3
+
+
+@dataclass(frozen=True, eq=False)
+class Poses:
+    """The samples of a path: positions (N, 3) and rotations (N, 3, 3)."""
+
+    positions: FloatArray
+    rotations: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.positions)
+
+    def at(self, samples: int | IntArray) -> tuple[FloatArray, FloatArray]:
+        """Return one pose, or one for each of B, as `Kinematics` takes them."""
+        chosen = np.atleast_1d(samples)
+        return self.positions[chosen].T, np.moveaxis(self.rotations[chosen], 0, 2)
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,30 +74,26 @@ class ToolPath:
     times: FloatArray | None = None
 
     def __post_init__(self) -> None:
-        if len(self.positions) < 2:
-            raise InputError("waypoints", f"{len(self.positions)}", "at least two")
-        if len(self.positions) > _MOST:
-            raise InputError("waypoints", f"{len(self.positions)}", f"at most {_MOST}")
-        for k, point in enumerate(self.positions):
-            if not np.all(np.abs(point) <= LARGEST):
-                raise InputError(
-                    f"waypoint {k + 1}", _shown(point), "finite numbers, in metres"
-                )
+        count = len(self.positions)
+        if not 2 <= count <= _MOST:
+            raise InputError(
+                "waypoints", count, "at least two" if count < 2 else f"at most {_MOST}"
+            )
         if self.quaternions is not None:
-            for k, turn in enumerate(self.quaternions):
-                if not abs(np.linalg.norm(turn) - 1) < 1e-2:
-                    allowed = "a quaternion of length 1, scalar last"
-                    raise InputError(f"waypoint {k + 1}", _shown(turn), allowed)
-        for k, gap in enumerate(() if self.times is None else np.diff(self.times)):
-            if not (gap > 0 and np.isfinite(gap)):
+            off = np.abs(np.linalg.norm(self.quaternions, axis=1) - 1)
+            for k in np.flatnonzero(~(off < _LENGTH))[:1]:
+                value = ", ".join(f"{x:.6g}" for x in self.quaternions[k])
+                allowed = "a quaternion of length 1, scalar last"
+                raise InputError(f"waypoint {k + 1}", value, allowed)
+        if self.times is not None:
+            for k in np.flatnonzero(~(np.diff(self.times) > 0))[:1]:
+                value = f"{self.times[k + 1]:g} s after {self.times[k]:g} s"
                 allowed = "times that increase from waypoint to waypoint"
-                raise InputError(
-                    f"time of waypoint {k + 2}", _later(self.times, k + 1), allowed
-                )
-        still = np.flatnonzero(self._lengths() < 1e-9)
-        if self.times is None and still.size:
-            name = f"waypoint {still[0] + 2}"
-            raise InputError(name, "the same as the one before", "another pose, or times")
+                raise InputError(f"time of waypoint {k + 2}", value, allowed)
+        else:
+            for k in np.flatnonzero(self._lengths() < 1e-9)[:1]:
+                allowed = "another pose, or times"
+                raise InputError(f"waypoint {k + 2}", "the same as the one before", allowed)
 
     @property
     def has_orientation(self) -> bool:
@@ -149,14 +166,12 @@ def read_waypoints(path: Path) -> ToolPath:
     """
     content = read_bytes(path, "waypoints")
     if path.suffix.lower() == ".json":
-        found = load_json(content, path)
-        listed = found.get("waypoints") if isinstance(found, dict) else found
+        loaded = load_json(content, path)
+        listed = loaded.get("waypoints") if isinstance(loaded, dict) else loaded
         if not isinstance(listed, list) or not listed:
             raise FileError("waypoints", str(path), "a list of waypoints in JSON")
-        if isinstance(listed[0], dict):
-            return _from_lines(list(listed[0]), [_values(listed[0], one) for one in listed])
-        rows = [one if isinstance(one, list) else [one] for one in listed]
-        return _from_lines(None, rows)
+        head = list(listed[0]) if isinstance(listed[0], dict) else None
+        return ToolPath(*_columns(head, listed))
     try:
         text = content.decode("utf-8-sig")
         lines = [line for line in csv.reader(io.StringIO(text)) if any(map(str.strip, line))]
@@ -164,9 +179,10 @@ def read_waypoints(path: Path) -> ToolPath:
         raise FileError("waypoints", str(path), "a CSV file in UTF-8") from None
     if not lines:
         raise FileError("waypoints", str(path), "a file with waypoints, which is not empty")
-    head = [cell.strip().lower() for cell in lines[0]]
-    named = any(cell in (*POSITION, *ANGLES, *QUATERNION, TIME) for cell in head)
-    return _from_lines(head, lines[1:]) if named else _from_lines(None, lines)
+    names = [cell.strip().lower() for cell in lines[0]]
+    if set(names) & {*POSITION, *ANGLES, *QUATERNION, TIME}:
+        return ToolPath(*_columns(names, lines[1:]))
+    return ToolPath(*_columns(None, lines))
 
 
 def read_pose(text: str) -> tuple[FloatArray, FloatArray | None]:
@@ -194,78 +210,60 @@ def read_pose(text: str) -> tuple[FloatArray, FloatArray | None]:
     content: object = text.split(",")
     if text.lower().endswith(".json"):
         content = load_json(read_bytes(Path(text), "pose"), Path(text))
-    head = list(content) if isinstance(content, dict) else None
-    numbers = list(content.values()) if isinstance(content, dict) else content
-    if not isinstance(numbers, list):
+    if not isinstance(content, list | dict):
         raise InputError("pose", shown(text), _POSE)
     try:
-        positions, quaternions, _ = _columns(head, [numbers])
+        head = list(content) if isinstance(content, dict) else None
+        positions, quaternions, _ = _columns(head, [content])
     except InputError as error:
         raise InputError("pose", f"{shown(text)} ({error.value})", _POSE) from None
     if quaternions is None:
         return positions[0], None
     length = float(np.linalg.norm(quaternions[0]))
-    if not abs(length - 1) < 1e-2:
+    if not abs(length - 1) < _LENGTH:
         raise InputError("pose", f"{shown(text)} (length {length:.3g})", _POSE)
     return positions[0], quaternions[0] / length
 
 
-def _values(first: Mapping[str, object], one: object) -> Sequence[object]:
-    return [one.get(name) for name in first] if isinstance(one, dict) else [one]
-
-
-def _from_lines(head: Sequence[str] | None, lines: Sequence[Sequence[object]]) -> ToolPath:
-    return ToolPath(*_columns(head, lines))
-
-
 def _columns(
-    head: Sequence[str] | None, lines: Sequence[Sequence[object]]
+    head: Sequence[str] | None, waypoints: Sequence[object]
 ) -> tuple[FloatArray, FloatArray | None, FloatArray | None]:
-    """Positions, quaternions and times of lines of numbers."""
+    """Positions, quaternions and times of lists of numbers, or of objects with names."""
     if head is None:
-        width = len(lines[0])
-        names = {3: POSITION, 6: (*POSITION, *ANGLES), 7: (*POSITION, *QUATERNION)}.get(width)
-        if names is None:
+        width = len(waypoints[0]) if isinstance(waypoints[0], list) else 1
+        if width not in _WITHOUT_HEADER:
             raise InputError("waypoint 1", f"of {width} numbers", _ALLOWED)
-        head = names
+        head = _WITHOUT_HEADER[width]
     extra = set(head) - {TIME, *POSITION}
-    orientation = extra in (set(ANGLES), set(QUATERNION))
-    unique = len(set(head)) == len(head)
-    if not (set(POSITION) <= set(head) and unique and (orientation or not extra)):
+    known = not extra or extra in (set(ANGLES), set(QUATERNION))
+    if not (set(POSITION) <= set(head) and known and len(set(head)) == len(head)):
         raise InputError("columns of the waypoints", ",".join(map(str, head)), _ALLOWED)
-    table = np.array([_numbers(k, len(head), line) for k, line in enumerate(lines)])
-    table = table.reshape(-1, len(head))
-    columns = dict(zip(head, table.T, strict=True))
-    quaternions = None
+    table = np.array([_numbers(k, head, one) for k, one in enumerate(waypoints)])
+    columns = dict(zip(head, table.reshape(-1, len(head)).T, strict=True))
+
+    def stacked(names: Sequence[str]) -> FloatArray:
+        return np.stack([columns[name] for name in names], axis=1)
+
+    quaternions = stacked(QUATERNION) if set(QUATERNION) <= extra else None
     if set(ANGLES) <= extra:
-        angles = np.stack([columns[name] for name in ANGLES], axis=1)
         # Fixed axes x, y, z in turn, as URDF has them.
-        quaternions = Rotation.from_euler("xyz", angles).as_quat()
-    elif extra:
-        quaternions = np.stack([columns[name] for name in QUATERNION], axis=1)
-    positions = np.stack([columns[name] for name in POSITION], axis=1)
-    return positions, quaternions, columns.get(TIME)
+        quaternions = Rotation.from_euler("xyz", stacked(ANGLES)).as_quat()
+    return stacked(POSITION), quaternions, columns.get(TIME)
 
 
-def _numbers(k: int, count: int, line: Sequence[object]) -> list[float]:
+def _numbers(k: int, head: Sequence[str], waypoint: object) -> list[float]:
     name = f"waypoint {k + 1}"
-    if len(line) != count:
-        raise InputError(name, f"of {len(line)} entries", f"{count} numbers, as the others")
+    if isinstance(waypoint, dict):
+        waypoint = [waypoint.get(column) for column in head]
+    cells = waypoint if isinstance(waypoint, list) else [waypoint]
+    if len(cells) != len(head):
+        raise InputError(
+            name, f"of {len(cells)} entries", f"{len(head)} numbers, as the others"
+        )
     try:
-        numbers = [float(str(cell)) for cell in line]
+        numbers = [float(str(cell)) for cell in cells]
     except ValueError:
         numbers = [float("nan")]
-    if not all(abs(one) <= LARGEST for one in numbers):
-        raise InputError(
-            name, ",".join(shown(str(cell), 30) for cell in line), "finite numbers"
-        )
+    if not all(abs(x) <= LARGEST for x in numbers):
+        raise InputError(name, ",".join(shown(str(x), 30) for x in cells), "finite numbers")
     return numbers
-
-
-def _shown(numbers: FloatArray) -> str:
-    return ", ".join(f"{one:.6g}" for one in numbers)
-
-
-def _later(times: FloatArray | None, k: int) -> str:
-    assert times is not None
-    return f"{times[k]:g} s after {times[k - 1]:g} s"
