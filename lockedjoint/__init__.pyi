@@ -9,6 +9,7 @@ from formulations.bounds.so3_moments.residual_bound import residual_bound as res
 from formulations.bounds.so3_moments.residual_bound import (
     rigorous_residual_bound as rigorous_residual_bound,
 )
+from formulations.clearance.link_clearance import read_clearance as read_clearance
 
 # Proof: optimally failure-tolerant nR Jacobians exist for every n from 8 on, and not for 7.
 from formulations.existence.rings import optimal_jacobian as optimal_jacobian
@@ -22,11 +23,16 @@ from formulations.joints.kinds import UnitRevolute as UnitRevolute
 # Joints, the arms that they make, and which of them may fail.
 from formulations.joints.models import arm as arm
 from formulations.joints.models import register_joint as register_joint
+from formulations.kinematics.chain_between import chain_between as chain_between
+from formulations.kinematics.read_robot import read_robot as read_robot
+from formulations.kinematics.read_urdf import read_urdf as read_urdf
 from formulations.measures.assessment import Assessment as Assessment
 from formulations.measures.assessment import measure as measure
 from formulations.measures.canonical import canonical_form as canonical_form
 from formulations.measures.canonical import group_equivalent as group_equivalent
 from formulations.measures.unequal_failures import FailureModel as FailureModel
+from formulations.paths.search import plan_path as plan_path
+from formulations.paths.waypoints import read_waypoints as read_waypoints
 
 # Figures: of what is computed.
 from formulations.plot.values import plot as plot
@@ -38,19 +44,13 @@ from formulations.realise.write_urdf import urdf as urdf
 from formulations.registry import bound as bound
 from formulations.registry import formulation as formulation
 from formulations.registry import register as register
-from formulations.robots.chain_between import chain_between as chain_between
-from formulations.robots.clearance import read_clearance as read_clearance
-from formulations.robots.held_pose import Pose as Pose
-from formulations.robots.path import plan_path as plan_path
+from formulations.robots.pose_constrained_arm import Pose as Pose
 from formulations.robots.posture import best_posture as best_posture
-from formulations.robots.read_robot import read_robot as read_robot
-from formulations.robots.read_urdf import read_urdf as read_urdf
 from formulations.robots.robot_arm import RobotArm as RobotArm
 from formulations.robots.robot_assessment import RobotAssessment as RobotAssessment
 from formulations.robots.robot_assessment import measure_robot as measure_robot
 from formulations.robots.structural import StructuralFailure as StructuralFailure
 from formulations.robots.structural import structural_failures as structural_failures
-from formulations.robots.waypoints import read_waypoints as read_waypoints
 from formulations.solving.case import Case as Case
 from formulations.solving.outcome import Outcome as Outcome
 from formulations.solving.record import Record as Record
