@@ -4,11 +4,6 @@ from formulations import measures as measures
 
 # Bounds: how good any answer could be.
 from formulations.bounds.certified import Bound as Bound
-from formulations.bounds.so3_moments.max_min_bound import max_min_bound as max_min_bound
-from formulations.bounds.so3_moments.residual_bound import residual_bound as residual_bound
-from formulations.bounds.so3_moments.residual_bound import (
-    rigorous_residual_bound as rigorous_residual_bound,
-)
 
 # Proof: optimally failure-tolerant nR Jacobians exist for every n from 8 on, and not for 7.
 from formulations.existence.rings import optimal_jacobian as optimal_jacobian

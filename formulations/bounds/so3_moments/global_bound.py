@@ -5,6 +5,10 @@ from dataclasses import asdict, dataclass, field
 from typing import Any, Literal, TypeAlias
 
 from formulations import measures
+from formulations.joints.arm import Arm
+from formulations.joints.joint import ColumnModel
+from formulations.joints.kinds import UnitRevolute
+from nlp.errors import InputError
 
 Quantity: TypeAlias = Literal["residual", "max-min"]
 Kind: TypeAlias = Literal["numerical", "rigorous", "closed form"]
@@ -98,3 +102,12 @@ class GlobalBound(Evidence):
         names = ("quantity", "joints", "preset", "kind", "bound", "best_known")
         head = {name: evidence.pop(name) for name in names}
         return {**head, "gap": self.gap, "gap_percent": self.gap_percent, **evidence}
+
+
+def unit_revolute_joints(arm: ColumnModel, locked: int) -> int:
+    """Return n of an arm of n unit revolute joints of which one locks; InputError if not so."""
+    if not (isinstance(arm, Arm) and set(arm.joints) == {UnitRevolute()}):
+        raise InputError("arm", arm.description, "unit revolute joints only for a relaxation")
+    if locked != 1:
+        raise InputError("locked joints", locked, "1 for a relaxation")
+    return len(arm.joints)

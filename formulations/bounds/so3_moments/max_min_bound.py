@@ -21,6 +21,7 @@ from formulations.bounds.so3_moments.representations.row_sectors import (
 from formulations.bounds.so3_moments.residual_bound import DEGREE_4
 from nlp.arrays import Rng, one_blas_thread
 from nlp.errors import InputError
+from nlp.starts import seed_of
 
 LOCALISED = "localised"
 NULL_VECTOR = "null-vector"
@@ -52,11 +53,12 @@ SIGNED = replace(CONDITIONS, plain=without_repetition([*CONDITIONS.plain, *_MORE
 
 @one_blas_thread()
 def max_min_bound(
-    preset: str = LOCALISED,
+    preset: str | None = None,
     joints: int = 7,
     *,
     rigorous: bool = False,
-    rng: Rng = 0,
+    seed: Rng | None = None,
+    rng: Rng | None = None,
     progress: Progress = silent,
     out: Path | None = None,
 ) -> GlobalBound:
@@ -67,16 +69,16 @@ def max_min_bound(
     Parameters
     ----------
     preset
-        ``"localised"`` excludes σ² = 0.3279, which is 0.20 % above what is attained in σ, in
-        about 1.5 minutes, or four if rigorous, and 1.3 GB. ``"null-vector"`` adds conditions on
-        the columns with the signs of the null vector, and excludes σ² = 0.3275, numerically
+        ``"localised"``, the default, excludes σ² = 0.3279, which is 0.20 % above what is
+        attained in σ, in about 1.5 minutes, or four if rigorous, and 1.3 GB.
+        ``"null-vector"`` adds conditions on the columns with the signs of the null vector, and excludes σ² = 0.3275, numerically
         only, in about five minutes and 4 GB. Both are for 7 joints.
     joints
         Number n of joints, 7 to 9. From 8 joints on, isotropic Jacobians exist, the residual
         can be 0 and the bound is that of eq. (6); nothing is computed then.
     rigorous
         Write a certificate of the exclusion and verify it, all rounding bounded.
-    rng
+    seed, rng
         Seed of the sampled and of the fresh configurations, or a generator.
     progress
         Receives a short message at each step.
@@ -106,6 +108,7 @@ def max_min_bound(
     -----
     The measure and eq. (6) are those of Maciejewski and Roberts (1995).
     """
+    preset, seed = preset or LOCALISED, seed_of(seed, rng)
     if preset not in EXCLUDED:
         raise InputError("preset", preset, ", ".join(EXCLUDED))
     check_joints(joints, smallest=7)
@@ -122,13 +125,15 @@ def max_min_bound(
     t = EXCLUDED[preset]
     if rigorous:
         bound, evidence = prove_exclusion(
-            t, CONDITIONS, joints, rng=rng, progress=progress, out=out
+            t, CONDITIONS, joints, rng=seed, progress=progress, out=out
         )
         return GlobalBound("max-min", joints, preset, "rigorous", bound, best, **vars(evidence))
     if preset == NULL_VECTOR:
-        margin, evidence = exclude_with_signs(t, SIGNED, rng=rng, progress=progress)
+        margin, evidence = exclude_with_signs(t, SIGNED, rng=seed, progress=progress)
     else:
-        margin, evidence = exclude_worst_case(t, CONDITIONS, joints, rng=rng, progress=progress)
+        margin, evidence = exclude_worst_case(
+            t, CONDITIONS, joints, rng=seed, progress=progress
+        )
     excluded = margin < 0
     evidence = replace(
         evidence,

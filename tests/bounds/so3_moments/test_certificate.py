@@ -47,7 +47,6 @@ from formulations.bounds.so3_moments.representations.young_basis import (
 )
 from formulations.bounds.so3_moments.residual_bound import (
     RESIDUAL_PRESETS,
-    rigorous_residual_bound,
 )
 from formulations.bounds.so3_moments.verification import verify_bound
 from formulations.existence.certificate import Certificate, CertificateError
@@ -503,13 +502,13 @@ def test_a_rigorous_bound_is_what_its_certificate_states(
     few = degree_sectors(4, range(1), range(1))
     monkeypatch.setattr(residual_bound, "residual_preset", lambda _: few)
     path = tmp_path / "folder" / "bound.json"
-    found = rigorous_residual_bound(joints=6, out=path)
+    found = residual_bound.residual_bound(rigorous=True, joints=6, out=path)
     verified = verify_bound(read_any(path))
     assert verified.bound == found.check["verified"]
     assert -1e-5 < verified.claimed < verified.bound < found.check["constant"]
     assert (found.kind, found.bound) == ("rigorous", max(0.0, verified.claimed))
     with pytest.raises(FileError):
-        rigorous_residual_bound(joints=6, out=tmp_path)
+        residual_bound.residual_bound(rigorous=True, joints=6, out=tmp_path)
 
 
 def test_nothing_is_reported_that_was_not_verified(
@@ -521,7 +520,7 @@ def test_nothing_is_reported_that_was_not_verified(
     value = MomentProgram.dual_value
     monkeypatch.setattr(MomentProgram, "dual_value", lambda *given: value(*given) + 1)
     with pytest.raises(CertificateError, match="prove only"):
-        rigorous_residual_bound(joints=6, out=tmp_path / "bound.json")
+        residual_bound.residual_bound(rigorous=True, joints=6, out=tmp_path / "bound.json")
     assert not list(tmp_path.iterdir())
 
 

@@ -287,4 +287,4 @@ def test_presets_and_arguments_are_checked() -> None:
     with pytest.raises(InputError):
         residual_bound.residual_bound(joints=10)
     with pytest.raises(InputError):
-        residual_bound.rigorous_residual_bound("quick")
+        residual_bound.residual_bound("quick", rigorous=True)
