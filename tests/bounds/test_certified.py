@@ -9,7 +9,7 @@ import pytest
 
 from formulations import measures
 from formulations.bounds.certified import Bound, best_known
-from formulations.bounds.so3_moments.reading import read_any
+from formulations.bounds.so3_moments.certificate import read_any
 from formulations.joints.arm import Arm
 from formulations.joints.kinds import LeverRevolute, Prismatic, UnitRevolute
 from formulations.joints.models import arm

@@ -13,43 +13,34 @@ from pathlib import Path
 import numpy as np
 
 from formulations.bounds.certified import best_known
-from formulations.bounds.so3_moments.blocks.sampled_blocks import SectorBlocks, sector_families
 from formulations.bounds.so3_moments.certifying import search_certificate, verify_search
 from formulations.bounds.so3_moments.global_bound import Evidence, GlobalBound, Kind
-from formulations.bounds.so3_moments.programs.multipliers import refined_multipliers
 from formulations.bounds.so3_moments.relaxation import (
     FRESH,
     Progress,
     check_joints,
-    residual_values,
+    refined_multipliers,
     silent,
     solve_relaxation,
 )
-from formulations.bounds.so3_moments.representations.rounding import (
-    require_extended_precision,
-)
-from formulations.bounds.so3_moments.representations.row_sectors import (
+from formulations.bounds.so3_moments.rounding import require_extended_precision
+from formulations.bounds.so3_moments.row_sectors import (
+    DEGREE_4,
     RowSector,
     degree_sectors,
     without_repetition,
 )
-from formulations.bounds.so3_moments.representations.wigner import random_rotations
+from formulations.bounds.so3_moments.sampled_blocks import SectorBlocks, sector_families
+from formulations.bounds.so3_moments.wigner import random_rotations, residual_values
 from nlp.arrays import Rng, one_blas_thread
 from nlp.errors import InputError
 from nlp.files import prepare_file, write_text
 from nlp.starts import seed_of
 
-#: Rows of degree 4, which alone give no more than 0 for seven joints.
-DEGREE_4 = tuple(degree_sectors(4, range(3)))
 # With rows of degree 6; total spin 1 is needed.
 RESIDUAL_PRESETS: Mapping[str, tuple[RowSector, ...]] = {
     "compact": without_repetition(
-        [
-            *DEGREE_4,
-            RowSector(2, 0, 0, 6),
-            RowSector(6, 0, 0, 6),
-            RowSector(2, 0, 1, 6),
-        ]
+        [*DEGREE_4, RowSector(2, 0, 0, 6), RowSector(6, 0, 0, 6), RowSector(2, 0, 1, 6)]
     ),
     "tight": without_repetition([*DEGREE_4, *degree_sectors(6, range(2))]),
 }
@@ -65,13 +56,7 @@ _NOTHING, _SHARE, _DIGITS = -1.0, 0.1, 8
 
 
 def residual_preset(name: str) -> tuple[RowSector, ...]:
-    """Return the rows of a preset of the residual bound.
-
-    Raises
-    ------
-    InputError
-        If there is no such preset.
-    """
+    """Return the rows of a preset of the residual bound; InputError if there is none."""
     if name not in RESIDUAL_PRESETS:
         raise InputError("preset", name, ", ".join(RESIDUAL_PRESETS))
     return RESIDUAL_PRESETS[name]

@@ -16,14 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
-from formulations.bounds.so3_moments.blocks.localisers import (
-    POWERS,
-    KrylovLocaliser,
-    ScaledBlocks,
-)
-from formulations.bounds.so3_moments.blocks.sampled_blocks import BlockFamily, SectorBlocks
-from formulations.bounds.so3_moments.representations.adapted_rows import AdaptedRows
-from formulations.bounds.so3_moments.representations.wigner import jacobians_of
+from formulations.bounds.so3_moments.localisers import POWERS, KrylovLocaliser, ScaledBlocks
+from formulations.bounds.so3_moments.sampled_blocks import BlockFamily, SectorBlocks
+from formulations.bounds.so3_moments.symmetric_rows import AdaptedRows
+from formulations.bounds.so3_moments.wigner import jacobians_of
 from nlp.arrays import FloatArray
 
 _ORDERS_AT_ONCE = 720

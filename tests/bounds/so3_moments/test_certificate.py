@@ -16,39 +16,43 @@ import numpy as np
 import pytest
 
 from formulations.bounds.closed_form import root_above
-from formulations.bounds.so3_moments import fixed_worst_case, residual_bound, verification
-from formulations.bounds.so3_moments import reading as format_module
-from formulations.bounds.so3_moments.blocks import sampled_blocks
-from formulations.bounds.so3_moments.blocks.enclosed_localisers import enclosed_residuals
-from formulations.bounds.so3_moments.blocks.sampled_blocks import SectorBlocks, sector_families
-from formulations.bounds.so3_moments.certificate import BoundCertificate
+from formulations.bounds.so3_moments import certificate as format_module
+from formulations.bounds.so3_moments import (
+    residual_bound,
+    sampled_blocks,
+    verification,
+    worst_case_conditions,
+)
+from formulations.bounds.so3_moments.certificate import (
+    BoundCertificate,
+    IllFormedError,
+    read_any,
+)
 from formulations.bounds.so3_moments.certifying import search_certificate
-from formulations.bounds.so3_moments.fixed_worst_case import (
-    WorstCaseConditions,
-    condition_families,
+from formulations.bounds.so3_moments.enclosed_localisers import enclosed_residuals
+from formulations.bounds.so3_moments.max_min_bound import (
+    EXCLUDED,
     prove_exclusion,
     solve_exclusion,
     without_objective,
 )
-from formulations.bounds.so3_moments.max_min_bound import CONDITIONS, EXCLUDED
-from formulations.bounds.so3_moments.programs.moment_program import MomentProgram
-from formulations.bounds.so3_moments.programs.multipliers import refined_multipliers
-from formulations.bounds.so3_moments.reading import IllFormedError, read_any
-from formulations.bounds.so3_moments.relaxation import solve_relaxation
-from formulations.bounds.so3_moments.representations.row_sectors import (
-    RowSector,
-    degree_sectors,
+from formulations.bounds.so3_moments.moment_program import MomentProgram
+from formulations.bounds.so3_moments.relaxation import refined_multipliers, solve_relaxation
+from formulations.bounds.so3_moments.residual_bound import RESIDUAL_PRESETS
+from formulations.bounds.so3_moments.row_sectors import RowSector, degree_sectors
+from formulations.bounds.so3_moments.sampled_blocks import SectorBlocks, sector_families
+from formulations.bounds.so3_moments.verification import verify_bound
+from formulations.bounds.so3_moments.wigner import random_rotations
+from formulations.bounds.so3_moments.worst_case_conditions import (
+    CONDITIONS,
+    WorstCaseConditions,
+    condition_families,
 )
-from formulations.bounds.so3_moments.representations.wigner import random_rotations
-from formulations.bounds.so3_moments.representations.young_basis import (
+from formulations.bounds.so3_moments.young_basis import (
     first_tableau,
     projected_tableaux,
     young_bases,
 )
-from formulations.bounds.so3_moments.residual_bound import (
-    RESIDUAL_PRESETS,
-)
-from formulations.bounds.so3_moments.verification import verify_bound
 from formulations.existence.certificate import Certificate, CertificateError
 from formulations.existence.exact_jacobian import ExactJacobian
 from nlp.errors import FileError
@@ -538,7 +542,7 @@ SMALL = WorstCaseConditions(
 def exclusion() -> BoundCertificate:
     """σ² ≥ 30 is impossible for short columns, so small sums exclude it."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(fixed_worst_case, "largest_residual", lambda *_: LIMIT)
+        patch.setattr(worst_case_conditions, "largest_residual", lambda *_: LIMIT)
         families = condition_families(SMALL, 7, IMPOSSIBLE)
     solved = solve_exclusion(families, 7, np.random.default_rng(0))
     multipliers = refined_multipliers(solved.program, solved.multipliers)
@@ -697,7 +701,7 @@ def test_a_proof_of_exclusion_writes_its_certificate(
     with pytest.raises(CertificateError, match=r"not excluded|prove only"):
         prove_exclusion(0.3, SMALL, 7, out=path)
     assert not path.exists()
-    monkeypatch.setattr(fixed_worst_case, "largest_residual", lambda *_: LIMIT)
+    monkeypatch.setattr(worst_case_conditions, "largest_residual", lambda *_: LIMIT)
     bound, evidence = prove_exclusion(IMPOSSIBLE, SMALL, 7, out=path)
     assert bound == excluding["bound"] == verify_bound(read_any(path)).bound
     assert evidence.check["margin"] < 0

@@ -12,8 +12,8 @@ import pytest
 
 from formulations.bounds import closed_form
 from formulations.bounds.closed_form import largest_residual
-from formulations.bounds.so3_moments.blocks import enclosed_localisers
-from formulations.bounds.so3_moments.blocks.enclosed_localisers import (
+from formulations.bounds.so3_moments import enclosed_localisers
+from formulations.bounds.so3_moments.enclosed_localisers import (
     enclosed_krylov_sum,
     enclosed_powers,
     enclosed_product,
@@ -21,25 +21,19 @@ from formulations.bounds.so3_moments.blocks.enclosed_localisers import (
     enclosed_scaled,
     krylov_forms,
 )
-from formulations.bounds.so3_moments.blocks.enclosed_squares import (
+from formulations.bounds.so3_moments.enclosed_squares import (
     EnclosedSum,
     enclosed_block,
     enclosed_sums,
 )
-from formulations.bounds.so3_moments.blocks.invariant_basis import (
-    invariant_functions,
-    invariant_values,
-)
-from formulations.bounds.so3_moments.blocks.localisers import KrylovLocaliser, ScaledBlocks
-from formulations.bounds.so3_moments.blocks.sampled_blocks import BlockFamily, SectorBlocks
-from formulations.bounds.so3_moments.fixed_worst_case import ResidualDistance
+from formulations.bounds.so3_moments.invariants import invariant_functions, invariant_values
+from formulations.bounds.so3_moments.localisers import KrylovLocaliser, ScaledBlocks
 from formulations.bounds.so3_moments.relaxation import residual_values
-from formulations.bounds.so3_moments.representations.row_sectors import RowSector
-from formulations.bounds.so3_moments.representations.wigner import (
-    jacobians_of,
-    random_rotations,
-)
+from formulations.bounds.so3_moments.row_sectors import RowSector
+from formulations.bounds.so3_moments.sampled_blocks import BlockFamily, SectorBlocks
 from formulations.bounds.so3_moments.verification import degree_of
+from formulations.bounds.so3_moments.wigner import jacobians_of, random_rotations
+from formulations.bounds.so3_moments.worst_case_conditions import ResidualDistance
 from nlp.arrays import FloatArray
 
 LIMIT = 0.3

@@ -9,41 +9,29 @@ from mpmath import mp, mpf
 from scipy.linalg import hadamard
 from sympy.physics.quantum.cg import CG
 
-from formulations.bounds.so3_moments.blocks.enclosed_squares import (
-    enclosed_block,
-    enclosed_sums,
-)
-from formulations.bounds.so3_moments.blocks.invariant_basis import (
+from formulations.bounds.so3_moments.enclosed_squares import enclosed_block, enclosed_sums
+from formulations.bounds.so3_moments.invariants import (
     InvariantBasis,
     NoBasisError,
     invariant_basis,
+    invariant_dimension,
     invariant_functions,
     invariant_values,
 )
-from formulations.bounds.so3_moments.blocks.invariants import invariant_dimension
-from formulations.bounds.so3_moments.blocks.sampled_blocks import SectorBlocks, sector_families
-from formulations.bounds.so3_moments.programs.moment_program import moment_program
-from formulations.bounds.so3_moments.programs.multipliers import refined_multipliers
-from formulations.bounds.so3_moments.programs.predictor_corrector import (
-    solve_with_predictor_corrector,
-)
-from formulations.bounds.so3_moments.relaxation import residual_values
-from formulations.bounds.so3_moments.representations.permuted_rows import PermutedRows
-from formulations.bounds.so3_moments.representations.rounding import (
+from formulations.bounds.so3_moments.moment_program import moment_program
+from formulations.bounds.so3_moments.predictor_corrector import solve_with_predictor_corrector
+from formulations.bounds.so3_moments.relaxation import refined_multipliers, residual_values
+from formulations.bounds.so3_moments.rounding import (
     exchange_error,
     gamma,
     row_error,
     wigner_error,
 )
-from formulations.bounds.so3_moments.representations.row_sectors import (
-    RowSector,
-    degree_sectors,
-)
-from formulations.bounds.so3_moments.representations.wigner import (
-    random_rotations,
-    wigner_matrices,
-)
+from formulations.bounds.so3_moments.row_sectors import RowSector, degree_sectors
+from formulations.bounds.so3_moments.sampled_blocks import SectorBlocks, sector_families
+from formulations.bounds.so3_moments.symmetric_rows import PermutedRows
 from formulations.bounds.so3_moments.verification import identity_defect
+from formulations.bounds.so3_moments.wigner import random_rotations, wigner_matrices
 from nlp.errors import InputError
 
 

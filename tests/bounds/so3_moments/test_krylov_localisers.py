@@ -6,24 +6,20 @@ from types import ModuleType, SimpleNamespace
 import numpy as np
 import pytest
 
-from formulations.bounds.so3_moments.blocks.localisers import (
-    KrylovLocaliser,
-    krylov_sectors,
-    krylov_vectors,
-)
-from formulations.bounds.so3_moments.fixed_worst_case import (
-    WorstCaseConditions,
-    condition_families,
-    exclude_worst_case,
-)
-from formulations.bounds.so3_moments.max_min_bound import CONDITIONS
-from formulations.bounds.so3_moments.programs.moment_program import margin_program
-from formulations.bounds.so3_moments.programs.multipliers import (
+from formulations.bounds.so3_moments.localisers import KrylovLocaliser, krylov_vectors
+from formulations.bounds.so3_moments.max_min_bound import exclude_worst_case
+from formulations.bounds.so3_moments.moment_program import margin_program
+from formulations.bounds.so3_moments.relaxation import (
     identity_leftover,
     nearest_semidefinite,
+    solve_relaxation,
 )
-from formulations.bounds.so3_moments.relaxation import solve_relaxation
-from formulations.bounds.so3_moments.representations.row_sectors import RowSector
+from formulations.bounds.so3_moments.row_sectors import RowSector, degree_sectors
+from formulations.bounds.so3_moments.worst_case_conditions import (
+    CONDITIONS,
+    WorstCaseConditions,
+    condition_families,
+)
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
 
@@ -104,7 +100,12 @@ def test_conditions_of_a_larger_worst_case_are_not_met(
     attained: tuple[FloatArray, float],
 ) -> None:
     where, t = attained
-    sectors = krylov_sectors(2, range(1), range(1))
+    sectors = [
+        sector
+        for degree in (2, 1)
+        for parity in (0, 1)
+        for sector in degree_sectors(degree, range(1), range(1), parity)
+    ]
     families = [
         [family for family in (KrylovLocaliser(s, 7, limit) for s in sectors) if family.rows]
         for limit in (t - 1e-9, t + 0.1)
@@ -117,8 +118,7 @@ class WrongSign(KrylovLocaliser):
     """J_f J_fᵀ + tI instead of J_f J_fᵀ − tI."""
 
     def evaluate(self, rotations: FloatArray) -> list[FloatArray]:
-        weighted, unit = self.parts(rotations)
-        return [a + self.limit * b for a, b in zip(weighted, unit, strict=True)]
+        return KrylovLocaliser(self.sector, self.joints, -self.limit).evaluate(rotations)
 
 
 @pytest.mark.parametrize(("kind", "caught"), [(KrylovLocaliser, False), (WrongSign, True)])

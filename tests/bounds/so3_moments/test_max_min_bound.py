@@ -8,16 +8,15 @@ import pytest
 from scipy.optimize import minimize
 
 from formulations.bounds.closed_form import largest_residual
-from formulations.bounds.so3_moments import fixed_worst_case
 from formulations.bounds.so3_moments import max_min_bound as max_min_module
-from formulations.bounds.so3_moments.fixed_worst_case import (
+from formulations.bounds.so3_moments import worst_case_conditions
+from formulations.bounds.so3_moments.global_bound import GlobalBound
+from formulations.bounds.so3_moments.max_min_bound import exclude_worst_case, max_min_bound
+from formulations.bounds.so3_moments.row_sectors import RowSector
+from formulations.bounds.so3_moments.worst_case_conditions import (
     WorstCaseConditions,
     condition_families,
-    exclude_worst_case,
 )
-from formulations.bounds.so3_moments.global_bound import GlobalBound
-from formulations.bounds.so3_moments.max_min_bound import max_min_bound
-from formulations.bounds.so3_moments.representations.row_sectors import RowSector
 from formulations.existence.certificate import CertificateError
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
@@ -139,7 +138,7 @@ def test_an_exclusion_needs_a_negative_margin(monkeypatch: pytest.MonkeyPatch) -
 
 def test_an_impossible_worst_case_is_excluded(monkeypatch: pytest.MonkeyPatch) -> None:
     """ρ ≤ 5n²/3 always holds; J_f J_fᵀ ⪰ tI cannot, as |J_fᵀ j_f|²/|j_f|² ≤ 2(n − 1) < t."""
-    monkeypatch.setattr(fixed_worst_case, "largest_residual", lambda *_: 90.0)
+    monkeypatch.setattr(worst_case_conditions, "largest_residual", lambda *_: 90.0)
     margin, evidence = exclude_worst_case(30.0, SMALL, 7)
     assert margin < -1
     assert evidence.check["leftover"] < 1e-6

@@ -9,56 +9,49 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from formulations.bounds.so3_moments import null_vector_bound
-from formulations.bounds.so3_moments.blocks.near_null_vector import (
-    concentrated_rotations,
-    concentrating_weights,
-    units,
-)
-from formulations.bounds.so3_moments.blocks.null_vector import (
-    Form,
-    FormLocaliser,
-    deviation_form,
-    gram_form,
-    krylov_form,
-    null_vector_deviation,
-    signs_by_null_vector,
-)
-from formulations.bounds.so3_moments.blocks.sampled_blocks import SectorBlocks
-from formulations.bounds.so3_moments.blocks.spectrum import (
-    CUBIC,
-    QUARTIC,
-    SpectralDistance,
-    spectral_limit,
-)
-from formulations.bounds.so3_moments.fixed_worst_case import WorstCaseConditions
+from formulations.bounds.so3_moments import null_vector, null_vector_bound
+from formulations.bounds.so3_moments.localisers import Form, FormLocaliser
 from formulations.bounds.so3_moments.max_min_bound import max_min_bound
-from formulations.bounds.so3_moments.null_vector_bound import (
-    UnsignedConditions,
-    unsigned_families,
-    unsigned_sectors,
-)
-from formulations.bounds.so3_moments.programs.moment_program import (
+from formulations.bounds.so3_moments.moment_program import (
     MomentProgram,
     joined_program,
     margin_program,
     moment_program,
     penalised_program,
 )
-from formulations.bounds.so3_moments.programs.multipliers import (
+from formulations.bounds.so3_moments.null_vector import (
+    UnsignedConditions,
+    deviation_form,
+    gram_form,
+    krylov_form,
+    null_vector_deviation,
+    signs_by_null_vector,
+    unsigned_families,
+    unsigned_sectors,
+)
+from formulations.bounds.so3_moments.null_vector_bound import (
+    concentrated_rotations,
+    concentrating_weights,
     refined_interior_multipliers,
-    refined_multipliers,
+    units,
 )
-from formulations.bounds.so3_moments.programs.predictor_corrector import (
-    solve_with_predictor_corrector,
-)
-from formulations.bounds.so3_moments.representations.permuted_rows import PermutedRows
-from formulations.bounds.so3_moments.representations.row_sectors import (
+from formulations.bounds.so3_moments.predictor_corrector import solve_with_predictor_corrector
+from formulations.bounds.so3_moments.relaxation import refined_multipliers
+from formulations.bounds.so3_moments.row_sectors import (
     RowSector,
     UnsignedSector,
     degree_sectors,
 )
-from formulations.bounds.so3_moments.representations.wigner import jacobians_of
+from formulations.bounds.so3_moments.sampled_blocks import SectorBlocks
+from formulations.bounds.so3_moments.symmetric_rows import PermutedRows
+from formulations.bounds.so3_moments.wigner import jacobians_of
+from formulations.bounds.so3_moments.worst_case_conditions import (
+    CUBIC,
+    QUARTIC,
+    SpectralDistance,
+    WorstCaseConditions,
+    spectral_limit,
+)
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
 
@@ -262,7 +255,7 @@ def test_without_polynomials_it_is_the_mean_form(
 ) -> None:
     where = so3.haar_rotations(3, 1, 7)
     (jacobian,) = so3.jacobian(where)
-    (block,) = FormLocaliser(UnsignedSector(0, 0, 0, True), form).evaluate(where)
+    (block,) = FormLocaliser(UnsignedSector(0, 0, 0, True), 7, form).evaluate(where)
     assert callable(written_out)
     mean = np.mean([written_out(jacobian, f) for f in range(7)])
     np.testing.assert_allclose(block[0, 0, 0], mean)
@@ -273,7 +266,7 @@ def test_blocks_keep_all_symmetries_but_the_sign_of_one_column(
     sector: tuple[int, int, int, bool], so3: SimpleNamespace
 ) -> None:
     one = UnsignedSector(*sector)
-    family = FormLocaliser(one, gram_form(0.3)) if one.locked else SectorBlocks(one, 7)
+    family = FormLocaliser(one, 7, gram_form(0.3)) if one.locked else SectorBlocks(one, 7)
     here = so3.haar_rotations(1, 1, 7)
     rng = np.random.default_rng(2)
     frame = so3.haar_rotations(5, 1, 1)[0, 0]
@@ -347,7 +340,7 @@ def test_a_small_program_excludes_what_is_impossible_and_not_what_is_attained(
     monkeypatch.setattr(null_vector_bound, "_SAMPLES", 120)
     monkeypatch.setattr(null_vector_bound, "_UNSIGNED_SAMPLES", 110)
     if deviation is not None:
-        monkeypatch.setattr(null_vector_bound, "null_vector_deviation", lambda _: deviation)
+        monkeypatch.setattr(null_vector, "null_vector_deviation", lambda _: deviation)
     signed = WorstCaseConditions(
         plain=tuple(RowSector(k, c, 0, 4) for k in (0, 2, 4) for c in (0, 2)),
         scaled=tuple(degree_sectors(2, range(3))),

@@ -8,29 +8,24 @@ import cvxpy as cp
 import numpy as np
 import pytest
 
-from formulations.bounds.so3_moments import relaxation, residual_bound
-from formulations.bounds.so3_moments.blocks import sampled_blocks
-from formulations.bounds.so3_moments.blocks.sampled_blocks import SectorBlocks, sector_families
-from formulations.bounds.so3_moments.programs.moment_program import (
+from formulations.bounds.so3_moments import relaxation, residual_bound, sampled_blocks
+from formulations.bounds.so3_moments.moment_program import (
     ConicOutcome,
     MomentProgram,
     OutsideSpanError,
     TooFewSamplesError,
     moment_program,
 )
-from formulations.bounds.so3_moments.programs.multipliers import (
-    identity_leftover,
-    nearest_semidefinite,
-)
-from formulations.bounds.so3_moments.programs.predictor_corrector import (
-    solve_with_predictor_corrector,
-)
+from formulations.bounds.so3_moments.predictor_corrector import solve_with_predictor_corrector
 from formulations.bounds.so3_moments.relaxation import (
     SolverFailureError,
+    identity_leftover,
+    nearest_semidefinite,
     residual_values,
     solve_relaxation,
 )
-from formulations.bounds.so3_moments.representations.row_sectors import RowSector
+from formulations.bounds.so3_moments.row_sectors import RowSector
+from formulations.bounds.so3_moments.sampled_blocks import SectorBlocks, sector_families
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
 

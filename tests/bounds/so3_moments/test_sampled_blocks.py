@@ -5,12 +5,9 @@ from types import ModuleType, SimpleNamespace
 import numpy as np
 import pytest
 
-from formulations.bounds.so3_moments.blocks.sampled_blocks import SectorBlocks
-from formulations.bounds.so3_moments.representations.row_sectors import RowSector, label_degree
-from formulations.bounds.so3_moments.representations.young_basis import (
-    young_bases,
-    young_form,
-)
+from formulations.bounds.so3_moments.row_sectors import RowSector, label_degree
+from formulations.bounds.so3_moments.sampled_blocks import SectorBlocks
+from formulations.bounds.so3_moments.young_basis import young_bases, young_form
 from nlp.errors import InputError
 
 SECTORS = [(0, 0, 0, 4), (2, 2, 1, 4), (2, 0, 2, 4), (4, 4, 1, 4), (3, 1, 1, 3), (6, 2, 0, 6)]

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from formulations.bounds.so3_moments.representations.wigner import (
+from formulations.bounds.so3_moments.wigner import (
     axis_exchange,
     coupled_tensors,
     coupling,

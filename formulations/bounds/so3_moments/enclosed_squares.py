@@ -22,17 +22,11 @@ from math import sqrt
 
 import numpy as np
 
-from formulations.bounds.so3_moments.blocks.sampled_blocks import RowBlocks, SectorBlocks
-from formulations.bounds.so3_moments.representations.adapted_rows import AdaptedRows
-from formulations.bounds.so3_moments.representations.permuted_rows import PermutedRows
-from formulations.bounds.so3_moments.representations.rounding import (
-    UNIT,
-    exchange_error,
-    gamma,
-    row_error,
-)
-from formulations.bounds.so3_moments.representations.wigner import wigner_matrices
-from formulations.bounds.so3_moments.representations.young_basis import young_form
+from formulations.bounds.so3_moments.rounding import UNIT, exchange_error, gamma, row_error
+from formulations.bounds.so3_moments.sampled_blocks import RowBlocks, SectorBlocks
+from formulations.bounds.so3_moments.symmetric_rows import AdaptedRows, PermutedRows
+from formulations.bounds.so3_moments.wigner import wigner_matrices
+from formulations.bounds.so3_moments.young_basis import young_form
 from nlp.arrays import FloatArray
 
 # Norms are computed in floating point; their relative errors are far below this.
@@ -41,59 +35,30 @@ SAFETY = 1.0 + 1e-6
 
 @dataclass(frozen=True, eq=False)
 class EnclosedSum:
-    """Values of an invariant function at configurations, with bounds.
-
-    Parameters
-    ----------
-    values
-        The values.
-    errors
-        Bounds on the distance from the exact values.
-    sizes
-        Bounds on the sums of the absolute values of what was added up.
-    """
+    """Values of an invariant function at configurations, with bounds."""
 
     values: FloatArray
+    #: Bounds on the distance from the exact values.
     errors: FloatArray
+    #: Bounds on the sums of the absolute values of what was added up.
     sizes: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
 class EnclosedBlock:
-    """A block with other columns instead of its rows: A_T = U_T · columns.
+    """A block with other columns instead of its rows: A_T = U_T · columns."""
 
-    Parameters
-    ----------
-    parts
-        Number of a set of labels and A_T there, shape (tableaux, plain rows, columns).
-    differences
-        Bounds on ‖E‖ for each exchange and each set of labels of `parts`.
-    exchanges
-        Number ℓ of exchanges that make any permutation.
-    scale
-        (2L+1) · tableaux.
-    """
-
+    #: Number of a set of labels and A_T there, shape (tableaux, plain rows, columns).
     parts: tuple[tuple[int, FloatArray], ...]
+    #: Bounds on ‖E‖ for each exchange and each set of labels of `parts`.
     differences: FloatArray
+    #: Number ℓ of exchanges that make any permutation.
     exchanges: int
+    #: (2L+1) · tableaux.
     scale: int
 
-    def asymmetry(self, norm: FloatArray, plain_norms: FloatArray) -> FloatArray:
-        """Return a bound on how far |Aᵀφ|² is from its average.
-
-        Parameters
-        ----------
-        norm
-            Bound on |Aᵀφ|, (configurations,).
-        plain_norms
-            Bounds on |φ| of each set of labels of the sector, (sets, configurations).
-        """
-        step = self.step(plain_norms)
-        return np.asarray(SAFETY * step * (norm + step))
-
     def step(self, plain_norms: FloatArray) -> FloatArray:
-        """Return ℓe, (configurations,); `plain_norms` as in `asymmetry`."""
+        """Return ℓe, (configurations,), from bounds on |φ| of each set of labels, (sets, …)."""
         used = plain_norms[[number for number, _ in self.parts]]
         largest = np.max(self.differences @ used, axis=0, initial=0.0)
         return np.asarray(SAFETY * self.exchanges * largest)
@@ -160,10 +125,18 @@ def enclosed_sums(
         plain = family.plain_values(wigner, order)
         norms = plain_norms(family, plain)
         for block, (fixed, relative) in zip(blocks, mistakes, strict=True):
-            squares, wrong = _block_sum(block, plain, fixed + relative @ norms, count)
+            wrong = fixed + relative @ norms
+            values = block_values(block, plain, count)
+            # Squares are added up in extended precision: at most 2¹¹ terms for one more unit.
+            squares = np.sum(values**2, axis=(0, 2), dtype=np.longdouble).astype(float)
+            units = 4 + values.shape[0] * values.shape[2] // 2**11
+            wrong = 2 * np.sqrt(squares) * wrong + wrong**2 + gamma(units) * squares
+            wrong = SAFETY * wrong
             weight = 1.0 / (len(orders) * block.scale)
             total += weight * squares
-            errors += weight * (wrong + block.asymmetry(np.sqrt(squares + wrong), norms))
+            step = block.step(norms)
+            asymmetry = SAFETY * step * (np.sqrt(squares + wrong) + step)
+            errors += weight * (wrong + asymmetry)
     # Weights and sums of positive numbers over blocks and orders.
     errors = SAFETY * (errors + gamma(len(orders) * len(blocks) + 8) * total)
     return EnclosedSum(total, errors, total)
@@ -181,14 +154,10 @@ def plain_norms(family: RowBlocks, plain: Sequence[FloatArray]) -> FloatArray:
 
 
 def product_error(family: RowBlocks, block: EnclosedBlock) -> tuple[float, FloatArray]:
-    """Bound the Euclidean norm of the error of Aᵀφ for one order, see `_block_sum`.
+    """Bound the Euclidean norm of the error of Aᵀφ for one order.
 
-    Returns
-    -------
-    fixed
-        From the errors of φ.
-    relative
-        From the products: to be multiplied by |φ| of each set of labels of the sector.
+    The first part is from the errors of φ; the second, from the products, is to be multiplied
+    by |φ| of each set of labels of the sector.
     """
     fixed, relative = 0.0, np.zeros(len(family.rows))
     for number, a in block.parts:
@@ -204,18 +173,6 @@ def _norm(matrix: FloatArray) -> float:
     """Return the spectral norm of a matrix with few rows, rounded up."""
     square = matrix @ matrix.T
     return SAFETY * sqrt(max(float(np.linalg.eigvalsh(square)[-1]), 0.0))
-
-
-def _block_sum(
-    block: EnclosedBlock, plain: Sequence[FloatArray], wrong: FloatArray, count: int
-) -> tuple[FloatArray, FloatArray]:
-    """Return Σ_T |A_Tᵀφ|² and a bound on its error, of one order."""
-    found = block_values(block, plain, count)
-    # Squares are added up in extended precision: at most 2¹¹ terms for one more unit.
-    squared = np.sum(found**2, axis=(0, 2), dtype=np.longdouble).astype(float)
-    units = 4 + found.shape[0] * found.shape[2] // 2**11
-    error = 2 * np.sqrt(squared) * wrong + wrong**2 + gamma(units) * squared
-    return squared, SAFETY * error
 
 
 def block_values(block: EnclosedBlock, plain: Sequence[FloatArray], count: int) -> FloatArray:

@@ -15,7 +15,7 @@ from math import sqrt
 
 import numpy as np
 
-from formulations.bounds.so3_moments.representations.permuted_rows import PermutedRows
+from formulations.bounds.so3_moments.symmetric_rows import PermutedRows
 from nlp.errors import LockedJointError
 
 UNIT = 2.0**-53
@@ -55,7 +55,7 @@ def gamma(operations: int, unit: float = UNIT) -> float:
 
 
 def wigner_error(spin: int) -> float:
-    """Return a bound on the error of a column of D^spin, made from extended rotations.
+    """Bound the error of a column of D^spin, made from extended rotations.
 
     One step from l to l + 1 computes Cᵀ(D^l ⊗ D^1)C with a table C of couplings whose entries
     are off by two units in the last place. A row of C has one entry that is not 0, since the
@@ -75,7 +75,7 @@ def wigner_error(spin: int) -> float:
 
 
 def row_error(rows: PermutedRows) -> float:
-    """Return a bound on the error of the rows of one assignment, all ways and components.
+    """Bound the error of the rows of one assignment, all ways and components.
 
     It is the Euclidean norm of the error of a vector whose exact norm is at most 1. A step
     couples spins l' and s: complex products, then for each possible total spin a table |C| of
@@ -90,7 +90,7 @@ def row_error(rows: PermutedRows) -> float:
 
 
 def exchange_error(rows: PermutedRows) -> float:
-    """Return a bound on the spectral norm of the error of an exchange for one assignment.
+    """Bound the spectral norm of the error of an exchange for one assignment.
 
     It is a matrix of inner products of tensors of norm 1, (ways, ways), in extended precision,
     rounded at the end; its rows have norm 1. An entry of a tensor with p factors is a single
