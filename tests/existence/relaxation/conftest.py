@@ -1,39 +1,29 @@
 """True solutions of the equations, made without the code under test."""
 
-from __future__ import annotations
-
-from collections.abc import Callable
-from typing import Any
-
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from formulations.existence.graphs import Monomial
-from formulations.existence.relaxation.monomials import EdgeMultisets
-from formulations.existence.relaxation.relaxation import (
-    ExistenceRelaxation,
-    existence_relaxation,
-)
+from formulations.existence.relaxation.relaxation import existence_relaxation
 
 Complex = NDArray[np.complex128]
 Floats = NDArray[np.float64]
 
 
-def polar(matrices: NDArray[np.float64]) -> NDArray[np.float64]:
+def polar(matrices):
     """Return the nearest matrices with orthonormal columns (or rows)."""
     u, _, vt = np.linalg.svd(matrices, full_matrices=False)
     return u @ vt
 
 
-def w_of(jacobian: NDArray[np.float64]) -> Complex:
+def w_of(jacobian):
     """Return W = ZᵀZ for Z = V + iΩ, with the upper half of the rows V and the lower half Ω."""
     half = len(jacobian) // 2
     z = jacobian[:half] + 1j * jacobian[half:]
     return z.T @ z
 
 
-def isotropic_6r(seed: int) -> NDArray[np.float64]:
+def isotropic_6r(seed):
     """Return an orthogonal 6×6 matrix whose columns are unit revolute joints over √2.
 
     Alternating projections between JJᵀ = 2I and |v| = |ω| = 1, v·ω = 0.
@@ -48,7 +38,7 @@ def isotropic_6r(seed: int) -> NDArray[np.float64]:
     raise AssertionError("alternating projections did not converge")
 
 
-def rotated_simplex(seed: int) -> NDArray[np.float64]:
+def rotated_simplex(seed):
     """Return a turned regular simplex: 6×7, orthonormal rows, equal columns."""
     rng = np.random.default_rng(seed)
     square = np.column_stack([np.ones(7), rng.standard_normal((7, 6))])
@@ -57,17 +47,17 @@ def rotated_simplex(seed: int) -> NDArray[np.float64]:
 
 
 @pytest.fixture(scope="session")
-def solution_6r() -> Callable[[int], Complex]:
+def solution_6r():
     return lambda seed: w_of(isotropic_6r(seed))
 
 
 @pytest.fixture(scope="session")
-def solution_simplex() -> Callable[[int], Complex]:
+def solution_simplex():
     return lambda seed: w_of(rotated_simplex(seed))
 
 
 @pytest.fixture(scope="session")
-def printed_6r() -> Complex:
+def printed_6r():
     """Return W of an isotropic 6R Jacobian with joints along the axes, free of rounding."""
     v, omega = np.zeros((3, 6)), np.zeros((3, 6))
     for axis in range(3):
@@ -78,12 +68,10 @@ def printed_6r() -> Complex:
 
 
 @pytest.fixture(scope="session")
-def averages() -> Callable[[EdgeMultisets, tuple[Monomial, ...], Complex], Floats]:
+def averages():
     """Return the class moments of a given W: averaged over joint orders and conjugation."""
 
-    def averaged(
-        multisets: EdgeMultisets, classes: tuple[Monomial, ...], matrix: Complex
-    ) -> Floats:
+    def averaged(multisets, classes, matrix):
         table = multisets.class_table(classes)
         values = (matrix[multisets.edges] ** multisets.multiplicities).prod(axis=1)
         products = np.outer(values, values.conj()).real
@@ -94,12 +82,12 @@ def averages() -> Callable[[EdgeMultisets, tuple[Monomial, ...], Complex], Float
 
 
 @pytest.fixture(scope="session")
-def order_2() -> ExistenceRelaxation:
+def order_2():
     return existence_relaxation(2)
 
 
 @pytest.hookimpl(tryfirst=True)
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+def pytest_collection_modifyitems(items):
     """Mark what needs a relaxation of order 3: each takes ten to fifteen seconds."""
     for item in items:
         if {"order_3", "order_3_of_6r"} & set(getattr(item, "fixturenames", ())):
@@ -107,10 +95,10 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 
 @pytest.fixture(scope="session")
-def order_3(once: Callable[..., Any]) -> ExistenceRelaxation:
+def order_3(once):
     return once("relaxation_3", lambda: existence_relaxation(3))
 
 
 @pytest.fixture(scope="session")
-def order_3_of_6r(once: Callable[..., Any]) -> ExistenceRelaxation:
+def order_3_of_6r(once):
     return once("relaxation_3_6r", lambda: existence_relaxation(3, 6))
