@@ -21,16 +21,19 @@ from math import sqrt
 import numpy as np
 
 from formulations.bounds.so3_moments.enclosed_squares import (
+    EXTENDED_UNIT,
+    ROTATION_ENTRY,
     SAFETY,
+    UNIT,
     EnclosedBlock,
     EnclosedSum,
     block_values,
     enclosed_block,
+    gamma,
     plain_norms,
     product_error,
 )
 from formulations.bounds.so3_moments.localisers import POWERS, KrylovLocaliser, krylov_vectors
-from formulations.bounds.so3_moments.rounding import EXTENDED_UNIT, ROTATION_ENTRY, UNIT, gamma
 from formulations.bounds.so3_moments.symmetric_rows import AdaptedRows
 from formulations.bounds.so3_moments.wigner import jacobians_of, wigner_matrices
 from nlp.arrays import FloatArray

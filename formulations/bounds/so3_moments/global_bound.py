@@ -23,16 +23,13 @@ class Evidence:
     size
         Of the moment program, see `MomentProgram.size`, or None if there is none.
     solver, status, iterations
-        The solver, its status and its number of iterations; all empty without a program.
+        Of the solver; all empty without a program.
     dual_residual
         Largest violation of the dual equations by the solver's multipliers.
     smallest_eigenvalue
-        Smallest eigenvalue of the solver's multipliers; negative ones were set to zero before
-        the check.
-    how_checked
-        In words.
-    check
-        Details of the check.
+        Of the solver's multipliers; negative ones were set to zero before the check.
+    how_checked, check
+        In words, and the details.
     seconds
         Wall time of each phase.
     """
@@ -67,10 +64,6 @@ class GlobalBound(Evidence):
         The bound, after the largest difference of the check was subtracted.
     best_known
         The best value of the quantity that a Jacobian is known to reach, or None.
-    size, solver, status, iterations, dual_residual, smallest_eigenvalue
-        Of the program, see `Evidence`.
-    how_checked, check, seconds
-        Of the check, see `Evidence`.
     """
 
     quantity: Quantity

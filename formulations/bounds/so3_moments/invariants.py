@@ -32,8 +32,7 @@ from typing import TypeAlias
 import numpy as np
 import scipy.linalg
 
-from formulations.bounds.so3_moments.enclosed_squares import SAFETY
-from formulations.bounds.so3_moments.rounding import gamma, row_error
+from formulations.bounds.so3_moments.enclosed_squares import SAFETY, gamma, row_error
 from formulations.bounds.so3_moments.row_sectors import Label, RowSector, label_degree
 from formulations.bounds.so3_moments.sampled_blocks import Coupled, recoupled
 from formulations.bounds.so3_moments.symmetric_rows import PermutedRows

@@ -16,6 +16,7 @@ import numpy as np
 from formulations.bounds.certified import best_known
 from formulations.bounds.closed_form import root_above
 from formulations.bounds.so3_moments.certifying import search_certificate, verify_search
+from formulations.bounds.so3_moments.enclosed_squares import require_extended_precision
 from formulations.bounds.so3_moments.global_bound import Evidence, GlobalBound, Kind
 from formulations.bounds.so3_moments.moment_program import MomentProgram, margin_program
 from formulations.bounds.so3_moments.null_vector_bound import exclude_with_signs
@@ -28,7 +29,6 @@ from formulations.bounds.so3_moments.relaxation import (
     silent,
     solve_relaxation,
 )
-from formulations.bounds.so3_moments.rounding import require_extended_precision
 from formulations.bounds.so3_moments.sampled_blocks import BlockFamily
 from formulations.bounds.so3_moments.wigner import random_rotations
 from formulations.bounds.so3_moments.worst_case_conditions import (

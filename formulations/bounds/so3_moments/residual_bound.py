@@ -14,6 +14,7 @@ import numpy as np
 
 from formulations.bounds.certified import best_known
 from formulations.bounds.so3_moments.certifying import search_certificate, verify_search
+from formulations.bounds.so3_moments.enclosed_squares import require_extended_precision
 from formulations.bounds.so3_moments.global_bound import Evidence, GlobalBound, Kind
 from formulations.bounds.so3_moments.relaxation import (
     FRESH,
@@ -23,7 +24,6 @@ from formulations.bounds.so3_moments.relaxation import (
     silent,
     solve_relaxation,
 )
-from formulations.bounds.so3_moments.rounding import require_extended_precision
 from formulations.bounds.so3_moments.row_sectors import (
     DEGREE_4,
     RowSector,

@@ -33,10 +33,11 @@ from formulations.bounds.so3_moments.enclosed_squares import (
     EnclosedSum,
     enclosed_block,
     enclosed_sums,
+    gamma,
+    require_extended_precision,
 )
 from formulations.bounds.so3_moments.invariants import invariant_basis, invariant_dimension
 from formulations.bounds.so3_moments.localisers import KrylovLocaliser
-from formulations.bounds.so3_moments.rounding import gamma, require_extended_precision
 from formulations.bounds.so3_moments.row_sectors import RowSector
 from formulations.bounds.so3_moments.sampled_blocks import RowBlocks, SectorBlocks
 from formulations.bounds.so3_moments.symmetric_rows import AdaptedRows

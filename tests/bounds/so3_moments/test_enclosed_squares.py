@@ -6,7 +6,14 @@ from mpmath import mp, mpf
 from scipy.linalg import hadamard
 from sympy.physics.quantum.cg import CG
 
-from formulations.bounds.so3_moments.enclosed_squares import enclosed_block, enclosed_sums
+from formulations.bounds.so3_moments.enclosed_squares import (
+    enclosed_block,
+    enclosed_sums,
+    exchange_error,
+    gamma,
+    row_error,
+    wigner_error,
+)
 from formulations.bounds.so3_moments.invariants import (
     InvariantBasis,
     NoBasisError,
@@ -18,12 +25,6 @@ from formulations.bounds.so3_moments.invariants import (
 from formulations.bounds.so3_moments.moment_program import moment_program
 from formulations.bounds.so3_moments.predictor_corrector import solve_with_predictor_corrector
 from formulations.bounds.so3_moments.relaxation import refined_multipliers, residual_values
-from formulations.bounds.so3_moments.rounding import (
-    exchange_error,
-    gamma,
-    row_error,
-    wigner_error,
-)
 from formulations.bounds.so3_moments.row_sectors import RowSector, degree_sectors
 from formulations.bounds.so3_moments.sampled_blocks import SectorBlocks, sector_families
 from formulations.bounds.so3_moments.symmetric_rows import PermutedRows
