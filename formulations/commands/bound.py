@@ -179,7 +179,7 @@ def bound(
         return
     text: Callable[[Mapping[str, Any]], str] = as_text
     if quantity is Quantity.EXISTENCE:
-        from formulations.existence.relaxation.relaxation import existence_relaxation
+        from formulations.existence.relaxation import existence_relaxation
 
         plain = existence_relaxation(
             order, joints, task_dimension=task_dimension, solver=solver

@@ -12,7 +12,7 @@ from formulations.bounds.so3_moments.global_bound import GlobalBound
 from formulations.bounds.so3_moments.max_min_bound import max_min_bound
 from formulations.bounds.so3_moments.residual_bound import residual_bound
 from formulations.bounds.worst_case import worst_case_bound
-from formulations.existence.relaxation.relaxation import existence_relaxation
+from formulations.existence.relaxation import existence_relaxation
 from formulations.io.provenance import provenance, versions
 from formulations.io.table import HIDDEN, column
 from formulations.measures import gap_percent

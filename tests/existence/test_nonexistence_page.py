@@ -8,10 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from formulations.existence.derive import squared_polynomials
+from formulations.existence.derive import rewriting, squared_polynomials
 from formulations.existence.equations import Frame, class_sums, hermitian_product
 from formulations.existence.graphs import ONE, Monomial, canonical
-from formulations.existence.rewriting import rewriting
 
 ROOT = Path(__file__).parents[2]
 

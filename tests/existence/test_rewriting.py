@@ -2,9 +2,9 @@ from fractions import Fraction
 
 import pytest
 
+from formulations.existence.derive import rewriting
 from formulations.existence.equations import Frame, combined
 from formulations.existence.graphs import ONE, Monomial, canonical, classes
-from formulations.existence.rewriting import rewriting
 
 
 def test_seven_joints_order_two_determines_every_moment():

@@ -40,7 +40,7 @@ from formulations.existence.reading import (
     loaded,
     read_either,
 )
-from formulations.existence.relaxation.tableaux import partitions
+from formulations.existence.tableaux import partitions
 from nlp.arrays import FloatArray
 from nlp.errors import LockedJointError, shown
 

@@ -42,7 +42,7 @@ from formulations.bounds.so3_moments.wigner import (
     coupled_tensors,
     wigner_matrices,
 )
-from formulations.existence.relaxation.tableaux import partitions
+from formulations.existence.tableaux import partitions
 from nlp.arrays import FloatArray, whole_number
 from nlp.errors import LockedJointError
 

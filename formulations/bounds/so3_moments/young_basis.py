@@ -17,7 +17,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from formulations.existence.relaxation.tableaux import (
+from formulations.existence.tableaux import (
     Shape,
     partitions,
     row_reading_contents,

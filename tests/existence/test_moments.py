@@ -6,16 +6,12 @@ from itertools import permutations
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from formulations.existence.equations import CHARGE, Frame, times
 from formulations.existence.graphs import Monomial, canonical
-from formulations.existence.relaxation.moments import moment_blocks, solve_moment_equations
-from formulations.existence.relaxation.monomials import EdgeMultisets
-from formulations.existence.relaxation.tableaux import adapted_bases, standard_tableaux
+from formulations.existence.moments import EdgeMultisets, moment_blocks, solve_moment_equations
+from formulations.existence.tableaux import adapted_bases, standard_tableaux
 
-Complex = NDArray[np.complex128]
-Floats = NDArray[np.float64]
 NONE = np.zeros(0)
 
 

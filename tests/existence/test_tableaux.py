@@ -6,8 +6,8 @@ from math import factorial, prod
 import numpy as np
 import pytest
 
-from formulations.existence.relaxation.monomials import EdgeMultisets
-from formulations.existence.relaxation.tableaux import (
+from formulations.existence.moments import EdgeMultisets
+from formulations.existence.tableaux import (
     adapted_bases,
     partitions,
     row_reading_contents,

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from formulations.existence.graphs import Monomial, canonical, classes
-from formulations.existence.relaxation.monomials import EdgeMultisets
+from formulations.existence.moments import EdgeMultisets
 
 MULTISETS = EdgeMultisets(5, 2, True)
 CLASSES = classes(5, 2, loops=True)

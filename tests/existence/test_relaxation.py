@@ -9,13 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from formulations.existence.relaxation import relaxation
-from formulations.existence.relaxation.moments import MomentBlock
-from formulations.existence.relaxation.relaxation import (
-    check_margin,
-    existence_relaxation,
-    solve_margin,
-)
+from formulations.existence import relaxation
+from formulations.existence.moments import MomentBlock
+from formulations.existence.relaxation import check_margin, existence_relaxation, solve_margin
 from nlp.errors import InputError
 
 NONE = np.zeros(0)

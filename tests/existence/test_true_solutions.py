@@ -1,20 +1,11 @@
 """Controls: true solutions satisfy every equation and are excluded by nothing."""
 
-from collections.abc import Callable
-
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from formulations.existence.equations import Frame
-from formulations.existence.graphs import Monomial
-from formulations.existence.relaxation.moments import solve_moment_equations
-from formulations.existence.relaxation.monomials import EdgeMultisets
-from formulations.existence.relaxation.relaxation import existence_relaxation
-
-Complex = NDArray[np.complex128]
-Solution = Callable[[int], Complex]
-Averages = Callable[[EdgeMultisets, tuple[Monomial, ...], Complex], NDArray[np.float64]]
+from formulations.existence.moments import EdgeMultisets, solve_moment_equations
+from formulations.existence.relaxation import existence_relaxation
 
 
 def assert_solved_by(moments, w, averages):
