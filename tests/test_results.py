@@ -16,9 +16,9 @@ import pytest
 
 from formulations import measures
 from formulations.bounds.certified import sharpest_worst_case_of
-from formulations.bounds.so3_moments.reading import read_any
+from formulations.bounds.so3_moments.certificate import read_any
 from formulations.existence.reading import read, read_either
-from formulations.existence.relaxation.relaxation import existence_relaxation
+from formulations.existence.relaxation import existence_relaxation
 from formulations.existence.verify import verify
 from formulations.io.provenance import read_header
 from formulations.io.table import Table, read_rows

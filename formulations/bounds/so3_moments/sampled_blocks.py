@@ -12,23 +12,14 @@ from typing import Protocol, TypeAlias
 
 import numpy as np
 
-from formulations.bounds.so3_moments.representations.adapted_rows import (
+from formulations.bounds.so3_moments.row_sectors import RowSector, UnsignedSector
+from formulations.bounds.so3_moments.symmetric_rows import (
     AdaptedRows,
-    adapted_rows,
-)
-from formulations.bounds.so3_moments.representations.permuted_rows import (
     Assignment,
     PermutedRows,
+    adapted_rows,
 )
-from formulations.bounds.so3_moments.representations.row_sectors import (
-    RowSector,
-    UnsignedSector,
-)
-from formulations.bounds.so3_moments.representations.wigner import (
-    ComplexArray,
-    coupling,
-    wigner_matrices,
-)
+from formulations.bounds.so3_moments.wigner import ComplexArray, coupling, wigner_matrices
 from nlp.arrays import FloatArray
 
 # Total spin to values of shape (ways, configurations, components).
@@ -47,23 +38,12 @@ class BlockFamily(Protocol):
 
 
 class RowBlocks:
-    """The rows of one sector, sorted into blocks.
-
-    Parameters
-    ----------
-    sector
-        The sector.
-    joints
-        Number n of joints.
-    """
+    """The rows of one sector, for n joints, sorted into blocks."""
 
     def __init__(self, sector: RowSector | UnsignedSector, joints: int) -> None:
-        self.sector = sector
-        self.joints = joints
-        places = sector.places(joints)
-        rows = [
-            PermutedRows(labels, places, sector.spin) for labels in sector.label_sets(joints)
-        ]
+        self.sector, self.joints = sector, joints
+        places, sets = sector.places(joints), sector.label_sets(joints)
+        rows = [PermutedRows(labels, places, sector.spin) for labels in sets]
         self.rows = [entry for entry in rows if entry.length]
 
     @cached_property
@@ -85,21 +65,16 @@ class RowBlocks:
     ) -> list[FloatArray]:
         """Return the mean of rows · rowsᵀ of each block, (configurations, size, size).
 
-        Parameters
-        ----------
-        wigner
-            D^l of all configurations.
-        orders
-            Orders of the joints; the mean is over these, components and tableaux.
-        share
-            Number of such means that the caller adds up to one; each is divided by it.
+        `wigner` holds D^l of all configurations. The mean is over the orders of the joints,
+        components and tableaux; it is divided by `share`, the number of means that the caller
+        adds up to one.
         """
         count = len(wigner[0])
         found = [np.zeros((count, block.size, block.size)) for block in self.blocks]
         for order in orders:
             plain = self.plain_values(wigner, order)
             for total, block in zip(found, self.blocks, strict=True):
-                values = adapted_values(block, plain)
+                values = _adapted_values(block, plain)
                 total += values @ values.transpose(0, 2, 1)
         for total, block in zip(found, self.blocks, strict=True):
             total /= share * len(orders) * (2 * self.sector.spin + 1) * block.tableaux
@@ -108,8 +83,8 @@ class RowBlocks:
     def plain_values(
         self, wigner: Sequence[ComplexArray], order: Sequence[int]
     ) -> list[FloatArray]:
-        """Return the values of all plain rows, see `plain_rows`, joints in the given order."""
-        return [plain_rows(rows, wigner, order) for rows in self.rows]
+        """Return the values of all plain rows, see `_plain_rows`, joints in the given order."""
+        return [_plain_rows(rows, wigner, order) for rows in self.rows]
 
 
 class SectorBlocks(RowBlocks):
@@ -149,7 +124,7 @@ def choices_first(joints: Sequence[int], count: int) -> list[tuple[int, ...]]:
     ]
 
 
-def plain_rows(
+def _plain_rows(
     rows: PermutedRows, wigner: Sequence[ComplexArray], order: Sequence[int]
 ) -> FloatArray:
     """Return the values of plain rows, shape (rows, configurations, 2(2L+1)).
@@ -174,28 +149,20 @@ def plain_rows(
             reachable = range(max(0, rows.spin - left), rows.spin + left + 1)
             spin, m = labels[q]
             factor = wigner[spin][:, order[assignment[q]], :, spin + m]
-            grown = coupled_with(known[assignment[:q]], factor, spin, reachable)
+            grown = _coupled_with(known[assignment[:q]], factor, spin, reachable)
             known[assignment[: q + 1]] = grown
         values = known[assignment][rows.spin]
         found.append(np.concatenate([values.real, values.imag], axis=-1))
     return np.concatenate(found).reshape(rows.length, -1, 2 * (2 * rows.spin + 1))
 
 
-def coupled_with(
+def _coupled_with(
     coupled: Coupled, factor: ComplexArray, spin: int, reachable: range
 ) -> Coupled:
     """Return what coupling one more joint gives, in the order of `coupled_tensors`.
 
-    Parameters
-    ----------
-    coupled
-        For each total spin l so far the values, (ways, configurations, 2l+1).
-    factor
-        Functions of the joint, (configurations, 2·spin+1).
-    spin
-        Spin of the joint.
-    reachable
-        Total spins that are still of use.
+    `factor` holds the functions of the joint, (configurations, 2·spin+1); `reachable` the total
+    spins that are still of use.
     """
     products = {
         before: values[:, :, :, None] * factor[:, None, :] for before, values in coupled.items()
@@ -206,7 +173,7 @@ def coupled_with(
 def recoupled(products: Coupled, spin: int, reachable: range) -> Coupled:
     """Return products of spins l and `spin`, (ways, configurations, 2l+1, 2·spin+1), coupled.
 
-    For each total spin so far `products` holds one array; `reachable` as in `coupled_with`.
+    For each total spin so far `products` holds one array; `reachable` as in `_coupled_with`.
     """
     grown: dict[int, list[ComplexArray]] = {}
     for before, values in products.items():
@@ -221,7 +188,7 @@ def recoupled(products: Coupled, spin: int, reachable: range) -> Coupled:
     return {target: np.concatenate(parts) for target, parts in grown.items()}
 
 
-def adapted_values(block: AdaptedRows, plain: Sequence[FloatArray]) -> FloatArray:
+def _adapted_values(block: AdaptedRows, plain: Sequence[FloatArray]) -> FloatArray:
     """Return the values of a block's rows, (configurations, size, tableaux · components)."""
     # Rows without any joint are the same at all configurations.
     count = max(values.shape[1] for values in plain)

@@ -17,7 +17,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from formulations.existence.relaxation.tableaux import (
+from formulations.existence.tableaux import (
     Shape,
     partitions,
     row_reading_contents,
@@ -29,6 +29,8 @@ from nlp.arrays import FloatArray
 Shapes: TypeAlias = tuple[Shape, ...]
 Groups: TypeAlias = tuple[range, ...]
 Contents: TypeAlias = tuple[int, ...]
+# For each tableau the number of another one, and a distance, see `young_form`.
+Images: TypeAlias = tuple[tuple[int, int], ...]
 
 _WEIGHTS = tuple(sqrt(prime) for prime in (2, 3, 5, 7, 11, 13, 17, 19, 23, 29))
 _WINDOW = 0.25
@@ -37,21 +39,11 @@ _WINDOW = 0.25
 def young_bases(
     exchanges: Mapping[int, FloatArray], groups: Groups
 ) -> dict[Shapes, FloatArray]:
-    """Return for each shape the bases U_T of all its tableaux.
+    """Return for each shape that occurs the bases U_T, (tableaux, rows, multiplicity).
 
-    Parameters
-    ----------
-    exchanges
-        Orthogonal matrix (rows, rows) that exchanges joints i and i + 1, for each i such that
-        both are in the same group.
-    groups
-        Consecutive ranges of joints; permutations act within each.
-
-    Returns
-    -------
-    dict
-        Shapes that occur to an array (tableaux, rows, multiplicity); the tableaux are in the
-        order of `tableau_contents`. All bases together are orthonormal.
+    `exchanges` holds the orthogonal (rows, rows) that exchanges joints i and i + 1, for each i
+    such that both are in one group. The tableaux are in the order of `tableau_contents`. All
+    bases together are orthonormal.
     """
     elements = _jucys_murphy(exchanges, groups)
     rows = len(next(iter(exchanges.values()))) if exchanges else 1
@@ -71,20 +63,14 @@ def young_bases(
         near = vectors[:, np.abs(values - wanted) < _WINDOW]
         first = _joint_eigenvectors(near, elements, contents)
         if first.shape[1]:
-            found[shapes] = all_tableaux(first, exchanges, groups, shapes)
+            bases = _derived(first, exchanges, groups, shapes)
+            found[shapes] = _averaged(bases, exchanges, groups, shapes)
     return found
 
 
 def first_tableau(shapes: Shapes) -> int:
     """Return the number of the tableau that is filled row after row."""
     return tableau_contents(shapes).index(tuple(map(row_reading_contents, shapes)))
-
-
-def all_tableaux(
-    first: FloatArray, exchanges: Mapping[int, FloatArray], groups: Groups, shapes: Shapes
-) -> FloatArray:
-    """Return the bases of all tableaux, (tableaux, rows, columns), from that of the first."""
-    return _averaged(_derived(first, exchanges, groups, shapes), exchanges, groups, shapes)
 
 
 def projected_tableaux(
@@ -163,16 +149,16 @@ def _averaged(
         for end in range(1, len(group)):
             moved, total = bases, bases.copy()
             for joint in reversed(group[:end]):
-                moved = young_exchange(exchanges[joint] @ moved, joint, groups, shapes)
+                moved = _exchanged(exchanges[joint] @ moved, young_form(shapes, groups)[joint])
                 total += moved
             bases = total / (end + 1)
     return bases
 
 
-def young_exchange(bases: FloatArray, joint: int, groups: Groups, shapes: Shapes) -> FloatArray:
+def _exchanged(bases: FloatArray, images: Images) -> FloatArray:
     """Return Σ_T' U_T' Y_{T'T} for the exchange of a joint and the next, (tableaux, …)."""
     found = np.empty_like(bases)
-    for number, (goal, distance) in enumerate(young_form(shapes, groups)[joint]):
+    for number, (goal, distance) in enumerate(images):
         found[number] = bases[number] / distance
         if abs(distance) > 1:
             found[number] += sqrt(1 - 1 / distance**2) * bases[goal]
@@ -186,7 +172,7 @@ def tableau_contents(shapes: Shapes) -> tuple[tuple[Contents, ...], ...]:
 
 
 @cache
-def young_form(shapes: Shapes, groups: Groups) -> dict[int, tuple[tuple[int, int], ...]]:
+def young_form(shapes: Shapes, groups: Groups) -> dict[int, Images]:
     """Return Young's orthogonal form of the exchange of each joint i and the next.
 
     For each tableau, in the order of `tableau_contents`: the number of the tableau with i and
@@ -195,7 +181,7 @@ def young_form(shapes: Shapes, groups: Groups) -> dict[int, tuple[tuple[int, int
     """
     names = tableau_contents(shapes)
     numbers = {name: number for number, name in enumerate(names)}
-    form: dict[int, tuple[tuple[int, int], ...]] = {}
+    form: dict[int, Images] = {}
     for position, group in enumerate(groups):
         for place, joint in enumerate(group[:-1]):
             images = []

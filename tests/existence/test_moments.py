@@ -1,34 +1,21 @@
 """The linear equations in floating point, and the blocks against the whole moment matrix."""
 
-from __future__ import annotations
-
-from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from itertools import permutations
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from formulations.existence.equations import CHARGE, Frame, times
 from formulations.existence.graphs import Monomial, canonical
-from formulations.existence.relaxation.moments import (
-    LinearMoments,
-    MomentBlock,
-    moment_blocks,
-    solve_moment_equations,
-)
-from formulations.existence.relaxation.monomials import EdgeMultisets
-from formulations.existence.relaxation.relaxation import ExistenceRelaxation
-from formulations.existence.relaxation.tableaux import adapted_bases, standard_tableaux
+from formulations.existence.moments import EdgeMultisets, moment_blocks, solve_moment_equations
+from formulations.existence.tableaux import adapted_bases, standard_tableaux
 
-Complex = NDArray[np.complex128]
-Floats = NDArray[np.float64]
 NONE = np.zeros(0)
 
 
-def monomials(multisets: EdgeMultisets, charge: int, degree: int) -> list[Monomial]:
+def monomials(multisets, charge, degree):
     """Return all monomials of a charge up to a degree, in the order of the rows."""
     edges = list(zip(*(axis.tolist() for axis in multisets.edges), strict=True))
     factors = [
@@ -40,7 +27,7 @@ def monomials(multisets: EdgeMultisets, charge: int, degree: int) -> list[Monomi
     return [monomial for monomial in found if monomial.degree <= degree]
 
 
-def multiples_of_equations(multisets: EdgeMultisets, frame: Frame, charge: int) -> Floats:
+def multiples_of_equations(multisets, frame, charge):
     """Return every multiple of an equation or its conjugate among the rows, as row vectors."""
     every = {c: monomials(multisets, abs(c), multisets.order) for c in range(-3, 4)}
     for c in (-3, -2, -1):
@@ -60,7 +47,7 @@ def multiples_of_equations(multisets: EdgeMultisets, frame: Frame, charge: int) 
     return np.array(vectors).reshape(-1, len(place))
 
 
-def values_of(rows: list[Monomial], w: Complex) -> Complex:
+def values_of(rows, w):
     return np.array(
         [
             np.prod([w[e] for e in row.w]) * np.prod([w[e].conj() for e in row.wbar])
@@ -69,7 +56,7 @@ def values_of(rows: list[Monomial], w: Complex) -> Complex:
     )
 
 
-def repeated_eigenvalues(blocks: list[MomentBlock], charge: int, free: Floats) -> Floats:
+def repeated_eigenvalues(blocks, charge, free):
     """Return the eigenvalues of the blocks of a charge, as often as they have tableaux."""
     return np.concatenate(
         [
@@ -80,7 +67,7 @@ def repeated_eigenvalues(blocks: list[MomentBlock], charge: int, free: Floats) -
     )
 
 
-def assert_eigenvalues_but_for_zeros(matrix: Complex | Floats, others: Floats) -> None:
+def assert_eigenvalues_but_for_zeros(matrix, others):
     zeros = np.zeros(len(matrix) - len(others))
     expected = np.sort(np.concatenate([zeros, others]))
     np.testing.assert_allclose(np.linalg.eigvalsh(matrix), expected, atol=1e-10)
@@ -90,7 +77,7 @@ def assert_eigenvalues_but_for_zeros(matrix: Complex | Floats, others: Floats) -
     ("frame", "order"),
     [(Frame(7, 6), 2), (Frame(6, 6), 2), (Frame(7, 6, True), 2), (Frame(3, 2), 1)],
 )
-def test_the_solution_of_the_equations_is_the_whole_one(frame: Frame, order: int) -> None:
+def test_the_solution_of_the_equations_is_the_whole_one(frame, order):
     moments = solve_moment_equations(frame, order)
     place = {graph: k for k, graph in enumerate(moments.classes)}
     averaged = {frozenset(frame.averaged(m).items()) for m in frame.multiples(order)}
@@ -110,7 +97,7 @@ def test_the_solution_of_the_equations_is_the_whole_one(frame: Frame, order: int
         np.testing.assert_array_equal(moments.coefficients[known], np.eye(len(known)))
 
 
-def test_contradictory_equations_leave_nothing_free() -> None:
+def test_contradictory_equations_leave_nothing_free():
     moments = solve_moment_equations(Frame(3, 2), 1)
     assert not moments.consistent
     assert moments.rank == len(moments.classes) - 1
@@ -127,15 +114,13 @@ def test_limits_are_powers_of_the_diagonal_of_the_projector() -> None:
 
 
 @pytest.fixture(scope="module")
-def square() -> tuple[LinearMoments, list[MomentBlock]]:
+def square():
     moments = solve_moment_equations(Frame(6, 6), 2)
     return moments, moment_blocks(moments)
 
 
 @pytest.mark.parametrize("charge", [0, 1, 2])
-def test_blocks_have_the_eigenvalues_of_the_whole_matrix(
-    square: tuple[LinearMoments, list[MomentBlock]], charge: int
-) -> None:
+def test_blocks_have_the_eigenvalues_of_the_whole_matrix(square, charge):
     moments, blocks = square
     free = np.random.default_rng(charge).standard_normal(len(moments.free))
     values = moments.coefficients @ [1.0, *free]
@@ -146,12 +131,7 @@ def test_blocks_have_the_eigenvalues_of_the_whole_matrix(
 
 
 @pytest.mark.parametrize("charge", [0, 1, 2])
-def test_blocks_of_a_true_solution_are_its_averages(
-    solution_6r: Callable[[int], Complex],
-    averages: Callable[[EdgeMultisets, tuple[Monomial, ...], Complex], Floats],
-    square: tuple[LinearMoments, list[MomentBlock]],
-    charge: int,
-) -> None:
+def test_blocks_of_a_true_solution_are_its_averages(solution_6r, averages, square, charge):
     moments, w = square[0], solution_6r(charge)
     multisets = EdgeMultisets(6, 2)
     own = averages(multisets, moments.classes, w)[:, None]
@@ -166,9 +146,7 @@ def test_blocks_of_a_true_solution_are_its_averages(
 
 
 @pytest.mark.parametrize("charge", [0, 1, 2])
-def test_what_vanishes_in_the_blocks_is_what_the_equations_say(
-    order_2: ExistenceRelaxation, charge: int
-) -> None:
+def test_what_vanishes_in_the_blocks_is_what_the_equations_say(order_2, charge):
     multisets, frame = EdgeMultisets(7, 2), Frame(7, 6)
     vanishing = multiples_of_equations(multisets, frame, charge)
     images = partial(multisets.images, multisets.rows(charge))
@@ -180,9 +158,7 @@ def test_what_vanishes_in_the_blocks_is_what_the_equations_say(
     assert found == {shape: size for shape, size in left.items() if size}
 
 
-def test_multiples_of_equations_vanish_at_solutions(
-    solution_6r: Callable[[int], Complex], solution_simplex: Callable[[int], Complex]
-) -> None:
+def test_multiples_of_equations_vanish_at_solutions(solution_6r, solution_simplex):
     for frame, w in (
         (Frame(6, 6), solution_6r(1)),
         (Frame(7, 6, diagonal=True), solution_simplex(1)),

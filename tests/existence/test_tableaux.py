@@ -1,16 +1,13 @@
 """Tableaux against counting formulas, adapted bases against the Jucys–Murphy elements."""
 
-from __future__ import annotations
-
 from functools import partial
 from math import factorial, prod
 
 import numpy as np
 import pytest
 
-from formulations.existence.relaxation.monomials import EdgeMultisets
-from formulations.existence.relaxation.tableaux import (
-    Shape,
+from formulations.existence.moments import EdgeMultisets
+from formulations.existence.tableaux import (
     adapted_bases,
     partitions,
     row_reading_contents,
@@ -18,7 +15,7 @@ from formulations.existence.relaxation.tableaux import (
 )
 
 
-def hook_formula(shape: Shape) -> int:
+def hook_formula(shape):
     """Return the number of standard tableaux by the hook length formula."""
     columns = [sum(part > column for part in shape) for column in range(shape[0])]
     hooks = [
@@ -30,7 +27,7 @@ def hook_formula(shape: Shape) -> int:
 
 
 @pytest.mark.parametrize("n", range(1, 8))
-def test_tableaux_are_as_many_as_formulas_say(n: int) -> None:
+def test_tableaux_are_as_many_as_formulas_say(n):
     shapes = list(partitions(n))
     assert len(set(shapes)) == len(shapes)
     tableaux = {shape: standard_tableaux(shape) for shape in shapes}
@@ -42,7 +39,7 @@ def test_tableaux_are_as_many_as_formulas_say(n: int) -> None:
     assert len(set(everything)) == len(everything)
 
 
-def test_contents_are_column_minus_row() -> None:
+def test_contents_are_column_minus_row():
     assert row_reading_contents((3, 3, 1)) == (1, 2, -1, 0, 1, -2)
     assert row_reading_contents((1, 1, 1)) == (-1, -2)
     assert sorted(standard_tableaux((2, 1))) == [(-1, 1), (1, -1)]
@@ -52,9 +49,7 @@ def test_contents_are_column_minus_row() -> None:
     ("joints", "order", "charge", "loops"),
     [(7, 2, 0, False), (7, 2, 2, True), (6, 3, 1, False), (5, 3, 3, True), (3, 2, 0, False)],
 )
-def test_bases_are_whole_and_of_joint_eigenvectors(
-    joints: int, order: int, charge: int, loops: bool
-) -> None:
+def test_bases_are_whole_and_of_joint_eigenvectors(joints, order, charge, loops):
     multisets = EdgeMultisets(joints, order, loops)
     rows = multisets.rows(charge)
     bases = adapted_bases(joints, partial(multisets.images, rows))

@@ -13,17 +13,93 @@ vanish on multiples of the equations; on the rest the moments of a solution are 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from functools import partial
+from functools import cached_property, partial
+from itertools import combinations_with_replacement, permutations
 from typing import Any
 
 import numpy as np
 
+from formulations.existence.derive import rewriting
 from formulations.existence.equations import Frame
 from formulations.existence.graphs import ONE, Monomial, classes
-from formulations.existence.relaxation.monomials import EdgeMultisets
-from formulations.existence.relaxation.tableaux import Shape, adapted_bases
-from formulations.existence.rewriting import rewriting
+from formulations.existence.tableaux import IntArray, Shape, adapted_bases
 from nlp.arrays import FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class EdgeMultisets:
+    """The N multisets of at most `order` edges on some joints, numbered by ascending keys.
+
+    A monomial in the entries of W and its conjugate is a pair (w, wbar) of multisets of edges.
+    The *key* of a multiset has the multiplicities of its edges as digits. No multiplicity
+    exceeds the order, so the key of a union is the sum of the keys. With `loops` (i, i) is an
+    edge.
+    """
+
+    joints: int
+    order: int
+    loops: bool = False
+
+    @cached_property
+    def edges(self) -> tuple[IntArray, IntArray]:
+        """The edges (i, j), i ≤ j: an array of all i and one of all j."""
+        return np.triu_indices(self.joints, 0 if self.loops else 1)
+
+    @cached_property
+    def edge_keys(self) -> IntArray:
+        """The key of every edge (i, j): shape (joints, joints), symmetric."""
+        keys = np.zeros((self.joints, self.joints), dtype=np.int64)
+        keys[self.edges] = (self.order + 1) ** np.arange(len(self.edges[0]))
+        return keys | keys.T
+
+    @cached_property
+    def keys(self) -> IntArray:
+        """The keys of all multisets, ascending: shape (N,)."""
+        digits = self.edge_keys[self.edges]
+        choices = (
+            np.array(list(combinations_with_replacement(digits, size)), dtype=np.int64)
+            for size in range(self.order + 1)
+        )
+        return np.sort(np.concatenate([choice.sum(axis=1) for choice in choices]))
+
+    @cached_property
+    def multiplicities(self) -> IntArray:
+        """How often each multiset has each edge: shape (N, edges)."""
+        return self.keys[:, None] // self.edge_keys[self.edges] % (self.order + 1)
+
+    def number(self, keys: IntArray | int) -> IntArray:
+        """Return the numbers of the multisets that have these keys."""
+        return np.searchsorted(self.keys, keys)
+
+    def rows(self, charge: int) -> tuple[IntArray, IntArray]:
+        """Return the monomials of degree up to `order` with `charge` more W than conj(W)."""
+        sizes = self.multiplicities.sum(axis=1)
+        more, degree = sizes[:, None] - sizes, sizes[:, None] + sizes
+        w, wbar = np.nonzero((more == charge) & (degree <= self.order))
+        return w, wbar
+
+    def images(self, rows: tuple[IntArray, IntArray], names: IntArray) -> IntArray:
+        """Return to which row relabelling the joints by ``names[g]`` takes each: (g, rows)."""
+        i, j = self.edges
+        image = self.number(self.edge_keys[names[:, i], names[:, j]] @ self.multiplicities.T)
+        (w, wbar), count = rows, len(self.keys)
+        return np.searchsorted(w * count + wbar, image[:, w] * count + image[:, wbar])
+
+    def class_table(self, classes: Sequence[Monomial]) -> IntArray:
+        """Return the class of every monomial with as many W as conj(W), else −1: (N, N).
+
+        `classes` has one monomial of each class; it is relabelled in every way.
+        """
+        table = np.full((len(self.keys), len(self.keys)), -1)
+        names = np.array(list(permutations(range(self.joints))))
+        for place, graph in enumerate(classes):
+            w, wbar = (
+                self.number(sum(self.edge_keys[names[:, i], names[:, j]] for i, j in pairs))
+                for pairs in (graph.w, graph.wbar)
+            )
+            table[w, wbar] = table[wbar, w] = place
+        return table
+
 
 # Singular values and entries of blocks below these are rounding.
 _RANK_TOLERANCE, _ZERO = 1e-8, 1e-12
@@ -33,29 +109,20 @@ _ENTRIES_AT_ONCE = 2_000_000
 
 @dataclass(frozen=True, eq=False)
 class LinearMoments:
-    """Exact solution of the moment equations of one order.
+    """Exact solution of the moment equations of one order."""
 
-    Parameters
-    ----------
-    frame, order
-        The Jacobians in question, and the largest number of edges of each colour.
-    classes
-        One monomial per class; the first is 1.
-    equations, rank
-        Number of distinct averaged equations, and their rank in the moments other than E[1].
-    consistent, free
-        Whether any moments satisfy the equations, and the classes whose moments are then free.
-    coefficients
-        The moment of each class, a row, as a combination of 1 and the free ones, the columns.
-    """
-
+    #: The Jacobians in question, and the largest number of edges of each colour.
     frame: Frame
     order: int
+    #: One monomial per class; the first is 1.
     classes: tuple[Monomial, ...]
+    #: Number of distinct averaged equations, and their rank in the moments other than E[1].
     equations: int
     rank: int
+    #: Whether any moments satisfy the equations, and the classes whose moments are then free.
     consistent: bool
     free: tuple[Monomial, ...]
+    #: The moment of each class, a row, as a combination of 1 and the free ones, the columns.
     coefficients: FloatArray
 
     def limits(self) -> FloatArray:
@@ -82,25 +149,17 @@ def solve_moment_equations(frame: Frame, order: int) -> LinearMoments:
 
 @dataclass(frozen=True, eq=False)
 class MomentBlock:
-    """One block of the moment matrix, B_0 + Σ_k y_k B_k for free moments y_k.
+    """One block of the moment matrix, B_0 + Σ_k y_k B_k for free moments y_k."""
 
-    Parameters
-    ----------
-    charge, shape
-        The charge of its rows, and the partition that names their representation.
-    copies
-        How often the representation occurs: number of rows before zeros were taken out.
-    matrices
-        B_0, B_1, …: shape (1 + free moments, size, size).
-    doubt
-        Largest singular value taken for zero over the smallest taken for nonzero; far below 1
-        if the size is certain.
-    """
-
+    #: The charge of its rows, and the partition that names their representation.
     charge: int
     shape: Shape
+    #: How often the representation occurs: number of rows before zeros were taken out.
     copies: int
+    #: B_0, B_1, …: shape (1 + free moments, size, size).
     matrices: FloatArray
+    #: Largest singular value taken for zero over the smallest taken for nonzero; far below 1
+    #: if the size is certain.
     doubt: float
 
     @property

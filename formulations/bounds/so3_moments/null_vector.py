@@ -9,24 +9,24 @@ n_f j_f = −Σ n_g j_g over the others. So n_f² ≥ ν = t/(2 + t), the sum of
 
 Hence s = Σ j_f = J(1, …, 1) has sᵀM⁻¹s ≤ δ₀, that is δ₀M ⪰ ssᵀ, and |s|² ≤ δ₀ λ_max(M).
 
-The blocks here are forms wᵀHw on vectors w = Σ r_a w_a with polynomials r_a, averaged over the
-symmetries that are left: signs of columns are not among them, only the sign of all together.
+The blocks are averaged over the symmetries that are left: signs of columns are not among them,
+only the sign of all together.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from math import sqrt
 
 import numpy as np
-from numpy.typing import NDArray
 
-from formulations.bounds.so3_moments.blocks.sampled_blocks import RowBlocks
-from formulations.bounds.so3_moments.representations.adapted_rows import AdaptedRows
-from formulations.bounds.so3_moments.representations.row_sectors import (
-    UnsignedSector,
-    label_degree,
+from formulations.bounds.closed_form import largest_residual
+from formulations.bounds.so3_moments.localisers import Form, FormLocaliser, ScaledBlocks
+from formulations.bounds.so3_moments.row_sectors import UnsignedSector
+from formulations.bounds.so3_moments.sampled_blocks import BlockFamily, sector_families
+from formulations.bounds.so3_moments.wigner import jacobians_of
+from formulations.bounds.so3_moments.worst_case_conditions import (
+    ResidualDistance,
+    spectral_families,
 )
-from formulations.bounds.so3_moments.representations.wigner import jacobians_of, wigner_matrices
 from nlp.arrays import FloatArray
 
 JOINTS = 7
@@ -47,23 +47,6 @@ def signs_by_null_vector(rotations: FloatArray) -> FloatArray:
     turned = rotations.copy()
     turned[..., :2] *= np.where(null < 0, -1.0, 1.0)[..., None, None]
     return turned
-
-
-@dataclass(frozen=True)
-class Form:
-    """A form H on vectors w_a that is positive semidefinite where the conditions hold.
-
-    Parameters
-    ----------
-    values
-        Values w_aᵀHw_b, (configurations, vectors, vectors), at Jacobians (configurations, 6, 7)
-        with the given joint locked.
-    lowered
-        Degree of each w_a in the entries of J, less that of the first.
-    """
-
-    values: Callable[[FloatArray, int], FloatArray]
-    lowered: tuple[int, ...]
 
 
 def gram_form(t: float) -> Form:
@@ -103,56 +86,6 @@ def deviation_form(deviation: float) -> Form:
     return Form(values, (0, 0, 2, 2))
 
 
-class FormLocaliser(RowBlocks):
-    """Blocks of a form on vectors, averaged over symmetries and locked joints.
-
-    Parameters
-    ----------
-    sector
-        The polynomials, with a locked joint; the degree of r_a is lower by `form.lowered`.
-    form
-        The form.
-    """
-
-    def __init__(self, sector: UnsignedSector, form: Form) -> None:
-        super().__init__(sector, JOINTS)
-        self.form = form
-        self.selections = [self._selection(block) for block in self.blocks]
-
-    @property
-    def sizes(self) -> list[int]:
-        """Numbers of rows of the blocks."""
-        return [len(chosen) for chosen, _ in self.selections]
-
-    def evaluate(self, rotations: FloatArray) -> list[FloatArray]:
-        """Return each block, (configurations, size, size), at (configurations, 7, 3, 3)."""
-        wigner = wigner_matrices(rotations, self.largest_spin)
-        jacobians = jacobians_of(rotations)
-        total = [np.zeros((len(rotations), size, size)) for size in self.sizes]
-        for locked in range(JOINTS):
-            values = self.form.values(jacobians, locked)
-            order = [locked, *(joint for joint in range(JOINTS) if joint != locked)]
-            squares = self.mean_squares(wigner, [order], share=JOINTS)
-            for block, square, (chosen, vectors) in zip(
-                total, squares, self.selections, strict=True
-            ):
-                weights = values[:, vectors[:, None], vectors]
-                block += square[:, chosen[:, None], chosen] * weights
-        return total
-
-    def _selection(self, block: AdaptedRows) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-        """Return which scalar row, and which vector, makes each row of a block."""
-        degrees = np.zeros(block.size, dtype=int)
-        for number, columns, _ in block.parts:
-            degree = sum(map(label_degree, self.rows[number].labels))
-            degrees[columns.start : columns.stop] = degree
-        allowed = [
-            np.flatnonzero(degrees <= self.sector.degree - less) for less in self.form.lowered
-        ]
-        vectors = [np.full(len(chosen), a) for a, chosen in enumerate(allowed)]
-        return np.concatenate(allowed), np.concatenate(vectors)
-
-
 def _parts(jacobians: FloatArray, locked: int) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return J_f, j_f and s; vectors have shape (configurations, 6, 1)."""
     kept = np.delete(jacobians, locked, axis=2)
@@ -172,3 +105,70 @@ def _krylov(jacobians: FloatArray, vectors: FloatArray) -> FloatArray:
 
 def _products(vectors: FloatArray) -> FloatArray:
     return np.asarray(vectors.swapaxes(1, 2) @ vectors)
+
+
+@dataclass(frozen=True)
+class UnsignedConditions:
+    """The sectors of the conditions on functions that change with the signs of the columns."""
+
+    plain: tuple[UnsignedSector, ...]
+    #: Of the blocks that are multiplied by δ − |s|², by ρ_max(t) − ρ, and by
+    #: α + β tr E³ − ρ, see `spectral_limit`.
+    near: tuple[UnsignedSector, ...]
+    scaled: tuple[UnsignedSector, ...]
+    spectral: tuple[UnsignedSector, ...]
+    #: Of the localisers of J_fᵀJ_f − tI, and of J_f J_fᵀ − tI and δ₀M − ssᵀ.
+    gram: tuple[UnsignedSector, ...]
+    krylov: tuple[UnsignedSector, ...]
+
+
+def unsigned_sectors(
+    degree: int, spins: range, *, locked: bool = False
+) -> tuple[UnsignedSector, ...]:
+    """Return the sectors of all charges of a degree, within the given total spins."""
+    charges = range(degree % 2, degree + 1, 2)
+    return tuple(UnsignedSector(c, spin, degree, locked) for spin in spins for c in charges)
+
+
+UNSIGNED = UnsignedConditions(
+    plain=unsigned_sectors(4, range(5)) + unsigned_sectors(3, range(4)),
+    near=unsigned_sectors(3, range(4)),
+    scaled=unsigned_sectors(2, range(3)),
+    spectral=unsigned_sectors(1, range(2)),
+    gram=unsigned_sectors(2, range(3), locked=True)
+    + unsigned_sectors(3, range(3), locked=True),
+    krylov=unsigned_sectors(1, range(3), locked=True)
+    + unsigned_sectors(2, range(3), locked=True),
+)
+
+
+def unsigned_families(conditions: UnsignedConditions, t: float) -> list[BlockFamily]:
+    """Return the blocks that are positive semidefinite wherever the worst case is σ² ≥ t.
+
+    The signs of the columns are those of the null vector. For the spectrum with one deviation
+    d of an eigenvalue from its mean, ρ ≥ (3/5)d²; so λ_max ≤ n/3 + √(5ρ_max/3).
+    """
+    limit = largest_residual(JOINTS, t)
+    distance = ResidualDistance(limit, 5 * JOINTS / 3)
+    deviation = null_vector_deviation(t)
+    nearest = deviation * (JOINTS / 3 + sqrt(5 * limit / 3)) + 1e-12
+
+    def nearness(rotations: FloatArray) -> FloatArray:
+        total = jacobians_of(rotations).sum(axis=2)
+        return np.asarray((nearest - np.sum(total**2, axis=1)) / 2)
+
+    localisers = [
+        *(FormLocaliser(sector, JOINTS, gram_form(t)) for sector in conditions.gram),
+        *(
+            FormLocaliser(sector, JOINTS, form)
+            for form in (krylov_form(t), deviation_form(deviation))
+            for sector in conditions.krylov
+        ),
+    ]
+    return [
+        *sector_families(conditions.plain, JOINTS),
+        *(ScaledBlocks(one, nearness) for one in sector_families(conditions.near, JOINTS)),
+        *(ScaledBlocks(one, distance) for one in sector_families(conditions.scaled, JOINTS)),
+        *spectral_families(conditions.spectral, t),
+        *(family for family in localisers if family.blocks),
+    ]

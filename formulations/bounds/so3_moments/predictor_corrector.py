@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import blas, cho_factor, cho_solve, solve_triangular
 
-from formulations.bounds.so3_moments.programs.moment_program import ConicOutcome, MomentProgram
+from formulations.bounds.so3_moments.moment_program import ConicOutcome, MomentProgram
 from nlp.arrays import FloatArray
 
 _STEP = 0.95  # fraction of the way to the boundary
@@ -70,23 +70,10 @@ def solve_with_predictor_corrector(
 ) -> ConicOutcome:
     """Return pseudo-moments and positive definite multipliers.
 
-    Parameters
-    ----------
-    program
-        The program; y = 0 must make every block positive definite.
-    gap, accuracy
-        Stop where ⟨X, S⟩ is below `gap` and no dual equation is off by more than `accuracy`,
-        both relative to the largest coefficient of the objective, at least 1.
-    stop
-        Stop also where this is true for the multipliers.
-    progress
-        Receives a short message at every fifth iteration.
-
-    Returns
-    -------
-    ConicOutcome
-        Status ``"optimal"``, ``"enough"``, ``"stalled: …"``, ``"iteration_limit"`` or
-        ``"no_interior_start"``.
+    Ends where ⟨X, S⟩ is below `gap` and no dual equation is off by more than `accuracy`, both
+    relative to the largest coefficient of the objective, at least 1; or where `stop` is true
+    for the multipliers. The status is ``"optimal"``, ``"enough"``, ``"stalled: …"``,
+    ``"iteration_limit"`` or ``"no_interior_start"``.
     """
     y = np.zeros(program.moments - 1)
     x = [_START * np.eye(size) for size in program.sizes]

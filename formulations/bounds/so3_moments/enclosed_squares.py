@@ -1,7 +1,17 @@
 """Sums of squares of rows: bounds on all rounding and on how far they are from invariant.
 
-For a block with bases U_T (floating-point numbers, taken as they are) and X = LLᵀ let A_T be
-the rounded U_T L. Then
+**Rounding of Wigner functions and plain rows.** Standard model of floating point without
+underflow: every operation has a relative error of at most u, and sums of K products, in any
+order, one of at most γ_K = Ku/(1 − Ku) relative to the sum of the absolute values (Higham,
+2002); u = 2⁻⁵³ in double precision, 2⁻⁶⁴ or less in extended precision. A complex product has
+one of at most √5 u. Exact values have norms that are known: columns of D^l are unit vectors,
+and coupling is an isometry; that keeps the bounds small.
+
+A configuration is a list of quaternions whose entries are doubles; its rotations are those of
+the exactly normalised quaternions.
+
+**Blocks.** For a block with bases U_T (floating-point numbers, taken as they are) and X = LLᵀ
+let A_T be the rounded U_T L. Then
 
     s(x) = Σ_orders Σ_T |A_Tᵀφ(x)|² / (orders · (2L+1) · tableaux) ≥ 0,
 
@@ -22,18 +32,101 @@ from math import sqrt
 
 import numpy as np
 
-from formulations.bounds.so3_moments.blocks.sampled_blocks import RowBlocks, SectorBlocks
-from formulations.bounds.so3_moments.representations.adapted_rows import AdaptedRows
-from formulations.bounds.so3_moments.representations.permuted_rows import PermutedRows
-from formulations.bounds.so3_moments.representations.rounding import (
-    UNIT,
-    exchange_error,
-    gamma,
-    row_error,
-)
-from formulations.bounds.so3_moments.representations.wigner import wigner_matrices
-from formulations.bounds.so3_moments.representations.young_basis import young_form
+from formulations.bounds.so3_moments.sampled_blocks import RowBlocks, SectorBlocks
+from formulations.bounds.so3_moments.symmetric_rows import AdaptedRows, PermutedRows
+from formulations.bounds.so3_moments.wigner import wigner_matrices
+from formulations.bounds.so3_moments.young_basis import young_form
 from nlp.arrays import FloatArray
+from nlp.errors import LockedJointError
+
+UNIT = 2.0**-53
+EXTENDED_UNIT = 2.0**-64
+# Entries of a rotation: numerator and denominator have 4 products and 3 sums each, relative
+# to |q|²; then one division. Below 16u.
+ROTATION_ENTRY = 16
+# Frobenius norm: 3 · 16u from R; the spherical unit vectors are rounded (2u on each side, times
+# the norm 1 of R); two complex products of 3×3 matrices with absolute values of norm √3 each,
+# 2√2γ_4 · 3 each. Below 120u.
+_FIRST_SPIN = 120
+# Growth of errors by factors 1 + error, none above 1e-9, over fewer than 20 steps.
+_GROWTH = 1.0 + 1e-6
+
+
+class NoExtendedPrecisionError(LockedJointError):
+    """``numpy.longdouble`` has fewer than 64 significant bits here."""
+
+    def __init__(self) -> None:
+        bits = np.finfo(np.longdouble).nmant + 1
+        super().__init__(
+            f"a rigorous bound needs extended precision: numpy.longdouble has {bits} "
+            "significant bits on this machine, 64 are needed"
+        )
+
+
+def require_extended_precision() -> None:
+    """Raise NoExtendedPrecisionError unless ``numpy.longdouble`` has 64 significant bits."""
+    if np.finfo(np.longdouble).nmant < 63:
+        raise NoExtendedPrecisionError
+
+
+def gamma(operations: int, unit: float = UNIT) -> float:
+    """Return γ_K."""
+    product = operations * unit
+    return product / (1.0 - product)
+
+
+def wigner_error(spin: int) -> float:
+    """Bound the error of a column of D^spin, made from extended rotations.
+
+    One step from l to l + 1 computes Cᵀ(D^l ⊗ D^1)C with a table C of couplings whose entries
+    are off by two units in the last place. A row of C has one entry that is not 0, since the
+    components add up, so |C| has orthonormal columns as C has; a column has at most three. The
+    absolute values of D^l ⊗ D^1 have a norm of at most √(2l+1)√3. At the end every entry, of a
+    unit vector, is rounded to double.
+    """
+    if spin == 0:
+        return 0.0
+    error = _FIRST_SPIN * EXTENDED_UNIT
+    for before in range(1, spin):
+        # Two sums of 3 products, one complex product, two tables off by 2u: real and
+        # imaginary parts taken together cost a factor √2 < 2.
+        step = 2 * gamma(2 * 3 + 10, EXTENDED_UNIT) * sqrt(3 * (2 * before + 1))
+        error += _FIRST_SPIN * EXTENDED_UNIT + step
+    return (error + UNIT) * _GROWTH
+
+
+def row_error(rows: PermutedRows) -> float:
+    """Bound the error of the rows of one assignment, all ways and components.
+
+    It is the Euclidean norm of the error of a vector whose exact norm is at most 1. A step
+    couples spins l' and s: complex products, then for each possible total spin a table |C| of
+    norm 1, off by two units, whose sums have at most 2 min(l', s) + 1 products that are not 0.
+    """
+    error, reached = 0.0, 0
+    for spin in rows.spins:
+        terms = 2 * min(reached, spin) + 1
+        error += wigner_error(spin) + gamma(3) + gamma(terms + 3) * sqrt(terms)
+        reached += spin
+    return error * _GROWTH
+
+
+def exchange_error(rows: PermutedRows) -> float:
+    """Bound the spectral norm of the error of an exchange for one assignment.
+
+    It is a matrix of inner products of tensors of norm 1, (ways, ways), in extended precision,
+    rounded at the end; its rows have norm 1. An entry of a tensor with p factors is a single
+    product of p − 1 couplings, since the components fix the intermediate ones; each coupling is
+    off by two units. The components of all factors but the longest fix that of the longest.
+    """
+    if all(len(set(part)) == len(part) for part in rows.parts):
+        return 0.0  # nothing is reordered: a permutation matrix
+    entries = 1
+    for spin in sorted(rows.spins)[:-1]:
+        entries *= 2 * spin + 1
+    tensor = gamma(3 * len(rows.spins), EXTENDED_UNIT)
+    inner = rows.ways * (2 * tensor + gamma(entries + 2, EXTENDED_UNIT))
+    return (inner + sqrt(rows.ways) * UNIT) * _GROWTH
+
 
 # Norms are computed in floating point; their relative errors are far below this.
 SAFETY = 1.0 + 1e-6
@@ -41,59 +134,30 @@ SAFETY = 1.0 + 1e-6
 
 @dataclass(frozen=True, eq=False)
 class EnclosedSum:
-    """Values of an invariant function at configurations, with bounds.
-
-    Parameters
-    ----------
-    values
-        The values.
-    errors
-        Bounds on the distance from the exact values.
-    sizes
-        Bounds on the sums of the absolute values of what was added up.
-    """
+    """Values of an invariant function at configurations, with bounds."""
 
     values: FloatArray
+    #: Bounds on the distance from the exact values.
     errors: FloatArray
+    #: Bounds on the sums of the absolute values of what was added up.
     sizes: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
 class EnclosedBlock:
-    """A block with other columns instead of its rows: A_T = U_T · columns.
+    """A block with other columns instead of its rows: A_T = U_T · columns."""
 
-    Parameters
-    ----------
-    parts
-        Number of a set of labels and A_T there, shape (tableaux, plain rows, columns).
-    differences
-        Bounds on ‖E‖ for each exchange and each set of labels of `parts`.
-    exchanges
-        Number ℓ of exchanges that make any permutation.
-    scale
-        (2L+1) · tableaux.
-    """
-
+    #: Number of a set of labels and A_T there, shape (tableaux, plain rows, columns).
     parts: tuple[tuple[int, FloatArray], ...]
+    #: Bounds on ‖E‖ for each exchange and each set of labels of `parts`.
     differences: FloatArray
+    #: Number ℓ of exchanges that make any permutation.
     exchanges: int
+    #: (2L+1) · tableaux.
     scale: int
 
-    def asymmetry(self, norm: FloatArray, plain_norms: FloatArray) -> FloatArray:
-        """Return a bound on how far |Aᵀφ|² is from its average.
-
-        Parameters
-        ----------
-        norm
-            Bound on |Aᵀφ|, (configurations,).
-        plain_norms
-            Bounds on |φ| of each set of labels of the sector, (sets, configurations).
-        """
-        step = self.step(plain_norms)
-        return np.asarray(SAFETY * step * (norm + step))
-
     def step(self, plain_norms: FloatArray) -> FloatArray:
-        """Return ℓe, (configurations,); `plain_norms` as in `asymmetry`."""
+        """Return ℓe, (configurations,), from bounds on |φ| of each set of labels, (sets, …)."""
         used = plain_norms[[number for number, _ in self.parts]]
         largest = np.max(self.differences @ used, axis=0, initial=0.0)
         return np.asarray(SAFETY * self.exchanges * largest)
@@ -160,10 +224,18 @@ def enclosed_sums(
         plain = family.plain_values(wigner, order)
         norms = plain_norms(family, plain)
         for block, (fixed, relative) in zip(blocks, mistakes, strict=True):
-            squares, wrong = _block_sum(block, plain, fixed + relative @ norms, count)
+            wrong = fixed + relative @ norms
+            values = block_values(block, plain, count)
+            # Squares are added up in extended precision: at most 2¹¹ terms for one more unit.
+            squares = np.sum(values**2, axis=(0, 2), dtype=np.longdouble).astype(float)
+            units = 4 + values.shape[0] * values.shape[2] // 2**11
+            wrong = 2 * np.sqrt(squares) * wrong + wrong**2 + gamma(units) * squares
+            wrong = SAFETY * wrong
             weight = 1.0 / (len(orders) * block.scale)
             total += weight * squares
-            errors += weight * (wrong + block.asymmetry(np.sqrt(squares + wrong), norms))
+            step = block.step(norms)
+            asymmetry = SAFETY * step * (np.sqrt(squares + wrong) + step)
+            errors += weight * (wrong + asymmetry)
     # Weights and sums of positive numbers over blocks and orders.
     errors = SAFETY * (errors + gamma(len(orders) * len(blocks) + 8) * total)
     return EnclosedSum(total, errors, total)
@@ -181,14 +253,10 @@ def plain_norms(family: RowBlocks, plain: Sequence[FloatArray]) -> FloatArray:
 
 
 def product_error(family: RowBlocks, block: EnclosedBlock) -> tuple[float, FloatArray]:
-    """Bound the Euclidean norm of the error of Aᵀφ for one order, see `_block_sum`.
+    """Bound the Euclidean norm of the error of Aᵀφ for one order.
 
-    Returns
-    -------
-    fixed
-        From the errors of φ.
-    relative
-        From the products: to be multiplied by |φ| of each set of labels of the sector.
+    The first part is from the errors of φ; the second, from the products, is to be multiplied
+    by |φ| of each set of labels of the sector.
     """
     fixed, relative = 0.0, np.zeros(len(family.rows))
     for number, a in block.parts:
@@ -204,18 +272,6 @@ def _norm(matrix: FloatArray) -> float:
     """Return the spectral norm of a matrix with few rows, rounded up."""
     square = matrix @ matrix.T
     return SAFETY * sqrt(max(float(np.linalg.eigvalsh(square)[-1]), 0.0))
-
-
-def _block_sum(
-    block: EnclosedBlock, plain: Sequence[FloatArray], wrong: FloatArray, count: int
-) -> tuple[FloatArray, FloatArray]:
-    """Return Σ_T |A_Tᵀφ|² and a bound on its error, of one order."""
-    found = block_values(block, plain, count)
-    # Squares are added up in extended precision: at most 2¹¹ terms for one more unit.
-    squared = np.sum(found**2, axis=(0, 2), dtype=np.longdouble).astype(float)
-    units = 4 + found.shape[0] * found.shape[2] // 2**11
-    error = 2 * np.sqrt(squared) * wrong + wrong**2 + gamma(units) * squared
-    return squared, SAFETY * error
 
 
 def block_values(block: EnclosedBlock, plain: Sequence[FloatArray], count: int) -> FloatArray:

@@ -1,5 +1,10 @@
 """The existence of an isotropic Jacobian with equal columns, tested by its moments.
 
+W = ZᵀZ is the complex symmetric matrix of `equations`. A solution may be averaged over the
+order of the joints, a common phase and conjugation, so its moments depend on a graph only. They
+obey linear equations, and matrices of them, by `tableaux` and `moments`, are positive
+semidefinite. Where no numbers do both, there is no solution.
+
 The margin is the largest s ≤ 1 for which free moments y make B_b(y) − sI ⪰ 0 for all blocks b,
 a semidefinite program. For multipliers X_b ⪰ 0 with Σ tr X_b ≤ 1,
 
@@ -22,13 +27,13 @@ import cvxpy as cp
 import numpy as np
 
 from formulations.existence.equations import Frame
-from formulations.existence.relaxation.moments import (
+from formulations.existence.moments import (
     LinearMoments,
     MomentBlock,
     moment_blocks,
     solve_moment_equations,
 )
-from formulations.existence.relaxation.tableaux import standard_tableaux
+from formulations.existence.tableaux import standard_tableaux
 from nlp.arrays import FloatArray, finite_or_none, one_blas_thread, whole_number
 from nlp.conic import check_solver, run
 from nlp.errors import InputError
@@ -39,31 +44,21 @@ _ROUNDING = 1e-10
 
 @dataclass(frozen=True, eq=False)
 class Margin:
-    """What free moments attain and multipliers prove of some blocks, and where they are from.
+    """What free moments attain and multipliers prove of some blocks, and their origin."""
 
-    Parameters
-    ----------
-    free, multipliers
-        y, and one matrix X_b per block; None where there are none.
-    attained
-        Smallest eigenvalue over all blocks at y; minus infinity without one.
-    proved
-        Upper limit of the margin for moments of solutions, 1 if nothing was proved. If it is
-        negative there are no solutions.
-    residual
-        Largest coefficient of a free moment that did not cancel.
-    smallest_eigenvalue
-        Smallest eigenvalue of the multipliers as they were given.
-    value, status
-        The optimum that a solver found, or None, and what it reported.
-    """
-
+    #: y, and one matrix X_b per block; None where there are none.
     free: FloatArray | None
     multipliers: Sequence[FloatArray] | None
+    #: Smallest eigenvalue over all blocks at y; minus infinity without one.
     attained: float
+    #: Upper limit of the margin for moments of solutions, 1 if nothing was proved. If it is
+    #: negative there are no solutions.
     proved: float = 1.0
+    #: Largest coefficient of a free moment that did not cancel.
     residual: float = math.inf
+    #: Of the multipliers as they were given.
     smallest_eigenvalue: float = -math.inf
+    #: The optimum that a solver found, or None, and what it reported.
     value: float | None = None
     status: str = "not solved"
 
@@ -77,12 +72,7 @@ def solve_margin(
 ) -> Margin:
     """Find the margin of some blocks, at least one, and check it.
 
-    Parameters
-    ----------
-    blocks, limits
-        The blocks, and limits Y_k of the absolute values of the free moments.
-    solver, options
-        Conic solver known to cvxpy, and its own options.
+    `limits` are those of the absolute values of the free moments; options are the solver's own.
     """
     norms = [np.linalg.norm(block.matrices[1:], axis=(1, 2)) for block in blocks]
     # Solvers want unknowns that matter equally; some may not occur at all.
@@ -104,15 +94,7 @@ def check_margin(
     free: FloatArray | None,
     multipliers: Sequence[FloatArray] | None,
 ) -> Margin:
-    """Return what free moments attain and multipliers prove, wherever they come from.
-
-    Parameters
-    ----------
-    blocks, limits
-        The blocks, and limits Y_k of the absolute values of the free moments.
-    free, multipliers
-        Free moments, and one symmetric matrix per block; or None.
-    """
+    """Return what free moments attain and multipliers prove, wherever they come from."""
     attained = -math.inf
     if free is not None:
         attained = min(float(np.linalg.eigvalsh(block.at(free))[0]) for block in blocks)

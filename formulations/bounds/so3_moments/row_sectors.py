@@ -9,16 +9,20 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import TypeAlias
+from typing import ClassVar, TypeAlias
 
 from nlp.errors import InputError
 
 Label: TypeAlias = tuple[int, int]
+# The labels of each group of joints.
+LabelSet: TypeAlias = tuple[tuple[Label, ...], ...]
 
 
 @dataclass(frozen=True, order=True)
 class RowSector:
     """The products of Wigner functions with one behaviour under all symmetries but S_n.
+
+    InputError unless all numbers are non-negative and k + parity ≡ c ≡ d (mod 2).
 
     Parameters
     ----------
@@ -32,11 +36,6 @@ class RowSector:
         Largest degree d in the entries of J.
     locked
         Parity of m of the locked joint, 0 or 1; None if no joint is locked.
-
-    Raises
-    ------
-    InputError
-        Unless all are non-negative and k + parity ≡ c ≡ d (mod 2).
     """
 
     odd: int
@@ -47,13 +46,12 @@ class RowSector:
 
     def __post_init__(self) -> None:
         values = (self.odd, self.charge, self.spin, self.degree, self.locked)
+        name = "row sector (k, c, L, d, parity)"
         if min(values[:4]) < 0 or self.locked not in (None, 0, 1):
-            raise InputError("row sector (k, c, L, d, parity)", values, "non-negative integers")
+            raise InputError(name, values, "non-negative integers")
         odd = self.odd + (self.locked or 0)
         if (odd - self.charge) % 2 or (self.charge - self.degree) % 2:
-            raise InputError(
-                "row sector (k, c, L, d, parity)", values, "k + parity ≡ c ≡ d modulo 2"
-            )
+            raise InputError(name, values, "k + parity ≡ c ≡ d modulo 2")
 
     def places(self, joints: int) -> tuple[range, ...]:
         """Return the groups of joints: the locked one if any, odd joints, even joints."""
@@ -62,19 +60,16 @@ class RowSector:
         groups = (range(start, split), range(split, joints))
         return groups if self.locked is None else (range(1), *groups)
 
-    def label_sets(self, joints: int) -> list[tuple[tuple[Label, ...], ...]]:
+    def label_sets(self, joints: int) -> list[LabelSet]:
         """Return the labels that the groups of `joints` joints can carry."""
         if self.locked is None:
             return _label_sets(self.odd, self.charge, self.degree, joints)
-        heads: list[tuple[Label, ...]] = [()] if self.locked == 0 else []
-        heads += [(label,) for label in _labels_of_parity(self.locked, self.degree)]
-        found: list[tuple[tuple[Label, ...], ...]] = []
-        for head in heads:
-            left = self.degree - sum(map(label_degree, head))
-            charge = self.charge - sum(label[1] for label in head)
-            rest = _label_sets(self.odd, charge, left, joints - 1)
-            found += [(head, *labels) for labels in rest]
-        return found
+        labels = _labels_of_parity(self.locked, self.degree)
+        return [
+            ((*head,), *rest)
+            for head in _heads(labels, nothing=self.locked == 0)
+            for rest in _label_sets(self.odd, *_beyond(self, head), joints - 1)
+        ]
 
     def contains(self, other: RowSector) -> bool:
         """Whether the other sector's rows are all among these."""
@@ -85,29 +80,16 @@ class RowSector:
 class UnsignedSector:
     """The products with one behaviour under all symmetries, column signs not among them.
 
-    Where the signs of the columns are fixed, m of any parity may occur at any joint.
-
-    Parameters
-    ----------
-    charge
-        Sum c of all m, not negative.
-    spin
-        Total spin L to which the product is coupled.
-    degree
-        Largest degree d in the entries of J.
-    locked
-        Whether joint 0 is locked, so that only the others are permuted.
-
-    Raises
-    ------
-    InputError
-        Unless all are non-negative and c ≡ d (mod 2).
+    Where the signs of the columns are fixed, m of any parity may occur at any joint. If
+    `locked`, joint 0 is, and only the others are permuted. InputError unless the numbers are
+    non-negative and c ≡ d (mod 2).
     """
 
     charge: int
     spin: int
     degree: int
     locked: bool = False
+    odd: ClassVar[int] = 0  # no joints are set apart by their parity
 
     def __post_init__(self) -> None:
         values = (self.charge, self.spin, self.degree)
@@ -115,33 +97,35 @@ class UnsignedSector:
             allowed = "non-negative integers with c ≡ d modulo 2"
             raise InputError("unsigned sector (c, L, d)", values, allowed)
 
-    @property
-    def odd(self) -> int:
-        """0: no joints are set apart by their parity."""
-        return 0
-
     def places(self, joints: int) -> tuple[range, ...]:
         """Return the groups of joints: the locked one if any, the others."""
         return (range(1), range(1, joints)) if self.locked else (range(joints),)
 
-    def label_sets(self, joints: int) -> list[tuple[tuple[Label, ...], ...]]:
+    def label_sets(self, joints: int) -> list[LabelSet]:
         """Return the labels that the groups of `joints` joints can carry."""
         labels = sorted(_labels_of_parity(0, self.degree) + _labels_of_parity(1, self.degree))
-        heads: list[tuple[tuple[Label, ...], ...]] = [()]
-        if self.locked:
-            heads = [((),), *(((label,),) for label in labels)]
-        found = []
-        for head in heads:
-            taken = [label for part in head for label in part]
-            left = self.degree - sum(map(label_degree, taken))
-            charge = self.charge - sum(m for _, m in taken)
+        found: list[LabelSet] = []
+        for head in _heads(labels) if self.locked else [()]:
+            charge, degree = _beyond(self, head)
+            group = ((*head,),) if self.locked else ()
             found += [
-                (*head, rest)
-                for size in range(joints - len(head) + 1)
-                for rest in _multisets(labels, size, left)
+                (*group, rest)
+                for size in range(joints - len(group) + 1)
+                for rest in _multisets(labels, size, degree)
                 if sum(m for _, m in rest) == charge
             ]
         return found
+
+
+def _heads(labels: list[Label], *, nothing: bool = True) -> list[tuple[Label, ...]]:
+    """Return what a locked joint can carry."""
+    return [*([()] if nothing else []), *((label,) for label in labels)]
+
+
+def _beyond(sector: RowSector | UnsignedSector, head: tuple[Label, ...]) -> tuple[int, int]:
+    """Return the charge and the degree that a locked joint leaves to the others."""
+    charge = sector.charge - sum(m for _, m in head)
+    return charge, sector.degree - sum(map(label_degree, head))
 
 
 def label_degree(label: Label) -> int:
@@ -174,9 +158,7 @@ def without_repetition(sectors: list[RowSector]) -> tuple[RowSector, ...]:
     )
 
 
-def _label_sets(
-    odd: int, charge: int, degree: int, joints: int
-) -> list[tuple[tuple[Label, ...], ...]]:
+def _label_sets(odd: int, charge: int, degree: int, joints: int) -> list[LabelSet]:
     """Return the labels with odd and those with even m that `joints` joints can carry.
 
     There are `odd` labels with odd m; all m add up to `charge` and all degrees to at most
@@ -215,3 +197,7 @@ def _multisets(labels: list[Label], size: int, degree: int) -> Iterator[tuple[La
         if left >= size - 1:
             for rest in _multisets(labels[position:], size - 1, left):
                 yield (label, *rest)
+
+
+#: Rows of degree 4, which alone give no more than ρ ≥ 0 for seven joints.
+DEGREE_4 = tuple(degree_sectors(4, range(3)))

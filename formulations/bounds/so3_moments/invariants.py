@@ -1,8 +1,13 @@
-"""An orthonormal basis of the invariants, which bounds an invariant by few of its values.
+"""The space of invariants: its dimension, and a basis that bounds one by few of its values.
+
+The space V is that of the functions on SO(3)ⁿ which are polynomials of degree at most d in the
+entries of J and do not change under rotations of the frame, a common phase, conjugation, or
+signs and order of the columns. Its dimension is the average of the trace over these groups,
+counted exactly: only integers and fractions occur.
 
 Let λ be a multiset of labels (l, m), all m even, of total charge 0, and F_λ(x) the sum over all
 ways to give its labels to different joints of ΠD^l_{·m} coupled to spin 0, a vector with one
-entry for each way of coupling. The space V of `invariants` is spanned by the real parts of the
+entry for each way of coupling. V is spanned by the real parts of the
 F_λ. Those of different λ are orthogonal in L² of the uniform distribution, but for λ and −λ,
 which have the same real parts; those of one λ have a Gram matrix that exchanges of equal labels
 and conjugation determine. Hence e = Q̃ᵀ Re F, with Q̃ nearly orthogonal, is nearly an orthonormal
@@ -17,7 +22,7 @@ basis, since there are dim V of them; f = Σ c_j e_j with |c| ≤ |R f|/(1 − �
 """
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from itertools import combinations
@@ -27,23 +32,84 @@ from typing import TypeAlias
 import numpy as np
 import scipy.linalg
 
-from formulations.bounds.so3_moments.blocks.enclosed_squares import SAFETY
-from formulations.bounds.so3_moments.blocks.sampled_blocks import Coupled, recoupled
-from formulations.bounds.so3_moments.representations.permuted_rows import PermutedRows
-from formulations.bounds.so3_moments.representations.rounding import gamma, row_error
-from formulations.bounds.so3_moments.representations.row_sectors import (
-    Label,
-    RowSector,
-    label_degree,
-)
-from formulations.bounds.so3_moments.representations.wigner import (
+from formulations.bounds.so3_moments.enclosed_squares import SAFETY, gamma, row_error
+from formulations.bounds.so3_moments.row_sectors import Label, RowSector, label_degree
+from formulations.bounds.so3_moments.sampled_blocks import Coupled, recoupled
+from formulations.bounds.so3_moments.symmetric_rows import PermutedRows
+from formulations.bounds.so3_moments.wigner import (
     ComplexArray,
     axis_exchange,
     coupled_tensors,
     wigner_matrices,
 )
-from nlp.arrays import FloatArray
+from formulations.existence.tableaux import partitions
+from nlp.arrays import FloatArray, whole_number
 from nlp.errors import LockedJointError
+
+# Coefficients by (degree, weight of the frame rotation, phase charge).
+Character: TypeAlias = Mapping[tuple[int, int, int], int]
+
+
+def invariant_dimension(joints: int, degree: int) -> int:
+    """Return dim V for so many joints and d = `degree`; InputError unless both are positive."""
+    whole_number("joints", joints, 1)
+    whole_number("degree", degree, 1)
+    total = Fraction(0)
+    for conjugated in (False, True):
+        cycles = {length: _cycle(length, degree, conjugated) for length in range(1, joints + 1)}
+        known: dict[tuple[int, ...], Character] = {(): {(0, 0, 0): 1}}
+        for lengths in partitions(joints):
+            for end, length in enumerate(lengths):
+                if lengths[: end + 1] not in known:
+                    product = _product(known[lengths[:end]], cycles[length], degree)
+                    known[lengths[: end + 1]] = product
+            share = Fraction(1, _centraliser(lengths))
+            total += share * _trivial_part(known[lengths]) / 2
+    if total.denominator != 1:
+        raise ArithmeticError("a dimension must be an integer")
+    return int(total)
+
+
+def _cycle(length: int, degree: int, conjugated: bool) -> Character:
+    """Return the trace of a cycle of joints on products that are even in every joint.
+
+    It is the trace of the `length`-th power of what acts on one joint. Conjugation takes m to
+    −m with the sign (−1)^l, and its square is 1.
+    """
+    found: Counter[tuple[int, int, int]] = Counter()
+    for spin in range(degree + 1):
+        for m in range(-spin, spin + 1):
+            size = length * label_degree((spin, m))
+            if m % 2 or size > degree or (conjugated and length % 2 and m):
+                continue
+            value = (-1) ** spin if conjugated and length % 2 else 1
+            for weight in range(-spin, spin + 1):
+                found[size, length * weight, 0 if conjugated else length * m] += value
+    return found
+
+
+def _product(first: Character, second: Character, degree: int) -> Character:
+    found: Counter[tuple[int, int, int]] = Counter()
+    for (a, weight, charge), value in first.items():
+        for (b, other_weight, other_charge), other in second.items():
+            if a + b <= degree:
+                found[a + b, weight + other_weight, charge + other_charge] += value * other
+    return found
+
+
+def _trivial_part(character: Character) -> int:
+    """Return how often total spin 0 and charge 0 occur: weight 0 less weight 1."""
+    return sum(
+        value * ((weight == 0) - (weight == 1))
+        for (_, weight, charge), value in character.items()
+        if charge == 0
+    )
+
+
+def _centraliser(lengths: tuple[int, ...]) -> int:
+    """Return n! over the number of permutations with these cycles."""
+    return prod(length**n * factorial(n) for length, n in Counter(lengths).items())
+
 
 Labels: TypeAlias = tuple[Label, ...]
 # Configurations at which everything is evaluated together.
@@ -56,20 +122,13 @@ class NoBasisError(LockedJointError):
 
 @dataclass(frozen=True, eq=False)
 class InvariantBasis:
-    """What is needed to bound an invariant by its values at the points.
+    """What is needed to bound an invariant by its values at the points."""
 
-    Parameters
-    ----------
-    left_inverse
-        R, shape (dimension, points).
-    defect
-        Bound on ‖RG − I‖ for the exact matrix of values G; below 1.
-    amplification
-        Λ‖Q̃‖, so that |f| ≤ amplification · |c|.
-    """
-
+    #: R, shape (dimension, points).
     left_inverse: FloatArray
+    #: Bound on ‖RG − I‖ for the exact matrix of values G; below 1.
     defect: float
+    #: Λ‖Q̃‖, so that |f| ≤ amplification · |c|.
     amplification: float
 
     def largest_value(self, values: FloatArray, errors: FloatArray) -> float:
@@ -85,20 +144,12 @@ class InvariantBasis:
 
 @dataclass(frozen=True, eq=False)
 class InvariantFunctions:
-    """The functions of one multiset of labels: coefficientsᵀ · Re F_λ.
+    """The functions of one multiset of labels: coefficientsᵀ · Re F_λ."""
 
-    Parameters
-    ----------
-    labels
-        λ, ascending.
-    joints
-        Number n of joints.
-    coefficients
-        Q̃ of this λ, shape (ways, functions), scaled to mean square 1.
-    """
-
+    #: λ, ascending.
     labels: Labels
     joints: int
+    #: Q̃ of this λ, shape (ways, functions), scaled to mean square 1.
     coefficients: FloatArray
 
     @property
@@ -247,23 +298,11 @@ def _symmetric_sums(
 def invariant_basis(
     rotations: FloatArray, degree: int, dimension: int, points: int | None = None
 ) -> tuple[InvariantBasis, FloatArray]:
-    """Return a basis of the invariants of known dimension, and the points that it uses.
+    """Return a basis of V of known dimension, and the points that it uses.
 
-    Parameters
-    ----------
-    rotations
-        Candidates for the points, (candidates, n, 3, 3), more than `dimension`.
-    degree
-        Largest degree d.
-    dimension
-        dim V.
-    points
-        How many candidates to keep, by pivoted QR; all by default.
-
-    Raises
-    ------
-    NoBasisError
-        If the values do not prove that there is a basis.
+    `rotations`, (candidates, n, 3, 3), are candidates for the points, more than `dimension`;
+    `points` of them are kept, by pivoted QR, or all. NoBasisError if the values do not prove
+    that there is a basis.
     """
     functions = invariant_functions(rotations.shape[1], degree)
     values = invariant_values(functions, rotations, degree)

@@ -27,10 +27,7 @@ _SPHERICAL = np.array([[1, 0, -1], [-1j, 0, -1j], [0, np.sqrt(np.longdouble(2)),
 def random_rotations(
     rng: np.random.Generator, count: int, joints: int, *, extended: bool = False
 ) -> FloatArray:
-    """Return uniformly distributed rotation matrices, shape (count, joints, 3, 3).
-
-    In extended precision if `extended`: the same rotations with smaller errors.
-    """
+    """Return uniform rotations (count, joints, 3, 3); the same ones, finer, if `extended`."""
     quaternions = rng.standard_normal((count, joints, 4))
     if extended:
         quaternions = quaternions.astype(np.longdouble)
@@ -73,8 +70,7 @@ def wigner_matrices(rotations: FloatArray, largest: int) -> list[ComplexArray]:
 def coupling(first: int, second: int, total: int) -> FloatArray:
     """Return ⟨first a, second b | total M⟩, shape (2·first+1, 2·second+1, 2·total+1).
 
-    Each entry is the correctly rounded square root of an exact rational, to within two units
-    in the last place.
+    Each entry is the root of an exact rational, to within two units in the last place.
     """
     return _table(first, second, total, float)
 
@@ -136,19 +132,8 @@ def _coefficient(first: int, a: int, second: int, b: int, total: int) -> tuple[F
 def coupled_tensors(spins: tuple[int, ...], total: int) -> FloatArray:
     """Return an orthonormal basis of the ways to couple spins to a total spin, in sequence.
 
-    Parameters
-    ----------
-    spins
-        The spins l_1, …, l_p, in the order of coupling; none gives total spin 0.
-    total
-        The total spin L.
-
-    Returns
-    -------
-    numpy.ndarray
-        Shape (ways, 2l_1+1, …, 2l_p+1, 2L+1). For each way and each component of L a tensor of
-        norm 1, in extended precision. Changing the sign of all components multiplies it by
-        (−1)^(Σ l_i − L).
+    Shape (ways, 2l_1+1, …, 2l_p+1, 2L+1), extended precision: for each way and component of L
+    a tensor of norm 1. Changing the sign of all components multiplies it by (−1)^(Σ l_i − L).
     """
     if not spins:
         return np.ones((1, 1)) if total == 0 else np.zeros((0, 2 * total + 1))
@@ -172,18 +157,9 @@ def coupled_tensors(spins: tuple[int, ...], total: int) -> FloatArray:
 def axis_exchange(spins: Sequence[int], total: int, order: Sequence[int]) -> FloatArray:
     """Return how reordering the factors acts on the basis of `coupled_tensors`.
 
-    Parameters
-    ----------
-    spins, total
-        As in `coupled_tensors`.
-    order
-        Factor q of the reordered tensor is factor order[q] of the given one.
-
-    Returns
-    -------
-    numpy.ndarray
-        Orthogonal matrix X, (ways, ways): reordered tensor b = Σ_c X[c, b] · tensor c of the
-        reordered spins. Computed in extended precision, then rounded.
+    Factor q of the reordered tensor is factor order[q] of the given one. The matrix X, (ways,
+    ways), is orthogonal: reordered tensor b = Σ_c X[c, b] · tensor c of the reordered spins.
+    Computed in extended precision, then rounded.
     """
     given = coupled_tensors(tuple(spins), total)
     if list(order) == list(range(len(order))):
@@ -196,3 +172,12 @@ def axis_exchange(spins: Sequence[int], total: int, order: Sequence[int]) -> Flo
     second = moved[..., -1].reshape(len(moved), -1)
     filled = first.any(axis=0) | second.any(axis=0)
     return np.asarray(first[:, filled] @ second[:, filled].T, dtype=float)
+
+
+def residual_values(rotations: FloatArray) -> FloatArray:
+    """Return ρ = ½‖JJᵀ − (n/3)I‖_F² at rotations (configurations, n, 3, 3)."""
+    jacobians = jacobians_of(rotations)
+    gram = jacobians @ jacobians.swapaxes(-1, -2)
+    # n · I is exact; one division in the precision of the rotations.
+    defect = gram - jacobians.shape[-1] * np.eye(6, dtype=gram.dtype) / 3
+    return np.asarray(0.5 * np.sum(defect**2, axis=(-1, -2)))

@@ -20,28 +20,22 @@ from math import sqrt
 
 import numpy as np
 
-from formulations.bounds.so3_moments.blocks.enclosed_squares import (
+from formulations.bounds.so3_moments.enclosed_squares import (
+    EXTENDED_UNIT,
+    ROTATION_ENTRY,
     SAFETY,
+    UNIT,
     EnclosedBlock,
     EnclosedSum,
     block_values,
     enclosed_block,
+    gamma,
     plain_norms,
     product_error,
 )
-from formulations.bounds.so3_moments.blocks.localisers import (
-    POWERS,
-    KrylovLocaliser,
-    krylov_vectors,
-)
-from formulations.bounds.so3_moments.representations.adapted_rows import AdaptedRows
-from formulations.bounds.so3_moments.representations.rounding import (
-    EXTENDED_UNIT,
-    ROTATION_ENTRY,
-    UNIT,
-    gamma,
-)
-from formulations.bounds.so3_moments.representations.wigner import jacobians_of, wigner_matrices
+from formulations.bounds.so3_moments.localisers import POWERS, KrylovLocaliser, krylov_vectors
+from formulations.bounds.so3_moments.symmetric_rows import AdaptedRows
+from formulations.bounds.so3_moments.wigner import jacobians_of, wigner_matrices
 from nlp.arrays import FloatArray
 
 
@@ -90,14 +84,7 @@ def enclosed_powers(
 ) -> dict[int, EnclosedBlock]:
     """Return A_{T,k} = U_T L_k of a block for each power k that occurs.
 
-    Parameters
-    ----------
-    family
-        The localiser.
-    block
-        The scalar rows of the block, U_T.
-    root
-        L, with a row for each of the family's `selection` from the block.
+    L, `root`, has a row for each of the family's `selection` from the block.
     """
     chosen, powers = family.selection(block)
     found = {}
@@ -118,14 +105,8 @@ def enclosed_krylov_sum(
 ) -> EnclosedSum:
     """Return the sum over the blocks of a localiser, averaged over all orders of the joints.
 
-    Parameters
-    ----------
-    family
-        The localiser.
-    blocks
-        A_{T,k} of each block, see `enclosed_powers`.
-    rotations
-        The configurations, (configurations, n, 3, 3), in extended precision.
+    `blocks` holds A_{T,k} of each block, see `enclosed_powers`; rotations are in extended
+    precision.
     """
     count = len(rotations)
     wigner = wigner_matrices(rotations, family.largest_spin)

@@ -1,30 +1,14 @@
 """Controls: true solutions satisfy every equation and are excluded by nothing."""
 
-from __future__ import annotations
-
-from collections.abc import Callable
-
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from formulations.existence.equations import Frame
-from formulations.existence.graphs import Monomial
-from formulations.existence.relaxation.moments import LinearMoments, solve_moment_equations
-from formulations.existence.relaxation.monomials import EdgeMultisets
-from formulations.existence.relaxation.relaxation import (
-    ExistenceRelaxation,
-    existence_relaxation,
-)
-
-Complex = NDArray[np.complex128]
-Solution = Callable[[int], Complex]
-Averages = Callable[[EdgeMultisets, tuple[Monomial, ...], Complex], NDArray[np.float64]]
+from formulations.existence.moments import EdgeMultisets, solve_moment_equations
+from formulations.existence.relaxation import existence_relaxation
 
 
-def assert_solved_by(
-    moments: LinearMoments, w: Complex, averages: Averages
-) -> NDArray[np.float64]:
+def assert_solved_by(moments, w, averages):
     """Check every equation at the moments of a solution; return its free moments."""
     frame = moments.frame
     multisets = EdgeMultisets(frame.joints, moments.order, frame.diagonal)
@@ -41,7 +25,7 @@ def assert_solved_by(
     return free
 
 
-def test_the_printed_6r_is_isotropic(printed_6r: Complex) -> None:
+def test_the_printed_6r_is_isotropic(printed_6r):
     np.testing.assert_allclose(np.diag(printed_6r), 0, atol=1e-15)
     np.testing.assert_allclose(printed_6r @ printed_6r, 0, atol=1e-15)
     tight = printed_6r @ printed_6r.conj()
@@ -49,11 +33,8 @@ def test_the_printed_6r_is_isotropic(printed_6r: Complex) -> None:
 
 
 def test_isotropic_6r_satisfies_order_3_and_has_semidefinite_blocks(
-    order_3_of_6r: ExistenceRelaxation,
-    solution_6r: Solution,
-    printed_6r: Complex,
-    averages: Averages,
-) -> None:
+    order_3_of_6r, solution_6r, printed_6r, averages
+):
     moments = order_3_of_6r.moments
     assert moments.consistent
     assert len(moments.free) == 30
@@ -63,7 +44,7 @@ def test_isotropic_6r_satisfies_order_3_and_has_semidefinite_blocks(
         assert lowest > -1e-10
 
 
-def test_isotropic_6r_is_feasible_at_order_3(order_3_of_6r: ExistenceRelaxation) -> None:
+def test_isotropic_6r_is_feasible_at_order_3(order_3_of_6r):
     assert order_3_of_6r.verdict == "feasible"
     assert all(margin.proved >= 0 for margin in order_3_of_6r.alone)
     margin = order_3_of_6r.margin
@@ -72,16 +53,15 @@ def test_isotropic_6r_is_feasible_at_order_3(order_3_of_6r: ExistenceRelaxation)
     assert margin.proved == pytest.approx(margin.attained, abs=1e-4)
 
 
-def test_a_solution_of_another_frame_fails(solution_6r: Solution, averages: Averages) -> None:
+def test_a_solution_of_another_frame_fails(solution_6r, averages):
     moments = solve_moment_equations(Frame(6, 6), 2)
     with pytest.raises(AssertionError):
         assert_solved_by(moments, 1.001 * solution_6r(0), averages)
 
 
 def test_rotated_simplices_satisfy_the_equations_with_the_diagonal_kept(
-    solution_simplex: Solution,
-    averages: Averages,
-) -> None:
+    solution_simplex, averages
+):
     relaxation = existence_relaxation(2, diagonal=True)
     assert relaxation.moments.consistent
     assert relaxation.verdict in ("feasible", "undecided")
@@ -95,7 +75,7 @@ def test_rotated_simplices_satisfy_the_equations_with_the_diagonal_kept(
 
 
 @pytest.mark.parametrize(("joints", "order"), [(3, 1), (5, 2)])
-def test_small_impossible_cases(joints: int, order: int) -> None:
+def test_small_impossible_cases(joints, order):
     relaxation = existence_relaxation(order, joints)
     assert not relaxation.moments.consistent
     assert relaxation.verdict == "inconsistent"

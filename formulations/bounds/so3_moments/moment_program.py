@@ -36,17 +36,11 @@ class OutsideSpanError(LockedJointError):
 
 @dataclass(frozen=True, eq=False)
 class MomentProgram:
-    """Blocks and objective as functions of the pseudo-moments.
+    """Blocks and objective as functions of the pseudo-moments."""
 
-    Parameters
-    ----------
-    objective
-        ρ_0, ρ_1, …, shape (moments,).
-    blocks
-        For each block B_0, B_1, …, shape (moments, size, size).
-    """
-
+    #: ρ_0, ρ_1, …, shape (moments,).
     objective: FloatArray
+    #: For each block B_0, B_1, …, shape (moments, size, size).
     blocks: tuple[FloatArray, ...]
 
     @property
@@ -93,20 +87,9 @@ class MomentProgram:
 
 @dataclass(frozen=True, eq=False)
 class ConicOutcome:
-    """The answer of a solver, unchecked.
+    """The answer of a solver, unchecked."""
 
-    Parameters
-    ----------
-    moments
-        y_1, y_2, …, or None if there is no answer.
-    multipliers
-        X of each block, symmetric, or None if there is no answer.
-    status
-        The complete status message of the solver.
-    iterations
-        Number of iterations, if known.
-    """
-
+    #: y_1, y_2, …, and X of each block, symmetric; None if there is no answer.
     moments: FloatArray | None
     multipliers: tuple[FloatArray, ...] | None
     status: str
@@ -114,14 +97,7 @@ class ConicOutcome:
 
 
 def moment_program(values: FloatArray, blocks: Sequence[FloatArray]) -> MomentProgram:
-    """Return the program whose functions have the given values at sampled configurations.
-
-    Parameters
-    ----------
-    values
-        The objective, shape (samples,).
-    blocks
-        Each block, shape (samples, size, size).
+    """Return the program of an objective, (samples,), and blocks, (samples, size, size).
 
     Raises
     ------
@@ -131,7 +107,7 @@ def moment_program(values: FloatArray, blocks: Sequence[FloatArray]) -> MomentPr
         If the objective is not in the span of the entries.
     """
     samples = len(values)
-    basis = _orthonormal_functions(blocks, np.ones((samples, 1)))
+    basis = _orthonormal_functions(blocks)
     objective = basis.T @ values / samples
     if np.abs(basis @ objective - values).max() > 1e-8 * np.abs(values).max():
         raise OutsideSpanError("the objective is outside of the span of the blocks' entries")
@@ -148,28 +124,11 @@ def joined_program(
 ) -> MomentProgram:
     """Return a program of blocks from two spaces of functions.
 
-    Neither space contains the other; they share the span of a few entries. Each block depends
-    on the unknowns of its own space only, which the solver makes use of.
-
-    Parameters
-    ----------
-    first, second
-        Each block, shape (samples, size, size). The samples of the second space are the first
-        ones of the other.
-    common
-        Blocks whose entries span the intersection of the two spaces, at all samples.
-    weights
-        Positive weights of the samples; functions are orthonormal with respect to them. Where
-        most of the weight is near the configurations in question, so are the unknowns small.
-    objective
-        Values of a function of the first space, at all samples; 0 if not given.
-
-    Raises
-    ------
-    TooFewSamplesError
-        If there might be as many independent functions in one space as samples.
-    OutsideSpanError
-        If an entry or the objective is outside of its span.
+    Neither space contains the other; they share the span of the entries of the blocks `common`.
+    Each block, (samples, size, size), depends on the unknowns of its own space only, which the
+    solver makes use of. The samples of the second space are the first ones of the other.
+    Functions are orthonormal with respect to the positive weights of the samples. The objective
+    is a function of the first space, or 0. Raises what `moment_program` raises.
     """
     samples = len(common[0])
     roots = np.sqrt(np.ones(samples) if weights is None else weights / np.mean(weights))
@@ -235,21 +194,11 @@ def _coefficients(inverse: FloatArray, basis: FloatArray, values: FloatArray) ->
 def penalised_program(program: MomentProgram, penalty: float) -> MomentProgram:
     """Return the program in which all blocks may fall below 0 together, at a price.
 
-    Its multipliers, times the penalty and without the last one, are multipliers of the given
-    program, with a value at most as good; the same value if the penalty is large enough.
-
-    Parameters
-    ----------
-    program
-        The program.
-    penalty
-        The price of a multiple of the unit matrix in all blocks.
-
-    Returns
-    -------
-    MomentProgram
-        With one more unknown, the last, and one more block. y = 0 is an interior point. The
-        objective is divided by the penalty.
+    The penalty is the price of a multiple of the unit matrix in all blocks. The program has one
+    more unknown, the last, and one more block; y = 0 is an interior point; the objective is
+    divided by the penalty. Its multipliers, times the penalty and without the last one, are
+    multipliers of the given program, with a value at most as good; the same value if the
+    penalty is large enough.
     """
     lowest = min(float(np.linalg.eigvalsh(block[0])[0]) for block in program.blocks)
     shift = max(0.1, 0.1 - lowest)
@@ -275,17 +224,8 @@ def margin_program(program: MomentProgram) -> MomentProgram:
     """Return the program whose smallest value is −s; the objective of the given one is left.
 
     Multipliers X ⪰ 0 with Σ tr X = 1 and Σ ⟨X, B(x)⟩ = d for all x prove s ≤ d; if d < 0, no
-    configuration meets the conditions, for Σ ⟨X, B(x)⟩ would not be negative there.
-
-    Parameters
-    ----------
-    program
-        The blocks as functions of the pseudo-moments.
-
-    Returns
-    -------
-    MomentProgram
-        With one more unknown, the last: s plus a shift that makes y = 0 an interior point.
+    configuration meets the conditions, for Σ ⟨X, B(x)⟩ would not be negative there. The one
+    more unknown, the last, is s plus a shift that makes y = 0 an interior point.
     """
     lowest = min(float(np.linalg.eigvalsh(block[0])[0]) for block in program.blocks)
     shift = max(0.0, 1.0 - lowest)
@@ -298,24 +238,23 @@ def margin_program(program: MomentProgram) -> MomentProgram:
     return MomentProgram(objective, tuple(blocks))
 
 
-def _orthonormal_functions(blocks: Sequence[FloatArray], known: FloatArray) -> FloatArray:
-    """Return an orthonormal basis of the functions at the samples, the known ones first.
-
-    `known` holds orthonormal functions, (samples, functions), the first constant. Random
-    combinations of the entries have the same span and are fewer.
-    """
-    samples = len(known)
+def _orthonormal_functions(blocks: Sequence[FloatArray]) -> FloatArray:
+    """Return an orthonormal basis of the functions at the samples, the constant first."""
     mixed = _mixed(blocks)
-    centred = mixed - known @ (known.T @ mixed / samples)
-    vectors, strengths, _ = np.linalg.svd(centred)
+    samples = len(mixed)
+    constant = np.ones((samples, 1))
+    vectors, strengths, _ = np.linalg.svd(mixed - constant @ (constant.T @ mixed / samples))
     rank = int(np.sum(strengths > _RELATIVE_RANK * strengths[0]))
-    if rank + known.shape[1] >= samples - 1:
+    if rank >= samples - 2:
         raise TooFewSamplesError(f"{samples} samples for at least {rank} functions")
-    return np.hstack([known, np.sqrt(samples) * vectors[:, :rank]])
+    return np.hstack([constant, np.sqrt(samples) * vectors[:, :rank]])
 
 
 def _mixed(blocks: Sequence[FloatArray]) -> FloatArray:
-    """Return as many random combinations of the entries as samples, (samples, samples)."""
+    """Return as many random combinations of the entries as samples, (samples, samples).
+
+    They have the same span as the entries and are fewer.
+    """
     rng = np.random.default_rng(_SEED)
     samples = len(blocks[0])
     mixed = np.zeros((samples, samples))
