@@ -19,8 +19,8 @@ from formulations.robots.robot_arm import RobotArm
 from formulations.robots.shapes import Shape
 from formulations.robots.task import TaskSpace
 from formulations.robots.tree import RobotError
-from formulations.studies.robots import ARMS
 from nlp.errors import InputError
+from results.robots.survey import ARMS
 
 
 @lru_cache

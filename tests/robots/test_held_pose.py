@@ -21,8 +21,8 @@ from formulations.robots.posture_search import Search
 from formulations.robots.robot_arm import RobotArm
 from formulations.robots.task import TaskSpace
 from formulations.robots.waypoints import read_pose
-from formulations.studies.robots import ARMS
 from nlp.errors import InputError
+from results.robots.survey import ARMS
 
 DOWN = (1.0, 0.0, 0.0, 0.0)
 
