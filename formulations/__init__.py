@@ -28,7 +28,7 @@ bounds (`bounds.so3_moments`), the best known of every kind of arm (`atlas`), Ja
 robots (`realise`) and robots as Jacobians (`robots`). Later works: docs/related_work.md.
 
 Data flows one way: model → formulation → problem → solution → record → table. Imports only go
-down this list: `commands`, `studies`, `plot`, `campaign`, `robots`, `atlas`, `solving`,
+down this list: `commands`, `comparison`, `plot`, `campaign`, `robots`, `atlas`, `solving`,
 `reproduction`, the statements and their `catalogue`, `bounds`, `realise`, `io`, `measures`,
 `existence`, `joints`, and below all of them the engine, `nlp`.
 """
