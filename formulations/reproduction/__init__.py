@@ -1,9 +1,8 @@
 """Every numbered example and claim of the paper, one row each, computed anew.
 
 The files follow the paper: `definition` is Section 2; `planar` and `canonical` are Section 3;
-`rotational`, `seven_joints`, `seven_joints_worst_case` and `eight_joints` are Sections 4 and 5
-and the Appendix. Equations that only define something, (1)–(5) and (8), have no row of their
-own.
+`rotational`, `seven_joints` and `eight_joints` are Sections 4 and 5 and the Appendix. Equations
+that only define something, (1)–(5) and (8), have no row of their own.
 """
 
 from collections.abc import Iterator, Sequence
@@ -18,7 +17,6 @@ from formulations.reproduction import (
     planar,
     rotational,
     seven_joints,
-    seven_joints_worst_case,
 )
 from formulations.reproduction.row import ReproductionRow, Verdict
 from nlp.arrays import whole_number
@@ -51,7 +49,7 @@ def iterate(seed: int = 0, starts: int = 100) -> Iterator[ReproductionRow]:
         canonical.rows(seed),
         rotational.rows(seed),
         seven_joints.rows(seed, starts),
-        seven_joints_worst_case.rows(seed),
+        seven_joints.worst_case_rows(seed),
         eight_joints.rows(seed, min(starts, 50)),
     )
 

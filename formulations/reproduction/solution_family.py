@@ -55,10 +55,6 @@ class LocalDimension:
         """Dimension of the family of different Jacobians."""
         return self.angles - self.equations - self.symmetries
 
-    def to_dict(self) -> dict[str, int]:
-        """Return plain values for tables and JSON, the family's dimension among them."""
-        return {**vars(self), "family": self.family}
-
 
 def local_dimension(arm: Arm, angles: npt.ArrayLike) -> LocalDimension:
     """Return the dimensions around a solution; angles in radians, shape (3n,)."""
