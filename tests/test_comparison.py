@@ -3,6 +3,7 @@
 import csv
 import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,6 +16,8 @@ from formulations.joints.models import arm
 from formulations.solving.case import Case
 from formulations.solving.solve import run, solve
 from nlp.errors import InputError
+
+RESULTS = Path(__file__).parents[1] / "results"
 
 
 def outcome(formulation, model, joints=7, m=6, *, starts=6, options=None):
@@ -97,6 +100,23 @@ def test_every_row_has_a_certified_bound_that_it_respects(rows):
     assert residual.certified_gap_percent < 2
     assert residual.numerical_gap_percent < 1e-3
     assert rows["max-min", "", "unit-revolute"].certified_gap_percent < 0.9
+
+
+@pytest.mark.parametrize("joints", [7, 8])
+def test_the_committed_tables_are_these(seven, joints):
+    study = comparison.study(joints)
+    committed = study.read(RESULTS / study.name)["comparison"]
+    outcomes = seven if joints == 7 else [run(case, starts=2) for case in cases(8, 6)]
+    fresh = list(map(row_of, outcomes))
+    assert len(fresh) == len(committed) == 9
+    for new, old in zip(fresh, committed, strict=True):
+        for same in ("formulation", "variant", "model", "joints", "verdict", "certificate"):
+            assert getattr(new, same) == getattr(old, same)
+        for number in ("sigma_bound", "certified_bound", "numerical_bound", "score"):
+            before = pytest.approx(getattr(old, number), abs=1e-6, nan_ok=True)
+            assert getattr(new, number) == before
+        if old.verdict == "solved" and old.formulation == "max-min":
+            assert new.worst_case_sigma == pytest.approx(old.worst_case_sigma, abs=1e-6)
 
 
 def test_common_starts(seven):

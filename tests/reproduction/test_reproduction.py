@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Iterable
 from dataclasses import replace
 from decimal import Decimal
 from itertools import islice
+from pathlib import Path
 
 import casadi as ca
 import numpy as np
@@ -14,6 +16,7 @@ import pytest
 
 from formulations import appendix as closed
 from formulations import measures
+from formulations.io.table import read_rows
 from formulations.joints.arm import Arm
 from formulations.joints.kinds import UnitRevolute
 from formulations.reproduction import (
@@ -77,6 +80,21 @@ def nudged(matrix: FloatArray, amount: float, at: tuple[int, ...] = (1, 2)) -> F
 
 def test_nothing_is_unexplained(rows: tuple[ReproductionRow, ...]) -> None:
     assert [row for row in rows if row.verdict is Verdict.MISMATCH] == []
+
+
+def test_the_committed_table_is_this(rows: tuple[ReproductionRow, ...]) -> None:
+    path = Path(__file__).parents[2] / "results/reproduction/reproduction.csv"
+    committed = read_rows(path, ReproductionRow)
+    first_search = [row.equation for row in committed].index("before (44)")
+    for new, old in zip(rows, committed, strict=True):
+        assert (new.equation, new.verdict) == (old.equation, old.verdict)
+    for new, old in zip(rows[:first_search], committed[:first_search], strict=True):
+        assert new.quantity == old.quantity
+        assert numbers(new.ours) == pytest.approx(numbers(old.ours), abs=1e-6)
+
+
+def numbers(text: str) -> list[float]:
+    return [float(number) for number in re.findall(r"-?\d+\.\d+(?:e-?\d+)?", text)]
 
 
 @pytest.mark.parametrize(

@@ -1,8 +1,9 @@
 """The committed results are what the code computes, and their pages say what their tables say.
 
-A small version of what is quick is computed again: optima and bounds agree within 1e-6, which
-is what counts as the same optimum, and verdicts agree. Counts of starts and times are the
-machine's and are not compared. What takes long is measured again from what is on record.
+What is quick is computed again: optima and bounds agree within 1e-6, which is what counts as
+the same optimum, and verdicts agree. Counts of starts and times are the machine's and are not
+compared. What takes long is measured again from what is on record. The comparisons and the
+reproduction are computed again in tests/test_comparison.py and tests/reproduction.
 """
 
 import csv
@@ -58,49 +59,6 @@ def rows(name, kind, table=None):
 
 
 # Computed anew ----------------------------------------------------------------------------
-
-
-@pytest.fixture(scope="module")
-def anew(tmp_path_factory):
-    """The comparisons and the reproduction from a few starts each."""
-    out = tmp_path_factory.mktemp("results")
-    for name, starts in (("comparison", 6), ("comparison_8r", 2), ("reproduction", 4)):
-        result = STUDIES[name].run(out / name, Effort(seed=0, starts=starts))
-        assert (result.complete, result.complaint) == (True, "")
-    return out
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("name", ["comparison", "comparison_8r"])
-def test_comparison(anew, name):
-    fresh = read_rows(anew / name / "comparison.csv", ComparisonRow)
-    committed = rows(name, ComparisonRow)
-    assert len(fresh) == len(committed) == 9
-    for new, old in zip(fresh, committed, strict=True):
-        for same in ("formulation", "variant", "model", "joints", "verdict", "certificate"):
-            assert getattr(new, same) == getattr(old, same)
-        for number in ("sigma_bound", "certified_bound", "numerical_bound"):
-            before = pytest.approx(getattr(old, number), abs=SAME, nan_ok=True)
-            assert getattr(new, number) == before
-        assert new.score == pytest.approx(old.score, abs=SAME, nan_ok=True)
-        if old.verdict == "solved" and old.formulation == "max-min":
-            assert new.worst_case_sigma == pytest.approx(old.worst_case_sigma, abs=SAME)
-
-
-@pytest.mark.long
-def test_reproduction(anew):
-    fresh = read_rows(anew / "reproduction" / "reproduction.csv", ReproductionRow)
-    committed = rows("reproduction", ReproductionRow)
-    assert [row.equation for row in fresh] == [row.equation for row in committed]
-    assert [row.verdict for row in fresh] == [row.verdict for row in committed]
-    first_search = [row.equation for row in committed].index("before (44)")
-    for new, old in zip(fresh[:first_search], committed[:first_search], strict=True):
-        assert new.quantity == old.quantity
-        assert numbers(new.ours) == pytest.approx(numbers(old.ours), abs=SAME)
-
-
-def numbers(text):
-    return [float(one) for one in re.findall(r"-?\d+\.\d+(?:e-?\d+)?", text)]
 
 
 def test_the_reproduction_has_nothing_unexplained():
