@@ -1,22 +1,27 @@
 """The benchmark beside other solvers: processor time, the targets, the growth."""
 
+from __future__ import annotations
+
 import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from math import isnan
 from pathlib import Path
 from statistics import median
+from typing import TYPE_CHECKING
 
 from formulations.io import pages
 from formulations.io.pages import groups
 from formulations.io.study import Effort, Study
-from formulations.plot.style import content
+from formulations.plot.style import BLUE, GREY, INK, ORANGE, SMALL, VERMILION, content, styled
 from formulations.solving.outcome import REACHED_BEST
 from nlp.files import write_bytes
-from results.benchmark.figure import drawn
 from results.benchmark.measurement import NEAR, BenchmarkRow, measure
 from results.benchmark.peers import CLASSICAL, DEFAULT, FAST, PEERS
 from results.script import parser, run
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 STARTS, TIME_LIMIT = 99, 20.0
 SIZES = (7, 8, 9, 12, 16, 20)
@@ -24,6 +29,17 @@ _TEMPLATE = Path(__file__).with_suffix(".md.j2")
 
 _FLOOR = "floor"  # whichever is less
 _TRF, _JAX, _SLSQP = "scipy least_squares trf", "JAX", "scipy SLSQP"
+
+
+# By how a peer's name begins: this library's default and fast path, others of it, the floor.
+# All else is grey.
+_COLOURS = {
+    "lockedjoint, Ipopt (default)": BLUE,
+    "lockedjoint, Fatrop, compiled (fast path)": VERMILION,
+    "lockedjoint": ORANGE,
+    "floor": INK,
+}
+_MARKS = "os^Dv<>Pp*hX"
 
 
 @dataclass(frozen=True)
@@ -100,6 +116,38 @@ def targets(rows: Sequence[BenchmarkRow]) -> str:
 def growth(rows: Sequence[BenchmarkRow]) -> str:
     """Return CPU ms per success by number of joints, as a Markdown table."""
     return pages.aligned(pages.block(_TEMPLATE, "growth", {"rows": rows}))
+
+
+def drawn(rows: Sequence[BenchmarkRow]) -> Figure:
+    """Return the figure: CPU ms per success, on a logarithmic scale."""
+    panels = groups(rows, "formulation")
+    with styled(9.0, 3.2 + 3.2 * len(panels)) as figure:
+        for place, ((formulation,), same) in enumerate(panels, 1):
+            axes = figure.add_subplot(len(panels), 1, place)
+            for mark, ((peer,), line) in enumerate(groups(same, "peer")):
+                known = [row for row in line if not isnan(row.cpu_seconds_per_success)]
+                colour = next(
+                    (c for begins, c in _COLOURS.items() if peer.startswith(begins)), ""
+                )
+                axes.plot(
+                    [row.joints for row in known],
+                    [1e3 * row.cpu_seconds_per_success for row in known],
+                    marker=_MARKS[mark % len(_MARKS)],
+                    markersize=4,
+                    linewidth=1.8 if colour in (BLUE, VERMILION) else 0.9,
+                    linestyle="--" if colour == INK else "-",
+                    color=colour or GREY,
+                    label=peer,
+                )
+            axes.set_yscale("log")
+            axes.set_xticks(sorted({row.joints for row in same}))
+            axes.set_title(formulation)
+            axes.set_xlabel("joints")
+            axes.set_ylabel("CPU ms per success")
+            axes.legend(
+                loc="center left", bbox_to_anchor=(1.01, 0.5), fontsize=SMALL, frameon=False
+            )
+    return figure
 
 
 def study(sizes: Sequence[int] = SIZES, time_limit: float = TIME_LIMIT) -> Study:

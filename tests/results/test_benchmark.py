@@ -16,8 +16,7 @@ from formulations.io.study import Effort
 from formulations.joints.models import arm
 from results.benchmark import benchmark
 from results.benchmark import unit_revolute as hand
-from results.benchmark.benchmark import growth, targets
-from results.benchmark.figure import drawn
+from results.benchmark.benchmark import drawn, growth, targets
 from results.benchmark.measurement import (
     BenchmarkRow,
     NotRunError,
