@@ -4,13 +4,24 @@ import argparse
 import sys
 import traceback
 from pathlib import Path
-from typing import NoReturn
+from typing import Any, NoReturn
 
 from formulations.io.study import INCOMPLETE, Effort, Study
 from nlp.errors import LockedJointError
 from nlp.executors import default_workers
 
 QUESTIONED, INTERRUPTED = 1, 130
+
+
+def declared(file: str, **stated: Any) -> Study:
+    """Return the study of a script, which names it, its template and its command."""
+    path = Path(file)
+    return Study(
+        name=path.stem,
+        template=path.with_suffix(".md.j2"),
+        command=f"python results/{path.stem}/{path.stem}.py",
+        **stated,
+    )
 
 
 def main(study: Study, file: str) -> NoReturn:

@@ -5,12 +5,12 @@ from pathlib import Path
 
 from formulations.atlas.collection import pages, problem_of
 from formulations.atlas.row import AtlasRow, row_of
-from formulations.io.study import Effort, Study
+from formulations.io.study import Effort
 from formulations.max_min import NAME as MAX_MIN
 from formulations.plot.atlas import gallery, heat_map
 from formulations.plot.style import content
 from nlp.files import write_bytes
-from results.script import main
+from results.script import declared, main
 
 _DRAWN = 8  # joints that an arm on the page has at most
 
@@ -40,13 +40,11 @@ def _is_arm(row: AtlasRow) -> bool:
     return row.model != "free-mean" or row.task_dimension < 6
 
 
-STUDY = Study(
-    name="atlas",
+STUDY = declared(
+    __file__,
     title="the best Jacobian known of every kind of arm, beside the bounds",
     page="atlas.md",
-    template=Path(__file__).with_suffix(".md.j2"),
     tables={"atlas": AtlasRow},
-    command="python results/atlas/atlas.py",
     takes="a minute",
     compute=compute,
 )

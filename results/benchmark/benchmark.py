@@ -18,7 +18,7 @@ from formulations.solving.outcome import REACHED_BEST
 from nlp.files import write_bytes
 from results.benchmark.measurement import NEAR, BenchmarkRow, measure
 from results.benchmark.peers import CLASSICAL, DEFAULT, FAST, PEERS
-from results.script import parser, run
+from results.script import declared, parser, run
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -172,13 +172,11 @@ def study(sizes: Sequence[int] = SIZES, time_limit: float = TIME_LIMIT) -> Study
                 rows += measured
         write_bytes(folder / "cost.svg", content(drawn(rows), "svg"))
 
-    return Study(
-        name="benchmark",
+    return declared(
+        __file__,
         title="processor time per start and per success, beside other solvers, 7R to 20R",
         page="benchmark.md",
-        template=_TEMPLATE,
         tables={"benchmark": BenchmarkRow},
-        command="python results/benchmark/benchmark.py",
         takes="a quarter of an hour, on a machine that does nothing else",
         compute=compute,
         long=True,

@@ -15,10 +15,10 @@ from formulations.bounds.worst_case import worst_case_bound
 from formulations.existence.relaxation.relaxation import existence_relaxation
 from formulations.io.pages import outward
 from formulations.io.provenance import provenance, versions
-from formulations.io.study import Effort, Study, write_json
+from formulations.io.study import Effort, write_json
 from formulations.io.table import HIDDEN, column
 from formulations.measures import gap_percent
-from results.script import main
+from results.script import declared, main
 
 #: The folder of the certificates, within that of the study.
 CERTIFICATES = "certificates"
@@ -250,13 +250,11 @@ def _number(value: float | None) -> float:
     return NAN if value is None else float(value)
 
 
-STUDY = Study(
-    name="bounds",
+STUDY = declared(
+    __file__,
     title="how good any answer could be: eq. (6), the residual, max-min, existence",
     page="README.md",
-    template=Path(__file__).with_suffix(".md.j2"),
     tables={"bounds": BoundRow, "relaxations": RelaxationRow},
-    command="python results/bounds/bounds.py",
     takes="half an hour, and 4 GB of memory",
     compute=compute,
     long=True,

@@ -11,10 +11,10 @@ from formulations.existence.exact_jacobian import ExactJacobian, verify_existenc
 from formulations.existence.reading import read, read_either
 from formulations.existence.rings import exact_jacobian
 from formulations.existence.verify import TheoremReport, verify
-from formulations.io.study import Effort, Study
+from formulations.io.study import Effort
 from formulations.io.table import column
 from nlp.files import write_text
-from results.script import main
+from results.script import declared, main
 
 CERTIFICATE = "certificate.json"
 _WRONG = "not proved"
@@ -96,13 +96,11 @@ def _complain(rows: Sequence[object]) -> str:
     return "the identity does not hold at a random matrix" if wrong else ""
 
 
-STUDY = Study(
-    name="existence",
+STUDY = declared(
+    __file__,
     title="for which n optimally failure-tolerant nR Jacobians exist, in exact arithmetic",
     page="README.md",
-    template=Path(__file__).with_suffix(".md.j2"),
     tables={"existence": Fact, "optimal": OptimalRow},
-    command="python results/existence/existence.py",
     takes="seconds",
     compute=compute,
     complain=_complain,

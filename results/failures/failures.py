@@ -10,7 +10,7 @@ from formulations import max_min, measures
 from formulations.bounds import unequal_failures
 from formulations.bounds.certified import sharpest_worst_case
 from formulations.comparison import solve_case
-from formulations.io.study import Effort, Study, write_json
+from formulations.io.study import Effort, write_json
 from formulations.io.table import Table, column
 from formulations.joints.arm import Arm
 from formulations.joints.models import arm
@@ -23,7 +23,7 @@ from formulations.solving.case import Case
 from formulations.solving.outcome import Outcome
 from formulations.unequal_max_min import Goal, score
 from nlp.arrays import FloatArray
-from results.script import main
+from results.script import declared, main
 
 STARTS = 100
 ALIKE = "all alike"
@@ -187,13 +187,11 @@ def _bound(case: Case, jacobian: FloatArray) -> float:
     return bounds[case.settings["goal"]](case.arm.shape[0], norms, failures)
 
 
-STUDY = Study(
-    name="failures",
+STUDY = declared(
+    __file__,
     title="several joints locked at once, joints that never fail, unequal probabilities",
     page="failures.md",
-    template=Path(__file__).with_suffix(".md.j2"),
     tables={"failures": FailureRow},
-    command="python results/failures/failures.py",
     takes="three minutes",
     compute=compute,
 )

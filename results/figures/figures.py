@@ -4,12 +4,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from formulations.io.study import Effort, Study
+from formulations.io.study import Effort
 from formulations.plot.figures import FIGURES
 from formulations.plot.picture import Request
 from formulations.plot.style import content
 from nlp.files import write_bytes, write_text
-from results.script import main
+from results.script import declared, main
 
 
 @dataclass(frozen=True)
@@ -50,13 +50,11 @@ def compute(effort: Effort, folder: Path) -> Iterator[FigureRow]:
         yield FigureRow(name, *files, len(picture.table), starts, command)
 
 
-STUDY = Study(
-    name="figures",
+STUDY = declared(
+    __file__,
     title="Figs. 1 and 3 from computed robots, the 7R optimum, trade-off, optima",
     page="README.md",
-    template=Path(__file__).with_suffix(".md.j2"),
     tables={"figures": FigureRow, "trade-off": TradeOffRow},
-    command="python results/figures/figures.py",
     takes="under a minute, and matplotlib",
     compute=compute,
 )

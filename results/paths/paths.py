@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from formulations.io.study import Effort, Study, write_json
+from formulations.io.study import Effort, write_json
 from formulations.io.table import HIDDEN, column, read_rows
 from formulations.plot.path import draw
 from formulations.plot.style import content
@@ -20,7 +20,7 @@ from formulations.robots.robot_arm import RobotArm
 from formulations.robots.waypoints import ToolPath
 from nlp.files import write_bytes
 from results.robots.survey import ARMS, SurveyArm
-from results.script import main
+from results.script import declared, main
 
 # Digits of the positions that are stored, radians or metres.
 _DIGITS = 7
@@ -173,13 +173,11 @@ def row_of(one: StudyPath, arm: RobotArm, found: PathPlan, cpu: float) -> PathRo
     )
 
 
-STUDY = Study(
-    name="paths",
+STUDY = declared(
+    __file__,
     title="trajectories along which joints may lock",
     page="paths.md",
-    template=Path(__file__).with_suffix(".md.j2"),
     tables={"paths": PathRow},
-    command="python results/paths/paths.py",
     takes="up to a quarter of an hour, and packages of robots",
     compute=compute,
     long=True,

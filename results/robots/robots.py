@@ -4,14 +4,14 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from formulations.io.study import Effort, Study, write_json
+from formulations.io.study import Effort, write_json
 from formulations.io.table import HIDDEN, column
 from formulations.robots.posture import best_posture
 from formulations.robots.posture_found import Posture
 from formulations.robots.posture_search import Search
 from formulations.robots.robot_assessment import best_7r
 from results.robots.survey import ARMS, SurveyArm
-from results.script import main
+from results.script import declared, main
 
 STARTS = 200
 
@@ -144,13 +144,11 @@ def _worst(row: RobotRow) -> str:
     return row.worst_case_joint
 
 
-STUDY = Study(
-    name="robots",
+STUDY = declared(
+    __file__,
     title="the best postures of arms that exist",
     page="robots.md",
-    template=Path(__file__).with_suffix(".md.j2"),
     tables={"robots": RobotRow},
-    command="python results/robots/robots.py",
     takes="up to a quarter of an hour, and packages of robots",
     compute=compute,
     long=True,

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from formulations.io.study import Effort, Study
+from formulations.io.study import Effort
 from formulations.io.table import HIDDEN, column
 from formulations.plot.style import content
 from formulations.plot.workspace import draw
@@ -19,7 +19,7 @@ from formulations.robots.serial_arm import Ranges, SerialArm
 from formulations.robots.workspace import Workspace, measured, workspace
 from nlp.files import write_bytes
 from results.robots.survey import SurveyArm
-from results.script import main
+from results.script import declared, main
 from results.workspaces.orders import SETTINGS, OrderRow, orders
 
 #: Artificial limits of the planar 3R arm whose area is known, 0.355811.
@@ -164,13 +164,11 @@ def row_of(arm: str, choice: str, found: Workspace) -> WorkspaceRow:
     )
 
 
-STUDY = Study(
-    name="workspaces",
+STUDY = declared(
+    __file__,
     title="what failures leave of workspaces, and the best limits",
     page="workspaces.md",
-    template=Path(__file__).with_suffix(".md.j2"),
     tables={"workspaces": WorkspaceRow, "orders": OrderRow},
-    command="python results/workspaces/workspaces.py",
     takes="a quarter of an hour, matplotlib and packages of robots",
     compute=compute,
     settings=SETTINGS,
