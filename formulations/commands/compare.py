@@ -36,16 +36,15 @@ def compare(
     comparison.csv, comparison.md and jacobians.json into the output folder; until all rows
     are there they are in its subfolder incomplete, where Ctrl-C leaves what is done.
     """
-    from formulations.studies.comparison import study
+    from formulations.comparison import study
+    from formulations.io.study import Effort
+    from nlp.executors import default_workers
 
     run_study(
         study(joints, task_dimension, ipopt_options(ipopt), compiled),
         out,
         as_json,
-        seed=seed,
-        starts=starts,
-        workers=workers,
-        bars=True,
+        effort=Effort(seed, starts, workers or default_workers(), bars=True),
         note="score: ½‖JJᵀ − (T/m)I‖² for residual, worst-case σ for the others; gap: "
         "100·|bound − score|/bound.",
     )
