@@ -151,7 +151,9 @@ def row_of(one: StudyPath, arm: RobotArm, found: PathPlan, cpu: float) -> PathRo
     """Return what was found for a path as a row."""
     base, planned, nan = found.minimum_norm, found.planned, float("nan")
     hopeless = [
-        name for name, last in zip(found.joints, found.unrecoverable_until, strict=True) if last >= 0
+        name
+        for name, last in zip(found.joints, found.unrecoverable_until, strict=True)
+        if last >= 0
     ]
     return PathRow(
         arm=one.arm,
