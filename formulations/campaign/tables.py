@@ -14,8 +14,7 @@ from formulations.campaign.records import ALWAYS, COLUMNS, jacobian_of, settings
 from formulations.joints import models
 from formulations.joints.arm import Arm
 from formulations.joints.kinds import LeverRevolute, Prismatic, UnitRevolute
-from formulations.measures.canonical import canonical_form
-from formulations.measures.symmetry import Classes, Symmetry
+from formulations.measures.canonical import Classes, Symmetry, canonical_form
 from formulations.solving.outcome import REACHED_BEST
 from nlp.errors import InputError
 from nlp.solution import ACCEPTABLE, FEASIBLE, SUCCESS
@@ -204,7 +203,7 @@ def optima(store: Store, where: str = "") -> pd.DataFrame:
         What names the problem, then: ``level``, 1 for the best value of the score, 2 for the
         next, up to `LEVELS`; ``score``, ``worst_case_sigma``; ``classes``, how many optima
         the level has, of which the `LISTED` most reached are listed, and of which no more
-        than `formulations.measures.symmetry.MOST` are distinguished; ``reached``, starts
+        than `formulations.measures.canonical.MOST` are distinguished; ``reached``, starts
         that ended at this one; ``of_starts``, starts that ended at any optimum;
         ``canonical_form``, the Jacobian that stands for it, as JSON.
     """

@@ -14,9 +14,9 @@ from nlp.errors import FileError, InputError
 from nlp.files import load_json, read_bytes, real_in
 
 if TYPE_CHECKING:
-    from formulations.robots.chain import Chain
-    from formulations.robots.clearance import Clearance
-    from formulations.robots.held_pose import Pose
+    from formulations.clearance.link_clearance import LinkClearance
+    from formulations.kinematics.chain import Chain
+    from formulations.robots.pose_constrained_arm import Pose
     from formulations.robots.robot_arm import RobotArm
     from formulations.robots.robot_assessment import RobotAssessment
     from nlp.arrays import FloatArray
@@ -154,8 +154,8 @@ def chain(
     file: Path, tip: str | None, base: str | None, point: str | None, held: list[str] | None
 ) -> Chain:
     """Read the robot and return its chain; InputError if anything is wrong with it."""
-    from formulations.robots.chain_between import chain_between
-    from formulations.robots.read_robot import read_robot
+    from formulations.kinematics.chain_between import chain_between
+    from formulations.kinematics.read_robot import read_robot
 
     offset = [number("--point", part) for part in (point or "0,0,0").split(",")]
     if len(offset) != 3:
@@ -168,8 +168,8 @@ def chain(
 
 def pose(text: str | None, tolerance: str | None) -> Pose | None:
     """Read --at and --tolerance; InputError if they are not what is allowed."""
-    from formulations.robots.held_pose import Pose
-    from formulations.robots.waypoints import read_pose
+    from formulations.paths.waypoints import read_pose
+    from formulations.robots.pose_constrained_arm import Pose
 
     if text is None:
         if tolerance is not None:
@@ -187,11 +187,11 @@ def pose(text: str | None, tolerance: str | None) -> Pose | None:
     return Pose(tuple(position.tolist()), turn, *near)
 
 
-def kept_distance(file: Path, chain: Chain, least: float | None) -> Clearance | None:
+def kept_distance(file: Path, chain: Chain, least: float | None) -> LinkClearance | None:
     """Read the links' geometry for --clearance; None if that is not given."""
     if least is None:
         return None
-    from formulations.robots.clearance import read_clearance
+    from formulations.clearance.link_clearance import read_clearance
 
     return read_clearance(file, chain, least)
 
@@ -225,7 +225,7 @@ def read_configuration(text: str | None, chain: Chain) -> FloatArray:
     InputError
         If it is none of these, a joint is unknown, or a position is outside its limits.
     """
-    from formulations.robots.chain import listed, nearest
+    from formulations.kinematics.chain import listed, nearest
 
     values: Mapping[str, float] | Sequence[float] = {}
     if text is None:

@@ -44,8 +44,7 @@ def view(
     if find_spec("viser") is None:  # before reading, whose extra is another one
         raise MissingLibraryError("viser", "viser yourdfpy")
     from formulations.robots.posture_search import Search
-    from formulations.robots.viewer import Page
-    from formulations.robots.web_server import Address
+    from formulations.viewer.page import Address, Page
 
     arm = robot.arm(file, tip, base, point, task, frame, length, held)
     where = robot.read_configuration(configuration, arm.chain)

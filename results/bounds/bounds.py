@@ -7,12 +7,9 @@ from types import MappingProxyType
 from typing import Any
 
 from formulations.bounds.so3_moments.max_min_bound import max_min_bound
-from formulations.bounds.so3_moments.residual_bound import (
-    residual_bound,
-    rigorous_residual_bound,
-)
+from formulations.bounds.so3_moments.residual_bound import residual_bound
 from formulations.bounds.worst_case import worst_case_bound
-from formulations.existence.relaxation.relaxation import existence_relaxation
+from formulations.existence.relaxation import existence_relaxation
 from formulations.io.pages import outward
 from formulations.io.provenance import provenance, versions
 from formulations.io.study import Effort, write_json
@@ -149,10 +146,8 @@ def _global(quantity: str, preset: str, rigorous: bool = False) -> Run:
     def compute(effort: Effort, certificate: Path) -> Mapping[str, Any]:
         settings: dict[str, Any] = {"rng": effort.seed, "progress": effort.progress}
         if rigorous:
-            settings["out"] = certificate
-        if quantity == "max-min":
-            return max_min_bound(preset, rigorous=rigorous, **settings).to_dict()
-        bound = rigorous_residual_bound if rigorous else residual_bound
+            settings |= {"out": certificate, "rigorous": True}
+        bound = max_min_bound if quantity == "max-min" else residual_bound
         return bound(preset, **settings).to_dict()
 
     command = f"lockedjoint bound --quantity {quantity} --preset {preset}"

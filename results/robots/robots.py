@@ -6,8 +6,7 @@ from pathlib import Path
 
 from formulations.io.study import Effort, write_json
 from formulations.io.table import HIDDEN, column
-from formulations.robots.posture import best_posture
-from formulations.robots.posture_found import Posture
+from formulations.robots.posture import Posture, best_posture
 from formulations.robots.posture_search import Search
 from formulations.robots.robot_assessment import best_7r
 from results.robots.survey import ARMS, SurveyArm

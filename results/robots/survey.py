@@ -5,8 +5,8 @@ from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 
 from formulations.io.table import read_rows
-from formulations.robots.chain_between import chain_between
-from formulations.robots.read_robot import read_robot
+from formulations.kinematics.chain_between import chain_between
+from formulations.kinematics.read_robot import read_robot
 from formulations.robots.robot_arm import RobotArm
 from formulations.robots.task import TaskSpace
 from nlp.errors import MissingLibraryError

@@ -10,13 +10,13 @@ import numpy as np
 
 from formulations.io.study import Effort
 from formulations.io.table import HIDDEN, column
+from formulations.kinematics.chain_between import chain_between
+from formulations.kinematics.read_urdf import read_urdf
+from formulations.kinematics.serial_arm import Ranges, SerialArm
 from formulations.plot.style import content
 from formulations.plot.workspace import draw
-from formulations.robots.best_limits import STARTS, best_limits
-from formulations.robots.chain_between import chain_between
-from formulations.robots.read_urdf import read_urdf
-from formulations.robots.serial_arm import Ranges, SerialArm
-from formulations.robots.workspace import Workspace, measured, workspace
+from formulations.workspaces.best_limits import STARTS, best_limits
+from formulations.workspaces.workspace import Workspace, measured, workspace
 from nlp.files import write_bytes
 from results.robots.survey import SurveyArm
 from results.script import declared, main
@@ -155,7 +155,7 @@ def row_of(arm: str, choice: str, found: Workspace) -> WorkspaceRow:
         without_failure=found.before,
         physical=found.physical,
         percent_kept=100 * found.size / found.physical,
-        fatal=", ".join(found.fatal),
+        fatal=", ".join(found.critical),
         voxel=found.sets.voxel,
         passed_by_depth=depths,
         limits={k: [float(x) for x in one] for k, one in zip(names, found.limits, strict=True)},
