@@ -150,9 +150,8 @@ def compute(effort: Effort, folder: Path) -> Iterator[PathRow]:
 def row_of(one: StudyPath, arm: RobotArm, found: PathPlan, cpu: float) -> PathRow:
     """Return what was found for a path as a row."""
     base, planned, nan = found.minimum_norm, found.planned, float("nan")
-    hopeless = [
-        name for name, last in zip(found.joints, found.unrecoverable_until, strict=True) if last >= 0
-    ]
+    until = dict(zip(found.joints, found.unrecoverable_until, strict=True))
+    hopeless = [joint for joint, last in until.items() if last >= 0]
     return PathRow(
         arm=one.arm,
         package=one.robot.package,
