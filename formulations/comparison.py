@@ -1,6 +1,6 @@
 """All formulations from common starts, side by side in one table."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from math import isnan
 from pathlib import Path
@@ -15,7 +15,7 @@ from formulations.io.study import Effort, Study, write_json
 from formulations.io.table import HIDDEN, column
 from formulations.joints.arm import Arm
 from formulations.joints.models import arm, models_of
-from formulations.registry import bound
+from formulations.registry import registered
 from formulations.solving.case import NOTHING, Case
 from formulations.solving.outcome import Outcome
 from formulations.solving.solve import run
@@ -116,8 +116,9 @@ def study(
     task_dimension: int = 6,
     options: Mapping[str, object] | None = None,
     compiled: bool = False,
+    models: Sequence[str] = (),
 ) -> Study:
-    """Return the comparison on the two column models of a task dimension.
+    """Return the comparison: our formulations, and those that the user registered.
 
     Parameters
     ----------
@@ -127,13 +128,15 @@ def study(
         Of Ipopt, over the formulations' own.
     compiled
         Whether the problems' functions are compiled first.
+    models
+        Column models by name; by default the two of the task dimension.
 
     Raises
     ------
     InputError
         If there is no such arm, or Ipopt has no such option.
     """
-    compared = cases(joints, task_dimension, check_options(options or {}), compiled)
+    compared = cases(joints, task_dimension, check_options(options or {}), compiled, models)
 
     def compute(effort: Effort, folder: Path) -> Iterator[ComparisonRow]:
         plain: dict[tuple[str, str], ComparisonRow] = {}
@@ -203,9 +206,11 @@ def cases(
     task_dimension: int,
     options: Mapping[str, object] = NOTHING,
     compiled: bool = False,
+    models: Sequence[str] = (),
 ) -> tuple[Case, ...]:
-    """List the rows: each formulation on both models, and the variants of max-min on one."""
-    first, second = (arm(model, joints, task_dimension) for model in models_of(task_dimension))
+    """List the rows: each formulation on all models, and the variants of max-min on one."""
+    names = models or models_of(task_dimension)
+    first, *others = (arm(model, joints, task_dimension) for model in names)
     minima = {"encoding": "shared-factor", "from_residual_minima": True}
     free, positive = "factor-per-deletion", "positive-factor-per-deletion"
     listed: tuple[tuple[Formulation, Arm, dict[str, Any], str], ...] = (
@@ -215,9 +220,8 @@ def cases(
         (max_min, first, {"encoding": free}, "one factor per failure"),
         (max_min, first, {"encoding": positive}, "one positive factor per failure"),
         (isotropy, first, {}, ""),
-        (residual, second, {}, ""),
-        (max_min, second, {}, ""),
-        (isotropy, second, {}, ""),
+        *((own, other, {}, "") for other in others for own in (residual, max_min, isotropy)),
+        *((own, every, {}, "") for own in registered() for every in (first, *others)),
     )
     return tuple(Case(*parts, options=options, compiled=compiled) for parts in listed)
 
@@ -241,7 +245,7 @@ def row_of(outcome: Outcome, default: ComparisonRow | None = None) -> Comparison
     seconds = sum(record.cpu_seconds for record in records)
     per_success = seconds / len(best) if best else NAN
     unit = default.cpu_seconds_per_success if default else per_success
-    proved = bound(case.formulation, built, case.locked)
+    proved = case.formulation.bound(built, case.locked)
     checked = case.formulation.bound(built, case.locked, certified=False)
     return ComparisonRow(
         formulation=case.formulation.NAME,
@@ -254,9 +258,9 @@ def row_of(outcome: Outcome, default: ComparisonRow | None = None) -> Comparison
         solved=outcome.succeeded,
         reached_best=len(best),
         score=score,
-        certified_bound=proved.value,
-        certified_gap_percent=proved.gap_percent(score),
-        certificate=proved.kind,
+        certified_bound=proved.value if proved else NAN,
+        certified_gap_percent=proved.gap_percent(score) if proved else NAN,
+        certificate=proved.kind if proved else "",
         numerical_bound=checked.value if checked else NAN,
         numerical_gap_percent=checked.gap_percent(score) if checked else NAN,
         worst_case_sigma=sigma,
@@ -278,4 +282,5 @@ def _bound(row: ComparisonRow) -> str:
     """Return the proved bound, rounded to the side on which it holds."""
     if isnan(row.certified_bound):
         return row.certificate
-    return outward(row.certified_bound, 7, lower=row.formulation == "residual")
+    below = row.formulation == "residual" or row.score > row.certified_bound
+    return outward(row.certified_bound, 7, lower=below)

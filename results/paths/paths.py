@@ -150,8 +150,11 @@ def compute(effort: Effort, folder: Path) -> Iterator[PathRow]:
 def row_of(one: StudyPath, arm: RobotArm, found: PathPlan, cpu: float) -> PathRow:
     """Return what was found for a path as a row."""
     base, planned, nan = found.minimum_norm, found.planned, float("nan")
-    until = dict(zip(found.joints, found.unrecoverable_until, strict=True))
-    hopeless = [joint for joint, last in until.items() if last >= 0]
+    hopeless = [
+        name
+        for name, last in zip(found.joints, found.unrecoverable_until, strict=True)
+        if last >= 0
+    ]
     return PathRow(
         arm=one.arm,
         package=one.robot.package,
