@@ -56,13 +56,13 @@ OPTIONS: Mapping[str, OptionValue] = MappingProxyType(
 FATROP_OPTIONS: Mapping[str, float] = MappingProxyType(
     {"delta_w0": _FIRST, "kappa_wplus": _MORE, "kappa_wplusem": _MORE}
 )
-DIAGONAL_WEIGHTS: Mapping[str, float] = MappingProxyType({"invariant": 0.5, "paper": 1.0})
+_DIAGONAL_WEIGHTS: Mapping[str, float] = MappingProxyType({"invariant": 0.5, "paper": 1.0})
 ROWS: Mapping[str, Callable[[ColumnModel, ca.SX], ca.SX]] = MappingProxyType(
     {"derived": residuals, "appendix": appendix.residuals}
 )
 
 
-HESSIANS = ("exact", "gauss-newton")
+_HESSIANS = ("exact", "gauss-newton")
 
 
 def build(
@@ -92,15 +92,15 @@ def build(
         If the weighting, the rows or the Hessian are none of these, or the Appendix's closed
         forms are asked for and a joint is not a unit revolute one.
     """
-    if weighting not in DIAGONAL_WEIGHTS:
-        raise InputError("weighting", weighting, "one of " + ", ".join(DIAGONAL_WEIGHTS))
+    if weighting not in _DIAGONAL_WEIGHTS:
+        raise InputError("weighting", weighting, "one of " + ", ".join(_DIAGONAL_WEIGHTS))
     if rows not in ROWS:
         raise InputError("rows", rows, "one of " + ", ".join(ROWS))
     vanishes = arm.shape[0] == 6 and arm.shape[1] >= 8 and _unit_revolute(arm)
     if hessian is None:
         hessian = "gauss-newton" if vanishes and weighting == "invariant" else "exact"
-    if hessian not in HESSIANS:
-        raise InputError("hessian", hessian, "one of " + ", ".join(HESSIANS))
+    if hessian not in _HESSIANS:
+        raise InputError("hessian", hessian, "one of " + ", ".join(_HESSIANS))
     if hessian != "exact" and weighting != "invariant":
         raise InputError("weighting", weighting, f"invariant for the {hessian} Hessian")
     variables = arm.symbols()
@@ -109,7 +109,7 @@ def build(
     equations = ROWS[rows](arm, variables)
     m, _ = arm.shape
     lower, upper = arm.bounds
-    diagonal = DIAGONAL_WEIGHTS[weighting] * ca.sumsqr(equations[:m])
+    diagonal = _DIAGONAL_WEIGHTS[weighting] * ca.sumsqr(equations[:m])
     return Problem(
         name=NAME,
         variables=variables,

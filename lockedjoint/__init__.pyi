@@ -29,6 +29,7 @@ from formulations.kinematics.read_urdf import read_urdf as read_urdf
 from formulations.measures.assessment import Assessment as Assessment
 from formulations.measures.assessment import measure as measure
 from formulations.measures.canonical import canonical_form as canonical_form
+from formulations.measures.canonical import group_equivalent as group_equivalent
 from formulations.measures.unequal_failures import FailureModel as FailureModel
 from formulations.paths.search import plan_path as plan_path
 from formulations.paths.waypoints import read_waypoints as read_waypoints

@@ -18,22 +18,6 @@ from formulations.kinematics.tree import MOVING, RobotTree
 from nlp.arrays import FloatArray
 
 
-@dataclass(frozen=True)
-class Body:
-    """Links that move as one, after a joint.
-
-    Attributes
-    ----------
-    parent
-        Number of the body before the joint.
-    motion
-        The joint's.
-    """
-
-    parent: int
-    motion: Motion
-
-
 @dataclass(frozen=True, eq=False)
 class Bodies:
     """The bodies of a robot. Body 0 holds the root and does not move.
@@ -43,25 +27,24 @@ class Bodies:
     size
         Number of the chain's free joints.
     moving
-        Bodies 1, 2, …, parents first.
+        Of bodies 1, 2, …, parents first: the number of the body before each one's joint, and
+        the joint's motion.
     """
 
     size: int
-    moving: tuple[Body, ...]
+    moving: tuple[tuple[int, Motion], ...]
 
     def parent(self, body: int) -> int:
         """Return the number of the body before a body's joint; -1 for body 0."""
-        return self.moving[body - 1].parent if body else -1
+        return self.moving[body - 1][0] if body else -1
 
     def placed(self, positions: ca.SX) -> tuple[list[ca.SX], list[ca.SX]]:
         """Rotation (3, 3) and origin (3, 1) of each body, from symbols of the positions."""
         rotations, origins = [ca.SX.eye(3)], [ca.SX.zeros(3)]
-        for body in self.moving:
-            moved = displaced(
-                rotations[body.parent], origins[body.parent], body.motion, positions
-            )
-            rotations.append(moved[0])
-            origins.append(moved[1])
+        for parent, motion in self.moving:
+            rotation, origin = displaced(rotations[parent], origins[parent], motion, positions)
+            rotations.append(rotation)
+            origins.append(origin)
         return rotations, origins
 
     def frames(self, configurations: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -106,7 +89,7 @@ def bodies_of(
     """
     by_name = {joint.name: joint for joint in tree.joints}
     fixed = dict((*chain.immobile, *chain.locked_at))
-    moving: list[Body] = []
+    moving: list[tuple[int, Motion]] = []
     places: dict[str, tuple[int, FloatArray]] = {tree.root: (0, np.eye(4))}
     for joint in tree.parents_first:
         body, pose = places[joint.parent]
@@ -116,7 +99,7 @@ def bodies_of(
             if driver.name in chain.names and multiplier != 0:
                 variable = chain.names.index(driver.name)
                 motion = motion_of(joint, pose, variable, multiplier, offset)
-                moving.append(Body(body, motion))
+                moving.append((body, motion))
                 body, pose = len(moving), np.eye(4)
             else:
                 still = float(np.clip(0.0, driver.limit.lower, driver.limit.upper))

@@ -18,7 +18,7 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import combinations
 from pathlib import Path
 from typing import Any
@@ -33,15 +33,15 @@ from formulations.clearance.capsules import (
     capsule_around,
     gap_squared,
 )
-from formulations.clearance.shapes import Shape, coal_library, read_shapes, solid
+from formulations.clearance.shapes import Geometry, Shape, coal_library, read_shapes, solid
 from formulations.kinematics.chain import Chain
 from formulations.kinematics.forward import Kinematics
 from formulations.kinematics.inverse import BoolArray
-from formulations.kinematics.read_urdf import parse_urdf
-from formulations.kinematics.read_xml import is_urdf, xml_root
+from formulations.kinematics.read_urdf import urdf_tree
+from formulations.kinematics.read_xml import from_file, is_urdf, xml_root
+from formulations.kinematics.tree import RobotTree
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
-from nlp.files import read_bytes
 
 # Random configurations at which links are looked at: those in contact at all of them are left
 # out.
@@ -251,14 +251,14 @@ def read_clearance(path: str | os.PathLike[str], chain: Chain, least: float) -> 
     """
     coal_library()  # a missing library is better known at once
     path = Path(path)
-    content = read_bytes(path)
-    if not is_urdf(content):
+    if not from_file(path, is_urdf):
         allowed = "a URDF file: of MJCF only joints are read, and tables have no shapes"
         raise InputError("clearance", f"of {path}", allowed)
-    bodies, places = bodies_of(parse_urdf(content), chain)
+    tree, geometry = from_file(path, partial(_read, path))
+    bodies, places = bodies_of(tree, chain)
     links = tuple(
         Link(name, *places[name], shapes, capsule_around(shapes, places[name][1]), source)
-        for name, (shapes, source) in read_shapes(xml_root(content), path).items()
+        for name, (shapes, source) in geometry.items()
         if shapes
     )
     pairs = tuple(
@@ -272,6 +272,11 @@ def read_clearance(path: str | os.PathLike[str], chain: Chain, least: float) -> 
         allowed = "a robot with geometry on two links that are not adjacent"
         raise InputError("clearance", f"of {chain.robot}", allowed)
     return _without_contacts(LinkClearance(least, bodies, links, pairs), chain)
+
+
+def _read(path: Path, content: bytes) -> tuple[RobotTree, Geometry]:
+    root = xml_root(content)
+    return urdf_tree(root), read_shapes(root, path)
 
 
 def _without_contacts(whole: LinkClearance, chain: Chain) -> LinkClearance:

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 from xml.etree.ElementTree import Element
 
 import numpy as np
@@ -47,7 +47,12 @@ class Shape:
     pose: FloatArray
 
 
-def read_shapes(root: Element, path: Path) -> Mapping[str, tuple[tuple[Shape, ...], str]]:
+#: By a link's name: its shapes, and whether they are its ``collision`` geometry or, where it
+#: has none, its ``visual`` one.
+Geometry: TypeAlias = Mapping[str, tuple[tuple[Shape, ...], str]]
+
+
+def read_shapes(root: Element, path: Path) -> Geometry:
     """Read the geometry of each link.
 
     Parameters
@@ -59,27 +64,19 @@ def read_shapes(root: Element, path: Path) -> Mapping[str, tuple[tuple[Shape, ..
 
     Returns
     -------
-    Mapping
-        By the link's name: its shapes, and whether they are its ``collision`` geometry or,
-        where it has none, its ``visual`` one.
+    Geometry
+        By the link's name.
 
     Raises
     ------
-    FileError
+    InputError
         If geometry is malformed, or there is no such mesh.
     """
     found = {}
     for link in root.findall("link"):
         name = link.get("name", "")
         source = "collision" if link.find("collision/geometry") is not None else "visual"
-        try:
-            shapes = tuple(_shape(one, name, path) for one in link.findall(source))
-        except FileError:
-            raise
-        except InputError as error:
-            where = f"{path}: {error.argument}"
-            raise FileError(where, error.value, error.allowed) from None
-        found[name] = (shapes, source)
+        found[name] = (tuple(_shape(one, name, path) for one in link.findall(source)), source)
     return found
 
 
@@ -138,5 +135,5 @@ def coal_library() -> Any:
     try:
         import coal
     except ModuleNotFoundError:
-        raise MissingLibraryError("coal", "clearance") from None
+        raise MissingLibraryError("coal") from None
     return coal

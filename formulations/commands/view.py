@@ -42,7 +42,7 @@ def view(
     posture of the joints that are not locked.
     """
     if find_spec("viser") is None:  # before reading, whose extra is another one
-        raise MissingLibraryError("viser", "view", "viser yourdfpy")
+        raise MissingLibraryError("viser", "viser yourdfpy")
     from formulations.robots.posture_search import Search
     from formulations.viewer.page import Address, Page
 

@@ -15,7 +15,7 @@ from xml.etree.ElementTree import Element, tostring
 import numpy as np
 
 from formulations.kinematics.read_xml import attribute, from_file, xml_root
-from formulations.kinematics.tree import Limit, Mimic, RobotTree, joint_between
+from formulations.kinematics.tree import Limit, Mimic, RobotTree, TreeJoint
 from nlp.arrays import FloatArray
 from nlp.errors import InputError, MissingLibraryError
 
@@ -86,15 +86,15 @@ def mujoco_tree(model: Any) -> RobotTree:
             child = bodies[body] if whole else f"after {titles[k]}"
             links += [] if whole else [child]
             more = (origin, axis, limit, followed.get(k))
-            joints.append(joint_between(parent, child, titles[k], kind, *more))
+            joints.append(TreeJoint(parent, child, titles[k], kind, *more))
             parent, carried = child, _placed(-model.jnt_pos[k])
         if parent != bodies[body]:
             title = f"fixed {bodies[body]}"
-            joints.append(joint_between(parent, bodies[body], title, "fixed", carried))
+            joints.append(TreeJoint(parent, bodies[body], title, "fixed", carried))
     for k, title in enumerate(sites):
         place = _placed(model.site_pos[k], model.site_quat[k])
         on = bodies[model.site_bodyid[k]]
-        joints.append(joint_between(on, title, f"fixed {title}", "fixed", place))
+        joints.append(TreeJoint(on, title, f"fixed {title}", "fixed", place))
     name = model.names.split(b"\0", 1)[0].decode("utf-8", "replace")
     return RobotTree(name or "robot", (*links, *sites), tuple(joints))
 
@@ -188,7 +188,7 @@ def mjcf_tree(root: Element, folder: Path | None = None) -> RobotTree:
     try:
         import mujoco
     except ModuleNotFoundError:
-        raise MissingLibraryError("mujoco", "mujoco") from None
+        raise MissingLibraryError("mujoco") from None
 
     _include(root, folder, set())
     for tag, allowed in _REFUSED.items():

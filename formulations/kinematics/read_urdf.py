@@ -33,7 +33,6 @@ from formulations.kinematics.tree import (
     Mimic,
     RobotTree,
     TreeJoint,
-    joint_between,
 )
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
@@ -94,10 +93,10 @@ def yourdfpy_tree(robot: UrdfRobot) -> RobotTree:
             given = (limit.lower, limit.upper, limit.velocity)
             limit = Limit(*(float(number or 0.0) for number in given))
         joints.append(
-            joint_between(
+            TreeJoint(
                 *(joint.parent, joint.child, joint.name, joint.type),
                 np.eye(4) if joint.origin is None else joint.origin,
-                (1.0, 0.0, 0.0) if joint.axis is None else joint.axis,
+                np.eye(3)[0] if joint.axis is None else joint.axis,
                 _limit(joint.type, limit, mimic),
                 mimic,
             )
@@ -128,7 +127,7 @@ def _joint(joint: Element) -> TreeJoint:
     if kind not in _KINDS:
         raise InputError(f"type of {where}", kind, "one of " + ", ".join(_KINDS))
     parent, child = (_end(joint, tag, where) for tag in ("parent", "child"))
-    axis = numbers(joint.find("axis"), "xyz", "1 0 0", f"<axis> of {where}", LARGEST)
+    axis = np.array(numbers(joint.find("axis"), "xyz", "1 0 0", f"<axis> of {where}", LARGEST))
     element, mimic = joint.find("mimic"), None
     if element is not None:
         place = f"<mimic> of {where}"
@@ -145,7 +144,7 @@ def _joint(joint: Element) -> TreeJoint:
         limit = Limit(*(numbers(element, key, "0", place, math.inf)[0] for key in keys))
     origin = pose_of(joint, where)
     limits = _limit(kind, limit, mimic)
-    return joint_between(parent, child, name, kind, origin, axis, limits, mimic)
+    return TreeJoint(parent, child, name, kind, origin, axis, limits, mimic)
 
 
 def _end(joint: Element, tag: str, where: str) -> str:

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from graphlib import CycleError, TopologicalSorter
 
 import numpy as np
-import numpy.typing as npt
 
 from formulations.kinematics.chain import LARGEST, listed
 from nlp.arrays import FloatArray, as_floats
@@ -43,78 +42,69 @@ class Mimic:
 
 @dataclass(frozen=True, eq=False)
 class TreeJoint:
-    """A joint between two links; `joint_between` makes it and checks its numbers.
+    """A joint between two links.
 
     Attributes
     ----------
+    parent, child
+        Names of the links.
     name
         Its name.
     type
         One of `MOVING`, ``"fixed"``, or anything else, which cannot be part of a chain.
-    parent, child
-        Names of the links.
     origin
         Its frame at position 0 in that of the parent, homogeneous, in metres, shape (4, 4).
         It is the frame of the child.
     axis
-        Unit vector in its frame that it turns about or moves along.
-    limit, mimic
-        See there.
-    """
-
-    name: str
-    type: str
-    parent: str
-    child: str
-    origin: FloatArray
-    axis: FloatArray
-    limit: Limit = Limit()
-    mimic: Mimic | None = None
-
-
-def joint_between(
-    parent: str,
-    child: str,
-    name: str,
-    kind: str,
-    origin: npt.ArrayLike,
-    axis: npt.ArrayLike = (0.0, 0.0, 1.0),
-    limit: Limit = Limit(),
-    mimic: Mimic | None = None,
-) -> TreeJoint:
-    """Return a joint whose axis has norm 1, and whose limits beyond `LARGEST` are none.
+        What it rotates about or moves along, in its frame; made a unit vector.
+    limit
+        See there; limits beyond `LARGEST` are made none.
+    mimic
+        What it follows, if anything.
 
     Raises
     ------
     InputError
         If a number is NaN, infinite or too large, the axis is zero, or the limits contradict.
     """
-    pose = as_floats(f"origin of joint {name}", origin)
-    if pose.shape != (4, 4) or not np.all(np.abs(pose) <= LARGEST):
-        allowed = f"a homogeneous 4×4 matrix, with entries of size at most {LARGEST:g}"
-        raise InputError(f"origin of joint {name}", "no such matrix", allowed)
-    direction = np.array([0.0, 0.0, 1.0])
-    if kind in MOVING:
-        direction = as_floats(f"axis of joint {name}", axis)
-        length = float(np.linalg.norm(direction)) if direction.shape == (3,) else 0.0
-        if not _SHORTEST_AXIS < length < math.inf:
-            shown = " ".join(f"{entry:g}" for entry in direction.ravel()[:4])
-            raise InputError(f"axis of joint {name}", shown, "three numbers, not all zero")
-        direction = direction / length
-        if mimic is not None and not (abs(mimic.multiplier) + abs(mimic.offset) < math.inf):
-            shown = f"multiplier {mimic.multiplier:g} and offset {mimic.offset:g}"
-            raise InputError(f"<mimic> of joint {name}", shown, "finite numbers")
-    lower, upper = limit.lower, limit.upper
-    if not lower <= upper or lower > LARGEST or upper < -LARGEST:
-        allowed = f"lower <= upper, with a position of size at most {LARGEST:g} between them"
-        raise InputError(f"limits of joint {name}", f"[{lower:g}, {upper:g}]", allowed)
-    lower = lower if lower >= -LARGEST else -np.inf
-    upper = upper if upper <= LARGEST else np.inf
-    # Files that know no speed write 0; nothing could move.
-    speed = abs(limit.velocity) if abs(limit.velocity) > 0 else np.inf
-    return TreeJoint(
-        name, kind, parent, child, pose, direction, Limit(lower, upper, speed), mimic
-    )
+
+    parent: str
+    child: str
+    name: str
+    type: str
+    origin: FloatArray
+    axis: FloatArray = field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
+    limit: Limit = Limit()
+    mimic: Mimic | None = None
+
+    def __post_init__(self) -> None:
+        pose = as_floats(f"origin of joint {self.name}", self.origin)
+        if pose.shape != (4, 4) or not np.all(np.abs(pose) <= LARGEST):
+            allowed = f"a homogeneous 4×4 matrix, with entries of size at most {LARGEST:g}"
+            raise InputError(f"origin of joint {self.name}", "no such matrix", allowed)
+        if self.type in MOVING:
+            where = f"axis of joint {self.name}"
+            axis = as_floats(where, self.axis).ravel()
+            length = float(np.linalg.norm(axis)) if axis.shape == (3,) else 0.0
+            if not _SHORTEST_AXIS < length < math.inf:
+                shown = " ".join(f"{entry:g}" for entry in axis[:4])
+                raise InputError(where, shown, "three numbers, not all zero")
+            object.__setattr__(self, "axis", axis / length)
+            mimic = self.mimic
+            if mimic and not abs(mimic.multiplier) + abs(mimic.offset) < math.inf:
+                shown = f"multiplier {mimic.multiplier:g} and offset {mimic.offset:g}"
+                raise InputError(f"<mimic> of joint {self.name}", shown, "finite numbers")
+        lower, upper, speed = self.limit.lower, self.limit.upper, abs(self.limit.velocity)
+        if not lower <= upper or lower > LARGEST or upper < -LARGEST:
+            allowed = f"lower <= upper, with a position of size at most {LARGEST:g} between"
+            raise InputError(f"limits of joint {self.name}", f"[{lower:g}, {upper:g}]", allowed)
+        # Files that know no speed write 0; nothing could move.
+        limit = Limit(
+            lower if lower >= -LARGEST else -np.inf,
+            upper if upper <= LARGEST else np.inf,
+            speed if speed > 0 else np.inf,
+        )
+        object.__setattr__(self, "limit", limit)
 
 
 @dataclass(frozen=True, eq=False)

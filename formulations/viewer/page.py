@@ -243,7 +243,7 @@ def _serve(address: Address) -> ViserServer:
     try:
         import viser
     except ImportError:
-        raise MissingLibraryError("viser", "view") from None
+        raise MissingLibraryError("viser") from None
 
     class Server(viser.ViserServer):
         """A server that opens no tunnel to the internet, whoever asks for one."""

@@ -8,6 +8,7 @@ import pinocchio as pin
 import pytest
 from scipy.spatial.transform import Rotation
 
+import formulations.solving.solve as solving
 from formulations import measures
 from formulations.kinematics.chain_between import chain_between
 from formulations.kinematics.forward import Kinematics
@@ -19,7 +20,6 @@ from formulations.robots.posture import best_posture
 from formulations.robots.posture_search import Search
 from formulations.robots.robot_arm import RobotArm
 from formulations.robots.task import TaskSpace
-from formulations.solving import solve as solving
 from formulations.studies.robots import ARMS
 from nlp.errors import InputError
 

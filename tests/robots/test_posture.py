@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
+import formulations.solving.solve as solving
 from formulations import max_min, measures
 from formulations.kinematics.chain_between import chain_between
 from formulations.robots.posture import best_posture
@@ -16,7 +17,6 @@ from formulations.robots.posture_search import Search
 from formulations.robots.robot_arm import RobotArm
 from formulations.robots.robot_assessment import measure_robot
 from formulations.robots.task import TaskSpace
-from formulations.solving import solve as solving
 from formulations.studies.robots import ARMS, SurveyArm, row_of
 from nlp.errors import InputError
 

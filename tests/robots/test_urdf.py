@@ -9,7 +9,7 @@ import pytest
 from formulations.kinematics import read_xml as reading
 from formulations.kinematics.chain_between import chain_between
 from formulations.kinematics.read_urdf import parse_urdf, read_urdf
-from formulations.kinematics.tree import RobotTree, joint_between
+from formulations.kinematics.tree import RobotTree, TreeJoint
 from nlp.errors import FileError, InputError
 
 
@@ -205,7 +205,7 @@ def test_time_is_linear_in_links(cpu_seconds, closed):
     def seconds(n):
         links = tuple(str(k) for k in range(n + (not closed)))
         joints = tuple(
-            joint_between(link, str((k + 1) % len(links)), f"j{k}", "revolute", np.eye(4))
+            TreeJoint(link, str((k + 1) % len(links)), f"j{k}", "revolute", np.eye(4))
             for k, link in enumerate(links[:n])
         )
 
