@@ -16,11 +16,13 @@ forms of the Appendix. They are the same functions of the angles.
 
 from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
+from typing import Any
 
 import casadi as ca
 
 from formulations import appendix, measures
 from formulations.bounds.certified import Bound, least_residual
+from formulations.bounds.so3_moments.global_bound import GlobalBound, unit_revolute_joints
 from formulations.encodings.columns import Columns, gauss_newton, second
 from formulations.isotropy_equations import residuals
 from formulations.joints.arm import Arm
@@ -147,3 +149,13 @@ def score(jacobian: FloatArray) -> float:
 def bound(arm: ColumnModel, locked: int = 1, certified: bool = True) -> Bound | None:  # noqa: ARG001
     """Return what no residual of the arm is below; see `Formulation`."""
     return least_residual(arm, certified) if isinstance(arm, Arm) else None
+
+
+def compute_bound(
+    arm: ColumnModel, locked: int = 1, rigorous: bool = False, **options: Any
+) -> GlobalBound:
+    """Compute a bound now; see `Formulation`."""
+    from formulations.bounds.so3_moments.residual_bound import residual_bound
+
+    joints = unit_revolute_joints(arm, locked)
+    return residual_bound(joints=joints, rigorous=rigorous, **options)

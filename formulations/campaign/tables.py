@@ -14,8 +14,7 @@ from formulations.campaign.records import ALWAYS, COLUMNS, jacobian_of, settings
 from formulations.joints import models
 from formulations.joints.arm import Arm
 from formulations.joints.kinds import LeverRevolute, Prismatic, UnitRevolute
-from formulations.measures.canonical import canonical_form
-from formulations.measures.symmetry import Classes, Symmetry
+from formulations.measures.canonical import Classes, Symmetry, canonical_form
 from formulations.solving.outcome import REACHED_BEST
 from nlp.errors import InputError
 from nlp.solution import ACCEPTABLE, FEASIBLE, SUCCESS
@@ -129,7 +128,8 @@ def grouped(store: Store, where: str = "", by: Sequence[str] | None = None) -> p
             raise InputError("group", name, "one of " + ", ".join(settings))
     if len(set(by or ())) != len(by or ()):
         raise InputError("groups", ",".join(by or ()), "every setting once")
-    keys = list(by or (*_PROBLEM[:4], *_differing(records, settings)))
+    named = _PROBLEM[:4]
+    keys = list(by or (*named, *differing(records, settings, named, _PROBLEM)))
     records["cost"] = _cost(records)
     problem = records.groupby(list(_PROBLEM), sort=False)
     records["problem"] = problem.ngroup()
@@ -171,8 +171,13 @@ def _cost(records: pd.DataFrame) -> pd.Series[float]:
     return (records["score"].astype(float) * sign).where(trusted)
 
 
-def _differing(records: pd.DataFrame, settings: Sequence[str]) -> list[str]:
-    """Return the settings, besides model and size, that have several values in one problem.
+def differing(
+    records: pd.DataFrame,
+    settings: Sequence[str],
+    always: Sequence[str],
+    problem: Sequence[str],
+) -> list[str]:
+    """Return the settings, besides `always`, that have several values in one problem.
 
     Whether one of the settings that name a problem differs is seen where the others are equal.
     """
@@ -180,8 +185,8 @@ def _differing(records: pd.DataFrame, settings: Sequence[str]) -> list[str]:
     return [
         name
         for name in settings
-        if name not in _PROBLEM[:4]
-        and (cells.groupby([n for n in _PROBLEM if n != name])[name].nunique() > 1).any()
+        if name not in always
+        and (cells.groupby([n for n in problem if n != name])[name].nunique() > 1).any()
     ]
 
 
@@ -198,7 +203,7 @@ def optima(store: Store, where: str = "") -> pd.DataFrame:
         What names the problem, then: ``level``, 1 for the best value of the score, 2 for the
         next, up to `LEVELS`; ``score``, ``worst_case_sigma``; ``classes``, how many optima
         the level has, of which the `LISTED` most reached are listed, and of which no more
-        than `formulations.measures.symmetry.MOST` are distinguished; ``reached``, starts
+        than `formulations.measures.canonical.MOST` are distinguished; ``reached``, starts
         that ended at this one; ``of_starts``, starts that ended at any optimum;
         ``canonical_form``, the Jacobian that stands for it, as JSON.
     """

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from concurrent.futures import Executor
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, suppress
 from pathlib import Path
 from typing import Annotated
 
@@ -118,8 +118,10 @@ def _executor(
     from nlp.executors import LocalExecutor, dask_executor, default_workers
 
     if scheduler is not None:
-        for part in ("distributed", "tornado"):  # what ends is said by our own errors
-            logging.getLogger(part).setLevel(logging.CRITICAL)
+        with suppress(ImportError):
+            import distributed  # noqa: F401  # it sets its own levels
+        for part in ("distributed", "distributed.client", "tornado"):
+            logging.getLogger(part).setLevel(logging.CRITICAL)  # our own errors say what ended
         return dask_executor(scheduler)
     if mpi:
         try:

@@ -17,8 +17,8 @@ from formulations.paths.waypoints import read_pose
 from formulations.robots.pose_constrained_arm import Pose, PoseConstrainedArm
 from formulations.robots.posture import best_posture
 from formulations.robots.posture_search import Search
-from formulations.studies.robots import ARMS
 from nlp.errors import InputError
+from results.robots.survey import ARMS
 
 DOWN = (1.0, 0.0, 0.0, 0.0)
 
