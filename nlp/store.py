@@ -76,10 +76,8 @@ class Store(AbstractContextManager["Store", None]):
                 raise FileError("store", str(path), "the file of a campaign")
             # Whoever reads undoes what a killed process had half written, where it may write.
             uri = f"{path.absolute().as_uri()}?mode={'rwc' if writable else 'rw'}"
-            # Transactions are those of `_transaction` only.
-            self._database = sqlite3.connect(
-                uri, uri=True, timeout=_BUSY_SECONDS, isolation_level=None
-            )
+            how: Any = {"timeout": _BUSY_SECONDS, "isolation_level": None}  # see `_transaction`
+            self._database = sqlite3.connect(uri, uri=True, **how)
             opened.callback(lambda: self._database.close())
             self._database.text_factory = lambda raw: raw.decode(errors="surrogateescape")
             self._execute("PRAGMA trusted_schema = OFF")  # it may come from anybody
@@ -201,10 +199,11 @@ class Store(AbstractContextManager["Store", None]):
         """
         import pandas as pd
 
-        wanted = self._names[2:] if columns is None else list(columns)
+        wanted = self._names[2:] if columns is None else columns
         select = (
             f"SELECT {_listed('cell', 'start', *wanted)} FROM record "
-            "WHERE rowid NOT IN (SELECT value FROM json_each(?)) ORDER BY min(rowid) OVER (PARTITION BY cell), start"
+            "WHERE rowid NOT IN (SELECT value FROM json_each(?)) "
+            "ORDER BY min(rowid) OVER (PARTITION BY cell), start"
         )
         kinds = {name: float for name in wanted if self.columns.get(name) == "REAL"}
         with self._errors():
