@@ -9,6 +9,7 @@ from formulations.bounds.so3_moments.residual_bound import residual_bound as res
 from formulations.bounds.so3_moments.residual_bound import (
     rigorous_residual_bound as rigorous_residual_bound,
 )
+from formulations.clearance.link_clearance import read_clearance as read_clearance
 
 # Proof: optimally failure-tolerant nR Jacobians exist for every n from 8 on, and not for 7.
 from formulations.existence.rings import optimal_jacobian as optimal_jacobian
@@ -22,6 +23,9 @@ from formulations.joints.kinds import UnitRevolute as UnitRevolute
 # Joints, the arms that they make, and which of them may fail.
 from formulations.joints.models import arm as arm
 from formulations.joints.models import register_joint as register_joint
+from formulations.kinematics.chain_between import chain_between as chain_between
+from formulations.kinematics.read_robot import read_robot as read_robot
+from formulations.kinematics.read_urdf import read_urdf as read_urdf
 from formulations.measures.assessment import Assessment as Assessment
 from formulations.measures.assessment import measure as measure
 from formulations.measures.canonical import canonical_form as canonical_form
@@ -29,21 +33,12 @@ from formulations.measures.unequal_failures import FailureModel as FailureModel
 
 # Figures: of what is computed.
 from formulations.plot.values import plot as plot
-
-# Robots: from a Jacobian to a robot, and from a robot to its Jacobian.
-from formulations.realise.choice import choose_arrangement as choose_arrangement
-from formulations.realise.from_jacobian import realise as realise
-from formulations.realise.write_urdf import urdf as urdf
 from formulations.registry import bound as bound
 from formulations.registry import formulation as formulation
 from formulations.registry import register as register
-from formulations.kinematics.chain_between import chain_between as chain_between
-from formulations.clearance.link_clearance import read_clearance as read_clearance
 from formulations.robots.held_pose import Pose as Pose
 from formulations.robots.path import plan_path as plan_path
 from formulations.robots.posture import best_posture as best_posture
-from formulations.kinematics.read_robot import read_robot as read_robot
-from formulations.kinematics.read_urdf import read_urdf as read_urdf
 from formulations.robots.robot_arm import RobotArm as RobotArm
 from formulations.robots.robot_assessment import RobotAssessment as RobotAssessment
 from formulations.robots.robot_assessment import measure_robot as measure_robot
@@ -54,6 +49,11 @@ from formulations.solving.case import Case as Case
 from formulations.solving.outcome import Outcome as Outcome
 from formulations.solving.record import Record as Record
 from formulations.solving.solve import solve as solve
+
+# Robots: from a Jacobian to a robot, and from a robot to its Jacobian.
+from formulations.synthesis.choice import choose_arrangement as choose_arrangement
+from formulations.synthesis.from_jacobian import realise as realise
+from formulations.synthesis.write_urdf import urdf as urdf
 
 # Errors: everything that the library raises on purpose.
 from nlp.errors import InputError as InputError

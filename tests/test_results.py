@@ -23,9 +23,6 @@ from formulations.existence.verify import verify
 from formulations.io.provenance import read_header
 from formulations.io.table import Table, read_rows
 from formulations.kinematics.forward import Kinematics
-from formulations.realise.criteria import CRITERIA, Sampling
-from formulations.realise.family import Arrangements, family
-from formulations.realise.from_jacobian import realise
 from formulations.reproduction.row import ReproductionRow, Verdict
 from formulations.robots.planar_workspace import Planar3R
 from formulations.robots.survival import survivors
@@ -42,6 +39,9 @@ from formulations.studies.robots import RobotRow
 from formulations.studies.running import STUDIES
 from formulations.studies.study import Effort
 from formulations.studies.workspaces import FINAL_POINTS, HALF, OrderRow, WorkspaceRow
+from formulations.synthesis.criteria import CRITERIA, Sampling
+from formulations.synthesis.family import Arrangements, family
+from formulations.synthesis.from_jacobian import realise
 
 RESULTS = Path(__file__).parents[1] / "results"
 FRONT = (RESULTS / "README.md").read_text(encoding="utf-8")

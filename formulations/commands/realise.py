@@ -151,11 +151,11 @@ def realise(
     from formulations.io.jacobians import only_jacobian
     from formulations.io.table import Table
     from formulations.plot.look import looking
-    from formulations.realise import from_jacobian
-    from formulations.realise.choice import Ranked, choose_arrangement, evaluate, given, rank
-    from formulations.realise.criteria import Sampling
-    from formulations.realise.links import room, slide_apart
-    from formulations.realise.links import slide as shortened
+    from formulations.synthesis import from_jacobian
+    from formulations.synthesis.choice import Ranked, choose_arrangement, evaluate, given, rank
+    from formulations.synthesis.criteria import Sampling
+    from formulations.synthesis.links import room, slide_apart
+    from formulations.synthesis.links import slide as shortened
     from nlp.files import prepare_file, write_bytes, write_text
 
     if to not in forms.FORMS:

@@ -9,11 +9,11 @@ from tabulate import tabulate
 from formulations import measures
 from formulations.plot.manipulator import figure
 from formulations.plot.style import content
-from formulations.realise.choice import Choice
-from formulations.realise.dh import Convention, DenavitHartenberg, denavit_hartenberg
-from formulations.realise.links import room
-from formulations.realise.manipulator import Manipulator
-from formulations.realise.write_urdf import urdf
+from formulations.synthesis.choice import Choice
+from formulations.synthesis.dh import Convention, DenavitHartenberg, denavit_hartenberg
+from formulations.synthesis.links import room
+from formulations.synthesis.manipulator import Manipulator
+from formulations.synthesis.write_urdf import urdf
 from nlp.errors import InputError
 
 FORMS = ("axes", "dh", "urdf", "figure")

@@ -9,10 +9,10 @@ import numpy as np
 
 from formulations.plot.manipulator import draw
 from formulations.plot.style import SMALL, styled
-from formulations.realise.choice import rank
-from formulations.realise.from_jacobian import realise
-from formulations.realise.links import room, slide_apart
-from formulations.realise.manipulator import Manipulator
+from formulations.synthesis.choice import rank
+from formulations.synthesis.from_jacobian import realise
+from formulations.synthesis.links import room, slide_apart
+from formulations.synthesis.manipulator import Manipulator
 from nlp.arrays import FloatArray
 
 if TYPE_CHECKING:

@@ -17,11 +17,11 @@ from formulations.joints.kinds import FreeColumn
 from formulations.plot.manipulator import draw
 from formulations.plot.picture import Picture, Request, reached, solved
 from formulations.plot.style import LABEL, PALE, TITLE, styled
-from formulations.realise.family import distinct, every, symmetries
-from formulations.realise.from_jacobian import realise
-from formulations.realise.links import link_lengths
-from formulations.realise.manipulator import Manipulator
 from formulations.solving.case import Case
+from formulations.synthesis.family import distinct, every, symmetries
+from formulations.synthesis.from_jacobian import realise
+from formulations.synthesis.links import link_lengths
+from formulations.synthesis.manipulator import Manipulator
 from nlp.arrays import FloatArray
 
 if TYPE_CHECKING:

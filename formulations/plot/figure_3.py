@@ -11,7 +11,7 @@ from formulations import measures
 from formulations.plot.figure_1 import angles, draw_on_circle, optima, turned
 from formulations.plot.picture import Picture, Request
 from formulations.plot.style import INK, SMALL, TITLE, VERMILION, styled
-from formulations.realise.from_jacobian import realise
+from formulations.synthesis.from_jacobian import realise
 from nlp.arrays import FloatArray
 
 WIDTH, HEIGHT = 8.4, 5.6

@@ -25,7 +25,7 @@ from formulations.plot.style import (
     VERMILION,
     styled,
 )
-from formulations.realise.manipulator import Manipulator
+from formulations.synthesis.manipulator import Manipulator
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
 

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING
 
 import pandas as pd
 
-from formulations.realise.from_jacobian import MOST_JOINTS
 from formulations.solving.case import Case
 from formulations.solving.outcome import Outcome
 from formulations.solving.record import Record
 from formulations.solving.solve import run
+from formulations.synthesis.from_jacobian import MOST_JOINTS
 from nlp.arrays import FloatArray
 from nlp.errors import InputError, LockedJointError
 

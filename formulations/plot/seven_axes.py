@@ -14,8 +14,8 @@ from formulations.plot.manipulator import common_lever, draw_axes
 from formulations.plot.picture import Picture, Request, best
 from formulations.plot.projection import clear_views
 from formulations.plot.style import GREY, SMALL, TITLE, styled
-from formulations.realise.from_jacobian import realise
 from formulations.solving.case import Case
+from formulations.synthesis.from_jacobian import realise
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
 

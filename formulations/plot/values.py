@@ -24,12 +24,12 @@ from formulations.plot.style import (
     styled,
     without_frame,
 )
-from formulations.realise.manipulator import Manipulator
 from formulations.robots.path_plan import PathPlan
 from formulations.robots.robot_assessment import RobotAssessment
 from formulations.robots.workspace import Workspace
 from formulations.solving.outcome import Outcome
 from formulations.solving.record import Record
+from formulations.synthesis.manipulator import Manipulator
 from nlp.errors import InputError
 from nlp.files import prepare_file, write_bytes
 

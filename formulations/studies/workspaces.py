@@ -15,16 +15,16 @@ from formulations.kinematics.read_urdf import read_urdf
 from formulations.kinematics.serial_arm import Ranges, SerialArm
 from formulations.plot.style import content, figure_class
 from formulations.plot.workspace import draw, draw_orders
-from formulations.realise.choice import rank
-from formulations.realise.criteria import CRITERIA, Sampling, kept_ball
-from formulations.realise.family import every, family
-from formulations.realise.from_jacobian import realise
 from formulations.robots.best_limits import STARTS, best_limits
 from formulations.robots.workspace import Workspace, measured
 from formulations.robots.workspace import workspace as found_workspace
 from formulations.solving.trade_off_curve import TradeOffPoint, trade_off_curve
 from formulations.studies.robots import SurveyArm
 from formulations.studies.study import Effort, Part, Study
+from formulations.synthesis.choice import rank
+from formulations.synthesis.criteria import CRITERIA, Sampling, kept_ball
+from formulations.synthesis.family import every, family
+from formulations.synthesis.from_jacobian import realise
 from nlp.arrays import FloatArray
 from nlp.starts import generator
 

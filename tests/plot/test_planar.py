@@ -11,8 +11,8 @@ from formulations.plot import figure_1, figure_3
 from formulations.plot.figure_1 import optima, turned
 from formulations.plot.picture import NothingFoundError, Request
 from formulations.plot.style import content
-from formulations.realise.from_jacobian import realise
 from formulations.reproduction import reference
+from formulations.synthesis.from_jacobian import realise
 
 
 def chain_jacobian(joints):

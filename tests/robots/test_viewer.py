@@ -17,14 +17,14 @@ from formulations import measures
 from formulations.commands.view import view
 from formulations.kinematics.chain_between import chain_between
 from formulations.kinematics.read_urdf import parse_urdf
-from formulations.realise.from_jacobian import realise
-from formulations.realise.write_urdf import urdf as realised_urdf
 from formulations.robots.picture import numbers, picture, semi_axes
 from formulations.robots.posture_search import Search
 from formulations.robots.robot_arm import RobotArm
 from formulations.robots.task import TaskSpace
 from formulations.robots.viewer import Page
 from formulations.robots.web_server import Address
+from formulations.synthesis.from_jacobian import realise
+from formulations.synthesis.write_urdf import urdf as realised_urdf
 from nlp.errors import InputError
 
 BROWSER = next(filter(None, map(shutil.which, ("chromium", "google-chrome"))), None)

@@ -18,7 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from formulations.kinematics.link_chain import BoolArray, IntArray, LinkChain
-from formulations.realise.manipulator import Manipulator, TaskRows
+from formulations.synthesis.manipulator import Manipulator, TaskRows
 from nlp.arrays import FloatArray
 
 # Lengths and cosines closer than this, relative to the manipulator's size, count as equal.

@@ -17,7 +17,7 @@ import numpy.typing as npt
 
 from formulations.joints.joint import NotInModelError, check_length
 from formulations.measures import as_jacobian
-from formulations.realise.manipulator import Manipulator, TaskRows
+from formulations.synthesis.manipulator import Manipulator, TaskRows
 from nlp.arrays import FloatArray, as_floats, finite_vector
 from nlp.errors import InputError
 

@@ -6,10 +6,10 @@ import roboticstoolbox
 from scipy.spatial.transform import Rotation
 
 from formulations import measures
-from formulations.realise.dh import Convention, denavit_hartenberg
-from formulations.realise.from_jacobian import realise
-from formulations.realise.manipulator import Manipulator, TaskRows
 from formulations.reproduction import reference
+from formulations.synthesis.dh import Convention, denavit_hartenberg
+from formulations.synthesis.from_jacobian import realise
+from formulations.synthesis.manipulator import Manipulator, TaskRows
 
 both = pytest.mark.parametrize("convention", list(Convention))
 

@@ -19,8 +19,8 @@ from xml.etree import ElementTree as Tree
 import numpy as np
 import numpy.typing as npt
 
-from formulations.realise.links import LINK_RADIUS, free_parts
-from formulations.realise.manipulator import Manipulator
+from formulations.synthesis.links import LINK_RADIUS, free_parts
+from formulations.synthesis.manipulator import Manipulator
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
 

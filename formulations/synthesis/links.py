@@ -11,7 +11,7 @@ from itertools import combinations
 
 import numpy as np
 
-from formulations.realise.manipulator import Manipulator
+from formulations.synthesis.manipulator import Manipulator
 from nlp.arrays import FloatArray
 
 SWEEPS = 200

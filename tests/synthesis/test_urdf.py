@@ -10,9 +10,9 @@ import pytest
 import yourdfpy
 
 from formulations import measures
-from formulations.realise.from_jacobian import realise
-from formulations.realise.links import LINK_RADIUS, room, slide_apart
-from formulations.realise.write_urdf import JOINT_LENGTH, JOINT_RADIUS, MASS, urdf
+from formulations.synthesis.from_jacobian import realise
+from formulations.synthesis.links import LINK_RADIUS, room, slide_apart
+from formulations.synthesis.write_urdf import JOINT_LENGTH, JOINT_RADIUS, MASS, urdf
 from nlp.errors import InputError
 
 

@@ -8,8 +8,8 @@ from math import factorial
 import numpy as np
 
 from formulations.kinematics.link_chain import BoolArray, IntArray
-from formulations.realise.criteria import CRITERIA, Criterion, Sampling, criterion
-from formulations.realise.family import (
+from formulations.synthesis.criteria import CRITERIA, Criterion, Sampling, criterion
+from formulations.synthesis.family import (
     Arrangements,
     count,
     distinct,
@@ -18,7 +18,7 @@ from formulations.realise.family import (
     flippable,
     symmetries,
 )
-from formulations.realise.manipulator import Manipulator
+from formulations.synthesis.manipulator import Manipulator
 from nlp.arrays import FloatArray, finite_or_none, whole_number
 from nlp.errors import InputError
 

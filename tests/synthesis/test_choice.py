@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from formulations import measures
-from formulations.realise.choice import choose_arrangement, evaluate, given, search
-from formulations.realise.criteria import CRITERIA, Sampling, smallest, worst_cases
-from formulations.realise.dh import denavit_hartenberg
-from formulations.realise.family import distinct, every, family, symmetries
-from formulations.realise.from_jacobian import realise
-from formulations.realise.links import link_lengths
 from formulations.reproduction import reference
+from formulations.synthesis.choice import choose_arrangement, evaluate, given, search
+from formulations.synthesis.criteria import CRITERIA, Sampling, smallest, worst_cases
+from formulations.synthesis.dh import denavit_hartenberg
+from formulations.synthesis.family import distinct, every, family, symmetries
+from formulations.synthesis.from_jacobian import realise
+from formulations.synthesis.links import link_lengths
 from nlp.errors import InputError
 
 FEW = Sampling(seed=3, samples=8, radius=0.3)

@@ -8,8 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import minimize
 
-from formulations.realise.from_jacobian import realise
-from formulations.realise.links import (
+from formulations.reproduction import reference
+from formulations.synthesis.from_jacobian import realise
+from formulations.synthesis.links import (
     LINK_RADIUS,
     clearance,
     link_lengths,
@@ -18,8 +19,7 @@ from formulations.realise.links import (
     slide,
     slide_apart,
 )
-from formulations.realise.manipulator import Manipulator
-from formulations.reproduction import reference
+from formulations.synthesis.manipulator import Manipulator
 
 
 def closest(ends):

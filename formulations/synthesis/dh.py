@@ -6,7 +6,7 @@ from enum import StrEnum
 import numpy as np
 
 from formulations.kinematics.link_chain import BoolArray, LinkChain
-from formulations.realise.manipulator import Manipulator, kind_names
+from formulations.synthesis.manipulator import Manipulator, kind_names
 from nlp.arrays import FloatArray
 
 # Axes whose directions differ by less count as parallel: their common normal is not unique.

@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from formulations.realise.from_jacobian import deviation, realise
-from formulations.realise.links import link_lengths
 from formulations.reproduction import reference
+from formulations.synthesis.from_jacobian import deviation, realise
+from formulations.synthesis.links import link_lengths
 from nlp.errors import InputError
 
 

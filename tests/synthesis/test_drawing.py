@@ -9,8 +9,8 @@ import pytest
 from formulations.plot.manipulator import columns_text, draw, figure, round_length
 from formulations.plot.projection import PLAN, View, clear_views
 from formulations.plot.style import content
-from formulations.realise.from_jacobian import realise
 from formulations.reproduction import reference
+from formulations.synthesis.from_jacobian import realise
 from nlp.errors import InputError
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from formulations.realise.manipulator import Manipulator, TaskRows
+from formulations.synthesis.manipulator import Manipulator, TaskRows
 from nlp.errors import InputError
 
 
