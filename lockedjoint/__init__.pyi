@@ -32,7 +32,7 @@ from formulations.measures.canonical import canonical_form as canonical_form
 from formulations.measures.unequal_failures import FailureModel as FailureModel
 
 # Figures: of what is computed.
-from formulations.plot.values import plot as plot
+from formulations.plot.figures import plot as plot
 from formulations.registry import bound as bound
 from formulations.registry import formulation as formulation
 from formulations.registry import register as register

@@ -150,7 +150,7 @@ def realise(
     from formulations.commands import realise_forms as forms
     from formulations.io.jacobians import only_jacobian
     from formulations.io.table import Table
-    from formulations.plot.look import looking
+    from formulations.plot.style import looking
     from formulations.synthesis import from_jacobian
     from formulations.synthesis.choice import Ranked, choose_arrangement, evaluate, given, rank
     from formulations.synthesis.criteria import Sampling

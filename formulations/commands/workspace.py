@@ -106,8 +106,7 @@ def workspace(
     --optimise limits: within the physical limits alone, many arms keep nothing.
     """
     from formulations.kinematics.serial_arm import SerialArm
-    from formulations.plot.look import looking
-    from formulations.plot.style import content, kind_of
+    from formulations.plot.style import content, kind_of, looking
     from formulations.robots.best_limits import best_limits
     from formulations.robots.cylinder_grid import check_grid
     from formulations.robots.pose_sets import PoseSets, check_poses

@@ -56,14 +56,24 @@ PROBLEMS = (
 
 def make(request: Request) -> Picture:
     """Solve from all starts, or read a campaign's store, and draw where they ended."""
-    table = _solved(request) if request.store is None else stored(request.store)
-    if not table["counted"].any():
-        raise NothingFoundError("No start passes the check; ask for more starts.")
+    if request.store is None:
+        tables = [ends(name, solved(case, request)) for name, case in PROBLEMS]
+        table = pd.concat(tables, ignore_index=True)
+    else:
+        table = stored(request.store)
     return Picture(draw(table), table)
 
 
 def draw(table: pd.DataFrame) -> Figure:
-    """Draw a histogram for each problem of a table with the columns `COLUMNS`."""
+    """Draw a histogram for each problem of a table with the columns `COLUMNS`.
+
+    Raises
+    ------
+    NothingFoundError
+        If no start passes the check.
+    """
+    if not table["counted"].any():
+        raise NothingFoundError("No start passes the check; ask for more starts.")
     names = list(dict.fromkeys(table["problem"]))
     edges = _edges(table.loc[table["counted"], "worst_case_sigma"])
     with styled(WIDTH, 0.9 + ROW * len(names)) as figure:
@@ -78,18 +88,13 @@ def draw(table: pd.DataFrame) -> Figure:
 
 def levels(sigmas: pd.Series) -> list[tuple[float, int]]:
     """Return the optima that starts ended at, best first, and how many at each."""
-    found: list[tuple[float, int]] = []
-    for sigma in sorted(sigmas, reverse=True):
-        if found and found[-1][0] - sigma <= SAME:
-            found[-1] = (found[-1][0], found[-1][1] + 1)
-        else:
-            found.append((float(sigma), 1))
-    return found
-
-
-def _solved(request: Request) -> pd.DataFrame:
-    tables = [ends(name, solved(case, request)) for name, case in PROBLEMS]
-    return pd.concat(tables, ignore_index=True)
+    optima: dict[float, int] = {}
+    best = np.inf
+    for sigma in sorted(map(float, sigmas), reverse=True):
+        if best - sigma > SAME:
+            best = sigma
+        optima[best] = optima.get(best, 0) + 1
+    return list(optima.items())
 
 
 def ends(label: str, outcome: Outcome) -> pd.DataFrame:

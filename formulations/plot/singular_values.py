@@ -1,11 +1,13 @@
 """Singular values before and after the failure of each joint, beside the bounds.
 
 By default of two Jacobians, the residual minimum and the max-min optimum of unit revolute 7R.
+Bars show of an assessment what each failure leaves.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import combinations
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,15 +16,18 @@ import pandas as pd
 from formulations import max_min, measures, residual
 from formulations.joints.arm import Arm
 from formulations.joints.kinds import UnitRevolute
+from formulations.measures.assessment import Assessment
 from formulations.plot.picture import Picture, Request, best
-from formulations.plot.style import BLUE, INK, VERMILION, beside, styled, without_frame
+from formulations.plot.style import BLUE, INK, PALE, VERMILION, beside, styled, without_frame
 from formulations.registry import bound as bound_on
 from formulations.registry import formulation
+from formulations.robots.robot_assessment import RobotAssessment
 from formulations.solving.case import Case
 from nlp.arrays import FloatArray
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 HEIGHT, MARGIN, STEP = 4.8, 1.0, 0.37
 TITLES = {residual.NAME: "Residual minimum", max_min.NAME: "Max-min optimum"}
@@ -31,6 +36,9 @@ HALF = 0.3
 CERTIFIED = "certified bound"
 # Bounds closer than this are one line.
 SAME = 1e-4
+DASHED = (0, (4, 3))
+# More sets of failed joints than this are not told apart on a page: the worst ones are drawn.
+MOST_BARS = 60
 
 
 def make(request: Request) -> Picture:
@@ -47,7 +55,41 @@ def make(request: Request) -> Picture:
         panels[1, 0].set_ylabel("the smallest\nafter the failure")
         for axes in panels[:, 1:].ravel():
             without_frame(axes)
-    return Picture(figure, pd.concat([_table(*one) for one in shown], ignore_index=True))
+    tables = [_table(title, matrix) for title, matrix in shown]
+    return Picture(figure, pd.concat(tables, ignore_index=True))
+
+
+def bars(value: Assessment | RobotAssessment) -> Figure:
+    """Draw what each failure leaves, below the bound (6) and down to the worst case."""
+    if isinstance(value, Assessment):
+        joints = combinations(map(str, range(value.joints)), value.locked)
+        sigmas = dict(zip(map(", ".join, joints), value.locked_sigmas, strict=True))
+    else:
+        sigmas = {", ".join(failure.joints): failure.sigma for failure in value.failures}
+    worst, bound, fewer = min(sigmas.values()), value.sigma_bound, ""
+    if len(sigmas) > MOST_BARS:
+        fewer = f", the worst {MOST_BARS} of {len(sigmas)} failures"
+        sigmas = dict(sorted(sigmas.items(), key=lambda item: item[1])[:MOST_BARS])
+    with styled(2.2 + 0.3 * max(len(sigmas), 8), 3.4) as figure:
+        axes = figure.subplots()
+        axes.set_title(f"σ that each failure leaves{fewer}")
+        colours = [
+            VERMILION if sigma <= worst * (1 + 1e-6) else PALE for sigma in sigmas.values()
+        ]
+        axes.bar(range(len(sigmas)), list(sigmas.values()), 0.7, color=colours)
+        axes.axhline(bound, color=INK, lw=0.6, ls=DASHED)
+        # Beside the panel, where no bar is.
+        end = ("axes fraction", "data")
+        beside(axes, (1, bound), f"bound (6)\n{bound:.4f}", (4, 0), color=INK, xycoords=end)
+        text, corner = f"worst case {worst:.4f}", "axes fraction"
+        beside(axes, (1, 1), text, (0, 3), color=VERMILION, ha="right", xycoords=corner)
+        axes.set_xlabel("joint that locks" if value.locked == 1 else "joints that lock")
+        axes.set_ylabel("smallest singular value")
+        long = max(map(len, sigmas)) > 3
+        axes.set_xticks(range(len(sigmas)), list(sigmas), rotation=90 if long else 0)
+        axes.set_ylim(0, 1.12 * max(bound, *sigmas.values()))
+        without_frame(axes, "left", "bottom")
+    return figure
 
 
 def bounds(matrix: FloatArray) -> list[tuple[str, float]]:
@@ -58,12 +100,12 @@ def bounds(matrix: FloatArray) -> list[tuple[str, float]]:
     """
     m, n = matrix.shape
     plain = measures.sigma_bound(m, n, measures.trace(matrix))
-    found = [("bound (6)", plain)]
+    known = [("bound (6)", plain)]
     if m == 6 and (arm := Arm.of(UnitRevolute(), n)).admits(matrix):
         certified = bound_on(max_min, arm).value
         if certified < plain - SAME:
-            found.append((CERTIFIED, certified))
-    return found
+            known.append((CERTIFIED, certified))
+    return known
 
 
 def _jacobians(request: Request) -> Sequence[tuple[str, FloatArray]]:
@@ -80,9 +122,8 @@ def _jacobians(request: Request) -> Sequence[tuple[str, FloatArray]]:
 
 def _values(matrix: FloatArray) -> list[FloatArray]:
     """Singular values before, then after each failure; as many as there are rows."""
-    left = [np.delete(matrix, f, axis=1) for f in range(matrix.shape[1])]
-    after = [np.asarray(np.linalg.svd(one, compute_uv=False)) for one in left]
-    return [measures.singular_values(matrix), *after]
+    after = (np.delete(matrix, f, axis=1) for f in range(matrix.shape[1]))
+    return [np.asarray(np.linalg.svd(rest, compute_uv=False)) for rest in (matrix, *after)]
 
 
 def _table(title: str, matrix: FloatArray) -> pd.DataFrame:
@@ -111,7 +152,7 @@ def _draw(upper: Axes, lower: Axes, title: str, matrix: FloatArray) -> None:
     known = bounds(matrix)
     left, right = after[0] - HALF, after[-1] + HALF
     for name, bound in known:
-        dashes = "-" if name == CERTIFIED else (0, (4, 3))
+        dashes = "-" if name == CERTIFIED else DASHED
         lower.hlines(bound, left, right, color=INK, lw=0.6, ls=dashes)
     text = ", ".join(f"{name} {bound:.4f}" for name, bound in known)
     highest, least = max(bound for _, bound in known), float(np.min(smallest))

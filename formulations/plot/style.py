@@ -1,20 +1,22 @@
-"""Figures: one style for all of them, and the content of files, the same bytes each time.
+"""Figures: one style for all of them, how a user changes it, and the content of files.
 
-Needs matplotlib (the extra `figures`), which is imported on the first figure.
-Files are SVG, PNG or PDF. `look` says how a user changes size, title and style.
+Needs matplotlib (the extra `figures`), which is imported on the first figure. Files are SVG,
+PNG or PDF, the same bytes each time.
 """
 
 from __future__ import annotations
 
 import io
+import re
 import warnings
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
+from contextvars import ContextVar
+from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
-from formulations.plot.look import Look, current_look
 from nlp.errors import FileError, InputError, MissingLibraryError
 
 if TYPE_CHECKING:
@@ -64,6 +66,94 @@ _WRITING: Mapping[str, object] = MappingProxyType(
     {"svg.hashsalt": "lockedjoint", "svg.fonttype": "none", "pdf.fonttype": 42}
 )
 
+# Centimetres in an inch. Least and largest width and height in cm: what can be read, and what
+# memory holds.
+_CM, _SMALLEST, _LARGEST = 2.54, 2.0, 100.0
+
+
+@dataclass(frozen=True)
+class Look:
+    """How figures look, where that differs from the default.
+
+    Attributes
+    ----------
+    size
+        Width and height in inches; None for each figure's own.
+    title
+        Whether the title of the whole figure is drawn. Those that tell panels apart stay.
+    settings
+        Matplotlib's settings over ours.
+    """
+
+    size: tuple[float, float] | None = None
+    title: bool = True
+    settings: Mapping[str, object] = field(default_factory=dict)
+
+
+_LOOK: ContextVar[Look] = ContextVar("look", default=Look())  # noqa: B039
+
+
+@contextmanager
+def looking(look: Look) -> Iterator[None]:
+    """Draw and write all figures within this context with this look."""
+    token = _LOOK.set(look)
+    try:
+        yield
+    finally:
+        _LOOK.reset(token)
+
+
+def read_look(
+    size: str | None, title: bool, style: str | Path | None, prefix: str = ""
+) -> Look:
+    """Read how a user wants figures to look.
+
+    Parameters
+    ----------
+    size
+        ``16x10`` or ``16x10cm``: width and height in cm, ``6.3x4in`` in inches.
+    title
+        Whether figures have one.
+    style
+        A matplotlib style file, lines ``name: value``. Matplotlib warns of unknown names.
+    prefix
+        What errors put before the names of arguments: ``--`` on the command line.
+
+    Raises
+    ------
+    InputError
+        If the size is something else, or less than 2 cm or more than 100 cm.
+    FileError
+        If the style cannot be read, or matplotlib does not take a value.
+    MissingLibraryError
+        If there is a style, and matplotlib is not installed.
+    """
+    inches = None if size is None else _inches(size, f"{prefix}size")
+    return Look(inches, title, {} if style is None else _settings(style, f"{prefix}style"))
+
+
+def _inches(text: str, argument: str) -> tuple[float, float]:
+    number = r"\s*(\d+\.?\d*|\.\d+)\s*"
+    found = re.fullmatch(rf"{number}x{number}(cm|in)?", text, re.ASCII)
+    factor = 1.0 if found and found[3] == "in" else _CM
+    width, height = (float(side) / factor for side in found.groups()[:2]) if found else (0, 0)
+    if not all(_SMALLEST <= round(_CM * side, 9) <= _LARGEST for side in (width, height)):
+        allowed = "WIDTHxHEIGHT in cm, each 2 to 100, such as 16x10, or in inches: 6.3x4in"
+        raise InputError(argument, text, allowed)
+    return width, height
+
+
+def _settings(path: str | Path, argument: str) -> Mapping[str, object]:
+    figure_class()
+    from matplotlib import rc_params_from_file
+
+    try:
+        settings = rc_params_from_file(path, fail_on_error=True, use_default_template=False)
+        return {str(name): value for name, value in settings.items()}
+    except (OSError, ValueError, TypeError, KeyError) as error:
+        allowed = f"a style that matplotlib takes ({error})"
+        raise FileError(argument, str(path), allowed) from None
+
 
 def figure_class() -> type[Figure]:
     """Return Matplotlib's class of figures.
@@ -80,6 +170,13 @@ def figure_class() -> type[Figure]:
     return Figure
 
 
+def _style(more: Mapping[str, object] = MappingProxyType({})) -> AbstractContextManager[None]:
+    """Matplotlib's settings: ours over its own, the user's style over ours, and more."""
+    from matplotlib import style
+
+    return style.context(["default", {**_SETTINGS, **_LOOK.get().settings, **more}])
+
+
 @contextmanager
 def styled(width: float, height: float) -> Iterator[Figure]:
     """Give a new figure to draw on, in this style whatever the user's own settings are.
@@ -94,24 +191,17 @@ def styled(width: float, height: float) -> Iterator[Figure]:
     MissingLibraryError
         If Matplotlib is not installed.
     """
-    new_figure = figure_class()
-    from matplotlib import style
-
-    look = current_look()
-    with style.context(["default", dict(_SETTINGS), dict(look.settings)]):
+    new_figure, look = figure_class(), _LOOK.get()
+    with _style():
         figure = new_figure(figsize=look.size or (width, height))
         yield figure
-        if not look.title:
-            _untitle(figure)
-
-
-def _untitle(figure: Figure) -> None:
-    """Take away the title of the whole figure, and the room that it takes."""
-    if figure.get_suptitle():
-        figure.suptitle("").set_in_layout(False)
-    elif len(figure.axes) == 1:
-        for side in ("left", "center", "right"):
-            figure.axes[0].set_title("", loc=side)
+        if look.title:
+            return
+        if figure.get_suptitle():
+            figure.suptitle("").set_in_layout(False)
+        elif len(figure.axes) == 1:
+            for side in ("left", "center", "right"):
+                figure.axes[0].set_title("", loc=side)
 
 
 def without_frame(axes: Axes, *kept: str) -> None:
@@ -156,7 +246,7 @@ def kind_of(path: Path) -> str:
     """
     kind = path.suffix.lower().removeprefix(".")
     if kind not in FORMATS:
-        endings = ", ".join(f".{one}" for one in FORMATS)
+        endings = ", ".join(f".{form}" for form in FORMATS)
         raise FileError("file", str(path), f"a name that ends in {endings}")
     return kind
 
@@ -167,34 +257,24 @@ def content(figure: Figure, kind: str) -> bytes:
     Raises
     ------
     InputError
-        If the kind is not one of `FORMATS`, or the figure cannot be drawn with the settings of
-        a style file.
+        If the kind is not one of `FORMATS`, or the figure cannot be drawn in its size or with
+        the settings of a style file.
     """
     if kind not in FORMATS:
         raise InputError("kind of figure", kind, ", ".join(FORMATS))
-    from matplotlib import style
-
     written = io.BytesIO()
-    undated = {"svg": {"Date": None}, "pdf": {"CreationDate": None}, "png": {}}[kind]
+    undated: Any = {"svg": {"Date": None}, "pdf": {"CreationDate": None}, "png": {}}[kind]
     # Names of fonts are resolved when a file is written: the settings are those of drawing.
-    settings = {**_SETTINGS, **current_look().settings, **_WRITING}
-    with style.context(["default", settings]):
-        if current_look() == Look():
-            figure.savefig(written, format=kind, dpi=200, metadata=undated)
-        else:
-            _saved_as_asked(figure, written, format=kind, dpi=200, metadata=undated)
-    return written.getvalue()
-
-
-def _saved_as_asked(figure: Figure, written: io.BytesIO, **settings: Any) -> None:
-    """Save a figure; refuse a size or a style with which it cannot be drawn."""
-    with warnings.catch_warnings():
+    with _style(_WRITING), warnings.catch_warnings():
         warnings.filterwarnings("error", "constrained_layout not applied")
         try:
-            figure.savefig(written, **settings)
+            figure.savefig(written, format=kind, dpi=200, metadata=undated)
         except UserWarning:
             allowed = "a --size and a --style with room for the panels beside their text"
             raise InputError("size of the figure", "too small", allowed) from None
         except (ValueError, RuntimeError, OverflowError) as error:
+            if not _LOOK.get().settings:
+                raise
             allowed = f"settings with which the figure can be drawn ({error})"
             raise InputError("--style", "given", allowed) from None
+    return written.getvalue()

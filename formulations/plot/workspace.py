@@ -6,9 +6,10 @@ And what the robots of several Jacobians keep, against their worst case where th
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
 
 from formulations.kinematics.serial_arm import Bits
 from formulations.plot.style import (
@@ -29,7 +30,11 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_LEGEND = ("physical limits", "artificial limits", "kept after any failure")
+_LEGEND = {
+    "physical limits": PALE,
+    "artificial limits": BLUE,
+    "kept after any failure": ORANGE,
+}
 
 
 def draw(found: Workspace) -> Figure:
@@ -60,53 +65,26 @@ def draw(found: Workspace) -> Figure:
             kept = layers[2] if layers[2].any() else layers[0]
             across = -int(sets.corner[1])
             level = int(np.argmax(kept.sum(axis=(0, 1))))
-            _section(left, found, [one[:, across] for one in layers], (0, 2))
-            _section(right, found, [one[:, :, level] for one in layers], (0, 1))
+            _section(left, found, [layer[:, across] for layer in layers], (0, 2))
+            _section(right, found, [layer[:, :, level] for layer in layers], (0, 1))
             for axes, axis, place in ((left, 1, across), (right, 2, level)):
                 height = (place + sets.corner[axis]) * sets.voxel
                 axes.set_title(f"{'xyz'[axis]} = {height:.2f} m", fontsize=SMALL)
         from matplotlib.patches import Patch
 
-        colours = (PALE, BLUE, ORANGE)
-        patches = [
-            Patch(color=one, label=name) for one, name in zip(colours, _LEGEND, strict=True)
-        ]
+        patches = [Patch(color=colour, label=name) for name, colour in _LEGEND.items()]
         columns = 2 if flat else 3  # as many as there is room for
         figure.legend(handles=patches, loc="outside lower center", ncols=columns, frameon=False)
     return figure
 
 
-class Ordered(Protocol):
-    """What is drawn of a Jacobian: see `formulations.studies.workspaces.OrderRow`."""
-
-    @property
-    def worst_case_sigma(self) -> float:
-        """Where the Jacobian is designed."""
-
-    @property
-    def kept(self) -> float:
-        """What its best order keeps."""
-
-    @property
-    def error(self) -> float:
-        """How far that may be off."""
-
-    @property
-    def middle(self) -> float:
-        """What the median order keeps."""
-
-    @property
-    def front(self) -> str:
-        """``yes`` if no other Jacobian has a larger worst case and keeps as much."""
-
-
-def draw_orders(rows: Sequence[Ordered], spread: Sequence[FloatArray]) -> Figure:
+def draw_orders(rows: Sequence[object], spread: Sequence[FloatArray]) -> Figure:
     """Draw what robots keep over a workspace against their worst case at one configuration.
 
     Parameters
     ----------
     rows
-        One for each Jacobian: its best order.
+        One for each Jacobian and its best order, `formulations.studies.workspaces.OrderRow`.
     spread
         What random orders of each keep.
 
@@ -114,26 +92,28 @@ def draw_orders(rows: Sequence[Ordered], spread: Sequence[FloatArray]) -> Figure
     -------
     matplotlib.figure.Figure
     """
+    table = pd.DataFrame(list(rows))
     with styled(7.4, 4.2) as figure:
         axes = figure.subplots()
         axes.set_title("Robots of seven joints: 5040 orders of each Jacobian")
-        sigmas = [one.worst_case_sigma for one in rows]
-        for sigma, values in zip(sigmas, spread, strict=True):
-            low, high = np.quantile(values, [0.05, 0.95])
-            axes.vlines(sigma, low, high, color=PALE, lw=7)
+        sigmas = table["worst_case_sigma"]
+        low, high = np.quantile(spread, [0.05, 0.95], axis=1)
+        axes.vlines(sigmas, low, high, color=PALE, lw=7)
         axes.scatter([], [], color=PALE, marker="s", label="nine of ten random orders")
-        middles = [one.middle for one in rows]
+        middles = table["middle"]
         axes.scatter(
             sigmas, middles, color=INK, marker="_", s=60, label="median order", zorder=3
         )
-        for kind, colour, label in (
+        for front, colour, label in (
             ("no", BLUE, "best order found"),
             ("yes", VERMILION, "the same, not dominated"),
         ):
-            some = [one for one in rows if one.front == kind]
-            x, y = [one.worst_case_sigma for one in some], [one.kept for one in some]
-            bars = [one.error for one in some]
-            axes.errorbar(x, y, bars, color=colour, fmt="o", ms=4, label=label)
+            x, y, error = (
+                table.loc[table["front"] == front, ["worst_case_sigma", "kept", "error"]]
+                .to_numpy(dtype=float)
+                .T
+            )
+            axes.errorbar(x, y, error, color=colour, fmt="o", ms=4, label=label)
         axes.set_xlabel("worst-case σ where the Jacobian is designed")
         axes.set_ylabel("volume kept, limits ±20° (lever arms³)")
         axes.set_ylim(bottom=0)
@@ -145,19 +125,18 @@ def _section(axes: Axes, found: Workspace, layers: list[Bits], shown: tuple[int,
     from matplotlib.colors import ListedColormap
 
     sets = found.sets
-    level = np.max([(k + 1) * one for k, one in enumerate(layers)], axis=0)
+    level = np.max([(k + 1) * layer for k, layer in enumerate(layers)], axis=0)
     first, second = ((sets.corner[k] - 0.5) * sets.voxel for k in shown)
     rows, columns = level.shape
     extent = (first, first + rows * sets.voxel, second, second + columns * sets.voxel)
-    colours = ListedColormap([PAPER, PALE, BLUE, ORANGE])
     axes.imshow(
         level.T,
         origin="lower",
         extent=extent,
-        cmap=colours,
+        interpolation="nearest",
+        cmap=ListedColormap([PAPER, *_LEGEND.values()]),
         vmin=0,
         vmax=3,
-        interpolation="nearest",
     )
     axes.set_xlabel(f"{'xyz'[shown[0]]} (m)")
     axes.set_ylabel(f"{'xyz'[shown[1]]} (m)")

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from formulations import max_min
-from formulations.plot import figure_1, figure_3
-from formulations.plot.figure_1 import optima, turned
+from formulations.plot import planar
 from formulations.plot.picture import NothingFoundError, Request
 from formulations.plot.style import content
 from formulations.reproduction import reference
@@ -23,12 +22,12 @@ def chain_jacobian(joints):
 
 @pytest.fixture(scope="module")
 def first():
-    return figure_1.make(Request(starts=2))
+    return planar.figure_1(Request(starts=2))
 
 
 @pytest.fixture(scope="module")
 def third():
-    return figure_3.make(Request(starts=30))
+    return planar.figure_3(Request(starts=30))
 
 
 def test_figure_1_shows_four_robots_with_the_columns_of_eq_12(first):
@@ -54,9 +53,9 @@ def test_the_four_robots_differ_in_their_links(first):
 def test_the_printed_form_is_eq_12_whatever_frame_order_and_signs():
     rng = np.random.default_rng(7)
     for _ in range(5):
-        turn = turned(reference.PLANAR_3R, rng.uniform(0, 2 * np.pi))
+        turn = planar.turned(reference.PLANAR_3R, rng.uniform(0, 2 * np.pi))
         mixed = turn[:, rng.permutation(3)] * rng.choice([-1, 1], 3)
-        np.testing.assert_allclose(figure_1.printed_form(mixed), reference.PLANAR_3R, atol=1e-9)
+        np.testing.assert_allclose(planar.printed_form(mixed), reference.PLANAR_3R, atol=1e-9)
 
 
 def test_figure_3_shows_members_of_the_family_of_eq_16(third):
@@ -81,8 +80,8 @@ def test_alpha_is_recovered_from_any_frame_and_pairing():
     rng = np.random.default_rng(3)
     for _ in range(5):
         wanted = rng.uniform(0, np.pi / 2)
-        matrix = turned(reference.planar_4r(wanted)[:2], rng.uniform(0, 2 * np.pi))
-        found = figure_3.alpha(figure_3.in_family(matrix[:, [0, 2, 3, 1]]))
+        matrix = planar.turned(reference.planar_4r(wanted)[:2], rng.uniform(0, 2 * np.pi))
+        found = planar.alpha(planar.in_family(matrix[:, [0, 2, 3, 1]]))
         assert found == pytest.approx(wanted, abs=1e-9)
 
 
@@ -97,11 +96,11 @@ def test_only_starts_that_pass_the_gate_are_drawn(monkeypatch):
     """A start that stops early may have the largest σ of all, with too large a ‖J‖."""
     monkeypatch.setattr(max_min, "OPTIONS", {"max_iter": 2})
     with pytest.raises(NothingFoundError):
-        optima(4, Request(starts=5))
+        planar.optima(4, Request(starts=5))
 
 
 def test_figures_are_the_same_bytes_again(first):
-    again = figure_1.make(Request(starts=2))
+    again = planar.figure_1(Request(starts=2))
     assert content(first.figure, "svg") == content(again.figure, "svg")
 
 
@@ -116,6 +115,6 @@ def test_a_picture_is_dark_on_white_without_boxes(first):
 
 
 def test_optima_of_planar_arms_are_realised_exactly():
-    matrix = figure_1.printed_form(reference.PLANAR_3R)
+    matrix = planar.printed_form(reference.PLANAR_3R)
     places = realise(matrix).points[:, :2]
     np.testing.assert_allclose(chain_jacobian(places), matrix, atol=1e-12)
