@@ -149,10 +149,9 @@ def realise(
     """
     from formulations.commands import realise_forms as forms
     from formulations.io.jacobians import only_jacobian
-    from formulations.io.table import Table
     from formulations.plot.style import looking
     from formulations.synthesis import from_jacobian
-    from formulations.synthesis.choice import Ranked, choose_arrangement, evaluate, given, rank
+    from formulations.synthesis.choice import choose_arrangement, evaluate, given, rank
     from formulations.synthesis.criteria import Sampling
     from formulations.synthesis.links import room, slide_apart
     from formulations.synthesis.links import slide as shortened
@@ -200,7 +199,7 @@ def realise(
         show_progress("")
         choice = choose_arrangement(found, name, sampling, shortlist, ranked)
         if ranking is not None:
-            write_text(ranking, Table(Ranked, ranked.rows()).csv())
+            write_text(ranking, ranked.table().to_csv(index=False, lineterminator="\n"))
     moved = chosen = choice.manipulator
     if slide == "length":
         moved = shortened(chosen)

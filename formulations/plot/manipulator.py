@@ -27,7 +27,6 @@ from formulations.plot.style import (
 )
 from formulations.synthesis.manipulator import Manipulator
 from nlp.arrays import FloatArray
-from nlp.errors import InputError
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -46,21 +45,15 @@ FLOOR, LINES, LINKS, JOINTS, LETTERS = 0, 5, 10, 40, 60
 
 
 def figure(manipulator: Manipulator) -> Figure:
-    """Return a drawing: planar arms in their plane, others from two sides.
-
-    Raises
-    ------
-    InputError
-        If matplotlib is not installed.
-    """
+    """Return a drawing: planar arms in their plane, others from two sides."""
     views = clear_views(manipulator)
     listed = columns_text(manipulator)
     height = 4.4 + 0.13 * len(listed.splitlines())
     with styled(4.2 * len(views), height) as drawn:
         panels = drawn.subplots(1, len(views), squeeze=False)[0]
-        for axes, one in zip(panels, views, strict=True):
-            draw(manipulator, axes, one, scale=True)
-            axes.set_title(one.name, fontsize=SMALL, color=GREY, loc="center")
+        for axes, view in zip(panels, views, strict=True):
+            draw(manipulator, axes, view, scale=True)
+            axes.set_title(view.name, fontsize=SMALL, color=GREY, loc="center")
         drawn.supxlabel(listed, fontsize=6.5, color=INK, family="DejaVu Sans Mono")
     return drawn
 
@@ -80,7 +73,7 @@ def draw(
     manipulator: Manipulator,
     axes: Axes,
     view: View | None = None,
-    labels: Sequence[str] | None = None,
+    named: bool = True,
     columns: bool = True,
     weight: float = 1.0,
     scale: bool = False,
@@ -93,8 +86,8 @@ def draw(
         What is drawn, and where.
     view
         From where; chosen for clarity if left out.
-    labels
-        Names of the joints, from the base; their numbers, counted from 0, if left out.
+    named
+        Whether the joints are numbered, from 0 at the base.
     columns
         Whether the columns of a planar arm's Jacobian are drawn at the end effector,
         all shortened alike.
@@ -102,16 +95,9 @@ def draw(
         Factor of the line widths; below 1 in small panels, where names stand farther off.
     scale
         Whether the directions of the base's frame and a bar of known length stand below.
-
-    Raises
-    ------
-    InputError
-        If there are not as many labels as joints.
     """
     view = view or clear_views(manipulator)[0]
-    names = [str(i) for i in range(manipulator.joints)] if labels is None else list(labels)
-    if len(names) != manipulator.joints:
-        raise InputError("labels", names, f"one for each of the {manipulator.joints} joints")
+    names = [str(i) if named else "" for i in range(manipulator.joints)]
     strokes = _Strokes(manipulator, axes, view, common_lever(manipulator), weight=weight)
     if not manipulator.task.in_plane:
         strokes.sphere()
@@ -153,8 +139,8 @@ def common_lever(manipulator: Manipulator) -> float:
     """Radius of the sphere about the end effector that all revolute axes touch; 0 if none."""
     columns = manipulator.full_jacobian()[:3, ~manipulator.prismatic]
     levers = np.linalg.norm(columns, axis=0)
-    one = levers.size > 0 and float(np.ptp(levers)) < 1e-3 * float(np.max(levers))
-    return float(np.mean(levers)) if one else 0.0
+    common = levers.size > 0 and float(np.ptp(levers)) < 1e-3 * float(np.max(levers))
+    return float(np.mean(levers)) if common else 0.0
 
 
 def round_length(most: float) -> float:
@@ -271,9 +257,7 @@ class _Strokes:
             size = float(np.linalg.norm(shift))
             if size == 0:
                 continue
-            arrow = {"arrowstyle": "-|>", "color": INK, "lw": 0.8, "shrinkA": 3}
-            ends = tuple(start + shift), tuple(start)
-            self._axes.annotate("", *ends, arrowprops=arrow, zorder=JOINTS)
+            self._arrow(start, shift, {"shrinkA": 3})
             place = start + shift * (1 + 0.13 * self._radius / size)
             self._text(place, f"$j_{{{name}}}$", INK, 9.0)
 
@@ -288,13 +272,11 @@ class _Strokes:
         (left, low), (right, _) = self._axes.dataLim.get_points()
         reach = 0.16 * self._radius
         start = np.array([left + 1.3 * reach, low - 2.2 * reach])
-        arrow = {"arrowstyle": "-|>", "color": INK, "lw": 0.8, "shrinkA": 0, "shrinkB": 0}
         for name, seen in zip("xyz", self._view.project(np.eye(3)), strict=True):
             shift = reach * seen[:2]
             if np.hypot(*shift) < 0.1 * reach:
                 continue  # along the line of sight
-            ends = tuple(start + shift), tuple(start)
-            self._axes.annotate("", *ends, arrowprops=arrow, zorder=JOINTS)
+            self._arrow(start, shift, {"shrinkA": 0, "shrinkB": 0})
             self._text(start + 1.4 * shift, name, INK, 8.0)
         length = round_length(0.5 * self._radius)
         bar = np.array([[right - length, start[1]], [right, start[1]]])
@@ -331,6 +313,11 @@ class _Strokes:
     ) -> None:
         [line] = self._axes.plot(*ends.T[:2], color=colour, lw=width * self._weight)
         line.set(zorder=layer, solid_capstyle=cap)
+
+    def _arrow(self, start: FloatArray, shift: FloatArray, shrink: dict[str, float]) -> None:
+        arrow = {"arrowstyle": "-|>", "color": INK, "lw": 0.8, **shrink}
+        ends = tuple(start + shift), tuple(start)
+        self._axes.annotate("", *ends, arrowprops=arrow, zorder=JOINTS)
 
     def _text(self, place: FloatArray, text: str, colour: str, size: float) -> None:
         from matplotlib.patheffects import withStroke
