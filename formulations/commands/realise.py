@@ -153,7 +153,7 @@ def realise(
     from formulations.synthesis import from_jacobian
     from formulations.synthesis.choice import choose_arrangement, evaluate, given, rank
     from formulations.synthesis.criteria import Sampling
-    from formulations.synthesis.links import room, slide_apart
+    from formulations.synthesis.links import link_gap, slide_apart
     from formulations.synthesis.links import slide as shortened
     from nlp.files import prepare_file, write_bytes, write_text
 
@@ -203,7 +203,7 @@ def realise(
     moved = chosen = choice.manipulator
     if slide == "length":
         moved = shortened(chosen)
-    elif slide == "as-needed" and room(chosen).touching:
+    elif slide == "as-needed" and link_gap(chosen).touching:
         moved = slide_apart(chosen, seed)
     if moved is not chosen:
         choice = replace(choice, manipulator=moved, values=evaluate(moved, sampling))

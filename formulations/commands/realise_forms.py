@@ -11,9 +11,10 @@ from formulations.plot.manipulator import figure
 from formulations.plot.style import content
 from formulations.synthesis.choice import Choice
 from formulations.synthesis.dh import Convention, DenavitHartenberg, denavit_hartenberg
-from formulations.synthesis.links import room
+from formulations.synthesis.links import link_gap
 from formulations.synthesis.manipulator import Manipulator
 from formulations.synthesis.write_urdf import urdf
+from nlp.arrays import finite_or_none
 from nlp.errors import InputError
 
 FORMS = ("axes", "dh", "urdf", "figure")
@@ -58,12 +59,12 @@ def as_plain(manipulator: Manipulator, convention: str) -> dict[str, object]:
 def summary(choice: Choice, deviation: float) -> dict[str, object]:
     """Return how a manipulator was chosen, its failure tolerance, and which links touch."""
     worst = measures.worst_case_sigma(choice.manipulator.jacobian())
-    found = room(choice.manipulator)
+    found = link_gap(choice.manipulator)
     return {
         **choice.to_dict(),
         "worst_case_sigma": worst,
         "deviation": deviation,
-        "gap": found.gap,
+        "gap": finite_or_none(found.gap),
         "touching": [list(pair) for pair in found.touching],
     }
 

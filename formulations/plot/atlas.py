@@ -11,7 +11,7 @@ from formulations.plot.manipulator import draw
 from formulations.plot.style import SMALL, styled
 from formulations.synthesis.choice import rank
 from formulations.synthesis.from_jacobian import realise
-from formulations.synthesis.links import room, slide_apart
+from formulations.synthesis.links import link_gap, slide_apart
 from formulations.synthesis.manipulator import Manipulator
 from nlp.arrays import FloatArray
 
@@ -109,4 +109,4 @@ def _arm(jacobian: FloatArray) -> Manipulator:
     given = realise(jacobian)
     best = rank(given, "clearance").arrangements
     chosen = given.arranged(best.orders[0].tolist(), best.flips[0].tolist())
-    return slide_apart(chosen, 0) if room(chosen).touching else chosen
+    return slide_apart(chosen, 0) if link_gap(chosen).touching else chosen

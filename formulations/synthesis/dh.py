@@ -55,10 +55,11 @@ class DenavitHartenberg:
 
     def rows(self) -> list[dict[str, object]]:
         """Return the rows as plain values: number and kind of the joint, θ, d, a, α."""
-        names = ("joint", "kind", "theta", "d", "a", "alpha")
-        numbers = (column.tolist() for column in (self.theta, self.d, self.a, self.alpha))
-        rows = enumerate(zip(kind_names(self.prismatic), *numbers, strict=True))
-        return [dict(zip(names, (i, *row), strict=True)) for i, row in rows]
+        columns = {name: getattr(self, name).tolist() for name in ("theta", "d", "a", "alpha")}
+        return [
+            {"joint": i, "kind": kind, **{name: column[i] for name, column in columns.items()}}
+            for i, kind in enumerate(kind_names(self.prismatic))
+        ]
 
     def to_dict(self) -> dict[str, object]:
         """Return the table row by row, and both transforms, as plain values."""
@@ -197,8 +198,7 @@ def _dot(one: FloatArray, other: FloatArray) -> FloatArray:
 def _angles(start: FloatArray, end: FloatArray, about: FloatArray) -> FloatArray:
     """Angles from one direction to another about a third, each row by itself."""
     sine = np.sum(np.cross(start, end) * about, axis=1)
-    angle = np.arctan2(sine, np.sum(start * end, axis=1))
-    return np.asarray(np.where(np.abs(angle) == 0, 0.0, angle))
+    return np.asarray(np.arctan2(sine, np.sum(start * end, axis=1)) + 0.0)  # 0, not -0
 
 
 def _frame(x: FloatArray, z: FloatArray, origin: FloatArray) -> FloatArray:

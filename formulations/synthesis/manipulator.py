@@ -113,18 +113,16 @@ class Manipulator(LinkChain):
         shapes = {"directions": (n, 3), "points": (n, 3), "end_effector": (3,)}
         for name, shape in shapes.items():
             value = as_floats(name, getattr(self, name)).copy()
-            if n == 0 or value.shape != shape:
-                raise InputError(name, f"of shape {value.shape}", "one row of 3 per joint")
-            if not np.all(np.isfinite(value)):
-                raise InputError(name, "with NaN or infinity", "finite numbers only")
+            if n == 0 or value.shape != shape or not np.all(np.isfinite(value)):
+                allowed = "finite numbers, 3 per joint or for the end effector"
+                raise InputError(name, f"of shape {value.shape}", allowed)
             self._set(name, value)
         norms = np.linalg.norm(self.directions, axis=1)
         if np.max(np.abs(norms - 1)) > DIGITS:
             raise InputError("norms of the directions", norms.tolist(), "1")
-        slides = np.array(self.prismatic, dtype=bool)
-        if slides.shape != (n,):
-            raise InputError("prismatic", f"of shape {slides.shape}", f"shape ({n},)")
-        self._set("prismatic", slides)
+        self._set("prismatic", np.array(self.prismatic, dtype=bool))
+        if self.prismatic.shape != (n,):
+            raise InputError("prismatic", f"of shape {self.prismatic.shape}", f"shape ({n},)")
         columns = tuple(int(c) for c in self.columns) or tuple(range(n))
         if sorted(columns) != list(range(n)):
             raise InputError("columns", columns, f"each of 0 to {n - 1} once")
@@ -209,13 +207,20 @@ class Manipulator(LinkChain):
 
     def to_dict(self) -> dict[str, object]:
         """Return the axes joint by joint, and the end effector, as plain values."""
-        names = ("joint", "column", "kind", "direction", "point")
-        axes = self.directions.tolist(), self.points.tolist()
-        joints = zip(range(self.joints), self.columns, self.kinds, *axes, strict=True)
+        axes = zip(self.columns, self.kinds, self.directions, self.points, strict=True)
         return {
             "task": self.task.value,
             "end_effector": self.end_effector.tolist(),
-            "joints": [dict(zip(names, joint, strict=True)) for joint in joints],
+            "joints": [
+                {
+                    "joint": i,
+                    "column": column,
+                    "kind": kind,
+                    "direction": direction.tolist(),
+                    "point": point.tolist(),
+                }
+                for i, (column, kind, direction, point) in enumerate(axes)
+            ],
         }
 
     def __repr__(self) -> str:

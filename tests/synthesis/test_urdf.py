@@ -11,7 +11,7 @@ import yourdfpy
 
 from formulations import measures
 from formulations.synthesis.from_jacobian import realise
-from formulations.synthesis.links import LINK_RADIUS, room, slide_apart
+from formulations.synthesis.links import LINK_RADIUS, link_gap, slide_apart
 from formulations.synthesis.write_urdf import JOINT_LENGTH, JOINT_RADIUS, MASS, urdf
 from nlp.errors import InputError
 
@@ -107,7 +107,7 @@ def test_mujoco_steps_every_arm(arm):
     model = mujoco.MjModel.from_xml_string(urdf(arm))
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
-    if not room(arm).touching:
+    if not link_gap(arm).touching:
         assert data.ncon == 0
     for _ in range(100):
         mujoco.mj_step(model, data)
