@@ -208,7 +208,7 @@ def realise(
     if moved is not chosen:
         choice = replace(choice, manipulator=moved, values=evaluate(moved, sampling))
     deviation = from_jacobian.deviation(choice.manipulator, matrix, length)
-    summary = forms.summary(choice, deviation) | {"slid": moved is not chosen}
+    summary = forms.summary(choice, deviation, matrix) | {"slid": moved is not chosen}
     lines = as_text(forms.summary_lines(summary))
     note = forms.touching_note(summary)
     if note is not None:

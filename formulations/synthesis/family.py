@@ -60,10 +60,13 @@ class Family(LinkChain):
         See `LinkChain`; one leading dimension, of length N, but shape (3,) of the end effector.
     task, size
         Those of the manipulator they came from.
+    speeds
+        As of a manipulator, shape (N, n).
     """
 
     task: TaskRows
     size: float
+    speeds: FloatArray
 
     def displaced(self, displacements: FloatArray) -> LinkChain:
         """Return all chains at all displacements, shape (N or 1, samples, n)."""
@@ -72,13 +75,15 @@ class Family(LinkChain):
 
     def jacobians(self, displacements: FloatArray) -> FloatArray:
         """Return the rows of their Jacobians that the task needs, (N, samples, m, n)."""
-        return self.displaced(displacements).velocities()[..., self.task.rows, :]
+        columns = self.displaced(displacements).velocities()[..., self.task.rows, :]
+        return columns * self.speeds[:, None, None]
 
 
 def family(manipulator: Manipulator, arrangements: Arrangements) -> Family:
     """Return the geometry of all arrangements of a manipulator."""
     chains = manipulator.rearranged(arrangements.orders, arrangements.flips)
-    return Family(**vars(chains), task=manipulator.task, size=manipulator.size)
+    task, size, speeds = manipulator.task, manipulator.size, manipulator.speeds
+    return Family(**vars(chains), task=task, size=size, speeds=speeds[arrangements.orders])
 
 
 def flippable(manipulator: Manipulator) -> BoolArray:

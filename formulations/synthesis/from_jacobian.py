@@ -62,8 +62,9 @@ def realise(
     end_effector
         Position of p in the frame of the base, shape (3,), in the robot's unit of length.
     tolerance
-        How far a column may be from one that a joint can contribute: | |ω| − 1 |, |v·ω| and
-        | |v| − 1 | of prismatic joints. The manipulator is then the nearest.
+        How far a column may be from one that a joint can contribute: | |ω| − 1 | and |v·ω|. The
+        manipulator is then the nearest. A prismatic joint has any `Manipulator.speeds`; one
+        as near to 1 is 1.
 
     Raises
     ------
@@ -99,7 +100,10 @@ def realise(
             axes[i] = _spin(i, column, tolerance)
     unplaced = prismatic | (chosen is TaskRows.ROTATIONAL)
     offsets = np.where(unplaced[:, None], -axes, np.cross(axes, columns[:3].T))
-    return Manipulator(axes, tip + offsets, prismatic, tip, chosen)
+    speeds = np.where(prismatic, np.linalg.norm(columns[:3], axis=0), 1.0)
+    # What rounding makes of 1 is 1.
+    speeds = np.where(np.abs(speeds - 1) <= tolerance, 1.0, speeds)
+    return Manipulator(axes, tip + offsets, prismatic, tip, chosen, speeds=speeds)
 
 
 def deviation(manipulator: Manipulator, jacobian: npt.ArrayLike, length: float = 1.0) -> float:
@@ -149,9 +153,8 @@ def _slide(i: int, column: FloatArray, tolerance: float) -> FloatArray:
     norm = np.linalg.norm(velocity)
     if np.linalg.norm(spin) > tolerance:
         raise _outside(i, spin, "rotational velocity 0 (prismatic joint)")
-    if abs(norm - 1) > tolerance:
-        allowed = "linear velocity of norm 1 (prismatic joint; 'length' scales all of them)"
-        raise _outside(i, velocity, allowed)
+    if norm == 0:
+        raise _outside(i, velocity, "a linear velocity other than 0 (prismatic joint)")
     return np.asarray(velocity / norm)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from html import escape
 
@@ -98,6 +98,9 @@ class Manipulator(LinkChain):
         Which rows of (v; ω) the manipulator is for.
     columns
         The column of the Jacobian that each joint contributes, counted from 0.
+    speeds
+        By what a joint's column is multiplied in `jacobian`, shape (n,): of a prismatic joint
+        the norm of v of its column, 1 of a revolute one.
 
     Raises
     ------
@@ -107,6 +110,7 @@ class Manipulator(LinkChain):
 
     task: TaskRows = TaskRows.SPATIAL
     columns: tuple[int, ...] = ()
+    speeds: FloatArray = field(default_factory=lambda: np.ones(0))
 
     def __post_init__(self) -> None:
         n = len(self.directions)
@@ -127,6 +131,7 @@ class Manipulator(LinkChain):
         if sorted(columns) != list(range(n)):
             raise InputError("columns", columns, f"each of 0 to {n - 1} once")
         object.__setattr__(self, "columns", columns)
+        self._set("speeds", np.array(self.speeds) if len(self.speeds) else np.ones(n))
 
     def _set(self, name: str, value: npt.NDArray[np.generic]) -> None:
         value.setflags(write=False)
@@ -179,7 +184,7 @@ class Manipulator(LinkChain):
             raise InputError("flips", f"of shape {flipped.shape}", f"shape ({self.joints},)")
         columns = tuple(self.columns[i] for i in chosen)
         chain = self.rearranged(np.array(chosen), flipped)
-        return replace(self, **vars(chain), columns=columns)
+        return replace(self, **vars(chain), columns=columns, speeds=self.speeds[chosen])
 
     def rearranged(self, orders: IntArray, flips: BoolArray) -> LinkChain:
         """Return many arrangements, unchecked: orders and flips as in `arranged`, (…, n)."""
@@ -198,29 +203,25 @@ class Manipulator(LinkChain):
         return pose
 
     def full_jacobian(self, displacements: npt.ArrayLike | None = None) -> FloatArray:
-        """Return (v; ω) at q, shape (…, 6, n), in the frame of the base; q = 0 if left out."""
+        """Return (v; ω) at q, shape (…, 6, n), in the frame of the base; q = 0 if left out.
+
+        Every prismatic joint moves at unit speed.
+        """
         return self.moved(self._checked(displacements))[0].velocities()
 
     def jacobian(self, displacements: npt.ArrayLike | None = None) -> FloatArray:
-        """Return the rows of `full_jacobian` that the task needs, shape (…, m, n)."""
-        return self.full_jacobian(displacements)[..., self.task.rows, :]
+        """Return the rows that the task needs, (…, m, n): of `full_jacobian` times `speeds`."""
+        return self.full_jacobian(displacements)[..., self.task.rows, :] * self.speeds
 
     def to_dict(self) -> dict[str, object]:
         """Return the axes joint by joint, and the end effector, as plain values."""
-        axes = zip(self.columns, self.kinds, self.directions, self.points, strict=True)
+        names = ("joint", "column", "kind", "speed", "direction", "point")
+        values = (self.speeds.tolist(), self.directions.tolist(), self.points.tolist())
+        joints = zip(range(self.joints), self.columns, self.kinds, *values, strict=True)
         return {
             "task": self.task.value,
             "end_effector": self.end_effector.tolist(),
-            "joints": [
-                {
-                    "joint": i,
-                    "column": column,
-                    "kind": kind,
-                    "direction": direction.tolist(),
-                    "point": point.tolist(),
-                }
-                for i, (column, kind, direction, point) in enumerate(axes)
-            ],
+            "joints": [dict(zip(names, joint, strict=True)) for joint in joints],
         }
 
     def __repr__(self) -> str:

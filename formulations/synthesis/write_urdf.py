@@ -97,6 +97,9 @@ def urdf(manipulator: Manipulator, name: str = "lockedjoint") -> str:
         raise InputError("size of the manipulator", f"{size:.6g} m", allowed)
     robot = Tree.Element("robot", name=name)
     robot.append(Tree.Comment(f" Masses are nominal: {MASS:g} kg per link. "))
+    for i in np.flatnonzero(manipulator.speeds != 1).tolist():
+        unit = f" joint{i} moves {manipulator.speeds[i]:.9g} m per unit of the Jacobian. "
+        robot.append(Tree.Comment(unit))
     for label, colour in (("joint", JOINT_COLOUR), ("link", LINK_COLOUR), ("tip", TIP_COLOUR)):
         Tree.SubElement(Tree.SubElement(robot, "material", name=label), "color", rgba=colour)
     places = np.vstack([np.zeros(3), manipulator.points, manipulator.end_effector])
