@@ -149,12 +149,6 @@ def test_many_joints_are_searched_and_a_seed_says_all():
     assert one.values["total-length"] < sum(link_lengths(arm.points, arm.end_effector))
 
 
-def test_a_shortlist_is_named(optimum):
-    assert choose_arrangement(realise(optimum), "reach", FEW, shortlist=9).method == (
-        "the 9 shortest of all 5040 distinct arrangements"
-    )
-
-
 def test_an_arm_whose_links_all_meet_has_no_clearance_to_tell():
     chosen = choose_arrangement(realise(np.zeros((2, 3))), "clearance", FEW)
     assert chosen.to_dict()["criteria"]["clearance"] is None
