@@ -54,7 +54,7 @@ def figure(manipulator: Manipulator) -> Figure:
         for axes, view in zip(panels, views, strict=True):
             draw(manipulator, axes, view, scale=True)
             axes.set_title(view.name, fontsize=SMALL, color=GREY, loc="center")
-        drawn.supxlabel(listed, fontsize=6.5, color=INK, family="DejaVu Sans Mono")
+        drawn.supxlabel(listed, fontsize="x-small", color=INK, family="DejaVu Sans Mono")
     return drawn
 
 
@@ -259,7 +259,7 @@ class _Strokes:
                 continue
             self._arrow(start, shift, {"shrinkA": 3})
             place = start + shift * (1 + 0.13 * self._radius / size)
-            self._text(place, f"$j_{{{name}}}$", INK, 9.0)
+            self._text(place, f"$j_{{{name}}}$", INK)
 
     def tip(self) -> None:
         """Draw the end effector."""
@@ -277,11 +277,11 @@ class _Strokes:
             if np.hypot(*shift) < 0.1 * reach:
                 continue  # along the line of sight
             self._arrow(start, shift, {"shrinkA": 0, "shrinkB": 0})
-            self._text(start + 1.4 * shift, name, INK, 8.0)
+            self._text(start + 1.4 * shift, name, INK, SMALL)
         length = round_length(0.5 * self._radius)
         bar = np.array([[right - length, start[1]], [right, start[1]]])
         self._axes.plot(*bar.T, color=INK, lw=1.6, solid_capstyle="butt", marker="|", ms=5)
-        self._text(bar.mean(axis=0) + [0.0, 0.5 * reach], f"{length:g} m", INK, 8.0)
+        self._text(bar.mean(axis=0) + [0.0, 0.5 * reach], f"{length:g} m", INK, SMALL)
 
     def names(self, names: Sequence[str], taken: FloatArray) -> None:
         """Write each joint's name where it is farthest from the places taken, shape (k, 2)."""
@@ -294,7 +294,7 @@ class _Strokes:
         for name, offered in zip(names, choices[..., :2], strict=True):
             place = clearest(offered, taken)
             taken = np.vstack([taken, place])
-            self._text(place, name, AXIS, 10.0)
+            self._text(place, name, AXIS)
 
     def along_links(self) -> FloatArray:
         """Return places on the links and on the ground, shape (k, 2)."""
@@ -319,7 +319,7 @@ class _Strokes:
         ends = tuple(start + shift), tuple(start)
         self._axes.annotate("", *ends, arrowprops=arrow, zorder=JOINTS)
 
-    def _text(self, place: FloatArray, text: str, colour: str, size: float) -> None:
+    def _text(self, place: FloatArray, text: str, colour: str, size: str = "medium") -> None:
         from matplotlib.patheffects import withStroke
 
         x, y = place

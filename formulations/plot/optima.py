@@ -17,7 +17,7 @@ from formulations.campaign.records import open_store
 from formulations.campaign.tables import SETTINGS, differing, frame
 from formulations.joints.models import arm
 from formulations.plot.picture import NothingFoundError, Picture, Request, solved
-from formulations.plot.style import BLUE, PALE, SMALL, TITLE, beside, styled, without_frame
+from formulations.plot.style import BLUE, PALE, SMALL, styled, without_frame
 from formulations.solving.case import Case
 from formulations.solving.outcome import Outcome
 from nlp.arrays import FloatArray
@@ -28,14 +28,14 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-WIDTH, ROW = 8.4, 0.8
+WIDTH, ROW = 8.4, 0.9
 BINS = 240
 # Starts this close to one another are at one optimum, as far as numbers are printed.
 SAME = 1e-5
 # More optima than this, and than this share of the starts, are a continuum.
 FEW, SCATTERED = 3, 0.2
 UNIT, LEVER = "unit lever arms", "free lever arms"
-# Of a store: settings that every label names, and the length of a line beside a histogram.
+# Of a store: settings that every label names, and the length of a line above a histogram.
 ALWAYS_NAMED = ("formulation", "model", "joints")
 LONGEST = 42
 # What is shown of a start, and the columns of the table in their order.
@@ -77,7 +77,7 @@ def draw(table: pd.DataFrame) -> Figure:
     names = list(dict.fromkeys(table["problem"]))
     edges = _edges(table.loc[table["counted"], "worst_case_sigma"])
     with styled(WIDTH, 0.9 + ROW * len(names)) as figure:
-        figure.suptitle("Where random starts end, by the worst case σ", fontsize=TITLE)
+        figure.suptitle("Where random starts end, by the worst case σ")
         rows = figure.subplots(len(names), 1, sharex=True, squeeze=False)[:, 0]
         for axes, name in zip(rows, names, strict=True):
             _draw(axes, table[table["problem"] == name], edges)
@@ -159,26 +159,18 @@ def _draw(axes: Axes, table: pd.DataFrame, edges: FloatArray) -> None:
     width = edges[1] - edges[0]
     axes.bar(edges[:-1][there], counts[there], width, align="edge", color=BLUE, lw=0)
     axes.set_xlim(edges[0], edges[-1])
-    axes.set_ylim(0, max(1, counts.max()) * 1.3)
+    axes.set_ylim(0, max(1, counts.max()) * 1.5)
     axes.set_yticks([])
     without_frame(axes, "bottom")
     axes.spines["bottom"].set_color(PALE)
     axes.tick_params(axis="x", length=0)
-    name = str(table["label"].iloc[0])
-    beside(axes, (0, 0), name, (-6, 0), va="bottom", xycoords="axes fraction")
-    text = _summary(found, len(table))
-    if sigmas.empty:
-        axes.text(0.5, 0.3, text, transform=axes.transAxes, ha="center")
-        return
-    # The number of starts in the highest bar, on it.
-    peak = int(np.argmax(counts))
-    top = (edges[peak] + edges[peak + 1]) / 2
-    number = axes.text(top, counts[peak], f"{counts[peak]:.0f}", color=BLUE, fontsize=SMALL)
-    number.set(ha="center", va="bottom")
-    left, right = float(sigmas.min()), float(sigmas.max())
-    before = left - edges[0] > edges[-1] - right
-    end, by = (left, -9) if before else (right, 9)
-    beside(axes, (end, 0.42 * counts[peak]), text, (by, 0))
+    axes.set_title(str(table["label"].iloc[0]), fontsize=SMALL)
+    axes.set_title(_summary(found, len(table)), fontsize=SMALL, loc="right")
+    if not sigmas.empty:  # the number of starts in the highest bar, on it
+        peak = int(np.argmax(counts))
+        top = (edges[peak] + edges[peak + 1]) / 2
+        number = axes.text(top, counts[peak], f"{counts[peak]:.0f}", color=BLUE, fontsize=SMALL)
+        number.set(ha="center", va="bottom")
 
 
 def _summary(found: list[tuple[float, int]], starts: int) -> str:
@@ -188,7 +180,7 @@ def _summary(found: list[tuple[float, int]], starts: int) -> str:
     best, reached = found[0]
     counted = sum(number for _, number in found)
     if len(found) > max(FEW, SCATTERED * counted):
-        text = f"{counted} of {starts}, scattered from {found[-1][0]:.3f} to {best:.3f}"
+        text = f"{counted} of {starts} from {found[-1][0]:.3f} to {best:.3f}"
     else:
         text = f"{reached} of {starts} at {best:.5f}"
         others = counted - reached

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from formulations.plot.style import BLUE, GREY, PALE, SMALL, styled, without_frame
+from formulations.plot.style import BLUE, GREY, PALE, styled, without_frame
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -39,7 +39,7 @@ def draw(found: PathPlan) -> Figure:
             without_frame(axes, "left", "bottom")
         # Beside the heading, where no line is.
         corner = {"loc": "lower right", "bbox_to_anchor": (1, 1), "borderpad": 0}
-        above.legend(frameon=False, fontsize=SMALL, ncols=2, **corner)
+        above.legend(ncols=2, **corner)
         middle.set_ylim(0, count + 0.3)
         middle.set_yticks(range(0, count + 1, 1 if count < 6 else 2))
         # A bar for each joint and each time at which it may lock.

@@ -15,7 +15,7 @@ from formulations.joints.arm import Arm
 from formulations.joints.kinds import FreeColumn
 from formulations.plot.manipulator import draw
 from formulations.plot.picture import Picture, Request, reached, solved
-from formulations.plot.style import INK, LABEL, PALE, SMALL, TITLE, VERMILION, styled
+from formulations.plot.style import INK, PALE, SMALL, VERMILION, styled
 from formulations.solving.case import Case
 from formulations.synthesis.family import distinct, every, symmetries
 from formulations.synthesis.from_jacobian import realise
@@ -48,12 +48,12 @@ def figure_1(request: Request) -> Picture:
     with styled(7.4, 7.8) as figure:
         sigma = measures.worst_case_sigma(matrix)
         what = f"σ = √⅓ = {sigma:.4f} whichever joint locks"
-        figure.suptitle(f"Planar 3R with the optimal Jacobian: {what}\n", fontsize=TITLE)
+        figure.suptitle(f"Planar 3R with the optimal Jacobian: {what}\n")
         panels = figure.subplots(-(-len(arms) // 2), 2, squeeze=False).ravel()
         for axes, arm, lengths in zip(panels, arms, table["link_lengths"], strict=False):
             _draw_on_circle(axes, arm)
             links = ", ".join(f"{length:.3f}" for length in lengths)
-            axes.set_title(f"links {links}", fontsize=LABEL, loc="center")
+            axes.set_title(f"links {links}", fontsize="medium", loc="center")
         for axes in panels[len(arms) :]:
             axes.set_axis_off()
     return Picture(figure, table)
@@ -79,17 +79,15 @@ def figure_3(request: Request) -> Picture:
     table = pd.DataFrame(rows)
     with styled(8.4, 5.6) as figure:
         sigma = table["sigma_one_locked"].min()
-        figure.suptitle(
-            f"The family of optimal planar 4R: σ = √½ = {sigma:.4f} whichever joint locks\n",
-            fontsize=TITLE,
-        )
+        what = f"σ = √½ = {sigma:.4f} whichever joint locks"
+        figure.suptitle(f"The family of optimal planar 4R: {what}\n")
         for axes, row in zip(figure.subplots(2, 4).ravel(), rows, strict=True):
             arm = realise(np.array(row["jacobian"]))
             _draw_on_circle(axes, arm, columns=False, weight=0.7)
             two = row["sigma_two_locked"]
-            title = f"α = {row['alpha_degrees']:.1f}°\nσ after two failures {two:.3f}"
+            title = f"α = {row['alpha_degrees']:.1f}°\nafter two failures\nσ = {two:.3f}"
             colour = VERMILION if row["optimal_for_locked"] == 2 else INK
-            axes.set_title(title, fontsize=SMALL + 0.5, loc="center", color=colour)
+            axes.set_title(title, fontsize=SMALL, loc="center", color=colour)
     return Picture(figure, table)
 
 

@@ -37,8 +37,9 @@ CERTIFIED = "certified bound"
 # Bounds closer than this are one line.
 SAME = 1e-4
 DASHED = (0, (4, 3))
-# More sets of failed joints than this are not told apart on a page: the worst ones are drawn.
-MOST_BARS = 60
+# Bars at most, and the least width of the figure for each, in inches.
+MOST_BARS, BAR = 60, 0.19
+BOUND = "bound (6)"
 
 
 def make(request: Request) -> Picture:
@@ -60,32 +61,33 @@ def make(request: Request) -> Picture:
 
 
 def bars(value: Assessment | RobotAssessment) -> Figure:
-    """Draw what each failure leaves, below the bound (6) and down to the worst case."""
+    """Draw what each failure leaves, below the trace bound (6) and down to the worst case.
+
+    As many failures as there is room for, the worst ones if there are more.
+    """
     if isinstance(value, Assessment):
         joints = combinations(map(str, range(value.joints)), value.locked)
         sigmas = dict(zip(map(", ".join, joints), value.locked_sigmas, strict=True))
     else:
         sigmas = {", ".join(failure.joints): failure.sigma for failure in value.failures}
-    worst, bound, fewer = min(sigmas.values()), value.sigma_bound, ""
-    if len(sigmas) > MOST_BARS:
-        fewer = f", the worst {MOST_BARS} of {len(sigmas)} failures"
-        sigmas = dict(sorted(sigmas.items(), key=lambda item: item[1])[:MOST_BARS])
-    with styled(2.2 + 0.3 * max(len(sigmas), 8), 3.4) as figure:
+    worst, bound, count = min(sigmas.values()), value.sigma_bound, len(sigmas)
+    with styled(2.2 + 0.3 * min(max(count, 8), MOST_BARS), 3.4) as figure:
         axes = figure.subplots()
-        axes.set_title(f"σ that each failure leaves{fewer}")
-        colours = [
-            VERMILION if sigma <= worst * (1 + 1e-6) else PALE for sigma in sigmas.values()
-        ]
+        axes.set_title("σ that each failure leaves")
+        shown, which = min(MOST_BARS, int(figure.get_figwidth() / BAR)), ""
+        if count > shown:
+            which = f", the worst {shown} of {count}"
+            sigmas = dict(sorted(sigmas.items(), key=lambda item: item[1])[:shown])
+        is_worst = np.array(list(sigmas.values())) <= worst * (1 + 1e-6)
+        colours = np.where(is_worst, VERMILION, PALE).tolist()
         axes.bar(range(len(sigmas)), list(sigmas.values()), 0.7, color=colours)
-        axes.axhline(bound, color=INK, lw=0.6, ls=DASHED)
-        # Beside the panel, where no bar is.
-        end = ("axes fraction", "data")
-        beside(axes, (1, bound), f"bound (6)\n{bound:.4f}", (4, 0), color=INK, xycoords=end)
-        text, corner = f"worst case {worst:.4f}", "axes fraction"
-        beside(axes, (1, 1), text, (0, 3), color=VERMILION, ha="right", xycoords=corner)
-        axes.set_xlabel("joint that locks" if value.locked == 1 else "joints that lock")
+        axes.axhline(bound, color=INK, lw=0.6, ls=DASHED, label=f"trace {BOUND} {bound:.4f}")
+        axes.plot([], [], "s", color=VERMILION, label=f"worst case {worst:.4f}")
+        figure.legend(loc="outside lower center", ncols=2)
+        what = "joint that locks" if value.locked == 1 else "joints that lock"
+        axes.set_xlabel(f"{what}{which}")
         axes.set_ylabel("smallest singular value")
-        long = max(map(len, sigmas)) > 3
+        long = max(map(len, sigmas)) > 2
         axes.set_xticks(range(len(sigmas)), list(sigmas), rotation=90 if long else 0)
         axes.set_ylim(0, 1.12 * max(bound, *sigmas.values()))
         without_frame(axes, "left", "bottom")
@@ -100,7 +102,7 @@ def bounds(matrix: FloatArray) -> list[tuple[str, float]]:
     """
     m, n = matrix.shape
     plain = measures.sigma_bound(m, n, measures.trace(matrix))
-    known = [("bound (6)", plain)]
+    known = [(BOUND, plain)]
     if m == 6 and (arm := Arm.of(UnitRevolute(), n)).admits(matrix):
         certified = bound_on(max_min, arm).value
         if certified < plain - SAME:
@@ -113,7 +115,7 @@ def _jacobians(request: Request) -> Sequence[tuple[str, FloatArray]]:
         return [("", request.jacobian)]
     return [
         (
-            f"{title}, unit revolute 7R",
+            f"{title},\nunit revolute 7R",
             best(Case(formulation(name), Arm.of(UnitRevolute(), 7)), request),
         )
         for name, title in TITLES.items()
@@ -129,7 +131,7 @@ def _values(matrix: FloatArray) -> list[FloatArray]:
 def _table(title: str, matrix: FloatArray) -> pd.DataFrame:
     return pd.DataFrame(
         {
-            "jacobian": title or "given",
+            "jacobian": " ".join(title.split()) or "given",
             "locked_joint": None if place == 0 else place - 1,
             "singular_value": k + 1,
             "value": float(value),
@@ -154,7 +156,9 @@ def _draw(upper: Axes, lower: Axes, title: str, matrix: FloatArray) -> None:
     for name, bound in known:
         dashes = "-" if name == CERTIFIED else DASHED
         lower.hlines(bound, left, right, color=INK, lw=0.6, ls=dashes)
-    text = ", ".join(f"{name} {bound:.4f}" for name, bound in known)
+    text = "\n".join(f"{name} {bound:.4f}" for name, bound in known).replace(
+        BOUND, f"trace {BOUND}"
+    )
     highest, least = max(bound for _, bound in known), float(np.min(smallest))
     beside(lower, (left, highest), text, (0, 4), color=INK)
     beside(lower, (left, least), f"worst case {least:.4f}", (0, -4), color=VERMILION)

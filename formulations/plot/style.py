@@ -27,24 +27,23 @@ FORMATS = ("svg", "png", "pdf")
 # Okabe and Ito's colours, which colour-blind readers can distinguish, and greys.
 ORANGE, BLUE, VERMILION = "#E69F00", "#0072B2", "#D55E00"
 INK, GREY, PALE, PAPER = "#333333", "#7A8087", "#C8CDD2", "#F5F7F9"
-# Font sizes in points: of titles, of labels, of small print.
-TITLE, LABEL, SMALL = 11.0, 9.5, 8.0
+# Of small print; sizes follow `font.size`, so that a style file sets all of them at once.
+SMALL = "small"
 
 # The font comes with Matplotlib, so that files are the same everywhere.
 _SETTINGS: Mapping[str, object] = MappingProxyType(
     {
         "font.family": "sans-serif",
         "font.sans-serif": ["DejaVu Sans", "Verdana", "Arial", "sans-serif"],
-        "font.size": LABEL,
+        "font.size": 9.5,
         "text.color": INK,
         "axes.edgecolor": GREY,
         "axes.labelcolor": INK,
-        "axes.labelsize": LABEL,
         "axes.linewidth": 0.6,
         "axes.spines.top": False,
         "axes.spines.right": False,
         "axes.titlelocation": "left",
-        "axes.titlesize": TITLE,
+        "axes.titlesize": "large",
         "axes.titlecolor": INK,
         "xtick.color": GREY,
         "ytick.color": GREY,
@@ -56,6 +55,9 @@ _SETTINGS: Mapping[str, object] = MappingProxyType(
         "ytick.major.width": 0.6,
         "xtick.major.size": 3.0,
         "ytick.major.size": 3.0,
+        "figure.titlesize": "large",
+        "legend.fontsize": SMALL,
+        "legend.frameon": False,
         "figure.constrained_layout.use": True,
     }
 )
@@ -195,13 +197,14 @@ def styled(width: float, height: float) -> Iterator[Figure]:
     with _style():
         figure = new_figure(figsize=look.size or (width, height))
         yield figure
-        if look.title:
-            return
-        if figure.get_suptitle():
+        title = figure.get_suptitle()
+        if title and look.title:
+            figure.suptitle(title, wrap=True)
+        elif title:
             figure.suptitle("").set_in_layout(False)
         elif len(figure.axes) == 1:
-            for side in ("left", "center", "right"):
-                figure.axes[0].set_title("", loc=side)
+            axes = figure.axes[0]
+            axes.set_title(axes.get_title("left") if look.title else "", wrap=True)
 
 
 def without_frame(axes: Axes, *kept: str) -> None:

@@ -19,7 +19,6 @@ from formulations.plot.style import (
     PALE,
     PAPER,
     SMALL,
-    TITLE,
     VERMILION,
     styled,
 )
@@ -57,7 +56,7 @@ def draw(found: Workspace) -> Figure:
         unit = "m²" if flat else "m³"
         share = 100 * found.size / found.physical if found.physical else 0.0
         title = f"{found.size:.3g} {unit} kept, {share:.0f} % of what is reached"
-        figure.suptitle(title, fontsize=TITLE)
+        figure.suptitle(title)
         if flat:
             _section(figure.subplots(), found, layers, (0, 1))
         else:
@@ -74,7 +73,7 @@ def draw(found: Workspace) -> Figure:
 
         patches = [Patch(color=colour, label=name) for name, colour in _LEGEND.items()]
         columns = 2 if flat else 3  # as many as there is room for
-        figure.legend(handles=patches, loc="outside lower center", ncols=columns, frameon=False)
+        figure.legend(handles=patches, loc="outside lower center", ncols=columns)
     return figure
 
 
@@ -117,7 +116,7 @@ def draw_orders(rows: Sequence[object], spread: Sequence[FloatArray]) -> Figure:
         axes.set_xlabel("worst-case σ where the Jacobian is designed")
         axes.set_ylabel("volume kept, limits ±20° (lever arms³)")
         axes.set_ylim(bottom=0)
-        figure.legend(loc="outside lower center", ncols=2, frameon=False)
+        figure.legend(loc="outside lower center", ncols=2)
     return figure
 
 

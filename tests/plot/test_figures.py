@@ -20,6 +20,7 @@ def sampled(model, seed):
 
 def words(figure):
     texts = [text.get_text() for axes in figure.axes for text in axes.texts]
+    texts += [axes.get_title(side) for axes in figure.axes for side in ("left", "right")]
     return " | ".join([*texts, figure.get_suptitle()])
 
 
