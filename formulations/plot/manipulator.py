@@ -175,8 +175,8 @@ class _Strokes:
         """Draw the sphere about the end effector, if there is one: its rim and its equator."""
         if self._ball == 0:
             return
-        turn = np.linspace(0, 2 * np.pi, 181)
-        circle = self._ball * np.column_stack([np.cos(turn), np.sin(turn), np.zeros(181)])
+        angle = np.linspace(0, 2 * np.pi, 181)
+        circle = self._ball * np.column_stack([np.cos(angle), np.sin(angle), np.zeros(181)])
         rim = self._tip + circle
         self._axes.fill(*rim.T[:2], fc=PAPER, ec=PALE, lw=0.8, zorder=FLOOR)
         equator = self._tip + self._view.project(circle)
@@ -193,7 +193,7 @@ class _Strokes:
             line = point + np.linspace(-1, 1, PIECES + 1)[:, None] * half
             middle = (line[:-1] + line[1:]) / 2 - self._tip
             hidden = (np.hypot(*middle.T[:2]) < self._ball) & (middle[:, 2] < 0)
-            shades = [(AXIS, 0.35 if one else 1.0) for one in hidden]
+            shades = [(AXIS, 0.35 if behind else 1.0) for behind in hidden]
             pieces = list(np.stack([line[:-1, :2], line[1:, :2]], axis=1))
             layer = LINES + (1 if point[2] >= self._tip[2] else 0)
             drawn = LineCollection(pieces, colors=shades, lw=width, zorder=layer)
@@ -286,8 +286,8 @@ class _Strokes:
     def names(self, names: Sequence[str], taken: FloatArray) -> None:
         """Write each joint's name where it is farthest from the places taken, shape (k, 2)."""
         if self._arm.task.in_plane:
-            turn = np.radians(np.arange(0, 360, 30))
-            around = np.column_stack([np.cos(turn), np.sin(turn)])
+            angle = np.radians(np.arange(0, 360, 30))
+            around = np.column_stack([np.cos(angle), np.sin(angle)])
             choices = self._joints[:, None, :2] + 0.13 / self._weight * self._radius * around
         else:
             choices = np.stack([self._joints + k * self._half for k in (-NAME, NAME)], axis=1)

@@ -139,7 +139,7 @@ def stored(path: Path) -> pd.DataFrame:
 def _label(settings: pd.Series, named: list[str]) -> str:
     first = f"{settings['formulation']}, {settings['joints']} × {settings['model']}"
     rest = [f"{name.replace('_', ' ')} {settings[name]}" for name in named if settings[name]]
-    lines = [one if len(one) <= LONGEST else f"{one[: LONGEST - 1]}…" for one in rest]
+    lines = [line if len(line) <= LONGEST else f"{line[: LONGEST - 1]}…" for line in rest]
     return "\n".join([first, *lines])
 
 
@@ -152,9 +152,11 @@ def _edges(sigmas: pd.Series) -> FloatArray:
 def _draw(axes: Axes, table: pd.DataFrame, edges: FloatArray) -> None:
     sigmas = table.loc[table["counted"], "worst_case_sigma"]
     # All starts of one optimum in one bin: their last digits may lie on both sides of an edge.
-    found = levels(sigmas)
-    each = [reached for _, reached in found]
-    counts, _ = np.histogram([sigma for sigma, _ in found], edges, weights=each)
+    optima = levels(sigmas)
+    counts = np.zeros(BINS)
+    if optima:
+        values, reached = zip(*optima, strict=True)
+        counts, _ = np.histogram(values, edges, weights=reached)
     there = counts > 0
     width = edges[1] - edges[0]
     axes.bar(edges[:-1][there], counts[there], width, align="edge", color=BLUE, lw=0)
@@ -165,7 +167,7 @@ def _draw(axes: Axes, table: pd.DataFrame, edges: FloatArray) -> None:
     axes.spines["bottom"].set_color(PALE)
     axes.tick_params(axis="x", length=0)
     axes.set_title(str(table["label"].iloc[0]), fontsize=SMALL)
-    axes.set_title(_summary(found, len(table)), fontsize=SMALL, loc="right")
+    axes.set_title(_summary(optima, len(table)), fontsize=SMALL, loc="right")
     if not sigmas.empty:  # the number of starts in the highest bar, on it
         peak = int(np.argmax(counts))
         top = (edges[peak] + edges[peak + 1]) / 2
@@ -173,14 +175,14 @@ def _draw(axes: Axes, table: pd.DataFrame, edges: FloatArray) -> None:
         number.set(ha="center", va="bottom")
 
 
-def _summary(found: list[tuple[float, int]], starts: int) -> str:
+def _summary(optima: list[tuple[float, int]], starts: int) -> str:
     """Return how many starts ended at the best optimum, or that no two ended at one."""
-    if not found:
+    if not optima:
         return f"none of {starts}"
-    best, reached = found[0]
-    counted = sum(number for _, number in found)
-    if len(found) > max(FEW, SCATTERED * counted):
-        text = f"{counted} of {starts} from {found[-1][0]:.3f} to {best:.3f}"
+    best, reached = optima[0]
+    counted = sum(number for _, number in optima)
+    if len(optima) > max(FEW, SCATTERED * counted):
+        text = f"{counted} of {starts} from {optima[-1][0]:.3f} to {best:.3f}"
     else:
         text = f"{reached} of {starts} at {best:.5f}"
         others = counted - reached

@@ -176,9 +176,9 @@ def _draw_on_circle(
     draw(arm, axes, columns=columns, weight=weight)
     away = arm.points[:, :2] - arm.end_effector[:2]
     radius = float(np.max(np.linalg.norm(away, axis=1)))
-    turn = np.linspace(0, 2 * np.pi, 181)
+    angle = np.linspace(0, 2 * np.pi, 181)
     x, y = arm.end_effector[:2]
-    circle = x + radius * np.cos(turn), y + radius * np.sin(turn)
+    circle = x + radius * np.cos(angle), y + radius * np.sin(angle)
     axes.plot(*circle, color=PALE, lw=0.6, zorder=0)
     half = ROOM * radius
     axes.set(xlim=(x - half, x + half), ylim=(y - half, y + half))

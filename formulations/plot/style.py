@@ -136,9 +136,9 @@ def read_look(
 
 def _inches(text: str, argument: str) -> tuple[float, float]:
     number = r"\s*(\d+\.?\d*|\.\d+)\s*"
-    found = re.fullmatch(rf"{number}x{number}(cm|in)?", text, re.ASCII)
-    factor = 1.0 if found and found[3] == "in" else _CM
-    width, height = (float(side) / factor for side in found.groups()[:2]) if found else (0, 0)
+    match = re.fullmatch(rf"{number}x{number}(cm|in)?", text, re.ASCII)
+    factor = 1.0 if match and match[3] == "in" else _CM
+    width, height = (float(side) / factor for side in match.groups()[:2]) if match else (0, 0)
     if not all(_SMALLEST <= round(_CM * side, 9) <= _LARGEST for side in (width, height)):
         allowed = "WIDTHxHEIGHT in cm, each 2 to 100, such as 16x10, or in inches: 6.3x4in"
         raise InputError(argument, text, allowed)
@@ -207,13 +207,13 @@ def styled(width: float, height: float) -> Iterator[Figure]:
             axes.set_title(axes.get_title("left") if look.title else "", wrap=True)
 
 
-def without_frame(axes: Axes, *kept: str) -> None:
-    """Hide the lines around axes but those kept: ``left``, ``bottom``; ticks go with them."""
+def without_frame(axes: Axes, *shown: str) -> None:
+    """Hide the lines around axes but those shown: ``left``, ``bottom``; ticks go with them."""
     for side, spine in axes.spines.items():
-        spine.set_visible(side in kept)
-    if "left" not in kept:
+        spine.set_visible(side in shown)
+    if "left" not in shown:
         axes.tick_params(axis="y", length=0)
-    if "bottom" not in kept:
+    if "bottom" not in shown:
         axes.tick_params(axis="x", length=0)
 
 

@@ -66,18 +66,18 @@ def distance(defect: pd.Series) -> FloatArray:
 
 
 def _curve(model: str, request: Request, points: int) -> pd.DataFrame:
-    found = trade_off_curve(
+    curve = trade_off_curve(
         arm(model, 7),
         points,
         request.starts,
         request.seed,
         lambda what: request.progress(f"{model}: {what}"),
     )
-    if len(found) < 2:
+    if len(curve) < 2:
         raise NothingFoundError(f"No start on {model} passes the check; ask for more starts.")
     return pd.DataFrame(
         {"model": model, **point.to_dict(), "jacobian": json.dumps(point.jacobian.tolist())}
-        for point in found
+        for point in curve
     )
 
 

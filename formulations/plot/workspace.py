@@ -36,36 +36,40 @@ _LEGEND = {
 }
 
 
-def draw(found: Workspace) -> Figure:
+def draw(workspace: Workspace) -> Figure:
     """Draw what is reached, and what of it is kept.
 
     Parameters
     ----------
-    found
-        The workspace of a planar arm, which is drawn whole, or of a spatial one: its section
+    workspace
+        That of a planar arm, which is drawn whole, or of a spatial one: its section
         through the axis of the first joint, and that across it where most is kept.
 
     Returns
     -------
     matplotlib.figure.Figure
     """
-    sets = found.sets
-    layers = [sets.before(found.arm.physical), sets.before(found.limits), found.voxels]
-    flat = found.dimension == 2
+    sets = workspace.sets
+    layers = [
+        sets.before(workspace.arm.physical),
+        sets.before(workspace.limits),
+        workspace.voxels,
+    ]
+    flat = workspace.dimension == 2
     with styled(4.6 if flat else 7.4, 4.6 if flat else 4.0) as figure:
         unit = "m²" if flat else "m³"
-        share = 100 * found.size / found.physical if found.physical else 0.0
-        title = f"{found.size:.3g} {unit} kept, {share:.0f} % of what is reached"
+        share = 100 * workspace.size / workspace.physical if workspace.physical else 0.0
+        title = f"{workspace.size:.3g} {unit} kept, {share:.0f} % of what is reached"
         figure.suptitle(title)
         if flat:
-            _section(figure.subplots(), found, layers, (0, 1))
+            _section(figure.subplots(), workspace, layers, (0, 1))
         else:
             left, right = figure.subplots(1, 2)
-            kept = layers[2] if layers[2].any() else layers[0]
+            most = layers[2] if layers[2].any() else layers[0]
             across = -int(sets.corner[1])
-            level = int(np.argmax(kept.sum(axis=(0, 1))))
-            _section(left, found, [layer[:, across] for layer in layers], (0, 2))
-            _section(right, found, [layer[:, :, level] for layer in layers], (0, 1))
+            level = int(np.argmax(most.sum(axis=(0, 1))))
+            _section(left, workspace, [layer[:, across] for layer in layers], (0, 2))
+            _section(right, workspace, [layer[:, :, level] for layer in layers], (0, 1))
             for axes, axis, place in ((left, 1, across), (right, 2, level)):
                 height = (place + sets.corner[axis]) * sets.voxel
                 axes.set_title(f"{'xyz'[axis]} = {height:.2f} m", fontsize=SMALL)
@@ -120,10 +124,12 @@ def draw_orders(rows: Sequence[object], spread: Sequence[FloatArray]) -> Figure:
     return figure
 
 
-def _section(axes: Axes, found: Workspace, layers: list[Bits], shown: tuple[int, int]) -> None:
+def _section(
+    axes: Axes, workspace: Workspace, layers: list[Bits], shown: tuple[int, int]
+) -> None:
     from matplotlib.colors import ListedColormap
 
-    sets = found.sets
+    sets = workspace.sets
     level = np.max([(k + 1) * layer for k, layer in enumerate(layers)], axis=0)
     first, second = ((sets.corner[k] - 0.5) * sets.voxel for k in shown)
     rows, columns = level.shape

@@ -149,8 +149,8 @@ def common_normals(chain: LinkChain) -> Normals:
             other, place = directions[..., k + 1, :], points[..., k + 1, :]
             parallel = _through(here, _nearest(here, other, place), before, scale)
             skew = _skew(axis, point, other, place, scale)
-            turned = np.linalg.norm(np.cross(axis, other), axis=-1)[..., None] > PARALLEL
-            feet = [np.where(turned, a, b) for a, b in zip(skew, parallel, strict=True)]
+            skewed = np.linalg.norm(np.cross(axis, other), axis=-1)[..., None] > PARALLEL
+            feet = [np.where(skewed, a, b) for a, b in zip(skew, parallel, strict=True)]
         start[..., k, :], end[..., k, :], across[..., k, :] = feet
         here, before = end[..., k, :], across[..., k, :]
     return Normals(start, end, across)
@@ -191,8 +191,8 @@ def _any_orthogonal(axis: FloatArray) -> FloatArray:
     return np.asarray(across / np.linalg.norm(across, axis=-1, keepdims=True))
 
 
-def _dot(one: FloatArray, other: FloatArray) -> FloatArray:
-    return np.asarray(np.sum(one * other, axis=-1, keepdims=True))
+def _dot(a: FloatArray, b: FloatArray) -> FloatArray:
+    return np.asarray(np.sum(a * b, axis=-1, keepdims=True))
 
 
 def _angles(start: FloatArray, end: FloatArray, about: FloatArray) -> FloatArray:

@@ -178,14 +178,14 @@ def segment_distance(
     start: FloatArray, end: FloatArray, other_start: FloatArray, other_end: FloatArray
 ) -> FloatArray:
     """Distance between two segments, shape (…): of interiors, or of an end and a segment."""
-    one, two, gap = end - start, other_end - other_start, other_start - start
-    cross = np.cross(one, two)
+    u, v, gap = end - start, other_end - other_start, other_start - start
+    cross = np.cross(u, v)
     square = np.sum(cross**2, axis=-1)
-    size = np.sum(one**2, axis=-1) * np.sum(two**2, axis=-1)
+    size = np.sum(u**2, axis=-1) * np.sum(v**2, axis=-1)
     skew = square > 1e-20 * size
     safe = np.where(skew, square, 1.0)
-    s = np.sum(np.cross(gap, two) * cross, axis=-1) / safe
-    t = np.sum(np.cross(gap, one) * cross, axis=-1) / safe
+    s = np.sum(np.cross(gap, v) * cross, axis=-1) / safe
+    t = np.sum(np.cross(gap, u) * cross, axis=-1) / safe
     inside = skew & (s >= 0) & (s <= 1) & (t >= 0) & (t <= 1)
     between = np.abs(np.sum(gap * cross, axis=-1)) / np.sqrt(safe)
     ends = np.minimum(

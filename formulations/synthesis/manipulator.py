@@ -196,9 +196,9 @@ class Manipulator(LinkChain):
 
     def pose(self, displacements: npt.ArrayLike | None = None) -> FloatArray:
         """Return the pose of the end effector at q, (…, 4, 4); no rotation at q = 0."""
-        chain, turn = self.moved(self._checked(displacements))
-        pose = np.zeros((*turn.shape[:-2], 4, 4))
-        pose[..., :3, :3] = turn
+        chain, rotation = self.moved(self._checked(displacements))
+        pose = np.zeros((*rotation.shape[:-2], 4, 4))
+        pose[..., :3, :3] = rotation
         pose[..., :3, 3], pose[..., 3, 3] = chain.end_effector, 1.0
         return pose
 
