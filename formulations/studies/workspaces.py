@@ -22,7 +22,7 @@ from formulations.solving.trade_off_curve import TradeOffPoint, trade_off_curve
 from formulations.studies.robots import SurveyArm
 from formulations.studies.study import Effort, Part, Study
 from formulations.synthesis.choice import rank
-from formulations.synthesis.criteria import CRITERIA, Sampling, kept_ball
+from formulations.synthesis.criteria import COARSE, CRITERIA, Sampling, kept_ball
 from formulations.synthesis.family import every, family
 from formulations.synthesis.from_jacobian import realise
 from nlp.arrays import FloatArray
@@ -147,7 +147,7 @@ def study() -> Study:
         takes="a quarter of an hour, matplotlib and packages of robots",
         compute=_compute,
         settings={
-            "coarse": CRITERIA["kept"].coarse,
+            "coarse": COARSE,
             "shortlist": _SHORTLIST,
             "points": _POINTS,
             "finalists": _FINALISTS,

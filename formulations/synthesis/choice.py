@@ -11,7 +11,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from formulations.kinematics.link_chain import BoolArray, IntArray
-from formulations.synthesis.criteria import CRITERIA, Criterion, Sampling, criterion
+from formulations.synthesis.criteria import (
+    COARSE,
+    CRITERIA,
+    Criterion,
+    Sampling,
+    criterion,
+    one_more_joint,
+)
 from formulations.synthesis.family import (
     Arrangements,
     count,
@@ -151,13 +158,13 @@ def rank(
     """
     wanted, sampling = criterion(name), sampling or Sampling()
     shortlist = whole_number("shortlist", shortlist, 1, EXHAUSTIVE)
-    if not wanted.fits(manipulator.joints, manipulator.task):
+    if wanted.self_motion and not one_more_joint(manipulator.joints, manipulator.task):
         allowed = "another one: it needs positions, and one joint more than the task has rows"
         raise InputError("criterion", name, allowed)
     if wanted.sampled:
         sampling.check(shortlist, manipulator.joints)
 
-    by_itself = 0 < wanted.coarse < sampling.samples
+    by_itself = wanted.self_motion and sampling.samples > COARSE
     coarse = np.array([])
     if count(manipulator) <= EXHAUSTIVE:
         candidates = distinct(every(manipulator), symmetries(manipulator))
@@ -165,11 +172,11 @@ def rank(
         if wanted.sampled and len(candidates) > shortlist:
             first = wanted if by_itself else CRITERIA["total-length"]
             progress(f"{first.name} of {method}")
-            few = replace(sampling, samples=wanted.coarse) if by_itself else sampling
+            few = replace(sampling, samples=COARSE) if by_itself else sampling
             costs = _costs(first, manipulator, candidates, few)
             coarse = -costs if by_itself else coarse
             candidates = candidates[np.argsort(costs, kind="stable")[:shortlist]]
-            words = f"best by a sample of {wanted.coarse}" if by_itself else "shortest"
+            words = f"best by a sample of {COARSE}" if by_itself else "shortest"
             method = f"the {shortlist} {words} of {method}"
     else:
         first = CRITERIA["total-length"] if wanted.sampled else wanted
@@ -194,7 +201,7 @@ def _costs(
 ) -> FloatArray:
     """Values with the sign for which the least is the best; of an arm and its reverse once."""
     places: IntArray | slice = slice(None)
-    if by.reversible and not manipulator.task.free_directions:
+    if by.self_motion and not manipulator.task.free_directions:
         back = these.orders[:, ::-1]
         one_way = np.where(these.orders[:, :1] < back[:, :1], these.orders, back)
         orders, places = np.unique(one_way, axis=0, return_inverse=True)

@@ -23,6 +23,8 @@ _MOST_POSITIONS = 5_000_000
 # Radius of the ball in which positions are kept, in root mean square lever arms and widths of
 # the artificial limits. The best 7R reaches little beyond it.
 _BALL = 4.0
+# Samples of displacements or positions with which a shortlist is chosen.
+COARSE = 8
 _Measure = Callable[[FloatArray], FloatArray]
 
 
@@ -93,24 +95,18 @@ class Criterion:
         Whether large values are good.
     sampled
         Whether manipulators are moved for it, which is costly: only a shortlist is.
-    coarse
-        Samples with which the shortlist is chosen by the criterion itself; 0 if it is chosen
-        by total length.
-    reversible
-        Whether an arm and that with its joints in the reverse order have the same value, if
+    self_motion
+        Whether self-motion is followed for it. Then it is defined for arms with
+        `one_more_joint` only, its shortlist is the best of `COARSE` samples and not the
+        shortest, and an arm has the value of that with its joints in the reverse order, if
         the task fixes all directions.
-    fits
-        Whether the criterion is defined for so many joints and a task; otherwise values are
-        NaN, and it cannot be chosen by.
     """
 
     name: str
     evaluate: Callable[[Family, Sampling], FloatArray]
     larger_is_better: bool = False
     sampled: bool = False
-    coarse: int = 0
-    reversible: bool = False
-    fits: Callable[[int, TaskRows], bool] = lambda *_: True
+    self_motion: bool = False
 
     def cost(self, members: Family, sampling: Sampling) -> FloatArray:
         """Values with the sign for which the least is the best, shape (N,)."""
@@ -175,7 +171,7 @@ def _mean(members: Family, sampling: Sampling, measure: _Measure) -> FloatArray:
     )
 
 
-def _one_more_joint(joints: int, task: TaskRows) -> bool:
+def one_more_joint(joints: int, task: TaskRows) -> bool:
     """Whether a pose of the task leaves a curve of configurations."""
     return joints == len(task.rows) + 1 and task is not TaskRows.ROTATIONAL
 
@@ -183,7 +179,7 @@ def _one_more_joint(joints: int, task: TaskRows) -> bool:
 def _kept(members: Family, sampling: Sampling) -> FloatArray:
     """Area or volume of the positions that are kept whichever joint fails, see `kept`."""
     arms, joints = members.prismatic.shape
-    if not _one_more_joint(joints, members.task):
+    if not one_more_joint(joints, members.task):
         return np.full(arms, np.nan)
     radius, dimension = _ball(members, sampling)
     offsets = radius * sampling.offsets(dimension)
@@ -220,7 +216,7 @@ _ALL = (
     Criterion("neighbourhood-before", partial(_near, measure=smallest), True, True),
     Criterion("workspace", partial(_mean, measure=worst_cases), True, True),
     Criterion("workspace-before", partial(_mean, measure=smallest), True, True),
-    Criterion("kept", _kept, True, True, coarse=8, reversible=True, fits=_one_more_joint),
+    Criterion("kept", _kept, True, True, True),
 )
 CRITERIA: Mapping[str, Criterion] = MappingProxyType({by.name: by for by in _ALL})
 

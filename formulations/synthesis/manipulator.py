@@ -173,15 +173,13 @@ class Manipulator(LinkChain):
         Raises
         ------
         InputError
-            If the order does not name every joint once, or flips are not one per joint.
+            If the order does not name every joint once.
         """
         chosen = [int(i) for i in order]
         if sorted(chosen) != list(range(self.joints)):
             allowed = f"each of 0 to {self.joints - 1} once"
             raise InputError("order", ",".join(map(str, order)), allowed)
         flipped = np.zeros(self.joints, dtype=bool) if flips is None else np.asarray(flips)
-        if flipped.shape != (self.joints,):
-            raise InputError("flips", f"of shape {flipped.shape}", f"shape ({self.joints},)")
         columns = tuple(self.columns[i] for i in chosen)
         chain = self.rearranged(np.array(chosen), flipped)
         return replace(self, **vars(chain), columns=columns, speeds=self.speeds[chosen])
