@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Collection, Iterator, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from formulations import measures, registry
-from formulations.campaign.conditions import Condition
 from formulations.campaign.records import ALWAYS, COLUMNS, jacobian_of, settings_of
 from formulations.joints import models
 from formulations.joints.arm import Arm
 from formulations.joints.kinds import LeverRevolute, Prismatic, UnitRevolute
-from formulations.measures.canonical import canonical_form
-from formulations.measures.symmetry import Classes, Symmetry
+from formulations.measures.canonical import Classes, Symmetry, canonical_form
 from formulations.solving.outcome import REACHED_BEST
 from nlp.errors import InputError
 from nlp.solution import ACCEPTABLE, FEASIBLE, SUCCESS
@@ -25,7 +24,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 # The settings that say what is optimised; the others say how.
-PROBLEM = ("formulation", "model", "joints", "task_dimension", "locked")
+_PROBLEM = ("formulation", "model", "joints", "task_dimension", "locked")
 _HOW = ("solver", "compiled", "options", "seed")
 SETTINGS = ("formulation", "model", "joints", "task_dimension", *ALWAYS, *_HOW)
 # Where optima come in families, every start has its own: only so many of a level are listed.
@@ -34,10 +33,8 @@ LISTED = 10
 LEVELS = 100
 
 
-def frame(
-    store: Store, conditions: Sequence[Condition] = (), columns: Sequence[str] | None = None
-) -> pd.DataFrame:
-    """Return the records that meet all conditions, one row each, with their settings.
+def frame(store: Store, where: str = "", columns: Sequence[str] | None = None) -> pd.DataFrame:
+    """Return the records that meet a condition, one row each, with their settings.
 
     Jacobians are JSON text with every digit.
 
@@ -45,15 +42,20 @@ def frame(
     ----------
     store
         The study.
-    conditions
-        What records must meet, all of it.
+    where
+        What records must meet, as ``pandas.DataFrame.query`` takes it; all by default.
     columns
         Which columns besides the settings and the start; all by default.
+
+    Raises
+    ------
+    InputError
+        If the condition is none on these columns.
     """
     import pandas as pd
 
     names = [*COLUMNS, "environment"] if columns is None else list(columns)
-    needed = {one.column for one in conditions} & {*COLUMNS, "environment"}
+    needed = {*re.findall(r"\w+", where)} & {*COLUMNS, "environment"}
     records = store.frame([*names, *(needed - set(names))])
     cells = {cell: settings_of(cell) for cell in records["cell"].unique()}
     settings = pd.DataFrame(
@@ -61,12 +63,24 @@ def frame(
     )
     table = settings.loc[records["cell"]].reset_index(drop=True)
     table = pd.concat([table, records.drop(columns="cell")], axis=1)
-    for condition in conditions:
-        table = table[condition.holds(table)]
+    if where:
+        table = _chosen(table, where)
     if "jacobian" in names:
         shapes = zip(table["jacobian"], table["task_dimension"], table["joints"], strict=True)
         table["jacobian"] = [json.dumps(jacobian_of(*one).tolist()) for one in shapes]
     return table.drop(columns=list(needed - set(names))).reset_index(drop=True)
+
+
+def _chosen(table: pd.DataFrame, where: str) -> pd.DataFrame:
+    allowed = "a comparison of columns, such as 'joints == 7'"
+    try:
+        rows: Any = table.eval(where)
+    except Exception as reason:  # pandas raises many kinds
+        raise InputError("condition", where, f"{allowed} ({reason})") from None
+    if str(getattr(rows, "dtype", "")) != "bool":
+        raise InputError("condition", where, allowed)
+    chosen: pd.DataFrame = table[rows]
+    return chosen
 
 
 def _settings(cells: Collection[dict[str, object]]) -> list[str]:
@@ -75,17 +89,15 @@ def _settings(cells: Collection[dict[str, object]]) -> list[str]:
     return [*SETTINGS[: -len(_HOW)], *others, *_HOW]
 
 
-def grouped(
-    store: Store, conditions: Sequence[Condition] = (), by: Sequence[str] | None = None
-) -> pd.DataFrame:
+def grouped(store: Store, where: str = "", by: Sequence[str] | None = None) -> pd.DataFrame:
     """Return one row per group of records.
 
     Parameters
     ----------
     store
         The study.
-    conditions
-        What records must meet.
+    where
+        What records must meet; see `frame`.
     by
         Settings whose values make the groups, at least one; by default those that name the
         problem, and all others that differ within a problem.
@@ -109,18 +121,17 @@ def grouped(
     import pandas as pd
 
     measured = ("status", "iterations", "violation", "valid", "cpu_seconds", *_BEST)
-    records = frame(store, conditions, measured)
+    records = frame(store, where, measured)
     settings = [str(name) for name in records if name not in (*measured, "start")]
     for name in by or ():
         if name not in settings:
             raise InputError("group", name, "one of " + ", ".join(settings))
     if len(set(by or ())) != len(by or ()):
         raise InputError("groups", ",".join(by or ()), "every setting once")
-    keys = (
-        list(by) if by else [*PROBLEM[:4], *differing(records, settings, PROBLEM[:4], PROBLEM)]
-    )
+    named = _PROBLEM[:4]
+    keys = list(by or (*named, *differing(records, settings, named, _PROBLEM)))
     records["cost"] = _cost(records)
-    problem = records.groupby(list(PROBLEM), sort=False)
+    problem = records.groupby(list(_PROBLEM), sort=False)
     records["problem"] = problem.ngroup()
     reached = records["cost"] - problem["cost"].transform("min") <= REACHED_BEST
     records = records.assign(reached=reached, solved=records["status"] == SUCCESS)
@@ -179,7 +190,7 @@ def differing(
     ]
 
 
-def optima(store: Store, conditions: Sequence[Condition] = ()) -> pd.DataFrame:
+def optima(store: Store, where: str = "") -> pd.DataFrame:
     """Return one row per optimum, best level first within each problem.
 
     Optima are classes of Jacobians modulo frame, phase, order and signs, of answers that the
@@ -192,27 +203,27 @@ def optima(store: Store, conditions: Sequence[Condition] = ()) -> pd.DataFrame:
         What names the problem, then: ``level``, 1 for the best value of the score, 2 for the
         next, up to `LEVELS`; ``score``, ``worst_case_sigma``; ``classes``, how many optima
         the level has, of which the `LISTED` most reached are listed, and of which no more
-        than `formulations.measures.symmetry.MOST` are distinguished; ``reached``, starts
+        than `formulations.measures.canonical.MOST` are distinguished; ``reached``, starts
         that ended at this one; ``of_starts``, starts that ended at any optimum;
         ``canonical_form``, the Jacobian that stands for it, as JSON.
     """
     import pandas as pd
 
     columns = ("status", "violation", "valid", "score", "jacobian")
-    records = frame(store, conditions, columns)
+    records = frame(store, where, columns)
     records["cost"] = _cost(records).where(records["status"] == SUCCESS)
     records = records.dropna(subset="cost")
     rows = [
-        {**{name: group[name].iloc[0] for name in PROBLEM}, **row}
-        for _, group in records.groupby(list(PROBLEM), sort=False)
+        {**{name: group[name].iloc[0] for name in _PROBLEM}, **row}
+        for _, group in records.groupby(list(_PROBLEM), sort=False)
         for row in _optima(group.sort_values("cost", kind="stable"))
     ]
     found = ("level", "score", "worst_case_sigma", "classes", "reached", "of_starts")
-    return pd.DataFrame(rows, columns=[*PROBLEM, *found, "canonical_form"])
+    return pd.DataFrame(rows, columns=[*_PROBLEM, *found, "canonical_form"])
 
 
 def _optima(group: pd.DataFrame) -> Iterator[dict[str, object]]:
-    _, model, joints, task_dimension, locked = (group[name].iloc[0] for name in PROBLEM)
+    _, model, joints, task_dimension, locked = (group[name].iloc[0] for name in _PROBLEM)
     symmetry = _symmetry(models.arm(model, int(joints), int(task_dimension)))
     levels = (group["cost"].diff() > REACHED_BEST).cumsum() + 1
     for level, members in group[levels <= LEVELS].groupby(levels):

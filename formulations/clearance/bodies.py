@@ -1,37 +1,21 @@
 """Links of a robot that move as one, and where they are: the whole tree, not one chain.
 
-Joints that do not move the tip are held: at zero, or at the limit nearest to it.
+Joints that do not move the tip stay: at zero, or at the limit nearest to it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import casadi as ca
 import numpy as np
 
-from formulations.kinematics.chain import Chain, Motion, displaced
-from formulations.kinematics.chain_between import displacement, driven_joint, frozen
-from formulations.kinematics.tree import MOVING, RobotTree, TreeJoint
+from formulations.kinematics.chain import Chain, Motion
+from formulations.kinematics.chain_between import displacement, driven_joint, motion_of
+from formulations.kinematics.forward import displaced
+from formulations.kinematics.tree import MOVING, RobotTree
 from nlp.arrays import FloatArray
-
-
-@dataclass(frozen=True)
-class Body:
-    """Links that move as one, after a joint.
-
-    Attributes
-    ----------
-    parent
-        Number of the body before the joint.
-    motion
-        The joint's.
-    """
-
-    parent: int
-    motion: Motion
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,39 +27,40 @@ class Bodies:
     size
         Number of the chain's free joints.
     moving
-        Bodies 1, 2, …, parents first.
+        Of bodies 1, 2, …, parents first: the number of the body before each one's joint, and
+        the joint's motion.
     """
 
     size: int
-    moving: tuple[Body, ...]
+    moving: tuple[tuple[int, Motion], ...]
 
     def parent(self, body: int) -> int:
         """Return the number of the body before a body's joint; -1 for body 0."""
-        return self.moving[body - 1].parent if body else -1
+        return self.moving[body - 1][0] if body else -1
 
     def placed(self, positions: ca.SX) -> tuple[list[ca.SX], list[ca.SX]]:
         """Rotation (3, 3) and origin (3, 1) of each body, from symbols of the positions."""
-        turns, origins = [ca.SX.eye(3)], [ca.SX.zeros(3)]
-        for body in self.moving:
-            moved = displaced(turns[body.parent], origins[body.parent], body.motion, positions)
-            turns.append(moved[0])
-            origins.append(moved[1])
-        return turns, origins
+        rotations, origins = [ca.SX.eye(3)], [ca.SX.zeros(3)]
+        for parent, motion in self.moving:
+            rotation, origin = displaced(rotations[parent], origins[parent], motion, positions)
+            rotations.append(rotation)
+            origins.append(origin)
+        return rotations, origins
 
     def frames(self, configurations: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Rotations (bodies, 3, 3, B) and origins (bodies, 3, B) at configurations (n, B)."""
-        turns, origins = (np.array(one) for one in self._kinematics(configurations))
+        rotations, origins = (np.array(one) for one in self._kinematics(configurations))
         count = len(self.moving) + 1
         # CasADi's vectors are column by column.
-        turns = turns.reshape(count, 3, 3, -1).transpose(0, 2, 1, 3)
-        return turns, origins.reshape(count, 3, -1)
+        rotations = rotations.reshape(count, 3, 3, -1).transpose(0, 2, 1, 3)
+        return rotations, origins.reshape(count, 3, -1)
 
     @cached_property
     def _kinematics(self) -> ca.Function:
         q = ca.SX.sym("q", self.size)
-        turns, origins = self.placed(q)
+        rotations, origins = self.placed(q)
         return ca.Function(
-            "bodies", [q], [ca.vertcat(*map(ca.vec, turns)), ca.vertcat(*origins)]
+            "bodies", [q], [ca.vertcat(*map(ca.vec, rotations)), ca.vertcat(*origins)]
         )
 
     def __getstate__(self) -> dict[str, object]:
@@ -103,20 +88,18 @@ def bodies_of(
         Of each link the number of its body, and its pose in the body's frame, 4×4.
     """
     by_name = {joint.name: joint for joint in tree.joints}
-    fixed = dict((*chain.immobile, *chain.held))
-    moving: list[Body] = []
+    fixed = dict((*chain.immobile, *chain.locked_at))
+    moving: list[tuple[int, Motion]] = []
     places: dict[str, tuple[int, FloatArray]] = {tree.root: (0, np.eye(4))}
-    for joint in _parents_first(tree):
+    for joint in tree.parents_first:
         body, pose = places[joint.parent]
         pose = pose @ np.asarray(joint.origin)
         if joint.type in MOVING:
             _, driver, multiplier, offset = driven_joint(by_name, joint)
             if driver.name in chain.names and multiplier != 0:
-                x, y, z = joint.axis.tolist()
-                slides, variable = joint.type == "prismatic", chain.names.index(driver.name)
-                placement = frozen(pose)
-                motion = Motion(placement, (x, y, z), slides, variable, multiplier, offset)
-                moving.append(Body(body, motion))
+                variable = chain.names.index(driver.name)
+                motion = motion_of(joint, pose, variable, multiplier, offset)
+                moving.append((body, motion))
                 body, pose = len(moving), np.eye(4)
             else:
                 still = float(np.clip(0.0, driver.limit.lower, driver.limit.upper))
@@ -124,16 +107,3 @@ def bodies_of(
                 pose = pose @ displacement(joint, value)
         places[joint.child] = (body, pose)
     return Bodies(len(chain.joints), tuple(moving)), places
-
-
-def _parents_first(tree: RobotTree) -> Sequence[TreeJoint]:
-    """Return the joints so that each comes after the one before it."""
-    children: dict[str, list[TreeJoint]] = {}
-    for joint in tree.joints:
-        children.setdefault(joint.parent, []).append(joint)
-    ordered, waiting = [], list(children.get(tree.root, []))
-    while waiting:
-        joint = waiting.pop()
-        ordered.append(joint)
-        waiting += children.get(joint.child, [])
-    return ordered

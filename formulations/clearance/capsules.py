@@ -53,8 +53,8 @@ def capsule_around(shapes: Sequence[Shape], pose: FloatArray) -> Capsule:
     principal = np.linalg.svd(points - points.mean(axis=0), full_matrices=False)[2]
     fits = [_along(axis, points, extra) for axis in (*np.eye(3), *principal)]
     best = min(fits, key=_volume)
-    turn, origin = pose[:3, :3], pose[:3, 3]
-    start, end = (turn @ one + origin for one in (best.start, best.end))
+    rotation, origin = pose[:3, :3], pose[:3, 3]
+    start, end = (rotation @ one + origin for one in (best.start, best.end))
     return Capsule(start, end, best.radius + _MARGIN)
 
 

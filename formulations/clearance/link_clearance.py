@@ -18,7 +18,7 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import combinations
 from pathlib import Path
 from typing import Any
@@ -33,13 +33,15 @@ from formulations.clearance.capsules import (
     capsule_around,
     gap_squared,
 )
-from formulations.clearance.shapes import Shape, coal_library, read_shapes, solid
+from formulations.clearance.shapes import Geometry, Shape, coal_library, read_shapes, solid
 from formulations.kinematics.chain import Chain
-from formulations.kinematics.forward import BoolArray, Kinematics
-from formulations.kinematics.read_urdf import is_urdf, parse_urdf, xml_root
+from formulations.kinematics.forward import Kinematics
+from formulations.kinematics.inverse import BoolArray
+from formulations.kinematics.read_urdf import urdf_tree
+from formulations.kinematics.read_xml import from_file, is_urdf, xml_root
+from formulations.kinematics.tree import RobotTree
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
-from nlp.files import read_bytes
 
 # Random configurations at which links are looked at: those in contact at all of them are left
 # out.
@@ -59,11 +61,11 @@ class Link:
     name
         Its name.
     body
-        Number of the body, in `Clearance.bodies`, that it is part of.
+        Number of the body, in `LinkClearance.bodies`, that it is part of.
     pose
         In that body's frame, 4×4.
-    shapes
-        Its geometry.
+    shapes, capsule
+        Its geometry, and the capsule around it, in the body's frame.
     source
         ``collision`` or ``visual``.
     """
@@ -72,6 +74,7 @@ class Link:
     body: int
     pose: FloatArray
     shapes: tuple[Shape, ...]
+    capsule: Capsule
     source: str
 
 
@@ -92,7 +95,7 @@ class Closest:
 
 
 @dataclass(frozen=True, eq=False)
-class Clearance:
+class LinkClearance:
     """The distance that links keep from each other.
 
     Attributes
@@ -103,8 +106,6 @@ class Clearance:
         Of the whole robot.
     links
         Links with geometry.
-    capsules
-        One for each.
     pairs
         Pairs of links that are looked at.
     left_out
@@ -114,7 +115,6 @@ class Clearance:
     least: float
     bodies: Bodies
     links: tuple[Link, ...]
-    capsules: tuple[Capsule, ...]
     pairs: tuple[tuple[int, int], ...]
     left_out: tuple[tuple[int, int], ...] = ()
 
@@ -146,19 +146,16 @@ class Clearance:
         return np.concatenate([self._distances(one) for one in parts], axis=1)
 
     def _distances(self, configurations: FloatArray) -> FloatArray:
-        turns, origins = self.bodies.frames(configurations)
+        rotations, origins = self.bodies.frames(configurations)
 
-        def moved(points: Sequence[FloatArray]) -> FloatArray:
-            placed = [
-                origins[link.body] + np.einsum("ijb,j->ib", turns[link.body], point)
-                for link, point in zip(self.links, points, strict=True)
-            ]
-            return np.stack(placed)
+        def placed(link: Link, point: FloatArray) -> FloatArray:
+            moved = np.einsum("ijb,j->ib", rotations[link.body], point)
+            return np.asarray(origins[link.body] + moved)
 
-        starts = moved([one.start for one in self.capsules])
-        ends = moved([one.end for one in self.capsules])
+        starts = np.stack([placed(link, link.capsule.start) for link in self.links])
+        ends = np.stack([placed(link, link.capsule.end) for link in self.links])
+        radii = np.array([link.capsule.radius for link in self.links])
         first, second = (list(side) for side in zip(*self.pairs, strict=True))
-        radii = np.array([one.radius for one in self.capsules])
         gap = between_segments(starts[first], ends[first], starts[second], ends[second])
         return np.asarray(gap - (radii[first] + radii[second])[:, None])
 
@@ -186,26 +183,29 @@ class Clearance:
         casadi.SX
             Shape (pairs, 1): at least 1 where the pair keeps the distance.
         """
-        turns, origins = self.bodies.placed(positions)
+        rotations, origins = self.bodies.placed(positions)
         points = [
-            [origins[link.body] + turns[link.body] @ ca.DM(p) for p in (one.start, one.end)]
-            for link, one in zip(self.links, self.capsules, strict=True)
+            [
+                origins[link.body] + rotations[link.body] @ ca.DM(point)
+                for point in (link.capsule.start, link.capsule.end)
+            ]
+            for link in self.links
         ]
         rows = []
         for k in which:
             i, j = self.pairs[k]
-            least = self.capsules[i].radius + self.capsules[j].radius + self.least
-            rows.append(gap_squared(*points[i], *points[j]) / least**2)
+            radii = self.links[i].capsule.radius + self.links[j].capsule.radius
+            rows.append(gap_squared(*points[i], *points[j]) / (radii + self.least) ** 2)
         return ca.vertcat(*rows)
 
     def closest(self, configuration: FloatArray, pairs: Sequence[tuple[int, int]]) -> Closest:
         """Return the nearest of some pairs by the geometry itself, as coal measures it."""
         coal = coal_library()
-        turns, origins = self.bodies.frames(configuration[:, None])
+        rotations, origins = self.bodies.frames(configuration[:, None])
         placed = []
         for link, own in zip(self.links, self._geometry, strict=True):
             body = np.eye(4)
-            body[:3, :3], body[:3, 3] = turns[link.body][..., 0], origins[link.body][:, 0]
+            body[:3, :3], body[:3, 3] = rotations[link.body][..., 0], origins[link.body][:, 0]
             whole = [body @ link.pose @ shape.pose for shape in link.shapes]
             frames = [coal.Transform3s(one[:3, :3], one[:3, 3]) for one in whole]
             placed.append(list(zip(own, frames, strict=True)))
@@ -229,7 +229,7 @@ class Clearance:
         return {k: v for k, v in self.__dict__.items() if not k.startswith("_")}
 
 
-def read_clearance(path: str | os.PathLike[str], chain: Chain, least: float) -> Clearance:
+def read_clearance(path: str | os.PathLike[str], chain: Chain, least: float) -> LinkClearance:
     """Read the links' geometry of a URDF file and fit the capsules.
 
     Parameters
@@ -251,17 +251,16 @@ def read_clearance(path: str | os.PathLike[str], chain: Chain, least: float) -> 
     """
     coal_library()  # a missing library is better known at once
     path = Path(path)
-    content = read_bytes(path)
-    if not is_urdf(content):
+    if not from_file(path, is_urdf):
         allowed = "a URDF file: of MJCF only joints are read, and tables have no shapes"
         raise InputError("clearance", f"of {path}", allowed)
-    bodies, places = bodies_of(parse_urdf(content), chain)
+    tree, geometry = from_file(path, partial(_read, path))
+    bodies, places = bodies_of(tree, chain)
     links = tuple(
-        Link(name, *places[name], shapes, source)
-        for name, (shapes, source) in read_shapes(xml_root(content), path).items()
+        Link(name, *places[name], shapes, capsule_around(shapes, places[name][1]), source)
+        for name, (shapes, source) in geometry.items()
         if shapes
     )
-    capsules = tuple(capsule_around(link.shapes, link.pose) for link in links)
     pairs = tuple(
         (i, j)
         for (i, one), (j, other) in combinations(enumerate(links), 2)
@@ -272,10 +271,15 @@ def read_clearance(path: str | os.PathLike[str], chain: Chain, least: float) -> 
     if not pairs:
         allowed = "a robot with geometry on two links that are not adjacent"
         raise InputError("clearance", f"of {chain.robot}", allowed)
-    return _without_contacts(Clearance(least, bodies, links, capsules, pairs), chain)
+    return _without_contacts(LinkClearance(least, bodies, links, pairs), chain)
 
 
-def _without_contacts(whole: Clearance, chain: Chain) -> Clearance:
+def _read(path: Path, content: bytes) -> tuple[RobotTree, Geometry]:
+    root = xml_root(content)
+    return urdf_tree(root), read_shapes(root, path)
+
+
+def _without_contacts(whole: LinkClearance, chain: Chain) -> LinkClearance:
     """Leave out pairs whose capsules are always in contact, or in wrists always too near."""
     low, high = Kinematics(chain).ranges
     drawn = np.random.default_rng(1995).uniform(low, high, (len(low), _SAMPLES))

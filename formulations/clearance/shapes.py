@@ -6,21 +6,23 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any, TypeAlias
+from xml.etree.ElementTree import Element
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from formulations.kinematics.chain import LARGEST
-from formulations.kinematics.read_urdf import check_numbers
+from formulations.kinematics.read_urdf import pose_of
+from formulations.kinematics.read_xml import attribute, numbers
 from nlp.arrays import FloatArray
 from nlp.errors import FileError, InputError, MissingLibraryError
 
-if TYPE_CHECKING:
-    from lxml.etree import _Element
-
-# The attribute with the sizes of each kind of geometry, and how many numbers it has.
-_SIZES = {"box": ("size", 3), "sphere": ("radius", 1), "cylinder": ("radius", 1)}
+# The attributes with the sizes of each kind of geometry: as many numbers as here.
+_SIZES = {
+    "box": {"size": "0 0 0"},
+    "sphere": {"radius": "0"},
+    "cylinder": {"radius": "0", "length": "0"},
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +47,12 @@ class Shape:
     pose: FloatArray
 
 
-def read_shapes(root: _Element, path: Path) -> Mapping[str, tuple[tuple[Shape, ...], str]]:
+#: By a link's name: its shapes, and whether they are its ``collision`` geometry or, where it
+#: has none, its ``visual`` one.
+Geometry: TypeAlias = Mapping[str, tuple[tuple[Shape, ...], str]]
+
+
+def read_shapes(root: Element, path: Path) -> Geometry:
     """Read the geometry of each link.
 
     Parameters
@@ -57,66 +64,41 @@ def read_shapes(root: _Element, path: Path) -> Mapping[str, tuple[tuple[Shape, .
 
     Returns
     -------
-    Mapping
-        By the link's name: its shapes, and whether they are its ``collision`` geometry or,
-        where it has none, its ``visual`` one.
+    Geometry
+        By the link's name.
 
     Raises
     ------
-    FileError
+    InputError
         If geometry is malformed, or there is no such mesh.
     """
     found = {}
     for link in root.findall("link"):
-        name = link.get("name")
+        name = link.get("name", "")
         source = "collision" if link.find("collision/geometry") is not None else "visual"
-        try:
-            shapes = tuple(_shape(one, name, path) for one in link.findall(source))
-        except FileError:
-            raise
-        except InputError as error:
-            where = f"{path}: {error.argument}"
-            raise FileError(where, error.value, error.allowed) from None
-        found[name] = (shapes, source)
+        found[name] = (tuple(_shape(one, name, path) for one in link.findall(source)), source)
     return found
 
 
-def _shape(element: _Element, link: str, path: Path) -> Shape:
-    pose = np.eye(4)
-    origin = element.find("origin")
+def _shape(element: Element, link: str, path: Path) -> Shape:
     where = f"<{element.tag}> of link {link}"
-    if origin is not None:
-        pose[:3, 3] = _numbers(origin, "xyz", 3, where, "0 0 0")
-        turn = Rotation.from_euler("xyz", _numbers(origin, "rpy", 3, where, "0 0 0"))
-        pose[:3, :3] = turn.as_matrix()
-    geometry = element.find("geometry")
-    kinds = [] if geometry is None else [one for one in geometry if isinstance(one.tag, str)]
+    pose = pose_of(element, where)
+    kinds = list(element.find("geometry") or ())
     if len(kinds) != 1 or kinds[0].tag not in (*_SIZES, "mesh"):
         shown = ", ".join(f"<{one.tag}>" for one in kinds) or "without geometry"
         raise InputError(where, shown, "one box, cylinder, sphere or mesh")
-    one = kinds[0]
-    if one.tag == "mesh":
-        scale = _numbers(one, "scale", 3, where, "1 1 1")
-        return Shape(
-            "mesh", tuple(scale), _mesh_file(one.get("filename", ""), link, path), pose
-        )
-    name, count = _SIZES[one.tag]
-    size = _numbers(one, name, count, where)
-    if one.tag == "cylinder":
-        size += _numbers(one, "length", 1, where)
+    (kind,) = kinds
+    if kind.tag == "mesh":
+        scale = numbers(kind, "scale", "1 1 1", where, LARGEST)
+        file = _mesh_file(kind.get("filename", ""), link, path)
+        return Shape("mesh", tuple(scale), file, pose)
+    size: list[float] = []
+    for name, default in _SIZES[kind.tag].items():
+        attribute(kind, name, where)
+        size += numbers(kind, name, default, where, LARGEST)
     if not min(size) > 0:
         raise InputError(where, " ".join(f"{x:g}" for x in size), "sizes above 0, in metres")
-    return Shape(one.tag, tuple(size), None, pose)
-
-
-def _numbers(
-    element: _Element, name: str, count: int, where: str, default: str | None = None
-) -> list[float]:
-    text = element.get(name, default)
-    if text is None:
-        raise InputError(where, f"without the attribute '{name}'", f"<{element.tag}> with it")
-    check_numbers(f"{name} in {where}", text, count, LARGEST)
-    return [float(part) for part in text.split()]
+    return Shape(kind.tag, tuple(size), None, pose)
 
 
 def _mesh_file(name: str, link: str, path: Path) -> Path:
@@ -153,5 +135,5 @@ def coal_library() -> Any:
     try:
         import coal
     except ModuleNotFoundError:
-        raise MissingLibraryError("coal", "clearance") from None
+        raise MissingLibraryError("coal") from None
     return coal

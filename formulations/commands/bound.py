@@ -179,7 +179,7 @@ def bound(
         return
     text: Callable[[Mapping[str, Any]], str] = as_text
     if quantity is Quantity.EXISTENCE:
-        from formulations.existence.relaxation.relaxation import existence_relaxation
+        from formulations.existence.relaxation import existence_relaxation
 
         plain = existence_relaxation(
             order, joints, task_dimension=task_dimension, solver=solver
@@ -300,21 +300,12 @@ def _unit_revolute(
     seed: int,
     out: Path | None,
 ) -> dict[str, Any]:
-    from formulations.bounds.so3_moments.max_min_bound import max_min_bound
-    from formulations.bounds.so3_moments.residual_bound import (
-        residual_bound,
-        rigorous_residual_bound,
-    )
+    from formulations.joints.arm import Arm
+    from formulations.joints.kinds import UnitRevolute
+    from formulations.registry import bound
 
-    if out is not None and not rigorous:
-        raise InputError("--out", str(out), "none without --rigorous")
-    settings: dict[str, Any] = {"joints": joints, "rng": seed, "progress": progress}
-    if preset is not None:
-        settings["preset"] = preset
-    if quantity is Quantity.MAX_MIN:
-        found = max_min_bound(rigorous=rigorous, out=out, **settings)
-    elif rigorous:
-        found = rigorous_residual_bound(out=out, **settings)
-    else:
-        found = residual_bound(**settings)
-    return found.to_dict()
+    arm = Arm.of(UnitRevolute(), joints)
+    options: dict[str, Any] = {"preset": preset, "seed": seed, "progress": progress, "out": out}
+    if rigorous:
+        return bound(str(quantity), arm, kind="rigorous", **options).to_dict()
+    return bound(str(quantity), arm, kind="relaxation", **options).to_dict()

@@ -24,8 +24,8 @@ from formulations.commands.measure_robot import failures_text, robot_text
 from formulations.commands.output import INTERRUPTED, show
 
 if TYPE_CHECKING:
-    from formulations.robots.held_pose import LockedReach
-    from formulations.robots.posture_found import Posture
+    from formulations.robots.pose_constrained_arm import LockedReach
+    from formulations.robots.posture import Posture
 
 
 def posture(

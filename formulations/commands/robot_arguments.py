@@ -14,9 +14,9 @@ from nlp.errors import FileError, InputError
 from nlp.files import load_json, read_bytes, real_in
 
 if TYPE_CHECKING:
-    from formulations.clearance.link_clearance import Clearance
+    from formulations.clearance.link_clearance import LinkClearance
     from formulations.kinematics.chain import Chain
-    from formulations.robots.held_pose import Pose
+    from formulations.robots.pose_constrained_arm import Pose
     from formulations.robots.robot_arm import RobotArm
     from formulations.robots.robot_assessment import RobotAssessment
     from nlp.arrays import FloatArray
@@ -168,8 +168,8 @@ def chain(
 
 def pose(text: str | None, tolerance: str | None) -> Pose | None:
     """Read --at and --tolerance; InputError if they are not what is allowed."""
-    from formulations.robots.held_pose import Pose
-    from formulations.robots.waypoints import read_pose
+    from formulations.paths.waypoints import read_pose
+    from formulations.robots.pose_constrained_arm import Pose
 
     if text is None:
         if tolerance is not None:
@@ -187,7 +187,7 @@ def pose(text: str | None, tolerance: str | None) -> Pose | None:
     return Pose(tuple(position.tolist()), turn, *near)
 
 
-def kept_distance(file: Path, chain: Chain, least: float | None) -> Clearance | None:
+def kept_distance(file: Path, chain: Chain, least: float | None) -> LinkClearance | None:
     """Read the links' geometry for --clearance; None if that is not given."""
     if least is None:
         return None

@@ -22,8 +22,8 @@ def show(
     where: Annotated[
         list[str] | None,
         typer.Option(
-            metavar="COLUMN=VALUE",
-            help="Only records with this; also != < <= > >=. May be repeated.",
+            metavar="CONDITION",
+            help="Only records with this, such as 'joints == 7'. May be repeated.",
             show_default=False,
         ),
     ] = None,
@@ -64,7 +64,6 @@ def show(
     left out and named, and the exit status is 1.
     """
     from formulations.campaign import tables
-    from formulations.campaign.conditions import condition
     from formulations.campaign.records import open_store
     from nlp.errors import InputError
     from nlp.files import prepare_file, write_bytes
@@ -84,17 +83,17 @@ def show(
         raise InputError("--to", to, "none with --json")
     if to == "parquet" and out is None:
         raise InputError("--out", "missing", "a file, for parquet")
-    conditions = [condition(text) for text in where or ()]
+    chosen = " and ".join(f"({text})" for text in where or ())
     if out is not None:
         prepare_file(out, inputs=[store])
     with open_store(store, salvage=True) as study:
         if records:
-            table = tables.frame(study, conditions)
+            table = tables.frame(study, chosen)
         elif optima:
-            table = tables.optima(study, conditions)
+            table = tables.optima(study, chosen)
         else:
             by = None if group_by is None else [name.strip() for name in group_by.split(",")]
-            table = tables.grouped(study, conditions, by)
+            table = tables.grouped(study, chosen, by)
         content = table.to_json(orient="records", indent=1) if as_json else FORMATS[to](table)
         if out is None:
             typer.echo(content, nl=as_json)
@@ -131,7 +130,7 @@ def as_parquet(table: pd.DataFrame) -> bytes:
     try:
         return table.to_parquet(engine="pyarrow", index=False)
     except ImportError:
-        command = how_to_install("pyarrow", "parquet")
+        command = how_to_install("pyarrow")
         allowed = f"csv, markdown or latex; or first run: {command}"
         raise InputError("--to", "parquet", allowed) from None
 

@@ -131,6 +131,7 @@ def solve(
         "formulation": formulation,
         "model": model,
         "verdict": outcome.verdict,
+        "score": shown.score,
         "starts": len(outcome.records),
         "reached_best": len(outcome.reached),
         "status_counts": outcome.status_counts,

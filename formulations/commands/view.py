@@ -42,10 +42,9 @@ def view(
     posture of the joints that are not locked.
     """
     if find_spec("viser") is None:  # before reading, whose extra is another one
-        raise MissingLibraryError("viser", "view", "viser yourdfpy")
+        raise MissingLibraryError("viser", "viser yourdfpy")
     from formulations.robots.posture_search import Search
-    from formulations.robots.viewer import Page
-    from formulations.robots.web_server import Address
+    from formulations.viewer.page import Address, Page
 
     arm = robot.arm(file, tip, base, point, task, frame, length, held)
     where = robot.read_configuration(configuration, arm.chain)

@@ -26,7 +26,7 @@ from nlp.errors import InputError
 
 if TYPE_CHECKING:
     from formulations.kinematics.serial_arm import Ranges, SerialArm
-    from formulations.robots.workspace import Workspace
+    from formulations.workspaces.workspace import Workspace
     from nlp.arrays import FloatArray
 
 _CHOICES = ("limits", "lengths")
@@ -107,11 +107,11 @@ def workspace(
     """
     from formulations.kinematics.serial_arm import SerialArm
     from formulations.plot.style import content, kind_of, looking
-    from formulations.robots.best_limits import best_limits
-    from formulations.robots.cylinder_grid import check_grid
-    from formulations.robots.pose_sets import PoseSets, check_poses
-    from formulations.robots.workspace import check_limits, measured
-    from formulations.robots.workspace import workspace as found_workspace
+    from formulations.workspaces.best_limits import best_limits
+    from formulations.workspaces.pose_sets import PoseSets, check_poses
+    from formulations.workspaces.reachable_sets import check_grid
+    from formulations.workspaces.workspace import check_limits, measured
+    from formulations.workspaces.workspace import workspace as found_workspace
     from nlp.files import prepare_file, write_bytes
 
     if figure is None:
@@ -221,9 +221,9 @@ def _text(found: Workspace) -> str:
         shares = ", ".join("–" if one != one else f"{100 * one:.0f} %" for one in found.passed)
         kept["passed by depth"] = f"{shares} of voxels 0, 1, … layers below the surface"
         kept["raw voxels"] = f"{found.raw:.6g} {unit}"
-    if found.fatal:
-        kept["fatal"] = (
-            f"{', '.join(found.fatal)}: nothing is kept, because of where it may lock"
+    if found.critical:
+        kept["critical"] = (
+            f"{', '.join(found.critical)}: nothing is kept, because of where it may lock"
         )
     lines = [as_text(kept), "", "joint: artificial limits"]
     for step, (low, high) in zip(found.arm.steps, found.limits, strict=True):

@@ -1,11 +1,10 @@
-"""The joints between two links of a robot, as one chain of motions, and its Jacobian."""
+"""The joints between two links of a robot, as one chain of motions."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from typing import TypeAlias
 
-import casadi as ca
 import numpy as np
 
 from nlp.arrays import FloatArray, finite_vector
@@ -57,7 +56,7 @@ class Motion:
         Pose of the moving joint relative to the frame that the previous motion moves, 4×4.
     axis
         Unit vector in the joint's frame.
-    translates
+    prismatic
         Whether it moves along the axis instead of turning about it.
     variable
         Position in `Chain.joints` of the joint that drives it.
@@ -67,7 +66,7 @@ class Motion:
 
     placement: Transform
     axis: tuple[float, float, float]
-    translates: bool
+    prismatic: bool
     variable: int
     multiplier: float
     offset: float
@@ -87,8 +86,8 @@ class Chain:
         Their displacements from base to tip; joints that mimic others add motions.
     end
         Pose of the tip's point relative to the frame that the last motion moves, 4×4.
-    held
-        Names and positions of joints that are held, as if locked.
+    locked_at
+        Names and positions of joints that have locked.
     immobile
         Names and positions of joints that cannot move, because their limits are equal or
         missing: they have no column, and are no redundancy.
@@ -100,7 +99,7 @@ class Chain:
     joints: tuple[ChainJoint, ...]
     motions: tuple[Motion, ...]
     end: Transform
-    held: tuple[tuple[str, float], ...] = ()
+    locked_at: tuple[tuple[str, float], ...] = ()
     immobile: tuple[tuple[str, float], ...] = ()
 
     @property
@@ -157,44 +156,6 @@ class Chain:
             check_limits(joint.name, float(value), joint.lower, joint.upper)
         return point
 
-    def jacobian(self, positions: ca.SX) -> tuple[ca.SX, ca.SX]:
-        """Jacobian of the tip's point, and the orientation of its link.
-
-        Parameters
-        ----------
-        positions
-            Symbols of the free joints' positions, radians or metres, shape (n, 1).
-
-        Returns
-        -------
-        casadi.SX
-            Columns (v; ω) as in eq. (21), along the axes of the base, shape (6, n): metres
-            or radians per radian or metre.
-        casadi.SX
-            Rotation from the tip's axes to those of the base, shape (3, 3).
-        """
-        turn, origin = ca.SX.eye(3), ca.SX.zeros(3)
-        screws = []
-        for motion in self.motions:
-            turn, origin = _moved(turn, origin, motion.placement)
-            axis = turn @ ca.DM(motion.axis)
-            screws.append((motion, axis, origin))
-            value = motion.multiplier * positions[motion.variable] + motion.offset
-            if motion.translates:
-                origin = origin + value * axis
-            else:
-                turn = turn @ rotation(motion.axis, value)
-        turn, origin = _moved(turn, origin, self.end)
-
-        matrix = ca.SX.zeros(6, len(self.joints))
-        for motion, axis, start in screws:
-            if motion.translates:
-                column = ca.vertcat(axis, ca.SX.zeros(3))
-            else:
-                column = ca.vertcat(ca.cross(axis, origin - start), axis)
-            matrix[:, motion.variable] += motion.multiplier * column
-        return matrix, turn
-
 
 def narrowed(chain: Chain, limits: Mapping[str, tuple[float, float]]) -> Chain:
     """Return the chain with narrower limits of some joints.
@@ -223,32 +184,6 @@ def narrowed(chain: Chain, limits: Mapping[str, tuple[float, float]]) -> Chain:
         for joint in chain.joints
     )
     return replace(chain, joints=joints)
-
-
-def rotation(axis: Sequence[float], angle: ca.SX | float) -> ca.SX:
-    """Rotation by an angle in radians about a unit vector, shape (3, 3)."""
-    cross = ca.skew(ca.DM(axis))
-    return ca.SX.eye(3) + ca.sin(angle) * cross + (1 - ca.cos(angle)) * (cross @ cross)
-
-
-def tip_pose(chain: Chain, positions: ca.SX) -> tuple[ca.SX, ca.SX]:
-    """Position (3, 1) and rotation (3, 3) of the tip, symbolically."""
-    turn, origin = ca.SX.eye(3), ca.SX.zeros(3)
-    for motion in chain.motions:
-        turn, origin = displaced(turn, origin, motion, positions)
-    turn, origin = _moved(turn, origin, chain.end)
-    return origin, turn
-
-
-def displaced(
-    turn: ca.SX, origin: ca.SX, motion: Motion, positions: ca.SX
-) -> tuple[ca.SX, ca.SX]:
-    """Rotation (3, 3) and origin (3, 1) of a frame after a motion, from those before it."""
-    turn, origin = _moved(turn, origin, motion.placement)
-    value = motion.multiplier * positions[motion.variable] + motion.offset
-    if motion.translates:
-        return turn, origin + turn @ ca.DM(motion.axis) * value
-    return turn @ rotation(motion.axis, value), origin
 
 
 def check_limits(name: str, value: float, lower: float, upper: float) -> None:
@@ -282,6 +217,6 @@ def nearest(name: str, names: Sequence[str]) -> str:
     return f"; nearest: {', '.join(folded[one] for one in found)}" if found else ""
 
 
-def _moved(turn: ca.SX, origin: ca.SX, placement: Transform) -> tuple[ca.SX, ca.SX]:
-    pose = np.array(placement)
-    return turn @ ca.DM(pose[:3, :3]), origin + turn @ ca.DM(pose[:3, 3])
+def frozen(matrix: FloatArray) -> Transform:
+    """Return a matrix as rows that cannot be changed."""
+    return tuple(tuple(row) for row in matrix.tolist())

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TypeAlias
 
-import casadi as ca
 import numpy as np
 
 from formulations.kinematics.chain import (
@@ -14,13 +13,13 @@ from formulations.kinematics.chain import (
     Chain,
     ChainJoint,
     Motion,
-    Transform,
     check_limits,
     check_size,
+    frozen,
     listed,
     nearest,
-    rotation,
 )
+from formulations.kinematics.link_chain import rotation
 from formulations.kinematics.tree import MOVING, RobotError, RobotTree, TreeJoint
 from nlp.arrays import FloatArray, finite_vector
 from nlp.errors import InputError
@@ -36,7 +35,7 @@ def chain_between(
     tree: RobotTree,
     tip: str,
     base: str | None = None,
-    held: Mapping[str, float] | None = None,
+    locked_at: Mapping[str, float] | None = None,
     point: Sequence[float] = (0.0, 0.0, 0.0),
 ) -> Chain:
     """Return the chain from one link to another.
@@ -50,7 +49,7 @@ def chain_between(
     base
         Link that it is relative to: one on the way from the root to the tip; by default
         the root.
-    held
+    locked_at
         Joints that have locked, by name, and where, in radians or metres.
     point
         The point of the tip's link whose velocity is taken, in its frame, in metres.
@@ -62,7 +61,7 @@ def chain_between(
     RobotError
         If a joint on the way is of an unsupported kind.
     """
-    held = held or {}
+    locked_at = locked_at or {}
     path = _path(tree, tip, base)
     offset = np.eye(4)
     offset[:3, 3] = finite_vector("point", np.asarray(point), 3)
@@ -71,21 +70,21 @@ def chain_between(
     joints = {joint.name: joint for joint in tree.joints}
     driven = {joint.name: driven_joint(joints, joint) for joint in path if joint.type in MOVING}
     known = {driver.name: driver.limit for _, driver, _, _ in driven.values()}
-    for name, value in held.items():
+    for name, value in locked_at.items():
         if name not in known:
             names = list(known)
             raise InputError(
-                "held joint", name, f"one of {listed(names)}{nearest(name, names)}"
+                "joint of locked_at", name, f"one of {listed(names)}{nearest(name, names)}"
             )
         check_limits(name, value, known[name].lower, known[name].upper)
-    moving = [one for one in driven.values() if one[1].name not in held and one[2] != 0.0]
+    moving = [one for one in driven.values() if one[1].name not in locked_at and one[2] != 0.0]
     ranged = _ranges(moving)
     immobile = {
         one.name: one.lower / 2 + one.upper / 2
         for one in ranged
         if one.upper - one.lower <= LIMIT_TOLERANCE
     }
-    fixed = {**immobile, **held}
+    fixed = {**immobile, **locked_at}
     drivers = tuple(one for one in ranged if one.name not in immobile)
     if not drivers:
         shown = f" ({listed(list(immobile))} cannot move)" if immobile else ""
@@ -104,9 +103,7 @@ def chain_between(
             check_limits(joint.name, value, joint.limit.lower, joint.limit.upper)
             pose = pose @ displacement(joint, value)
             continue
-        slides, variable = joint.type == "prismatic", variables[driver.name]
-        x, y, z = joint.axis.tolist()
-        motions.append(Motion(frozen(pose), (x, y, z), slides, variable, k, c))
+        motions.append(motion_of(joint, pose, variables[driver.name], k, c))
         pose = np.eye(4)
     return Chain(
         robot=tree.name,
@@ -115,7 +112,7 @@ def chain_between(
         joints=drivers,
         motions=tuple(motions),
         end=frozen(pose @ offset),
-        held=tuple(sorted(held.items())),
+        locked_at=tuple(sorted(locked_at.items())),
         immobile=tuple(immobile.items()),
     )
 
@@ -194,16 +191,20 @@ def _ranges(moving: Sequence[_Driven]) -> list[ChainJoint]:
     ]
 
 
+def motion_of(
+    joint: TreeJoint, before: FloatArray, variable: int, multiplier: float, offset: float
+) -> Motion:
+    """Return a joint's motion, from its pose relative to the frame moved before it, 4×4."""
+    x, y, z = joint.axis.tolist()
+    prismatic = joint.type == "prismatic"
+    return Motion(frozen(before), (x, y, z), prismatic, variable, multiplier, offset)
+
+
 def displacement(joint: TreeJoint, value: float) -> FloatArray:
     """Pose after a numeric displacement along or about the joint's axis, 4×4."""
     pose = np.eye(4)
     if joint.type == "prismatic":
         pose[:3, 3] = value * joint.axis
     else:
-        pose[:3, :3] = np.array(ca.evalf(rotation(joint.axis.tolist(), value)))
+        pose[:3, :3] = rotation(joint.axis, np.asarray(value))
     return pose
-
-
-def frozen(matrix: FloatArray) -> Transform:
-    """Return a matrix as rows that cannot be changed."""
-    return tuple(tuple(row) for row in matrix.tolist())

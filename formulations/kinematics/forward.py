@@ -1,31 +1,23 @@
-"""Forward kinematics, Jacobians and inverse kinematics of a chain in NumPy, for many q at once.
+"""Forward kinematics and Jacobians of a chain: in NumPy for many q at once, and in CasADi.
 
-Arrays have configurations last: q has shape (n, B), a Jacobian shape (rows, n, B). One NumPy
-operation then does as much work as it can, and no small matrices are factored one at a time.
+In NumPy configurations come last: q has shape (n, B), a Jacobian shape (rows, n, B). One
+operation then does as much work as it can.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
+import casadi as ca
 import numpy as np
-import numpy.typing as npt
 
-from formulations.kinematics.chain import Chain
+from formulations.kinematics.chain import Chain, Motion, Transform
 from formulations.kinematics.link_chain import HALF_TURN, rotation_vectors
 from nlp.arrays import FloatArray
 
-BoolArray = npt.NDArray[np.bool_]
-# A pose is reached if position (metres) and orientation (radians) are off by less, each entry.
-TOLERANCE = 1e-5
-# Most iterations at a sample, and the largest change of a joint in one of them.
-_ITERATIONS, _STEP = 6, 0.3
-# Damping: this times the squared error, and never less than the second.
-_DAMPING, _LEAST = 1e-2, 1e-10
-
 
 class Kinematics:
-    """Forward kinematics, Jacobian and damped least squares for many configurations.
+    """Forward kinematics and Jacobian for many configurations.
 
     Parameters
     ----------
@@ -37,12 +29,12 @@ class Kinematics:
 
     def __init__(self, chain: Chain, rows: Sequence[int] = range(6)) -> None:
         self.rows = list(rows)
-        self.orientation = max(self.rows) > 2
+        self.angular = max(self.rows) > 2
         self.size = len(chain.joints)
         self.lower, self.upper = (side[:, None] for side in chain.limits)
         ranged = np.isfinite(self.lower) & np.isfinite(self.upper)
-        self._middle = chain.mid_range[:, None]
-        self._widths = np.where(ranged, self.upper - self.lower, np.inf)
+        self.middle = chain.mid_range[:, None]
+        self.widths = np.where(ranged, self.upper - self.lower, np.inf)
         self._end = np.array(chain.end)
         self._motions = []
         for motion in chain.motions:
@@ -59,55 +51,81 @@ class Kinematics:
         largest = np.where(np.isfinite(self.upper), self.upper, np.pi)
         return np.maximum(least, -2 * np.pi), np.minimum(largest, 2 * np.pi)
 
+    def frames(self, q: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Return where the joints and the tip are.
+
+        Parameters
+        ----------
+        q
+            Shape (n, B).
+
+        Returns
+        -------
+        numpy.ndarray
+            Axes of the chain's motions, k of them, shape (k, 3, B).
+        numpy.ndarray
+            Their origins, shape (k, 3, B).
+        numpy.ndarray
+            Position of the tip, shape (3, B).
+        numpy.ndarray
+            Its orientation, shape (3, 3, B).
+        """
+        count = q.shape[1]
+        orientation = np.repeat(np.eye(3)[:, :, None], count, axis=2)
+        position = np.zeros((3, count))
+        axes, origins = np.empty((2, len(self._motions), 3, count))
+        for k, (motion, stacked, shift, direction) in enumerate(self._motions):
+            origins[k] = position = position + np.matmul(shift, orientation)
+            axes[k] = np.matmul(direction, orientation)
+            value = motion.multiplier * q[motion.variable] + motion.offset
+            parts = np.matmul(stacked, orientation)
+            if motion.prismatic:
+                position = position + value * axes[k]
+                orientation = parts[:, :3]
+            else:
+                orientation = parts[:, :3] + np.sin(value) * parts[:, 3:6]
+                orientation += (1 - np.cos(value)) * parts[:, 6:]
+        position = position + np.matmul(self._end[:3, 3], orientation)
+        return axes, origins, position, np.matmul(self._end[:3, :3].T, orientation)
+
     def forward(self, q: FloatArray, jacobian: bool = True) -> tuple[FloatArray, ...]:
         """Return position (3, B), rotation (3, 3, B) and, if asked, J of shape (rows, n, B)."""
-        count = q.shape[1]
-        turn = np.repeat(np.eye(3)[:, :, None], count, axis=2)
-        origin = np.zeros((3, count))
-        screws = []
-        for motion, stacked, shift, direction in self._motions:
-            origin = origin + np.matmul(shift, turn)
-            axis = np.matmul(direction, turn)
-            screws.append((motion, axis, origin))
-            value = motion.multiplier * q[motion.variable] + motion.offset
-            parts = np.matmul(stacked, turn)
-            if motion.translates:
-                origin = origin + value * axis
-                turn = parts[:, :3]
-            else:
-                turn = parts[:, :3] + np.sin(value) * parts[:, 3:6]
-                turn += (1 - np.cos(value)) * parts[:, 6:]
-        origin = origin + np.matmul(self._end[:3, 3], turn)
-        turn = np.matmul(self._end[:3, :3].T, turn)
+        axes, origins, position, orientation = self.frames(q)
         if not jacobian:
-            return origin, turn
-        matrix = np.zeros((6 if self.orientation else 3, self.size, count))
-        for motion, axis, start in screws:
+            return position, orientation
+        matrix = np.zeros((6 if self.angular else 3, self.size, q.shape[1]))
+        for (motion, *_), axis, origin in zip(self._motions, axes, origins, strict=True):
             column = matrix[:, motion.variable]
             scale = motion.multiplier
-            if motion.translates:
+            if motion.prismatic:
                 column[:3] += scale * axis
                 continue
-            x, y, z = origin - start
+            x, y, z = position - origin
             column[0] += scale * (axis[1] * z - axis[2] * y)
             column[1] += scale * (axis[2] * x - axis[0] * z)
             column[2] += scale * (axis[0] * y - axis[1] * x)
-            if self.orientation:
+            if self.angular:
                 column[3:] += scale * axis
-        return origin, turn, matrix[self.rows]
+        return position, orientation, matrix[self.rows]
 
     def error(
-        self, origin: FloatArray, turn: FloatArray, position: FloatArray, rotation: FloatArray
+        self,
+        origin: FloatArray,
+        orientation: FloatArray,
+        position: FloatArray,
+        rotation: FloatArray,
     ) -> FloatArray:
         """Return what is missing to a pose, shape (rows, B): metres, and a rotation vector.
 
         The pose is one for all, (3, 1) and (3, 3, 1), or one for each.
         """
         missing = position - origin
-        if not self.orientation:
+        if not self.angular:
             return np.asarray(missing[self.rows])
         # R·Rᵀ of the wanted and the present rotation; its axis times the sine of its angle.
-        product = np.einsum("ikb,jkb->ijb", np.broadcast_to(rotation, turn.shape), turn)
+        product = np.einsum(
+            "ikb,jkb->ijb", np.broadcast_to(rotation, orientation.shape), orientation
+        )
         vector = np.stack([product[2, 1], product[0, 2], product[1, 0]])
         vector -= np.stack([product[1, 2], product[2, 0], product[0, 1]])
         sine = np.sqrt(np.sum(vector**2, axis=0)) / 2
@@ -119,96 +137,73 @@ class Kinematics:
             vector[:, back] = rotation_vectors(np.moveaxis(product[..., back], 2, 0)).T
         return np.concatenate([missing, vector])[self.rows]
 
-    def reach(
-        self,
-        q: FloatArray,
-        position: FloatArray,
-        rotation: FloatArray,
-        free: BoolArray | None = None,
-        iterations: int = _ITERATIONS,
-        centre: float = 0.0,
-    ) -> tuple[FloatArray, BoolArray]:
-        """Move configurations to a pose by damped least squares, within the limits.
 
-        Parameters
-        ----------
-        q
-            Where they start, shape (n, B).
-        position, rotation
-            The pose, see `error`.
-        free
-            Joints that may move, shape (n, B) or (n, 1); all if left out.
-        iterations
-            Most iterations.
-        centre
-            How far the first step goes towards the middle of the joints' ranges along the
-            self-motion, as a share of the way.
+def tip_jacobian(chain: Chain, positions: ca.SX) -> tuple[ca.SX, ca.SX]:
+    """Jacobian of the tip's point, and the orientation of its link.
 
-        Returns
-        -------
-        numpy.ndarray
-            Configurations, shape (n, B).
-        numpy.ndarray
-            Which of them reached the pose, shape (B,).
-        """
-        q = q.copy()
-        movable = np.broadcast_to(True if free is None else free, q.shape).copy()
-        done = np.zeros(q.shape[1], dtype=bool)
-        active = np.arange(q.shape[1])
-        for iteration in range(iterations + 1):
-            position_, rotation_ = _some(position, active), _some(rotation, active)
-            origin, turn, matrix = self.forward(q[:, active])
-            missing = self.error(origin, turn, position_, rotation_)
-            near = np.max(np.abs(missing), axis=0) < TOLERANCE
-            if not (centre and iteration == 0):
-                done[active[near]] = True
-                left = ~near
-                active, matrix, missing = active[left], matrix[:, :, left], missing[:, left]
-            if not active.size or iteration == iterations:
-                break
-            matrix = matrix * movable[:, active]
-            damping = _DAMPING * np.sum(missing**2, axis=0) + _LEAST
-            if centre and iteration == 0:
-                drift = centre * (self._middle - q[:, active]) * np.isfinite(self._widths)
-                drift *= movable[:, active]
-                missing = missing - np.einsum("inb,nb->ib", matrix, drift)
-                step = drift + _least_squares(matrix, missing, damping)
-            else:
-                step = _least_squares(matrix, missing, damping)
-            step *= np.minimum(1, _STEP / np.maximum(np.max(np.abs(step), axis=0), 1e-12))
-            moved = q[:, active] + step
-            kept = np.clip(moved, self.lower, self.upper)
-            # A joint that is pushed against its limit stays there while the others go on.
-            movable[:, active] &= np.abs(moved - kept) < 1e-9
-            q[:, active] = kept
-        return q, done
+    Parameters
+    ----------
+    chain
+        The joints.
+    positions
+        Symbols of the free joints' positions, radians or metres, shape (n, 1).
+
+    Returns
+    -------
+    casadi.SX
+        Columns (v; ω) as in eq. (21), along the axes of the base, shape (6, n): metres
+        or radians per radian or metre.
+    casadi.SX
+        Rotation from the tip's axes to those of the base, shape (3, 3).
+    """
+    orientation, origin = ca.SX.eye(3), ca.SX.zeros(3)
+    screws = []
+    for motion in chain.motions:
+        orientation, start = _moved(orientation, origin, motion.placement)
+        screws.append((motion, orientation @ ca.DM(motion.axis), start))
+        orientation, origin = _displaced(orientation, start, motion, positions)
+    orientation, origin = _moved(orientation, origin, chain.end)
+    matrix = ca.SX.zeros(6, len(chain.joints))
+    for motion, axis, start in screws:
+        if motion.prismatic:
+            column = ca.vertcat(axis, ca.SX.zeros(3))
+        else:
+            column = ca.vertcat(ca.cross(axis, origin - start), axis)
+        matrix[:, motion.variable] += motion.multiplier * column
+    return matrix, orientation
 
 
-def _some(pose: FloatArray, which: npt.NDArray[np.intp]) -> FloatArray:
-    return pose if pose.shape[-1] == 1 else pose[..., which]
+def tip_pose(chain: Chain, positions: ca.SX) -> tuple[ca.SX, ca.SX]:
+    """Position (3, 1) and rotation (3, 3) of the tip, symbolically."""
+    orientation, origin = ca.SX.eye(3), ca.SX.zeros(3)
+    for motion in chain.motions:
+        orientation, origin = displaced(orientation, origin, motion, positions)
+    orientation, origin = _moved(orientation, origin, chain.end)
+    return origin, orientation
 
 
-def _least_squares(matrix: FloatArray, missing: FloatArray, damping: FloatArray) -> FloatArray:
-    """Return Jᵀ(JJᵀ + λ)⁻¹e for each of many, shape (n, B): Cholesky, entry by entry."""
-    rows = len(matrix)
-    factor: list[list[FloatArray]] = []
-    right: list[FloatArray] = []
-    for i in range(rows):
-        line: list[FloatArray] = []
-        for j in range(i + 1):
-            entry = np.einsum("nb,nb->b", matrix[i], matrix[j])
-            if i == j:
-                entry += damping
-            for k in range(j):
-                entry -= line[k] * (factor[j][k] if j < i else line[k])
-            line.append(np.sqrt(np.maximum(entry, 1e-14)) if i == j else entry / factor[j][j])
-        factor.append(line)
-        value = missing[i].copy()
-        for k in range(i):
-            value -= line[k] * right[k]
-        right.append(value / line[i])
-    for i in reversed(range(rows)):
-        for k in range(i + 1, rows):
-            right[i] = right[i] - factor[k][i] * right[k]
-        right[i] = right[i] / factor[i][i]
-    return np.asarray(np.einsum("inb,ib->nb", matrix, np.stack(right)))
+def displaced(
+    orientation: ca.SX, origin: ca.SX, motion: Motion, positions: ca.SX
+) -> tuple[ca.SX, ca.SX]:
+    """Rotation (3, 3) and origin (3, 1) of a frame after a motion, from those before it."""
+    return _displaced(*_moved(orientation, origin, motion.placement), motion, positions)
+
+
+def _displaced(
+    orientation: ca.SX, origin: ca.SX, motion: Motion, positions: ca.SX
+) -> tuple[ca.SX, ca.SX]:
+    value = motion.multiplier * positions[motion.variable] + motion.offset
+    if motion.prismatic:
+        return orientation, origin + orientation @ ca.DM(motion.axis) * value
+    return orientation @ _rotation(motion.axis, value), origin
+
+
+def _moved(orientation: ca.SX, origin: ca.SX, placement: Transform) -> tuple[ca.SX, ca.SX]:
+    pose = np.array(placement)
+    return orientation @ ca.DM(pose[:3, :3]), origin + orientation @ ca.DM(pose[:3, 3])
+
+
+def _rotation(axis: Sequence[float], angle: ca.SX) -> ca.SX:
+    """Rotation by an angle in radians about a unit vector, shape (3, 3)."""
+    cross = ca.skew(ca.DM(axis))
+    return ca.SX.eye(3) + ca.sin(angle) * cross + (1 - ca.cos(angle)) * (cross @ cross)

@@ -44,27 +44,27 @@ class LinkChain:
     def moved(self, displacements: FloatArray) -> tuple[LinkChain, FloatArray]:
         """Return the chain at q, shape (…, n), and how its last link has turned, (…, 3, 3)."""
         shape = np.broadcast_shapes(self.prismatic.shape, displacements.shape)
-        turn = np.broadcast_to(np.eye(3), (*shape[:-1], 3, 3))
+        orientation = np.broadcast_to(np.eye(3), (*shape[:-1], 3, 3))
         shift = np.zeros((*shape[:-1], 3))
         directions, points = np.empty((*shape, 3)), np.empty((*shape, 3))
         for i in range(shape[-1]):
             axis, point = self.directions[..., i, :], self.points[..., i, :]
-            slides, q = self.prismatic[..., i], displacements[..., i]
-            here, away = _turned(turn, axis), _turned(turn, point)
+            prismatic, q = self.prismatic[..., i], displacements[..., i]
+            here, away = _rotated(orientation, axis), _rotated(orientation, point)
             directions[..., i, :], points[..., i, :] = here, away + shift
-            turn = turn @ rotation(axis, np.where(slides, 0.0, q))
+            orientation = orientation @ rotation(axis, np.where(prismatic, 0.0, q))
             # A revolute joint leaves its own point where it is, a prismatic one shifts it.
-            travel = np.where(slides, q, 0.0)[..., None] * here
-            shift = points[..., i, :] - _turned(turn, point) + travel
-        tip = _turned(turn, self.end_effector) + shift
-        return LinkChain(directions, points, self.prismatic, tip), turn
+            travel = np.where(prismatic, q, 0.0)[..., None] * here
+            shift = points[..., i, :] - _rotated(orientation, point) + travel
+        tip = _rotated(orientation, self.end_effector) + shift
+        return LinkChain(directions, points, self.prismatic, tip), orientation
 
     def velocities(self) -> FloatArray:
         """Return the Jacobian (v; ω), reference point the end effector, shape (…, 6, n)."""
-        slides = self.prismatic[..., None]
+        prismatic = self.prismatic[..., None]
         lever = self.end_effector[..., None, :] - self.points
-        linear = np.where(slides, self.directions, np.cross(self.directions, lever))
-        angular = np.where(slides, 0.0, self.directions)
+        linear = np.where(prismatic, self.directions, np.cross(self.directions, lever))
+        angular = np.where(prismatic, 0.0, self.directions)
         return np.moveaxis(np.concatenate([linear, angular], axis=-1), -2, -1)
 
 
@@ -79,7 +79,7 @@ def rotation(axis: FloatArray, angle: FloatArray) -> FloatArray:
     return np.asarray(np.eye(3) + sine * cross + versine * (cross @ cross))
 
 
-def rotation_vectors(turn: FloatArray) -> FloatArray:
+def rotation_vectors(orientation: FloatArray) -> FloatArray:
     """Return the vectors (k, 3) about which rotations (k, 3, 3) turn, as long as the angle.
 
     The axis is that of R - Rᵀ, which vanishes at half a turn. Near there it is found from
@@ -87,19 +87,19 @@ def rotation_vectors(turn: FloatArray) -> FloatArray:
     """
     twice = np.stack(
         [
-            turn[:, 2, 1] - turn[:, 1, 2],
-            turn[:, 0, 2] - turn[:, 2, 0],
-            turn[:, 1, 0] - turn[:, 0, 1],
+            orientation[:, 2, 1] - orientation[:, 1, 2],
+            orientation[:, 0, 2] - orientation[:, 2, 0],
+            orientation[:, 1, 0] - orientation[:, 0, 1],
         ],
         axis=1,
     )
     sine = np.linalg.norm(twice, axis=1) / 2
-    cosine = (np.trace(turn, axis1=1, axis2=2) - 1) / 2
+    cosine = (np.trace(orientation, axis1=1, axis2=2) - 1) / 2
     angle = np.arctan2(sine, cosine)
     found = twice / 2 * (angle / np.maximum(sine, 1e-300))[:, None]
     back = np.flatnonzero((sine < HALF_TURN) & (cosine < 0))
     if back.size:
-        some = turn[back]
+        some = orientation[back]
         square = (some + np.swapaxes(some, 1, 2)) / 2
         square -= cosine[back, None, None] * np.eye(3)
         largest = np.argmax(np.einsum("kii->ki", square), axis=1)
@@ -110,5 +110,5 @@ def rotation_vectors(turn: FloatArray) -> FloatArray:
     return np.asarray(found)
 
 
-def _turned(turn: FloatArray, vector: FloatArray) -> FloatArray:
-    return np.asarray((turn @ vector[..., None])[..., 0])
+def _rotated(orientation: FloatArray, vector: FloatArray) -> FloatArray:
+    return np.asarray((orientation @ vector[..., None])[..., 0])

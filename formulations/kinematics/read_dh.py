@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from formulations.kinematics.tree import Limit, RobotTree, TreeJoint, joint_between
+from formulations.kinematics.tree import Limit, RobotTree, TreeJoint
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
 from nlp.files import real_in
@@ -69,10 +69,10 @@ def dh_tree(content: bytes, name: str = "robot") -> RobotTree:
         if kind != "fixed":
             child = f"link_{len(joints) + 1}"
             title = title or f"joint_{len(joints) + 1}"
-            joints.append(joint_between(parent, child, title, kind, carried, limit=limit))
+            joints.append(TreeJoint(parent, child, title, kind, carried, limit=limit))
             parent, carried = child, _IDENTITY
         carried = carried @ after
-    joints.append(joint_between(parent, "tip", "fixed tip", "fixed", carried))
+    joints.append(TreeJoint(parent, "tip", "fixed tip", "fixed", carried))
     links = ("base", *(joint.child for joint in joints))
     return RobotTree(stated.get("name") or name, links, tuple(joints))
 

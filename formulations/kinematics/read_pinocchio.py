@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from formulations.kinematics.tree import Limit, Mimic, RobotTree, joint_between
+from formulations.kinematics.tree import Limit, Mimic, RobotTree, TreeJoint
 from nlp.arrays import FloatArray
 
 
@@ -44,10 +44,10 @@ def pinocchio_tree(model: Any) -> RobotTree:
             limit = Limit(lower, upper, float(model.velocityLimit[joint.idx_v]))
         ends = links[model.parents[k]], links[k]
         origin = model.jointPlacements[k].homogeneous
-        joints.append(joint_between(*ends, title, kind, origin, axis, limit, mimic))
+        joints.append(TreeJoint(*ends, title, kind, origin, axis, limit, mimic))
     others = [one for one in frames if one[0] not in named]
     joints += [
-        joint_between(links[joint], title, f"fixed {title}", "fixed", pose)
+        TreeJoint(links[joint], title, f"fixed {title}", "fixed", pose)
         for title, joint, pose in others
     ]
     names = (*links, *(title for title, _, _ in others))

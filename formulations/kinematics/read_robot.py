@@ -4,7 +4,7 @@
 source                    what it must be
 ========================  ================================================================
 path that ends in .csv    a Denavit–Hartenberg table, see `read_dh`
-any other path            XML: ``<robot>`` is URDF, ``<mujoco>`` is MJCF, see `read_mjcf`
+any other path            XML: ``<robot>`` is URDF, ``<mujoco>`` is MJCF, see `read_mujoco`
 yourdfpy.URDF             as it was loaded
 pinocchio.Model           see `read_pinocchio`
 mujoco.MjModel            see `read_mujoco`
@@ -18,10 +18,10 @@ from pathlib import Path
 from typing import Any
 
 from formulations.kinematics.read_dh import dh_tree
-from formulations.kinematics.read_mjcf import mjcf_tree
-from formulations.kinematics.read_mujoco import mujoco_tree
+from formulations.kinematics.read_mujoco import mjcf_tree, mujoco_tree
 from formulations.kinematics.read_pinocchio import pinocchio_tree
-from formulations.kinematics.read_urdf import from_file, urdf_tree, xml_root, yourdfpy_tree
+from formulations.kinematics.read_urdf import urdf_tree, yourdfpy_tree
+from formulations.kinematics.read_xml import from_file, xml_root
 from formulations.kinematics.tree import RobotTree
 from nlp.errors import InputError
 
@@ -55,8 +55,9 @@ def read_robot(source: object) -> RobotTree:
         return source
     if isinstance(source, str | os.PathLike):
         path = Path(source)
-        table = path.suffix.lower() == ".csv"
-        return from_file(path, (lambda text: dh_tree(text, path.stem)) if table else _xml_tree)
+        if path.suffix.lower() == ".csv":
+            return from_file(path, lambda text: dh_tree(text, path.stem))
+        return from_file(path, lambda text: _xml_tree(text, path.parent))
     origins = {kind.__module__.partition(".")[0] for kind in type(source).__mro__}
     model: Any = source
     if "yourdfpy" in origins and hasattr(model, "robot"):
@@ -70,10 +71,10 @@ def read_robot(source: object) -> RobotTree:
     raise InputError("robot", f"of type {type(source).__name__}", _SOURCES)
 
 
-def _xml_tree(content: bytes) -> RobotTree:
+def _xml_tree(content: bytes, folder: Path) -> RobotTree:
     root = xml_root(content)
     if root.tag == "robot":
         return urdf_tree(root)
     if root.tag == "mujoco":
-        return mjcf_tree(root)
+        return mjcf_tree(root, folder)
     raise InputError("root element", f"<{root.tag}>", "<robot> (URDF) or <mujoco> (MJCF)")

@@ -1,54 +1,46 @@
-"""Read a URDF file with yourdfpy.
+"""Read a URDF file: the kinematics alone, each number checked as it is read.
 
-What does not bear on kinematics (meshes, inertias, transmissions, simulator tags) is removed
-before yourdfpy parses the file, so that it can be neither missing nor wrong. Numbers are
-checked before, so that an error names the joint and the attribute.
+Pinocchio's reader is not used. It refuses files that can be read (mimic joints before the
+joint that they follow, as in Talos and Romeo; limits without an effort), accepts axes of length
+0 and cycles beside the tree, says on standard error only what is wrong, and is not there on
+Windows. The kinematics are so small a part of URDF that no library is needed.
+
+What does not bear on kinematics (meshes, inertias, transmissions, simulator tags) is not looked
+at, so that it can be neither missing nor wrong.
 """
 
 from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable
-from contextlib import suppress
-from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING
+from xml.etree.ElementTree import Element
 
 import numpy as np
 
 from formulations.kinematics.chain import LARGEST
+from formulations.kinematics.read_xml import (
+    attribute,
+    from_file,
+    numbers,
+    refuse_xacro,
+    xml_root,
+)
 from formulations.kinematics.tree import (
     MOVING,
     Limit,
     Mimic,
     RobotTree,
     TreeJoint,
-    joint_between,
 )
-from nlp.errors import FileError, InputError, MissingLibraryError
-from nlp.files import read_bytes, real_in
+from nlp.arrays import FloatArray
+from nlp.errors import InputError
 
 if TYPE_CHECKING:
-    from lxml.etree import _Element
     from yourdfpy import Robot as UrdfRobot
-    from yourdfpy import TreeJoint as UrdfJoint
 
-KINDS = (*MOVING, "fixed", "floating", "planar")
-_XACRO = "plain URDF (run xacro on the file first)"
-_KINEMATIC = ("parent", "child", "origin", "axis", "limit", "mimic")
-# How many numbers each attribute has.
-_NUMBERS = {
-    **{("origin", "xyz"): 3, ("origin", "rpy"): 3, ("axis", "xyz"): 3},
-    **{("limit", "lower"): 1, ("limit", "upper"): 1, ("limit", "velocity"): 1},
-    **{("mimic", "multiplier"): 1, ("mimic", "offset"): 1},
-}
-_REQUIRED = (("parent", "link"), ("child", "link"), ("mimic", "joint"))
-_NAMES = {attribute for _, attribute in _REQUIRED}
-# Limits may be of any size, and infinite.
-_LARGEST = {"limit": math.inf}
-# In bytes; 150 000 links take 30 MB, and robots that exist less than 1 MB.
-LARGEST_FILE = 50_000_000
+_KINDS = (*MOVING, "fixed", "floating", "planar")
 
 
 def read_urdf(path: str | os.PathLike[str]) -> RobotTree:
@@ -69,22 +61,8 @@ def read_urdf(path: str | os.PathLike[str]) -> RobotTree:
     ------
     FileError
         If the file cannot be read, is no URDF, is malformed or does not describe one tree.
-    InputError
-        If the library that reads URDF is not installed.
     """
     return from_file(Path(path), parse_urdf)
-
-
-def from_file(path: Path, parse: Callable[[bytes], RobotTree]) -> RobotTree:
-    """Return what is parsed from a file's content; FileError, which names the file, if none."""
-    content = read_bytes(path, most=LARGEST_FILE)
-    try:
-        return parse(content)
-    except MissingLibraryError:
-        raise
-    except InputError as error:
-        where = f"{path}: {error.argument}"
-        raise FileError(where, error.value, error.allowed) from None
 
 
 def parse_urdf(content: bytes) -> RobotTree:
@@ -95,150 +73,92 @@ def parse_urdf(content: bytes) -> RobotTree:
     return urdf_tree(root)
 
 
-def is_urdf(content: bytes) -> bool:
-    """Whether the text of a file is URDF by its root element."""
-    try:
-        return bool(xml_root(content).tag == "robot")
-    except MissingLibraryError:
-        raise
-    except InputError:
-        return False
-
-
-def urdf_tree(root: _Element) -> RobotTree:
+def urdf_tree(root: Element) -> RobotTree:
     """Read a robot from the root element of a URDF; InputError if it is wrong."""
-    if any("xacro" in str(element.tag) for element in root.iter()):
-        raise InputError("content", "xacro", _XACRO)
-    reduced = _kinematic_part(root)
-    try:
-        import yourdfpy
-        from lxml import etree
-    except ModuleNotFoundError:
-        raise MissingLibraryError("yourdfpy", "robots") from None
-    content = BytesIO(etree.tostring(reduced))
-    return yourdfpy_tree(
-        yourdfpy.URDF.load(content, build_scene_graph=False, load_meshes=False).robot
-    )
+    refuse_xacro(root)
+    links = tuple(attribute(link, "name", "a link") for link in root.findall("link"))
+    joints = tuple(_joint(joint) for joint in root.findall("joint"))
+    return RobotTree(root.get("name", "robot"), links, joints)
 
 
 def yourdfpy_tree(robot: UrdfRobot) -> RobotTree:
     """Return the robot of a model of yourdfpy; InputError if it is wrong."""
-    links = tuple(link.name for link in robot.links)
-    return RobotTree(robot.name, links, tuple(_joint(joint) for joint in robot.joints))
-
-
-def _joint(joint: UrdfJoint) -> TreeJoint:
-    mimic = joint.mimic
-    if mimic is not None:
-        factor = 1.0 if mimic.multiplier is None else float(mimic.multiplier)
-        mimic = Mimic(mimic.joint, factor, float(mimic.offset or 0.0))
-    return joint_between(
-        *(joint.parent, joint.child, joint.name, joint.type),
-        np.eye(4) if joint.origin is None else joint.origin,
-        (1.0, 0.0, 0.0) if joint.axis is None else joint.axis,
-        _limit(joint),
-        mimic,
-    )
-
-
-def xml_root(content: bytes) -> _Element:
-    """Return the root of the XML; InputError if it is none, or declares entities.
-
-    Undeclared name spaces, which simulators' tags have, are no error.
-    """
-    try:
-        from lxml import etree
-    except ModuleNotFoundError:
-        raise MissingLibraryError("lxml", "robots", "yourdfpy") from None
-
-    if content.startswith(b"\x1f\x8b"):
-        raise InputError(
-            "content", "compressed with gzip", "plain URDF (unpack the file first)"
+    joints = []
+    for joint in robot.joints:
+        limit, mimic = joint.limit, joint.mimic
+        if mimic is not None:
+            factor = 1.0 if mimic.multiplier is None else float(mimic.multiplier)
+            mimic = Mimic(mimic.joint, factor, float(mimic.offset or 0.0))
+        if limit is not None:
+            given = (limit.lower, limit.upper, limit.velocity)
+            limit = Limit(*(float(number or 0.0) for number in given))
+        joints.append(
+            TreeJoint(
+                *(joint.parent, joint.child, joint.name, joint.type),
+                np.eye(4) if joint.origin is None else joint.origin,
+                np.eye(3)[0] if joint.axis is None else joint.axis,
+                _limit(joint.type, limit, mimic),
+                mimic,
+            )
         )
-    # Entities are not resolved, and no other file or address is read.
-    parser = etree.XMLParser(recover=True, resolve_entities=False, no_network=True)
-    root = None
-    # Where nothing can be recovered, lxml raises; its log has the fault all the same.
-    with suppress(etree.XMLSyntaxError):
-        root = etree.fromstring(content, parser) if content.strip() else None
-    faults = [e for e in parser.error_log if e.type_name != "NS_ERR_UNDEFINED_NAMESPACE"]
-    if root is None or faults:
-        why = f" ({faults[0].message.strip()}, line {faults[0].line})" if faults else ""
-        raise InputError("content", "not XML", f"well-formed XML{why}")
-    declared = root.getroottree().docinfo.internalDTD
-    if declared is not None and declared.entities():
-        raise InputError("content", "XML with <!ENTITY>", "URDF without entities")
-    return root
+    return RobotTree(robot.name, tuple(link.name for link in robot.links), tuple(joints))
 
 
-def _kinematic_part(root: _Element) -> _Element:
-    """Leave of the robot what bears on kinematics; check that all required parts exist."""
-    name = root.get("name", "robot")
-    root.attrib.clear()
-    root.set("name", name)
-    for element in list(root):
-        if element.tag == "link":
-            link = _attribute(element, "name", "a link")
-            element.clear()
-            element.set("name", link)
-        elif element.tag == "joint":
-            _keep_kinematics(element)
-        else:
-            root.remove(element)
-    return root
+def pose_of(element: Element, where: str) -> FloatArray:
+    """Return the pose that the ``<origin>`` of an element states, 4×4; InputError if wrong."""
+    origin = element.find("origin")
+    place = f"<origin> of {where}"
+    pose = np.eye(4)
+    pose[:3, 3] = numbers(origin, "xyz", "0 0 0", place, LARGEST)
+    roll, pitch, yaw = numbers(origin, "rpy", "0 0 0", place, LARGEST)
+    (sr, sp, sy), (cr, cp, cy) = np.sin([roll, pitch, yaw]), np.cos([roll, pitch, yaw])
+    pose[:3, :3] = [
+        [cp * cy, sp * (cy * sr) - cr * sy, sp * (cr * cy) + sr * sy],
+        [cp * sy, sp * (sr * sy) + cr * cy, sp * (cr * sy) - cy * sr],
+        [-sp, cp * sr, cp * cr],
+    ]
+    return pose + 0.0  # no -0
 
 
-def _keep_kinematics(joint: _Element) -> None:
-    name = _attribute(joint, "name", "a joint")
-    kind = _attribute(joint, "type", f"joint {name}")
-    if kind not in KINDS:
-        raise InputError(f"type of joint {name}", kind, "one of " + ", ".join(KINDS))
-    parts: dict[str, _Element] = {}
-    for part in list(joint):
-        # Where a part is there several times, the first counts.
-        if part.tag in _KINEMATIC and part.tag not in parts:
-            parts[part.tag] = part
-        else:
-            joint.remove(part)
-    for tag, attribute in _REQUIRED:
-        if tag in parts:
-            _attribute(parts[tag], attribute, f"<{tag}> of joint {name}")
-        elif tag != "mimic":
-            raise InputError(f"joint {name}", f"without <{tag}>", "a parent and a child")
-    for tag, part in parts.items():
-        for attribute, text in part.items():
-            count = _NUMBERS.get((tag, attribute), 0)
-            if count:
-                where = f"{attribute} of <{tag}> of joint {name}"
-                check_numbers(where, text, count, _LARGEST.get(tag, LARGEST))
-            elif attribute not in _NAMES:
-                del part.attrib[attribute]
+def _joint(joint: Element) -> TreeJoint:
+    name = attribute(joint, "name", "a joint")
+    where = f"joint {name}"
+    kind = attribute(joint, "type", where)
+    if kind not in _KINDS:
+        raise InputError(f"type of {where}", kind, "one of " + ", ".join(_KINDS))
+    parent, child = (_end(joint, tag, where) for tag in ("parent", "child"))
+    axis = np.array(numbers(joint.find("axis"), "xyz", "1 0 0", f"<axis> of {where}", LARGEST))
+    element, mimic = joint.find("mimic"), None
+    if element is not None:
+        place = f"<mimic> of {where}"
+        driver = attribute(element, "joint", place)
+        ((factor,), (offset,)) = (
+            numbers(element, key, default, place, LARGEST)
+            for key, default in (("multiplier", "1"), ("offset", "0"))
+        )
+        mimic = Mimic(driver, factor, offset)
+    element, limit = joint.find("limit"), None
+    if element is not None:
+        # By the URDF specification a limit that is left out is zero.
+        keys, place = ("lower", "upper", "velocity"), f"<limit> of {where}"
+        limit = Limit(*(numbers(element, key, "0", place, math.inf)[0] for key in keys))
+    origin = pose_of(joint, where)
+    limits = _limit(kind, limit, mimic)
+    return TreeJoint(parent, child, name, kind, origin, axis, limits, mimic)
 
 
-def check_numbers(where: str, text: str, count: int, largest: float) -> None:
-    """Raise InputError unless a text has so many numbers, none of them NaN or too large."""
-    try:
-        numbers = [real_in(part) for part in text.split()]
-    except ValueError:
-        numbers = []
-    if len(numbers) != count or not all(abs(number) <= largest for number in numbers):
-        size = f", of size at most {largest:g}" if largest < math.inf else ""
-        allowed = f"{'one number' if count == 1 else 'three numbers'}{size}"
-        raise InputError(where, text, _XACRO if "${" in text or "$(" in text else allowed)
+def _end(joint: Element, tag: str, where: str) -> str:
+    end = joint.find(tag)
+    if end is None:
+        raise InputError(where, f"without <{tag}>", "a parent and a child")
+    return attribute(end, "link", f"<{tag}> of {where}")
 
 
-def _attribute(element: _Element, name: str, what: str) -> str:
-    value = element.get(name)
-    if not value:
-        raise InputError(what, f"without the attribute '{name}'", f"{what} with a {name}")
-    return str(value)
-
-
-def _limit(joint: UrdfJoint) -> Limit:
-    limit = joint.limit
-    speed = float((limit.velocity if limit else None) or 0.0)
-    if joint.type not in ("revolute", "prismatic") or (limit is None and joint.mimic):
-        return Limit(velocity=speed)
-    # By the URDF specification a limit that is left out is zero.
-    lower, upper = (limit.lower, limit.upper) if limit else (None, None)
-    return Limit(float(lower or 0.0), float(upper or 0.0), speed)
+def _limit(kind: str, limit: Limit | None, mimic: Mimic | None) -> Limit:
+    """Return the limits that a joint has, from those that its file states."""
+    if limit is None:
+        bounded = kind in ("revolute", "prismatic") and mimic is None
+        return Limit(0.0, 0.0) if bounded else Limit()
+    if kind not in ("revolute", "prismatic"):
+        return Limit(velocity=limit.velocity)
+    return limit

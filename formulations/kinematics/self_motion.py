@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from formulations.kinematics.inverse import damped_least_squares
 from formulations.kinematics.link_chain import BoolArray, IntArray, LinkChain, rotation_vectors
 from nlp.arrays import FloatArray
 
@@ -22,8 +23,6 @@ STEP = 0.15
 STEPS = 170
 #: Steps of Newton's method from a start, and the residual that counts as reached.
 NEWTON, REACHED = 40, 1e-6
-# A Newton step moves no joint by more than this.
-_LONGEST = 0.5
 # On a curve, the residual after a tangent is of second order; above this the curve is lost.
 _LOST = 0.5
 _DAMPING = 1e-12
@@ -44,14 +43,14 @@ class SelfMotionPoses:
         Rows of (v; ω) that are held.
     tip
         Where the tool is held, shape (k, 3).
-    turn
+    orientation
         How the tool is turned from q = 0, shape (k, 3, 3).
     """
 
     chain: LinkChain
     rows: list[int]
     tip: FloatArray
-    turn: FloatArray
+    orientation: FloatArray
 
     def __len__(self) -> int:
         return len(self.tip)
@@ -65,17 +64,17 @@ class SelfMotionPoses:
                 chain.prismatic[which],
                 chain.end_effector,
             )
-        return SelfMotionPoses(chain, self.rows, self.tip[which], self.turn[which])
+        return SelfMotionPoses(chain, self.rows, self.tip[which], self.orientation[which])
 
     def residual(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return what is missing to the poses, (k, m), and the Jacobians there, (k, m, n)."""
-        moved, turn = self.chain.moved(q)
-        across = self.turn @ np.swapaxes(turn, -1, -2)
+        moved, orientation = self.chain.moved(q)
+        across = self.orientation @ np.swapaxes(orientation, -1, -2)
         missing = np.concatenate([self.tip - moved.end_effector, rotation_vectors(across)], 1)
         return missing[:, self.rows], moved.velocities()[:, self.rows]
 
 
-def solve(
+def solve_pose(
     poses: SelfMotionPoses,
     start: FloatArray,
     lower: FloatArray,
@@ -84,40 +83,22 @@ def solve(
 ) -> tuple[FloatArray, BoolArray]:
     """Return configurations (k, n) of the poses near a start, and which ones were found.
 
-    Damped least squares within limits.
-
-    Parameters
-    ----------
-    poses
-        What is to be reached.
-    start
-        Shape (k, n).
-    lower, upper
-        Limits, shape (n,) or (k, n); infinite where there are none.
-    steps
-        At most so many.
+    See `damped_least_squares`.
     """
-    q, found = np.clip(start, lower, upper), np.zeros(len(poses), dtype=bool)
-    lower, upper = np.broadcast_to(lower, q.shape), np.broadcast_to(upper, q.shape)
-    left = np.arange(len(poses))
-    for _ in range(steps):
-        missing, matrix = poses[left].residual(q[left])
-        size = np.sum(missing**2, axis=1)
-        found[left] = size < REACHED**2
-        away = ~found[left]
-        left, missing, matrix, size = left[away], missing[away], matrix[away], size[away]
-        if not len(left):
-            break
-        free = upper[left] > lower[left]
-        matrix = matrix * free[:, None, :]
-        square = matrix @ np.swapaxes(matrix, 1, 2)
-        rows = np.arange(square.shape[1])
-        square[:, rows, rows] += (_DAMPING + 0.01 * np.minimum(size, 1.0))[:, None]
-        pushed = np.linalg.solve(square, missing[:, :, None])
-        move = (np.swapaxes(matrix, 1, 2) @ pushed)[:, :, 0]
-        moved = q[left] + np.clip(move, -_LONGEST, _LONGEST)
-        q[left] = np.clip(moved, lower[left], upper[left])
-    return q, found
+
+    def residual(which: IntArray, q: FloatArray) -> tuple[FloatArray, FloatArray]:
+        missing, matrix = poses[which].residual(q.T)
+        return missing.T, np.moveaxis(matrix, 0, -1)
+
+    lower, upper = (np.broadcast_to(side, start.shape).T for side in (lower, upper))
+    q, found = damped_least_squares(
+        *(residual, start.T, lower, upper),
+        reached=REACHED,
+        damping=_DAMPING,
+        steps=steps,
+        largest=1.0,
+    )
+    return q.T, found
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,7 +135,7 @@ def arcs(
     Parameters
     ----------
     poses, start, lower, upper
-        See `solve`; the start has been solved for.
+        See `damped_least_squares`; the start has been solved for.
     step, steps
         Length of a tangent, and how many at most in each direction.
     enough
@@ -163,7 +144,7 @@ def arcs(
     count, n = start.shape
     points = np.full((count, 2 * steps + 1, n), np.nan)
     points[:, steps] = start
-    slides = poses.chain.prismatic[0]
+    prismatic = poses.chain.prismatic[0]
     first = np.linalg.svd(poses.residual(start)[1])[2][:, -1]
     least, most = start.copy(), start.copy()
     unfinished = np.ones(count, dtype=bool)
@@ -188,7 +169,7 @@ def arcs(
             here, left, tangent = here[kept], left[kept], moves[kept, :, 1]
             points[left, steps + sign * k] = here
             # The start again, perhaps some turns away.
-            turns = np.round((here - start[left]) / _TURN) * ~slides
+            turns = np.round((here - start[left]) / _TURN) * ~prismatic
             image = start[left] + _TURN * turns
             closed = (k > 2) & (np.linalg.norm(here - image, axis=1) < 0.8 * step)
             last = np.where(closed[:, None], image, here)
@@ -196,7 +177,7 @@ def arcs(
             most[left] = np.maximum(np.maximum(most[left], here), last)
             over = closed  # the other direction has nothing to add
             if enough < np.inf:
-                over = over | covered(least[left], most[left], enough, slides)
+                over = over | covered(least[left], most[left], enough, prismatic)
             unfinished[left[over]] = False
             ended = over | at_limit
             here, left, tangent = here[~ended], left[~ended], tangent[~ended]
@@ -205,15 +186,17 @@ def arcs(
     return Arcs(points, least, most)
 
 
-def covered(least: FloatArray, most: FloatArray, half: float, slides: BoolArray) -> BoolArray:
+def covered(
+    least: FloatArray, most: FloatArray, half: float, prismatic: BoolArray
+) -> BoolArray:
     """Whether every joint sweeps all values from −half to half, shape (k,).
 
     Angles count up to full turns.
     """
     shift = _TURN * np.ceil((least + half) / _TURN)
     turned = (half + shift <= most) | (most - least >= _TURN)
-    slid = (least <= -half) & (most >= half)
-    return np.asarray(np.all(np.where(slides, slid, turned), axis=1))
+    travelled = (least <= -half) & (most >= half)
+    return np.asarray(np.all(np.where(prismatic, travelled, turned), axis=1))
 
 
 def kept(chain: LinkChain, rows: list[int], offsets: FloatArray, half: float) -> BoolArray:
@@ -221,7 +204,7 @@ def kept(chain: LinkChain, rows: list[int], offsets: FloatArray, half: float) ->
 
     A position is kept if the arm reaches it with every joint within ±half of q = 0, and the
     self-motion curve through that configuration takes every joint over all of ±half, with no
-    other limits. Rows that turn the tool are held as at q = 0. Other curves of the same pose
+    other limits. Rows that rotate the tool are held as at q = 0. Other curves of the same pose
     are not looked at: what is kept may be more.
 
     Parameters
@@ -244,9 +227,9 @@ def kept(chain: LinkChain, rows: list[int], offsets: FloatArray, half: float) ->
         own = LinkChain(
             chain.directions[arm], chain.points[arm], chain.prismatic[arm], chain.end_effector
         )
-        turn = np.broadcast_to(np.eye(3), (len(arm), 3, 3))
-        poses = SelfMotionPoses(own, rows, chain.end_effector + offsets[point], turn)
-        q, reached = solve(poses, np.zeros((len(arm), n)), -limits, limits)
+        orientation = np.broadcast_to(np.eye(3), (len(arm), 3, 3))
+        poses = SelfMotionPoses(own, rows, chain.end_effector + offsets[point], orientation)
+        q, reached = solve_pose(poses, np.zeros((len(arm), n)), -limits, limits)
         if not reached.any():
             continue
         curves = arcs(poses[reached], q[reached], -none, none, enough=half)

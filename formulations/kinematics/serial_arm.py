@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 import numpy.typing as npt
 
-from formulations.kinematics.chain import Chain
-from formulations.kinematics.link_chain import LinkChain as Axes
+from formulations.kinematics.chain import Chain, ChainJoint, Motion, frozen
+from formulations.kinematics.forward import Kinematics
+from formulations.kinematics.inverse import IntArray, damped_least_squares
+from formulations.kinematics.link_chain import LinkChain
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
 
@@ -18,6 +20,7 @@ Bits = npt.NDArray[np.bool_]
 #: Lower and upper limit of each joint, in radians or metres.
 Ranges = tuple[tuple[float, float], ...]
 _TURN = 2 * np.pi
+_Z = (0.0, 0.0, 1.0)
 # Links and distances from an axis below this are none, in metres.
 _TINY = 1e-6
 # Inverse kinematics: random starts, steps of each, and what counts as reached, as a share of
@@ -39,7 +42,7 @@ class Step:
     upper: float
 
     @property
-    def endless(self) -> bool:
+    def continuous(self) -> bool:
         """Whether it can make a full turn, so that its angles have no ends."""
         return not self.prismatic and self.upper - self.lower >= _TURN - 1e-9
 
@@ -54,13 +57,13 @@ class SerialArm:
         The joints.
     tip
         Its point, shape (3,).
-    tip_turn
+    tip_orientation
         Its orientation, shape (3, 3).
     """
 
     steps: tuple[Step, ...]
     tip: FloatArray
-    tip_turn: FloatArray = field(default_factory=lambda: np.eye(3))
+    tip_orientation: FloatArray = field(default_factory=lambda: np.eye(3))
 
     @classmethod
     def from_chain(cls, chain: Chain) -> SerialArm:
@@ -80,11 +83,11 @@ class SerialArm:
             if motion.multiplier != 1 or motion.offset != 0:
                 allowed = "a joint that follows no other one"
                 raise InputError(f"joint {joint.name}", "a mimic joint", allowed)
-            turn = _to_axis(np.array(motion.axis))
+            orientation = _to_axis(np.array(motion.axis))
             low, high = _physical(joint.name, joint.prismatic, joint.lower, joint.upper)
-            placement = before @ np.array(motion.placement) @ turn
-            steps.append(Step(joint.name, placement, motion.translates, low, high))
-            before = turn.T
+            placement = before @ np.array(motion.placement) @ orientation
+            steps.append(Step(joint.name, placement, motion.prismatic, low, high))
+            before = orientation.T
         end = before @ np.array(chain.end)
         return cls(tuple(steps), end[:3, 3], end[:3, :3])
 
@@ -138,63 +141,37 @@ class SerialArm:
             placement = step.placement.copy()
             placement[:3, 3] *= factor
             steps.append(replace(step, placement=placement))
-        return SerialArm(tuple(steps), self.tip * factors[-1], self.tip_turn)
+        return SerialArm(tuple(steps), self.tip * factors[-1], self.tip_orientation)
 
-    def frames(self, q: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return axes and origins of the joints, and the tip, in the frame of joint 1.
-
-        Parameters
-        ----------
-        q
-            Shape (k, n).
-
-        Returns
-        -------
-        numpy.ndarray
-            Axes, shape (n, k, 3).
-        numpy.ndarray
-            Origins, shape (n, k, 3).
-        numpy.ndarray
-            Tip, shape (k, 3).
-        """
-        count, n = q.shape
-        turn, origin = np.tile(np.eye(3), (count, 1, 1)), np.zeros((count, 3))
-        axes, origins = np.empty((n, count, 3)), np.empty((n, count, 3))
+    @cached_property
+    def kinematics(self) -> Kinematics:
+        """Of the tip's position in the frame of joint 1."""
+        motions, joints = [], []
         for k, step in enumerate(self.steps):
-            if k:
-                origin = origin + turn @ step.placement[:3, 3]
-                turn = turn @ step.placement[:3, :3]
-            axes[k], origins[k] = turn[:, :, 2], origin
-            if step.prismatic:
-                origin = origin + q[:, k, None] * axes[k]
-                continue
-            cos, sin = np.cos(q[:, k])[:, None], np.sin(q[:, k])[:, None]
-            x, y = turn[:, :, 0], turn[:, :, 1]
-            turn = np.stack([x * cos + y * sin, y * cos - x * sin, axes[k]], axis=2)
-        return axes, origins, origin + turn @ self.tip
+            placement = step.placement if k else np.eye(4)
+            motions.append(Motion(frozen(placement), _Z, step.prismatic, k, 1.0, 0.0))
+            joints.append(ChainJoint(step.name, step.prismatic, step.lower, step.upper))
+        end = np.eye(4)
+        end[:3, :3], end[:3, 3] = self.tip_orientation, self.tip
+        chain = Chain("arm", "base", "tip", tuple(joints), tuple(motions), frozen(end))
+        return Kinematics(chain, range(3))
 
     @cached_property
-    def turn(self) -> FloatArray:
+    def orientation(self) -> FloatArray:
         """Orientation of the tip at q = 0 in the frame of joint 1, shape (3, 3)."""
-        turn = np.eye(3)
-        for step in self.steps[1:]:
-            turn = turn @ step.placement[:3, :3]
-        return np.asarray(turn @ self.tip_turn)
+        return self.kinematics.frames(np.zeros((len(self.steps), 1)))[3][..., 0]
 
     @cached_property
-    def at_zero(self) -> Axes:
+    def at_zero(self) -> LinkChain:
         """The arm at q = 0 in the frame of joint 1, one in front."""
-        axes, origins, tip = self.frames(np.zeros((1, len(self.steps))))
-        slides = np.array([[one.prismatic for one in self.steps]])
-        return Axes(axes.transpose(1, 0, 2), origins.transpose(1, 0, 2), slides, tip[0])
+        axes, origins, tip, _ = self.kinematics.frames(np.zeros((len(self.steps), 1)))
+        prismatic = np.array([[step.prismatic for step in self.steps]])
+        return LinkChain(axes[None, ..., 0], origins[None, ..., 0], prismatic, tip[:, 0])
 
     def positions(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return tips (k, 3) in the frame of joint 1, and Jacobians (k, 3, n), for q (k, n)."""
-        axes, origins, tip = self.frames(q)
-        columns = np.cross(axes, tip - origins)
-        sliding = [one.prismatic for one in self.steps]
-        columns[sliding] = axes[sliding]
-        return tip, columns.transpose(1, 2, 0)
+        tip, _, matrix = self.kinematics.forward(np.ascontiguousarray(q.T))
+        return tip.T, np.ascontiguousarray(np.moveaxis(matrix, -1, 0))
 
     def reaches(
         self, points: FloatArray, lower: FloatArray, upper: FloatArray, seed: int = 0
@@ -215,43 +192,32 @@ class SerialArm:
         """
         rng = np.random.default_rng(seed)
         size = float(np.sum(self.links))
-        turning = np.array([one.endless for one in self.steps])
+        continuous = np.array([one.continuous for one in self.steps])
         left = np.arange(len(points))
         for _ in range(_RESTARTS):
             if not len(left):
                 break
-            low, high, target = lower[left], upper[left], points[left]
+            low, high, target = lower[left], upper[left], points[left].T
             q = rng.uniform(low, high)
-            full = turning & (high - low >= _TURN - 1e-9)  # has no ends to stop at
+            full = continuous & (high - low >= _TURN - 1e-9)  # has no ends to stop at
             low, high = np.where(full, -np.inf, low), np.where(full, np.inf, high)
-            found = self._nearest(q, low, high, target, size)
+            _, found = damped_least_squares(
+                partial(self._missing, target),
+                *(q.T, low.T, high.T),
+                reached=_REACHED * size,
+                damping=1e-6 * size**2,
+                steps=_STEPS,
+            )
             left = left[~found]
         reached = np.ones(len(points), dtype=bool)
         reached[left] = False
         return reached
 
-    def _nearest(
-        self, q: FloatArray, low: FloatArray, high: FloatArray, target: FloatArray, size: float
-    ) -> Bits:
-        """Return which targets damped least squares reaches from q."""
-        reached = np.zeros(len(q), dtype=bool)
-        left = np.arange(len(q))
-        for _ in range(_STEPS):
-            tip, matrix = self.positions(q[left])
-            error = target[left] - tip
-            far = np.linalg.norm(error, axis=1) > _REACHED * size
-            reached[left[~far]] = True
-            left, error, matrix = left[far], error[far], matrix[far]
-            if not len(left):
-                break
-            matrix = matrix * (high[left] > low[left])[:, None, :]
-            square = matrix @ matrix.transpose(0, 2, 1)
-            damping = 1e-6 * size**2 + 0.01 * np.sum(error**2, axis=1)
-            square[:, range(3), range(3)] += damping[:, None]
-            pushed = np.linalg.solve(square, error[:, :, None])
-            step = np.clip((matrix.transpose(0, 2, 1) @ pushed)[:, :, 0], -0.5, 0.5)
-            q[left] = np.clip(q[left] + step, low[left], high[left])
-        return reached
+    def _missing(
+        self, targets: FloatArray, which: IntArray, q: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        tip, _, matrix = self.kinematics.forward(q)
+        return targets[:, which] - tip, matrix
 
 
 def _physical(name: str, prismatic: bool, low: float, high: float) -> tuple[float, float]:
@@ -267,9 +233,9 @@ def _to_axis(axis: FloatArray) -> FloatArray:
     x = np.eye(3)[np.argmin(np.abs(axis))]
     x = np.cross(axis, x) if abs(axis[2]) < 1 - 1e-12 else np.array([1.0, 0, 0])
     x = x / np.linalg.norm(x)
-    turn = np.eye(4)
-    turn[:3, :3] = np.column_stack([x, np.cross(axis, x), axis])
-    return turn
+    orientation = np.eye(4)
+    orientation[:3, :3] = np.column_stack([x, np.cross(axis, x), axis])
+    return orientation
 
 
 def moved(placement: FloatArray, points: FloatArray) -> FloatArray:

@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from graphlib import CycleError, TopologicalSorter
 
 import numpy as np
-import numpy.typing as npt
 
 from formulations.kinematics.chain import LARGEST, listed
 from nlp.arrays import FloatArray, as_floats
@@ -44,78 +42,69 @@ class Mimic:
 
 @dataclass(frozen=True, eq=False)
 class TreeJoint:
-    """A joint between two links; `joint_between` makes it and checks its numbers.
+    """A joint between two links.
 
     Attributes
     ----------
+    parent, child
+        Names of the links.
     name
         Its name.
     type
         One of `MOVING`, ``"fixed"``, or anything else, which cannot be part of a chain.
-    parent, child
-        Names of the links.
     origin
         Its frame at position 0 in that of the parent, homogeneous, in metres, shape (4, 4).
         It is the frame of the child.
     axis
-        Unit vector in its frame that it turns about or moves along.
-    limit, mimic
-        See there.
-    """
-
-    name: str
-    type: str
-    parent: str
-    child: str
-    origin: FloatArray
-    axis: FloatArray
-    limit: Limit = Limit()
-    mimic: Mimic | None = None
-
-
-def joint_between(
-    parent: str,
-    child: str,
-    name: str,
-    kind: str,
-    origin: npt.ArrayLike,
-    axis: npt.ArrayLike = (0.0, 0.0, 1.0),
-    limit: Limit = Limit(),
-    mimic: Mimic | None = None,
-) -> TreeJoint:
-    """Return a joint whose axis has norm 1, and whose limits beyond `LARGEST` are none.
+        What it rotates about or moves along, in its frame; made a unit vector.
+    limit
+        See there; limits beyond `LARGEST` are made none.
+    mimic
+        What it follows, if anything.
 
     Raises
     ------
     InputError
         If a number is NaN, infinite or too large, the axis is zero, or the limits contradict.
     """
-    pose = as_floats(f"origin of joint {name}", origin)
-    if pose.shape != (4, 4) or not np.all(np.abs(pose) <= LARGEST):
-        allowed = f"a homogeneous 4×4 matrix, with entries of size at most {LARGEST:g}"
-        raise InputError(f"origin of joint {name}", "no such matrix", allowed)
-    direction = np.array([0.0, 0.0, 1.0])
-    if kind in MOVING:
-        direction = as_floats(f"axis of joint {name}", axis)
-        length = float(np.linalg.norm(direction)) if direction.shape == (3,) else 0.0
-        if not _SHORTEST_AXIS < length < math.inf:
-            shown = " ".join(f"{entry:g}" for entry in direction.ravel()[:4])
-            raise InputError(f"axis of joint {name}", shown, "three numbers, not all zero")
-        direction = direction / length
-        if mimic is not None and not (abs(mimic.multiplier) + abs(mimic.offset) < math.inf):
-            shown = f"multiplier {mimic.multiplier:g} and offset {mimic.offset:g}"
-            raise InputError(f"<mimic> of joint {name}", shown, "finite numbers")
-    lower, upper = limit.lower, limit.upper
-    if not lower <= upper or lower > LARGEST or upper < -LARGEST:
-        allowed = f"lower <= upper, with a position of size at most {LARGEST:g} between them"
-        raise InputError(f"limits of joint {name}", f"[{lower:g}, {upper:g}]", allowed)
-    lower = lower if lower >= -LARGEST else -np.inf
-    upper = upper if upper <= LARGEST else np.inf
-    # Files that know no speed write 0; nothing could move.
-    speed = abs(limit.velocity) if abs(limit.velocity) > 0 else np.inf
-    return TreeJoint(
-        name, kind, parent, child, pose, direction, Limit(lower, upper, speed), mimic
-    )
+
+    parent: str
+    child: str
+    name: str
+    type: str
+    origin: FloatArray
+    axis: FloatArray = field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
+    limit: Limit = Limit()
+    mimic: Mimic | None = None
+
+    def __post_init__(self) -> None:
+        pose = as_floats(f"origin of joint {self.name}", self.origin)
+        if pose.shape != (4, 4) or not np.all(np.abs(pose) <= LARGEST):
+            allowed = f"a homogeneous 4×4 matrix, with entries of size at most {LARGEST:g}"
+            raise InputError(f"origin of joint {self.name}", "no such matrix", allowed)
+        if self.type in MOVING:
+            where = f"axis of joint {self.name}"
+            axis = as_floats(where, self.axis).ravel()
+            length = float(np.linalg.norm(axis)) if axis.shape == (3,) else 0.0
+            if not _SHORTEST_AXIS < length < math.inf:
+                shown = " ".join(f"{entry:g}" for entry in axis[:4])
+                raise InputError(where, shown, "three numbers, not all zero")
+            object.__setattr__(self, "axis", axis / length)
+            mimic = self.mimic
+            if mimic and not abs(mimic.multiplier) + abs(mimic.offset) < math.inf:
+                shown = f"multiplier {mimic.multiplier:g} and offset {mimic.offset:g}"
+                raise InputError(f"<mimic> of joint {self.name}", shown, "finite numbers")
+        lower, upper, speed = self.limit.lower, self.limit.upper, abs(self.limit.velocity)
+        if not lower <= upper or lower > LARGEST or upper < -LARGEST:
+            allowed = f"lower <= upper, with a position of size at most {LARGEST:g} between"
+            raise InputError(f"limits of joint {self.name}", f"[{lower:g}, {upper:g}]", allowed)
+        # Files that know no speed write 0; nothing could move.
+        limit = Limit(
+            lower if lower >= -LARGEST else -np.inf,
+            upper if upper <= LARGEST else np.inf,
+            speed if speed > 0 else np.inf,
+        )
+        object.__setattr__(self, "limit", limit)
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,13 +137,41 @@ class RobotTree:
         for (kind, name), count in Counter(named).items():
             if count > 1:
                 raise RobotError(f"{kind} {name}", f"there {count} times", "every name once")
+        if not self.links:
+            raise RobotError("robot", "without a <link>", "at least one link")
         links = set(self.links)
         for joint in self.joints:
             for side, link in (("parent", joint.parent), ("child", joint.child)):
                 if link not in links:
                     allowed = "the name of a <link> of the robot"
                     raise RobotError(f"{side} of joint {joint.name}", link, allowed)
-        _check_tree(self)
+        children = Counter(joint.child for joint in self.joints)
+        for link, count in children.items():
+            if count > 1:
+                allowed = "one parent at most: closed loops are not supported"
+                raise RobotError(f"link {link}", f"the child of {count} joints", allowed)
+        roots = [link for link in self.links if link not in children]
+        if len(roots) > 1:
+            shown = ", ".join(roots[:4])
+            raise RobotError("robot", f"in pieces that start at {shown}", "one connected tree")
+        try:
+            TopologicalSorter(self._parents).prepare()
+        except CycleError as error:
+            cycle = set(error.args[1])
+            shown = ", ".join([link for link in self.links if link in cycle][:4])
+            allowed = "a tree of links and joints"
+            raise RobotError("robot", f"cyclic (through {shown})", allowed) from None
+
+    @property
+    def _parents(self) -> dict[str, list[str]]:
+        return {joint.child: [joint.parent] for joint in self.joints}
+
+    @property
+    def parents_first(self) -> tuple[TreeJoint, ...]:
+        """The joints, each after the one before it."""
+        above = {joint.child: joint for joint in self.joints}
+        order = TopologicalSorter(self._parents).static_order()
+        return tuple(above[link] for link in order if link in above)
 
     @property
     def root(self) -> str:
@@ -184,37 +201,3 @@ class RobotTree:
             path.append(above[tip])
             tip = path[-1].parent
         return tuple(reversed(path))
-
-
-def _check_tree(tree: RobotTree) -> None:
-    if not tree.links:
-        raise RobotError("robot", "without a <link>", "at least one link")
-    children = Counter(joint.child for joint in tree.joints)
-    for link, count in children.items():
-        if count > 1:
-            allowed = "one parent at most: closed loops are not supported"
-            raise RobotError(f"link {link}", f"the child of {count} joints", allowed)
-    roots = [link for link in tree.links if link not in children]
-    if len(roots) > 1:
-        shown = ", ".join(roots[:4])
-        raise RobotError("robot", f"in pieces that start at {shown}", "one connected tree")
-    # From the root every link is reached, or else there is a cycle beside.
-    below: dict[str, list[str]] = {}
-    for joint in tree.joints:
-        below.setdefault(joint.parent, []).append(joint.child)
-    reached = roots
-    for link in reached:
-        reached.extend(below.get(link, ()))
-    if len(reached) < len(tree.links):
-        cycle = set(_cycle(tree))
-        shown = ", ".join([link for link in tree.links if link in cycle][:4])
-        allowed = "a tree of links and joints"
-        raise RobotError("robot", f"cyclic (through {shown})", allowed)
-
-
-def _cycle(tree: RobotTree) -> Sequence[str]:
-    try:
-        TopologicalSorter({joint.child: [joint.parent] for joint in tree.joints}).prepare()
-    except CycleError as error:
-        return list(error.args[1])
-    return ()

@@ -10,6 +10,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from formulations.measures.assessment import Assessment, measure
+from formulations.paths.plan import PathPlan
 from formulations.plot import (
     manipulator,
     optima,
@@ -22,12 +23,11 @@ from formulations.plot import (
 )
 from formulations.plot.picture import Picture, Request
 from formulations.plot.style import Look, content, figure_class, kind_of, looking, read_look
-from formulations.robots.path_plan import PathPlan
 from formulations.robots.robot_assessment import RobotAssessment
-from formulations.robots.workspace import Workspace
 from formulations.solving.outcome import Outcome
 from formulations.solving.record import Record
 from formulations.synthesis.manipulator import Manipulator
+from formulations.workspaces.workspace import Workspace
 from nlp.errors import InputError
 from nlp.files import prepare_file, write_bytes
 

@@ -22,7 +22,7 @@ from formulations.plot.style import (
     VERMILION,
     styled,
 )
-from formulations.robots.workspace import Workspace
+from formulations.workspaces.workspace import Workspace
 from nlp.arrays import FloatArray
 
 if TYPE_CHECKING:

@@ -8,8 +8,7 @@ from pathlib import Path
 from formulations.io.table import HIDDEN, column, read_rows
 from formulations.kinematics.chain_between import chain_between
 from formulations.kinematics.read_robot import read_robot
-from formulations.robots.posture import best_posture
-from formulations.robots.posture_found import Posture
+from formulations.robots.posture import Posture, best_posture
 from formulations.robots.posture_search import Search
 from formulations.robots.robot_arm import RobotArm
 from formulations.robots.robot_assessment import best_7r
@@ -61,7 +60,7 @@ class SurveyArm:
             found = distribution(self.package).locate_file(_FOLDERS[self.package])
         except PackageNotFoundError:
             package = "--no-deps robosuite" if self.package == "robosuite" else ""
-            raise MissingLibraryError(self.package, package=package) from None
+            raise MissingLibraryError(self.package, package) from None
         return Path(str(found)) / self.file
 
     def arm(self) -> RobotArm:

@@ -15,9 +15,6 @@ from formulations.kinematics.read_urdf import read_urdf
 from formulations.kinematics.serial_arm import Ranges, SerialArm
 from formulations.plot.style import content, figure_class
 from formulations.plot.workspace import draw, draw_orders
-from formulations.robots.best_limits import STARTS, best_limits
-from formulations.robots.workspace import Workspace, measured
-from formulations.robots.workspace import workspace as found_workspace
 from formulations.solving.trade_off_curve import TradeOffPoint, trade_off_curve
 from formulations.studies.robots import SurveyArm
 from formulations.studies.study import Effort, Part, Study
@@ -25,6 +22,9 @@ from formulations.synthesis.choice import rank
 from formulations.synthesis.criteria import COARSE, CRITERIA, Sampling, kept_ball
 from formulations.synthesis.family import every, family
 from formulations.synthesis.from_jacobian import realise
+from formulations.workspaces.best_limits import STARTS, best_limits
+from formulations.workspaces.workspace import Workspace, measured
+from formulations.workspaces.workspace import workspace as found_workspace
 from nlp.arrays import FloatArray
 from nlp.starts import generator
 
@@ -317,7 +317,7 @@ def row_of(arm: str, choice: str, found: Workspace) -> WorkspaceRow:
         without_failure=found.before,
         physical=found.physical,
         percent_kept=100 * found.size / found.physical,
-        fatal=", ".join(found.fatal),
+        fatal=", ".join(found.critical),
         voxel=found.sets.voxel,
         passed_by_depth=depths,
         limits={k: [float(x) for x in one] for k, one in zip(names, found.limits, strict=True)},

@@ -66,7 +66,10 @@ def test_help_names_every_command_and_option(lockedjoint, tmp_path):
 
 @pytest.mark.parametrize(
     ("typed", "offered"),
-    [("lockedjoint mea", ["measure"]), ("lockedjoint figure --no-t", ["--no-title"])],
+    [
+        ("lockedjoint mea", ["measure", "measure-robot"]),
+        ("lockedjoint figure --no-t", ["--no-title"]),
+    ],
 )
 def test_a_shell_completes_commands_and_options(lockedjoint, tmp_path, typed, offered):
     home = {"HOME": str(tmp_path)}
