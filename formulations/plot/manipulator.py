@@ -46,14 +46,23 @@ FLOOR, LINES, LINKS, JOINTS, LETTERS = 0, 5, 10, 40, 60
 
 def figure(manipulator: Manipulator) -> Figure:
     """Return a drawing: planar arms in their plane, others from two sides."""
+    joint = "joint"
+    if np.any(manipulator.prismatic):
+        in_plane = manipulator.task.in_plane
+        joint += ", a circle if revolute" if in_plane else ", hollow if prismatic"
+    parts = {"link": LINK, joint: AXIS, "end effector": TIP}
     views = clear_views(manipulator)
     listed = columns_text(manipulator)
-    height = 4.4 + 0.13 * len(listed.splitlines())
+    height = 4.7 + 0.13 * len(listed.splitlines())
     with styled(4.2 * len(views), height) as drawn:
         panels = drawn.subplots(1, len(views), squeeze=False)[0]
         for axes, view in zip(panels, views, strict=True):
             draw(manipulator, axes, view, scale=True)
             axes.set_title(view.name, fontsize=SMALL, color=GREY, loc="center")
+        from matplotlib.patches import Patch
+
+        patches = [Patch(color=colour, label=part) for part, colour in parts.items()]
+        drawn.legend(handles=patches, loc="outside upper center", ncols=3)
         drawn.supxlabel(listed, fontsize="x-small", color=INK, family="DejaVu Sans Mono")
     return drawn
 
