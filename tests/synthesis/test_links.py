@@ -8,7 +8,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import minimize
 
-from formulations.reproduction import reference
 from formulations.synthesis.from_jacobian import realise
 from formulations.synthesis.links import (
     LINK_RADIUS,
@@ -87,11 +86,6 @@ def test_slid_joints_have_the_least_total_length(seed, optimum):
     here = link_lengths(slid.points, slid.end_effector).sum()
     assert here <= least + 1e-6
     assert here < total(np.zeros(7))
-
-
-def test_planar_joints_have_nowhere_to_slide():
-    arm = realise(reference.PLANAR_3R)
-    np.testing.assert_allclose(slide(arm).points, arm.points, atol=1e-15)
 
 
 def chain(*places):
