@@ -111,38 +111,6 @@ reproduce --seed {e64}
 reproduce --out valid.csv
 reproduce extra
 reproduce --joints 3
-failures --starts 0
-failures --starts {n400}
-failures --seed {e64}
-failures --out valid.csv
-failures --workers 0
-robots --starts 0
-robots --seed {e64}
-robots --only nothing-has-this-name
-robots --out valid.csv
-robots --workers 1.5
-benchmark --joints 6
-benchmark --joints 21
-benchmark --joints ''
-benchmark --joints 7,,8
-benchmark --joints {tera}
-benchmark --joints {n5000}
-benchmark --joints seven
-benchmark --time-limit 0
-benchmark --time-limit inf
-benchmark --time-limit nan
-benchmark --time-limit 1e400
-benchmark --seed {e64}
-benchmark --starts 0
-benchmark --out valid.csv
-report --only nothing
-report --only ''
-report --only comparison,comparison,nothing
-report --only comparison --all
-report --starts 0
-report --seed {e64}
-report --workers 0
-report --out valid.csv --only existence
 nothing
 --nothing
 solve
@@ -1119,9 +1087,6 @@ NUMBERS = [
         "compare": "joints task-dimension starts seed workers",
         "solve max-min": "joints locked starts seed workers",
         "reproduce": "starts seed",
-        "failures": "starts seed workers",
-        "robots": "starts seed workers",
-        "benchmark": "starts seed time-limit",
         "bound": "joints task-dimension trace lever-arm",
         "verify": "samples",
         "measure valid.csv": "locked tolerance",
@@ -1135,7 +1100,6 @@ NUMBERS = [
         "atlas improve free-mean_2x3_k1": "minutes workers",
         "campaign valid.toml --store new.db": "workers chunk time-limit",
         "figure seven-axes --out a.svg": "pick starts seed workers",
-        "report": "starts seed workers",
     }.items()
     for option in options.split()
 ]

@@ -18,7 +18,6 @@ COMMANDS = (
     "path",
     "workspace",
     "view",
-    "robots",
     "bound",
     "prove",
     "verify",
@@ -26,10 +25,7 @@ COMMANDS = (
     "join",
     "show",
     "figure",
-    "benchmark",
-    "failures",
     "atlas",
-    "report",
 )
 app = typer.Typer(
     name="lockedjoint",

@@ -66,8 +66,8 @@ def atlas(
         return
     from formulations.atlas.collection import checked_folder, pages
     from formulations.atlas.entry import entries as known_entries
+    from formulations.atlas.row import AtlasRow, row_of
     from formulations.io.table import Table
-    from formulations.studies.atlas import AtlasRow, row_of
 
     if mark not in (None, "optimal", "conjectured", "open"):
         raise InputError("--mark", mark, "optimal, conjectured or open")

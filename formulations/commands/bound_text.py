@@ -8,7 +8,7 @@ from formulations.commands.output import as_text, shown
 
 def rounded_outward(plain: Mapping[str, Any]) -> str:
     """Return the text with a bound that holds as it is shown."""
-    from formulations.studies.pages import outward
+    from formulations.io.pages import outward
 
     limit = outward(plain["bound"], 9, lower=plain["quantity"] == "residual")
     return as_text({**plain, "bound": limit})
@@ -18,7 +18,7 @@ def without_multipliers(plain: Mapping[str, Any]) -> str:
     """Return the text of the bound (6) with the sharper bounds on record as a table."""
     from tabulate import tabulate
 
-    from formulations.studies.pages import outward
+    from formulations.io.pages import outward
 
     left_out = ("multipliers", "sharper")
     text = as_text({name: v for name, v in plain.items() if name not in left_out})

@@ -11,7 +11,7 @@ from formulations.commands.arguments import Json, Out, Seed, Starts
 from formulations.commands.output import run_study
 
 if TYPE_CHECKING:
-    from formulations.studies.study import Part
+    from formulations.reproduction import ReproductionRow
 
 
 def reproduce(
@@ -27,12 +27,12 @@ def reproduce(
     reproduction.md into the output folder; until all rows are there they are in its subfolder
     incomplete. Exit status 1 if any row is an unexplained mismatch.
     """
-    from formulations.studies.reproduction import study
+    from formulations.io.study import Effort
+    from formulations.reproduction import study
 
-    run_study(study(), out, as_json, seed=seed, starts=starts, text=lambda _: "", each=_print)
+    run_study(study(), out, as_json, effort=Effort(seed, starts), each=_print)
 
 
-def _print(part: Part) -> None:
-    for row in part.rows:
-        typer.echo(f"{row.verdict:<9} {row.equation:<14} {row.quantity}")
-        typer.echo(f"{'':<10}paper {row.paper}   ours {row.ours}")
+def _print(row: ReproductionRow) -> None:
+    typer.echo(f"{row.verdict:<9} {row.equation:<14} {row.quantity}")
+    typer.echo(f"{'':<10}paper {row.paper}   ours {row.ours}")

@@ -1,29 +1,21 @@
-"""What failures leave of a robot's workspace: the plane, or two sections of the space.
-
-And what the robots of several Jacobians keep, against their worst case where they are optimal.
-"""
+"""What failures leave of a robot's workspace: the plane, or two sections of the space."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-import pandas as pd
 
 from formulations.kinematics.serial_arm import Bits
 from formulations.plot.style import (
     BLUE,
-    INK,
     ORANGE,
     PALE,
     PAPER,
     SMALL,
-    VERMILION,
     styled,
 )
 from formulations.workspaces.workspace import Workspace
-from nlp.arrays import FloatArray
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -78,49 +70,6 @@ def draw(workspace: Workspace) -> Figure:
         patches = [Patch(color=colour, label=name) for name, colour in _LEGEND.items()]
         columns = 2 if flat else 3  # as many as there is room for
         figure.legend(handles=patches, loc="outside lower center", ncols=columns)
-    return figure
-
-
-def draw_orders(rows: Sequence[object], spread: Sequence[FloatArray]) -> Figure:
-    """Draw what robots keep over a workspace against their worst case at one configuration.
-
-    Parameters
-    ----------
-    rows
-        One for each Jacobian and its best order, `formulations.studies.workspaces.OrderRow`.
-    spread
-        What random orders of each keep.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-    """
-    table = pd.DataFrame(list(rows))
-    with styled(7.4, 4.2) as figure:
-        axes = figure.subplots()
-        axes.set_title("Robots of seven joints: 5040 orders of each Jacobian")
-        sigmas = table["worst_case_sigma"]
-        low, high = np.quantile(spread, [0.05, 0.95], axis=1)
-        axes.vlines(sigmas, low, high, color=PALE, lw=7)
-        axes.scatter([], [], color=PALE, marker="s", label="nine of ten random orders")
-        middles = table["middle"]
-        axes.scatter(
-            sigmas, middles, color=INK, marker="_", s=60, label="median order", zorder=3
-        )
-        for front, colour, label in (
-            ("no", BLUE, "best order found"),
-            ("yes", VERMILION, "the same, not dominated"),
-        ):
-            x, y, error = (
-                table.loc[table["front"] == front, ["worst_case_sigma", "kept", "error"]]
-                .to_numpy(dtype=float)
-                .T
-            )
-            axes.errorbar(x, y, error, color=colour, fmt="o", ms=4, label=label)
-        axes.set_xlabel("worst-case σ where the Jacobian is designed")
-        axes.set_ylabel("volume kept, limits ±20° (lever arms³)")
-        axes.set_ylim(bottom=0)
-        figure.legend(loc="outside lower center", ncols=2)
     return figure
 
 

@@ -50,13 +50,10 @@ def test_help_names_every_command_and_option(lockedjoint, tmp_path):
             "campaign",
             "show",
             "join",
-            "benchmark",
-            "failures",
             "measure-robot",
             "posture",
-            "robots",
         ),
-        *("figure", "report", "path", "workspace", "view"),
+        *("figure", "path", "workspace", "view"),
     ):
         assert command in page.stdout
         one = lockedjoint.here(command, "--help", cwd=tmp_path)
@@ -426,8 +423,6 @@ def test_reproduce_writes_every_row(lockedjoint, tmp_path):
         ("solve", "max-min", "--failure-probabilities", "1"),
         ("solve", "max-min", "--failure-probabilities", "nan"),
         ("solve", "max-min", "--failure-probabilities", "0"),
-        ("failures", "--starts", "0"),
-        ("failures", "--out", "{file}"),
         ("measure", "missing.csv"),
         ("measure", "{file}"),
         ("measure", "{folder}"),
@@ -504,10 +499,7 @@ def test_ctrl_c_keeps_the_rows_that_are_done(lockedjoint, tmp_path):
         ("posture in.urdf --task vx,vy", "in.urdf"),
         ("compare", "in.csv"),
         ("reproduce", "in.csv"),
-        ("failures", "pages"),
-        ("benchmark", "in.csv"),
-        ("report", "pages"),
-        ("report --only existence", "in.csv"),
+        ("compare", "pages"),
     ],
 )
 def test_no_output_destroys_what_it_is_pointed_at(planted, command, out):
@@ -515,9 +507,7 @@ def test_no_output_destroys_what_it_is_pointed_at(planted, command, out):
     run, left = planted
     status, sentence = run(*command.split(), *(("--out", out) if out else ()))
     assert status == 2, sentence
-    assert sentence.startswith(
-        ("Error: --out is", "Error: --data is", "Error: output f", "Error: front p")
-    )
+    assert sentence.startswith(("Error: --out is", "Error: --data is", "Error: output f"))
     assert sentence.count("\n") == 1
     assert left()
 
@@ -529,7 +519,7 @@ def planted(tmp_path, monkeypatch, capsys):
     Path("in.csv").write_text("1,0.4,-0.5,0.2\n0,1,0.7,-0.6\n")
     Path("in.urdf").write_text(PLANAR_ARM)
     Path("q.json").write_text("{}")
-    for folder in ("folder.svg", "pages/failures.md", "pages/README.md"):
+    for folder in ("folder.svg", "pages/comparison.md"):
         Path(folder).mkdir(parents=True)
     with open_store(Path("s.db"), writable=True):
         pass
@@ -559,7 +549,7 @@ LONG = (
     "path arm.urdf --waypoints w.csv --samples 400 --out path",
     "workspace arm.urdf --optimise lengths --voxel 0.02 --out workspace.json",
     "posture arm.urdf --task vx,vy --starts 100000 --out posture.json",
-    "report --only comparison --starts 10000 --out report",
+    "reproduce --starts 10000 --out reproduction",
 )
 CAMPAIGN = """
 starts = 100_000
