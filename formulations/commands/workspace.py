@@ -108,8 +108,7 @@ def workspace(
     from formulations.kinematics.serial_arm import SerialArm
     from formulations.plot.style import content, kind_of, looking
     from formulations.workspaces.best_limits import best_limits
-    from formulations.workspaces.pose_sets import PoseSets, check_poses
-    from formulations.workspaces.reachable_sets import check_grid
+    from formulations.workspaces.pose_sets import PoseSets
     from formulations.workspaces.workspace import check_limits, measured
     from formulations.workspaces.workspace import workspace as found_workspace
     from nlp.files import prepare_file, write_bytes
@@ -135,10 +134,7 @@ def workspace(
     coarse = turn is not None and not arm.is_planar
     edge = voxel or float(sum(arm.links)) / (_IN_SPACE if coarse else 50)
     sets = None
-    if turn is None:
-        check_grid(arm, edge, radians(step))
-    else:
-        check_poses(arm, turn, edge, radians(step))
+    if turn is not None:
         sets = PoseSets(arm, turn, edge, radians(step), show_progress)
     if optimise is not None:
         width, both = radians(least_width), optimise == "lengths"
