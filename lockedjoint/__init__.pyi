@@ -21,7 +21,7 @@ from nlp.problem import Constraint as Constraint
 from formulations import measures as measures
 from formulations.measures.assessment import measure as measure
 from formulations.measures.canonical import group_equivalent as group_equivalent
-from formulations.plot.values import plot as plot
+from formulations.plot.figures import plot as plot
 
 # Bounds and proof: how good any answer could be.
 from formulations.registry import bound as bound
@@ -29,9 +29,9 @@ from formulations.bounds.certified import Bound as Bound
 from formulations.existence.rings import optimal_jacobian as optimal_jacobian
 
 # Robots: from a Jacobian to a robot, and from a robot to its Jacobian.
-from formulations.realise.from_jacobian import realise as realise
-from formulations.realise.choice import choose_arrangement as choose_arrangement
-from formulations.realise.write_urdf import urdf as urdf
+from formulations.synthesis.from_jacobian import realise as realise
+from formulations.synthesis.choice import choose_arrangement as choose_arrangement
+from formulations.synthesis.write_urdf import urdf as urdf
 from formulations.robots.robot_arm import RobotArm as RobotArm
 from formulations.robots.robot_assessment import measure_robot as measure_robot
 from formulations.robots.posture import best_posture as best_posture

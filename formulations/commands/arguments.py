@@ -15,7 +15,7 @@ from nlp.files import real_in, whole_in
 
 if TYPE_CHECKING:
     from formulations.measures.unequal_failures import FailureModel
-    from formulations.plot.look import Look
+    from formulations.plot.style import Look
 
 T = TypeVar("T")
 
@@ -201,10 +201,9 @@ def look(size: str | None, no_title: bool, style: Path | None) -> Look:
     InputError
         If the size or the style file is not allowed.
     """
-    from formulations.plot.look import Look, read_size, read_style
+    from formulations.plot.style import read_look
 
-    settings = {} if style is None else read_style(style)
-    return Look(None if size is None else read_size(size), not no_title, settings)
+    return read_look(size, not no_title, style, "--")
 
 
 def ipopt_options(settings: Sequence[str] | None) -> dict[str, object]:

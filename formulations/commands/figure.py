@@ -78,9 +78,8 @@ def figure(
     """
     from formulations.io.jacobians import only_jacobian
     from formulations.plot.figures import kind
-    from formulations.plot.look import looking
     from formulations.plot.picture import Request
-    from formulations.plot.style import content, figure_class, kind_of
+    from formulations.plot.style import content, figure_class, kind_of, looking
     from nlp.executors import default_workers
     from nlp.files import prepare_file, write_bytes, write_text
 

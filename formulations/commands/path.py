@@ -111,9 +111,8 @@ def path(
         typer.echo(f"Note: {note}", err=True)
     plain = {"robot": arm.chain.robot, "tip": arm.chain.tip, "seed": seed, **found.to_dict()}
     if out is not None:
-        from formulations.plot.look import looking
         from formulations.plot.path import draw
-        from formulations.plot.style import content
+        from formulations.plot.style import content, looking
 
         with looking(looks):
             drawn = content(draw(found), "svg")

@@ -149,13 +149,12 @@ def realise(
     """
     from formulations.commands import realise_forms as forms
     from formulations.io.jacobians import only_jacobian
-    from formulations.io.table import Table
-    from formulations.plot.look import looking
-    from formulations.realise import from_jacobian
-    from formulations.realise.choice import Ranked, choose_arrangement, evaluate, given, rank
-    from formulations.realise.criteria import Sampling
-    from formulations.realise.links import room, slide_apart
-    from formulations.realise.links import slide as shortened
+    from formulations.plot.style import looking
+    from formulations.synthesis import from_jacobian
+    from formulations.synthesis.choice import choose_arrangement, evaluate, given, rank
+    from formulations.synthesis.criteria import Sampling
+    from formulations.synthesis.links import link_gap, slide_apart
+    from formulations.synthesis.links import slide as shortened
     from nlp.files import prepare_file, write_bytes, write_text
 
     if to not in forms.FORMS:
@@ -200,16 +199,16 @@ def realise(
         show_progress("")
         choice = choose_arrangement(found, name, sampling, shortlist, ranked)
         if ranking is not None:
-            write_text(ranking, Table(Ranked, ranked.rows()).csv())
+            write_text(ranking, ranked.table().to_csv(index=False, lineterminator="\n"))
     moved = chosen = choice.manipulator
     if slide == "length":
         moved = shortened(chosen)
-    elif slide == "as-needed" and room(chosen).touching:
+    elif slide == "as-needed" and link_gap(chosen).touching:
         moved = slide_apart(chosen, seed)
     if moved is not chosen:
         choice = replace(choice, manipulator=moved, values=evaluate(moved, sampling))
     deviation = from_jacobian.deviation(choice.manipulator, matrix, length)
-    summary = forms.summary(choice, deviation) | {"slid": moved is not chosen}
+    summary = forms.summary(choice, deviation, matrix) | {"slid": moved is not chosen}
     lines = as_text(forms.summary_lines(summary))
     note = forms.touching_note(summary)
     if note is not None:

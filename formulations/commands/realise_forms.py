@@ -9,11 +9,12 @@ from tabulate import tabulate
 from formulations import measures
 from formulations.plot.manipulator import figure
 from formulations.plot.style import content
-from formulations.realise.choice import Choice
-from formulations.realise.dh import Convention, DenavitHartenberg, denavit_hartenberg
-from formulations.realise.links import room
-from formulations.realise.manipulator import Manipulator
-from formulations.realise.write_urdf import urdf
+from formulations.synthesis.choice import Choice
+from formulations.synthesis.dh import Convention, DenavitHartenberg, denavit_hartenberg
+from formulations.synthesis.links import link_gap
+from formulations.synthesis.manipulator import Manipulator
+from formulations.synthesis.write_urdf import urdf
+from nlp.arrays import FloatArray, finite_or_none
 from nlp.errors import InputError
 
 FORMS = ("axes", "dh", "urdf", "figure")
@@ -39,9 +40,10 @@ def write_down(manipulator: Manipulator, form: str, convention: str, figure_kind
     """
     chosen = _convention(convention)
     if form == "axes":
-        return f"{_axes_text(manipulator)}\n".encode()
+        return f"{_axes_text(manipulator)}{_speeds_text(manipulator)}\n".encode()
     if form == "dh":
-        return f"{_dh_text(denavit_hartenberg(manipulator, chosen))}\n".encode()
+        table = _dh_text(denavit_hartenberg(manipulator, chosen))
+        return f"{table}{_speeds_text(manipulator)}\n".encode()
     if form == "urdf":
         return urdf(manipulator).encode()
     if form == "figure":
@@ -55,15 +57,21 @@ def as_plain(manipulator: Manipulator, convention: str) -> dict[str, object]:
     return {**manipulator.to_dict(), "dh": table.to_dict(), "urdf": urdf(manipulator)}
 
 
-def summary(choice: Choice, deviation: float) -> dict[str, object]:
-    """Return how a manipulator was chosen, its failure tolerance, and which links touch."""
+def summary(choice: Choice, deviation: float, jacobian: FloatArray) -> dict[str, object]:
+    """Return how a manipulator was chosen, its failure tolerance, and which links touch.
+
+    The worst case is given of the robot, in metres, and of the Jacobian that it realises, in
+    that one's unit of length.
+    """
     worst = measures.worst_case_sigma(choice.manipulator.jacobian())
-    found = room(choice.manipulator)
+    found = link_gap(choice.manipulator)
     return {
         **choice.to_dict(),
         "worst_case_sigma": worst,
+        "worst_case_sigma_given": measures.worst_case_sigma(jacobian),
+        "speeds": choice.manipulator.speeds.tolist(),
         "deviation": deviation,
-        "gap": found.gap,
+        "gap": finite_or_none(found.gap),
         "touching": [list(pair) for pair in found.touching],
     }
 
@@ -79,6 +87,7 @@ def touching_note(found: Mapping[str, Any]) -> str | None:
 
 def summary_lines(found: Mapping[str, Any]) -> dict[str, object]:
     """Return a summary as lines for people: signs for flips, a line for each criterion."""
+    speeds = found["speeds"]
     return {
         "order": found["order"],
         "signs": "".join("-" if flip else "+" for flip in found["flips"]),
@@ -87,11 +96,13 @@ def summary_lines(found: Mapping[str, Any]) -> dict[str, object]:
         "orders and signs": found["arrangements"],
         "distinct manipulators": found["distinct"],
         "deviation from the Jacobian": found["deviation"],
-        "worst case sigma": found["worst_case_sigma"],
+        "worst case sigma (metres)": found["worst_case_sigma"],
+        "worst case sigma of the file": found["worst_case_sigma_given"],
         "gap between links": found["gap"],
         "slid along their axes": found.get("slid", False),
         "links that touch": ", ".join(f"{i}-{j}" for i, j in found["touching"]) or "none",
         **found["criteria"],
+        **({"metres per unit of joints": speeds} if set(speeds) != {1.0} else {}),
     }
 
 
@@ -111,6 +122,13 @@ def _axes_text(manipulator: Manipulator) -> str:
     names = ["joint", "column", "kind", *(f"axis {c}" for c in "xyz"), *"xyz"]
     tip = "  ".join(f"{value:{_DIGITS}}" for value in manipulator.end_effector)
     return f"{_table(rows, names)}\n\nend effector  {tip}"
+
+
+def _speeds_text(manipulator: Manipulator) -> str:
+    """Return a line if prismatic joints have other speeds than 1."""
+    speeds = manipulator.speeds
+    shown = "  ".join(f"{speed:{_DIGITS}}" for speed in speeds)
+    return f"\n\nmetres per unit of joints  {shown}" if np.any(speeds != 1) else ""
 
 
 def _dh_text(table: DenavitHartenberg) -> str:

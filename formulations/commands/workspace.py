@@ -106,8 +106,7 @@ def workspace(
     --optimise limits: within the physical limits alone, many arms keep nothing.
     """
     from formulations.kinematics.serial_arm import SerialArm
-    from formulations.plot.look import looking
-    from formulations.plot.style import content, kind_of
+    from formulations.plot.style import content, kind_of, looking
     from formulations.workspaces.best_limits import best_limits
     from formulations.workspaces.pose_sets import PoseSets
     from formulations.workspaces.workspace import check_limits, measured

@@ -1,19 +1,38 @@
-"""The figures by name, with what each is made from."""
+"""Figures of values of the library, and figures by name, with what each is made from."""
+
+from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import singledispatch
+from pathlib import Path
 from types import MappingProxyType
+from typing import TYPE_CHECKING
 
+from formulations.measures.assessment import Assessment, measure
+from formulations.paths.plan import PathPlan
 from formulations.plot import (
-    figure_1,
-    figure_3,
+    manipulator,
     optima,
+    path,
+    planar,
     seven_axes,
     singular_values,
     trade_off,
+    workspace,
 )
 from formulations.plot.picture import Picture, Request
+from formulations.plot.style import Look, content, figure_class, kind_of, looking, read_look
+from formulations.robots.robot_assessment import RobotAssessment
+from formulations.solving.outcome import Outcome
+from formulations.solving.record import Record
+from formulations.synthesis.manipulator import Manipulator
+from formulations.workspaces.workspace import Workspace
 from nlp.errors import InputError
+from nlp.files import prepare_file, write_bytes
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 @dataclass(frozen=True)
@@ -37,8 +56,8 @@ class Kind:
 
 FIGURES: Mapping[str, Kind] = MappingProxyType(
     {
-        "figure-1": Kind(figure_1.make, 5),
-        "figure-3": Kind(figure_3.make, 100),
+        "figure-1": Kind(planar.figure_1, 5),
+        "figure-3": Kind(planar.figure_3, 100),
         "seven-axes": Kind(seven_axes.make, 5, frozenset({"jacobian"})),
         "singular-values": Kind(singular_values.make, 5, frozenset({"jacobian"})),
         "trade-off": Kind(trade_off.make, 5),
@@ -52,3 +71,109 @@ def kind(name: str) -> Kind:
     if name not in FIGURES:
         raise InputError("figure", name, "one of " + ", ".join(FIGURES))
     return FIGURES[name]
+
+
+@dataclass(frozen=True, eq=False)
+class Plot:
+    """A figure that notebooks show and `save` writes.
+
+    Attributes
+    ----------
+    figure
+        Matplotlib's.
+    look
+        How it was asked to look.
+    """
+
+    figure: Figure
+    look: Look
+
+    def save(self, file: str | Path) -> Path:
+        """Write the figure: SVG, PNG, or PDF with TrueType fonts, by the file's name.
+
+        Raises
+        ------
+        FileError
+            If the name ends otherwise, or the file cannot be written.
+        """
+        target = prepare_file(Path(file), "file")
+        with looking(self.look):
+            drawn = content(self.figure, kind_of(target))
+        write_bytes(target, drawn)
+        return target
+
+    def _repr_svg_(self) -> str:
+        with looking(self.look):
+            return content(self.figure, "svg").decode()
+
+
+def plot(
+    value: object,
+    *,
+    size: str | None = None,
+    title: bool = True,
+    style: str | Path | None = None,
+) -> Plot:
+    """Draw a value where a picture says more than numbers.
+
+    Parameters
+    ----------
+    value
+        An `Assessment`, a `RobotAssessment` or a `Record`: what each failure leaves, as bars.
+        An `Outcome`: where its starts end. A `Manipulator`: the arm in space, from two sides.
+        A `PathPlan` or a `Workspace`: as their commands draw them.
+    size
+        Width and height: ``"16x10"`` in cm, ``"6.3x4in"`` in inches.
+    title
+        Whether the title of the whole figure is drawn.
+    style
+        A matplotlib style file.
+
+    Returns
+    -------
+    Plot
+        Notebooks show it; ``.save("figure.pdf")`` writes it; ``.figure`` is Matplotlib's.
+
+    Raises
+    ------
+    InputError
+        If there is no figure of such a value, an argument is not allowed, or Matplotlib is
+        missing.
+    NothingFoundError
+        If no start of an outcome passes the check.
+
+    Examples
+    --------
+    >>> import lockedjoint as lj
+    >>> lj.plot(lj.measure([[1, 0, 1], [0, 1, 1]]), size="8x6").save("bars.pdf").name
+    'bars.pdf'
+    """
+    figure_class()
+    look = read_look(size, title, style)
+    with looking(look):
+        return Plot(_figure(value), look)
+
+
+@singledispatch
+def _figure(value: object) -> Figure:
+    allowed = (
+        "an Assessment, RobotAssessment, Record, Outcome, Manipulator, PathPlan or Workspace"
+    )
+    raise InputError("value", f"of type {type(value).__name__}", allowed)
+
+
+_figure.register(Assessment, singular_values.bars)
+_figure.register(RobotAssessment, singular_values.bars)
+_figure.register(Manipulator, manipulator.figure)
+_figure.register(PathPlan, path.draw)
+_figure.register(Workspace, workspace.draw)
+
+
+@_figure.register(Record)
+def _(value: Record) -> Figure:
+    return singular_values.bars(measure(value.jacobian))
+
+
+@_figure.register(Outcome)
+def _(value: Outcome) -> Figure:
+    return optima.draw(optima.ends(value.case.name, value))

@@ -25,9 +25,8 @@ from formulations.plot.style import (
     VERMILION,
     styled,
 )
-from formulations.realise.manipulator import Manipulator
+from formulations.synthesis.manipulator import Manipulator
 from nlp.arrays import FloatArray
-from nlp.errors import InputError
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -46,22 +45,25 @@ FLOOR, LINES, LINKS, JOINTS, LETTERS = 0, 5, 10, 40, 60
 
 
 def figure(manipulator: Manipulator) -> Figure:
-    """Return a drawing: planar arms in their plane, others from two sides.
-
-    Raises
-    ------
-    InputError
-        If matplotlib is not installed.
-    """
+    """Return a drawing: planar arms in their plane, others from two sides."""
+    joint = "joint"
+    if np.any(manipulator.prismatic):
+        in_plane = manipulator.task.in_plane
+        joint += ", a circle if revolute" if in_plane else ", hollow if prismatic"
+    parts = {"link": LINK, joint: AXIS, "end effector": TIP}
     views = clear_views(manipulator)
     listed = columns_text(manipulator)
-    height = 4.4 + 0.13 * len(listed.splitlines())
+    height = 4.7 + 0.13 * len(listed.splitlines())
     with styled(4.2 * len(views), height) as drawn:
         panels = drawn.subplots(1, len(views), squeeze=False)[0]
-        for axes, one in zip(panels, views, strict=True):
-            draw(manipulator, axes, one, scale=True)
-            axes.set_title(one.name, fontsize=SMALL, color=GREY, loc="center")
-        drawn.supxlabel(listed, fontsize=6.5, color=INK, family="DejaVu Sans Mono")
+        for axes, view in zip(panels, views, strict=True):
+            draw(manipulator, axes, view, scale=True)
+            axes.set_title(view.name, fontsize=SMALL, color=GREY, loc="center")
+        from matplotlib.patches import Patch
+
+        patches = [Patch(color=colour, label=part) for part, colour in parts.items()]
+        drawn.legend(handles=patches, loc="outside upper center", ncols=3)
+        drawn.supxlabel(listed, fontsize="x-small", color=INK, family="DejaVu Sans Mono")
     return drawn
 
 
@@ -80,7 +82,7 @@ def draw(
     manipulator: Manipulator,
     axes: Axes,
     view: View | None = None,
-    labels: Sequence[str] | None = None,
+    named: bool = True,
     columns: bool = True,
     weight: float = 1.0,
     scale: bool = False,
@@ -93,8 +95,8 @@ def draw(
         What is drawn, and where.
     view
         From where; chosen for clarity if left out.
-    labels
-        Names of the joints, from the base; their numbers, counted from 0, if left out.
+    named
+        Whether the joints are numbered, from 0 at the base.
     columns
         Whether the columns of a planar arm's Jacobian are drawn at the end effector,
         all shortened alike.
@@ -102,16 +104,9 @@ def draw(
         Factor of the line widths; below 1 in small panels, where names stand farther off.
     scale
         Whether the directions of the base's frame and a bar of known length stand below.
-
-    Raises
-    ------
-    InputError
-        If there are not as many labels as joints.
     """
     view = view or clear_views(manipulator)[0]
-    names = [str(i) for i in range(manipulator.joints)] if labels is None else list(labels)
-    if len(names) != manipulator.joints:
-        raise InputError("labels", names, f"one for each of the {manipulator.joints} joints")
+    names = [str(i) if named else "" for i in range(manipulator.joints)]
     strokes = _Strokes(manipulator, axes, view, common_lever(manipulator), weight=weight)
     if not manipulator.task.in_plane:
         strokes.sphere()
@@ -153,8 +148,8 @@ def common_lever(manipulator: Manipulator) -> float:
     """Radius of the sphere about the end effector that all revolute axes touch; 0 if none."""
     columns = manipulator.full_jacobian()[:3, ~manipulator.prismatic]
     levers = np.linalg.norm(columns, axis=0)
-    one = levers.size > 0 and float(np.ptp(levers)) < 1e-3 * float(np.max(levers))
-    return float(np.mean(levers)) if one else 0.0
+    common = levers.size > 0 and float(np.ptp(levers)) < 1e-3 * float(np.max(levers))
+    return float(np.mean(levers)) if common else 0.0
 
 
 def round_length(most: float) -> float:
@@ -189,8 +184,8 @@ class _Strokes:
         """Draw the sphere about the end effector, if there is one: its rim and its equator."""
         if self._ball == 0:
             return
-        turn = np.linspace(0, 2 * np.pi, 181)
-        circle = self._ball * np.column_stack([np.cos(turn), np.sin(turn), np.zeros(181)])
+        angle = np.linspace(0, 2 * np.pi, 181)
+        circle = self._ball * np.column_stack([np.cos(angle), np.sin(angle), np.zeros(181)])
         rim = self._tip + circle
         self._axes.fill(*rim.T[:2], fc=PAPER, ec=PALE, lw=0.8, zorder=FLOOR)
         equator = self._tip + self._view.project(circle)
@@ -207,7 +202,7 @@ class _Strokes:
             line = point + np.linspace(-1, 1, PIECES + 1)[:, None] * half
             middle = (line[:-1] + line[1:]) / 2 - self._tip
             hidden = (np.hypot(*middle.T[:2]) < self._ball) & (middle[:, 2] < 0)
-            shades = [(AXIS, 0.35 if one else 1.0) for one in hidden]
+            shades = [(AXIS, 0.35 if behind else 1.0) for behind in hidden]
             pieces = list(np.stack([line[:-1, :2], line[1:, :2]], axis=1))
             layer = LINES + (1 if point[2] >= self._tip[2] else 0)
             drawn = LineCollection(pieces, colors=shades, lw=width, zorder=layer)
@@ -271,11 +266,9 @@ class _Strokes:
             size = float(np.linalg.norm(shift))
             if size == 0:
                 continue
-            arrow = {"arrowstyle": "-|>", "color": INK, "lw": 0.8, "shrinkA": 3}
-            ends = tuple(start + shift), tuple(start)
-            self._axes.annotate("", *ends, arrowprops=arrow, zorder=JOINTS)
+            self._arrow(start, shift, {"shrinkA": 3})
             place = start + shift * (1 + 0.13 * self._radius / size)
-            self._text(place, f"$j_{{{name}}}$", INK, 9.0)
+            self._text(place, f"$j_{{{name}}}$", INK)
 
     def tip(self) -> None:
         """Draw the end effector."""
@@ -288,31 +281,29 @@ class _Strokes:
         (left, low), (right, _) = self._axes.dataLim.get_points()
         reach = 0.16 * self._radius
         start = np.array([left + 1.3 * reach, low - 2.2 * reach])
-        arrow = {"arrowstyle": "-|>", "color": INK, "lw": 0.8, "shrinkA": 0, "shrinkB": 0}
         for name, seen in zip("xyz", self._view.project(np.eye(3)), strict=True):
             shift = reach * seen[:2]
             if np.hypot(*shift) < 0.1 * reach:
                 continue  # along the line of sight
-            ends = tuple(start + shift), tuple(start)
-            self._axes.annotate("", *ends, arrowprops=arrow, zorder=JOINTS)
-            self._text(start + 1.4 * shift, name, INK, 8.0)
+            self._arrow(start, shift, {"shrinkA": 0, "shrinkB": 0})
+            self._text(start + 1.4 * shift, name, INK, SMALL)
         length = round_length(0.5 * self._radius)
         bar = np.array([[right - length, start[1]], [right, start[1]]])
         self._axes.plot(*bar.T, color=INK, lw=1.6, solid_capstyle="butt", marker="|", ms=5)
-        self._text(bar.mean(axis=0) + [0.0, 0.5 * reach], f"{length:g} m", INK, 8.0)
+        self._text(bar.mean(axis=0) + [0.0, 0.5 * reach], f"{length:g} m", INK, SMALL)
 
     def names(self, names: Sequence[str], taken: FloatArray) -> None:
         """Write each joint's name where it is farthest from the places taken, shape (k, 2)."""
         if self._arm.task.in_plane:
-            turn = np.radians(np.arange(0, 360, 30))
-            around = np.column_stack([np.cos(turn), np.sin(turn)])
+            angle = np.radians(np.arange(0, 360, 30))
+            around = np.column_stack([np.cos(angle), np.sin(angle)])
             choices = self._joints[:, None, :2] + 0.13 / self._weight * self._radius * around
         else:
             choices = np.stack([self._joints + k * self._half for k in (-NAME, NAME)], axis=1)
         for name, offered in zip(names, choices[..., :2], strict=True):
             place = clearest(offered, taken)
             taken = np.vstack([taken, place])
-            self._text(place, name, AXIS, 10.0)
+            self._text(place, name, AXIS)
 
     def along_links(self) -> FloatArray:
         """Return places on the links and on the ground, shape (k, 2)."""
@@ -332,7 +323,12 @@ class _Strokes:
         [line] = self._axes.plot(*ends.T[:2], color=colour, lw=width * self._weight)
         line.set(zorder=layer, solid_capstyle=cap)
 
-    def _text(self, place: FloatArray, text: str, colour: str, size: float) -> None:
+    def _arrow(self, start: FloatArray, shift: FloatArray, shrink: dict[str, float]) -> None:
+        arrow = {"arrowstyle": "-|>", "color": INK, "lw": 0.8, **shrink}
+        ends = tuple(start + shift), tuple(start)
+        self._axes.annotate("", *ends, arrowprops=arrow, zorder=JOINTS)
+
+    def _text(self, place: FloatArray, text: str, colour: str, size: str = "medium") -> None:
         from matplotlib.patheffects import withStroke
 
         x, y = place

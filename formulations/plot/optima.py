@@ -17,7 +17,7 @@ from formulations.campaign.records import open_store
 from formulations.campaign.tables import SETTINGS, differing, frame
 from formulations.joints.models import arm
 from formulations.plot.picture import NothingFoundError, Picture, Request, solved
-from formulations.plot.style import BLUE, PALE, SMALL, TITLE, beside, styled, without_frame
+from formulations.plot.style import BLUE, PALE, SMALL, styled, without_frame
 from formulations.solving.case import Case
 from formulations.solving.outcome import Outcome
 from nlp.arrays import FloatArray
@@ -28,14 +28,14 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-WIDTH, ROW = 8.4, 0.8
+WIDTH, ROW = 8.4, 0.9
 BINS = 240
 # Starts this close to one another are at one optimum, as far as numbers are printed.
 SAME = 1e-5
 # More optima than this, and than this share of the starts, are a continuum.
 FEW, SCATTERED = 3, 0.2
 UNIT, LEVER = "unit lever arms", "free lever arms"
-# Of a store: settings that every label names, and the length of a line beside a histogram.
+# Of a store: settings that every label names, and the length of a line above a histogram.
 ALWAYS_NAMED = ("formulation", "model", "joints")
 LONGEST = 42
 # What is shown of a start, and the columns of the table in their order.
@@ -56,18 +56,28 @@ PROBLEMS = (
 
 def make(request: Request) -> Picture:
     """Solve from all starts, or read a campaign's store, and draw where they ended."""
-    table = _solved(request) if request.store is None else stored(request.store)
-    if not table["counted"].any():
-        raise NothingFoundError("No start passes the check; ask for more starts.")
+    if request.store is None:
+        tables = [ends(name, solved(case, request)) for name, case in PROBLEMS]
+        table = pd.concat(tables, ignore_index=True)
+    else:
+        table = stored(request.store)
     return Picture(draw(table), table)
 
 
 def draw(table: pd.DataFrame) -> Figure:
-    """Draw a histogram for each problem of a table with the columns `COLUMNS`."""
+    """Draw a histogram for each problem of a table with the columns `COLUMNS`.
+
+    Raises
+    ------
+    NothingFoundError
+        If no start passes the check.
+    """
+    if not table["counted"].any():
+        raise NothingFoundError("No start passes the check; ask for more starts.")
     names = list(dict.fromkeys(table["problem"]))
     edges = _edges(table.loc[table["counted"], "worst_case_sigma"])
     with styled(WIDTH, 0.9 + ROW * len(names)) as figure:
-        figure.suptitle("Where random starts end, by the worst case σ", fontsize=TITLE)
+        figure.suptitle("Where random starts end, by the worst case σ")
         rows = figure.subplots(len(names), 1, sharex=True, squeeze=False)[:, 0]
         for axes, name in zip(rows, names, strict=True):
             _draw(axes, table[table["problem"] == name], edges)
@@ -78,18 +88,13 @@ def draw(table: pd.DataFrame) -> Figure:
 
 def levels(sigmas: pd.Series) -> list[tuple[float, int]]:
     """Return the optima that starts ended at, best first, and how many at each."""
-    found: list[tuple[float, int]] = []
-    for sigma in sorted(sigmas, reverse=True):
-        if found and found[-1][0] - sigma <= SAME:
-            found[-1] = (found[-1][0], found[-1][1] + 1)
-        else:
-            found.append((float(sigma), 1))
-    return found
-
-
-def _solved(request: Request) -> pd.DataFrame:
-    tables = [ends(name, solved(case, request)) for name, case in PROBLEMS]
-    return pd.concat(tables, ignore_index=True)
+    optima: dict[float, int] = {}
+    best = np.inf
+    for sigma in sorted(map(float, sigmas), reverse=True):
+        if best - sigma > SAME:
+            best = sigma
+        optima[best] = optima.get(best, 0) + 1
+    return list(optima.items())
 
 
 def ends(label: str, outcome: Outcome) -> pd.DataFrame:
@@ -134,7 +139,7 @@ def stored(path: Path) -> pd.DataFrame:
 def _label(settings: pd.Series, named: list[str]) -> str:
     first = f"{settings['formulation']}, {settings['joints']} × {settings['model']}"
     rest = [f"{name.replace('_', ' ')} {settings[name]}" for name in named if settings[name]]
-    lines = [one if len(one) <= LONGEST else f"{one[: LONGEST - 1]}…" for one in rest]
+    lines = [line if len(line) <= LONGEST else f"{line[: LONGEST - 1]}…" for line in rest]
     return "\n".join([first, *lines])
 
 
@@ -147,43 +152,37 @@ def _edges(sigmas: pd.Series) -> FloatArray:
 def _draw(axes: Axes, table: pd.DataFrame, edges: FloatArray) -> None:
     sigmas = table.loc[table["counted"], "worst_case_sigma"]
     # All starts of one optimum in one bin: their last digits may lie on both sides of an edge.
-    found = levels(sigmas)
-    each = [reached for _, reached in found]
-    counts, _ = np.histogram([sigma for sigma, _ in found], edges, weights=each)
+    optima = levels(sigmas)
+    counts = np.zeros(BINS)
+    if optima:
+        values, reached = zip(*optima, strict=True)
+        counts, _ = np.histogram(values, edges, weights=reached)
     there = counts > 0
     width = edges[1] - edges[0]
     axes.bar(edges[:-1][there], counts[there], width, align="edge", color=BLUE, lw=0)
     axes.set_xlim(edges[0], edges[-1])
-    axes.set_ylim(0, max(1, counts.max()) * 1.3)
+    axes.set_ylim(0, max(1, counts.max()) * 1.5)
     axes.set_yticks([])
     without_frame(axes, "bottom")
     axes.spines["bottom"].set_color(PALE)
     axes.tick_params(axis="x", length=0)
-    name = str(table["label"].iloc[0])
-    beside(axes, (0, 0), name, (-6, 0), va="bottom", xycoords="axes fraction")
-    text = _summary(found, len(table))
-    if sigmas.empty:
-        axes.text(0.5, 0.3, text, transform=axes.transAxes, ha="center")
-        return
-    # The number of starts in the highest bar, on it.
-    peak = int(np.argmax(counts))
-    top = (edges[peak] + edges[peak + 1]) / 2
-    number = axes.text(top, counts[peak], f"{counts[peak]:.0f}", color=BLUE, fontsize=SMALL)
-    number.set(ha="center", va="bottom")
-    left, right = float(sigmas.min()), float(sigmas.max())
-    before = left - edges[0] > edges[-1] - right
-    end, by = (left, -9) if before else (right, 9)
-    beside(axes, (end, 0.42 * counts[peak]), text, (by, 0))
+    axes.set_title(str(table["label"].iloc[0]), fontsize=SMALL)
+    axes.set_title(_summary(optima, len(table)), fontsize=SMALL, loc="right")
+    if not sigmas.empty:  # the number of starts in the highest bar, on it
+        peak = int(np.argmax(counts))
+        top = (edges[peak] + edges[peak + 1]) / 2
+        number = axes.text(top, counts[peak], f"{counts[peak]:.0f}", color=BLUE, fontsize=SMALL)
+        number.set(ha="center", va="bottom")
 
 
-def _summary(found: list[tuple[float, int]], starts: int) -> str:
+def _summary(optima: list[tuple[float, int]], starts: int) -> str:
     """Return how many starts ended at the best optimum, or that no two ended at one."""
-    if not found:
+    if not optima:
         return f"none of {starts}"
-    best, reached = found[0]
-    counted = sum(number for _, number in found)
-    if len(found) > max(FEW, SCATTERED * counted):
-        text = f"{counted} of {starts}, scattered from {found[-1][0]:.3f} to {best:.3f}"
+    best, reached = optima[0]
+    counted = sum(number for _, number in optima)
+    if len(optima) > max(FEW, SCATTERED * counted):
+        text = f"{counted} of {starts} from {optima[-1][0]:.3f} to {best:.3f}"
     else:
         text = f"{reached} of {starts} at {best:.5f}"
         others = counted - reached

@@ -5,15 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
-from formulations.realise.from_jacobian import MOST_JOINTS
 from formulations.solving.case import Case
 from formulations.solving.outcome import Outcome
 from formulations.solving.record import Record
 from formulations.solving.solve import run
+from formulations.synthesis.from_jacobian import MOST_JOINTS
 from nlp.arrays import FloatArray
 from nlp.errors import InputError, LockedJointError
 
@@ -61,11 +61,10 @@ class Picture:
     figure: Figure
     table: pd.DataFrame
 
-    def rows(self) -> list[dict[str, object]]:
+    def rows(self) -> list[dict[Any, Any]]:
         """Return the table's rows as plain values; None for missing ones."""
         plain = self.table.astype(object)
-        rows = plain.where(plain.notna(), None).to_dict("records")
-        return [{str(name): value for name, value in row.items()} for row in rows]
+        return plain.where(plain.notna(), None).to_dict("records")
 
 
 class NothingFoundError(LockedJointError):
@@ -83,12 +82,7 @@ def solved(case: Case, request: Request) -> Outcome:
         If the user interrupted: there is no figure of an unfinished study.
     """
     request.progress(case.name)
-    outcome = run(
-        case,
-        starts=request.starts,
-        seed=request.seed,
-        workers=request.workers,
-    )
+    outcome = run(case, starts=request.starts, seed=request.seed, workers=request.workers)
     if not outcome.complete:
         raise KeyboardInterrupt
     return outcome
@@ -103,8 +97,8 @@ def reached(outcome: Outcome) -> tuple[Record, ...]:
         If there is none.
     """
     if not outcome.reached:
-        who = outcome.case.name
-        raise NothingFoundError(f"No start of {who} passes the check; ask for more starts.")
+        message = f"No start of {outcome.case.name} passes the check; ask for more starts."
+        raise NothingFoundError(message)
     return outcome.reached
 
 

@@ -5,7 +5,7 @@ from itertools import product
 
 import numpy as np
 
-from formulations.realise.manipulator import Manipulator
+from formulations.synthesis.manipulator import Manipulator
 from nlp.arrays import FloatArray
 
 

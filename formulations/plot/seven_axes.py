@@ -13,9 +13,9 @@ from formulations.joints.kinds import UnitRevolute
 from formulations.plot.manipulator import common_lever, draw_axes
 from formulations.plot.picture import Picture, Request, best
 from formulations.plot.projection import clear_views
-from formulations.plot.style import GREY, SMALL, TITLE, styled
-from formulations.realise.from_jacobian import realise
+from formulations.plot.style import GREY, SMALL, styled
 from formulations.solving.case import Case
+from formulations.synthesis.from_jacobian import realise
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
 
@@ -36,10 +36,7 @@ def make(request: Request) -> Picture:
         what = "axes tangent to a sphere" if tangent else "axes, and the sphere of their mean"
         sigma = measures.worst_case_sigma(matrix)
         number = "Seven" if arm.joints == 7 else str(arm.joints)
-        figure.suptitle(
-            f"{number} {what}: σ ≥ {sigma:.4f} whichever joint locks",
-            fontsize=TITLE,
-        )
+        figure.suptitle(f"{number} {what}: σ ≥ {sigma:.4f} whichever joint locks")
         # The same for both panels: how far axes reach in space.
         farthest = float(np.max(distances))
         half = ROOM * farthest * np.hypot(1, REACH)

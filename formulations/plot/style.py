@@ -1,20 +1,22 @@
-"""Figures: one style for all of them, and the content of files, the same bytes each time.
+"""Figures: one style for all of them, how a user changes it, and the content of files.
 
-Needs matplotlib (the extra `figures`), which is imported on the first figure.
-Files are SVG, PNG or PDF. `look` says how a user changes size, title and style.
+Needs matplotlib (the extra `figures`), which is imported on the first figure. Files are SVG,
+PNG or PDF, the same bytes each time.
 """
 
 from __future__ import annotations
 
 import io
+import re
 import warnings
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
+from contextvars import ContextVar
+from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
-from formulations.plot.look import Look, current_look
 from nlp.errors import FileError, InputError, MissingLibraryError
 
 if TYPE_CHECKING:
@@ -25,24 +27,23 @@ FORMATS = ("svg", "png", "pdf")
 # Okabe and Ito's colours, which colour-blind readers can distinguish, and greys.
 ORANGE, BLUE, VERMILION = "#E69F00", "#0072B2", "#D55E00"
 INK, GREY, PALE, PAPER = "#333333", "#7A8087", "#C8CDD2", "#F5F7F9"
-# Font sizes in points: of titles, of labels, of small print.
-TITLE, LABEL, SMALL = 11.0, 9.5, 8.0
+# Of small print; sizes follow `font.size`, so that a style file sets all of them at once.
+SMALL = "small"
 
 # The font comes with Matplotlib, so that files are the same everywhere.
 _SETTINGS: Mapping[str, object] = MappingProxyType(
     {
         "font.family": "sans-serif",
         "font.sans-serif": ["DejaVu Sans", "Verdana", "Arial", "sans-serif"],
-        "font.size": LABEL,
+        "font.size": 9.5,
         "text.color": INK,
         "axes.edgecolor": GREY,
         "axes.labelcolor": INK,
-        "axes.labelsize": LABEL,
         "axes.linewidth": 0.6,
         "axes.spines.top": False,
         "axes.spines.right": False,
         "axes.titlelocation": "left",
-        "axes.titlesize": TITLE,
+        "axes.titlesize": "large",
         "axes.titlecolor": INK,
         "xtick.color": GREY,
         "ytick.color": GREY,
@@ -54,6 +55,9 @@ _SETTINGS: Mapping[str, object] = MappingProxyType(
         "ytick.major.width": 0.6,
         "xtick.major.size": 3.0,
         "ytick.major.size": 3.0,
+        "figure.titlesize": "large",
+        "legend.fontsize": SMALL,
+        "legend.frameon": False,
         "figure.constrained_layout.use": True,
     }
 )
@@ -63,6 +67,94 @@ _SETTINGS: Mapping[str, object] = MappingProxyType(
 _WRITING: Mapping[str, object] = MappingProxyType(
     {"svg.hashsalt": "lockedjoint", "svg.fonttype": "none", "pdf.fonttype": 42}
 )
+
+# Centimetres in an inch. Least and largest width and height in cm: what can be read, and what
+# memory holds.
+_CM, _SMALLEST, _LARGEST = 2.54, 2.0, 100.0
+
+
+@dataclass(frozen=True)
+class Look:
+    """How figures look, where that differs from the default.
+
+    Attributes
+    ----------
+    size
+        Width and height in inches; None for each figure's own.
+    title
+        Whether the title of the whole figure is drawn. Those that tell panels apart stay.
+    settings
+        Matplotlib's settings over ours.
+    """
+
+    size: tuple[float, float] | None = None
+    title: bool = True
+    settings: Mapping[str, object] = field(default_factory=dict)
+
+
+_LOOK: ContextVar[Look] = ContextVar("look", default=Look())  # noqa: B039
+
+
+@contextmanager
+def looking(look: Look) -> Iterator[None]:
+    """Draw and write all figures within this context with this look."""
+    token = _LOOK.set(look)
+    try:
+        yield
+    finally:
+        _LOOK.reset(token)
+
+
+def read_look(
+    size: str | None, title: bool, style: str | Path | None, prefix: str = ""
+) -> Look:
+    """Read how a user wants figures to look.
+
+    Parameters
+    ----------
+    size
+        ``16x10`` or ``16x10cm``: width and height in cm, ``6.3x4in`` in inches.
+    title
+        Whether figures have one.
+    style
+        A matplotlib style file, lines ``name: value``. Matplotlib warns of unknown names.
+    prefix
+        What errors put before the names of arguments: ``--`` on the command line.
+
+    Raises
+    ------
+    InputError
+        If the size is something else, or less than 2 cm or more than 100 cm.
+    FileError
+        If the style cannot be read, or matplotlib does not take a value.
+    MissingLibraryError
+        If there is a style, and matplotlib is not installed.
+    """
+    inches = None if size is None else _inches(size, f"{prefix}size")
+    return Look(inches, title, {} if style is None else _settings(style, f"{prefix}style"))
+
+
+def _inches(text: str, argument: str) -> tuple[float, float]:
+    number = r"\s*(\d+\.?\d*|\.\d+)\s*"
+    match = re.fullmatch(rf"{number}x{number}(cm|in)?", text, re.ASCII)
+    factor = 1.0 if match and match[3] == "in" else _CM
+    width, height = (float(side) / factor for side in match.groups()[:2]) if match else (0, 0)
+    if not all(_SMALLEST <= round(_CM * side, 9) <= _LARGEST for side in (width, height)):
+        allowed = "WIDTHxHEIGHT in cm, each 2 to 100, such as 16x10, or in inches: 6.3x4in"
+        raise InputError(argument, text, allowed)
+    return width, height
+
+
+def _settings(path: str | Path, argument: str) -> Mapping[str, object]:
+    figure_class()
+    from matplotlib import rc_params_from_file
+
+    try:
+        settings = rc_params_from_file(path, fail_on_error=True, use_default_template=False)
+        return {str(name): value for name, value in settings.items()}
+    except (OSError, ValueError, TypeError, KeyError) as error:
+        allowed = f"a style that matplotlib takes ({error})"
+        raise FileError(argument, str(path), allowed) from None
 
 
 def figure_class() -> type[Figure]:
@@ -80,6 +172,13 @@ def figure_class() -> type[Figure]:
     return Figure
 
 
+def _style(more: Mapping[str, object] = MappingProxyType({})) -> AbstractContextManager[None]:
+    """Matplotlib's settings: ours over its own, the user's style over ours, and more."""
+    from matplotlib import style
+
+    return style.context(["default", {**_SETTINGS, **_LOOK.get().settings, **more}])
+
+
 @contextmanager
 def styled(width: float, height: float) -> Iterator[Figure]:
     """Give a new figure to draw on, in this style whatever the user's own settings are.
@@ -94,33 +193,27 @@ def styled(width: float, height: float) -> Iterator[Figure]:
     MissingLibraryError
         If Matplotlib is not installed.
     """
-    new_figure = figure_class()
-    from matplotlib import style
-
-    look = current_look()
-    with style.context(["default", dict(_SETTINGS), dict(look.settings)]):
+    new_figure, look = figure_class(), _LOOK.get()
+    with _style():
         figure = new_figure(figsize=look.size or (width, height))
         yield figure
-        if not look.title:
-            _untitle(figure)
+        title = figure.get_suptitle()
+        if title and look.title:
+            figure.suptitle(title, wrap=True)
+        elif title:
+            figure.suptitle("").set_in_layout(False)
+        elif len(figure.axes) == 1:
+            axes = figure.axes[0]
+            axes.set_title(axes.get_title("left") if look.title else "", wrap=True)
 
 
-def _untitle(figure: Figure) -> None:
-    """Take away the title of the whole figure, and the room that it takes."""
-    if figure.get_suptitle():
-        figure.suptitle("").set_in_layout(False)
-    elif len(figure.axes) == 1:
-        for side in ("left", "center", "right"):
-            figure.axes[0].set_title("", loc=side)
-
-
-def without_frame(axes: Axes, *kept: str) -> None:
-    """Hide the lines around axes but those kept: ``left``, ``bottom``; ticks go with them."""
+def without_frame(axes: Axes, *shown: str) -> None:
+    """Hide the lines around axes but those shown: ``left``, ``bottom``; ticks go with them."""
     for side, spine in axes.spines.items():
-        spine.set_visible(side in kept)
-    if "left" not in kept:
+        spine.set_visible(side in shown)
+    if "left" not in shown:
         axes.tick_params(axis="y", length=0)
-    if "bottom" not in kept:
+    if "bottom" not in shown:
         axes.tick_params(axis="x", length=0)
 
 
@@ -156,7 +249,7 @@ def kind_of(path: Path) -> str:
     """
     kind = path.suffix.lower().removeprefix(".")
     if kind not in FORMATS:
-        endings = ", ".join(f".{one}" for one in FORMATS)
+        endings = ", ".join(f".{form}" for form in FORMATS)
         raise FileError("file", str(path), f"a name that ends in {endings}")
     return kind
 
@@ -167,34 +260,24 @@ def content(figure: Figure, kind: str) -> bytes:
     Raises
     ------
     InputError
-        If the kind is not one of `FORMATS`, or the figure cannot be drawn with the settings of
-        a style file.
+        If the kind is not one of `FORMATS`, or the figure cannot be drawn in its size or with
+        the settings of a style file.
     """
     if kind not in FORMATS:
         raise InputError("kind of figure", kind, ", ".join(FORMATS))
-    from matplotlib import style
-
     written = io.BytesIO()
-    undated = {"svg": {"Date": None}, "pdf": {"CreationDate": None}, "png": {}}[kind]
+    undated: Any = {"svg": {"Date": None}, "pdf": {"CreationDate": None}, "png": {}}[kind]
     # Names of fonts are resolved when a file is written: the settings are those of drawing.
-    settings = {**_SETTINGS, **current_look().settings, **_WRITING}
-    with style.context(["default", settings]):
-        if current_look() == Look():
-            figure.savefig(written, format=kind, dpi=200, metadata=undated)
-        else:
-            _saved_as_asked(figure, written, format=kind, dpi=200, metadata=undated)
-    return written.getvalue()
-
-
-def _saved_as_asked(figure: Figure, written: io.BytesIO, **settings: Any) -> None:
-    """Save a figure; refuse a size or a style with which it cannot be drawn."""
-    with warnings.catch_warnings():
+    with _style(_WRITING), warnings.catch_warnings():
         warnings.filterwarnings("error", "constrained_layout not applied")
         try:
-            figure.savefig(written, **settings)
+            figure.savefig(written, format=kind, dpi=200, metadata=undated)
         except UserWarning:
             allowed = "a --size and a --style with room for the panels beside their text"
             raise InputError("size of the figure", "too small", allowed) from None
         except (ValueError, RuntimeError, OverflowError) as error:
+            if not _LOOK.get().settings:
+                raise
             allowed = f"settings with which the figure can be drawn ({error})"
             raise InputError("--style", "given", allowed) from None
+    return written.getvalue()

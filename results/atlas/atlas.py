@@ -7,9 +7,9 @@ from formulations.atlas.collection import pages, problem_of
 from formulations.atlas.row import AtlasRow, row_of
 from formulations.io.study import Effort
 from formulations.max_min import NAME as MAX_MIN
-from formulations.plot.atlas import gallery, heat_map
 from formulations.plot.style import content
 from nlp.files import write_bytes
+from results.atlas.figure import gallery, heat_map
 from results.script import declared, main
 
 _DRAWN = 8  # joints that an arm on the page has at most

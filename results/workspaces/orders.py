@@ -1,8 +1,11 @@
 """The 5040 robots of each of some 7R Jacobians: what the best order of the joints keeps."""
 
+from __future__ import annotations
+
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -11,16 +14,18 @@ from formulations.io.study import Effort
 from formulations.io.table import HIDDEN, column
 from formulations.joints.arm import Arm
 from formulations.joints.models import arm as arm_of
-from formulations.plot.style import content
-from formulations.plot.workspace import draw_orders
-from formulations.realise.choice import rank
-from formulations.realise.criteria import CRITERIA, Sampling, kept_ball
-from formulations.realise.family import every, family
-from formulations.realise.from_jacobian import realise
+from formulations.plot.style import BLUE, INK, PALE, VERMILION, content, styled
 from formulations.solving.trade_off_curve import TradeOffPoint, trade_off_curve
+from formulations.synthesis.choice import rank
+from formulations.synthesis.criteria import COARSE, CRITERIA, Sampling, kept_ball
+from formulations.synthesis.family import every, family
+from formulations.synthesis.from_jacobian import realise
 from nlp.arrays import FloatArray
 from nlp.files import write_bytes
 from nlp.starts import generator
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 #: Half-width of the artificial limits of all joints of a Jacobian's robots, in radians.
 HALF = np.deg2rad(20.0)
@@ -85,7 +90,7 @@ def orders(effort: Effort, folder: Path) -> Iterator[OrderRow]:
         rows.append(row)
         spread.append(typical)
     rows = [replace(row, front="yes" if not_dominated(row, rows) else "no") for row in rows]
-    write_bytes(folder / "orders.svg", content(draw_orders(rows, spread), "svg"))
+    write_bytes(folder / "orders.svg", content(_figure(rows, spread), "svg"))
     yield from rows
 
 
@@ -148,7 +153,7 @@ def typical_values(point: TradeOffPoint, effort: Effort) -> FloatArray:
 
 #: What the page says of the ranking.
 SETTINGS = {
-    "coarse": CRITERIA["kept"].coarse,
+    "coarse": COARSE,
     "shortlist": _SHORTLIST,
     "points": _POINTS,
     "finalists": _FINALISTS,
@@ -156,3 +161,31 @@ SETTINGS = {
     "ball": 4 * HALF,
     "drawn": _DRAWN,
 }
+
+
+def _figure(rows: Sequence[OrderRow], spread: Sequence[FloatArray]) -> Figure:
+    """Draw what robots keep over a workspace against their worst case where it is designed."""
+    with styled(7.4, 4.2) as figure:
+        axes = figure.subplots()
+        axes.set_title("Robots of seven joints: 5040 orders of each Jacobian")
+        sigmas = [row.worst_case_sigma for row in rows]
+        low, high = np.quantile(spread, [0.05, 0.95], axis=1)
+        axes.vlines(sigmas, low, high, color=PALE, lw=7)
+        axes.scatter([], [], color=PALE, marker="s", label="nine of ten random orders")
+        middles = [row.middle for row in rows]
+        axes.scatter(
+            sigmas, middles, color=INK, marker="_", s=60, label="median order", zorder=3
+        )
+        for front, colour, label in (
+            ("no", BLUE, "best order found"),
+            ("yes", VERMILION, "the same, not dominated"),
+        ):
+            some = [row for row in rows if row.front == front]
+            x, y = [row.worst_case_sigma for row in some], [row.kept for row in some]
+            errors = [row.error for row in some]
+            axes.errorbar(x, y, errors, color=colour, fmt="o", ms=4, label=label)
+        axes.set_xlabel("worst-case σ where the Jacobian is designed")
+        axes.set_ylabel("volume kept, limits ±20° (lever arms³)")
+        axes.set_ylim(bottom=0)
+        figure.legend(loc="outside lower center", ncols=2)
+    return figure

@@ -33,8 +33,8 @@ from formulations.atlas.improve import improve
 from formulations.atlas.local_optimality import local_optimality
 from formulations.atlas.polished import SEARCHES, improve_polished
 from formulations.joints import models
-from formulations.plot.atlas import gallery, heat_map
 from nlp.errors import FileError, InputError
+from results.atlas.figure import gallery, heat_map
 
 SEEDS = st.integers(0, 2**32 - 1)
 MODELS = ("unit-revolute", "lever-revolute", "unit-revolute:6,prismatic:2", "free", "free-mean")

@@ -44,7 +44,7 @@ def test_many_failures_are_the_worst_of_them():
     axes = lj.plot(found).figure.axes[0]
     drawn = [bar.get_height() for bar in axes.patches]
     np.testing.assert_allclose(drawn, sorted(found.locked_sigmas)[: len(drawn)])
-    assert f"the worst {len(drawn)} of 78" in axes.get_title("left")
+    assert f"the worst {len(drawn)} of 78" in axes.get_xlabel()
 
 
 def test_an_outcome_is_a_histogram_of_its_starts(outcome):

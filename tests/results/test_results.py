@@ -28,10 +28,10 @@ from formulations.io.study import Effort
 from formulations.io.table import Table, read_rows
 from formulations.kinematics.forward import Kinematics
 from formulations.paths.survival import survivors
-from formulations.realise.criteria import CRITERIA, Sampling
-from formulations.realise.family import Arrangements, family
-from formulations.realise.from_jacobian import realise
 from formulations.reproduction.row import ReproductionRow, Verdict
+from formulations.synthesis.criteria import CRITERIA, Sampling
+from formulations.synthesis.family import Arrangements, family
+from formulations.synthesis.from_jacobian import realise
 from formulations.workspaces.planar import Planar3R
 from results.benchmark.benchmark import growth, targets
 from results.bounds import bounds as bounds_study

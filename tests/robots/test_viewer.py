@@ -15,10 +15,10 @@ import pytest
 
 from formulations import measures
 from formulations.commands.view import view
-from formulations.realise.from_jacobian import realise
-from formulations.realise.write_urdf import urdf as realised_urdf
 from formulations.robots.posture_search import Search
 from formulations.robots.robot_arm import RobotArm
+from formulations.synthesis.from_jacobian import realise
+from formulations.synthesis.write_urdf import urdf as realised_urdf
 from formulations.viewer.page import Address, Page
 from formulations.viewer.picture import numbers, picture
 from nlp.errors import InputError

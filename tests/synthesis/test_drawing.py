@@ -1,4 +1,4 @@
-"""Drawings show what they say, and are the same each time."""
+"""Drawings show what they say."""
 
 import sys
 from itertools import pairwise
@@ -6,68 +6,41 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from formulations.plot.manipulator import columns_text, draw, figure, round_length
+from formulations.plot.manipulator import columns_text, figure, round_length
 from formulations.plot.projection import PLAN, View, clear_views
 from formulations.plot.style import content
-from formulations.realise.from_jacobian import realise
 from formulations.reproduction import reference
+from formulations.synthesis.from_jacobian import realise
 from nlp.errors import InputError
-
-
-@pytest.fixture(scope="module")
-def planar():
-    return realise(reference.PLANAR_3R)
 
 
 @pytest.mark.parametrize(
     ("kind", "start"), [("svg", b"<?xml"), ("png", b"\x89PNG"), ("pdf", b"%PDF")]
 )
-def test_formats_and_the_same_bytes_again(planar, kind, start):
-    written = content(figure(planar), kind)
-    assert written.startswith(start)
-    assert written == content(figure(planar), kind)
+def test_formats_and_the_same_bytes_again(kind, start):
+    one, again = (content(figure(realise(reference.PLANAR_3R)), kind) for _ in range(2))
+    assert one.startswith(start)
+    assert one == again
 
 
-def test_every_kind_of_arm_is_drawn_with_its_joints_named(arm):
-    panels = figure(arm).axes
-    assert len(panels) == (1 if arm.task.in_plane else 2)
-    for panel in panels:
-        texts = {text.get_text() for text in panel.texts}
-        assert {str(i) for i in range(arm.joints)} <= texts
+def test_every_arm_is_drawn_with_names_frame_scale_and_columns(arm):
+    drawn, views = figure(arm), clear_views(arm)
+    places = np.vstack([arm.points, arm.end_effector])
+    for panel, view in zip(drawn.axes, views, strict=True):
+        assert panel.get_title() == view.name
+        texts = [text.get_text() for text in panel.texts]
+        assert {str(i) for i in range(arm.joints)} <= set(texts)
+        assert len({"x", "y", "z"} & set(texts)) >= 2
         spots = [text.get_position() for text in panel.texts if text.get_text()]
         assert len(set(spots)) == len(spots)
         (left, right), (low, high) = panel.get_xlim(), panel.get_ylim()
         assert all(left <= x <= right and low <= y <= high for x, y in spots)
-
-
-def test_links_of_a_planar_arm_are_drawn_where_they_are(planar):
-    panel = figure(planar).axes[0]
-    draw(planar, panel, columns=False, labels=["a", "b", "c"])
-    ends = [np.array(line.get_xydata()) for line in panel.lines]
-    places = np.vstack([planar.points, planar.end_effector])[:, :2]
-    for start, end in pairwise(places):
-        assert any(
-            line.shape == (2, 2) and np.allclose(line, [start, end], atol=1e-12)
-            for line in ends
-        )
-    assert {"a", "b", "c"} <= {text.get_text() for text in panel.texts}
-    with pytest.raises(InputError, match="labels"):
-        draw(planar, panel, labels=["a"])
-
-
-def test_a_figure_has_a_frame_a_scale_its_views_and_the_columns(arm):
-    drawn = figure(arm)
-    views = clear_views(arm)
-    for panel, view in zip(drawn.axes, views, strict=True):
-        assert panel.get_title() == view.name
-        texts = [text.get_text() for text in panel.texts]
-        assert len({"x", "y", "z"} & set(texts)) >= 2
+        lines = [np.array(line.get_xydata()) for line in panel.lines]
+        lines = np.array([line for line in lines if line.shape == (2, 2)])
         [length] = [float(text.split()[0]) for text in texts if text.endswith(" m")]
-        bars = [np.array(line.get_xydata()) for line in panel.lines]
-        assert any(
-            line.shape == (2, 2) and np.allclose(line[1] - line[0], [length, 0])
-            for line in bars
-        )
+        assert np.isclose(np.diff(lines, axis=1)[:, 0], [length, 0]).all(axis=1).any()
+        for link in pairwise(view.project(places)[:, :2]):
+            assert np.isclose(lines, link, atol=1e-12).all(axis=(1, 2)).any()
     assert drawn._supxlabel.get_text() == columns_text(arm)
 
 
@@ -116,9 +89,10 @@ def test_the_chosen_views_are_clearer_than_most(optimum):
     assert min(shortest(one), shortest(two)) > np.median(others)
 
 
-def test_bad_kinds_and_a_missing_matplotlib(planar, monkeypatch):
+def test_bad_kinds_and_a_missing_matplotlib(monkeypatch):
+    arm = realise(reference.PLANAR_3R)
     with pytest.raises(InputError, match="kind of figure is gif; allowed: svg, png, pdf"):
-        content(figure(planar), "gif")
+        content(figure(arm), "gif")
     monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
     with pytest.raises(InputError, match=r"pip install .*(matplotlib|figures)"):
-        content(figure(planar), "svg")
+        figure(arm)

@@ -6,7 +6,7 @@ from enum import StrEnum
 import numpy as np
 
 from formulations.kinematics.link_chain import BoolArray, LinkChain
-from formulations.realise.manipulator import Manipulator, kind_names
+from formulations.synthesis.manipulator import Manipulator, kind_names
 from nlp.arrays import FloatArray
 
 # Axes whose directions differ by less count as parallel: their common normal is not unique.
@@ -55,10 +55,11 @@ class DenavitHartenberg:
 
     def rows(self) -> list[dict[str, object]]:
         """Return the rows as plain values: number and kind of the joint, θ, d, a, α."""
-        names = ("joint", "kind", "theta", "d", "a", "alpha")
-        numbers = (column.tolist() for column in (self.theta, self.d, self.a, self.alpha))
-        rows = enumerate(zip(kind_names(self.prismatic), *numbers, strict=True))
-        return [dict(zip(names, (i, *row), strict=True)) for i, row in rows]
+        columns = {name: getattr(self, name).tolist() for name in ("theta", "d", "a", "alpha")}
+        return [
+            {"joint": i, "kind": kind, **{name: column[i] for name, column in columns.items()}}
+            for i, kind in enumerate(kind_names(self.prismatic))
+        ]
 
     def to_dict(self) -> dict[str, object]:
         """Return the table row by row, and both transforms, as plain values."""
@@ -148,8 +149,8 @@ def common_normals(chain: LinkChain) -> Normals:
             other, place = directions[..., k + 1, :], points[..., k + 1, :]
             parallel = _through(here, _nearest(here, other, place), before, scale)
             skew = _skew(axis, point, other, place, scale)
-            turned = np.linalg.norm(np.cross(axis, other), axis=-1)[..., None] > PARALLEL
-            feet = [np.where(turned, a, b) for a, b in zip(skew, parallel, strict=True)]
+            skewed = np.linalg.norm(np.cross(axis, other), axis=-1)[..., None] > PARALLEL
+            feet = [np.where(skewed, a, b) for a, b in zip(skew, parallel, strict=True)]
         start[..., k, :], end[..., k, :], across[..., k, :] = feet
         here, before = end[..., k, :], across[..., k, :]
     return Normals(start, end, across)
@@ -190,15 +191,14 @@ def _any_orthogonal(axis: FloatArray) -> FloatArray:
     return np.asarray(across / np.linalg.norm(across, axis=-1, keepdims=True))
 
 
-def _dot(one: FloatArray, other: FloatArray) -> FloatArray:
-    return np.asarray(np.sum(one * other, axis=-1, keepdims=True))
+def _dot(a: FloatArray, b: FloatArray) -> FloatArray:
+    return np.asarray(np.sum(a * b, axis=-1, keepdims=True))
 
 
 def _angles(start: FloatArray, end: FloatArray, about: FloatArray) -> FloatArray:
     """Angles from one direction to another about a third, each row by itself."""
     sine = np.sum(np.cross(start, end) * about, axis=1)
-    angle = np.arctan2(sine, np.sum(start * end, axis=1))
-    return np.asarray(np.where(np.abs(angle) == 0, 0.0, angle))
+    return np.asarray(np.arctan2(sine, np.sum(start * end, axis=1)) + 0.0)  # 0, not -0
 
 
 def _frame(x: FloatArray, z: FloatArray, origin: FloatArray) -> FloatArray:

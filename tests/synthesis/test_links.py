@@ -8,18 +8,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import minimize
 
-from formulations.realise.from_jacobian import realise
-from formulations.realise.links import (
+from formulations.synthesis.from_jacobian import realise
+from formulations.synthesis.links import (
     LINK_RADIUS,
     clearance,
+    link_gap,
     link_lengths,
-    room,
     segment_distance,
     slide,
     slide_apart,
 )
-from formulations.realise.manipulator import Manipulator
-from formulations.reproduction import reference
+from formulations.synthesis.manipulator import Manipulator
 
 
 def closest(ends):
@@ -89,11 +88,6 @@ def test_slid_joints_have_the_least_total_length(seed, optimum):
     assert here < total(np.zeros(7))
 
 
-def test_planar_joints_have_nowhere_to_slide():
-    arm = realise(reference.PLANAR_3R)
-    np.testing.assert_allclose(slide(arm).points, arm.points, atol=1e-15)
-
-
 def chain(*places):
     """A manipulator with vertical axes and joints at places, the last one the end effector."""
     points = np.array(places, dtype=float)
@@ -105,20 +99,20 @@ def test_room_between_links_that_cross():
     height = 0.1
     arm = chain([0, 0, 0], [2, 0, 0], [2, 1, 0], [1, 1, height], [1, -1, height])
     diameter = 2 * LINK_RADIUS * arm.size
-    found = room(arm)
+    found = link_gap(arm)
     assert found.gap == pytest.approx(height - diameter)
     assert found.touching == ()
     low = chain([0, 0, 0], [2, 0, 0], [2, 1, 0], [1, 1, 0.01], [1, -1, 0.01])
-    assert room(low).touching == ((0, 3),)
-    assert room(low).gap == pytest.approx(0.01 - 2 * LINK_RADIUS * low.size)
+    assert link_gap(low).touching == ((0, 3),)
+    assert link_gap(low).gap == pytest.approx(0.01 - 2 * LINK_RADIUS * low.size)
 
 
 def test_an_elbow_does_not_touch_itself_but_a_folded_arm_does():
-    assert room(chain([0, 0, 0], [1, 0, 0], [1, 1, 0])).touching == ()
-    assert room(chain([0, 0, 0], [1, 0, 0], [0.3, 0, 0])).touching == ((0, 1),)
+    assert link_gap(chain([0, 0, 0], [1, 0, 0], [1, 1, 0])).touching == ()
+    assert link_gap(chain([0, 0, 0], [1, 0, 0], [0.3, 0, 0])).touching == ((0, 1),)
     # Folded around a short link: as far apart as that is long.
     wide, narrow = (
-        room(chain([0, 0, 0], [1, 0, 0], [1, 0, offset], [0, 0, offset]))
+        link_gap(chain([0, 0, 0], [1, 0, 0], [1, 0, offset], [0, 0, offset]))
         for offset in (0.2, 0.005)
     )
     assert wide.touching == ()
@@ -126,7 +120,7 @@ def test_an_elbow_does_not_touch_itself_but_a_folded_arm_does():
 
 
 def test_two_links_have_no_room_to_speak_of():
-    assert room(realise(np.zeros((2, 3)))).gap is None
+    assert link_gap(realise(np.zeros((2, 3)))).gap == np.inf
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -134,9 +128,9 @@ def test_planar_links_that_cross_are_slid_apart(seed):
     """In a plane they would pass through one another; their joints have room along z."""
     rng = np.random.default_rng(seed)
     arms = (realise(rng.standard_normal((2, 5))) for _ in range(100))
-    arm = next(arm for arm in arms if room(arm).touching)
+    arm = next(arm for arm in arms if link_gap(arm).touching)
     slid = slide_apart(arm)
-    assert room(slid).touching == ()
+    assert link_gap(slid).touching == ()
     np.testing.assert_allclose(slid.jacobian(), arm.jacobian(), atol=1e-12)
     np.testing.assert_allclose(slid.points[:, :2], arm.points[:, :2], atol=1e-12)
     assert np.max(np.abs(slid.points[:, 2])) <= 0.5 * arm.size + 1e-12

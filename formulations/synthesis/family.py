@@ -18,7 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from formulations.kinematics.link_chain import BoolArray, IntArray, LinkChain
-from formulations.realise.manipulator import Manipulator, TaskRows
+from formulations.synthesis.manipulator import Manipulator, TaskRows
 from nlp.arrays import FloatArray
 
 # Lengths and cosines closer than this, relative to the manipulator's size, count as equal.
@@ -60,10 +60,13 @@ class Family(LinkChain):
         See `LinkChain`; one leading dimension, of length N, but shape (3,) of the end effector.
     task, size
         Those of the manipulator they came from.
+    speeds
+        As of a manipulator, shape (N, n).
     """
 
     task: TaskRows
     size: float
+    speeds: FloatArray
 
     def displaced(self, displacements: FloatArray) -> LinkChain:
         """Return all chains at all displacements, shape (N or 1, samples, n)."""
@@ -72,13 +75,15 @@ class Family(LinkChain):
 
     def jacobians(self, displacements: FloatArray) -> FloatArray:
         """Return the rows of their Jacobians that the task needs, (N, samples, m, n)."""
-        return self.displaced(displacements).velocities()[..., self.task.rows, :]
+        columns = self.displaced(displacements).velocities()[..., self.task.rows, :]
+        return columns * self.speeds[:, None, None]
 
 
 def family(manipulator: Manipulator, arrangements: Arrangements) -> Family:
     """Return the geometry of all arrangements of a manipulator."""
     chains = manipulator.rearranged(arrangements.orders, arrangements.flips)
-    return Family(**vars(chains), task=manipulator.task, size=manipulator.size)
+    task, size, speeds = manipulator.task, manipulator.size, manipulator.speeds
+    return Family(**vars(chains), task=task, size=size, speeds=speeds[arrangements.orders])
 
 
 def flippable(manipulator: Manipulator) -> BoolArray:
@@ -116,17 +121,17 @@ def symmetries(manipulator: Manipulator, limit: int = 5_000) -> Arrangements | N
     """
     places, axes = _places(manipulator) / manipulator.size, manipulator.directions
     kind = manipulator.prismatic + 2 * flippable(manipulator)
-    found: list[_Part] = [()]
+    parts: list[_Part] = [()]
     for _ in range(manipulator.joints):
-        found = [more for part in found for more in _extended(part, places, axes, kind)]
-        if len(found) > limit:
+        parts = [longer for part in parts for longer in _extended(part, places, axes, kind)]
+        if len(parts) > limit:
             return None
     members = {
         tuple((image, place < 0) for image, place, _ in part)
-        for part in found
+        for part in parts
         if _is_rotation(part, places, axes)
     }
-    listed = np.array(sorted((*zip(*one, strict=True),) for one in members))
+    listed = np.array(sorted((*zip(*member, strict=True),) for member in members))
     return Arrangements(listed[:, 0].astype(np.int64), listed[:, 1].astype(bool))
 
 
@@ -137,12 +142,11 @@ def distinct(arrangements: Arrangements, group: Arrangements | None) -> Arrangem
     """
     if group is None:
         return arrangements
-    left, own = arrangements, _code(arrangements.orders, arrangements.flips)
+    rest, own = arrangements, _code(arrangements.orders, arrangements.flips)
     for images, flips in zip(group.orders, group.flips, strict=True):
-        turned = left.flips ^ flips[left.orders]
-        first = own <= _code(images[left.orders], turned)
-        left, own = left[first], own[first]
-    return left
+        first = own <= _code(images[rest.orders], rest.flips ^ flips[rest.orders])
+        rest, own = rest[first], own[first]
+    return rest
 
 
 def _places(manipulator: Manipulator) -> FloatArray:
@@ -160,7 +164,7 @@ def _extended(part: _Part, places: FloatArray, axes: FloatArray, kind: IntArray)
     before = np.vstack([places[: new + 1], axes[: new + 1]])
     # Only inner products with the new axis can be new.
     pair = [new, 2 * new + 1]
-    found = []
+    longer_parts = []
     for image in range(len(axes)):
         if image in taken or kind[image] != kind[new]:
             continue
@@ -169,8 +173,8 @@ def _extended(part: _Part, places: FloatArray, axes: FloatArray, kind: IntArray)
             after = _carried(longer, places, axes)
             change = after @ after[pair].T - before @ before[pair].T
             if np.abs(change).max() < EQUAL:
-                found.append(longer)
-    return found
+                longer_parts.append(longer)
+    return longer_parts
 
 
 def _carried(part: _Part, places: FloatArray, axes: FloatArray) -> FloatArray:
@@ -182,8 +186,8 @@ def _carried(part: _Part, places: FloatArray, axes: FloatArray) -> FloatArray:
 def _is_rotation(part: _Part, places: FloatArray, axes: FloatArray) -> bool:
     """Whether a proper rotation does it: the best one, by the singular value method."""
     before, after = np.vstack([places, axes]), _carried(part, places, axes)
-    left, _, right = np.linalg.svd(after.T @ before)
-    proper = left @ np.diag([1.0, 1.0, np.linalg.det(left @ right)]) @ right
+    u, _, vt = np.linalg.svd(after.T @ before)
+    proper = u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt
     return bool(np.max(np.abs(before @ proper.T - after)) < 10 * EQUAL)
 
 

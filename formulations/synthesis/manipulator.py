@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from html import escape
 
@@ -98,6 +98,9 @@ class Manipulator(LinkChain):
         Which rows of (v; ω) the manipulator is for.
     columns
         The column of the Jacobian that each joint contributes, counted from 0.
+    speeds
+        By what a joint's column is multiplied in `jacobian`, shape (n,): of a prismatic joint
+        the norm of v of its column, 1 of a revolute one.
 
     Raises
     ------
@@ -107,28 +110,28 @@ class Manipulator(LinkChain):
 
     task: TaskRows = TaskRows.SPATIAL
     columns: tuple[int, ...] = ()
+    speeds: FloatArray = field(default_factory=lambda: np.ones(0))
 
     def __post_init__(self) -> None:
         n = len(self.directions)
         shapes = {"directions": (n, 3), "points": (n, 3), "end_effector": (3,)}
         for name, shape in shapes.items():
             value = as_floats(name, getattr(self, name)).copy()
-            if n == 0 or value.shape != shape:
-                raise InputError(name, f"of shape {value.shape}", "one row of 3 per joint")
-            if not np.all(np.isfinite(value)):
-                raise InputError(name, "with NaN or infinity", "finite numbers only")
+            if n == 0 or value.shape != shape or not np.all(np.isfinite(value)):
+                allowed = "finite numbers, 3 per joint or for the end effector"
+                raise InputError(name, f"of shape {value.shape}", allowed)
             self._set(name, value)
         norms = np.linalg.norm(self.directions, axis=1)
         if np.max(np.abs(norms - 1)) > DIGITS:
             raise InputError("norms of the directions", norms.tolist(), "1")
-        slides = np.array(self.prismatic, dtype=bool)
-        if slides.shape != (n,):
-            raise InputError("prismatic", f"of shape {slides.shape}", f"shape ({n},)")
-        self._set("prismatic", slides)
+        self._set("prismatic", np.array(self.prismatic, dtype=bool))
+        if self.prismatic.shape != (n,):
+            raise InputError("prismatic", f"of shape {self.prismatic.shape}", f"shape ({n},)")
         columns = tuple(int(c) for c in self.columns) or tuple(range(n))
         if sorted(columns) != list(range(n)):
             raise InputError("columns", columns, f"each of 0 to {n - 1} once")
         object.__setattr__(self, "columns", columns)
+        self._set("speeds", np.array(self.speeds) if len(self.speeds) else np.ones(n))
 
     def _set(self, name: str, value: npt.NDArray[np.generic]) -> None:
         value.setflags(write=False)
@@ -170,18 +173,16 @@ class Manipulator(LinkChain):
         Raises
         ------
         InputError
-            If the order does not name every joint once, or flips are not one per joint.
+            If the order does not name every joint once.
         """
         chosen = [int(i) for i in order]
         if sorted(chosen) != list(range(self.joints)):
             allowed = f"each of 0 to {self.joints - 1} once"
             raise InputError("order", ",".join(map(str, order)), allowed)
         flipped = np.zeros(self.joints, dtype=bool) if flips is None else np.asarray(flips)
-        if flipped.shape != (self.joints,):
-            raise InputError("flips", f"of shape {flipped.shape}", f"shape ({self.joints},)")
         columns = tuple(self.columns[i] for i in chosen)
         chain = self.rearranged(np.array(chosen), flipped)
-        return replace(self, **vars(chain), columns=columns)
+        return replace(self, **vars(chain), columns=columns, speeds=self.speeds[chosen])
 
     def rearranged(self, orders: IntArray, flips: BoolArray) -> LinkChain:
         """Return many arrangements, unchecked: orders and flips as in `arranged`, (…, n)."""
@@ -193,25 +194,28 @@ class Manipulator(LinkChain):
 
     def pose(self, displacements: npt.ArrayLike | None = None) -> FloatArray:
         """Return the pose of the end effector at q, (…, 4, 4); no rotation at q = 0."""
-        chain, turn = self.moved(self._checked(displacements))
-        pose = np.zeros((*turn.shape[:-2], 4, 4))
-        pose[..., :3, :3] = turn
+        chain, rotation = self.moved(self._checked(displacements))
+        pose = np.zeros((*rotation.shape[:-2], 4, 4))
+        pose[..., :3, :3] = rotation
         pose[..., :3, 3], pose[..., 3, 3] = chain.end_effector, 1.0
         return pose
 
     def full_jacobian(self, displacements: npt.ArrayLike | None = None) -> FloatArray:
-        """Return (v; ω) at q, shape (…, 6, n), in the frame of the base; q = 0 if left out."""
+        """Return (v; ω) at q, shape (…, 6, n), in the frame of the base; q = 0 if left out.
+
+        Every prismatic joint moves at unit speed.
+        """
         return self.moved(self._checked(displacements))[0].velocities()
 
     def jacobian(self, displacements: npt.ArrayLike | None = None) -> FloatArray:
-        """Return the rows of `full_jacobian` that the task needs, shape (…, m, n)."""
-        return self.full_jacobian(displacements)[..., self.task.rows, :]
+        """Return the rows that the task needs, (…, m, n): of `full_jacobian` times `speeds`."""
+        return self.full_jacobian(displacements)[..., self.task.rows, :] * self.speeds
 
     def to_dict(self) -> dict[str, object]:
         """Return the axes joint by joint, and the end effector, as plain values."""
-        names = ("joint", "column", "kind", "direction", "point")
-        axes = self.directions.tolist(), self.points.tolist()
-        joints = zip(range(self.joints), self.columns, self.kinds, *axes, strict=True)
+        names = ("joint", "column", "kind", "speed", "direction", "point")
+        values = (self.speeds.tolist(), self.directions.tolist(), self.points.tolist())
+        joints = zip(range(self.joints), self.columns, self.kinds, *values, strict=True)
         return {
             "task": self.task.value,
             "end_effector": self.end_effector.tolist(),

@@ -1,15 +1,25 @@
 """Choose one of the manipulators that share a Jacobian."""
 
+from __future__ import annotations
+
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 from math import factorial
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from formulations.kinematics.link_chain import BoolArray, IntArray
-from formulations.realise.criteria import CRITERIA, Criterion, Sampling, criterion
-from formulations.realise.family import (
+from formulations.synthesis.criteria import (
+    COARSE,
+    CRITERIA,
+    Criterion,
+    Sampling,
+    criterion,
+    one_more_joint,
+)
+from formulations.synthesis.family import (
     Arrangements,
     count,
     distinct,
@@ -18,9 +28,12 @@ from formulations.realise.family import (
     flippable,
     symmetries,
 )
-from formulations.realise.manipulator import Manipulator
+from formulations.synthesis.manipulator import Manipulator
 from nlp.arrays import FloatArray, finite_or_none, whole_number
 from nlp.errors import InputError
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 # All arrangements are tried up to this number: 8! orders fit, and 6!·2⁶ with flips.
 EXHAUSTIVE = 50_000
@@ -38,7 +51,7 @@ class Choice:
     Attributes
     ----------
     manipulator
-        The one chosen.
+        What was chosen.
     order, flips
         How it is arranged, counted from 0; see `Manipulator.arranged`.
     criterion
@@ -70,17 +83,6 @@ class Choice:
         return own | lists | {"criteria": values}
 
 
-@dataclass(frozen=True)
-class Ranked:
-    """One arrangement in a ranking: its place, columns from base to tip, signs, and value."""
-
-    rank: int
-    order: str
-    signs: str
-    criterion: str
-    value: float
-
-
 @dataclass(frozen=True, eq=False)
 class Ranking:
     """Arrangements of one manipulator's joints by one criterion, the best first.
@@ -106,19 +108,19 @@ class Ranking:
     values: FloatArray
     coarse: FloatArray
 
-    def rows(self) -> list[Ranked]:
-        """Return one row for each arrangement."""
-        both = zip(self.arrangements.orders.tolist(), self.arrangements.flips, strict=True)
-        return [
-            Ranked(
-                rank=place + 1,
-                order=" ".join(map(str, order)),
-                signs="".join("-" if one else "+" for one in flips),
-                criterion=self.criterion,
-                value=float(self.values[place]),
-            )
-            for place, (order, flips) in enumerate(both)
-        ]
+    def table(self) -> pd.DataFrame:
+        """Return a row for each: its rank, columns from base to tip, signs, and value."""
+        import pandas as pd
+
+        orders, flips = self.arrangements.orders.tolist(), self.arrangements.flips
+        columns = {
+            "rank": range(1, len(orders) + 1),
+            "order": [" ".join(map(str, order)) for order in orders],
+            "signs": ["".join(row) for row in np.where(flips, "-", "+")],
+            "criterion": self.criterion,
+            "value": self.values,
+        }
+        return pd.DataFrame(columns)
 
 
 def rank(
@@ -156,51 +158,56 @@ def rank(
     """
     wanted, sampling = criterion(name), sampling or Sampling()
     shortlist = whole_number("shortlist", shortlist, 1, EXHAUSTIVE)
-    if not wanted.fits(manipulator.joints, manipulator.task):
+    if wanted.self_motion and not one_more_joint(manipulator.joints, manipulator.task):
         allowed = "another one: it needs positions, and one joint more than the task has rows"
         raise InputError("criterion", name, allowed)
     if wanted.sampled:
         sampling.check(shortlist, manipulator.joints)
 
-    def costs(by: Criterion, these: Arrangements, how: Sampling) -> FloatArray:
-        if by.reversible and not manipulator.task.free_directions:
-            back = these.orders[:, ::-1]
-            first = these.orders[:, 0] < back[:, 0]
-            one_way = np.where(first[:, None], these.orders, back)
-            unique, places = np.unique(one_way, axis=0, return_inverse=True)
-            these = Arrangements(unique, np.zeros(unique.shape, dtype=bool))
-            return by.cost(family(manipulator, these), how)[places.ravel()]
-        return by.cost(family(manipulator, these), how)
-
-    length = CRITERIA["total-length"]
-    by_itself = wanted.coarse > 0 and sampling.samples > wanted.coarse
-    first = wanted if by_itself or not wanted.sampled else length
-    coarse = replace(sampling, samples=wanted.coarse) if by_itself else sampling
-    words = f"best by a sample of {wanted.coarse}" if by_itself else "shortest"
-    judged = np.array([])
+    by_itself = wanted.self_motion and sampling.samples > COARSE
+    coarse = np.array([])
     if count(manipulator) <= EXHAUSTIVE:
         candidates = distinct(every(manipulator), symmetries(manipulator))
         method = f"all {len(candidates)} distinct arrangements"
         if wanted.sampled and len(candidates) > shortlist:
+            first = wanted if by_itself else CRITERIA["total-length"]
             progress(f"{first.name} of {method}")
-            seen = costs(first, candidates, coarse)
-            order = np.argsort(seen, kind="stable")
-            judged = -seen if by_itself else judged
-            candidates = candidates[order[:shortlist]]
+            few = replace(sampling, samples=COARSE) if by_itself else sampling
+            costs = _costs(first, manipulator, candidates, few)
+            coarse = -costs if by_itself else coarse
+            candidates = candidates[np.argsort(costs, kind="stable")[:shortlist]]
+            words = f"best by a sample of {COARSE}" if by_itself else "shortest"
             method = f"the {shortlist} {words} of {method}"
     else:
-        first = length if wanted.sampled else wanted
+        first = CRITERIA["total-length"] if wanted.sampled else wanted
         candidates = search(
-            manipulator, lambda these: costs(first, these, sampling), sampling.seed, shortlist
+            manipulator,
+            lambda these: _costs(first, manipulator, these, sampling),
+            sampling.seed,
+            shortlist,
         )
         method = f"seeded local search for {first.name}"
         if wanted.sampled:
             method = f"the {len(candidates)} shortest of a {method}"
     progress(f"{name} of {method}")
-    values = costs(wanted, candidates, sampling)
-    order = np.argsort(values, kind="stable")
-    sign = -1 if wanted.larger_is_better else 1
-    return Ranking(name, method, candidates[order], sign * values[order], judged)
+    costs = _costs(wanted, manipulator, candidates, sampling)
+    order = np.argsort(costs, kind="stable")
+    values = wanted.sign * costs[order]
+    return Ranking(name, method, candidates[order], values, coarse)
+
+
+def _costs(
+    by: Criterion, manipulator: Manipulator, these: Arrangements, sampling: Sampling
+) -> FloatArray:
+    """Values with the sign for which the least is the best; of an arm and its reverse once."""
+    places: IntArray | slice = slice(None)
+    if by.self_motion and not manipulator.task.free_directions:
+        back = these.orders[:, ::-1]
+        one_way = np.where(these.orders[:, :1] < back[:, :1], these.orders, back)
+        orders, places = np.unique(one_way, axis=0, return_inverse=True)
+        these = Arrangements(orders, np.zeros(orders.shape, dtype=bool))
+        places = places.ravel()
+    return by.cost(family(manipulator, these), sampling)[places]
 
 
 def choose_arrangement(
@@ -222,15 +229,14 @@ def choose_arrangement(
     ranking
         Of the same, if it is there already.
     """
-    found = ranking or rank(manipulator, name, sampling, shortlist)
-    sign = -1 if CRITERIA[name].larger_is_better else 1
-    tied = found.arrangements[_tied(sign * found.values)]
+    ranking = ranking or rank(manipulator, name, sampling, shortlist)
+    tied = ranking.arrangements[_tied(CRITERIA[name].sign * ranking.values)]
     clear = CRITERIA["clearance"].cost(family(manipulator, tied), sampling or Sampling())
-    closest = tied[_tied(clear)]
-    best = int(np.lexsort(np.hstack([closest.orders, closest.flips]).T[::-1])[0])
-    order, flips = closest.orders[best].tolist(), closest.flips[best].tolist()
+    tied = tied[_tied(clear)]
+    best = int(np.lexsort(np.hstack([tied.orders, tied.flips]).T[::-1])[0])
+    order, flips = tied.orders[best].tolist(), tied.flips[best].tolist()
     choice = given(manipulator, order, flips, sampling)
-    return replace(choice, criterion=name, method=found.method)
+    return replace(choice, criterion=name, method=ranking.method)
 
 
 def given(
@@ -267,7 +273,7 @@ def evaluate(manipulator: Manipulator, sampling: Sampling | None = None) -> dict
     n, how = manipulator.joints, sampling or Sampling()
     how.check(1, n)
     own = family(manipulator, Arrangements(np.arange(n)[None], np.zeros((1, n), dtype=bool)))
-    return {name: float(one.evaluate(own, how)[0]) for name, one in CRITERIA.items()}
+    return {name: float(by.evaluate(own, how)[0]) for name, by in CRITERIA.items()}
 
 
 def _tied(costs: FloatArray) -> IntArray:
@@ -293,22 +299,23 @@ def search(
     rng = np.random.default_rng(seed)
     seen: dict[tuple[tuple[int, ...], tuple[bool, ...]], float] = {}
     for _ in range(starts):
-        order = rng.permutation(manipulator.joints)
-        flips = (rng.integers(2, size=len(order)) == 1) & free[order]
-        here = Arrangements(order[None], flips[None])
+        first = rng.permutation(manipulator.joints)
+        here = Arrangements(
+            first[None], ((rng.integers(2, size=len(first)) == 1) & free[first])[None]
+        )
         while True:
             near = _neighbours(here, free)
             values = cost(near)
             rows = zip(near.orders.tolist(), near.flips.tolist(), strict=True)
-            keys = ((tuple(row), tuple(turned)) for row, turned in rows)
+            keys = ((tuple(order), tuple(flips)) for order, flips in rows)
             seen.update(zip(keys, values.tolist(), strict=True))
             best, own = int(np.argmin(values)), float(values[0])
             if values[best] >= own - 1e-12 * abs(own):
                 break
             here = near[[best]]
     cheapest = sorted(seen, key=lambda key: (seen[key], key))[:keep]
-    orders, turns = zip(*cheapest, strict=True)
-    return Arrangements(np.array(orders, dtype=np.int64), np.array(turns, dtype=bool))
+    orders, flips = map(np.array, zip(*cheapest, strict=True))
+    return Arrangements(orders, flips)
 
 
 def _neighbours(here: Arrangements, free: BoolArray) -> Arrangements:
@@ -319,12 +326,9 @@ def _neighbours(here: Arrangements, free: BoolArray) -> Arrangements:
     for i, j in combinations(range(n), 2):
         exchanged = np.arange(n)
         exchanged[[i, j]] = j, i
-        places.append(exchanged)
-        for source, target in ((i, j), (j, i)):
-            places.append(np.insert(np.delete(np.arange(n), source), target, source))
+        moves = (np.insert(np.delete(np.arange(n), a), b, a) for a, b in ((i, j), (j, i)))
+        places += [exchanged, *moves]
     moved = np.array(places)
-    turnable = np.flatnonzero(free[order])
-    turned = np.tile(flip, (len(turnable), 1))
-    turned[np.arange(len(turnable)), turnable] ^= True
-    same = np.tile(order, (len(turnable), 1))
-    return Arrangements(np.vstack([order[moved], same]), np.vstack([flip[moved], turned]))
+    flipped = flip ^ np.eye(n, dtype=bool)[free[order]]
+    same = np.tile(order, (len(flipped), 1))
+    return Arrangements(np.vstack([order[moved], same]), np.vstack([flip[moved], flipped]))

@@ -12,12 +12,14 @@ Rotational tasks: axes pass through p. These, and prismatic joints, of which onl
 matters, sit one unit of length from p, at p − ω or p − v.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 import numpy.typing as npt
 
 from formulations.joints.joint import NotInModelError, check_length
 from formulations.measures import as_jacobian
-from formulations.realise.manipulator import Manipulator, TaskRows
+from formulations.synthesis.manipulator import Manipulator, TaskRows
 from nlp.arrays import FloatArray, as_floats, finite_vector
 from nlp.errors import InputError
 
@@ -27,7 +29,7 @@ TOLERANCE = 1e-6
 SMALLEST, LARGEST = 1e-40, 1e40
 # The symmetries and criteria of more joints would take minutes, and then hours.
 MOST_JOINTS = 50
-_Z = np.array([0.0, 0.0, 1.0])
+_X, _Z = np.eye(3)[[0, 2]]
 
 
 def realise(
@@ -60,8 +62,9 @@ def realise(
     end_effector
         Position of p in the frame of the base, shape (3,), in the robot's unit of length.
     tolerance
-        How far a column may be from one that a joint can contribute: | |ω| − 1 |, |v·ω| and
-        | |v| − 1 | of prismatic joints. The manipulator is then the nearest.
+        How far a column may be from one that a joint can contribute: | |ω| − 1 | and |v·ω|. The
+        manipulator is then the nearest. A prismatic joint has any `Manipulator.speeds`; one
+        as near to 1 is 1.
 
     Raises
     ------
@@ -71,8 +74,9 @@ def realise(
         If another argument is not allowed.
     """
     matrix = as_jacobian(jacobian)
-    if matrix.shape[1] > MOST_JOINTS:
-        raise InputError("jacobian", f"of {matrix.shape[1]} columns", f"at most {MOST_JOINTS}")
+    n = matrix.shape[1]
+    if n > MOST_JOINTS:
+        raise InputError("jacobian", f"of {n} columns", f"at most {MOST_JOINTS}")
     chosen = TaskRows.of(matrix.shape[0], task)
     check_length("length", length)
     check_length("tolerance", tolerance)
@@ -83,19 +87,23 @@ def realise(
     _check_size("rotational velocity", columns[3:], 0.0)
     tip = finite_vector("end effector", end_effector, 3)
     prismatic = _prismatic(columns, chosen, kinds, tolerance)
-    given = _given(directions, chosen, matrix.shape[1])
-    axes, offsets = np.empty((2, matrix.shape[1], 3))
-    for i in range(matrix.shape[1]):
-        velocity, spin = columns[:3, i], columns[3:, i]
-        if prismatic[i]:
-            axes[i] = _slide(i, velocity, spin, tolerance)
-            offsets[i] = -axes[i]
+    wanted = _wanted(directions, chosen, n)
+    axes = np.empty((n, 3))
+    for i, (column, slides) in enumerate(zip(columns.T, prismatic, strict=True)):
+        if slides:
+            axes[i] = _slide(i, column, tolerance)
+        elif chosen is TaskRows.PLANAR:
+            axes[i] = _Z
+        elif chosen is TaskRows.POSITIONAL:
+            axes[i] = _across(i, column[:3], wanted[i], tolerance)
         else:
-            wanted = None if given is None else given[i]
-            axes[i] = _direction(i, velocity, spin, chosen, wanted, tolerance)
-            turning = chosen is TaskRows.ROTATIONAL
-            offsets[i] = -axes[i] if turning else np.cross(axes[i], velocity)
-    return Manipulator(axes, tip + offsets, prismatic, tip, chosen)
+            axes[i] = _spin(i, column, tolerance)
+    unplaced = prismatic | (chosen is TaskRows.ROTATIONAL)
+    offsets = np.where(unplaced[:, None], -axes, np.cross(axes, columns[:3].T))
+    speeds = np.where(prismatic, np.linalg.norm(columns[:3], axis=0), 1.0)
+    # What rounding makes of 1 is 1.
+    speeds = np.where(np.abs(speeds - 1) <= tolerance, 1.0, speeds)
+    return Manipulator(axes, tip + offsets, prismatic, tip, chosen, speeds=speeds)
 
 
 def deviation(manipulator: Manipulator, jacobian: npt.ArrayLike, length: float = 1.0) -> float:
@@ -106,9 +114,9 @@ def deviation(manipulator: Manipulator, jacobian: npt.ArrayLike, length: float =
     """
     wanted = manipulator.task.embed(as_jacobian(jacobian))[:, list(manipulator.columns)]
     wanted[:3] *= length
-    wanted, found = wanted[manipulator.task.rows], manipulator.jacobian()
-    signs = np.where(np.sum(wanted * found, axis=0) < 0, -1.0, 1.0)
-    return float(np.max(np.abs(found - signs * wanted)))
+    wanted, own = wanted[manipulator.task.rows], manipulator.jacobian()
+    signs = np.where(np.sum(wanted * own, axis=0) < 0, -1.0, 1.0)
+    return float(np.max(np.abs(own - signs * wanted)))
 
 
 def _prismatic(
@@ -126,67 +134,58 @@ def _prismatic(
     return np.zeros(n, dtype=bool)
 
 
-def _given(directions: npt.ArrayLike | None, task: TaskRows, n: int) -> FloatArray | None:
+def _wanted(
+    directions: npt.ArrayLike | None, task: TaskRows, n: int
+) -> Sequence[FloatArray | None]:
     if directions is None:
-        return None
+        return [None] * n
     if task is not TaskRows.POSITIONAL:
         raise InputError("directions", "given", f"none for a {task.value} task")
-    given = as_floats("directions", directions)
-    if given.shape != (n, 3) or not np.all(np.isfinite(given)):
-        raise InputError("directions", f"of shape {given.shape}", f"{n} rows of 3 numbers")
-    return given
+    rows = as_floats("directions", directions)
+    if rows.shape != (n, 3) or not np.all(np.isfinite(rows)):
+        raise InputError("directions", f"of shape {rows.shape}", f"{n} rows of 3 numbers")
+    return list(rows)
 
 
-def _slide(i: int, velocity: FloatArray, spin: FloatArray, tolerance: float) -> FloatArray:
+def _slide(i: int, column: FloatArray, tolerance: float) -> FloatArray:
+    """Return the direction of a prismatic joint."""
+    velocity, spin = column[:3], column[3:]
+    norm = np.linalg.norm(velocity)
     if np.linalg.norm(spin) > tolerance:
         raise _outside(i, spin, "rotational velocity 0 (prismatic joint)")
-    norm = np.linalg.norm(velocity)
-    if abs(norm - 1) > tolerance:
-        allowed = "linear velocity of norm 1 (prismatic joint; 'length' scales all of them)"
-        raise _outside(i, velocity, allowed)
+    if norm == 0:
+        raise _outside(i, velocity, "a linear velocity other than 0 (prismatic joint)")
     return np.asarray(velocity / norm)
 
 
-def _direction(
-    i: int,
-    velocity: FloatArray,
-    spin: FloatArray,
-    task: TaskRows,
-    wanted: FloatArray | None,
-    tolerance: float,
-) -> FloatArray:
-    if task is TaskRows.PLANAR:
-        return _Z
-    if task is TaskRows.POSITIONAL:
-        return _across(i, velocity, wanted, tolerance)
+def _spin(i: int, column: FloatArray, tolerance: float) -> FloatArray:
+    """Return the direction of a revolute joint, of a task with rotations."""
+    velocity, spin = column[:3], column[3:]
     norm = np.linalg.norm(spin)
     if abs(norm - 1) > tolerance:
-        allowed = "of norm 1 (revolute joint) or 0 (prismatic joint)"
-        raise _outside(i, spin, f"rotational velocity {allowed}")
+        allowed = "rotational velocity of norm 1 (revolute joint) or 0 (prismatic joint)"
+        raise _outside(i, spin, allowed)
     if abs(velocity @ spin) > tolerance * max(1.0, float(np.linalg.norm(velocity))):
-        allowed = "v·ω = 0: a joint with pitch is neither revolute nor prismatic"
-        raise _outside(i, np.concatenate([velocity, spin]), allowed)
+        raise _outside(
+            i, column, "v·ω = 0: a joint with pitch is neither revolute nor prismatic"
+        )
     return np.asarray(spin / norm)
 
 
 def _across(
     i: int, velocity: FloatArray, wanted: FloatArray | None, tolerance: float
 ) -> FloatArray:
-    """Return a direction orthogonal to v: the one wanted, or the nearest to z."""
+    """Return a direction orthogonal to v: the one wanted, or the nearest to z (else to x)."""
     speed = float(np.linalg.norm(velocity))
     along = velocity / speed if speed > 0 else np.zeros(3)
-    if wanted is not None:
-        norm = float(np.linalg.norm(wanted))
-        if norm == 0 or abs(along @ wanted) > tolerance * norm:
-            shown = f"{_shown(wanted)} for joint {i}"
-            allowed = f"orthogonal to its column {_shown(velocity)}, and not 0"
-            raise InputError("direction", shown, allowed)
-    for choice in [wanted] if wanted is not None else [_Z, np.array([1.0, 0.0, 0.0])]:
-        across = choice - (along @ choice) * along
-        norm = float(np.linalg.norm(across))
-        if norm > TOLERANCE:
-            return np.asarray(across / norm)
-    raise AssertionError("z and x cannot both be along v")
+    if wanted is None:
+        wanted = _Z if np.linalg.norm(_Z - (along @ _Z) * along) > TOLERANCE else _X
+    elif not abs(along @ wanted) <= tolerance * np.linalg.norm(wanted) > 0:
+        shown = f"{_shown(wanted)} for joint {i}"
+        allowed = f"orthogonal to its column {_shown(velocity)}, and not 0"
+        raise InputError("direction", shown, allowed)
+    across = wanted - (along @ wanted) * along
+    return np.asarray(across / np.linalg.norm(across))
 
 
 def _check_size(name: str, velocities: FloatArray, smallest: float) -> None:

@@ -9,10 +9,10 @@ import numpy as np
 
 from formulations.plot.manipulator import draw
 from formulations.plot.style import SMALL, styled
-from formulations.realise.choice import rank
-from formulations.realise.from_jacobian import realise
-from formulations.realise.links import room, slide_apart
-from formulations.realise.manipulator import Manipulator
+from formulations.synthesis.choice import rank
+from formulations.synthesis.from_jacobian import realise
+from formulations.synthesis.links import link_gap, slide_apart
+from formulations.synthesis.manipulator import Manipulator
 from nlp.arrays import FloatArray
 
 if TYPE_CHECKING:
@@ -43,21 +43,21 @@ def heat_map(cells: Sequence[Cell]) -> Figure:
     groups: dict[tuple[str, int], list[Cell]] = {}
     for cell in cells:
         groups.setdefault(cell[:2], []).append(cell)
-    large = {key: found for key, found in groups.items() if len(found) > 1}
+    large = {key: group for key, group in groups.items() if len(group) > 1}
     from matplotlib import colormaps
     from matplotlib.colors import ListedColormap, LogNorm
 
     colours = ListedColormap(colormaps[_COLOURS](np.linspace(0, _DARKEST, 256)))
-    rows = [max(cell[3] for cell in found) for found in large.values()] or [1]
+    rows = [max(cell[3] for cell in group) for group in large.values()] or [1]
     middle = {"ha": "center", "va": "center"}
     with styled(7.4, 0.6 + 0.55 * len(rows) + 0.22 * sum(rows)) as figure:
         ratios = {"height_ratios": rows}
         every = figure.subplots(len(rows), 1, squeeze=False, gridspec_kw=ratios)[:, 0]
-        for axes, ((model, m), found) in zip(every, large.items(), strict=False):
-            joints = range(min(cell[2] for cell in found), max(cell[2] for cell in found) + 1)
-            locked = range(1, max(cell[3] for cell in found) + 1)
+        for axes, ((model, m), group) in zip(every, large.items(), strict=False):
+            joints = range(min(cell[2] for cell in group), max(cell[2] for cell in group) + 1)
+            locked = range(1, max(cell[3] for cell in group) + 1)
             values = np.full((len(locked), len(joints)), np.nan)
-            for _, _, n, k, gap in found:
+            for _, _, n, k, gap in group:
                 values[k - 1, n - joints[0]] = gap
             shown = axes.imshow(
                 np.clip(values, _LEAST, _MOST),
@@ -96,8 +96,7 @@ def gallery(jacobians: Mapping[str, FloatArray]) -> Figure:
     with styled(7.4, 1.6 * lines) as figure:
         panels = figure.subplots(lines, _ACROSS, squeeze=False).ravel()
         for axes, (name, jacobian) in zip(panels, jacobians.items(), strict=False):
-            unnamed = [""] * jacobian.shape[1]
-            draw(_arm(jacobian), axes, labels=unnamed, columns=False, weight=0.5)
+            draw(_arm(jacobian), axes, named=False, columns=False, weight=0.5)
             axes.set_adjustable("datalim")
             axes.set_title(name, fontsize=SMALL, loc="center")
         for axes in panels[len(jacobians) :]:
@@ -110,4 +109,4 @@ def _arm(jacobian: FloatArray) -> Manipulator:
     given = realise(jacobian)
     best = rank(given, "clearance").arrangements
     chosen = given.arranged(best.orders[0].tolist(), best.flips[0].tolist())
-    return slide_apart(chosen, 0) if room(chosen).touching else chosen
+    return slide_apart(chosen, 0) if link_gap(chosen).touching else chosen

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from formulations import measures
-from formulations.realise.choice import choose_arrangement, evaluate, given, search
-from formulations.realise.criteria import CRITERIA, Sampling, smallest, worst_cases
-from formulations.realise.dh import denavit_hartenberg
-from formulations.realise.family import distinct, every, family, symmetries
-from formulations.realise.from_jacobian import realise
-from formulations.realise.links import link_lengths
 from formulations.reproduction import reference
+from formulations.synthesis.choice import choose_arrangement, evaluate, given, search
+from formulations.synthesis.criteria import CRITERIA, Sampling, smallest, worst_cases
+from formulations.synthesis.dh import denavit_hartenberg
+from formulations.synthesis.family import distinct, every, family, symmetries
+from formulations.synthesis.from_jacobian import realise
+from formulations.synthesis.links import link_lengths
 from nlp.errors import InputError
 
 FEW = Sampling(seed=3, samples=8, radius=0.3)
@@ -117,11 +117,6 @@ def test_values_mean_what_they_say(arm):
         assert values["reach"] <= values["total-length"] + 1e-9
 
 
-def test_a_neighbourhood_shrinks_to_the_configuration(optimum):
-    values = evaluate(realise(optimum), Sampling(radius=1e-9))
-    assert values["neighbourhood"] == pytest.approx(measures.worst_case_sigma(optimum))
-
-
 @pytest.mark.parametrize("name", ["clearance", "total-length", "dh-length"])
 def test_the_search_finds_what_trying_all_finds(optimum, name):
     arm, wanted = realise(optimum), CRITERIA[name]
@@ -149,22 +144,10 @@ def test_many_joints_are_searched_and_a_seed_says_all():
     assert one.values["total-length"] < sum(link_lengths(arm.points, arm.end_effector))
 
 
-def test_a_shortlist_is_named(optimum):
-    assert choose_arrangement(realise(optimum), "reach", FEW, shortlist=9).method == (
-        "the 9 shortest of all 5040 distinct arrangements"
-    )
-
-
 def test_an_arm_whose_links_all_meet_has_no_clearance_to_tell():
     chosen = choose_arrangement(realise(np.zeros((2, 3))), "clearance", FEW)
     assert chosen.to_dict()["criteria"]["clearance"] is None
     assert chosen.values["total-length"] == 0
-
-
-def test_what_is_given_is_kept(optimum):
-    chosen = given(realise(optimum), [6, 5, 4, 3, 2, 1, 0], [True] * 7, FEW)
-    assert chosen.criterion is None
-    np.testing.assert_allclose(chosen.manipulator.jacobian(), -optimum[:, ::-1], atol=1e-12)
 
 
 @pytest.mark.parametrize(

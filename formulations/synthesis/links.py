@@ -11,7 +11,7 @@ from itertools import combinations
 
 import numpy as np
 
-from formulations.realise.manipulator import Manipulator
+from formulations.synthesis.manipulator import Manipulator
 from nlp.arrays import FloatArray
 
 SWEEPS = 200
@@ -32,7 +32,7 @@ _LONGER = 0.02
 
 def link_lengths(points: FloatArray, end_effector: FloatArray) -> FloatArray:
     """Lengths of the links, shape (…, n)."""
-    return np.asarray(np.linalg.norm(_ends(points, end_effector) - points, axis=-1))
+    return _pieces(points, end_effector)[1]
 
 
 def clearance(points: FloatArray, end_effector: FloatArray) -> FloatArray:
@@ -41,8 +41,7 @@ def clearance(points: FloatArray, end_effector: FloatArray) -> FloatArray:
     Links meet at a joint also where joints in one place lie between them (axes that intersect
     there, as in a universal joint).
     """
-    ends = _ends(points, end_effector)
-    lengths = link_lengths(points, end_effector)
+    ends, lengths, _ = _pieces(points, end_effector)
     total = lengths.sum(axis=-1)
     smallest = np.full(points.shape[:-2], np.inf)
     for i, j in combinations(range(points.shape[-2]), 2):
@@ -54,24 +53,24 @@ def clearance(points: FloatArray, end_effector: FloatArray) -> FloatArray:
 
 
 @dataclass(frozen=True)
-class Room:
-    """How much room there is between the bodies of links, cylinders about straight pieces.
+class LinkGap:
+    """The gap between the bodies of links, cylinders about straight pieces.
 
     Attributes
     ----------
     gap
-        Smallest distance between the surfaces of two bodies; below 0 where they overlap, None
-        if there are no two bodies.
+        Smallest distance between the surfaces of two bodies; below 0 where they overlap,
+        infinity if there are no two bodies.
     touching
         Pairs of links that touch, counted from 0 at the first joint.
     """
 
-    gap: float | None
+    gap: float
     touching: tuple[tuple[int, int], ...]
 
 
-def room(manipulator: Manipulator) -> Room:
-    """Return the room between the bodies of a manipulator's links, at q = 0.
+def link_gap(manipulator: Manipulator) -> LinkGap:
+    """Return the gap between the bodies of a manipulator's links, at q = 0.
 
     Links that meet at a joint are in one place there. Of two links between which the way along
     the arm is shorter than half of the shorter one, only what lies farther apart along the arm
@@ -79,27 +78,25 @@ def room(manipulator: Manipulator) -> Room:
     """
     pairs, distances = _distances(manipulator.points, manipulator.end_effector)
     gaps = distances - 2 * LINK_RADIUS * manipulator.size
-    smallest = float(np.min(gaps, initial=np.inf))
     touching = tuple(pair for pair, gap in zip(pairs, gaps, strict=True) if gap <= 0)
-    return Room(smallest if np.isfinite(smallest) else None, touching)
+    return LinkGap(float(np.min(gaps, initial=np.inf)), touching)
 
 
 def free_parts(manipulator: Manipulator) -> tuple[FloatArray, FloatArray]:
     """Return starts and ends, shape (n, 3), of the part of each link that may collide.
 
     Links are cut short at joints, by `CUT` and, where two links that do not touch would collide
-    nevertheless because they meet at a joint, by what `room` leaves out of them.
+    nevertheless because they meet at a joint, by what `link_gap` leaves out of them.
     """
-    points, tip = manipulator.points, manipulator.end_effector
-    ends, lengths = _ends(points, tip), link_lengths(points, tip)
-    units = (ends - points) / np.where(lengths > 0, lengths, 1)[:, None]
+    points = manipulator.points
+    ends, lengths, units = _pieces(points, manipulator.end_effector)
     cuts = np.minimum(CUT * manipulator.size, LARGEST_CUT * lengths)
     cuts = np.stack([cuts, cuts])  # at the start, at the end
 
     def parts() -> tuple[FloatArray, FloatArray]:
         return points + cuts[0, :, None] * units, ends - cuts[1, :, None] * units
 
-    touching = room(manipulator).touching
+    touching = link_gap(manipulator).touching
     starts, stops = parts()
     for i, j in combinations(range(manipulator.joints), 2):
         apart = segment_distance(starts[i], stops[i], starts[j], stops[j])
@@ -112,7 +109,7 @@ def free_parts(manipulator: Manipulator) -> tuple[FloatArray, FloatArray]:
 
 
 def _left_out(lengths: FloatArray, i: int, j: int) -> FloatArray:
-    """How much `room` leaves out of link i at its end and of link j at its start, shape (…)."""
+    """What `link_gap` leaves out of link i at its end and of link j at its start, shape (…)."""
     shorter = np.minimum(lengths[..., i], lengths[..., j])
     between = lengths[..., i + 1 : j].sum(axis=-1)
     return np.asarray(np.clip(shorter / 2 - between / 2, 0, None))
@@ -121,19 +118,17 @@ def _left_out(lengths: FloatArray, i: int, j: int) -> FloatArray:
 def _distances(
     points: FloatArray, end_effector: FloatArray
 ) -> tuple[list[tuple[int, int]], FloatArray]:
-    """Pairs of links, and their distances as `room` counts them, shape (…, pairs)."""
-    starts, ends = points, _ends(points, end_effector)
-    lengths = link_lengths(points, end_effector)
-    units = (ends - starts) / np.where(lengths > 0, lengths, 1)[..., None]
+    """Pairs of links, and their distances as `link_gap` counts them, shape (…, pairs)."""
+    ends, lengths, units = _pieces(points, end_effector)
     total = lengths.sum(axis=-1)
     pairs = list(combinations(range(points.shape[-2]), 2))
     distances = np.full((*points.shape[:-2], len(pairs)), np.inf)
     for k, (i, j) in enumerate(pairs):
         cut = _left_out(lengths, i, j)[..., None]
         distance = segment_distance(
-            starts[..., i, :],
+            points[..., i, :],
             ends[..., i, :] - cut * units[..., i, :],
-            starts[..., j, :] + cut * units[..., j, :],
+            points[..., j, :] + cut * units[..., j, :],
             ends[..., j, :],
         )
         bodies = np.minimum(lengths[..., i], lengths[..., j]) > TOUCHING * total
@@ -175,27 +170,22 @@ def slide_apart(manipulator: Manipulator, seed: int = 0) -> Manipulator:
         else:
             step *= 0.85
     slid = replace(manipulator, points=points(best))
-    gained = value > before and _gap(slid) > _gap(manipulator)
+    gained = value > before and link_gap(slid).gap > link_gap(manipulator).gap
     return slid if gained else manipulator
-
-
-def _gap(manipulator: Manipulator) -> float:
-    gap = room(manipulator).gap
-    return float("inf") if gap is None else gap
 
 
 def segment_distance(
     start: FloatArray, end: FloatArray, other_start: FloatArray, other_end: FloatArray
 ) -> FloatArray:
     """Distance between two segments, shape (…): of interiors, or of an end and a segment."""
-    one, two, gap = end - start, other_end - other_start, other_start - start
-    cross = np.cross(one, two)
+    u, v, gap = end - start, other_end - other_start, other_start - start
+    cross = np.cross(u, v)
     square = np.sum(cross**2, axis=-1)
-    size = np.sum(one**2, axis=-1) * np.sum(two**2, axis=-1)
+    size = np.sum(u**2, axis=-1) * np.sum(v**2, axis=-1)
     skew = square > 1e-20 * size
     safe = np.where(skew, square, 1.0)
-    s = np.sum(np.cross(gap, two) * cross, axis=-1) / safe
-    t = np.sum(np.cross(gap, one) * cross, axis=-1) / safe
+    s = np.sum(np.cross(gap, v) * cross, axis=-1) / safe
+    t = np.sum(np.cross(gap, u) * cross, axis=-1) / safe
     inside = skew & (s >= 0) & (s <= 1) & (t >= 0) & (t <= 1)
     between = np.abs(np.sum(gap * cross, axis=-1)) / np.sqrt(safe)
     ends = np.minimum(
@@ -237,9 +227,14 @@ def _along(target: FloatArray, point: FloatArray, axis: FloatArray) -> tuple[flo
     return ahead, float(np.linalg.norm(offset - ahead * axis))
 
 
-def _ends(points: FloatArray, end_effector: FloatArray) -> FloatArray:
+def _pieces(
+    points: FloatArray, end_effector: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Ends, lengths and unit directions of the links that start at points."""
     tip = np.broadcast_to(end_effector, (*points.shape[:-2], 1, 3))
-    return np.concatenate([points[..., 1:, :], tip], axis=-2)
+    ends = np.concatenate([points[..., 1:, :], tip], axis=-2)
+    lengths = np.linalg.norm(ends - points, axis=-1)
+    return ends, lengths, (ends - points) / np.where(lengths > 0, lengths, 1)[..., None]
 
 
 def _to(point: FloatArray, start: FloatArray, end: FloatArray) -> FloatArray:

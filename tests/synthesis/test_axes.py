@@ -5,10 +5,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from formulations.realise.from_jacobian import deviation, realise
-from formulations.realise.links import link_lengths
+from formulations.joints import models as joints
 from formulations.reproduction import reference
+from formulations.synthesis.family import Arrangements, family
+from formulations.synthesis.from_jacobian import deviation, realise
+from formulations.synthesis.links import link_lengths
 from nlp.errors import InputError
+from nlp.starts import generator
 
 
 def lengths(arm):
@@ -108,6 +111,20 @@ def test_prismatic_joints_slide_and_do_not_turn():
     np.testing.assert_array_equal(arm.full_jacobian()[3:, 0], 0)
 
 
+@pytest.mark.parametrize("length", [1.0, 2.0])
+def test_lengths_and_speeds_of_the_model_are_kept(length):
+    model = joints.arm("lever-revolute(length=0.3):5,prismatic(speed=0.5):2")
+    matrix = model.jacobian(model.sample(generator(0, 0)))
+    robot = realise(matrix, length=length).arranged([6, 0, 1, 5, 2, 3, 4])
+    scaled = np.diag([length] * 3 + [1.0] * 3) @ matrix
+    np.testing.assert_allclose(robot.jacobian(), scaled[:, robot.columns], atol=1e-12)
+    np.testing.assert_array_equal(robot.speeds != 1, robot.prismatic & (length == 1))
+    alone = Arrangements(np.arange(7)[None], np.zeros((1, 7), dtype=bool))
+    near = family(robot, alone).jacobians(np.zeros((1, 1, 7)))[0, 0]
+    np.testing.assert_allclose(near, robot.jacobian(), atol=1e-12)
+    assert deviation(robot, matrix, length) < 1e-12
+
+
 GOOD = revolute(0)
 
 
@@ -119,8 +136,8 @@ def changed(entry, value):
 
 PITCH = np.array(GOOD)
 PITCH[:3, 2] += 0.1 * PITCH[3:, 2]
-FAST = np.array(GOOD)
-FAST[:3, 2], FAST[3:, 2] = [2.0, 0.0, 0.0], 0.0
+STILL = np.array(GOOD)
+STILL[:, 2] = 0.0
 
 
 @pytest.mark.parametrize(
@@ -128,7 +145,7 @@ FAST[:3, 2], FAST[3:, 2] = [2.0, 0.0, 0.0], 0.0
     [
         (PITCH, {}, "column 2 is .*pitch is neither revolute nor prismatic"),
         (changed((slice(3, 6), 4), 0.5), {}, "column 4 is .*norm 1 .revolute joint. or 0"),
-        (FAST, {}, "column 2 is .*norm 1 .prismatic joint"),
+        (STILL, {}, "column 2 is .*other than 0 .prismatic joint"),
         (GOOD, {"kinds": "PRRRRRR"}, "column 0 is .*rotational velocity 0"),
         (GOOD, {"kinds": "RRR"}, "kinds is RRR; allowed: 7 letters"),
         (GOOD, {"kinds": "RRRRRRX"}, "7 letters R or P"),

@@ -13,14 +13,14 @@ meet, do not collide there.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 from xml.etree import ElementTree as Tree
 
 import numpy as np
 import numpy.typing as npt
 
-from formulations.realise.links import LINK_RADIUS, free_parts
-from formulations.realise.manipulator import Manipulator
+from formulations.synthesis.links import LINK_RADIUS, free_parts
+from formulations.synthesis.manipulator import Manipulator
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
 
@@ -38,18 +38,11 @@ _ORIGIN = np.zeros(3)
 _Z = np.array([0.0, 0.0, 1.0])
 
 
-@dataclass(frozen=True, eq=False)
-class Solid:
-    """A solid whose shape is one of URDF, round or square about an axis.
+class _Solid(NamedTuple):
+    """A solid, round or square about an axis; a box has the side 2·radius.
 
-    Attributes
-    ----------
-    material, shape
-        Names of its colour and of its element: ``cylinder``, ``box`` or ``sphere``.
-    centre, axis
-        Of its shape, in the link's frame; the z-axis of the shape lies along `axis`.
-    radius, length
-        In metres; a box has the side 2·radius, a sphere no length.
+    `material` and `shape` name its colour and its element in URDF: ``cylinder``, ``box`` or
+    ``sphere``. `centre` and `axis` are in the link's frame, lengths in metres.
     """
 
     material: str
@@ -61,13 +54,12 @@ class Solid:
 
     @property
     def volume(self) -> float:
-        """Volume in cubic metres."""
         if self.shape == "sphere":
             return 4 / 3 * np.pi * self.radius**3
         return (np.pi if self.shape == "cylinder" else 4.0) * self.radius**2 * self.length
 
     def inertia(self, mass: float) -> FloatArray:
-        """Inertia about the centre, along the axes of the link's frame, shape (3, 3)."""
+        """About the centre, along the axes of the link's frame, shape (3, 3)."""
         square = mass * self.radius**2
         if self.shape == "sphere":
             return np.asarray(0.4 * square * np.eye(3))
@@ -77,14 +69,14 @@ class Solid:
             across * np.eye(3) + (along - across) * np.outer(self.axis, self.axis)
         )
 
-    @property
-    def sizes(self) -> dict[str, npt.ArrayLike]:
-        """Attributes of its element."""
+    def element(self) -> Tree.Element:
+        """The shape as URDF, its z-axis along the axis."""
+        sizes: dict[str, npt.ArrayLike] = {"radius": self.radius}
         if self.shape == "box":
-            return {"size": [2 * self.radius, 2 * self.radius, self.length]}
-        if self.shape == "sphere":
-            return {"radius": self.radius}
-        return {"radius": self.radius, "length": self.length}
+            sizes = {"size": [2 * self.radius, 2 * self.radius, self.length]}
+        elif self.shape == "cylinder":
+            sizes["length"] = self.length
+        return Tree.Element(self.shape, {name: _numbers(size) for name, size in sizes.items()})
 
 
 def urdf(manipulator: Manipulator, name: str = "lockedjoint") -> str:
@@ -105,30 +97,33 @@ def urdf(manipulator: Manipulator, name: str = "lockedjoint") -> str:
         raise InputError("size of the manipulator", f"{size:.6g} m", allowed)
     robot = Tree.Element("robot", name=name)
     robot.append(Tree.Comment(f" Masses are nominal: {MASS:g} kg per link. "))
+    for i in np.flatnonzero(manipulator.speeds != 1).tolist():
+        unit = f" joint{i} moves {manipulator.speeds[i]:.9g} m per unit of the Jacobian. "
+        robot.append(Tree.Comment(unit))
     for label, colour in (("joint", JOINT_COLOUR), ("link", LINK_COLOUR), ("tip", TIP_COLOUR)):
         Tree.SubElement(Tree.SubElement(robot, "material", name=label), "color", rgba=colour)
     places = np.vstack([np.zeros(3), manipulator.points, manipulator.end_effector])
     starts, stops = free_parts(manipulator)
     pin, height = JOINT_RADIUS * size, JOINT_LENGTH * size
     axis = manipulator.directions[0]
-    foot = Solid("joint", "cylinder", places[1], axis, 2 * pin, height / 4)
+    foot = _Solid("joint", "cylinder", places[1], axis, 2 * pin, height / 4)
     _link(robot, "base", [foot], MASS)
     for i in range(n):
         axis, span = manipulator.directions[i], places[i + 2] - places[i + 1]
         shape = "box" if manipulator.prismatic[i] else "cylinder"
-        bodies = [Solid("joint", shape, _ORIGIN, axis, pin, height)]
+        bodies = [_Solid("joint", shape, _ORIGIN, axis, pin, height)]
         collides = []
         length = float(np.linalg.norm(span))
         if length > 0:
             radius, along = LINK_RADIUS * size, span / length
-            bodies.append(Solid("link", "cylinder", span / 2, along, radius, length))
+            bodies.append(_Solid("link", "cylinder", span / 2, along, radius, length))
             middle = (starts[i] + stops[i]) / 2 - places[i + 1]
             short = float(np.linalg.norm(stops[i] - starts[i]))
-            collides.append(Solid("link", "cylinder", middle, along, radius, short))
+            collides.append(_Solid("link", "cylinder", middle, along, radius, short))
         _link(robot, f"link{i}", bodies, MASS, collides)
-    ball = [Solid("tip", "sphere", _ORIGIN, _Z, TIP_RADIUS * size)]
-    # No wider than its link: what has room, as `links.room` counts it, does not collide.
-    end_body = [Solid("tip", "sphere", _ORIGIN, _Z, LINK_RADIUS * size)]
+    ball = [_Solid("tip", "sphere", _ORIGIN, _Z, TIP_RADIUS * size)]
+    # No wider than its link: what has room, as `links.link_gap` counts it, does not collide.
+    end_body = [_Solid("tip", "sphere", _ORIGIN, _Z, LINK_RADIUS * size)]
     _link(robot, "tip", ball, TIP_MASS, end_body)
     names = ["base", *(f"link{i}" for i in range(n)), "tip"]
     for i in range(n):
@@ -146,9 +141,9 @@ def urdf(manipulator: Manipulator, name: str = "lockedjoint") -> str:
 def _link(
     robot: Tree.Element,
     name: str,
-    bodies: Sequence[Solid],
+    bodies: Sequence[_Solid],
     mass: float,
-    collides: Sequence[Solid] = (),
+    collides: Sequence[_Solid] = (),
 ) -> None:
     link = Tree.SubElement(robot, "link", name=name)
     shares = np.array([body.volume for body in bodies])
@@ -163,9 +158,8 @@ def _link(
     inertial = Tree.SubElement(link, "inertial")
     Tree.SubElement(inertial, "origin", xyz=_numbers(centre), rpy="0 0 0")
     Tree.SubElement(inertial, "mass", value=_numbers(mass))
-    entries = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2)}
-    entries |= {"iyy": (1, 1), "iyz": (1, 2), "izz": (2, 2)}
-    values = {key: _numbers(inertia[at]) for key, at in entries.items()}
+    entries = zip(*np.triu_indices(3), strict=True)
+    values = {f"i{'xyz'[i]}{'xyz'[j]}": _numbers(inertia[i, j]) for i, j in entries}
     Tree.SubElement(inertial, "inertia", values)
     for body in bodies:
         visual = _shape(link, "visual", body)
@@ -174,16 +168,14 @@ def _link(
         _shape(link, "collision", body)
 
 
-def _shape(link: Tree.Element, use: str, body: Solid) -> Tree.Element:
+def _shape(link: Tree.Element, use: str, body: _Solid) -> Tree.Element:
     element = Tree.SubElement(link, use)
     axis = body.axis
     pitch = np.arctan2(np.hypot(axis[0], axis[1]), axis[2])
     yaw = np.arctan2(axis[1], axis[0])
     rpy = _numbers([0.0, pitch, yaw])
     Tree.SubElement(element, "origin", xyz=_numbers(body.centre), rpy=rpy)
-    geometry = Tree.SubElement(element, "geometry")
-    sizes = {name: _numbers(size) for name, size in body.sizes.items()}
-    Tree.SubElement(geometry, body.shape, sizes)
+    Tree.SubElement(element, "geometry").append(body.element())
     return element
 
 

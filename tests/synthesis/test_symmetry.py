@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from formulations.realise.family import count, distinct, every, family, symmetries
-from formulations.realise.from_jacobian import realise
 from formulations.reproduction import reference
+from formulations.synthesis.family import count, distinct, every, family, symmetries
+from formulations.synthesis.from_jacobian import realise
 
 
 def planar_classes(arm):

@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from formulations.realise.from_jacobian import realise
 from formulations.reproduction import reference
+from formulations.synthesis.from_jacobian import realise
 
 RESULTS = Path(__file__).parents[2] / "results" / "comparison" / "jacobians.json"
 

@@ -1,4 +1,4 @@
-"""By what to choose among the manipulators of one Jacobian: the catalogue of criteria."""
+"""By what to choose among the manipulators of one Jacobian: the criteria by name."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -9,10 +9,10 @@ import numpy as np
 
 from formulations.joints.joint import check_length
 from formulations.kinematics.self_motion import kept
-from formulations.realise.dh import common_normals
-from formulations.realise.family import Family
-from formulations.realise.links import clearance, link_lengths
-from formulations.realise.manipulator import TaskRows
+from formulations.synthesis.dh import common_normals
+from formulations.synthesis.family import Family
+from formulations.synthesis.links import clearance, link_lengths
+from formulations.synthesis.manipulator import TaskRows
 from nlp.arrays import FloatArray, whole_number
 from nlp.errors import InputError
 
@@ -23,6 +23,9 @@ _MOST_POSITIONS = 5_000_000
 # Radius of the ball in which positions are kept, in root mean square lever arms and widths of
 # the artificial limits. The best 7R reaches little beyond it.
 _BALL = 4.0
+# Samples of displacements or positions with which a shortlist is chosen.
+COARSE = 8
+_Measure = Callable[[FloatArray], FloatArray]
 
 
 @dataclass(frozen=True)
@@ -47,17 +50,17 @@ class Sampling:
     samples: int = 100
     radius: float = 0.2
 
+    def __post_init__(self) -> None:
+        whole_number("seed", self.seed, 0)
+        whole_number("samples", self.samples, 1)
+        check_length("radius", self.radius)
+
     def check(self, arms: int, joints: int) -> None:
         """Raise InputError if so many arms have too many sampled positions for the memory."""
         most = _MOST_POSITIONS // (arms * joints)
         if self.samples > most:
             allowed = f"at most {most} for {arms} arms of {joints} joints"
             raise InputError("samples", self.samples, allowed)
-
-    def __post_init__(self) -> None:
-        whole_number("seed", self.seed, 0)
-        whole_number("samples", self.samples, 1)
-        check_length("radius", self.radius)
 
     def near(self, joints: int) -> FloatArray:
         """Displacements uniform in the ball of the radius, shape (samples, joints)."""
@@ -92,29 +95,27 @@ class Criterion:
         Whether large values are good.
     sampled
         Whether manipulators are moved for it, which is costly: only a shortlist is.
-    coarse
-        Samples with which the shortlist is chosen by the criterion itself; 0 if it is chosen
-        by total length.
-    reversible
-        Whether an arm and that with its joints in the reverse order have the same value, if
+    self_motion
+        Whether self-motion is followed for it. Then it is defined for arms with
+        `one_more_joint` only, its shortlist is the best of `COARSE` samples and not the
+        shortest, and an arm has the value of that with its joints in the reverse order, if
         the task fixes all directions.
-    fits
-        Whether the criterion is defined for so many joints and a task; otherwise values are
-        NaN, and it cannot be chosen by.
     """
 
     name: str
     evaluate: Callable[[Family, Sampling], FloatArray]
     larger_is_better: bool = False
     sampled: bool = False
-    coarse: int = 0
-    reversible: bool = False
-    fits: Callable[[int, TaskRows], bool] = lambda *_: True
+    self_motion: bool = False
 
     def cost(self, members: Family, sampling: Sampling) -> FloatArray:
         """Values with the sign for which the least is the best, shape (N,)."""
-        values = self.evaluate(members, sampling)
-        return -values if self.larger_is_better else values
+        return self.sign * self.evaluate(members, sampling)
+
+    @property
+    def sign(self) -> int:
+        """What a value is multiplied with so that the least is the best."""
+        return -1 if self.larger_is_better else 1
 
 
 def smallest(jacobians: FloatArray) -> FloatArray:
@@ -129,10 +130,10 @@ def worst_cases(jacobians: FloatArray) -> FloatArray:
     """
     *lead, m, n = jacobians.shape
     flat = jacobians.reshape(-1, m, n)
-    kept = np.array([[k for k in range(n) if k != locked] for locked in range(n)])
+    others = np.array([np.delete(np.arange(n), locked) for locked in range(n)])
     chunk = max(1, _CHUNK // n)
     parts = [
-        smallest(np.moveaxis(flat[at : at + chunk][:, :, kept], 1, 2)).min(axis=-1)
+        smallest(np.moveaxis(flat[at : at + chunk][:, :, others], 1, 2)).min(axis=-1)
         for at in range(0, len(flat), chunk)
     ]
     return np.concatenate(parts).reshape(lead)
@@ -157,23 +158,20 @@ def _reach(members: Family, sampling: Sampling) -> FloatArray:
     return np.asarray(np.linalg.norm(away, axis=-1).max(axis=-1))
 
 
-def _neighbourhood(
-    members: Family, sampling: Sampling, measure: Callable[[FloatArray], FloatArray]
-) -> FloatArray:
+def _near(members: Family, sampling: Sampling, measure: _Measure) -> FloatArray:
     """Least value of a measure over sampled displacements near q = 0."""
     near = sampling.near(members.prismatic.shape[1])[None]
     return np.asarray(measure(members.jacobians(near)).min(axis=-1))
 
 
-def _workspace(
-    members: Family, sampling: Sampling, measure: Callable[[FloatArray], FloatArray]
-) -> FloatArray:
+def _mean(members: Family, sampling: Sampling, measure: _Measure) -> FloatArray:
     """Mean of a measure over sampled configurations."""
-    moved = members.jacobians(_in_workspace(members, sampling))
-    return np.asarray(measure(moved).mean(axis=-1))
+    return np.asarray(
+        measure(members.jacobians(_in_workspace(members, sampling))).mean(axis=-1)
+    )
 
 
-def _one_more_joint(joints: int, task: TaskRows) -> bool:
+def one_more_joint(joints: int, task: TaskRows) -> bool:
     """Whether a pose of the task leaves a curve of configurations."""
     return joints == len(task.rows) + 1 and task is not TaskRows.ROTATIONAL
 
@@ -181,12 +179,12 @@ def _one_more_joint(joints: int, task: TaskRows) -> bool:
 def _kept(members: Family, sampling: Sampling) -> FloatArray:
     """Area or volume of the positions that are kept whichever joint fails, see `kept`."""
     arms, joints = members.prismatic.shape
-    if not _one_more_joint(joints, members.task):
+    if not one_more_joint(joints, members.task):
         return np.full(arms, np.nan)
     radius, dimension = _ball(members, sampling)
     offsets = radius * sampling.offsets(dimension)
-    found = kept(members, members.task.rows, offsets, sampling.radius)
-    return np.asarray(kept_ball(sampling, members) * found.mean(axis=1))
+    shares = kept(members, members.task.rows, offsets, sampling.radius).mean(axis=1)
+    return np.asarray(kept_ball(sampling, members) * shares)
 
 
 def kept_ball(sampling: Sampling, members: Family) -> float:
@@ -214,13 +212,13 @@ _ALL = (
     Criterion("clearance", lambda arms, _: clearance(arms.points, arms.end_effector), True),
     Criterion("reach", _reach, True, True),
     # After the worst failure, and before any.
-    Criterion("neighbourhood", partial(_neighbourhood, measure=worst_cases), True, True),
-    Criterion("neighbourhood-before", partial(_neighbourhood, measure=smallest), True, True),
-    Criterion("workspace", partial(_workspace, measure=worst_cases), True, True),
-    Criterion("workspace-before", partial(_workspace, measure=smallest), True, True),
-    Criterion("kept", _kept, True, True, coarse=8, reversible=True, fits=_one_more_joint),
+    Criterion("neighbourhood", partial(_near, measure=worst_cases), True, True),
+    Criterion("neighbourhood-before", partial(_near, measure=smallest), True, True),
+    Criterion("workspace", partial(_mean, measure=worst_cases), True, True),
+    Criterion("workspace-before", partial(_mean, measure=smallest), True, True),
+    Criterion("kept", _kept, True, True, True),
 )
-CRITERIA: Mapping[str, Criterion] = MappingProxyType({one.name: one for one in _ALL})
+CRITERIA: Mapping[str, Criterion] = MappingProxyType({by.name: by for by in _ALL})
 
 
 def criterion(name: str) -> Criterion:

@@ -11,11 +11,11 @@ from scipy.spatial.transform import Rotation
 from formulations.__main__ import main
 from formulations.kinematics.link_chain import LinkChain, rotation_vectors
 from formulations.kinematics.self_motion import SelfMotionPoses, arcs, covered, kept, solve_pose
-from formulations.realise.choice import choose_arrangement, rank
-from formulations.realise.criteria import CRITERIA, Sampling
-from formulations.realise.family import Arrangements, family
-from formulations.realise.from_jacobian import realise
 from formulations.reproduction import reference
+from formulations.synthesis.choice import choose_arrangement, rank
+from formulations.synthesis.criteria import CRITERIA, Sampling
+from formulations.synthesis.family import Arrangements, family
+from formulations.synthesis.from_jacobian import realise
 
 HALF = np.deg2rad(20.0)
 
