@@ -77,7 +77,7 @@ class Store(AbstractContextManager["Store", None]):
             # Whoever reads undoes what a killed process had half written, where it may write.
             uri = f"{path.absolute().as_uri()}?mode={'rwc' if writable else 'rw'}"
             how: Any = {"timeout": _BUSY_SECONDS, "isolation_level": None}  # see `_transaction`
-            self._database = sqlite3.connect(uri, uri=True, **how)
+            self._database: sqlite3.Connection = sqlite3.connect(uri, uri=True, **how)
             opened.callback(lambda: self._database.close())
             self._database.text_factory = lambda raw: raw.decode(errors="surrogateescape")
             self._execute("PRAGMA trusted_schema = OFF")  # it may come from anybody
