@@ -29,7 +29,7 @@ from formulations.campaign.campaign import run
 from formulations.campaign.declaration import declaration
 from formulations.campaign.records import open_store
 from formulations.commands.app import COMMANDS
-from formulations.commands.verify import verify
+from formulations.commands.prove import verify
 from nlp.executors import LocalExecutor
 
 ROOT = Path(__file__).parents[1]

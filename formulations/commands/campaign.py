@@ -1,9 +1,10 @@
-"""``lockedjoint campaign``: a declared grid of many starts, kept in a store, resumable."""
+"""``lockedjoint campaign`` and ``join``: many starts in a store; stores made one."""
 
 from __future__ import annotations
 
 import logging
 from concurrent.futures import Executor
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Annotated
 
@@ -12,13 +13,22 @@ import typer
 from formulations.commands.arguments import (
     Json,
     Workers,
+    flag,
+    option,
     positive_option,
     refuse_unused,
     whole_option,
 )
-from formulations.commands.output import INTERRUPTED, refuse_damage, show
-
-INCOMPLETE = 1
+from formulations.commands.output import (
+    INTERRUPTED,
+    QUESTIONED,
+    end,
+    named,
+    refuse_damage,
+    say,
+    show,
+    warn,
+)
 
 
 def campaign(
@@ -27,21 +37,17 @@ def campaign(
         Path,
         typer.Argument(metavar="FILE", help="The campaign in TOML, see docs/campaigns.md."),
     ],
-    store: Annotated[
-        Path, typer.Option(metavar="DB", help="Store of the records; made if missing.")
-    ],
+    store: Annotated[Path, option("DB", "Store of the records; made if missing.")],
     workers: Workers = None,
     scheduler: Annotated[
         str | None,
-        typer.Option(
-            metavar="ADDRESS", help="Run on the Dask cluster with this scheduler instead."
-        ),
+        option("ADDRESS", "Run on the Dask cluster with this scheduler instead."),
     ] = None,
     mpi: Annotated[
         bool,
-        typer.Option(
+        flag(
             "--mpi",
-            help="Run on the other ranks of `mpirun -n RANKS python -m mpi4py.futures -m "
+            "Run on the other ranks of `mpirun -n RANKS python -m mpi4py.futures -m "
             "formulations campaign …` instead.",
         ),
     ] = False,
@@ -96,15 +102,49 @@ def campaign(
         f"{len(declared.cases)} cases are in {store}, {report.added} of them new."
     )
     show(values, as_json, lambda _: text)
+    for case, start, reason in report.failed:
+        warn(f"Failed: start {start} of {case.name} n={case.arm.shape[1]} {reason}.")
     if report.failed:
-        for case, start, reason in report.failed:
-            name = f"{case.name} n={case.arm.shape[1]}"
-            typer.echo(f"Failed: start {start} of {name} {reason}.", err=True)
-        raise typer.Exit(INCOMPLETE)
+        raise typer.Exit(QUESTIONED)
     if report.missing:
-        typer.echo("Interrupted: run the same command again to go on.", err=True)
-        raise typer.Exit(INTERRUPTED)
+        end("Interrupted: run the same command again to go on.", INTERRUPTED)
     refuse_damage({store: damaged})
+
+
+def join(
+    store: Annotated[
+        Path, typer.Argument(metavar="DB", help="Store that takes the records in.")
+    ],
+    others: Annotated[
+        list[Path], typer.Argument(metavar="OTHER...", help="Stores to join to it.")
+    ],
+    as_json: Json = False,
+) -> None:
+    """Bring the records of other stores into one, which is made if missing.
+
+    With a new store and one other it is the way to copy a store. The others stay as they are.
+    Where two stores have the same start of the same problem, the records must be equal, apart
+    from the time they took; if one is not, nothing of that store is joined. Damaged records
+    are named and not joined, and the exit status is 1; one that is damaged in the first store
+    is replaced by an intact one.
+    """
+    from formulations.campaign.records import TIMES, open_store
+
+    joined: list[dict[str, object]] = []
+    with ExitStack() as opened:
+        sources = [opened.enter_context(open_store(other, salvage=True)) for other in others]
+        study = opened.enter_context(open_store(store, writable=True, salvage=True))
+        for source in sources:
+            added, known = study.join(source, TIMES)
+            row = {"store": str(source.path), "added": added, "already_there": known}
+            joined.append({**row, "damaged": [named(*one) for one in source.damaged]})
+            if not as_json:
+                text = f"{added} records of {source.path} are new, {known} were there already."
+                say(text)
+        if as_json:
+            left = [named(*one) for one in study.damaged]
+            show({"store": str(store), "joined": joined, "damaged": left}, as_json)
+        refuse_damage({one.path: one.damaged for one in (*sources, study)})
 
 
 def _executor(workers: int | None, scheduler: str | None, mpi: bool) -> Executor:

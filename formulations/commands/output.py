@@ -1,4 +1,8 @@
-"""What commands print: values as lines or JSON, a study's rows; and their exit status."""
+"""What commands print: values as lines or JSON, a study's rows; and their exit status.
+
+Whatever is printed goes through `say` or `warn`, which escape the control characters of names
+that files brought.
+"""
 
 from __future__ import annotations
 
@@ -6,11 +10,12 @@ import json
 from collections.abc import Callable, Mapping, Sequence
 from math import isfinite
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import typer
 
 from formulations.commands.arguments import progress as show_progress
+from nlp.errors import printable
 from nlp.files import write_text
 
 if TYPE_CHECKING:
@@ -20,6 +25,23 @@ if TYPE_CHECKING:
 QUESTIONED = 1
 INTERRUPTED = 130
 _MOST_NAMED = 5
+
+
+def say(text: str, nl: bool = True) -> None:
+    """Print a text of one or more lines."""
+    typer.echo(printable(text, "\n"), nl=nl)
+
+
+def warn(*sentences: str) -> None:
+    """Print sentences on standard error, a line each."""
+    for sentence in sentences:
+        typer.echo(printable(sentence), err=True)
+
+
+def end(sentence: str, status: int = QUESTIONED) -> NoReturn:
+    """End the command with a sentence on standard error and an exit status."""
+    warn(sentence)
+    raise typer.Exit(status)
 
 
 def as_text(values: Mapping[str, object]) -> str:
@@ -48,7 +70,12 @@ def shown(value: object) -> str:
             ", ".join(map(shown, one)) if isinstance(one, (list, tuple)) else shown(one)
             for one in value
         )
-    return str(value)
+    return printable(str(value))
+
+
+def rows_of(matrix: Sequence[Sequence[float]], digits: int) -> str:
+    """Return the rows of a matrix with so many digits."""
+    return "\n".join("  ".join(f"{x: .{digits}f}" for x in row) for row in matrix)
 
 
 def sharpest_bound(jacobian: FloatArray, locked: int) -> dict[str, Any]:
@@ -75,7 +102,7 @@ def show(
     content = json.dumps(_finite(found), indent=1, allow_nan=False)
     if out is not None:
         write_text(out, content + "\n")
-    typer.echo(content if as_json else text(found))
+    say(content if as_json else text(found))
 
 
 def _finite(value: Any) -> Any:
@@ -95,10 +122,9 @@ def refuse_damage(damaged: Mapping[Path, Sequence[tuple[object, object]]]) -> No
     """Name the damaged records of stores, if there are any, and end with status 1."""
     for path, records in damaged.items():
         for cell, start in records[:_MOST_NAMED]:
-            typer.echo(f"Left out of {path}: damaged start {start} of {cell}.", err=True)
+            warn(f"Left out of {path}: damaged start {start} of {cell}.")
         if len(records) > _MOST_NAMED:
-            more = f"and {len(records) - _MOST_NAMED} more damaged records"
-            typer.echo(f"Left out of {path}: {more}.", err=True)
+            warn(f"Left out of {path}: and {len(records) - _MOST_NAMED} more damaged records.")
     if any(damaged.values()):
         raise typer.Exit(QUESTIONED)
 
@@ -152,14 +178,12 @@ def run_study(
     if as_json:
         show({"complete": result.complete, "rows": table.plain()}, as_json)
     elif result.rows:
-        typer.echo(table.terminal() if text is None else text(result.rows))
-        typer.echo(f"\n{note}" if note else "")
+        say(table.terminal() if text is None else text(result.rows))
+        say(f"\n{note}" if note else "")
         where = out if result.complete else out / INCOMPLETE
-        typer.echo(f"Written to {where}: {', '.join(study.files)}")
+        say(f"Written to {where}: {', '.join(study.files)}")
     if not result.complete:
         kept = f"what was done is in {out / INCOMPLETE}, the rest is missing"
-        typer.echo(f"Interrupted: {kept}.", err=True)
-        raise typer.Exit(INTERRUPTED)
+        end(f"Interrupted: {kept}.", INTERRUPTED)
     if result.complaint:
-        typer.echo(f"Wrong: {result.complaint}.", err=True)
-        raise typer.Exit(QUESTIONED)
+        end(f"Wrong: {result.complaint}.")

@@ -151,13 +151,15 @@ def command(plain: Mapping[str, Any]) -> str:
     """Return what printed a bound's JSON, with the default seed and solver."""
     words = ["lockedjoint bound"]
     if "order" in plain:
-        words.append(f"--quantity existence --order {plain['order']}")
+        words.append(f"existence --order {plain['order']}")
     elif "quantity" in plain:
-        words.append(f"--quantity {plain['quantity']} --preset {plain['preset']}")
+        words.append(f"{plain['quantity']} --preset {plain['preset']}")
     elif plain["facts"]:
-        words.append(f"--lever-arm {(plain['trace'] / plain['joints'] - 1) ** 0.5:g}")
+        words.append(
+            f"worst-case --lever-arm {(plain['trace'] / plain['joints'] - 1) ** 0.5:g}"
+        )
     else:
-        words.append(f"--trace {plain['trace']:g}")
+        words.append(f"worst-case --trace {plain['trace']:g}")
     if plain["joints"] != 7:
         words.append(f"--joints {plain['joints']}")
     if plain["kind"] == "rigorous":
@@ -178,7 +180,7 @@ def _rigorous(
     return bound(preset, out=certificate, **settings).to_dict()
 
 
-#: What the study computes, as ``lockedjoint bound --json`` prints it (without what is on
+#: What the study computes, as ``lockedjoint bound … --json`` prints it (without what is on
 #: record), by the file it goes to. A rigorous run writes its certificate to the path.
 RUNS: Mapping[str, Callable[[Effort, Path], Mapping[str, Any]]] = MappingProxyType(
     {

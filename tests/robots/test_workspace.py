@@ -310,7 +310,7 @@ def test_a_workspace_that_is_empty_is_a_result():
     ("arguments", "sentence"),
     [
         (("--limits", "j9=0:1"), "one of j0, j1, j2, j3"),
-        (("--limits", "j0=0"), "allowed: JOINT=LOW:HIGH"),
+        (("--limits", "j0=0"), "allowed: JOINT=LOWER:UPPER"),
         (
             ("--limits", "j0=1:0"),
             "artificial limits of j0 is 1:0; allowed: two numbers in order",
@@ -318,7 +318,7 @@ def test_a_workspace_that_is_empty_is_a_result():
         (("--limits", "j0=-9:0"), "within [-2, 2]"),
         (("--limits", "j0=0:1", "--limits", "j0=0:1"), "every joint once"),
         (("--limits", "j0=0:x"), "a finite number"),
-        (("--optimise", "all"), "limits or lengths"),
+        (("--optimise", "all"), "one of limits, lengths"),
         (("--optimise", "limits", "--limits", "j0=0:1"), "none with --optimise"),
         (("--optimise", "limits", "--least-width", "200"), "at most half a turn"),
         (("--starts", "3"), "none with no --optimise"),

@@ -36,7 +36,9 @@ def test_kept_files_keep_their_origin_and_others_say_that_it_is_unknown(tmp_path
     tables = study().read(tmp_path)
     rows = {row.file: row for row in tables["bounds"]}
     assert list(rows) == ["worst_case_7_6.json", "eight.json", "residual_compact.json"]
-    assert rows["worst_case_7_6.json"].command == "lockedjoint bound --trace 6 --json"
+    assert (
+        rows["worst_case_7_6.json"].command == "lockedjoint bound worst-case --trace 6 --json"
+    )
     assert rows["worst_case_7_6.json"].machine not in ("", "not recorded")
     assert (rows["residual_compact.json"].machine, rows["residual_compact.json"].date) == (
         "abacus",
