@@ -25,6 +25,7 @@ from formulations.joints.models import register_joint as register_joint
 from formulations.measures.assessment import Assessment as Assessment
 from formulations.measures.assessment import measure as measure
 from formulations.measures.canonical import canonical_form as canonical_form
+from formulations.measures.canonical import group_equivalent as group_equivalent
 from formulations.measures.unequal_failures import FailureModel as FailureModel
 
 # Figures: of what is computed.

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import shutil
 import sys
-from pathlib import Path
-from typing import ClassVar
+from typing import Any, ClassVar
 
 # The largest whole number that a store keeps: 64 bits, signed.
 LARGEST = 2**63 - 1
@@ -43,7 +41,7 @@ class InputError(LockedJointError, ValueError):
         self.allowed = allowed
         super().__init__(f"{argument} is {shown(value)}; allowed: {allowed}.")
 
-    def __reduce__(self) -> tuple[type[InputError], tuple[str, object, str]]:
+    def __reduce__(self) -> tuple[type[InputError], tuple[Any, ...]]:
         """Pickle from the three parts, so that it crosses process boundaries."""
         return type(self), (self.argument, self.value, self.allowed)
 
@@ -55,24 +53,21 @@ class MissingLibraryError(InputError):
     ----------
     library
         Its name.
-    extra
-        The extra of this package that it comes with; empty if it comes with none.
     package
         What pip installs, if that is not the library alone.
     """
 
-    def __init__(self, library: str, extra: str = "", package: str = "") -> None:
-        super().__init__(library, "missing", how_to_install(package or library, extra))
-        self.extra = extra
+    def __init__(self, library: str, package: str = "") -> None:
+        super().__init__(library, "missing", how_to_install(package or library))
         self.package = package
 
     def __str__(self) -> str:
         """Return the sentence; it ends with the command, to be copied."""
         return f"{self.argument} is missing: {self.allowed}"
 
-    def __reduce__(self) -> tuple[type[MissingLibraryError], tuple[str, str, str]]:
-        """Pickle from the three parts."""
-        return type(self), (self.argument, self.extra, self.package)
+    def __reduce__(self) -> tuple[type[InputError], tuple[Any, ...]]:
+        """Pickle from the two parts."""
+        return type(self), (self.argument, self.package)
 
 
 class SolverOptionError(InputError):
@@ -95,30 +90,9 @@ class WorkerError(LockedJointError):
     exit_status: ClassVar[int] = 1
 
 
-def how_to_install(library: str, extra: str = "") -> str:
-    """Return the command that installs a library into the environment that runs.
-
-    In a checkout of this package that is its extra, elsewhere the library by its own name.
-    The command is ``pip`` only where that is the pip of this environment.
-
-    Parameters
-    ----------
-    library, extra
-        As in `MissingLibraryError`.
-    """
-    here = Path(sys.executable)
-    pip = shutil.which("pip")
-    if pip is not None and Path(pip).parent == here.parent:
-        command = "pip install"
-    elif here.is_relative_to(Path.cwd()):
-        command = f"{here.relative_to(Path.cwd())} -m pip install"
-    else:
-        command = f"{here} -m pip install"
-    try:
-        checkout = 'name = "lockedjoint"' in Path("pyproject.toml").read_text("utf-8")
-    except (OSError, UnicodeDecodeError):
-        checkout = False
-    return f'{command} ".[{extra}]"' if checkout and extra else f"{command} {library}"
+def how_to_install(package: str) -> str:
+    """Return the command that installs a package into the environment that runs."""
+    return f"{sys.executable} -m pip install {package}"
 
 
 def shown(value: object, limit: int = 120) -> str:

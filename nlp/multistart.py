@@ -9,6 +9,7 @@ from collections.abc import Callable, Generator, Mapping
 from concurrent.futures import Executor
 from contextlib import ExitStack, closing
 from dataclasses import dataclass
+from functools import reduce
 from typing import Any, Generic
 
 import numpy as np
@@ -63,7 +64,7 @@ def multistart(
     label: str | None = None,
     judge: Callable[[Run], T] | None = None,
     figure: Callable[[T], float] | None = None,
-    allow_files: bool = False,
+    better: Callable[[float, float], float] = np.fmin,
     time_limit: float | None = None,
 ) -> MultistartResult[T]:
     """Solve one problem from many starts.
@@ -86,13 +87,12 @@ def multistart(
     executor
         Any executor of processes, instead: Dask's ``client.get_executor(pure=False)``, that
         of ``mpi4py.futures``, or another. It is not shut down.
-    solver, compiled, allow_files
+    solver, compiled
         See `nlp.solver.Solver`; the options are that solver's.
     label
         Shown before a progress bar on a terminal or in a notebook; no bar without it.
-    figure
-        Of a result, the number whose best the bar shows, NaN for none; by default the
-        objective where the solver says that it succeeded.
+    figure, better
+        Of a result, a number, NaN for none; of two, the better one. The bar shows the best.
     time_limit
         Seconds that Ipopt may run from a start, above 0; the start then ends with the status
         ``Maximum_WallTime_Exceeded``. No limit by default.
@@ -122,9 +122,7 @@ def multistart(
     number = seed_of(seed, rng)
     workers = whole_number("workers", workers, 1)
     settings = _limited(options or {}, solver, time_limit)
-    task: Task[T] = Task(
-        build, sample, settings, judge or _unjudged, solver, compiled, allow_files
-    )
+    task: Task[T] = Task(build, sample, settings, judge or _unjudged, solver, compiled)
     if workers == 1 and executor is None:
         batches = _in_this_process(task, number, count)
     else:
@@ -142,10 +140,8 @@ def multistart(
         try:
             for batch in batches:
                 finished += batch
-                for start in batch:
-                    better = np.fmin if start.sense == "minimise" else np.fmax  # over NaN, too
-                    value = figure(start.result) if figure else start.objective
-                    best = float(better(best, value))
+                if figure is not None:
+                    best = reduce(better, (figure(start.result) for start in batch), best)
                 if not math.isnan(best):
                     bar.set_postfix_str(f"best {best:.8g}", refresh=False)
                 bar.update(len(batch))

@@ -37,38 +37,29 @@ FATROP: Mapping[str, type[OptionValue]] = {
     "kappa_wplus": float,
     "kappa_wmin": float,
 }
-
-# Options of Ipopt that name a file to read or write, or a library to load.
-FILE_OPTIONS = frozenset({"hsllib", "option_file_name", "output_file", "pardisolib"})
-
 # Kinds of options of Ipopt, by the word that CasADi's message has for them.
 _KINDS: Mapping[str, tuple[type[OptionValue], str]] = {
     "is_int()": (int, "an integer of 32 bits"),
     "is_double()": (float, "a real number that is finite"),
     "is_string()": (str, "a text"),
 }
-_LARGEST = 2**31 - 1
 
 
 class CheckedOptions(dict[str, OptionValue]):
     """Options that `check_options` returned; they are not checked again."""
 
 
-def check_options(
-    options: Mapping[str, object], solver: str = "ipopt", allow_files: bool = False
-) -> CheckedOptions:
+def check_options(options: Mapping[str, object], solver: str = "ipopt") -> CheckedOptions:
     """Return the options, each of an existing name and an allowed type and value.
 
     Parameters
     ----------
     options
         The solver's own names of options and their values; Ipopt's also with the prefix of a
-        part of it, such as ``resto.``.
+        part of it, such as ``resto.``. Some of Ipopt's name a file to write or a library to
+        load: options from an untrusted source go through `refuse_files` first.
     solver
         ``"ipopt"`` or ``"fatrop"``.
-    allow_files
-        Whether options may name files and libraries, see `FILE_OPTIONS`. Only for a caller
-        who trusts the values: a library is loaded and run, a file is overwritten.
 
     Returns
     -------
@@ -80,8 +71,8 @@ def check_options(
     InputError
         If there is no such solver.
     SolverOptionError
-        If the solver has no such option, the option does not take the value or names a file
-        without leave, or the linear solver cannot be loaded.
+        If the solver has no such option, the option does not take the value, or the linear
+        solver cannot be loaded.
     """
     if solver not in ("ipopt", "fatrop"):
         raise InputError("solver", solver, "one of ipopt, fatrop")
@@ -93,61 +84,50 @@ def check_options(
         return CheckedOptions({name: _fatrop_option(name, options[name]) for name in options})
     plain = {}
     for name, value in options.items():
-        if not isinstance(name, str) or (
-            name.rpartition(".")[2] in FILE_OPTIONS and not allow_files
-        ):
-            allowed = "names of options without files and libraries; "
-            allowed += "Python callers set allow_files for these"
-            raise SolverOptionError("Ipopt option", name, allowed)
-        plain[name] = _plain(name, value)
+        if not isinstance(name, str):
+            raise SolverOptionError("Ipopt option", name, "a text")
+        plain[name] = value if isinstance(value, str) else _number(value)
+        if plain[name] is None:
+            raise SolverOptionError(f"Ipopt option {name}", value, "a text, or a finite number")
     return CheckedOptions(_asked(json.dumps(plain)) if plain else {})
+
+
+def refuse_files(options: Mapping[str, object]) -> None:
+    """Raise SolverOptionError if an option of Ipopt names a file or a library."""
+    for name in options:
+        last = name.rpartition(".")[2]
+        if last in ("hsllib", "option_file_name", "output_file", "pardisolib"):
+            raise SolverOptionError("Ipopt option", name, "options without files and libraries")
+
+
+def _number(value: object) -> int | float | None:
+    """Return a number as JSON has it, whole ones as integers; None where it is none."""
+    if not isinstance(value, Real) or isinstance(value, bool):
+        return None
+    if isinstance(value, Integral):
+        return int(value)
+    number = float(value)
+    if not np.isfinite(number):
+        return None
+    return int(number) if number.is_integer() else number
 
 
 def _fatrop_option(name: str, value: object) -> OptionValue:
     if name not in FATROP:
         raise SolverOptionError("Fatrop option", name, "one of " + ", ".join(FATROP))
-    number = _typed(value, FATROP[name])
-    if not isinstance(number, int | float) or not 0 < number < np.inf:
-        article = "a whole number" if FATROP[name] is int else "a number"
+    number, kind = _number(value), FATROP[name]
+    if number is None or not 0 < number < 2**31 or (kind is int and isinstance(number, float)):
+        article = "a whole number" if kind is int else "a number"
         raise SolverOptionError(f"Fatrop option {name}", value, f"{article} above 0")
-    return number
-
-
-def _plain(name: str, value: object) -> OptionValue:
-    """Return a value as JSON has it."""
-    if isinstance(value, str):
-        return value
-    if isinstance(value, Integral) and not isinstance(value, bool):
-        return int(value)
-    number = _typed(value, float)
-    if not isinstance(number, float):
-        raise SolverOptionError(f"Ipopt option {name}", value, "a text, or a finite number")
-    return number
-
-
-def _typed(value: object, kind: type[OptionValue]) -> OptionValue | None:
-    """Return `value` in this type; None where it has none such."""
-    if kind is str:
-        return value if isinstance(value, str) else None
-    if not isinstance(value, Real) or isinstance(value, bool):
-        return None
-    try:
-        number = float(value)
-    except OverflowError:
-        return None
-    if kind is float:
-        return number if np.isfinite(number) else None
-    # CasADi passes larger integers on by their last 32 bits.
-    return int(number) if number.is_integer() and abs(number) <= _LARGEST else None
+    return kind(number)
 
 
 @lru_cache(maxsize=64)
 def _asked(options: str) -> dict[str, OptionValue]:
     """Return Ipopt's options, a JSON object, as Ipopt takes them."""
-    command = [sys.executable, "-c", "from nlp.options import _answer; _answer()"]
     folders = filter(None, [str(Path(__file__).parents[1]), os.environ.get("PYTHONPATH")])
     done = subprocess.run(
-        command,
+        [sys.executable, "-c", "from nlp.options import _answer; _answer()"],
         input=options,
         capture_output=True,
         text=True,
@@ -163,8 +143,7 @@ def _asked(options: str) -> dict[str, OptionValue]:
         answer = ["linear_solver", name, "a linear solver that this Ipopt can load, as mumps"]
     if isinstance(answer, list):
         name, value, allowed = answer
-        argument = f"Ipopt option {name}" if name else "Ipopt option"
-        raise SolverOptionError(argument, value, allowed)
+        raise SolverOptionError(f"Ipopt option {name}".strip(), value, allowed)
     return dict(answer)
 
 
@@ -178,21 +157,18 @@ def _answer() -> None:
     answer: object = checked
     for name, value in given.items():
         kind, words = _kind(name)
+        if not words:
+            answer = ["", name, "the name of an option in Ipopt's option reference"]
+            break
         typed = _typed(value, kind)
-        # No option takes an empty text in place of one of its settings: Ipopt then lists them.
-        tried = "" if typed is None and kind is str else typed
-        refused = "" if tried is None else _refusal(name, tried, words)
-        if typed is None or refused:
-            answer = [name, value, refused or words] if words else ["", name, _UNKNOWN]
+        if typed is None or _trial(name, typed)[0]:
+            answer = [name, value, _allowed(name, typed, words)]
             break
         checked[name] = typed
     else:
         if checked.get("linear_solver", "mumps") != "mumps":
             _solve_with(checked)
     print(json.dumps(answer))
-
-
-_UNKNOWN = "the name of an option in Ipopt's option reference"
 
 
 def _kind(name: str) -> tuple[type[OptionValue], str]:
@@ -204,20 +180,27 @@ def _kind(name: str) -> tuple[type[OptionValue], str]:
     return next((kind for word, kind in _KINDS.items() if word in error), (str, ""))
 
 
-def _refusal(name: str, value: OptionValue, words: str) -> str:
-    """What Ipopt allows in place of this value, at least `words`; empty if it takes it."""
-    error, said = _trial(name, value)
-    if not error:
-        return ""
-    lines = said.rstrip().splitlines()
+def _typed(value: OptionValue, kind: type[OptionValue]) -> OptionValue | None:
+    """Return `value` in this type; None where it has none such."""
+    if isinstance(value, str) or kind is str:
+        return value if isinstance(value, str) and kind is str else None
+    if kind is float:
+        return float(value) if abs(value) < 1e300 else None
+    # CasADi passes larger integers on by their last 32 bits.
+    return value if isinstance(value, int) and abs(value) < 2**31 else None
+
+
+def _allowed(name: str, tried: OptionValue | None, words: str) -> str:
+    """What Ipopt allows in place of a value of the right type, or of None."""
+    # No option takes an empty text in place of one of its settings: Ipopt then lists them.
+    lines = _trial(name, "" if tried is None else tried)[1].rstrip().splitlines()
     settings = [line.split()[0] for line in lines if line.startswith("\t")]
     if settings:
         return "one of " + ", ".join(settings)
     if not lines or "<" not in lines[-1]:
         return words
     low, _, rest = lines[-1].partition("(")  # such as 0 < (1e-08) <= +inf
-    limits = f"{low}{name}{rest.partition(')')[2]}".replace("<=", "≤")
-    return f"{words}, {limits}"
+    return f"{words}, {low}{name}{rest.partition(')')[2]}".replace("<=", "≤")
 
 
 def _trial(name: str, value: object) -> tuple[str, str]:

@@ -45,8 +45,6 @@ class Solver:
         Whether to compile the problem's functions and derivatives to machine code. Built
         once and kept in a cache; with a warning, not compiled where there is no compiler.
         Fatrop takes derivatives that are written out compiled only, asked or not.
-    allow_files
-        Whether options may name files and libraries; see `nlp.options.check_options`.
 
     Raises
     ------
@@ -62,13 +60,12 @@ class Solver:
         options: Mapping[str, object] | None = None,
         name: str = "ipopt",
         compiled: bool = False,
-        allow_files: bool = False,
     ) -> None:
-        given = check_options(options or {}, name, allow_files)
+        given = check_options(options or {}, name)
         checked = {**problem.options.get(name, {}), **given}
         if name == "fatrop":
             _check_for_fatrop(problem)
-        self._first = _first(problem, given, (name, compiled, allow_files))
+        self._first = _first(problem, given, name, compiled)
         quiet = QUIET if name == "ipopt" else {"print_level": 0}
         settings: dict[str, Any] = {name: {**quiet, **checked}, "print_time": False}
         # A NaN is an answer too: the step is shortened. There are no parameters.
@@ -80,19 +77,15 @@ class Solver:
         g = ca.vertcat(*(constraint.expression for constraint in problem.constraints))
         sign = 1.0 if problem.sense == "minimise" else -1.0
         program = {"x": x, "f": sign * problem.objective, "g": g}
-        lower = [problem.lower, *(constraint.lower for constraint in problem.constraints)]
-        upper = [problem.upper, *(constraint.upper for constraint in problem.constraints)]
-        self._bounds = np.stack([np.concatenate(lower), np.concatenate(upper)])
-        built = _built(problem, program, name, settings, compiled)
+        parts: tuple[Problem | Constraint, ...] = (problem, *problem.constraints)
+        self._bounds = np.concatenate([np.stack([p.lower, p.upper]) for p in parts], axis=1)
+        built = _built(problem, program, sign, name, settings, compiled)
         self._call: _Call | Generated
         if isinstance(built, Generated):
             self._call, self.compiled = built, True
         else:
             self._call = _Call(built[0], self._bounds, problem.size, name)
             self.compiled = built[1]
-        self._bounded = np.flatnonzero(np.isfinite(self._bounds).any(axis=0))
-        self._limits = self._bounds[:, self._bounded]
-        self._blocks = _slices(problem.constraints)
         self._evaluation = Evaluation(x, [problem.objective, g, *problem.outputs.values()])
 
     def solve(self, start: npt.ArrayLike) -> Solution:
@@ -116,9 +109,8 @@ class Solver:
         KeyboardInterrupt
             If the user interrupted while the solver ran.
         """
-        point = np.asarray(start, dtype=float)
         with self._lock:
-            return self._solve(point)
+            return self._solve(np.asarray(start, dtype=float))
 
     def _solve(self, start: FloatArray) -> Solution:
         earlier: tuple[Status, ...] = ()
@@ -168,24 +160,19 @@ class Solver:
             status=status,
             variables=x,
             objective=float(objective[0, 0]),
-            violation=self._violation(x, g),
+            violation=self._violation(np.concatenate([x, g.ravel()])),
             outputs=dict(zip(problem.outputs, outputs, strict=True)),
             multipliers=multipliers,
             compiled=self.compiled,
             earlier=earlier,
         )
 
-    def _violation(self, x: FloatArray, g: FloatArray) -> float:
+    def _violation(self, values: FloatArray) -> float:
         """Largest distance outside the bounds; NaN if a value is NaN."""
-        values = np.concatenate([x, g.ravel()]) if g.size else x
         if np.isnan(values).any():
             return float("nan")
-        if not self._bounded.size:
-            return 0.0
-        lower, upper = self._limits
-        values = values[self._bounded]
-        excess = np.maximum(lower - values, values - upper)
-        return float(excess.max(initial=0.0))
+        lower, upper = self._bounds
+        return float(np.maximum(lower - values, values - upper).max(initial=0.0))
 
     def _status(self, cpu: float, wall: float) -> Status:
         ended, iterations, history = self._call.ended()
@@ -200,7 +187,10 @@ class Solver:
         )
 
     def _multipliers(self, stacked: FloatArray) -> dict[str, FloatArray]:
-        return {name: stacked[rows] for name, rows in self._blocks.items()}
+        blocks = self.problem.constraints
+        ends = np.cumsum([block.expression.numel() for block in blocks])
+        pairs = zip(blocks, np.split(stacked, ends), strict=False)
+        return {block.name: rows for block, rows in pairs}
 
 
 class _Call:
@@ -266,25 +256,25 @@ def _stuck(status: Status) -> bool:
 
 
 def _first(
-    problem: Problem, given: Mapping[str, OptionValue], how: tuple[str, bool, bool]
+    problem: Problem, given: Mapping[str, OptionValue], name: str, compiled: bool
 ) -> Solver | None:
     """Set the solver of the first stage up, if there is one."""
     stage = problem.first
     if stage is None:
         return None
     most = min(int(given.get("max_iter", stage.iterations)), stage.iterations)
-    return Solver(stage.problem, {**given, "max_iter": most}, *how)
+    return Solver(stage.problem, {**given, "max_iter": most}, name, compiled)
 
 
 def _built(
     problem: Problem,
     program: Mapping[str, ca.SX],
+    sign: float,
     name: str,
     settings: Mapping[str, Any],
     compiled: bool,
 ) -> tuple[ca.Function, bool] | Generated:
     """Return CasADi's solver, and whether its functions are compiled; or all of it in C."""
-    sign = 1.0 if problem.sense == "minimise" else -1.0
     if problem.derivatives is not None:
         functions = callbacks(problem.derivatives, program, sign, name)
         if name == "fatrop" and (ours := generated(problem, program, functions, settings)):
@@ -320,12 +310,3 @@ def _check_for_fatrop(problem: Problem) -> None:
 def _last(histories: Mapping[str, Sequence[float]], name: str) -> float:
     history = histories.get(name, ())
     return float(history[-1]) if history else float("nan")
-
-
-def _slices(constraints: Sequence[Constraint]) -> dict[str, slice]:
-    """Rows of each block among those of all."""
-    ends = np.cumsum([0, *(one.expression.numel() for one in constraints)]).tolist()
-    return {
-        one.name: slice(first, last)
-        for one, first, last in zip(constraints, ends, ends[1:], strict=False)
-    }

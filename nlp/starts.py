@@ -1,7 +1,6 @@
 """What is done at every start, and chunks of starts as workers receive them."""
 
 import faulthandler
-import math
 import os
 import pickle
 import time
@@ -19,7 +18,7 @@ from threadpoolctl import ThreadpoolController
 from nlp.arrays import FloatArray, Rng, whole_number
 from nlp.errors import InputError, WorkerError
 from nlp.options import check_options
-from nlp.problem import Problem, Sense
+from nlp.problem import Problem
 from nlp.solution import Solution
 from nlp.solver import Solver
 
@@ -65,7 +64,7 @@ class Task(Generic[T]):
         The solver's options, over those of the problem.
     judge
         Makes a result of a run, where it was run.
-    solver_name, compiled, allow_files
+    solver_name, compiled
         See `nlp.solver.Solver`.
 
     Raises
@@ -82,19 +81,16 @@ class Task(Generic[T]):
     judge: Callable[[Run], T]
     solver_name: str = "ipopt"
     compiled: bool = False
-    allow_files: bool = False
 
     def __post_init__(self) -> None:
         if not isinstance(self.compiled, bool):
             raise InputError("compiled", self.compiled, "true or false")
-        checked = check_options(self.options, self.solver_name, self.allow_files)
+        checked = check_options(self.options, self.solver_name)
         object.__setattr__(self, "options", checked)
 
     def solver(self) -> Solver:
         """Build the problem and its solver."""
-        return Solver(
-            self.build(), self.options, self.solver_name, self.compiled, self.allow_files
-        )
+        return Solver(self.build(), self.options, self.solver_name, self.compiled)
 
     def start(self, seed: int, index: int) -> FloatArray:
         """Return start `index` of a seed."""
@@ -105,12 +101,10 @@ class Task(Generic[T]):
 
 @dataclass(frozen=True, eq=False)
 class FinishedStart(Generic[T]):
-    """A start that ended; its objective is NaN if the solver did not succeed."""
+    """A start that ended."""
 
     index: int
     result: T
-    sense: Sense
-    objective: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -197,8 +191,7 @@ def run_start(solver: Solver, task: Task[T], seed: int, index: int) -> FinishedS
     began = time.process_time()
     solution = solver.solve(task.start(seed, index))
     run = Run(seed, index, solution, time.process_time() - began)
-    objective = solution.objective if solution.status.success else math.nan
-    return FinishedStart(index, task.judge(run), solution.sense, objective)
+    return FinishedStart(index, task.judge(run))
 
 
 Outcomes = list[FinishedStart[Any] | FailedStart] | Exception

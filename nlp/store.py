@@ -11,17 +11,15 @@ killed at any moment.
 from __future__ import annotations
 
 import hashlib
+import json
 import math
 import os
 import sqlite3
 import sys
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
-from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
-
-import numpy as np
 
 from nlp.errors import FileError, InputError, StoreError
 
@@ -33,7 +31,6 @@ Value: TypeAlias = str | int | float | bytes | None
 
 _TYPES: Mapping[Kind, type] = {"INTEGER": int, "REAL": float, "TEXT": str, "BLOB": bytes}
 _BUSY_SECONDS = 60.0
-_PAGE = 20_000  # rows that are read at once, so that who writes hardly waits
 
 
 class Store(AbstractContextManager["Store", None]):
@@ -95,10 +92,8 @@ class Store(AbstractContextManager["Store", None]):
             self._verify()
             if self._damaged and not salvage:
                 cell, start = self.damaged[0]
-                many = (
-                    f"{len(self._damaged)} damaged records, the first start {start} of {cell}"
-                )
-                raise StoreError("store", str(path), f"one that is intact; it has {many}")
+                which = f"{len(self._damaged)} damaged records, first start {start} of {cell}"
+                raise StoreError("store", str(path), f"one that is intact; it has {which}")
             self._opened = opened.pop_all()
 
     def __exit__(self, *_: object) -> None:
@@ -212,18 +207,16 @@ class Store(AbstractContextManager["Store", None]):
         """
         import pandas as pd
 
-        wanted = self._names[2:] if columns is None else columns
-        names = ["cell", "start", *wanted]
-        kinds = {name: float for name in wanted if self.columns.get(name) == "REAL"}
-        # Lines are made columns page by page: a frame takes less memory than its rows.
-        rows, pages = self._rows(names), []
-        while page := list(islice(rows, _PAGE)):
-            pages.append(pd.DataFrame(page, columns=names).astype(kinds))
-        whole = pd.concat(pages, ignore_index=True) if pages else pd.DataFrame(columns=names)
-        begun = whole.groupby("cell", sort=False).ngroup()
-        return whole.iloc[np.lexsort((whole["start"].astype(int), begun))].reset_index(
-            drop=True
+        wanted = self._names[2:] if columns is None else list(columns)
+        listed = ", ".join(f'"{name}"' for name in ["cell", "start", *wanted])
+        select = (
+            f"SELECT {listed} FROM record WHERE rowid NOT IN (SELECT value FROM json_each(?)) "
+            "ORDER BY min(rowid) OVER (PARTITION BY cell), start"
         )
+        kinds = {name: float for name in wanted if self.columns.get(name) == "REAL"}
+        with self._errors():
+            values = [json.dumps(list(self._damaged))]
+            return pd.read_sql_query(select, self._database, params=values).astype(kinds)
 
     def check_in_place(self) -> None:
         """Raise StoreError unless the open file is still the file of its name."""
@@ -235,15 +228,12 @@ class Store(AbstractContextManager["Store", None]):
     def _rows(self, names: Sequence[str]) -> Iterator[tuple[Value, ...]]:
         """Yield the intact rows, in the order in which they were added."""
         listed = ", ".join(f'"{name}"' for name in names)
-        select = f"SELECT rowid, {listed} FROM record WHERE rowid > ? ORDER BY rowid LIMIT ?"
-        last = 0
-        while True:
-            with self._errors():
-                page = self._execute(select, (last, _PAGE)).fetchall()
-            yield from (tuple(row) for number, *row in page if number not in self._damaged)
-            if not page:
-                return
-            last = page[-1][0]
+        with self._errors():
+            for number, *row in self._execute(
+                f"SELECT rowid, {listed} FROM record ORDER BY rowid"
+            ):
+                if number not in self._damaged:
+                    yield tuple(row)
 
     def _verify(self) -> None:
         """Find damaged records: a value of another kind, or a digest that does not match."""
@@ -338,14 +328,13 @@ class Store(AbstractContextManager["Store", None]):
         except (sqlite3.Error, OSError, ValueError, OverflowError) as reason:
             said = getattr(reason, "strerror", None) or str(reason)
             code = int(getattr(reason, "sqlite_errorcode", 0)) & 0xFF
-            damaged = code in (sqlite3.SQLITE_ERROR, sqlite3.SQLITE_CORRUPT)
-            allowed = f"the file of a campaign, in a folder to write to ({said})"
-            if damaged:
+            if code in (sqlite3.SQLITE_ERROR, sqlite3.SQLITE_CORRUPT):
                 allowed = f"one that is intact ({said})"
-            elif "full" in said or "disk I/O" in said:
+                raise StoreError("store", str(self.path), allowed) from None
+            allowed = f"the file of a campaign, in a folder to write to ({said})"
+            if "full" in said or "disk I/O" in said:
                 allowed = f"a file on a disk with room ({said}); what it holds is kept"
-            kind = StoreError if damaged else FileError
-            raise kind("store", str(self.path), allowed) from None
+            raise FileError("store", str(self.path), allowed) from None
 
 
 def _fits(kind: Kind, value: Value) -> bool:

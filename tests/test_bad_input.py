@@ -724,20 +724,14 @@ show {path}
 show valid.db --to nothing
 show valid.db --to parquet
 show valid.db --to csv --json
-show valid.db --where nothing=1
+show valid.db --where 'nothing == 1'
 show valid.db --where joints
 show valid.db --where ''
-show valid.db --where joints=x
-show valid.db --where joints={n5000}
-show valid.db --where score=nan
-show valid.db --where jacobian=1
+show valid.db --where 'joints == x'
 show valid.db --group-by nothing
 show valid.db --group-by ''
 show valid.db --group-by joints,joints
 show valid.db --group-by joints --records
-show valid.db --where joints=1_0
-show valid.db --where joints=٣
-show valid.db --where score=1_0
 figure optima --out a.svg --store {path}
 join {path} valid.db
 join valid.json valid.db

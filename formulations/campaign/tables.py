@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Collection, Iterator, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from formulations import measures, registry
-from formulations.campaign.conditions import Condition
 from formulations.campaign.records import ALWAYS, COLUMNS, jacobian_of, settings_of
 from formulations.joints import models
 from formulations.joints.arm import Arm
@@ -34,10 +34,8 @@ LISTED = 10
 LEVELS = 100
 
 
-def frame(
-    store: Store, conditions: Sequence[Condition] = (), columns: Sequence[str] | None = None
-) -> pd.DataFrame:
-    """Return the records that meet all conditions, one row each, with their settings.
+def frame(store: Store, where: str = "", columns: Sequence[str] | None = None) -> pd.DataFrame:
+    """Return the records that meet a condition, one row each, with their settings.
 
     Jacobians are JSON text with every digit.
 
@@ -45,15 +43,20 @@ def frame(
     ----------
     store
         The study.
-    conditions
-        What records must meet, all of it.
+    where
+        What records must meet, as ``pandas.DataFrame.query`` takes it; all by default.
     columns
         Which columns besides the settings and the start; all by default.
+
+    Raises
+    ------
+    InputError
+        If the condition is none on these columns.
     """
     import pandas as pd
 
     names = [*COLUMNS, "environment"] if columns is None else list(columns)
-    needed = {one.column for one in conditions} & {*COLUMNS, "environment"}
+    needed = {*re.findall(r"\w+", where)} & {*COLUMNS, "environment"}
     records = store.frame([*names, *(needed - set(names))])
     cells = {cell: settings_of(cell) for cell in records["cell"].unique()}
     settings = pd.DataFrame(
@@ -61,12 +64,23 @@ def frame(
     )
     table = settings.loc[records["cell"]].reset_index(drop=True)
     table = pd.concat([table, records.drop(columns="cell")], axis=1)
-    for condition in conditions:
-        table = table[condition.holds(table)]
+    if where:
+        table = _chosen(table, where)
     if "jacobian" in names:
         shapes = zip(table["jacobian"], table["task_dimension"], table["joints"], strict=True)
         table["jacobian"] = [json.dumps(jacobian_of(*one).tolist()) for one in shapes]
     return table.drop(columns=list(needed - set(names))).reset_index(drop=True)
+
+
+def _chosen(table: pd.DataFrame, where: str) -> pd.DataFrame:
+    allowed = "a comparison of columns, such as 'joints == 7'"
+    try:
+        rows: Any = table.eval(where)
+    except Exception as reason:  # pandas raises many kinds
+        raise InputError("condition", where, f"{allowed} ({reason})") from None
+    if str(getattr(rows, "dtype", "")) != "bool":
+        raise InputError("condition", where, allowed)
+    return table[rows]
 
 
 def _settings(cells: Collection[dict[str, object]]) -> list[str]:
@@ -75,17 +89,15 @@ def _settings(cells: Collection[dict[str, object]]) -> list[str]:
     return [*SETTINGS[: -len(_HOW)], *others, *_HOW]
 
 
-def grouped(
-    store: Store, conditions: Sequence[Condition] = (), by: Sequence[str] | None = None
-) -> pd.DataFrame:
+def grouped(store: Store, where: str = "", by: Sequence[str] | None = None) -> pd.DataFrame:
     """Return one row per group of records.
 
     Parameters
     ----------
     store
         The study.
-    conditions
-        What records must meet.
+    where
+        What records must meet; see `frame`.
     by
         Settings whose values make the groups, at least one; by default those that name the
         problem, and all others that differ within a problem.
@@ -109,7 +121,7 @@ def grouped(
     import pandas as pd
 
     measured = ("status", "iterations", "violation", "valid", "cpu_seconds", *_BEST)
-    records = frame(store, conditions, measured)
+    records = frame(store, where, measured)
     settings = [str(name) for name in records if name not in (*measured, "start")]
     for name in by or ():
         if name not in settings:
@@ -179,7 +191,7 @@ def differing(
     ]
 
 
-def optima(store: Store, conditions: Sequence[Condition] = ()) -> pd.DataFrame:
+def optima(store: Store, where: str = "") -> pd.DataFrame:
     """Return one row per optimum, best level first within each problem.
 
     Optima are classes of Jacobians modulo frame, phase, order and signs, of answers that the
@@ -199,7 +211,7 @@ def optima(store: Store, conditions: Sequence[Condition] = ()) -> pd.DataFrame:
     import pandas as pd
 
     columns = ("status", "violation", "valid", "score", "jacobian")
-    records = frame(store, conditions, columns)
+    records = frame(store, where, columns)
     records["cost"] = _cost(records).where(records["status"] == SUCCESS)
     records = records.dropna(subset="cost")
     rows = [

@@ -72,7 +72,7 @@ GROUPS: dict[str, dict[str, tuple[str, str, str]]] = {
         "show": (
             "",
             "show study.db",
-            "show study.db --where joints=8 --to csv --out table.csv",
+            "show study.db --where 'joints == 8' --to csv --out table.csv",
         ),
         "join": ("campaign", "join all.db one.db two.db", "join copy.db study.db"),
         "atlas": (

@@ -159,7 +159,7 @@ def _executor(workers: int | None, scheduler: str | None, mpi: bool) -> Executor
         try:
             from mpi4py.futures import MPIPoolExecutor
         except ImportError:
-            allowed = f"left out, or first run: {how_to_install('mpi4py', 'mpi')}"
+            allowed = f"left out, or first run: {how_to_install('mpi4py')}"
             raise InputError("--mpi", "given", allowed) from None
         executor: Executor = MPIPoolExecutor()
         return executor

@@ -23,7 +23,10 @@ def show(
     store: Annotated[Path, typer.Argument(metavar="DB", help="Store of a campaign.")],
     where: Annotated[
         list[str] | None,
-        option("COLUMN=VALUE", "Only records with this; also != < <= > >=. May be repeated."),
+        option(
+            "CONDITION",
+            "Only records with this, such as 'joints == 7 and score > 0.5'. May be repeated.",
+        ),
     ] = None,
     group_by: Annotated[
         str | None,
@@ -50,7 +53,6 @@ def show(
     left out and named, and the exit status is 1.
     """
     from formulations.campaign import tables
-    from formulations.campaign.conditions import condition
     from formulations.campaign.records import open_store
     from nlp.files import prepare_file, write_bytes
 
@@ -68,16 +70,16 @@ def show(
         raise InputError("--to", to, "none with --json")
     if to == "parquet" and out is None:
         raise InputError("--out", "missing", "a file, for parquet")
-    conditions = [condition(text) for text in where or ()]
+    chosen = " and ".join(f"({text})" for text in where or ())
     prepare_file(out, inputs=[store])
     with open_store(store, salvage=True) as study:
         if records:
-            table = tables.frame(study, conditions)
+            table = tables.frame(study, chosen)
         elif optima:
-            table = tables.optima(study, conditions)
+            table = tables.optima(study, chosen)
         else:
             by = None if group_by is None else [name.strip() for name in group_by.split(",")]
-            table = tables.grouped(study, conditions, by)
+            table = tables.grouped(study, chosen, by)
         content = table.to_json(orient="records", indent=1) if as_json else FORMATS[to](table)
         if out is not None:
             write_bytes(out, content.encode() if isinstance(content, str) else content)
@@ -114,7 +116,7 @@ def as_parquet(table: pd.DataFrame) -> bytes:
     try:
         return table.to_parquet(engine="pyarrow", index=False)
     except ImportError:
-        command = how_to_install("pyarrow", "parquet")
+        command = how_to_install("pyarrow")
         allowed = f"csv, markdown or latex; or first run: {command}"
         raise InputError("--to", "parquet", allowed) from None
 

@@ -136,6 +136,7 @@ def solve(
         "formulation": formulation,
         "model": model,
         "verdict": outcome.verdict,
+        "score": best.score,
         "starts": len(outcome.records),
         "reached_best": len(outcome.reached),
         "status_counts": outcome.status_counts,

@@ -37,7 +37,7 @@ def view(
     posture of the joints that are not locked.
     """
     if find_spec("viser") is None:  # before reading, whose extra is another one
-        raise MissingLibraryError("viser", "view", "viser yourdfpy")
+        raise MissingLibraryError("viser", "viser yourdfpy")
     from formulations.robots.posture_search import Search
     from formulations.robots.robot_arm import RobotArm
     from formulations.robots.viewer import Page

@@ -104,7 +104,7 @@ def read_style(path: Path, argument: str = "--style") -> Mapping[str, object]:
     try:
         from matplotlib import rc_params_from_file
     except ImportError:
-        raise MissingLibraryError("matplotlib", "figures") from None
+        raise MissingLibraryError("matplotlib") from None
     try:
         settings = rc_params_from_file(path, fail_on_error=True, use_default_template=False)
         return {str(name): value for name, value in settings.items()}

@@ -76,7 +76,7 @@ def figure_class() -> type[Figure]:
     try:
         from matplotlib.figure import Figure
     except ImportError:
-        raise MissingLibraryError("matplotlib", "figures") from None
+        raise MissingLibraryError("matplotlib") from None
     return Figure
 
 

@@ -58,7 +58,7 @@ def mjcf_tree(root: _Element) -> RobotTree:
         import mujoco
         from lxml import etree
     except ModuleNotFoundError:
-        raise MissingLibraryError("mujoco", "mujoco") from None
+        raise MissingLibraryError("mujoco") from None
 
     for tag, allowed in _REFUSED.items():
         if root.find(f".//{tag}") is not None:

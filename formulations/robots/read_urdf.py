@@ -107,7 +107,7 @@ def urdf_tree(root: _Element) -> RobotTree:
         import yourdfpy
         from lxml import etree
     except ModuleNotFoundError:
-        raise MissingLibraryError("yourdfpy", "robots") from None
+        raise MissingLibraryError("yourdfpy") from None
     content = BytesIO(etree.tostring(reduced))
     return yourdfpy_tree(
         yourdfpy.URDF.load(content, build_scene_graph=False, load_meshes=False).robot
@@ -142,7 +142,7 @@ def xml_root(content: bytes) -> _Element:
     try:
         from lxml import etree
     except ModuleNotFoundError:
-        raise MissingLibraryError("lxml", "robots", "yourdfpy") from None
+        raise MissingLibraryError("lxml", "yourdfpy") from None
 
     if content.startswith(b"\x1f\x8b"):
         raise InputError(

@@ -153,5 +153,5 @@ def coal_library() -> Any:
     try:
         import coal
     except ModuleNotFoundError:
-        raise MissingLibraryError("coal", "clearance") from None
+        raise MissingLibraryError("coal") from None
     return coal

@@ -83,7 +83,7 @@ def serve(address: Address) -> ViserServer:
     try:
         import viser
     except ImportError:
-        raise MissingLibraryError("viser", "view") from None
+        raise MissingLibraryError("viser") from None
 
     class Server(viser.ViserServer):
         """A server that opens no tunnel to the internet, whoever asks for one."""

@@ -174,6 +174,7 @@ def run(
         label=case.name if progress else None,
         judge=JudgeRun(case, polish),
         figure=lambda record: record.score,
+        better=np.fmin if case.formulation.SENSE == "minimise" else np.fmax,
     )
     return Outcome(case, study.results, study.complete)
 

@@ -61,7 +61,7 @@ class SurveyArm:
             found = distribution(self.package).locate_file(_FOLDERS[self.package])
         except PackageNotFoundError:
             package = "--no-deps robosuite" if self.package == "robosuite" else ""
-            raise MissingLibraryError(self.package, package=package) from None
+            raise MissingLibraryError(self.package, package) from None
         return Path(str(found)) / self.file
 
     def arm(self) -> RobotArm:

@@ -13,7 +13,6 @@ import typer.testing
 from formulations import measures
 from formulations.campaign import tables
 from formulations.campaign.campaign import run
-from formulations.campaign.conditions import condition
 from formulations.campaign.declaration import declaration
 from formulations.campaign.records import COLUMNS, open_store
 from formulations.campaign.tables import frame, grouped, optima
@@ -129,16 +128,16 @@ def test_groups_of_several_problems_have_no_best(path):
 
 def test_filters_choose_records(path):
     with open_store(path) as store:
-        chosen = frame(store, [condition("joints=4"), condition("start<5")])
+        chosen = frame(store, "joints == 4 and start < 5")
         assert (len(chosen), set(chosen["joints"])) == (15, {4})
-        none = grouped(store, [condition("joints=9")])
+        none = grouped(store, "joints == 9")
         assert len(none) == 0
         assert "starts" in none
-    assert "factor-per-deletion" not in show(path, "--where", "encoding=shared-factor")
+    assert "factor-per-deletion" not in show(path, "--where", "encoding == 'shared-factor'")
 
 
 def test_the_regular_simplex_is_the_only_optimum_of_planar_3r(path):
-    table = json.loads(show(path, "--optima", "--where", "joints=3", "--json"))
+    table = json.loads(show(path, "--optima", "--where", "joints == 3", "--json"))
     best = [line for line in table if line["level"] == 1]
     assert [line["formulation"] for line in best] == ["residual", "max-min"]
     for line in best:
@@ -152,7 +151,7 @@ def test_the_regular_simplex_is_the_only_optimum_of_planar_3r(path):
 def test_families_are_counted_and_listed_in_part(path, monkeypatch):
     monkeypatch.setattr(tables, "LISTED", 3)
     with open_store(path) as store:
-        table = optima(store, [condition("joints=4")])
+        table = optima(store, "joints == 4")
     first = table[(table["formulation"] == "residual") & (table["level"] == 1)]
     assert len(first) == 3
     assert set(first["classes"]) == {int(first["classes"].iloc[0])}
@@ -192,10 +191,8 @@ def test_parquet_without_pyarrow_is_one_sentence(monkeypatch):
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (("--where", "nothing=1"), "one of formulation"),
-        (("--where", "joints"), "COLUMN=VALUE"),
-        (("--where", "joints=x"), "a number"),
-        (("--where", "jacobian=1"), "numbers or text"),
+        (("--where", "nothing == 1"), "name 'nothing' is not defined"),
+        (("--where", "joints = 3"), "a comparison of columns"),
         (("--group-by", "nothing"), "one of formulation"),
         (("--group-by", "formulation", "--optima"), "at most one of them"),
         (("--to", "excel"), "one of csv, parquet, markdown, latex"),
@@ -222,7 +219,7 @@ def test_every_record_is_classified(tmp_path):
         values = {k: v for k, v in row.items() if k in COLUMNS}
         copies = [(k, values) for k in range(3, 2503)]
         store.add(row["cell"], copies, "copied")
-        table = optima(store, [condition("formulation=residual")])
+        table = optima(store, "formulation == 'residual'")
     assert list(table["reached"]) == [2503]
     assert list(table["of_starts"]) == [2503]
 
@@ -230,13 +227,12 @@ def test_every_record_is_classified(tmp_path):
 @pytest.mark.parametrize(
     ("text", "starts"),
     [
-        ("start>=10", {10, 11}),
-        ("start != 3", set(range(12)) - {3}),
-        ("compiled=no", set(range(12))),
-        ("joints=4.5", set()),
-        ("model = free' OR 1=1 --", set()),
+        ("start >= 10", {10, 11}),
+        ("start != 3 and not compiled", set(range(12)) - {3}),
+        ("joints == 4.5", set()),
+        ("model == 'free' and locked == 1", set(range(12))),
     ],
 )
 def test_conditions_compare_columns_with_values(path, text, starts):
     with open_store(path) as store:
-        assert set(frame(store, [condition(text)], ["score"])["start"]) == starts
+        assert set(frame(store, text, ["score"])["start"]) == starts

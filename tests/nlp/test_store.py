@@ -241,7 +241,7 @@ def test_damaged_records_are_named_left_out_and_made_again(tmp_path, change, cel
     path = filled(tmp_path / "s.db")
     with closing(sqlite3.connect(path)) as database, database:
         database.execute(f"UPDATE record SET {change} WHERE start = 2")
-    with pytest.raises(StoreError, match=f"1 damaged records, the first start {start} of"):
+    with pytest.raises(StoreError, match=f"1 damaged records, first start {start} of"):
         opened(path)
     with opened(path, writable=True, salvage=True) as store:
         assert store.damaged == [(cell, start)]

@@ -16,7 +16,7 @@ from formulations import measures
 from formulations.joints.arm import Arm
 from formulations.joints.kinds import UnitRevolute
 from formulations.reproduction import (
-    Row,
+    ReproductionRow,
     Verdict,
     canonical,
     definition,
@@ -53,11 +53,11 @@ from nlp.multistart import MultistartResult
 
 
 @pytest.fixture(scope="module")
-def rows() -> tuple[Row, ...]:
+def rows() -> tuple[ReproductionRow, ...]:
     return tuple(iterate())
 
 
-def verdicts(rows: Iterable[Row]) -> dict[str, list[Verdict]]:
+def verdicts(rows: Iterable[ReproductionRow]) -> dict[str, list[Verdict]]:
     found: dict[str, list[Verdict]] = {}
     for row in rows:
         found.setdefault(row.equation, []).append(row.verdict)
@@ -73,7 +73,7 @@ def nudged(matrix: FloatArray, amount: float, at: tuple[int, ...] = (1, 2)) -> F
 # As it comes out --------------------------------------------------------------------------
 
 
-def test_nothing_is_unexplained(rows: tuple[Row, ...]) -> None:
+def test_nothing_is_unexplained(rows: tuple[ReproductionRow, ...]) -> None:
     assert [row for row in rows if row.verdict is Verdict.MISMATCH] == []
     assert not has_mismatch(rows)
 
@@ -87,30 +87,32 @@ def test_nothing_is_unexplained(rows: tuple[Row, ...]) -> None:
     ],
 )
 def test_what_does_not_simply_agree(
-    rows: tuple[Row, ...], verdict: Verdict, equations: list[str]
+    rows: tuple[ReproductionRow, ...], verdict: Verdict, equations: list[str]
 ) -> None:
     assert [row.equation for row in rows if row.verdict is verdict] == equations
 
 
-def test_every_equation_with_a_claim_has_a_row(rows: tuple[Row, ...]) -> None:
+def test_every_equation_with_a_claim_has_a_row(rows: tuple[ReproductionRow, ...]) -> None:
     text = " ".join(row.equation for row in rows)
     for number in (*range(9, 11), *range(12, 50)):
         assert f"({number})" in text
 
 
-def test_key_numbers(rows: tuple[Row, ...]) -> None:
+def test_key_numbers(rows: tuple[ReproductionRow, ...]) -> None:
     ours = [row.ours for row in rows]
     for number in ("0.05682655", "0.5714830", "0.5198558", "0.3826834", "0.06486585"):
         assert number in ours
 
 
-def test_another_seed_and_fewer_starts_give_the_same_verdicts(rows: tuple[Row, ...]) -> None:
+def test_another_seed_and_fewer_starts_give_the_same_verdicts(
+    rows: tuple[ReproductionRow, ...],
+) -> None:
     others = list(iterate(seed=11, starts=8))
     assert Counter(row.verdict for row in others) == Counter(row.verdict for row in rows)
 
 
 def test_rows_come_one_by_one_and_are_the_same_again(
-    rows: tuple[Row, ...], monkeypatch: pytest.MonkeyPatch
+    rows: tuple[ReproductionRow, ...], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(seven_joints, "minima", None)  # not needed before its own rows
     before = next(i for i, row in enumerate(rows) if row.equation == "before (44)")
@@ -118,7 +120,7 @@ def test_rows_come_one_by_one_and_are_the_same_again(
 
 
 def test_row_as_dictionary() -> None:
-    row = Row("(6)", "bound", "1", "2", Verdict.MISMATCH, "why")
+    row = ReproductionRow("(6)", "bound", "1", "2", Verdict.MISMATCH, "why")
     keys = ["equation", "quantity", "paper", "ours", "verdict", "note"]
     assert list(row.to_dict()) == keys
     assert row.to_dict()["verdict"] == "mismatch"

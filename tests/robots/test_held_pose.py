@@ -9,10 +9,10 @@ import pinocchio as pin
 import pytest
 from scipy.spatial.transform import Rotation
 
+import formulations.solving.solve as solving
 from formulations import measures
 from formulations.__main__ import main
 from formulations.measures.unequal_failures import FailureModel
-from formulations.robots import posture_search
 from formulations.robots.chain_between import chain_between
 from formulations.robots.held_pose import HeldArm, Pose
 from formulations.robots.kinematics import Kinematics
@@ -173,13 +173,13 @@ def test_out_of_reach_is_said_with_how_far(made):
 def test_a_pose_that_was_not_reached_is_no_answer(made, monkeypatch):
     """Whatever the solver says: a configuration beside the pose is dropped."""
     arm = planar(made, [1.0, 1.0, 1.0, 1.0])
-    judge = posture_search._judge
+    judge = solving.judge
 
-    def beside(run, **keywords):
-        run.solution.variables[0] += 1e-4
-        return judge(run, **keywords)
+    def beside(case, solution, **keywords):
+        solution.variables[0] += 1e-4
+        return judge(case, solution, **keywords)
 
-    monkeypatch.setattr(posture_search, "_judge", beside)
+    monkeypatch.setattr(solving, "judge", beside)
     with pytest.raises(InputError, match="not found from 2 starts"):
         best_posture(arm, Search(starts=2), at=Pose((1.5, 0.8, 0)))
 

@@ -10,8 +10,8 @@ import pinocchio as pin
 import pytest
 from scipy.optimize import minimize
 
+import formulations.solving.solve as solving
 from formulations import max_min, measures
-from formulations.robots import posture_search
 from formulations.robots.chain_between import chain_between
 from formulations.robots.posture import best_posture
 from formulations.robots.posture_search import Search
@@ -241,10 +241,10 @@ def test_searches_that_make_no_sense(made):
     )
     with pytest.raises(InputError, match=r"length is 0.4; allowed: none for the residual"):
         best_posture(arm, Search("residual"))
-    with pytest.raises(InputError, match="locked joints is 2; allowed: 1"):
-        Search("residual", locked=2)
+    with pytest.raises(InputError, match="locked is 2; allowed: none"):
+        Search("residual", locked=2).case(arm)
     with pytest.raises(InputError, match="formulation is best"):
-        Search("best")
+        best_posture(arm, Search("best"))
     with pytest.raises(InputError, match="degree of redundancy"):
         best_posture(arm, Search(max_min.NAME, locked=5))
 
@@ -275,16 +275,16 @@ def test_a_start_that_did_not_converge_is_not_the_best(made, monkeypatch):
         chain_between(made.tree(made.offset_arm()), "l7"), TaskSpace.parse("position")
     )
     usual = best_posture(arm, Search(starts=3)).assessment
-    judge = posture_search._judge
+    judge = solving.judge
 
-    def judged(run, **keywords):
-        one = judge(run, **keywords)
-        if run.index:
-            return one
-        where = np.zeros(arm.size)
-        return replace(one, return_status="Restoration_Failed", score=9.0, configuration=where)
+    def judged(case, solution, **keywords):
+        record = judge(case, solution, **keywords)
+        if record.index:
+            return record
+        failed = replace(record.status, return_status="Restoration_Failed")
+        return replace(record, status=failed, score=9.0, variables=np.zeros(arm.size))
 
-    monkeypatch.setattr(posture_search, "_judge", judged)
+    monkeypatch.setattr(solving, "judge", judged)
     found = best_posture(arm, Search(starts=3))
     assert found.reached_best > 0
     assert any(found.assessment.configuration.values())

@@ -1,0 +1,51 @@
+"""A user's own joint and formulation, from one file, in every command."""
+
+import json
+import re
+from pathlib import Path
+
+import pytest
+
+HOWTO = Path(__file__).parents[1] / "docs" / "howto"
+MODEL = "helical(pitch=0.3)"
+
+
+def _cell(page, word):
+    cells = re.findall(
+        r"```{code-cell} ipython3\n(.*?)```", (HOWTO / page).read_text("utf-8"), re.DOTALL
+    )
+    return next(cell for cell in cells if word in cell)
+
+
+@pytest.fixture
+def plugin(tmp_path):
+    """The classes of the two how-to pages, registered as the pages say."""
+    parts = (
+        "import lockedjoint as lj",
+        _cell("add_a_column_model.md", "class Helical"),
+        'lj.register_joint("helical", lambda dimension: Helical())',
+        _cell("add_a_formulation.md", "class Volume"),
+        "lj.register(Volume)",
+    )
+    (tmp_path / "own.py").write_text("\n".join(parts))
+    return ("--plugin", "own.py")
+
+
+def test_solve(lockedjoint, plugin, tmp_path):
+    solve = ("solve", "volume", "--model", MODEL, "--joints", 7, "--starts", 4, "--json")
+    here = json.loads(lockedjoint(*plugin, *solve, "--workers", 1, cwd=tmp_path).stdout)
+    spread = json.loads(lockedjoint(*plugin, *solve, "--workers", 2, cwd=tmp_path).stdout)
+    assert here["score"] == spread["score"] == pytest.approx(1 / 7, abs=1e-7)
+
+
+def test_campaign_and_its_tables(lockedjoint, plugin, tmp_path):
+    (tmp_path / "study.toml").write_text(
+        f'starts = 3\nformulations = ["volume", "max-min"]\nmodels = ["{MODEL}"]\njoints = [7]\n'
+    )
+    done = lockedjoint(*plugin, "campaign", "study.toml", "--store", "s.db", cwd=tmp_path)
+    assert "6 of 6 records of 2 cases" in done.stdout
+    shown = lockedjoint(*plugin, "show", "s.db", "--json", cwd=tmp_path)
+    rows = {row["formulation"]: row for row in json.loads(shown.stdout)}
+    assert rows["volume"]["score"] == pytest.approx(1 / 7, abs=1e-7)
+    assert rows["volume"]["valid"] == rows["max-min"]["valid"] == 3
+    assert {row["model"] for row in rows.values()} == {MODEL}
