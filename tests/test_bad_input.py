@@ -28,7 +28,7 @@ from formulations.__main__ import main
 from formulations.campaign.campaign import run
 from formulations.campaign.declaration import declaration
 from formulations.campaign.records import open_store
-from formulations.commands.app import COMMANDS
+from formulations.commands.app import GROUPS
 from formulations.commands.prove import verify
 from nlp.executors import LocalExecutor
 
@@ -1108,7 +1108,7 @@ def test_there_are_enough():
     print(len(CASES), "cases")
     assert len(CASES) >= 300
     commands = {words[0] for words in CASES}
-    assert {name.replace("_", "-") for name in COMMANDS} <= commands
+    assert {name for names in GROUPS.values() for name in names} <= commands
 
 
 # A digit or a name becomes something else; each is refused by every option that takes a number.

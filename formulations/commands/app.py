@@ -9,91 +9,63 @@ from typer.core import TyperGroup
 
 from formulations.commands.arguments import expanded, option
 
-# Groups in the order in which the help lists them: a command, where it is if not in a file of
-# its name, and its examples.
-GROUPS: dict[str, dict[str, tuple[str, str, str]]] = {
-    "Design": {
-        "compare": (
-            "reproduce",
-            "compare",
-            "compare --joints 4 --task-dimension 2 --starts 20 --out planar",
-        ),
-        "solve": (
-            "",
-            "solve max-min --joints 8 --out best.json",
-            "solve residual --model lever-revolute:5,prismatic:2 --starts 500",
-        ),
-        "measure": ("", "measure best.json", "measure best.json --locked 2 --json"),
-        "realise": (
-            "",
-            "realise best.json --to urdf --out arm.urdf",
-            "realise best.json --criterion neighbourhood --to figure --out arm.svg",
-        ),
-    },
-    "Certify": {
-        "bound": (
-            "",
-            "bound worst-case --joints 8",
-            "bound max-min --rigorous --out bound.json",
-        ),
-        "prove": ("", "prove --out certificate.json", "prove --joints 9"),
-        "verify": ("prove", "verify certificate.json", "verify --samples 3"),
-    },
-    "Robots": {
-        "measure_robot": (
-            "",
-            "measure-robot arm.urdf --tip tool",
-            "measure-robot arm.urdf --configuration posture.json --locked 2",
-        ),
-        "posture": (
-            "",
-            "posture arm.urdf --out posture.json",
-            "posture arm.urdf --at 0.4,0.1,0.5 --tolerance 0.01",
-        ),
-        "path": (
-            "",
-            "path arm.urdf --waypoints way.csv",
-            "path arm.urdf --waypoints way.csv --limits elbow=0:2 --out plan",
-        ),
-        "workspace": (
-            "",
-            "workspace arm.urdf --optimise limits",
-            "workspace arm.urdf --limits elbow=0:2 --figure workspace.svg",
-        ),
-        "view": ("", "view arm.urdf", "view arm.urdf --task position --port 0"),
-        "robots": ("", "robots", "robots --only panda --starts 20"),
-    },
-    "Many starts": {
-        "campaign": (
-            "",
-            "campaign study.toml --store study.db",
-            "campaign study.toml --store study.db --workers 8 --time-limit 60",
-        ),
-        "show": (
-            "",
-            "show study.db",
-            "show study.db --where 'joints == 8' --to csv --out table.csv",
-        ),
-        "join": ("campaign", "join all.db one.db two.db", "join copy.db study.db"),
-        "atlas": (
-            "",
-            "atlas --joints 7 --mark open",
-            "atlas submit best.json --by 'A. Name' --out entries",
-        ),
-    },
-    "Results": {
-        "reproduce": ("", "reproduce", "reproduce --starts 20 --out here"),
-        "figure": (
-            "",
-            "figure trade-off --out trade-off.svg",
-            "figure optima --store study.db --out optima.pdf --size 8.5x6 --no-title",
-        ),
-        "failures": ("", "failures", "failures --starts 20 --out here"),
-        "benchmark": ("", "benchmark", "benchmark --joints 7,8 --time-limit 5"),
-        "report": ("", "report", "report --only comparison,existence --out here"),
-    },
+# In the order in which the help lists them.
+GROUPS = {
+    "Design": ("compare", "solve", "measure", "realise"),
+    "Certify": ("bound", "prove", "verify"),
+    "Robots": ("measure-robot", "posture", "path", "workspace", "view", "robots"),
+    "Many starts": ("campaign", "show", "join", "atlas"),
+    "Results": ("reproduce", "figure", "failures", "benchmark", "report"),
 }
-COMMANDS = tuple(name for group in GROUPS.values() for name in group)
+# Two for each command, which are the end of its help.
+EXAMPLES = """
+compare
+compare --joints 4 --task-dimension 2 --starts 20 --out planar
+solve max-min --joints 8 --out best.json
+solve residual --model lever-revolute:5,prismatic:2 --starts 500
+measure best.json
+measure best.json --locked 2 --json
+realise best.json --to urdf --out arm.urdf
+realise best.json --criterion neighbourhood --to figure --out arm.svg
+bound worst-case --joints 8
+bound max-min --rigorous --out bound.json
+prove --out certificate.json
+prove --joints 9
+verify certificate.json
+verify --samples 3
+measure-robot arm.urdf --tip tool
+measure-robot arm.urdf --configuration posture.json --locked 2
+posture arm.urdf --out posture.json
+posture arm.urdf --at 0.4,0.1,0.5 --tolerance 0.01
+path arm.urdf --waypoints way.csv
+path arm.urdf --waypoints way.csv --limits elbow=0:2 --out plan
+workspace arm.urdf --optimise limits
+workspace arm.urdf --limits elbow=0:2 --figure workspace.svg
+view arm.urdf
+view arm.urdf --task position --port 0
+robots
+robots --only panda --starts 20
+campaign study.toml --store study.db
+campaign study.toml --store study.db --workers 8 --time-limit 60
+show study.db
+show study.db --where 'joints == 8' --to csv --out table.csv
+join all.db one.db two.db
+join copy.db study.db
+atlas --joints 7 --mark open
+atlas submit best.json --by 'A. Name' --out entries
+reproduce
+reproduce --starts 20 --out here
+figure trade-off --out trade-off.svg
+figure optima --store study.db --out optima.pdf --size 8.5x6 --no-title
+failures
+failures --starts 20 --out here
+benchmark
+benchmark --joints 7,8 --time-limit 5
+report
+report --only comparison,existence --out here
+"""
+# A command is the function of its name in the file of its name, except for these.
+_FILES = {"compare": "reproduce", "verify": "prove", "join": "campaign"}
 
 
 class _Grouped(TyperGroup):
@@ -102,13 +74,13 @@ class _Grouped(TyperGroup):
     def list_commands(self, ctx: Any) -> list[str]:
         """Return the names of the commands in the order of the help."""
         del ctx
-        return [name.replace("_", "-") for name in COMMANDS]
+        return [name for names in GROUPS.values() for name in names]
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
         """Write the names and first sentences of the commands, a section a group."""
         for heading, names in GROUPS.items():
             with formatter.section(heading):
-                commands = [self.get_command(ctx, name.replace("_", "-")) for name in names]
+                commands = [self.get_command(ctx, name) for name in names]
                 formatter.write_dl([(c.name, c.get_short_help_str(80)) for c in commands if c])
 
 
@@ -120,17 +92,15 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 96},
 )
-for _group in GROUPS.values():
-    for _name, (_file, *_examples) in _group.items():
-        _module = import_module(f"formulations.commands.{_file or _name}")
-        _lines = "\n".join(f"  lockedjoint {example}" for example in _examples)
-        _epilog = f"\b\nExamples:\n{_lines}"
-        if hasattr(_module, "app"):  # a command with commands of its own
-            app.add_typer(_module.app, epilog=_epilog)
-        else:
-            app.command(_name.replace("_", "-"), epilog=_epilog)(
-                expanded(getattr(_module, _name))
-            )
+for _name in (name for names in GROUPS.values() for name in names):
+    _python_name = _name.replace("-", "_")
+    _module = import_module(f"formulations.commands.{_FILES.get(_name, _python_name)}")
+    _lines = [line for line in EXAMPLES.splitlines() if line.partition(" ")[0] == _name]
+    _epilog = "\n".join(["\b\nExamples:", *(f"  lockedjoint {line}" for line in _lines)])
+    if hasattr(_module, "app"):  # a command with commands of its own
+        app.add_typer(_module.app, epilog=_epilog)
+    else:
+        app.command(_name, epilog=_epilog)(expanded(getattr(_module, _python_name)))
 
 
 def _print_version(wanted: bool) -> None:
@@ -149,14 +119,11 @@ def lockedjoint(
             "--version", callback=_print_version, is_eager=True, help="Show the version."
         ),
     ] = False,
-    plugin: Annotated[
-        list[Path] | None,
-        option(
-            "FILE.py",
-            "A Python file with formulations or joints of your own, which all commands then "
-            "know by name. May be repeated.",
-        ),
-    ] = None,
+    plugin: list[Path] | None = option(
+        "FILE.py",
+        "A Python file with formulations or joints of your own, which all commands then"
+        " know by name. May be repeated.",
+    ),
 ) -> None:
     """Design and certify optimally failure-tolerant manipulator Jacobians.
 

@@ -38,20 +38,14 @@ def expanded(command: Callable[..., None]) -> Callable[..., None]:
     groups: dict[str, Any] = {k: kind for k, kind in hints.items() if is_dataclass(kind)}
     parameters: list[inspect.Parameter] = []
     for name, one in inspect.signature(command).parameters.items():
-        if name not in groups:
+        if name in groups:
+            types = get_type_hints(groups[name], include_extras=True)
+            for field in fields(groups[name]):
+                default = one.empty if field.default is MISSING else field.default
+                made = inspect.Parameter(field.name, one.KEYWORD_ONLY, default=default)
+                parameters.append(made.replace(annotation=types[field.name]))
+        else:
             parameters.append(one.replace(kind=one.KEYWORD_ONLY, annotation=hints[name]))
-            continue
-        types = get_type_hints(groups[name], include_extras=True)
-        for field in fields(groups[name]):
-            default = one.empty if field.default is MISSING else field.default
-            parameters.append(
-                inspect.Parameter(
-                    field.name,
-                    one.KEYWORD_ONLY,
-                    default=default,
-                    annotation=types[field.name],
-                )
-            )
 
     def run(**values: Any) -> None:
         for name, kind in groups.items():
@@ -64,14 +58,37 @@ def expanded(command: Callable[..., None]) -> Callable[..., None]:
     return run
 
 
-def option(metavar: str, words: str, *names: str, **settings: Any) -> Any:
-    """Return an option that takes a text or a path."""
-    return typer.Option(*names, metavar=metavar, help=words, **settings)
+def option(
+    metavar: str | None,
+    words: str,
+    default: Any = None,
+    *names: str,
+    low: int | None = None,
+    high: int = LARGEST,
+    positive: bool = False,
+) -> Any:
+    """Return an option, as the default of a command's parameter or of a dataclass' field.
+
+    Parameters
+    ----------
+    metavar, words
+        What the help shows for its value, and says; without a `metavar` its choices.
+    default
+        What it is if it is not given; ``...`` where it must be.
+    names
+        Its name on the command line, if it is not the parameter's.
+    low, high
+        The range of a whole number.
+    positive
+        Whether it is a finite number above 0.
+    """
+    parser = _positive if positive else None if low is None else whole(low, high)
+    return typer.Option(default, *names, metavar=metavar, help=words, parser=parser)
 
 
 def flag(name: str, words: str) -> Any:
     """Return an option that is given or not."""
-    return typer.Option(name, help=words)
+    return typer.Option(False, name, help=words)
 
 
 def whole(lowest: int, highest: int = LARGEST) -> Callable[[str], int]:
@@ -90,15 +107,7 @@ def whole(lowest: int, highest: int = LARGEST) -> Callable[[str], int]:
     return whole_number
 
 
-def whole_option(
-    lowest: int, metavar: str, words: str, highest: int = LARGEST, **settings: Any
-) -> Any:
-    """Return an option that takes whole numbers from `lowest` to `highest`."""
-    return option(metavar, words, parser=whole(lowest, highest), **settings)
-
-
-def positive(text: str) -> float:
-    """Parse a finite number above 0."""
+def _positive(text: str) -> float:
     number = float("nan")
     with suppress(ValueError):
         number = real_in(str(text))
@@ -107,9 +116,17 @@ def positive(text: str) -> float:
     return number
 
 
-def positive_option(metavar: str, words: str, *names: str, **settings: Any) -> Any:
-    """Return an option that takes finite numbers above 0."""
-    return option(metavar, words, *names, parser=positive, **settings)
+def whole_option(
+    lowest: int, metavar: str, words: str, highest: int = LARGEST, **settings: Any
+) -> Any:
+    """Return an option that takes whole numbers, for `Annotated`."""
+    parser = whole(lowest, highest)
+    return typer.Option(parser=parser, metavar=metavar, help=words, **settings)
+
+
+def positive_option(metavar: str, words: str) -> Any:
+    """Return an option that takes finite numbers above 0, for `Annotated`."""
+    return typer.Option(parser=_positive, metavar=metavar, help=words)
 
 
 def progress(sentence: str) -> None:
@@ -143,14 +160,6 @@ def refuse_unused(context: typer.Context, names: Iterable[str], reason: str) -> 
             raise InputError(f"--{name.replace('_', '-')}", given, f"none with {reason}")
 
 
-def choice(name: str, value: str, allowed: Iterable[str]) -> str:
-    """Return a value that is one of those allowed; InputError if it is not."""
-    names = list(allowed)
-    if value not in names:
-        raise InputError(name, value, "one of " + ", ".join(names))
-    return value
-
-
 Joints = Annotated[int, whole_option(2, "N", "Number of joints n, above m.", MOST_JOINTS)]
 TaskDimension = Annotated[
     int, whole_option(1, "M", "Number of task dimensions m.", MOST_DIMENSIONS)
@@ -161,53 +170,52 @@ Workers = Annotated[
     int | None, whole_option(1, "W", "Worker processes.", show_default="all cores")
 ]
 Locked = Annotated[int, whole_option(1, "K", "How many joints lock at once.")]
-Tolerance = Annotated[
-    float,
-    positive_option("TOL", "Relative tolerance of the verdict 'optimally failure tolerant'."),
-]
-Out = Annotated[Path, option("DIR", "Folder for the files; made if missing.")]
-JsonFile = Annotated[
-    Path | None, option("FILE", "Write the JSON there, Jacobian included.", "--out")
-]
 Pick = Annotated[
     int | None, whole_option(0, "K", "Which Jacobian of the file, counted from 0.")
+]
+Out = Annotated[
+    Path, typer.Option(metavar="DIR", help="Folder for the files; made if missing.")
+]
+JsonFile = Annotated[
+    Path | None,
+    typer.Option("--out", metavar="FILE", help="Write the JSON there, Jacobian included."),
 ]
 JacobianFile = Annotated[
     Path, typer.Argument(metavar="FILE", help="CSV, NPY, NPZ or JSON; one column per joint.")
 ]
-Json = Annotated[bool, flag("--json", "Print JSON instead of text.")]
+Json = Annotated[bool, typer.Option("--json", help="Print JSON instead of text.")]
 Size = Annotated[
     str | None,
-    option(
-        "WxH",
-        "Width and height of the figure in cm, such as 16x10; in inches 6.3x4in.",
-        "--size",
-        show_default="the figure's own",
+    typer.Option(
+        metavar="WxH",
+        help="Width and height of the figure in cm, such as 16x10; in inches 6.3x4in.",
     ),
 ]
-NoTitle = Annotated[bool, flag("--no-title", "Leave out the title of the whole figure.")]
+NoTitle = Annotated[
+    bool, typer.Option("--no-title", help="Leave out the title of the whole figure.")
+]
 Style = Annotated[
     Path | None,
-    option("FILE", "A matplotlib style file, over this project's style.", "--style"),
+    typer.Option(metavar="FILE", help="A matplotlib style file, over this project's style."),
 ]
 Ipopt = Annotated[
     list[str] | None,
-    option(
-        "NAME=VALUE",
-        "An Ipopt option, over the formulation's own; may be repeated.",
-        "--ipopt",
+    typer.Option(
+        metavar="NAME=VALUE",
+        help="An Ipopt option, over the formulation's own; may be repeated.",
     ),
 ]
 Compiled = Annotated[
     bool,
-    flag("--compiled", "Compile the problem's functions first, if there is a C compiler."),
+    typer.Option(
+        "--compiled", help="Compile the problem's functions first, if there is a C compiler."
+    ),
 ]
 Goal = Annotated[
     str,
-    option(
-        "GOAL",
-        "What max-min maximises where failures are unequal: worst, the least dexterity over "
-        "each failure's relative probability, or expected.",
+    typer.Option(
+        help="What max-min maximises where failures are unequal: worst, the least dexterity "
+        "over each failure's relative probability, or expected."
     ),
 ]
 
@@ -224,11 +232,6 @@ class FigureOptions:
         """Return it read; InputError if the size or the style file is not allowed."""
         return look(self.size, self.no_title, self.style)
 
-    @staticmethod
-    def refuse(context: typer.Context, reason: str) -> None:
-        """Refuse these options where nothing is drawn."""
-        refuse_unused(context, ("size", "no_title", "style"), reason)
-
 
 def look(size: str | None, no_title: bool, style: Path | None) -> Look:
     """Return how figures are to look; InputError if the size or the style is not allowed."""
@@ -243,21 +246,14 @@ class FailureOptions:
     """Which joints fail, how many at once and how likely."""
 
     locked: Locked = 1
-    failure_probabilities: Annotated[
-        list[str] | None,
-        option(
-            "P,…",
-            "Each joint's probability of failure, 0 for never; or one number for all. For a "
-            "robot it may be repeated: the least over these scenarios counts.",
-        ),
-    ] = None
-    never_fails: Annotated[
-        str | None,
-        option(
-            "JOINT,…",
-            "Joints that never fail, counted from 0; those of a robot also by name.",
-        ),
-    ] = None
+    failure_probabilities: list[str] | None = option(
+        "P,…",
+        "Each joint's probability of failure, 0 for never; or one number for all. For a"
+        " robot it may be repeated: the least over these scenarios counts.",
+    )
+    never_fails: str | None = option(
+        "JOINT,…", "Joints that never fail, counted from 0; those of a robot also by name."
+    )
 
     @property
     def probabilities_known(self) -> bool:

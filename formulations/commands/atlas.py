@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
@@ -13,13 +13,10 @@ from formulations.commands.arguments import (
     Locked,
     Pick,
     Workers,
-    choice,
     flag,
     option,
-    positive_option,
     progress,
     refuse_unused,
-    whole_option,
 )
 from formulations.commands.output import QUESTIONED, as_text, end, rows_of, show, shown
 from nlp.errors import InputError
@@ -31,7 +28,7 @@ app = typer.Typer(name="atlas", rich_markup_mode=None)
 
 Folder = Annotated[
     Path | None,
-    option("DIR", "Folder of entries.", "--entries", show_default="those of the package"),
+    typer.Option("--entries", metavar="DIR", help="Folder of entries, if not the package's."),
 ]
 Name = Annotated[str, typer.Argument(metavar="ENTRY", help="A name that `atlas` lists.")]
 
@@ -39,15 +36,11 @@ Name = Annotated[str, typer.Argument(metavar="ENTRY", help="A name that `atlas` 
 @app.callback(invoke_without_command=True)
 def atlas(
     context: typer.Context,
-    model: Annotated[str | None, option("NAME", "Only this column model.")] = None,
-    joints: Annotated[int | None, whole_option(2, "N", "Only this number of joints n.")] = None,
-    task_dimension: Annotated[
-        int | None, whole_option(1, "M", "Only this number of task dimensions m.")
-    ] = None,
-    locked: Annotated[
-        int | None, whole_option(1, "K", "Only this number of joints that lock at once.")
-    ] = None,
-    mark: Annotated[str | None, option("MARK", "Only optimal, conjectured or open.")] = None,
+    model: str | None = option("NAME", "Only this column model."),
+    joints: int | None = option("N", "Only this number of joints n.", low=2),
+    task_dimension: int | None = option("M", "Only this number of task dimensions m.", low=1),
+    locked: int | None = option("K", "Only this number of joints that lock at once.", low=1),
+    mark: Literal["optimal", "conjectured", "open"] | None = option(None, "Only this mark."),
     entries: Folder = None,
     as_json: Json = False,
 ) -> None:
@@ -66,8 +59,6 @@ def atlas(
     from formulations.io.table import Table
     from formulations.studies.atlas import AtlasRow, row_of
 
-    if mark is not None:
-        choice("--mark", mark, ("optimal", "conjectured", "open"))
     models = list(dict.fromkeys(one.model for one in known_entries().values()))
     if model is not None and model not in models:
         plain = [one for one in models if ":" not in one]
@@ -139,13 +130,9 @@ def verify(entries: Folder = None, as_json: Json = False) -> None:
 def submit(
     file: JacobianFile,
     locked: Locked = 1,
-    isotropic: Annotated[
-        bool, flag("--isotropic", "For the entry of isotropic Jacobians.")
-    ] = False,
-    by: Annotated[str, option("NAME", "Who or what found it.")] = "unnamed",
-    out: Annotated[
-        Path | None, option("DIR", "Write the entry there if it is an improvement.")
-    ] = None,
+    isotropic: bool = flag("--isotropic", "For the entry of isotropic Jacobians."),
+    by: str = option("NAME", "Who or what found it.", "unnamed"),
+    out: Path | None = option("DIR", "Write the entry there if it is an improvement."),
     pick: Pick = None,
     entries: Folder = None,
     as_json: Json = False,
@@ -195,23 +182,18 @@ def submit(
 
 @app.command()
 def improve(
-    context: typer.Context,
     name: Name,
-    minutes: Annotated[
-        float, positive_option("M", "Processor time after which no seed is begun.")
-    ] = 10.0,
-    out: Annotated[Path, option("DIR", "Folder of the entry; it goes on from there.")] = Path(
-        "atlas"
+    minutes: float = option(
+        "M", "Processor time after which no seed is begun.", 10.0, positive=True
     ),
-    search: Annotated[
-        str,
-        option(
-            "SEARCH",
-            "random: from random starts; hops: from the best known to those near it; "
-            "symmetric: from Jacobians with a symmetry. The last two run in one process, for "
-            "max-min with the models free-mean and unit-revolute.",
-        ),
-    ] = "random",
+    out: Path = option("DIR", "Folder of the entry; it goes on from there.", Path("atlas")),
+    search: str = option(
+        "SEARCH",
+        "random: from random starts; hops: from the best known to those near it; "
+        "symmetric: from Jacobians with a symmetry. The last two run in one process, "
+        "for max-min with the models free-mean and unit-revolute.",
+        "random",
+    ),
     workers: Workers = None,
     as_json: Json = False,
 ) -> None:
@@ -230,7 +212,6 @@ def improve(
     asked = entry(name)
     if search != "random":
         check_polished(asked, search)
-        refuse_unused(context, ("workers",), f"--search {search}")
     prepare_folder(out)
     known = page_of(asked, out) or page_of(asked)
     before = known.value if known else None

@@ -13,31 +13,27 @@ from formulations.commands.arguments import (
     TaskDimension,
     flag,
     option,
-    positive_option,
     progress,
-    refuse_unused,
-    whole_option,
 )
 from formulations.commands.output import QUESTIONED, as_text, show, shown
 from nlp.errors import InputError
 
 app = typer.Typer(name="bound", rich_markup_mode=None)
 
-Solver = Annotated[str, option("NAME", "Conic solver, by cvxpy's name.")]
+Solver = Annotated[str, typer.Option(metavar="NAME", help="Conic solver, by cvxpy's name.")]
 Rigorous = Annotated[
     bool,
-    flag(
+    typer.Option(
         "--rigorous",
-        "Write a certificate and verify it, all rounding errors bounded, so that the bound is "
-        "a theorem. Minutes more; not with null-vector.",
+        help="Write a certificate and verify it, all rounding errors bounded, so that the "
+        "bound is a theorem. Minutes more; not with null-vector.",
     ),
 ]
 CertificateFile = Annotated[
     Path | None,
-    option(
-        "FILE",
-        "With --rigorous: where to keep the certificate (JSON), for `lockedjoint verify`.",
-        "--out",
+    typer.Option(
+        metavar="FILE",
+        help="With --rigorous: where to keep the certificate, for `lockedjoint verify`.",
     ),
 ]
 
@@ -54,27 +50,23 @@ def bound(context: typer.Context) -> None:
     optimally failure-tolerant 7R Jacobian exists is `lockedjoint prove`.
     """
     if context.invoked_subcommand is None:
-        worst_case()
+        worst_case(7, 6, None, None, "CLARABEL", False)
 
 
 @app.command("worst-case")
 def worst_case(
     joints: Joints = 7,
     task_dimension: TaskDimension = 6,
-    trace: Annotated[
-        float | None,
-        positive_option(
-            "T",
-            "Any columns with ‖J‖_F² at most T; m by default, except with m = 6, see "
-            "--lever-arm.",
-        ),
-    ] = None,
-    lever_arm: Annotated[
-        float | None,
-        positive_option(
-            "L", "Revolute joints with |v| at most L; 1 by default with m = 6 and no --trace."
-        ),
-    ] = None,
+    trace: float | None = option(
+        "T",
+        "Any columns with ‖J‖_F² at most T; m by default, except with m = 6, see --lever-arm.",
+        positive=True,
+    ),
+    lever_arm: float | None = option(
+        "L",
+        "Revolute joints with |v| at most L; 1 by default with m = 6 and no --trace.",
+        positive=True,
+    ),
     solver: Solver = "CLARABEL",
     as_json: Json = False,
 ) -> None:
@@ -116,21 +108,16 @@ def two_point(
 @app.command()
 def planar(
     joints: Joints = 7,
-    locked: Annotated[int, whole_option(1, "K", "Joints that lock at once.")] = 2,
-    level: Annotated[
-        float | None,
-        positive_option(
-            "X",
-            "The value that is to be shown to be above all, ‖J‖_F² = n.",
-            show_default="what the atlas has, and 0.1 % more",
-        ),
-    ] = None,
-    manipulability: Annotated[
-        bool,
-        flag(
-            "--manipulability", "Of the least relative manipulability, not of the worst case."
-        ),
-    ] = False,
+    locked: int = option("K", "Joints that lock at once.", 2, low=1),
+    level: float | None = option(
+        "X",
+        "The value that is to be shown to be above all, ‖J‖_F² = n; by default what the"
+        " atlas has, and 0.1 % more.",
+        positive=True,
+    ),
+    manipulability: bool = flag(
+        "--manipulability", "Of the least relative manipulability, not of the worst case."
+    ),
     as_json: Json = False,
 ) -> None:
     """Prove that no planar Jacobian is better than --level, by branch and bound."""
@@ -156,7 +143,7 @@ def planar(
 def existence(
     joints: Joints = 7,
     task_dimension: TaskDimension = 6,
-    order: Annotated[int, whole_option(1, "K", "Order of the relaxation, 1 to 3.", 3)] = 3,
+    order: int = option("K", "Order of the relaxation, 1 to 3.", 3, low=1, high=3),
     solver: Solver = "CLARABEL",
     as_json: Json = False,
 ) -> None:
@@ -172,9 +159,7 @@ def existence(
 @app.command()
 def residual(
     joints: Joints = 7,
-    preset: Annotated[
-        str, option("NAME", "compact (half a minute) or tight (1.5 minutes).")
-    ] = "compact",
+    preset: str = option("NAME", "compact (half a minute) or tight (1.5 minutes).", "compact"),
     rigorous: Rigorous = False,
     out: CertificateFile = None,
     seed: Seed = 0,
@@ -197,31 +182,24 @@ def residual(
 
 @app.command("max-min")
 def max_min(
-    context: typer.Context,
     joints: Joints = 7,
-    preset: Annotated[
-        str, option("NAME", "localised (1.5 minutes) or null-vector (5 minutes, 4 GB).")
-    ] = "localised",
+    preset: str = option(
+        "NAME", "localised (1.5 minutes) or null-vector (5 minutes, 4 GB).", "localised"
+    ),
     rigorous: Rigorous = False,
     out: CertificateFile = None,
-    free_levers: Annotated[
-        bool,
-        flag(
-            "--free-levers",
-            "Revolute joints with lever arms |v| of mean square at most 1: the proved bound on "
-            "record.",
-        ),
-    ] = False,
+    free_levers: bool = flag(
+        "--free-levers",
+        "Revolute joints with lever arms |v| of mean square at most 1: the proved bound"
+        " on record.",
+    ),
     seed: Seed = 0,
     as_json: Json = False,
 ) -> None:
     """Bound the worst case of unit revolute joints after one locked joint, globally."""
-    reasons = {
-        "--free-levers": free_levers,
-        "more than 7 joints: the bound is a closed form there": joints > 7,
-    }
-    for reason in (reason for reason, holds in reasons.items() if holds):
-        refuse_unused(context, ("preset", "rigorous", "out", "seed"), reason)
+    if (free_levers or joints > 7) and (rigorous or out is not None):
+        allowed = "none with --free-levers, or for more than 7 joints: no certificate is needed"
+        raise InputError("--rigorous or --out", "given", allowed)
     if free_levers:
         plain = _free_levers("max-min", joints, "mean square at most 1")
     else:

@@ -15,9 +15,6 @@ from formulations.commands.arguments import (
     Workers,
     flag,
     option,
-    positive_option,
-    refuse_unused,
-    whole_option,
 )
 from formulations.commands.output import (
     INTERRUPTED,
@@ -29,41 +26,36 @@ from formulations.commands.output import (
     show,
     warn,
 )
+from nlp.errors import InputError
 
 
 def campaign(
-    context: typer.Context,
     file: Annotated[
         Path,
         typer.Argument(metavar="FILE", help="The campaign in TOML, see docs/campaigns.md."),
     ],
-    store: Annotated[Path, option("DB", "Store of the records; made if missing.")],
+    store: Path = option("DB", "Store of the records; made if missing.", ...),
     workers: Workers = None,
-    scheduler: Annotated[
-        str | None,
-        option("ADDRESS", "Run on the Dask cluster with this scheduler instead."),
-    ] = None,
-    mpi: Annotated[
-        bool,
-        flag(
-            "--mpi",
-            "Run on the other ranks of `mpirun -n RANKS python -m mpi4py.futures -m "
-            "formulations campaign …` instead.",
-        ),
-    ] = False,
-    time_limit: Annotated[
-        float,
-        positive_option(
-            "SECONDS",
-            "Time for a start, from when it begins, after which its worker ends itself.",
-        ),
-    ] = 600.0,
-    chunk: Annotated[
-        int,
-        whole_option(
-            10, "K", "Starts that a worker is sent at once; more of them on a large cluster."
-        ),
-    ] = 20,
+    scheduler: str | None = option(
+        "ADDRESS", "Run on the Dask cluster with this scheduler instead."
+    ),
+    mpi: bool = flag(
+        "--mpi",
+        "Run on the other ranks of `mpirun -n RANKS python -m mpi4py.futures -m "
+        "formulations campaign …` instead.",
+    ),
+    time_limit: float = option(
+        "SECONDS",
+        "Time for a start, from when it begins, after which its worker ends itself.",
+        600.0,
+        positive=True,
+    ),
+    chunk: int = option(
+        "K",
+        "Starts that a worker is sent at once; more of them on a large cluster.",
+        20,
+        low=10,
+    ),
     as_json: Json = False,
 ) -> None:
     """Run a declared grid of formulations, models and sizes from many random starts.
@@ -79,8 +71,8 @@ def campaign(
     from formulations.campaign.declaration import read
     from formulations.campaign.records import cell_of, open_store
 
-    if scheduler is not None or mpi:
-        refuse_unused(context, ("workers",), "--scheduler or --mpi")
+    if workers is not None and (scheduler is not None or mpi):
+        raise InputError("--workers", workers, "none with --scheduler or --mpi")
     declared = read(file)
     with (
         _executor(workers, scheduler, mpi) as executor,
@@ -148,7 +140,7 @@ def join(
 
 
 def _executor(workers: int | None, scheduler: str | None, mpi: bool) -> Executor:
-    from nlp.errors import InputError, how_to_install
+    from nlp.errors import how_to_install
     from nlp.executors import DaskExecutor, LocalExecutor, default_workers
 
     if scheduler is not None:

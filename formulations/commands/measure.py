@@ -1,13 +1,18 @@
 """``lockedjoint measure``: how failure tolerant the Jacobian in a file is."""
 
-from formulations.commands.arguments import FailureOptions, JacobianFile, Json, Tolerance
+from formulations.commands.arguments import FailureOptions, JacobianFile, Json, option
 from formulations.commands.output import as_text, sharpest_bound, show
 
 
 def measure(
     file: JacobianFile,
     failures: FailureOptions,
-    tolerance: Tolerance = 1e-6,
+    tolerance: float = option(
+        "TOL",
+        "Relative tolerance of the verdict 'optimally failure tolerant'.",
+        1e-6,
+        positive=True,
+    ),
     as_json: Json = False,
 ) -> None:
     """Measure the failure tolerance of a Jacobian.

@@ -6,18 +6,14 @@ import csv
 import io
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
-
-import typer
+from typing import TYPE_CHECKING
 
 from formulations.commands.arguments import (
     FigureOptions,
     Json,
     Seed,
     option,
-    positive_option,
     progress,
-    whole_option,
 )
 from formulations.commands.output import INTERRUPTED, as_text, end, say, show, warn
 from formulations.commands.robot_arguments import ChainOptions, read_limits
@@ -30,41 +26,29 @@ _FILES = ("path.csv", "path.json", "path.svg")
 
 
 def path(
-    context: typer.Context,
     robot: ChainOptions,
-    waypoints: Annotated[
-        Path,
-        option(
-            "FILE",
-            "CSV or JSON, in order of time: columns x,y,z and, for poses, roll,pitch,yaw or "
-            "qx,qy,qz,qw; t besides if times are given.",
-        ),
-    ],
     figure: FigureOptions,
-    task: Annotated[
-        str | None,
-        option(
-            "DIRECTIONS",
-            "Directions to be kept: all, position, or some of vx,vy,vz,wx,wy,wz.",
-            show_default="all for poses, position for positions",
-        ),
-    ] = None,
-    limits: Annotated[
-        list[str] | None,
-        option(
-            "JOINT=LOWER:UPPER",
-            "Narrower limits of a joint, radians or metres. May be repeated.",
-        ),
-    ] = None,
-    duration: Annotated[
-        float, positive_option("SECONDS", "For the whole path, if no t is given.")
-    ] = 10.0,
-    samples: Annotated[int, whole_option(3, "N", "Samples of the path.", 2000)] = 60,
-    tracks: Annotated[int, whole_option(8, "K", "Candidate tracks.", 10_000)] = 80,
+    waypoints: Path = option(
+        "FILE",
+        "CSV or JSON, in order of time: columns x,y,z and, for poses, roll,pitch,yaw or"
+        " qx,qy,qz,qw; t besides if times are given.",
+        ...,
+    ),
+    task: str | None = option(
+        "DIRECTIONS",
+        "Directions to be kept: all, position, or some of vx,vy,vz,wx,wy,wz; by default"
+        " all for poses, position for positions.",
+    ),
+    limits: list[str] | None = option(
+        "JOINT=LOWER:UPPER", "Narrower limits of a joint, radians or metres. May be repeated."
+    ),
+    duration: float = option(
+        "SECONDS", "For the whole path, if no t is given.", 10.0, positive=True
+    ),
+    samples: int = option("N", "Samples of the path.", 60, low=3, high=2000),
+    tracks: int = option("K", "Candidate tracks.", 80, low=8, high=10_000),
     seed: Seed = 0,
-    out: Annotated[
-        Path | None, option("DIR", "Write path.csv, path.json and path.svg there.")
-    ] = None,
+    out: Path | None = option("DIR", "Write path.csv, path.json and path.svg there."),
     as_json: Json = False,
 ) -> None:
     """Find the joint trajectory along which most joints may lock at most times.
@@ -80,8 +64,6 @@ def path(
     from formulations.robots.waypoints import read_waypoints
     from nlp.files import prepare_file
 
-    if out is None:
-        figure.refuse(context, "no --out")
     wanted = read_waypoints(waypoints)
     directions = task or ("all" if wanted.has_orientation else "position")
     chain = narrowed(robot.chain(), read_limits(limits))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 from formulations.commands.arguments import (
     FailureOptions,
@@ -16,7 +16,6 @@ from formulations.commands.arguments import (
     Workers,
     ipopt_options,
     option,
-    positive_option,
 )
 from formulations.commands.measure_robot import failures_text, robot_text
 from formulations.commands.output import INTERRUPTED, end, show, warn
@@ -32,19 +31,16 @@ def posture(
     robot: ArmOptions,
     pose: PoseOptions,
     failures: FailureOptions,
-    formulation: Annotated[
-        str, option("NAME", "residual, max-min, isotropy or manipulability.")
-    ] = "max-min",
+    formulation: str = option(
+        "NAME", "residual, max-min, isotropy or manipulability.", "max-min"
+    ),
     goal: Goal = "worst",
-    clearance: Annotated[
-        float | None,
-        positive_option(
-            "METRES",
-            "Distance that the links keep from each other. Needs coal; reads the meshes that "
-            "the URDF file names.",
-            show_default="they may touch",
-        ),
-    ] = None,
+    clearance: float | None = option(
+        "METRES",
+        "Distance that the links keep from each other. Needs coal; reads the meshes "
+        "that the URDF file names; by default they may touch.",
+        positive=True,
+    ),
     starts: Starts = 100,
     seed: Seed = 0,
     workers: Workers = None,

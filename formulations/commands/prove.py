@@ -4,11 +4,11 @@ What verifies shares nothing with what derives or solves.
 """
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import typer
 
-from formulations.commands.arguments import Json, choice, option, progress, whole_option
+from formulations.commands.arguments import Json, option, progress
 from formulations.commands.output import show
 from nlp.errors import InputError
 
@@ -16,24 +16,15 @@ MOST_SAMPLES = 1_000_000
 
 
 def prove(
-    out: Annotated[
-        Path | None,
-        option(
-            "FILE",
-            "Where to write it.",
-            show_default="certificate.json; with --to coq Data.v",
-        ),
-    ] = None,
-    joints: Annotated[
-        int, whole_option(1, "N", "Number of revolute joints: 7, or 8 to 1000.")
-    ] = 7,
-    to: Annotated[
-        str,
-        option(
-            "FORM",
-            "json: the certificate; coq: the data file of the proof in Coq, for n = 7.",
-        ),
-    ] = "json",
+    out: Path | None = option(
+        "FILE", "Where to write it; by default certificate.json; with --to coq Data.v."
+    ),
+    joints: int = option("N", "Number of revolute joints: 7, or 8 to 1000.", 7, low=1),
+    to: Literal["json", "coq"] = option(
+        None,
+        "json: the certificate; coq: the data file of the proof in Coq, for n = 7.",
+        "json",
+    ),
     as_json: Json = False,
 ) -> None:
     """Prove that an optimally failure-tolerant nR Jacobian exists, or for n = 7 that none does.
@@ -48,7 +39,6 @@ def prove(
     from formulations.existence.rings import exact_jacobian
     from nlp.files import prepare_file, write_text
 
-    choice("--to", to, ("json", "coq"))
     if to == "coq" and joints != 7:
         raise InputError("--joints", joints, "7 with --to coq; others need no data file")
     existence = None if joints == 7 else exact_jacobian(joints)
@@ -106,16 +96,14 @@ def verify(
             show_default=False,
         ),
     ] = None,
-    samples: Annotated[
-        int,
-        whole_option(
-            0,
-            "K",
-            "Also evaluate the identity, exactly and over all 5040 joint orders, at K "
-            "random matrices that violate every equation.",
-            MOST_SAMPLES,
-        ),
-    ] = 0,
+    samples: int = option(
+        "K",
+        "Also evaluate the identity, exactly and over all 5040 joint orders, at K "
+        "random matrices that violate every equation.",
+        0,
+        low=0,
+        high=MOST_SAMPLES,
+    ),
     as_json: Json = False,
 ) -> None:
     """Verify that an optimally failure-tolerant Jacobian exists, that none does, or a bound.

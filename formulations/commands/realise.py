@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Literal
 
 import typer
 
@@ -15,13 +15,9 @@ from formulations.commands.arguments import (
     Json,
     Pick,
     Seed,
-    choice,
     flag,
     option,
-    positive_option,
     progress,
-    refuse_unused,
-    whole_option,
 )
 from formulations.commands.output import as_text, say, warn
 from nlp.errors import InputError
@@ -30,108 +26,77 @@ if TYPE_CHECKING:
     from formulations.realise.choice import Choice
     from formulations.realise.manipulator import Manipulator
 
-SLIDES = ("as-needed", "never", "length")
+Slide = Literal["as-needed", "never", "length"]
 
 
 @dataclass(frozen=True)
 class Reading:
     """How the columns of a Jacobian are read."""
 
-    task: Annotated[
-        str | None,
-        option(
-            "NAME",
-            "planar (2 rows), positional, planar-pose, rotational (3) or spatial (6).",
-            show_default="by the number of rows",
-        ),
-    ] = None
-    kinds: Annotated[
-        str | None,
-        option(
-            "RP...",
-            "Revolute or prismatic, one letter per column.",
-            show_default="from the columns",
-        ),
-    ] = None
-    length: Annotated[float, positive_option("L", "Metres per unit of linear velocity.")] = 1.0
-    tolerance: Annotated[
-        float,
-        positive_option("TOL", "How far a column may be from one that a joint can contribute."),
-    ] = 1e-6
+    task: str | None = option(
+        "NAME",
+        "planar (2 rows), positional, planar-pose, rotational (3) or spatial (6); by "
+        "default by the number of rows.",
+    )
+    kinds: str | None = option(
+        "RP...", "Revolute or prismatic, one letter per column; by default from the columns."
+    )
+    length: float = option("L", "Metres per unit of linear velocity.", 1.0, positive=True)
+    tolerance: float = option(
+        "TOL",
+        "How far a column may be from one that a joint can contribute.",
+        1e-6,
+        positive=True,
+    )
 
 
 @dataclass(frozen=True)
 class Arrangement:
     """In which order and with which signs the columns are the joints of a robot."""
 
-    criterion: Annotated[
-        str | None,
-        option(
-            "NAME",
-            "Choose order and signs by: total-length, largest-link, dh-length, clearance, "
-            "reach, neighbourhood, neighbourhood-before, workspace, workspace-before, kept.",
-            show_default="clearance, without --order and --signs",
-        ),
-    ] = None
-    ranking: Annotated[
-        Path | None,
-        option(
-            "FILE",
-            "CSV file for the orders and signs that were compared, the best first.",
-        ),
-    ] = None
-    order: Annotated[
-        str | None,
-        option(
-            "J,J,...",
-            "Columns from base to tip, counted from 0; or 'given', as they come.",
-        ),
-    ] = None
-    signs: Annotated[
-        str | None,
-        option(
-            "+-...",
-            "One per joint, from base to tip. Minus: the axis the other way round; in planar "
-            "and positional tasks on the other side of the end effector.",
-        ),
-    ] = None
-    slide: Annotated[
-        str | None,
-        option(
-            "HOW",
-            "Slide joints along their axes: apart where links touch (as-needed), never, or to "
-            "the least total length (length).",
-            show_default="as-needed; never with a criterion other than clearance",
-        ),
-    ] = None
+    criterion: str | None = option(
+        "NAME",
+        "Choose order and signs by: total-length, largest-link, dh-length, clearance, "
+        "reach, neighbourhood, neighbourhood-before, workspace, workspace-before, kept;"
+        " by default clearance, without --order and --signs.",
+    )
+    ranking: Path | None = option(
+        "FILE", "CSV file for the orders and signs that were compared, the best first."
+    )
+    order: str | None = option(
+        "J,J,...", "Columns from base to tip, counted from 0; or 'given', as they come."
+    )
+    signs: str | None = option(
+        "+-...",
+        "One per joint, from base to tip. Minus: the axis the other way round; in "
+        "planar and positional tasks on the other side of the end effector.",
+    )
+    slide: Slide | None = option(
+        None,
+        "Slide joints along their axes: apart where links touch (as-needed), never, or "
+        "to the least total length (length); by default as-needed; never with a "
+        "criterion other than clearance.",
+    )
     seed: Seed = 0
-    samples: Annotated[int, whole_option(1, "K", "Displacements that criteria sample.")] = 100
-    shortlist: Annotated[
-        int,
-        whole_option(
-            1,
-            "K",
-            "How many arms are judged by criteria that sample: the shortest, or those that a "
-            "coarse sample finds best.",
-        ),
-    ] = 200
-    radius: Annotated[
-        float,
-        positive_option(
-            "R", "Radius of the neighbourhood; of kept the half-width of artificial limits."
-        ),
-    ] = 0.2
+    samples: int = option("K", "Displacements that criteria sample.", 100, low=1)
+    shortlist: int = option(
+        "K",
+        "How many arms are judged by criteria that sample: the shortest, or those that "
+        "a coarse sample finds best.",
+        200,
+        low=1,
+    )
+    radius: float = option(
+        "R",
+        "Radius of the neighbourhood; of kept the half-width of artificial limits.",
+        0.2,
+        positive=True,
+    )
 
     @property
     def is_given(self) -> bool:
         """Whether the order or the signs were given, and are not to be chosen."""
         return self.order is not None or self.signs is not None
-
-    @property
-    def sliding(self) -> str:
-        """How joints slide along their axes; InputError if there is no such way."""
-        usual = "as-needed" if self.criterion in (None, "clearance") else "never"
-        return choice("--slide", self.slide or usual, SLIDES)
 
     def choose(self, robot: Manipulator) -> tuple[Choice, bool]:
         """Choose an arrangement or take the one given; return it and whether joints slid."""
@@ -160,10 +125,12 @@ class Arrangement:
             chosen = choose_arrangement(robot, name, sampling, self.shortlist, ranked)
             if self.ranking is not None:
                 write_text(self.ranking, Table(Ranked, ranked.rows()).csv())
+        usual = "as-needed" if self.criterion in (None, "clearance") else "never"
+        slide = self.slide or usual
         moved = chosen.manipulator
-        if self.sliding == "length":
+        if slide == "length":
             moved = shortened(moved)
-        elif self.sliding == "as-needed" and room(moved).touching:
+        elif slide == "as-needed" and room(moved).touching:
             moved = slide_apart(moved, self.seed)
         if moved is chosen.manipulator:
             return chosen, False
@@ -171,25 +138,20 @@ class Arrangement:
 
 
 def realise(
-    context: typer.Context,
     file: JacobianFile,
     reading: Reading,
     arrangement: Arrangement,
     figure: FigureOptions,
-    to: Annotated[str, option("FORM", "axes, dh, urdf or figure.")] = "axes",
-    out: Annotated[
-        Path | None,
-        option(
-            "FILE",
-            "Write to this file, and print what was chosen; a figure's name ends in .svg, .png "
-            "or .pdf.",
-        ),
-    ] = None,
-    count: Annotated[
-        bool,
-        flag("--count", "Only print how many manipulators there are, and what is chosen."),
-    ] = False,
-    convention: Annotated[str, option("NAME", "dh: standard or modified.")] = "standard",
+    to: Literal["axes", "dh", "urdf", "figure"] = option(None, "What is written.", "axes"),
+    out: Path | None = option(
+        "FILE",
+        "Write to this file, and print what was chosen; a figure's name ends in .svg, "
+        ".png or .pdf.",
+    ),
+    count: bool = flag(
+        "--count", "Only print how many manipulators there are, and what is chosen."
+    ),
+    convention: Literal["standard", "modified"] = option(None, "Of --to dh.", "standard"),
     pick: Pick = None,
     as_json: Json = False,
 ) -> None:
@@ -207,8 +169,11 @@ def realise(
     from formulations.realise import from_jacobian
     from nlp.files import prepare_file, write_bytes
 
-    choice("--to", to, forms.FORMS)
-    _refuse_unused(context, to, out, count, as_json, arrangement)
+    if as_json and to == "figure":
+        raise InputError("--json", "given", "none with --to figure")
+    if arrangement.is_given and arrangement.criterion is not None:
+        allowed = "none with --order or --signs"
+        raise InputError("--criterion", arrangement.criterion, allowed)
     if not count:
         prepare_file(out, inputs=[file, figure.style])
     prepare_file(arrangement.ranking, "--ranking", [file, figure.style, out])
@@ -237,36 +202,6 @@ def realise(
     else:
         write_bytes(out, content)
         say(lines)
-
-
-def _refuse_unused(
-    context: typer.Context,
-    to: str,
-    out: Path | None,
-    count: bool,
-    as_json: bool,
-    arrangement: Arrangement,
-) -> None:
-    """Refuse options that would do nothing; InputError names the first."""
-    if count:
-        refuse_unused(context, ("out", "to", "convention"), "--count")
-    elif as_json and to == "figure":
-        raise InputError("--json", "given", "none with --to figure")
-    elif to != "dh" and not as_json:
-        refuse_unused(context, ("convention",), f"--to {to}")
-    if to != "figure":
-        FigureOptions.refuse(context, f"--to {to}")
-    slide = arrangement.sliding
-    if arrangement.criterion is None:
-        refuse_unused(context, ("shortlist", "ranking"), "no --criterion")
-        if not (count or as_json or out is not None):
-            reason = "nothing that samples: --criterion, --count, --json and --out do"
-            refuse_unused(context, ("samples", "radius"), reason)
-            if arrangement.is_given and slide != "as-needed":
-                refuse_unused(context, ("seed",), reason)
-    elif arrangement.is_given:
-        allowed = "none with --order or --signs"
-        raise InputError("--criterion", arrangement.criterion, allowed)
 
 
 def _order(text: str | None) -> list[int] | None:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from formulations.commands.arguments import option, positive_option
+from formulations.commands.arguments import option
 from nlp.errors import FileError, InputError
 from nlp.files import load_json, read_bytes, real_in
 
@@ -22,11 +22,11 @@ if TYPE_CHECKING:
 
 Configuration = Annotated[
     str | None,
-    option(
-        "Q",
-        "Radians or metres: one number per joint from base to tip, or JOINT=VALUE pairs, with "
-        "commas; or a JSON file, such as posture writes.",
-        show_default="midway between the limits",
+    typer.Option(
+        metavar="Q",
+        help="Radians or metres: one number per joint from base to tip, or JOINT=VALUE pairs, "
+        "with commas; or a JSON file, such as posture writes; by default midway between the "
+        "limits.",
     ),
 ]
 _ALLOWED = "one number per joint, JOINT=VALUE pairs (both with commas), or a JSON file"
@@ -43,33 +43,22 @@ class ChainOptions:
             help="The robot: a URDF file, an MJCF file, or a Denavit–Hartenberg table (.csv).",
         ),
     ]
-    tip: Annotated[
-        str | None,
-        option(
-            "LINK",
-            "Link that the Jacobian is of, anywhere on the robot.",
-            show_default="the last link, if there is only one",
-        ),
-    ] = None
-    base: Annotated[
-        str | None, option("LINK", "Link that it is relative to.", show_default="the root")
-    ] = None
-    point: Annotated[
-        str | None,
-        option(
-            "X,Y,Z",
-            "Point of the tip's link whose velocity is taken, in its frame, in metres.",
-            show_default="its origin",
-        ),
-    ] = None
-    held: Annotated[
-        list[str] | None,
-        option(
-            "JOINT=VALUE",
-            "A joint that has locked already, and where, in radians or metres; no column of "
-            "its own. May be repeated.",
-        ),
-    ] = None
+    tip: str | None = option(
+        "LINK",
+        "Link that the Jacobian is of, anywhere on the robot; by default the last link,"
+        " if there is only one.",
+    )
+    base: str | None = option("LINK", "Link that it is relative to; by default the root.")
+    point: str | None = option(
+        "X,Y,Z",
+        "Point of the tip's link whose velocity is taken, in its frame, in metres; by "
+        "default its origin.",
+    )
+    held: list[str] | None = option(
+        "JOINT=VALUE",
+        "A joint that has locked already, and where, in radians or metres; no column of"
+        " its own. May be repeated.",
+    )
 
     def chain(self) -> Chain:
         """Read the robot and return its chain; InputError if anything is wrong with it."""
@@ -89,22 +78,18 @@ class ChainOptions:
 class ArmOptions(ChainOptions):
     """Which robot, and which directions of its tip count."""
 
-    length: Annotated[
-        float | None,
-        positive_option(
-            "METRES",
-            "Characteristic length: all lengths are measured in it.",
-            show_default="root mean square of the revolute joints' lever arms",
-        ),
-    ] = None
-    task: Annotated[
-        str,
-        option(
-            "DIRECTIONS",
-            "Task directions: all, position, orientation, or some of vx,vy,vz,wx,wy,wz.",
-        ),
-    ] = "all"
-    frame: Annotated[str, option("FRAME", "Whose axes they are along: base or tip.")] = "base"
+    length: float | None = option(
+        "METRES",
+        "Characteristic length: all lengths are measured in it; by default root mean "
+        "square of the revolute joints' lever arms.",
+        positive=True,
+    )
+    task: str = option(
+        "DIRECTIONS",
+        "Task directions: all, position, orientation, or some of vx,vy,vz,wx,wy,wz.",
+        "all",
+    )
+    frame: str = option("FRAME", "Whose axes they are along: base or tip.", "base")
 
     def arm(self) -> RobotArm:
         """Read the robot and return the arm; InputError if anything is wrong with it."""
@@ -119,19 +104,15 @@ class ArmOptions(ChainOptions):
 class PoseOptions:
     """Where the tool is to be."""
 
-    at: Annotated[
-        str | None,
-        option(
-            "POSE",
-            "Where the tip's point is to be, in the base's frame: x,y,z in metres, and for an "
-            "orientation too roll,pitch,yaw in radians or qx,qy,qz,qw; or a JSON file.",
-            show_default="anywhere",
-        ),
-    ] = None
-    tolerance: Annotated[
-        str | None,
-        option("METRES[,RADIANS]", "How far the tip may be from --at.", show_default="0,0"),
-    ] = None
+    at: str | None = option(
+        "POSE",
+        "Where the tip's point is to be, in the base's frame: x,y,z in metres, and for "
+        "an orientation too roll,pitch,yaw in radians or qx,qy,qz,qw; or a JSON file; "
+        "by default anywhere.",
+    )
+    tolerance: str | None = option(
+        "METRES[,RADIANS]", "How far the tip may be from --at; by default 0,0."
+    )
 
     def pose(self) -> Pose | None:
         """Read the pose; InputError if it is not what is allowed."""

@@ -6,11 +6,11 @@ import math
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from formulations.commands.arguments import Json, choice, flag, option
+from formulations.commands.arguments import Json, flag, option
 from formulations.commands.output import named, refuse_damage, say
 from formulations.commands.output import show as show_values
 from nlp.errors import InputError, printable
@@ -21,27 +21,20 @@ if TYPE_CHECKING:
 
 def show(
     store: Annotated[Path, typer.Argument(metavar="DB", help="Store of a campaign.")],
-    where: Annotated[
-        list[str] | None,
-        option(
-            "CONDITION",
-            "Only records with this, such as 'joints == 7 and score > 0.5'. May be repeated.",
-        ),
-    ] = None,
-    group_by: Annotated[
-        str | None,
-        option("SETTING,...", "Settings that make groups.", show_default="all that differ"),
-    ] = None,
-    records: Annotated[bool, flag("--records", "Show the records themselves.")] = False,
-    optima: Annotated[
-        bool,
-        flag("--optima", "Show the optima: how many starts reached each, canonical form."),
-    ] = False,
-    to: Annotated[str, option("FORMAT", "csv, parquet, markdown or latex.")] = "markdown",
-    out: Annotated[Path | None, option("FILE", "Write there instead of here.")] = None,
-    check: Annotated[
-        bool, flag("--check", "Verify the whole store and show nothing of it.")
-    ] = False,
+    where: list[str] | None = option(
+        "CONDITION",
+        "Only records with this, such as 'joints == 7 and score > 0.5'. May be repeated.",
+    ),
+    group_by: str | None = option(
+        "SETTING,...", "Settings that make groups; by default all that differ."
+    ),
+    records: bool = flag("--records", "Show the records themselves."),
+    optima: bool = flag(
+        "--optima", "Show the optima: how many starts reached each, canonical form."
+    ),
+    to: Literal["csv", "parquet", "markdown", "latex"] = option(None, "Format.", "markdown"),
+    out: Path | None = option("FILE", "Write there instead of here."),
+    check: bool = flag("--check", "Verify the whole store and show nothing of it."),
     as_json: Json = False,
 ) -> None:
     """Show what a campaign's store holds, also while the campaign runs.
@@ -56,7 +49,6 @@ def show(
     from formulations.campaign.records import open_store
     from nlp.files import prepare_file, write_bytes
 
-    choice("--to", to, FORMATS)
     if sum([records, optima, check, group_by is not None]) > 1:
         both = "more than one of --records, --optima, --check and --group-by"
         raise InputError("command line", both, "at most one of them")

@@ -19,8 +19,6 @@ from formulations.commands.arguments import (
     flag,
     ipopt_options,
     option,
-    positive_option,
-    whole_option,
 )
 from formulations.commands.output import (
     INTERRUPTED,
@@ -40,58 +38,48 @@ def solve(
         ),
     ],
     failures: FailureOptions,
-    model: Annotated[
-        str,
-        option(
-            "MODEL",
-            "Column model: unit-revolute, lever-revolute, lever-revolute-each, prismatic, free "
-            "or free-mean; or a mix such as "
-            "'lever-revolute(length=0.3):6,prismatic(speed=0.5):2', with lengths, speeds or "
-            "norms in brackets, 1 by default, and the number of joints after the colon.",
-        ),
-    ] = "unit-revolute",
-    joints: Annotated[
-        int | None,
-        whole_option(
-            2, "N", "Number of joints n, above m.", MOST_JOINTS, show_default="of the mix, or 7"
-        ),
-    ] = None,
+    model: str = option(
+        "MODEL",
+        "Column model: unit-revolute, lever-revolute, lever-revolute-each, prismatic, "
+        "free or free-mean; or a mix such as "
+        "'lever-revolute(length=0.3):6,prismatic(speed=0.5):2', with lengths, speeds or"
+        " norms in brackets, 1 by default, and the number of joints after the colon.",
+        "unit-revolute",
+    ),
+    joints: int | None = option(
+        "N",
+        "Number of joints n, above m; by default of the mix, or 7.",
+        low=2,
+        high=MOST_JOINTS,
+    ),
     task_dimension: TaskDimension = 6,
     goal: Goal = "worst",
-    encoding: Annotated[
-        str | None,
-        option(
-            "NAME",
-            "Eigenvalue constraints of max-min: two-stage, schur-complement, shared-factor, "
-            "principal-minors, factor-per-deletion or positive-factor-per-deletion.",
-            show_default="two-stage; shared-factor for several locked joints; "
-            "positive-factor-per-deletion for unequal failures",
-        ),
-    ] = None,
-    from_residual_minima: Annotated[
-        bool, flag("--from-residual-minima", "Start max-min from residual minima.")
-    ] = False,
+    encoding: str | None = option(
+        "NAME",
+        "Eigenvalue constraints of max-min: two-stage, schur-complement, shared-factor,"
+        " principal-minors, factor-per-deletion or positive-factor-per-deletion; by "
+        "default two-stage; shared-factor for several locked joints; "
+        "positive-factor-per-deletion for unequal failures.",
+    ),
+    from_residual_minima: bool = flag(
+        "--from-residual-minima", "Start max-min from residual minima."
+    ),
     starts: Starts = 100,
     seed: Seed = 0,
     workers: Workers = None,
     ipopt: Ipopt = None,
-    solver: Annotated[
-        str,
-        option(
-            "NAME",
-            "ipopt; or fatrop, faster: residual, and compiled max-min, of unit revolutes.",
-        ),
-    ] = "ipopt",
+    solver: str = option(
+        "NAME",
+        "ipopt; or fatrop, faster: residual, and compiled max-min, of unit revolutes.",
+        "ipopt",
+    ),
     compiled: Compiled = False,
-    time_limit: Annotated[
-        float | None,
-        positive_option(
-            "SECONDS", "Time for a start, after which Ipopt stops it.", show_default="no limit"
-        ),
-    ] = None,
-    out: Annotated[
-        Path | None, option("FILE", "Write the best Jacobian and its measures as JSON.")
-    ] = None,
+    time_limit: float | None = option(
+        "SECONDS",
+        "Time for a start, after which Ipopt stops it; by default no limit.",
+        positive=True,
+    ),
+    out: Path | None = option("FILE", "Write the best Jacobian and its measures as JSON."),
     as_json: Json = False,
 ) -> None:
     """Solve one formulation from random starts and measure the best answer.

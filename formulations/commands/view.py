@@ -6,9 +6,8 @@ import time
 from collections.abc import Mapping
 from dataclasses import replace
 from importlib.util import find_spec
-from typing import Annotated
 
-from formulations.commands.arguments import Json, Seed, Starts, option, whole_option
+from formulations.commands.arguments import Json, Seed, Starts, option
 from formulations.commands.output import INTERRUPTED, show, shown, warn
 from formulations.commands.robot_arguments import (
     ArmOptions,
@@ -21,10 +20,10 @@ from nlp.errors import MissingLibraryError
 def view(
     robot: ArmOptions,
     configuration: Configuration = None,
-    host: Annotated[str, option("HOST", "Address of this machine to listen on.")] = "127.0.0.1",
-    port: Annotated[
-        int, whole_option(0, "PORT", "Port to listen on; 0 for any free one.", 65535)
-    ] = 8080,
+    host: str = option("HOST", "Address of this machine to listen on.", "127.0.0.1"),
+    port: int = option(
+        "PORT", "Port to listen on; 0 for any free one.", 8080, low=0, high=65535
+    ),
     starts: Starts = 20,
     seed: Seed = 0,
     as_json: Json = False,

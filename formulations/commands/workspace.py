@@ -4,21 +4,15 @@ from __future__ import annotations
 
 from math import radians
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
-
-import typer
+from typing import TYPE_CHECKING, Literal
 
 from formulations.commands.arguments import (
     FigureOptions,
     Json,
     JsonFile,
     Seed,
-    choice,
     option,
-    positive_option,
     progress,
-    refuse_unused,
-    whole_option,
 )
 from formulations.commands.output import as_text, show, shown
 from formulations.commands.robot_arguments import ChainOptions, number, read_limits
@@ -34,57 +28,43 @@ _IN_SPACE = 12
 
 
 def workspace(
-    context: typer.Context,
     robot: ChainOptions,
     figure_options: FigureOptions,
-    limits: Annotated[
-        list[str] | None,
-        option(
-            "JOINT=LOWER:UPPER",
-            "Artificial limits of a joint, radians or metres. May be repeated.",
-            show_default="the physical limits",
-        ),
-    ] = None,
-    orientation: Annotated[
-        str | None,
-        option(
-            "ROLL,PITCH,YAW",
-            "Hold the tip's link at this orientation: radians, fixed axes of the base; or "
-            "QX,QY,QZ,QW. For planar arms of four joints and others of seven.",
-            show_default="free",
-        ),
-    ] = None,
-    optimise: Annotated[
-        str | None,
-        option(
-            "WHAT",
-            "limits: choose the artificial limits that keep the most; lengths: link lengths of "
-            "equal sum, too.",
-        ),
-    ] = None,
-    voxel: Annotated[
-        float | None,
-        positive_option(
-            "METRES",
-            "Edge of the grid's cells.",
-            show_default="a fiftieth of the sum of the links; a twelfth with --orientation, in "
-            "space",
-        ),
-    ] = None,
-    step: Annotated[
-        float,
-        positive_option(
-            "DEGREES", "Distance of the angles at which a joint may lock.", "--slice"
-        ),
-    ] = 5.0,
-    least_width: Annotated[
-        float, positive_option("DEGREES", "Least width of limits that are chosen.")
-    ] = 10.0,
-    starts: Annotated[int, whole_option(1, "K", "Starts of the search on a grid.", 10**6)] = 4,
+    limits: list[str] | None = option(
+        "JOINT=LOWER:UPPER",
+        "Artificial limits of a joint, radians or metres. May be repeated; by default "
+        "the physical limits.",
+    ),
+    orientation: str | None = option(
+        "ROLL,PITCH,YAW",
+        "Hold the tip's link at this orientation: radians, fixed axes of the base; or "
+        "QX,QY,QZ,QW. For planar arms of four joints and others of seven; by default "
+        "free.",
+    ),
+    optimise: Literal["limits", "lengths"] | None = option(
+        None,
+        "limits: choose the artificial limits that keep the most; lengths: link lengths"
+        " of equal sum, too.",
+    ),
+    voxel: float | None = option(
+        "METRES",
+        "Edge of the grid's cells; by default a fiftieth of the sum of the links; a "
+        "twelfth with --orientation, in space.",
+        positive=True,
+    ),
+    step: float = option(
+        "DEGREES",
+        "Distance of the angles at which a joint may lock.",
+        5.0,
+        "--slice",
+        positive=True,
+    ),
+    least_width: float = option(
+        "DEGREES", "Least width of limits that are chosen.", 10.0, positive=True
+    ),
+    starts: int = option("K", "Starts of the search on a grid.", 4, low=1, high=10**6),
     seed: Seed = 0,
-    figure: Annotated[
-        Path | None, option("FILE", "Draw the workspace: SVG, PNG or PDF.")
-    ] = None,
+    figure: Path | None = option("FILE", "Draw the workspace: SVG, PNG or PDF."),
     out: JsonFile = None,
     as_json: Json = False,
 ) -> None:
@@ -105,15 +85,10 @@ def workspace(
     from formulations.robots.workspace import workspace as workspace_of
     from nlp.files import prepare_file, write_bytes
 
-    if figure is None:
-        figure_options.refuse(context, "no --figure")
-    if optimise is None:
-        refuse_unused(context, ("least_width", "starts", "seed"), "no --optimise")
-    else:
-        choice("--optimise", optimise, ("limits", "lengths"))
-        refuse_unused(context, ("limits",), "--optimise")
-        if optimise == "lengths" and orientation is not None:
-            raise InputError("--optimise", optimise, "limits with --orientation")
+    if limits and optimise is not None:
+        raise InputError("--limits", " ".join(limits), "none with --optimise")
+    if optimise == "lengths" and orientation is not None:
+        raise InputError("--optimise", optimise, "limits with --orientation")
     rotation = None if orientation is None else _rotation(orientation)
     arm = SerialArm.from_chain(robot.chain())
     chosen = _ranges(read_limits(limits), arm)

@@ -52,9 +52,7 @@ def test_help_groups_the_commands(lockedjoint, tmp_path):
     for heading, names in GROUPS.items():
         section = lines[lines.index(f"{heading}:") :]
         section = section[: section.index("")] if "" in section else section
-        assert {name.replace("_", "-") for name in names} <= {
-            line.split()[0] for line in section
-        }
+        assert set(names) <= {line.split()[0] for line in section}
 
 
 def _commands(group):
