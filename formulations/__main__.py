@@ -78,7 +78,9 @@ def _run() -> int:
 
 
 def _fail(sentence: str, status: int) -> int:
-    sys.stderr.write(f"Error: {' '.join(sentence.split())}\n")
+    from nlp.errors import printable
+
+    sys.stderr.write(f"Error: {printable(' '.join(sentence.split()))}\n")
     return status
 
 
