@@ -16,7 +16,7 @@ and canonical examples, Figs. 1–3                   `reproduction.planar`,
 Section 4, eq. (21): revolute joints                `joints.kinds`, `joints.arm`
 eqs. (22)–(43): the isotropy equations              `isotropy_equations`, `residual`
 eqs. (44)–(45): the residual minimum of 7R          `residual`, `reproduction.seven_joints`
-eq. (46): its worst case, "possible to improve"     `max_min`, `reduced`
+eq. (46): its worst case, "possible to improve"     `max_min`, `encodings`
 eqs. (47)–(49): 8R, and families of optima          `isotropy`, `reproduction.eight_joints`
 Section 5: does an optimal 7R exist?                `existence`
 Appendix: f_1 … f_21 in closed form                 `appendix`
@@ -28,7 +28,5 @@ bounds (`bounds.so3_moments`), the best known of every kind of arm (`atlas`), Ja
 robots (`realise`) and robots as Jacobians (`robots`). Later works: docs/related_work.md.
 
 Data flows one way: model → formulation → problem → solution → record → table. Imports only go
-down this list: `commands`, `studies`, `plot`, `campaign`, `robots`, `atlas`, `solving`,
-`reproduction`, the statements and their `catalogue`, `bounds`, `realise`, `io`, `measures`,
-`existence`, `joints`, and below all of them the engine, `nlp`.
+down the rooms that CONTRIBUTING.md lists, and below all of them is the engine, `nlp`.
 """

@@ -33,8 +33,9 @@ class Formulation(Protocol):
         checked in floating point only.
 
     A formulation may also have ``check(arm, **settings)``, which refuses settings and returns
-    them completed, and ``sampler(arm, **settings)``, which returns what draws starts in place
-    of ``arm.sample``.
+    them completed; ``sampler(arm, **settings)``, which returns what draws starts in place of
+    ``arm.sample``; and ``compute_bound(arm, locked, rigorous, **options)``, which computes a
+    bound now, by a proof if `rigorous`.
     """
 
     NAME: str

@@ -22,12 +22,14 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from types import MappingProxyType
+from typing import Any
 
 import casadi as ca
 import numpy as np
 
 from formulations import measures, residual, unequal_max_min
 from formulations.bounds.certified import Bound, largest_worst_case
+from formulations.bounds.so3_moments.global_bound import GlobalBound, unit_revolute_joints
 from formulations.encodings import schur_complement
 from formulations.encodings.factors import ENCODINGS
 from formulations.joints.arm import Arm
@@ -170,6 +172,16 @@ def score(
 def bound(arm: ColumnModel, locked: int = 1, certified: bool = True) -> Bound | None:
     """Return what no worst case of the arm is above; see `Formulation`."""
     return largest_worst_case(arm, locked, certified) if isinstance(arm, Arm) else None
+
+
+def compute_bound(
+    arm: ColumnModel, locked: int = 1, rigorous: bool = False, **options: Any
+) -> GlobalBound:
+    """Compute a bound now; see `Formulation`."""
+    from formulations.bounds.so3_moments.max_min_bound import max_min_bound
+
+    joints = unit_revolute_joints(arm, locked)
+    return max_min_bound(joints=joints, rigorous=rigorous, **options)
 
 
 def sampler(

@@ -9,12 +9,13 @@ import importlib.util
 import sys
 from importlib.metadata import entry_points
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal, overload
 
 import cloudpickle
 
 from formulations import isotropy, manipulability, max_min, residual
 from formulations.bounds.certified import Bound
+from formulations.bounds.so3_moments.global_bound import GlobalBound
 from formulations.formulation import Formulation, check_formulation
 from formulations.joints.joint import ColumnModel
 from nlp.errors import FileError, InputError
@@ -78,12 +79,33 @@ def formulation(name: str | Formulation) -> Formulation:
     return name
 
 
+@overload
 def bound(
     name: str | Formulation,
     arm: ColumnModel,
     locked: int = 1,
     kind: Literal["certified", "numerical"] = "certified",
-) -> Bound:
+) -> Bound: ...
+
+
+@overload
+def bound(
+    name: str | Formulation,
+    arm: ColumnModel,
+    locked: int = 1,
+    *,
+    kind: Literal["relaxation", "rigorous"],
+    **options: Any,
+) -> GlobalBound: ...
+
+
+def bound(
+    name: str | Formulation,
+    arm: ColumnModel,
+    locked: int = 1,
+    kind: str = "certified",
+    **options: Any,
+) -> Bound | GlobalBound:
     """Return the best bound known on a formulation's score of any Jacobian of an arm.
 
     Parameters
@@ -95,25 +117,49 @@ def bound(
     locked
         How many joints lock at once.
     kind
-        ``"certified"`` for what is proved, ``"numerical"`` for what is checked in floating
-        point only.
+        What is on record or in closed form: ``"certified"`` for what is proved,
+        ``"numerical"`` for what is checked in floating point only. Or computed now, in a
+        minute or some, for 6 to 9 unit revolute joints of which one locks: ``"relaxation"``,
+        checked in floating point; ``"rigorous"``, proved by a certificate.
+    **options
+        Of what is computed now: ``preset``, ``seed`` or ``rng``, ``progress`` and, if rigorous,
+        ``out``; see `residual_bound` and `max_min_bound` in `formulations.bounds.so3_moments`.
+
+    Returns
+    -------
+    Bound or GlobalBound
+        What is on record; what was computed, with its evidence.
 
     Raises
     ------
     InputError
-        If there is no such formulation or kind, or no bound of this kind is known.
+        If there is no such formulation or kind, no bound of this kind is known, or an option
+        is not allowed.
+    LockedJointError
+        If it is to be computed and that fails; see the functions named above.
     """
+    statement = formulation(name)
+    if kind in ("relaxation", "rigorous"):
+        compute = getattr(statement, "compute_bound", None)
+        if compute is None:
+            others = ", ".join(
+                other.NAME for other in FORMULATIONS.values() if hasattr(other, "compute_bound")
+            )
+            raise InputError("formulation", statement.NAME, f"one of {others} for this kind")
+        computed: GlobalBound = compute(arm, locked, kind == "rigorous", **options)
+        return computed
     if kind not in ("certified", "numerical"):
-        raise InputError("kind", kind, "certified or numerical")
+        raise InputError("kind", kind, "certified, numerical, relaxation or rigorous")
+    if options:
+        raise InputError("options", ", ".join(options), f"none for the kind {kind}")
     certified = kind == "certified"
-    known = formulation(name).bound(arm, locked, certified)
+    known = statement.bound(arm, locked, certified)
     if known is None:
-        others = [
-            other for other in FORMULATIONS.values() if other.bound(arm, locked, certified)
-        ]
-        names = ", ".join(other.NAME for other in others) or "none for this arm"
-        allowed = f"one with a {kind} bound of its own: {names}"
-        raise InputError("formulation", formulation(name).NAME, allowed)
+        others = ", ".join(
+            other.NAME for other in FORMULATIONS.values() if other.bound(arm, locked, certified)
+        )
+        allowed = f"one with a {kind} bound of its own: {others or 'none for this arm'}"
+        raise InputError("formulation", statement.NAME, allowed)
     return known
 
 

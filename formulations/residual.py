@@ -16,11 +16,13 @@ forms of the Appendix. They are the same functions of the angles.
 
 from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
+from typing import Any
 
 import casadi as ca
 
 from formulations import appendix, measures
 from formulations.bounds.certified import Bound, least_residual
+from formulations.bounds.so3_moments.global_bound import GlobalBound, unit_revolute_joints
 from formulations.encodings.columns import Columns, gauss_newton, second
 from formulations.isotropy_equations import residuals
 from formulations.joints.arm import Arm
@@ -56,13 +58,13 @@ OPTIONS: Mapping[str, OptionValue] = MappingProxyType(
 FATROP_OPTIONS: Mapping[str, float] = MappingProxyType(
     {"delta_w0": _FIRST, "kappa_wplus": _MORE, "kappa_wplusem": _MORE}
 )
-DIAGONAL_WEIGHTS: Mapping[str, float] = MappingProxyType({"invariant": 0.5, "paper": 1.0})
+_DIAGONAL_WEIGHTS: Mapping[str, float] = MappingProxyType({"invariant": 0.5, "paper": 1.0})
 ROWS: Mapping[str, Callable[[ColumnModel, ca.SX], ca.SX]] = MappingProxyType(
     {"derived": residuals, "appendix": appendix.residuals}
 )
 
 
-HESSIANS = ("exact", "gauss-newton")
+_HESSIANS = ("exact", "gauss-newton")
 
 
 def build(
@@ -92,15 +94,15 @@ def build(
         If the weighting, the rows or the Hessian are none of these, or the Appendix's closed
         forms are asked for and a joint is not a unit revolute one.
     """
-    if weighting not in DIAGONAL_WEIGHTS:
-        raise InputError("weighting", weighting, "one of " + ", ".join(DIAGONAL_WEIGHTS))
+    if weighting not in _DIAGONAL_WEIGHTS:
+        raise InputError("weighting", weighting, "one of " + ", ".join(_DIAGONAL_WEIGHTS))
     if rows not in ROWS:
         raise InputError("rows", rows, "one of " + ", ".join(ROWS))
     vanishes = arm.shape[0] == 6 and arm.shape[1] >= 8 and _unit_revolute(arm)
     if hessian is None:
         hessian = "gauss-newton" if vanishes and weighting == "invariant" else "exact"
-    if hessian not in HESSIANS:
-        raise InputError("hessian", hessian, "one of " + ", ".join(HESSIANS))
+    if hessian not in _HESSIANS:
+        raise InputError("hessian", hessian, "one of " + ", ".join(_HESSIANS))
     if hessian != "exact" and weighting != "invariant":
         raise InputError("weighting", weighting, f"invariant for the {hessian} Hessian")
     variables = arm.symbols()
@@ -109,7 +111,7 @@ def build(
     equations = ROWS[rows](arm, variables)
     m, _ = arm.shape
     lower, upper = arm.bounds
-    diagonal = DIAGONAL_WEIGHTS[weighting] * ca.sumsqr(equations[:m])
+    diagonal = _DIAGONAL_WEIGHTS[weighting] * ca.sumsqr(equations[:m])
     return Problem(
         name=NAME,
         variables=variables,
@@ -147,3 +149,13 @@ def score(jacobian: FloatArray) -> float:
 def bound(arm: ColumnModel, locked: int = 1, certified: bool = True) -> Bound | None:  # noqa: ARG001
     """Return what no residual of the arm is below; see `Formulation`."""
     return least_residual(arm, certified) if isinstance(arm, Arm) else None
+
+
+def compute_bound(
+    arm: ColumnModel, locked: int = 1, rigorous: bool = False, **options: Any
+) -> GlobalBound:
+    """Compute a bound now; see `Formulation`."""
+    from formulations.bounds.so3_moments.residual_bound import residual_bound
+
+    joints = unit_revolute_joints(arm, locked)
+    return residual_bound(joints=joints, rigorous=rigorous, **options)

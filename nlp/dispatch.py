@@ -66,8 +66,7 @@ def dispatch(
         What to run.
     executor
         Where to run it: of processes here, on a cluster or under MPI. Its future may raise
-        anything if a worker ended; it may offer ``check()``, which raises `WorkerError` where
-        no answer will come any more.
+        anything if a worker ended.
     time_limit
         Seconds that a start may run; its worker ends itself then. No limit by default.
     capacity
@@ -104,8 +103,6 @@ def dispatch(
             if not flight:
                 return
             ended, _ = wait(flight, timeout=_PULSE, return_when=FIRST_COMPLETED)
-            if hasattr(executor, "check"):
-                executor.check()
             for future in ended:
                 yield from _landed(future, flight.pop(future), again, time_limit)
     finally:

@@ -1,4 +1,4 @@
-"""Where starts run: worker processes of this machine, or of a Dask cluster.
+"""Where starts run: worker processes of this machine, or a Dask cluster.
 
 `nlp.dispatch` takes any `concurrent.futures.Executor`; these two are ready to use.
 """
@@ -19,7 +19,7 @@ from typing import Any
 from joblib import cpu_count
 from joblib.externals.loky import ProcessPoolExecutor
 
-from nlp.errors import InputError, WorkerError, how_to_install
+from nlp.errors import MissingLibraryError, WorkerError
 
 # The matrices are small: threads of linear algebra would only wait for one another.
 _ONE_THREAD = {
@@ -28,8 +28,7 @@ _ONE_THREAD = {
 }
 _PER_CORE = 8  # worker processes; more would only exhaust the machine's memory
 _IDLE_SECONDS = 10.0  # after which a process without work ends
-_PATIENCE = 12.0  # seconds without an answer or a worker, after which a cluster is given up
-_PULSE = 2.0  # seconds between two questions to the scheduler
+_CONNECT_SECONDS = 12.0  # after which a cluster that does not answer is given up
 
 
 def default_workers() -> int:
@@ -168,10 +167,10 @@ def _end_with_parent(parent: int) -> None:
         threading.Thread(target=watch, daemon=True).start()
 
 
-class DaskExecutor(Executor):
-    """The workers of a running Dask cluster, by ``Client.get_executor``.
+@contextmanager
+def dask_executor(address: str) -> Iterator[Executor]:
+    """Yield the executor of a running Dask cluster, and leave the cluster at the end.
 
-    What that does not do: `check` gives a cluster up that no longer answers or has no workers.
     Start workers with one thread each. Whoever reaches the scheduler can run code on the
     scheduler and on the workers.
 
@@ -187,71 +186,16 @@ class DaskExecutor(Executor):
     WorkerError
         If no Dask scheduler answers there.
     """
-
-    def __init__(self, address: str) -> None:
-        try:
-            from distributed import Client
-        except ImportError:
-            allowed = f"left out, or first run: {how_to_install('distributed')}"
-            raise InputError("scheduler", address, allowed) from None
-        self._address = address
-        client: Future[Any] = Future()
-
-        def connect() -> None:
-            try:
-                client.set_result(Client(address, timeout=_PATIENCE, set_as_default=False))
-            except Exception as error:
-                client.set_exception(error)
-
-        # Aside: it waits for a server that accepts and says nothing, without a limit.
-        threading.Thread(target=connect, daemon=True).start()
-        try:
-            self._client = client.result(_PATIENCE + 2)
-        except Exception as reason:
-            raise WorkerError(f"No Dask scheduler answers at {address} ({reason}).") from None
-        self._executor = self._client.get_executor(pure=False)
-        self._asked = self._staffed = time.monotonic()
-        self._cores = 1
-
-    @property
-    def capacity(self) -> int:
-        """How many cores the workers had when last asked, and one more chunk for each."""
-        return 2 * self._cores
-
-    def submit(self, call: Callable[..., Any], /, *arguments: Any, **more: Any) -> Future[Any]:
-        """Run a function on one of the workers."""
-        future: Future[Any] = self._executor.submit(call, *arguments, **more)
-        return future
-
-    def check(self) -> None:
-        """Ask the scheduler for its workers.
-
-        Raises
-        ------
-        WorkerError
-            If it does not answer, or there was no worker for 12 s.
-        """
-        now = time.monotonic()
-        if now - self._asked < _PULSE:
-            return
-        said = f"The Dask scheduler at {self._address} no longer answers"
-        try:
-            cores = self._client.sync(
-                self._client.scheduler.ncores, workers=None, callback_timeout=_PATIENCE
-            )
-        except Exception:
-            raise WorkerError(f"{said}; results so far are kept.") from None
-        self._asked = now
-        self._cores = sum(cores.values())
-        if cores:
-            self._staffed = now
-        elif now - self._staffed > _PATIENCE:
-            said = f"The Dask cluster at {self._address} has no workers"
-            raise WorkerError(f"{said}; results so far are kept.")
-
-    def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:  # noqa: ARG002
-        """Leave the cluster; it goes on without us."""
-        with suppress(Exception):  # what is closed already, or never answers
-            self._executor.shutdown(wait=False)
-        with suppress(Exception):
-            self._client.close(timeout=1.0)
+    try:
+        from distributed import Client
+    except ImportError:
+        raise MissingLibraryError("distributed", "dask distributed") from None
+    try:
+        client = Client(address, timeout=_CONNECT_SECONDS, set_as_default=False)
+    except (OSError, TypeError, ValueError) as reason:
+        raise WorkerError(f"No Dask scheduler answers at {address} ({reason}).") from None
+    try:
+        yield client.get_executor(pure=False)
+    finally:
+        with suppress(Exception):  # a scheduler that has ended does not answer
+            client.close(timeout=1.0)

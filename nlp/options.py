@@ -29,7 +29,7 @@ QUIET: Mapping[str, OptionValue] = {"print_level": 0, "sb": "yes", "option_file_
 # Fatrop's options, and their kinds; all above 0. The last four say what is added to the Hessian
 # where it is not convex: first, by what factor more until it is (the first time, later), and by
 # what factor less at the next iteration.
-FATROP: Mapping[str, type[OptionValue]] = {
+_FATROP: Mapping[str, type[OptionValue]] = {
     "max_iter": int,
     "tol": float,
     "delta_w0": float,
@@ -113,9 +113,9 @@ def _number(value: object) -> int | float | None:
 
 
 def _fatrop_option(name: str, value: object) -> OptionValue:
-    if name not in FATROP:
-        raise SolverOptionError("Fatrop option", name, "one of " + ", ".join(FATROP))
-    number, kind = _number(value), FATROP[name]
+    if name not in _FATROP:
+        raise SolverOptionError("Fatrop option", name, "one of " + ", ".join(_FATROP))
+    number, kind = _number(value), _FATROP[name]
     if number is None or not 0 < number < 2**31 or (kind is int and isinstance(number, float)):
         article = "a whole number" if kind is int else "a number"
         raise SolverOptionError(f"Fatrop option {name}", value, f"{article} above 0")

@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 from nlp.arrays import FloatArray
 from nlp.problem import Sense
@@ -97,14 +96,3 @@ class Solution:
     def feasible(self) -> bool:
         """Whether no constraint or bound is violated by more than `FEASIBLE`."""
         return self.violation <= FEASIBLE
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain values for tables and JSON, the status among them by its own name."""
-        return {
-            **vars(self),
-            "status": self.status.to_dict(),
-            "earlier": [status.to_dict() for status in self.earlier],
-            "variables": self.variables.tolist(),
-            "outputs": {name: value.tolist() for name, value in self.outputs.items()},
-            "multipliers": {name: value.tolist() for name, value in self.multipliers.items()},
-        }

@@ -25,7 +25,7 @@ from nlp.solver import Solver
 T = TypeVar("T")
 
 # Seconds that building a solver may take where starts have a time limit.
-SET_UP = 60.0
+_SET_UP = 60.0
 _IMPORT = uuid4().hex
 
 
@@ -220,7 +220,7 @@ class RunChunk:
         The exception that building the problem raised stands for all of them.
         """
         try:
-            self._limit(SET_UP)
+            self._limit(_SET_UP)
             solver, task, libraries = _unpacked(chunk.payload)
             # A cluster's workers are not ours to set up; where they are, this changes nothing.
             with libraries.limit(limits=1, user_api="blas"):

@@ -1,9 +1,8 @@
 """What all tests share: their workers, their seeds, expensive results and the command line.
 
-The tests run on all cores, by pytest-xdist with ``--dist loadfile``: tests of one file stay on
+The tests run on all cores, by pytest-xdist with ``--dist loadgroup``: tests of one file stay on
 one worker, so that the fixtures of a file are made once. Tests that kill or time processes are
-marked ``processes``: no two of them run at the same time. Files in which all are marked share
-one worker, since two workers would wait for one another.
+marked ``processes``: one worker has them all, so that no two of them run at the same time.
 """
 
 from __future__ import annotations
@@ -11,13 +10,12 @@ from __future__ import annotations
 import os
 import pickle
 import random
-import re
 import signal
 import subprocess
 import sys
 import zlib
 from collections.abc import Callable, Iterator
-from contextlib import chdir, contextmanager, nullcontext, redirect_stderr, redirect_stdout
+from contextlib import chdir, contextmanager, redirect_stderr, redirect_stdout
 from functools import cache
 from pathlib import Path
 from tempfile import TemporaryFile
@@ -52,26 +50,12 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
     np.random.seed(seed)
 
 
-@pytest.hookimpl(optionalhook=True)
-def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
-    """Give all files in which every test is marked ``processes`` to one worker."""
-    if config.getoption("dist") != "loadfile":
-        return None
-    from xdist.scheduler import LoadFileScheduling
-
-    class Scheduling(LoadFileScheduling):
-        def _split_scope(self, nodeid: str) -> str:
-            file = super()._split_scope(nodeid)
-            return "processes" if _marks_all(file) else file
-
-    return Scheduling(config, log)
-
-
-@cache
-def _marks_all(file: str) -> bool:
-    """Whether a file of tests marks every one of them ``processes``."""
-    text = (ROOT / file).read_text("utf-8")
-    return re.search(r"^pytestmark = [^=]*mark\.processes", text, re.MULTILINE) is not None
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Give the tests of one file to one worker, and all that are marked to another."""
+    for item in items:
+        marked = item.get_closest_marker("processes") is not None
+        group = "processes" if marked else item.path.relative_to(ROOT).as_posix()
+        item.add_marker(pytest.mark.xdist_group(group))
 
 
 @pytest.fixture(scope="session")
@@ -88,14 +72,6 @@ def common(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return the temporary folder that all workers share."""
     folder = tmp_path_factory.getbasetemp()
     return folder.parent if "PYTEST_XDIST_WORKER" in os.environ else folder
-
-
-@pytest.fixture(autouse=True)
-def _no_two_at_once(request: pytest.FixtureRequest, common: Path) -> Iterator[None]:
-    """Let a test that is marked ``processes`` wait for those of other workers."""
-    marked = request.node.get_closest_marker("processes") is not None
-    with FileLock(common / "processes.lock") if marked else nullcontext():
-        yield
 
 
 @pytest.fixture(scope="session")

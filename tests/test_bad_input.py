@@ -229,7 +229,7 @@ measure-robot arm.urdf --point 1,2
 measure-robot arm.urdf --point a,b,c
 measure-robot digits_arm.urdf
 measure-robot arm.urdf --point 1e308,1e308,0 -> point
-measure-robot arm.urdf --held nothing=1 -> held joint
+measure-robot arm.urdf --held nothing=1 -> nothing
 measure-robot arm.urdf --held j0
 measure-robot arm.urdf --held j0=1e308 -> joint j0
 measure-robot arm.urdf --held j0=0 --held j0=1

@@ -42,7 +42,6 @@ FENCED = re.compile(r"^ *```(?:bash|console|python)\n(.*?)^ *```$", re.MULTILINE
 ELSEWHERE = {
     "lockedjoint compare": ".ci/run, from the wheel, with fewer starts",
     "python -m pytest": ".ci/run, word for word",
-    "-m pytest -m long": ".ci/run, word for word",
     "import lockedjoint as lj": "tests/test_readme.py",
     "-m sphinx": ".ci/run",
     "pip install '.[figures]'": ".ci/run, with the lowest versions",

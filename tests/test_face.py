@@ -3,7 +3,6 @@
 import json
 import subprocess
 import sys
-from functools import partial
 from importlib import import_module
 from importlib.metadata import version
 
@@ -11,7 +10,6 @@ import numpy as np
 import pytest
 
 import lockedjoint as lj
-from formulations import residual
 from formulations.existence.theorem import verified
 from formulations.reproduction.solution_family import local_dimension
 from nlp.errors import InputError
@@ -110,12 +108,3 @@ def test_results_have_plain_values():
     assert plain[3] == {"value": None, "kind": "exact proof"}
     assert plain[4]["joints"] == 7
     assert plain[5]["family"] == plain[5]["angles"] - plain[5]["equations"] - 4
-
-
-def test_a_solution_has_plain_values():
-    arm = lj.arm("unit-revolute", 7)
-    study = lj.multistart(partial(residual.build, arm), arm.sample, starts=1, workers=1)
-    plain = study.results[0].solution.to_dict()
-    assert json.loads(json.dumps(plain)) == plain
-    assert np.shape(plain["outputs"]["jacobian"]) == (6, 7)
-    assert plain["status"]["return_status"] == "Solve_Succeeded"

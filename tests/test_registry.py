@@ -125,3 +125,29 @@ def test_other_models_are_refused(model, words):
 def test_what_is_no_model_is_refused(model):
     with pytest.raises(InputError, match="a name, an Arm, a RobotArm or a row of joints"):
         lj.solve("max-min", model, starts=1)
+
+
+def test_a_bound_is_computed_by_its_kind():
+    arm = lj.arm("unit-revolute", 8)
+    eight = lj.bound("max-min", arm, kind="relaxation")
+    assert (eight.kind, eight.bound) == ("closed form", lj.bound("max-min", arm).value)
+    with pytest.raises(lj.InputError, match="preset is quick"):
+        lj.bound("residual", arm, kind="rigorous", preset="quick")
+    with pytest.raises(lj.InputError, match="allowed: none without --rigorous"):
+        lj.bound("max-min", arm, kind="relaxation", out=Path("x.json"))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "options", "message"),
+    [
+        (("isotropy", "unit-revolute"), {"kind": "rigorous"}, "one of residual, max-min"),
+        (("max-min", "lever-revolute"), {"kind": "relaxation"}, "unit revolute joints only"),
+        (("max-min", "unit-revolute", 2), {"kind": "rigorous"}, "1 for a relaxation"),
+        (("max-min", "unit-revolute"), {"kind": "best"}, "certified, numerical, relaxation or"),
+        (("max-min", "unit-revolute"), {"preset": "tight"}, "none for the kind certified"),
+    ],
+)
+def test_what_no_kind_knows_is_refused(arguments, options, message):
+    name, model, *locked = arguments
+    with pytest.raises(lj.InputError, match=message):
+        lj.bound(name, lj.arm(model, 8), *locked, **options)

@@ -16,19 +16,18 @@ import pytest
 
 from formulations import measures
 from formulations.bounds.certified import sharpest_worst_case_of
-from formulations.bounds.so3_moments.reading import read_any
+from formulations.bounds.so3_moments.certificate import read_any
 from formulations.existence.reading import read, read_either
-from formulations.existence.relaxation.relaxation import existence_relaxation
+from formulations.existence.relaxation import existence_relaxation
 from formulations.existence.verify import verify
 from formulations.io.provenance import read_header
 from formulations.io.table import Table, read_rows
+from formulations.kinematics.forward import Kinematics
+from formulations.paths.survival import survivors
 from formulations.realise.criteria import CRITERIA, Sampling
 from formulations.realise.family import Arrangements, family
 from formulations.realise.from_jacobian import realise
 from formulations.reproduction.row import ReproductionRow, Verdict
-from formulations.robots.kinematics import Kinematics
-from formulations.robots.planar_workspace import Planar3R
-from formulations.robots.survival import survivors
 from formulations.studies import bounds as bounds_study
 from formulations.studies import existence as existence_study
 from formulations.studies.benchmark.study import growth, targets
@@ -42,6 +41,7 @@ from formulations.studies.robots import RobotRow
 from formulations.studies.running import STUDIES
 from formulations.studies.study import Effort
 from formulations.studies.workspaces import FINAL_POINTS, HALF, OrderRow, WorkspaceRow
+from formulations.workspaces.planar import Planar3R
 
 RESULTS = Path(__file__).parents[1] / "results"
 FRONT = (RESULTS / "README.md").read_text(encoding="utf-8")

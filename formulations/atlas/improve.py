@@ -42,7 +42,7 @@ def improve(
     progress
         Is called with what is being done.
     """
-    case, page = case_of(asked), inherited(asked, known)
+    case, page = _case_of(asked), inherited(asked, known)
     if page is not None and page is not known:
         yield page
     spent = 0.0
@@ -91,7 +91,7 @@ def inherited(asked: Entry, known: EntryPage | None) -> EntryPage | None:
     return page
 
 
-def case_of(asked: Entry) -> Case:
+def _case_of(asked: Entry) -> Case:
     """Return what is run for an entry: the encoding that finds most where k joints lock."""
     settings: dict[str, object] = {"locked": asked.locked} if asked.locked > 1 else {}
     if asked.formulation == max_min.NAME and asked.locked > 1:

@@ -76,8 +76,8 @@ NONE_EXISTS = Bound(float("nan"), "exact proof")
 def least_residual(arm: Arm, certified: bool = True) -> Bound | None:
     """Return the best lower bound on ½‖JJᵀ − (T/m)I‖_F², of the kind asked for, or None."""
     if not certified:
-        return _on_record("residual", arm, "numerical", max)
-    return _on_record("residual", arm, "rigorous", max) or Bound(0.0, "closed form")
+        return _on_record("residual", arm, "numerical")
+    return _on_record("residual", arm, "rigorous") or Bound(0.0, "closed form")
 
 
 def largest_worst_case(arm: Arm, locked: int = 1, certified: bool = True) -> Bound | None:
@@ -92,24 +92,29 @@ def largest_worst_case(arm: Arm, locked: int = 1, certified: bool = True) -> Bou
     certified
         Whether it must be proved.
     """
+    # What holds after k − 1 failures holds after k.
+    fewer = largest_worst_case(arm, locked - 1, certified) if locked > 1 else None
     if not certified:
-        recorded = [_on_record("max-min", arm, "numerical", min), _two_point(arm, locked)]
-        return min((one for one in recorded if one), key=lambda one: one.value, default=None)
+        return _least(_on_record("max-min", arm, "numerical"), _two_point(arm, locked), fewer)
     value = sqrt(several_locked_bound(*arm.shape, arm.largest_trace, locked))
-    stored = _on_record("max-min", arm, "rigorous", min)
     short = all(
         isinstance(joint, UnitRevolute)
         or (isinstance(joint, LeverRevolute) and joint.length <= 1)
         for joint in arm.joints
     )
     levers = _on_levers(free_levers.max_min_limit, arm) if short else None
-    bounds = [Bound(value, "closed form"), stored, levers]
-    if planar := planar_on_record(arm.shape, locked, "max-min"):
+    planar = planar_on_record(arm.shape, locked, "max-min")
+    if planar:
         scale = sqrt(arm.largest_trace / arm.shape[1])
-        bounds.append(Bound(nextafter(scale * planar.value, inf), planar.kind))
-    if locked == 1:
-        bounds.append(_by_kinds_of_rows(arm))
-    return min((one for one in bounds if one), key=lambda one: one.value)
+        planar = Bound(nextafter(scale * planar.value, inf), planar.kind)
+    return _least(
+        Bound(value, "closed form"),
+        _on_record("max-min", arm, "rigorous"),
+        levers,
+        planar,
+        _by_kinds_of_rows(arm, locked),
+        fewer,
+    )
 
 
 def largest_isotropic_worst_case(
@@ -121,10 +126,15 @@ def largest_isotropic_worst_case(
     isotropic revolute joints have Σ|v_i|² = n.
     """
     worst_case = largest_worst_case(arm, locked, certified)
-    levers = _on_levers(free_levers.isotropic_limit, arm) if certified else None
-    fixed = _isotropic_of_fixed_columns(arm) if certified else None
-    bounds = [one for one in (worst_case, levers, fixed) if one]
-    return min(bounds, key=lambda one: one.value, default=None)
+    if not certified:
+        return worst_case
+    levers = _on_levers(free_levers.isotropic_limit, arm)
+    return _least(worst_case, levers, _isotropic_of_fixed_columns(arm))
+
+
+def _least(*bounds: Bound | None) -> Bound | None:
+    """Return the least of the bounds that there are; of equal ones, the first."""
+    return min((one for one in bounds if one), key=lambda one: one.value, default=None)
 
 
 def sharpest(bounds: Iterable[Bound | None]) -> Bound:
@@ -183,16 +193,29 @@ def _two_point(arm: Arm, locked: int) -> Bound | None:
     return None
 
 
-def _by_kinds_of_rows(arm: Arm) -> Bound | None:
-    """Return the bound that follows from the traces of the linear and the rotational rows."""
+def _by_kinds_of_rows(arm: Arm, locked: int) -> Bound | None:
+    """Return the bound that follows from the linear and the rotational rows, or None.
+
+    Of either block alone eq. (6) holds, with the joints that reach it and their trace; and for
+    one locked joint the bound from both traces, which says the same as eq. (6) where the
+    blocks are alike.
+    """
     revolute = [one for one in arm.joints if isinstance(one, (UnitRevolute, LeverRevolute))]
     prismatic = [one for one in arm.joints if isinstance(one, Prismatic)]
-    if len(revolute) + len(prismatic) < len(arm.joints) or not prismatic or not revolute:
-        return None  # of one kind: eq. (6) says the same
+    n, r = len(arm.joints), len(revolute)
+    if r + len(prismatic) < n:
+        return None
+    if r < 3 + locked:
+        return Bound(0.0, "closed form")  # what is left does not span all rotations
     linear = sum(one.largest_norm_squared - 1 for one in revolute)
     linear += sum(one.largest_norm_squared for one in prismatic)
-    t = block_trace_bound(len(arm.joints), (3, 3), (linear, float(len(revolute))))
-    return Bound(nextafter(sqrt(t), inf), "closed form")
+    if linear == r == n:
+        return None
+    levels = [several_locked_bound(3, r, float(r), locked)]
+    levels.append(several_locked_bound(3, n, linear, locked))
+    if locked == 1:
+        levels.append(block_trace_bound(n, (3, 3), (linear, float(r))))
+    return Bound(nextafter(sqrt(min(levels)), inf), "closed form")
 
 
 def _isotropic_of_fixed_columns(arm: Arm) -> Bound | None:
@@ -222,7 +245,7 @@ def _on_levers(limit: Callable[[float, int], float], arm: Arm) -> Bound | None:
     joints = len(arm.joints)
     if not all(isinstance(joint, (UnitRevolute, LeverRevolute)) for joint in arm.joints):
         return None
-    residual = _on_record("residual", Arm.of(UnitRevolute(), joints), "rigorous", max)
+    residual = _on_record("residual", Arm.of(UnitRevolute(), joints), "rigorous")
     return residual and Bound(limit(residual.value, joints), residual.kind)
 
 
@@ -236,21 +259,17 @@ def has_no_isotropic(arm: Arm) -> bool:
     return unit and excludes(len(arm.joints))
 
 
-def _on_record(
-    quantity: str, arm: Arm, kind: str, sharpest: Callable[..., Any]
-) -> Bound | None:
+def _on_record(quantity: str, arm: Arm, kind: str) -> Bound | None:
     if set(arm.joints) != {UnitRevolute()}:
         return None
     sought = {"quantity": quantity, "kind": kind, "joints": len(arm.joints)}
-    found = [one for one in _stored("record.json") if sought.items() <= one.items()]
-    if not found:
-        return None
-    best = sharpest(found, key=lambda one: float(one["bound"]))
-    return Bound(float(best["bound"]), f"{kind} ({best['preset']})")
+    known = [one for one in _stored("record.json") if sought.items() <= one.items()]
+    known.sort(key=lambda one: float(one["bound"]), reverse=quantity == "residual")
+    return Bound(known[0]["bound"], f"{kind} ({known[0]['preset']})") if known else None
 
 
 def best_known(quantity: str, model: str, joints: int) -> float | None:
-    """Return the best known value of a quantity in six task dimensions.
+    """Return the best known value of a quantity in six task dimensions, None if none is.
 
     Parameters
     ----------
@@ -258,15 +277,8 @@ def best_known(quantity: str, model: str, joints: int) -> float | None:
         ``residual``, the smallest ½‖JJᵀ − (n/3)I‖_F²; or ``max-min``, the largest worst-case
         singular value, eq. (5), when one joint locks; or ``isotropy``, the largest of an
         isotropic Jacobian.
-    model
-        Column model, a name in `formulations.joints.models.MODELS`.
-    joints
-        Number of joints n.
-
-    Returns
-    -------
-    float or None
-        The value, ``found`` ones rounded as the file has them; None if none is recorded.
+    model, joints
+        Column model, a name in `formulations.joints.models.MODELS`, and number of joints n.
     """
     sought = {"quantity": quantity, "model": model, "joints": joints}
     found = (one for one in _stored("best_known.json") if sought.items() <= one.items())

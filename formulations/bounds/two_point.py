@@ -37,24 +37,16 @@ ROUNDS = 5
 
 @dataclass(frozen=True)
 class TwoPointBound:
-    """What the multipliers prove for any columns.
+    """What the multipliers prove for any columns."""
 
-    Attributes
-    ----------
-    task_dimension, joints
-        m and n.
-    trace_limit
-        τ, which tr G is not above.
-    violation
-        The largest violation of K ≤ h + h on the fine grid, already paid for in τ.
-    status
-        What the conic solver said at last; nothing rests on it.
-    """
-
+    #: m and n.
     task_dimension: int
     joints: int
+    #: τ, which tr G is not above.
     trace_limit: float
+    #: The largest violation of K ≤ h + h on the fine grid, already paid for in τ.
     violation: float
+    #: What the conic solver said at last; nothing rests on it.
     status: str
 
     @property

@@ -43,6 +43,7 @@ def run(
     executor: Executor,
     time_limit: float | None = None,
     chunk: int = CHUNK,
+    capacity: int | None = None,
     progress: bool = False,
 ) -> CampaignReport:
     """Solve every start that has no record yet, and keep the records as they arrive.
@@ -59,6 +60,8 @@ def run(
         Seconds that a start may take, from when it begins.
     chunk
         Starts that a worker is sent, and that one transaction keeps, at once.
+    capacity
+        How many chunks are under way at most; by default what the executor says of itself.
     progress
         Whether to show a bar, on a terminal or in a notebook.
 
@@ -78,7 +81,7 @@ def run(
     before = _missing(store, cells, declared.starts)
     chunks = _chunks(store, dict(zip(cells, cases, strict=True)), declared, chunk)
     with (
-        closing(dispatch(chunks, executor, time_limit)) as results,
+        closing(dispatch(chunks, executor, time_limit, capacity)) as results,
         tqdm(total=before, desc="campaign", disable=None if progress else True) as bar,
     ):
         try:

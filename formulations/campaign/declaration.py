@@ -40,7 +40,7 @@ from nlp.solver import Solver
 # A campaign file is small; tomllib takes a minute over a key of 100 000 bytes.
 _MOST_BYTES = 20_000
 MOST_STARTS = 10**9
-REQUIRED = ("starts", "formulations", "models", "joints")
+_REQUIRED = ("starts", "formulations", "models", "joints")
 _LISTS: Mapping[str, type] = {
     "formulations": str,
     "models": str,
@@ -81,9 +81,10 @@ def read(path: Path) -> Declaration:
 
 def declaration(content: Mapping[str, Any]) -> Declaration:
     """Return the campaign that a file's content declares; see `read`."""
-    for key in REQUIRED:
+    for key in _REQUIRED:
         if key not in content:
-            raise InputError("campaign file", f"without {key}", "all of " + ", ".join(REQUIRED))
+            allowed = "all of " + ", ".join(_REQUIRED)
+            raise InputError("campaign file", f"without {key}", allowed)
     for key, kind in _LISTS.items():
         _check_list(key, content.get(key, [kind()]), kind)
     formulations = [registry.formulation(name) for name in content["formulations"]]

@@ -14,8 +14,7 @@ from formulations.campaign.records import ALWAYS, COLUMNS, jacobian_of, settings
 from formulations.joints import models
 from formulations.joints.arm import Arm
 from formulations.joints.kinds import LeverRevolute, Prismatic, UnitRevolute
-from formulations.measures.canonical import canonical_form
-from formulations.measures.symmetry import Classes, Symmetry
+from formulations.measures.canonical import Classes, Symmetry, canonical_form
 from formulations.solving.outcome import REACHED_BEST
 from nlp.errors import InputError
 from nlp.solution import ACCEPTABLE, FEASIBLE, SUCCESS
@@ -25,7 +24,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 # The settings that say what is optimised; the others say how.
-PROBLEM = ("formulation", "model", "joints", "task_dimension", "locked")
+_PROBLEM = ("formulation", "model", "joints", "task_dimension", "locked")
 _HOW = ("solver", "compiled", "options", "seed")
 SETTINGS = ("formulation", "model", "joints", "task_dimension", *ALWAYS, *_HOW)
 # Where optima come in families, every start has its own: only so many of a level are listed.
@@ -80,7 +79,8 @@ def _chosen(table: pd.DataFrame, where: str) -> pd.DataFrame:
         raise InputError("condition", where, f"{allowed} ({reason})") from None
     if str(getattr(rows, "dtype", "")) != "bool":
         raise InputError("condition", where, allowed)
-    return table[rows]
+    chosen: pd.DataFrame = table[rows]
+    return chosen
 
 
 def _settings(cells: Collection[dict[str, object]]) -> list[str]:
@@ -128,11 +128,10 @@ def grouped(store: Store, where: str = "", by: Sequence[str] | None = None) -> p
             raise InputError("group", name, "one of " + ", ".join(settings))
     if len(set(by or ())) != len(by or ()):
         raise InputError("groups", ",".join(by or ()), "every setting once")
-    keys = (
-        list(by) if by else [*PROBLEM[:4], *differing(records, settings, PROBLEM[:4], PROBLEM)]
-    )
+    named = _PROBLEM[:4]
+    keys = list(by or (*named, *differing(records, settings, named, _PROBLEM)))
     records["cost"] = _cost(records)
-    problem = records.groupby(list(PROBLEM), sort=False)
+    problem = records.groupby(list(_PROBLEM), sort=False)
     records["problem"] = problem.ngroup()
     reached = records["cost"] - problem["cost"].transform("min") <= REACHED_BEST
     records = records.assign(reached=reached, solved=records["status"] == SUCCESS)
@@ -204,7 +203,7 @@ def optima(store: Store, where: str = "") -> pd.DataFrame:
         What names the problem, then: ``level``, 1 for the best value of the score, 2 for the
         next, up to `LEVELS`; ``score``, ``worst_case_sigma``; ``classes``, how many optima
         the level has, of which the `LISTED` most reached are listed, and of which no more
-        than `formulations.measures.symmetry.MOST` are distinguished; ``reached``, starts
+        than `formulations.measures.canonical.MOST` are distinguished; ``reached``, starts
         that ended at this one; ``of_starts``, starts that ended at any optimum;
         ``canonical_form``, the Jacobian that stands for it, as JSON.
     """
@@ -215,16 +214,16 @@ def optima(store: Store, where: str = "") -> pd.DataFrame:
     records["cost"] = _cost(records).where(records["status"] == SUCCESS)
     records = records.dropna(subset="cost")
     rows = [
-        {**{name: group[name].iloc[0] for name in PROBLEM}, **row}
-        for _, group in records.groupby(list(PROBLEM), sort=False)
+        {**{name: group[name].iloc[0] for name in _PROBLEM}, **row}
+        for _, group in records.groupby(list(_PROBLEM), sort=False)
         for row in _optima(group.sort_values("cost", kind="stable"))
     ]
     found = ("level", "score", "worst_case_sigma", "classes", "reached", "of_starts")
-    return pd.DataFrame(rows, columns=[*PROBLEM, *found, "canonical_form"])
+    return pd.DataFrame(rows, columns=[*_PROBLEM, *found, "canonical_form"])
 
 
 def _optima(group: pd.DataFrame) -> Iterator[dict[str, object]]:
-    _, model, joints, task_dimension, locked = (group[name].iloc[0] for name in PROBLEM)
+    _, model, joints, task_dimension, locked = (group[name].iloc[0] for name in _PROBLEM)
     symmetry = _symmetry(models.arm(model, int(joints), int(task_dimension)))
     levels = (group["cost"].diff() > REACHED_BEST).cumsum() + 1
     for level, members in group[levels <= LEVELS].groupby(levels):

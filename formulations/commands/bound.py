@@ -148,7 +148,7 @@ def existence(
     as_json: Json = False,
 ) -> None:
     """Relax by moments whether an optimally failure-tolerant Jacobian of revolutes exists."""
-    from formulations.existence.relaxation.relaxation import existence_relaxation
+    from formulations.existence.relaxation import existence_relaxation
 
     plain = existence_relaxation(
         order, joints, task_dimension=task_dimension, solver=solver
@@ -166,18 +166,8 @@ def residual(
     as_json: Json = False,
 ) -> None:
     """Bound the residual of unit revolute joints from below, globally."""
-    from formulations.bounds.so3_moments.residual_bound import (
-        residual_bound,
-        rigorous_residual_bound,
-    )
-
-    _refuse_out(out, rigorous)
-    settings: dict[str, Any] = {"joints": joints, "rng": seed, "progress": progress}
-    if rigorous:
-        limit = rigorous_residual_bound(preset, out=out, **settings)
-    else:
-        limit = residual_bound(preset, **settings)
-    _show(limit.to_dict(), as_json, _rounded_outward)
+    limit = _computed("residual", joints, rigorous, preset=preset, out=out, seed=seed)
+    _show(limit, as_json, _rounded_outward)
 
 
 @app.command("max-min")
@@ -203,14 +193,14 @@ def max_min(
     if free_levers:
         plain = _free_levers("max-min", joints, "mean square at most 1")
     else:
-        from formulations.bounds.so3_moments.max_min_bound import max_min_bound
-
-        _refuse_out(out, rigorous)
-        settings: dict[str, Any] = {"rng": seed, "progress": progress}
-        if joints <= 7:
-            settings["preset"] = preset
-        limit = max_min_bound(rigorous=rigorous, out=out, joints=joints, **settings)
-        plain = limit.to_dict()
+        plain = _computed(
+            "max-min",
+            joints,
+            rigorous,
+            preset=preset if joints <= 7 else None,
+            out=out,
+            seed=seed,
+        )
     _show(plain, as_json, _rounded_outward)
 
 
@@ -223,9 +213,16 @@ def isotropy(joints: Joints = 7, as_json: Json = False) -> None:
     _show(_free_levers("isotropy", joints, "any"), as_json, _rounded_outward)
 
 
-def _refuse_out(out: Path | None, rigorous: bool) -> None:
-    if out is not None and not rigorous:
-        raise InputError("--out", str(out), "none without --rigorous")
+def _computed(quantity: str, joints: int, rigorous: bool, **options: Any) -> dict[str, Any]:
+    """Return the bound on unit revolute joints, computed now."""
+    from formulations.joints.arm import Arm
+    from formulations.joints.kinds import UnitRevolute
+    from formulations.registry import bound as computed_bound
+
+    arm = Arm.of(UnitRevolute(), joints)
+    kind: Literal["rigorous", "relaxation"] = "rigorous" if rigorous else "relaxation"
+    limit = computed_bound(quantity, arm, kind=kind, progress=progress, **options)
+    return dict(limit.to_dict())
 
 
 def _show(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from concurrent.futures import Executor
-from contextlib import ExitStack
+from contextlib import AbstractContextManager, ExitStack, suppress
 from pathlib import Path
 from typing import Annotated
 
@@ -27,6 +27,9 @@ from formulations.commands.output import (
     warn,
 )
 from nlp.errors import InputError
+
+# Chunks that a Dask scheduler has at once: enough for some hundred workers that come and go.
+_AT_THE_SCHEDULER = 1000
 
 
 def campaign(
@@ -78,7 +81,8 @@ def campaign(
         _executor(workers, scheduler, mpi) as executor,
         open_store(store, writable=True, salvage=True) as study,
     ):
-        report = run(declared, study, executor, time_limit, chunk, progress=True)
+        capacity = None if scheduler is None else _AT_THE_SCHEDULER
+        report = run(declared, study, executor, time_limit, chunk, capacity, progress=True)
         damaged = study.damaged
     cells = [(cell_of(case, declared.seed), *rest) for case, *rest in report.failed]
     values = {
@@ -139,20 +143,23 @@ def join(
         refuse_damage({one.path: one.damaged for one in (*sources, study)})
 
 
-def _executor(workers: int | None, scheduler: str | None, mpi: bool) -> Executor:
-    from nlp.errors import how_to_install
-    from nlp.executors import DaskExecutor, LocalExecutor, default_workers
+def _executor(
+    workers: int | None, scheduler: str | None, mpi: bool
+) -> AbstractContextManager[Executor]:
+    from nlp.errors import MissingLibraryError
+    from nlp.executors import LocalExecutor, dask_executor, default_workers
 
     if scheduler is not None:
-        for part in ("distributed", "tornado"):  # what ends is said by our own errors
-            logging.getLogger(part).setLevel(logging.CRITICAL)
-        return DaskExecutor(scheduler)
+        with suppress(ImportError):
+            import distributed  # noqa: F401  # it sets its own levels
+        for part in ("distributed", "distributed.client", "tornado"):
+            logging.getLogger(part).setLevel(logging.CRITICAL)  # our own errors say what ended
+        return dask_executor(scheduler)
     if mpi:
         try:
             from mpi4py.futures import MPIPoolExecutor
         except ImportError:
-            allowed = f"left out, or first run: {how_to_install('mpi4py')}"
-            raise InputError("--mpi", "given", allowed) from None
+            raise MissingLibraryError("mpi4py") from None
         executor: Executor = MPIPoolExecutor()
         return executor
     return LocalExecutor(workers or default_workers())

@@ -76,7 +76,7 @@ def robot_text(found: RobotAssessment, above: Mapping[str, object], source: str)
         **above,
         "robot": f"{found.robot}, from {found.base} to {found.tip}",
         "task": ", ".join(found.task) + (f" ({found.frame})" if found.frame == "tip" else ""),
-        **({"held": _positions(found.held)} if found.held else {}),
+        **({"locked_at": _positions(found.locked_at)} if found.locked_at else {}),
         **({"cannot move": _positions(found.immobile)} if found.immobile else {}),
         "configuration": f"{_positions(found.configuration)} ({source})",
         "at their limits": ", ".join(found.at_limits) or "none",

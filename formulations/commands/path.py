@@ -20,7 +20,7 @@ from formulations.commands.robot_arguments import ChainOptions, read_limits
 from formulations.io.table import written
 
 if TYPE_CHECKING:
-    from formulations.robots.path_plan import PathPlan
+    from formulations.paths.plan import PathPlan
 
 _FILES = ("path.csv", "path.json", "path.svg")
 
@@ -57,11 +57,11 @@ def path(
     leaving it. The search takes tens of seconds. The share that survives is measured by a test
     of its own, beside that of the minimum-norm trajectory and a ceiling by sampling.
     """
-    from formulations.robots.chain import narrowed
-    from formulations.robots.path import PathSearch, plan_path
+    from formulations.kinematics.chain import narrowed
+    from formulations.paths.search import PathSearch, plan_path
+    from formulations.paths.waypoints import read_waypoints
     from formulations.robots.robot_arm import RobotArm
     from formulations.robots.task import TaskSpace
-    from formulations.robots.waypoints import read_waypoints
     from nlp.files import prepare_file
 
     wanted = read_waypoints(waypoints)
@@ -119,7 +119,7 @@ def _text(found: PathPlan) -> str:
     }
     rows = []
     for line in found.joint_rows():
-        ends, hopeless = line["others_end"], line["hopeless_until"]
+        ends, unrecoverable = line["others_end"], line["unrecoverable_until"]
         rows.append(
             [
                 str(line["joint"]),
@@ -127,14 +127,21 @@ def _text(found: PathPlan) -> str:
                     _percent(line[name])
                     for name in ("percent", "minimum_norm_percent", "ceiling_percent")
                 ),
-                "–" if hopeless is None else f"until {hopeless:.3g} s",
+                "–" if unrecoverable is None else f"until {unrecoverable:.3g} s",
                 "–" if not isinstance(ends, list) else f"{ends[0]:.3g} to {ends[1]:.3g} s",
             ]
         )
-    heads = ["joint", "survives %", "minimum norm %", "ceiling %", "hopeless", "others end"]
+    heads = [
+        "joint",
+        "survives %",
+        "minimum norm %",
+        "ceiling %",
+        "unrecoverable",
+        "others end",
+    ]
     table = written(rows, heads, "pipe")
     ending = (
-        "Hopeless: its ranges at later samples have no position in common; no trajectory "
+        "Unrecoverable: its ranges at later samples have no position in common; no trajectory "
         "survives."
     )
     return f"{as_text(values)}\n\n{table}\n\n{ending}"

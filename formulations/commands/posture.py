@@ -23,8 +23,8 @@ from formulations.commands.robot_arguments import ArmOptions, PoseOptions
 from formulations.io.table import written
 
 if TYPE_CHECKING:
-    from formulations.robots.held_pose import LockedReach
-    from formulations.robots.posture_found import Posture
+    from formulations.robots.pose_constrained_arm import LockedReach
+    from formulations.robots.posture import Posture
 
 
 def posture(
@@ -73,7 +73,7 @@ def posture(
     wanted = pose.pose()
     apart = None
     if clearance is not None:
-        from formulations.robots.clearance import read_clearance
+        from formulations.clearance.link_clearance import read_clearance
 
         apart = read_clearance(robot.file, arm.chain, clearance)
     prepare_file(out, inputs=[robot.file])

@@ -114,7 +114,7 @@ def verify(
     the solver. Exit status 0 if the proof holds, 1 if it does not, 2 if the file is
     unreadable.
     """
-    from formulations.bounds.so3_moments.reading import read_any
+    from formulations.bounds.so3_moments.certificate import read_any
     from formulations.existence.certificate import Certificate
     from formulations.existence.exact_jacobian import ExactJacobian
     from formulations.existence.theorem import package_certificate

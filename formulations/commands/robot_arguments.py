@@ -15,8 +15,8 @@ from nlp.errors import FileError, InputError
 from nlp.files import load_json, read_bytes, real_in
 
 if TYPE_CHECKING:
-    from formulations.robots.chain import Chain
-    from formulations.robots.held_pose import Pose
+    from formulations.kinematics.chain import Chain
+    from formulations.robots.pose_constrained_arm import Pose
     from formulations.robots.robot_arm import RobotArm
     from nlp.arrays import FloatArray
 
@@ -62,8 +62,8 @@ class ChainOptions:
 
     def chain(self) -> Chain:
         """Read the robot and return its chain; InputError if anything is wrong with it."""
-        from formulations.robots.chain_between import chain_between
-        from formulations.robots.read_robot import read_robot
+        from formulations.kinematics.chain_between import chain_between
+        from formulations.kinematics.read_robot import read_robot
 
         offset = [number("--point", part) for part in (self.point or "0,0,0").split(",")]
         if len(offset) != 3:
@@ -116,8 +116,8 @@ class PoseOptions:
 
     def pose(self) -> Pose | None:
         """Read the pose; InputError if it is not what is allowed."""
-        from formulations.robots.held_pose import Pose
-        from formulations.robots.waypoints import read_pose
+        from formulations.paths.waypoints import read_pose
+        from formulations.robots.pose_constrained_arm import Pose
 
         if self.at is None:
             if self.tolerance is not None:
@@ -156,7 +156,7 @@ def read_configuration(text: str | None, chain: Chain) -> FloatArray:
     InputError
         If it is none of these, a joint is unknown, or a position is outside its limits.
     """
-    from formulations.robots.chain import listed, nearest
+    from formulations.kinematics.chain import listed, nearest
 
     values: Mapping[str, float] | Sequence[float] = {}
     if text is None:

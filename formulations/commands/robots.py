@@ -24,7 +24,7 @@ def robots(
 ) -> None:
     """Find the best posture of each of a list of arms that ship in Python packages.
 
-    Needs the packages yourdfpy, mujoco, example-robot-data, rtb-data and robosuite. Writes
+    Needs the packages mujoco, example-robot-data, rtb-data and robosuite. Writes
     robots.csv, robots.md and postures.json into the output folder; until all arms are done
     they are in its subfolder incomplete, where Ctrl-C leaves what is done.
     """

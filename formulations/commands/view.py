@@ -39,8 +39,7 @@ def view(
         raise MissingLibraryError("viser", "viser yourdfpy")
     from formulations.robots.posture_search import Search
     from formulations.robots.robot_arm import RobotArm
-    from formulations.robots.viewer import Page
-    from formulations.robots.web_server import Address
+    from formulations.viewer.page import Address, Page
 
     arm = robot.arm()
     where = read_configuration(configuration, arm.chain)

@@ -19,8 +19,8 @@ from formulations.commands.robot_arguments import ChainOptions, number, read_lim
 from nlp.errors import InputError
 
 if TYPE_CHECKING:
-    from formulations.robots.serial_arm import Ranges, SerialArm
-    from formulations.robots.workspace import Workspace
+    from formulations.kinematics.serial_arm import Ranges, SerialArm
+    from formulations.workspaces.workspace import Workspace
     from nlp.arrays import FloatArray
 
 # Voxels that the sum of the links is long, with an orientation that is held in space.
@@ -75,14 +75,14 @@ def workspace(
     The orientation of the tool is free without --orientation. The first command to try is with
     --optimise limits: within the physical limits alone, many arms keep nothing.
     """
+    from formulations.kinematics.serial_arm import SerialArm
     from formulations.plot.look import looking
     from formulations.plot.style import content, kind_of
-    from formulations.robots.best_limits import best_limits
-    from formulations.robots.cylinder_grid import check_grid
-    from formulations.robots.pose_sets import PoseSets, check_poses
-    from formulations.robots.serial_arm import SerialArm
-    from formulations.robots.workspace import check_limits, measured
-    from formulations.robots.workspace import workspace as workspace_of
+    from formulations.workspaces.best_limits import best_limits
+    from formulations.workspaces.pose_sets import PoseSets, check_poses
+    from formulations.workspaces.reachable_sets import check_grid
+    from formulations.workspaces.workspace import check_limits, measured
+    from formulations.workspaces.workspace import workspace as workspace_of
     from nlp.files import prepare_file, write_bytes
 
     if limits and optimise is not None:
@@ -145,7 +145,7 @@ def _rotation(text: str) -> FloatArray:
 
 
 def _ranges(limits: dict[str, tuple[float, float]], arm: SerialArm) -> Ranges:
-    from formulations.robots.chain import listed, nearest
+    from formulations.kinematics.chain import listed, nearest
 
     names = [step.name for step in arm.steps]
     for name in limits:
@@ -175,9 +175,9 @@ def _text(found: Workspace) -> str:
         shares = ", ".join("–" if one != one else f"{100 * one:.0f} %" for one in found.passed)
         kept["passed by depth"] = f"{shares} of voxels 0, 1, … layers below the surface"
         kept["raw voxels"] = f"{found.raw:.6g} {unit}"
-    if found.fatal:
-        kept["fatal"] = (
-            f"{', '.join(found.fatal)}: nothing is kept, because of where it may lock"
+    if found.critical:
+        kept["critical"] = (
+            f"{', '.join(found.critical)}: nothing is kept, because of where it may lock"
         )
     lines = [as_text(kept), "", "joint: artificial limits"]
     for step, (low, high) in zip(found.arm.steps, found.limits, strict=True):

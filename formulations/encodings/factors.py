@@ -50,7 +50,7 @@ class Encoding:
 Encode: TypeAlias = Callable[[ca.SX, ca.SX, Sequence[tuple[int, ...]], float], Encoding]
 
 
-def shared_factor(
+def _shared_factor(
     matrix: ca.SX, level: ca.SX, deleted: Sequence[tuple[int, ...]], pivot: float
 ) -> Encoding:
     """Encode (*) by one triangular factor that all deletions share.
@@ -88,18 +88,18 @@ def shared_factor(
     return Encoding(variables, np.concatenate(diagonals), tuple(constraints), complete_start)
 
 
-def principal_minors(
+def _principal_minors(
     matrix: ca.SX, level: ca.SX, deleted: Sequence[tuple[int, ...]], pivot: float
 ) -> Encoding:
-    """Encode (*) as `shared_factor` does, I − X_Fᵀ X_F ⪰ 0 by its principal minors.
+    """Encode (*) as `_shared_factor` does, I − X_Fᵀ X_F ⪰ 0 by its principal minors.
 
     Rows det(I − X_Gᵀ X_G) ≥ 0 for each column and each leading part G of each F, and no
-    auxiliary variables but the shared factor. For one column the same as `shared_factor`. For
+    auxiliary variables but the shared factor. For one column the same as `_shared_factor`. For
     several it is cheaper where the deletions leave columns to spare (four times on six rows),
     and loses most starts where they leave a square matrix of six rows.
     """
     m, n = matrix.shape
-    shared = shared_factor(matrix, level, (), pivot)
+    shared = _shared_factor(matrix, level, (), pivot)
     whitened = _forward_substitution(_lower(m, shared.variables), matrix)
     left = ca.SX.eye(n) - whitened.T @ whitened
     parts = {columns[:size] for columns in deleted for size in range(1, len(columns) + 1)}
@@ -109,7 +109,7 @@ def principal_minors(
     return replace(shared, constraints=(*shared.constraints, rows))
 
 
-def factor_per_deletion(
+def _factor_per_deletion(
     matrix: ca.SX,
     level: ca.SX,
     deleted: Sequence[tuple[int, ...]],
@@ -139,10 +139,10 @@ def factor_per_deletion(
 
 
 ENCODINGS: Mapping[str, Encode] = {
-    "shared-factor": shared_factor,
-    "principal-minors": principal_minors,
-    "factor-per-deletion": factor_per_deletion,
-    "positive-factor-per-deletion": partial(factor_per_deletion, least=0.0),
+    "shared-factor": _shared_factor,
+    "principal-minors": _principal_minors,
+    "factor-per-deletion": _factor_per_deletion,
+    "positive-factor-per-deletion": partial(_factor_per_deletion, least=0.0),
 }
 
 

@@ -96,20 +96,12 @@ class Multiple:
 
 @dataclass(frozen=True)
 class Frame:
-    """The equations of isotropic Jacobians with equal column norms.
-
-    Parameters
-    ----------
-    joints
-        Number n of columns.
-    task_dimension
-        Number m of rows, even: n − 1 (one degree of redundancy) or n (none).
-    diagonal
-        Keep the diagonal entries W_ii as unknowns, for columns that need not obey W_ii = 0.
-    """
+    """The equations of isotropic Jacobians with n equal column norms."""
 
     joints: int
+    #: Number m of rows, even: n − 1 (one degree of redundancy) or n (none).
     task_dimension: int
+    #: Keep the diagonal entries W_ii as unknowns, for columns that need not obey W_ii = 0.
     diagonal: bool = False
 
     @property

@@ -29,10 +29,7 @@ def _sorted_pairs(pairs: Pairs) -> Pairs:
 class Monomial:
     """A product of entries of W (edges `w`) and of its conjugate (edges `wbar`).
 
-    Parameters
-    ----------
-    w, wbar
-        Pairs of joints counted from 0. Each pair, and the list of pairs, is sorted on creation.
+    Pairs of joints are counted from 0. Each pair, and the list of pairs, is sorted on creation.
     """
 
     w: Pairs = ()
@@ -85,16 +82,9 @@ def canonical(monomial: Monomial, *, swap_colours: bool = True) -> Monomial:
 
 @cache
 def classes(joints: int, order: int, *, loops: bool = False) -> tuple[Monomial, ...]:
-    """Return one monomial for each class with equally many edges of both colours.
+    """Return one monomial for each class with up to `order` edges of each of both colours.
 
-    Parameters
-    ----------
-    joints
-        Largest number of vertices.
-    order
-        Largest number of edges *of each colour*: order k of the moment relaxation.
-    loops
-        Whether diagonal entries W_ii occur.
+    That is order k of the moment relaxation. With `loops` diagonal entries W_ii occur.
     """
     found = {
         canonical(graph)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
@@ -22,8 +23,39 @@ from nlp.problem import Constraint
 _MOST_JOINTS = 10_000
 
 
+class FreeVariables(ABC):
+    """Columns whose variables have no bounds: what `Arm` and `SymmetricArm` share."""
+
+    @property
+    @abstractmethod
+    def size(self) -> int:
+        """Number of variables."""
+
+    @abstractmethod
+    def symbols(self) -> ca.SX:
+        """Symbols of the variables, shape (size, 1)."""
+
+    @abstractmethod
+    def matrix(self, variables: ca.SX) -> ca.SX:
+        """Symbolic Jacobian, shape (m, n)."""
+
+    @property
+    def bounds(self) -> tuple[FloatArray, FloatArray]:
+        """Bounds of the variables: none."""
+        return np.full(self.size, -np.inf), np.full(self.size, np.inf)
+
+    def within_bounds(self, variables: FloatArray) -> FloatArray:
+        """Return the variables: they have no bounds."""
+        return variables
+
+    def jacobian(self, variables: npt.ArrayLike) -> FloatArray:
+        """Return the Jacobian at numeric variables, shape (m, n)."""
+        point = finite_vector("variables", variables, self.size)
+        return np.array(_jacobian_function(self)(point), dtype=float)
+
+
 @dataclass(frozen=True, repr=False)
-class Arm:
+class Arm(FreeVariables):
     """A manipulator as a row of joint kinds, one per column of its Jacobian.
 
     Parameters
@@ -68,11 +100,6 @@ class Arm:
         """‖J‖_F² where every Jacobian of the arm has the same; None otherwise."""
         fixed = all(joint.exact or joint.extent_bound == np.inf for joint in self.joints)
         return self.largest_trace if fixed else None
-
-    @property
-    def bounds(self) -> tuple[FloatArray, FloatArray]:
-        """Bounds of the variables: none."""
-        return np.full(self.size, -np.inf), np.full(self.size, np.inf)
 
     @property
     def description(self) -> str:
@@ -127,11 +154,6 @@ class Arm:
                 constraints.append(_extent_constraint(kind, limited))
         return tuple(constraints)
 
-    def jacobian(self, variables: npt.ArrayLike) -> FloatArray:
-        """Return the Jacobian at numeric variables, shape (m, n)."""
-        point = finite_vector("variables", variables, self.size)
-        return np.array(_jacobian_function(self)(point), dtype=float)
-
     @property
     def size(self) -> int:
         """Number of variables."""
@@ -165,10 +187,6 @@ class Arm:
         self._check_extents(point)
         return point
 
-    def within_bounds(self, variables: FloatArray) -> FloatArray:
-        """Return the variables: they have no bounds."""
-        return variables
-
     def admits(self, jacobian: FloatArray, variables: FloatArray | None = None) -> bool:  # noqa: ARG002
         """Whether each column is one that its joint can contribute, and shared bounds hold."""
         try:
@@ -201,7 +219,7 @@ def _extent_constraint(kind: Joint, squares: Sequence[ca.SX]) -> Constraint:
 
 
 @lru_cache(maxsize=64)
-def _jacobian_function(arm: Arm) -> ca.Function:
+def _jacobian_function(arm: FreeVariables) -> ca.Function:
     variables = arm.symbols()
     return ca.Function("jacobian", [variables], [arm.matrix(variables)])
 

@@ -4,18 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import lru_cache
 from itertools import combinations
 
 import casadi as ca
 import numpy as np
-import numpy.typing as npt
 from scipy.linalg import block_diag
 
-from formulations.joints.arm import Arm
+from formulations.joints.arm import Arm, FreeVariables
 from formulations.joints.joint import Joint
 from formulations.joints.kinds import FreeColumn, UnitRevolute
-from nlp.arrays import FloatArray, finite_vector
+from nlp.arrays import FloatArray
 from nlp.errors import InputError
 from nlp.problem import Constraint
 
@@ -23,7 +21,7 @@ _SAME = 1e-9
 
 
 @dataclass(frozen=True)
-class SymmetricArm:
+class SymmetricArm(FreeVariables):
     """Columns in orbits c, Gc, …, Gᵖ⁻¹c of a map G with Gᵖ = ±1, of joints of one kind.
 
     σ without a set of columns is that without the set that G makes of it. The columns that no
@@ -73,11 +71,6 @@ class SymmetricArm:
         return self._orbits * len(self.arm.joints[0].parameters)
 
     @property
-    def bounds(self) -> tuple[FloatArray, FloatArray]:
-        """Bounds of the variables: none."""
-        return np.full(self.size, -np.inf), np.full(self.size, np.inf)
-
-    @property
     def fixed_trace(self) -> float | None:
         """‖J‖_F² where every Jacobian of the arm has the same; None otherwise."""
         return self.arm.fixed_trace
@@ -106,15 +99,6 @@ class SymmetricArm:
         if isinstance(self.arm.joints[0], UnitRevolute):
             return ()
         return self.arm.constraints(ca.vec(self.matrix(variables)))
-
-    def jacobian(self, variables: npt.ArrayLike) -> FloatArray:
-        """Return the Jacobian at numeric variables, shape (m, n)."""
-        point = finite_vector("variables", variables, self.size)
-        return np.array(_jacobian_function(self)(point), dtype=float)
-
-    def within_bounds(self, variables: FloatArray) -> FloatArray:
-        """Return the variables: they have no bounds."""
-        return variables
 
     def admits(self, jacobian: FloatArray, variables: FloatArray | None = None) -> bool:
         """Whether it is a Jacobian of the arm; that it is symmetric is not checked."""
@@ -146,12 +130,6 @@ def _images(symmetry: ca.DM, column: ca.SX, order: int) -> Iterator[ca.SX]:
     for _ in range(order - 1):
         column = symmetry @ column
         yield column
-
-
-@lru_cache(maxsize=4)
-def _jacobian_function(arm: SymmetricArm) -> ca.Function:
-    variables = arm.symbols()
-    return ca.Function("jacobian", [variables], [arm.matrix(variables)])
 
 
 def _drawn_map(joint: Joint, parts: int, rng: np.random.Generator) -> FloatArray:

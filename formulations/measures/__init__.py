@@ -4,16 +4,15 @@ The independent judge of every solution: plain NumPy, no solver, no model of the
 Jacobians are arrays of shape (m, n) with n > m; joints are counted from 0.
 """
 
-from formulations.measures.batch import WorstCases, worst_case_sigma_batch
-from formulations.measures.isotropy import (
-    is_optimally_failure_tolerant,
-    isotropy_defect,
-    residual_sum_of_squares,
-)
 from formulations.measures.jacobian import (
     as_jacobian,
     condition_number,
+    is_optimally_failure_tolerant,
+    isotropy_defect,
     manipulability,
+    null_space_contributions,
+    range_contributions,
+    residual_sum_of_squares,
     singular_values,
     trace,
 )
@@ -23,7 +22,6 @@ from formulations.measures.locked_joints import (
     relative_manipulability,
     remaining_singular_values,
 )
-from formulations.measures.null_space import null_space_contributions, range_contributions
 from formulations.measures.trace_bound import (
     averaged_spectrum,
     eigenvalue_bound,
@@ -32,9 +30,11 @@ from formulations.measures.trace_bound import (
 )
 from formulations.measures.worst_failure import (
     WorstCase,
+    WorstCases,
     weakest_direction,
     worst_case,
     worst_case_sigma,
+    worst_case_sigma_batch,
 )
 
 __all__ = [

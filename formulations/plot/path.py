@@ -11,7 +11,7 @@ from formulations.plot.style import BLUE, GREY, PALE, SMALL, styled, without_fra
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from formulations.robots.path_plan import PathPlan
+    from formulations.paths.plan import PathPlan
 
 _WIDTH, _HEIGHT = 6.5, 4.6
 

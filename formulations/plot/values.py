@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from formulations.measures.assessment import Assessment, measure
+from formulations.paths.plan import PathPlan
 from formulations.plot import optima, path, workspace
 from formulations.plot.look import Look, looking, read_size, read_style
 from formulations.plot.manipulator import figure as drawing
@@ -25,11 +26,10 @@ from formulations.plot.style import (
     without_frame,
 )
 from formulations.realise.manipulator import Manipulator
-from formulations.robots.path_plan import PathPlan
 from formulations.robots.robot_assessment import RobotAssessment
-from formulations.robots.workspace import Workspace
 from formulations.solving.outcome import Outcome
 from formulations.solving.record import Record
+from formulations.workspaces.workspace import Workspace
 from nlp.errors import InputError
 from nlp.files import prepare_file, write_bytes
 

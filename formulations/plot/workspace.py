@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
+from formulations.kinematics.serial_arm import Bits
 from formulations.plot.style import (
     BLUE,
     INK,
@@ -21,8 +22,7 @@ from formulations.plot.style import (
     VERMILION,
     styled,
 )
-from formulations.robots.serial_arm import Bits
-from formulations.robots.workspace import Workspace
+from formulations.workspaces.workspace import Workspace
 from nlp.arrays import FloatArray
 
 if TYPE_CHECKING:

@@ -7,7 +7,7 @@ from math import factorial
 
 import numpy as np
 
-from formulations.realise.chain import BoolArray, IntArray
+from formulations.kinematics.link_chain import BoolArray, IntArray
 from formulations.realise.criteria import CRITERIA, Criterion, Sampling, criterion
 from formulations.realise.family import (
     Arrangements,

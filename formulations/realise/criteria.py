@@ -8,11 +8,11 @@ from types import MappingProxyType
 import numpy as np
 
 from formulations.joints.joint import check_length
+from formulations.kinematics.self_motion import kept
 from formulations.realise.dh import common_normals
 from formulations.realise.family import Family
 from formulations.realise.links import clearance, link_lengths
 from formulations.realise.manipulator import TaskRows
-from formulations.realise.self_motion import kept
 from nlp.arrays import FloatArray, whole_number
 from nlp.errors import InputError
 

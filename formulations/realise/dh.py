@@ -5,7 +5,7 @@ from enum import StrEnum
 
 import numpy as np
 
-from formulations.realise.chain import BoolArray, LinkChain
+from formulations.kinematics.link_chain import BoolArray, LinkChain
 from formulations.realise.manipulator import Manipulator, kind_names
 from nlp.arrays import FloatArray
 

@@ -17,7 +17,7 @@ from math import factorial
 import numpy as np
 import numpy.typing as npt
 
-from formulations.realise.chain import BoolArray, IntArray, LinkChain
+from formulations.kinematics.link_chain import BoolArray, IntArray, LinkChain
 from formulations.realise.manipulator import Manipulator, TaskRows
 from nlp.arrays import FloatArray
 

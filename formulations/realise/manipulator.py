@@ -10,7 +10,7 @@ from html import escape
 import numpy as np
 import numpy.typing as npt
 
-from formulations.realise.chain import BoolArray, IntArray, LinkChain
+from formulations.kinematics.link_chain import BoolArray, IntArray, LinkChain
 from nlp.arrays import FloatArray, as_floats
 from nlp.errors import InputError
 

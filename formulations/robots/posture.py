@@ -1,25 +1,138 @@
 """The most failure-tolerant posture of a robot within its joints' limits.
 
 Of all postures, or of those at a pose of the tool, with links that keep a distance from each
-other: see `held_pose`.
+other: see `pose_constrained_arm`.
 """
 
 from __future__ import annotations
 
-import numpy as np
-import numpy.typing as npt
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
 
+import numpy as np
+
+from formulations import measures
+from formulations.clearance.link_clearance import Closest, LinkClearance
+from formulations.kinematics.tree import RobotError
 from formulations.measures.unequal_failures import scenarios
-from formulations.robots.clearance import Clearance
-from formulations.robots.held_pose import HeldArm, Pose
-from formulations.robots.posture_found import Posture, describe
+from formulations.robots.pose_constrained_arm import LockedReach, Pose, PoseConstrainedArm
 from formulations.robots.posture_search import Search, searched
 from formulations.robots.robot_arm import RobotArm
+from formulations.robots.robot_assessment import (
+    RobotAssessment,
+    measure_robot,
+    measure_robot_unequal,
+)
 from formulations.robots.structural import structural_failures
-from formulations.robots.tree import RobotError
+from formulations.solving.outcome import Outcome
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
 from nlp.problem import Constraint
+
+
+@dataclass(frozen=True, eq=False)
+class Posture:
+    """The best posture found, and how it was found.
+
+    Attributes
+    ----------
+    formulation
+        What was optimised.
+    assessment
+        The robot there.
+    mid_range_sigma
+        Worst case midway between the limits, for comparison.
+    seed, starts, reached_best
+        Seed, starts that ended, and those that converged to a score within `REACHED_BEST` of
+        the best such score. If none converged, `reached_best` is 0 and the posture is the best
+        at which a start stopped: within the limits, and no optimum. No starts are made where
+        a failure is structural.
+    status_counts
+        Ipopt's return statuses and how often each came.
+    complete
+        Whether all starts ended.
+    at
+        At a pose: how nearly it is reached, and where each joint may lock so that it can be
+        reached again.
+    clearance
+        Where links keep a distance: the nearest two, and what was looked at.
+    failures
+        Where failures are unequal: what `measure_robot_unequal` says.
+    """
+
+    formulation: str
+    assessment: RobotAssessment
+    mid_range_sigma: float
+    seed: int
+    starts: int
+    reached_best: int
+    status_counts: Mapping[str, int]
+    complete: bool
+    at: AtPose | None = None
+    clearance: KeptClearance | None = None
+    failures: Mapping[str, Any] | None = None
+
+    def to_dict(self) -> dict[str, object]:
+        """Return the fields as plain values, the assessment's among them."""
+        plain = asdict(self)
+        for name in ("at", "clearance"):  # only where they were asked for
+            plain = plain if plain[name] else {k: v for k, v in plain.items() if k != name}
+        plain |= plain.pop("failures") or {}
+        formulation, assessment = plain.pop("formulation"), plain.pop("assessment")
+        model = assessment["robot"]
+        return {"formulation": formulation, "model": model, **assessment, **plain}
+
+
+@dataclass(frozen=True)
+class AtPose:
+    """A pose, and how it is reached.
+
+    Attributes
+    ----------
+    pose
+        What was asked for.
+    position_error, orientation_error
+        Distance in metres and angle in radians from it, by forward kinematics in NumPy.
+    after_failure
+        Where each joint may lock so that the others can reach the pose.
+    """
+
+    pose: Pose
+    position_error: float
+    orientation_error: float
+    after_failure: tuple[LockedReach, ...]
+
+
+@dataclass(frozen=True)
+class KeptClearance:
+    """How near links come to each other.
+
+    Attributes
+    ----------
+    least
+        The distance that was asked for, metres.
+    capsules
+        The least distance between capsules, metres.
+    closest
+        The nearest two links, by their geometry.
+    pairs
+        How many pairs of links were looked at.
+    left_out
+        Pairs that were not, see `clearance`.
+    closest_left_out
+        The nearest of these, by their geometry.
+    visual
+        Links whose visual geometry was taken, because they have no other.
+    """
+
+    least: float
+    capsules: float
+    closest: Closest
+    pairs: int
+    left_out: tuple[tuple[str, str], ...]
+    closest_left_out: Closest | None
+    visual: tuple[str, ...]
 
 
 def best_posture(
@@ -27,7 +140,7 @@ def best_posture(
     search: Search | None = None,
     *,
     at: Pose | None = None,
-    clearance: Clearance | None = None,
+    clearance: LinkClearance | None = None,
 ) -> Posture:
     """Search for the posture that is best by a formulation's score.
 
@@ -62,60 +175,49 @@ def best_posture(
     """
     search = search or Search()
     if at is not None or clearance is not None:
-        arm = HeldArm(arm.chain, arm.task, arm.length, at, clearance)
+        arm = PoseConstrainedArm(arm.chain, arm.task, arm.length, at, clearance)
     # At once, because it fails where the arm has no characteristic length.
     middle = arm.jacobian(arm.chain.mid_range)
-    if _hopeless(arm, search):
-        return _any_posture(arm, search)
+    if _zero_everywhere(arm, search):
+        return _described(arm, search, _any_posture(arm, search))
     _check(arm, search, middle)
     outcome = searched(arm, search)
     if not outcome.records:
         raise KeyboardInterrupt
     if not any(record.valid for record in outcome.records):
-        counts = outcome.status_counts.items()
-        listed = ", ".join(f"{status} {count}" for status, count in counts)
+        counts = ", ".join(f"{name} {count}" for name, count in outcome.status_counts.items())
         where = f"posture of {arm.description} for {search.stated.NAME}"
-        free = "pose or distance" if isinstance(arm, HeldArm) else "task or robot"
-        allowed = f"a {free} for which one exists ({listed})"
+        free = "pose or distance" if isinstance(arm, PoseConstrainedArm) else "task or robot"
+        allowed = f"a {free} for which one exists ({counts})"
         raise RobotError(where, f"not found from {len(outcome.records)} starts", allowed)
-    return describe(
-        arm,
-        search,
-        outcome.best.variables,
-        starts=len(outcome.records),
-        reached_best=len(outcome.reached),
-        status_counts=outcome.status_counts,
-        complete=outcome.complete,
-    )
+    return _described(arm, search, outcome.best.variables, outcome)
 
 
-def _hopeless(arm: RobotArm, search: Search) -> bool:
+def _zero_everywhere(arm: RobotArm, search: Search) -> bool:
     """Whether the formulation needs full rank after a failure that leaves it nowhere."""
-    if "locked" not in search.stated.SETTINGS:
-        return False
-    if search.goal != "worst":
+    if "locked" not in search.stated.SETTINGS or search.goal != "worst":
         return False
     free = RobotArm(arm.chain, arm.task, arm.length)
     exact = [one for one in structural_failures(free) if one.kind == "structural"]
     if len(exact) == arm.size and all(one.miss is None for one in exact):
-        shown = ",".join(arm.task.directions)
+        directions = ",".join(arm.task.directions)
         allowed = "directions in which the tip can move at some posture"
-        raise RobotError(f"task of {arm.description}", shown, allowed)
+        raise RobotError(f"task of {arm.description}", directions, allowed)
     models = scenarios(search.failures) if search.failures else ()
     fallible = {arm.chain.names[f] for one in models for f in one.fallible}
     return any(not models or one.joint in fallible for one in exact)
 
 
-def _any_posture(arm: RobotArm, search: Search) -> Posture:
+def _any_posture(arm: RobotArm, search: Search) -> FloatArray:
     """Return that midway between the limits or, with something to keep to, one that does."""
-    if not isinstance(arm, HeldArm):
-        return describe(arm, search, arm.chain.mid_range)
+    if not isinstance(arm, PoseConstrainedArm):
+        return arm.chain.mid_range
     point = arm.sample(np.random.default_rng(search.seed))
     if not arm.admits(arm.jacobian(point), point):
         where = f"posture of {arm.description}"
         allowed = "a pose or distance that one draw meets: every posture is as bad"
         raise RobotError(where, "not found", allowed)
-    return describe(arm, search, point)
+    return point
 
 
 def _check(arm: RobotArm, search: Search, middle: FloatArray) -> None:
@@ -123,19 +225,65 @@ def _check(arm: RobotArm, search: Search, middle: FloatArray) -> None:
     stated = search.stated
     minimised = stated.SENSE == "minimise" and arm.length is not None and not arm.task.mixed
     if minimised and stated.score(middle / 2) < stated.score(middle):
-        name = stated.NAME
-        allowed = f"none for the {name} of such a task, which a small Jacobian makes small"
+        allowed = (
+            f"none for the {stated.NAME} of such a task, which a small Jacobian makes small"
+        )
         raise InputError("length", arm.length, allowed)
     program = search.case(arm).build()
-    equations = sum(int(np.sum(_equal(one))) for one in program.constraints)
-    unknowns = program.variables.numel()
+    equations, unknowns = sum(map(_equations, program.constraints)), program.variables.numel()
     if equations > unknowns:
         where = f"{stated.NAME} of {arm.description}"
         allowed = f"at most {unknowns}; the residual comes as near to isotropy as can be"
         raise RobotError(where, f"a matter of {equations} independent equations", allowed)
 
 
-def _equal(constraint: Constraint) -> npt.NDArray[np.bool_]:
+def _equations(constraint: Constraint) -> int:
     rows = constraint.expression.numel()
     lower, upper = (np.broadcast_to(end, rows) for end in (constraint.lower, constraint.upper))
-    return np.asarray(lower == upper)
+    return int(np.sum(lower == upper))
+
+
+def _described(
+    arm: RobotArm, search: Search, configuration: FloatArray, outcome: Outcome | None = None
+) -> Posture:
+    """Measure the robot at a posture, and what the arm keeps to; no starts by default."""
+    matrix, middle = arm.jacobian(configuration), arm.jacobian(arm.chain.mid_range)
+    failures, known = search.failures, search.probabilities_known
+    constrained = arm if isinstance(arm, PoseConstrainedArm) else None
+    return Posture(
+        formulation=search.stated.NAME,
+        assessment=measure_robot(arm, configuration, search.locked),
+        mid_range_sigma=measures.worst_case_sigma(middle, search.locked),
+        seed=search.seed,
+        starts=len(outcome.records) if outcome else 0,
+        reached_best=len(outcome.reached) if outcome else 0,
+        status_counts=dict(outcome.status_counts) if outcome else {},
+        complete=outcome.complete if outcome else True,
+        at=_at_pose(constrained, configuration) if constrained else None,
+        clearance=_kept_clearance(constrained, configuration) if constrained else None,
+        failures=measure_robot_unequal(arm, matrix, failures, known) if failures else None,
+    )
+
+
+def _at_pose(arm: PoseConstrainedArm, configuration: FloatArray) -> AtPose | None:
+    if arm.pose is None:
+        return None
+    off, angle = arm.pose.errors(arm.kinematics, configuration[:, None])
+    reach = arm.locked_reach(configuration)
+    return AtPose(arm.pose, float(off[0]), float(angle[0]), reach)
+
+
+def _kept_clearance(arm: PoseConstrainedArm, configuration: FloatArray) -> KeptClearance | None:
+    clearance = arm.clearance
+    if clearance is None:
+        return None
+    left_out = clearance.left_out
+    return KeptClearance(
+        least=clearance.least,
+        capsules=float(np.min(clearance.distances(configuration[:, None]))),
+        closest=clearance.closest(configuration, clearance.pairs),
+        pairs=len(clearance.pairs),
+        left_out=tuple(map(clearance.names, left_out)),
+        closest_left_out=clearance.closest(configuration, left_out) if left_out else None,
+        visual=clearance.visual,
+    )

@@ -12,7 +12,7 @@ import numpy as np
 from formulations import max_min, measures, registry, unequal_max_min
 from formulations.formulation import Formulation
 from formulations.measures.unequal_failures import Scenarios
-from formulations.robots.held_pose import HeldArm
+from formulations.robots.pose_constrained_arm import PoseConstrainedArm
 from formulations.robots.robot_arm import RobotArm
 from formulations.robots.structural import structural_failures
 from formulations.solving.case import Case
@@ -89,11 +89,11 @@ class Search:
         InputError
             If the formulation does not have a setting that is not at its default.
         """
-        default = type(self)()
+        defaults = {"locked": 1, "failures": None, "goal": "worst"}
         settings: dict[str, Any] = {
             name: getattr(self, name)
-            for name in ("locked", "failures", "goal")
-            if getattr(self, name) != getattr(default, name)
+            for name, default in defaults.items()
+            if getattr(self, name) != default
         }
         options: Mapping[str, OptionValue] = check_options(self.options)
         if self.stated is max_min:
@@ -108,7 +108,7 @@ def searched(arm: RobotArm, search: Search) -> Outcome:
     case = search.case(arm)
     # Where hardly anything is left, Ipopt's tolerances are not small beside t. A pose to keep,
     # or unequal failures, are not what the polish knows of.
-    free = search.failures is None and not isinstance(arm, HeldArm)
+    free = search.failures is None and not isinstance(arm, PoseConstrainedArm)
     near = free and search.stated is max_min and bool(structural_failures(arm))
     return run(
         case,

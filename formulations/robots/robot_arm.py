@@ -26,9 +26,10 @@ import numpy.typing as npt
 
 from formulations import measures
 from formulations.joints.joint import check_length
-from formulations.robots.chain import LARGEST, Chain
-from formulations.robots.chain_between import chain_between
-from formulations.robots.read_robot import read_robot
+from formulations.kinematics.chain import LARGEST, Chain
+from formulations.kinematics.chain_between import chain_between
+from formulations.kinematics.forward import tip_jacobian
+from formulations.kinematics.read_robot import read_robot
 from formulations.robots.task import TaskSpace
 from nlp.arrays import FloatArray, as_floats, finite_vector
 from nlp.errors import InputError
@@ -88,7 +89,7 @@ class RobotArm:
         base: str | None = None,
         task: TaskSpace | str = "all",
         length: float | None = None,
-        held: Mapping[str, float] | None = None,
+        locked_at: Mapping[str, float] | None = None,
         point: Sequence[float] = (0.0, 0.0, 0.0),
     ) -> RobotArm:
         """Return an arm of a robot that a file or a model describes.
@@ -96,8 +97,8 @@ class RobotArm:
         Parameters
         ----------
         source
-            A path or a model; see `formulations.robots.read_robot`.
-        tip, base, held, point
+            A path or a model; see `formulations.kinematics.read_robot`.
+        tip, base, locked_at, point
             Links, joints that have locked and the tip's point, see `chain_between`; by
             default the only last link, the root, none and the origin.
         task
@@ -112,7 +113,7 @@ class RobotArm:
         """
         tree = read_robot(source)
         tip = tree.last_link() if tip is None else tip
-        chain = chain_between(tree, tip, base, held, point)
+        chain = chain_between(tree, tip, base, locked_at, point)
         return cls(chain, TaskSpace.parse(task) if isinstance(task, str) else task, length)
 
     @property
@@ -273,7 +274,7 @@ class RobotArm:
         return self.length is None and self.task.linear and not slides_only
 
     def _symbolic_metric(self, variables: ca.SX) -> ca.SX:
-        full, rotation = self.chain.jacobian(variables)
+        full, rotation = tip_jacobian(self.chain, variables)
         if self.task.frame == "base":
             return full
         return ca.vertcat(rotation.T @ full[:3, :], rotation.T @ full[3:, :])

@@ -75,7 +75,7 @@ class RobotAssessment:
 
     Attributes
     ----------
-    robot, base, tip, task, frame, held, immobile, notes
+    robot, base, tip, task, frame, locked_at, immobile, notes
         What was assessed; see `Chain` and `Task`.
     configuration
         Positions by joint, radians or metres.
@@ -114,7 +114,7 @@ class RobotAssessment:
     tip: str
     task: tuple[str, ...]
     frame: str
-    held: dict[str, float]
+    locked_at: dict[str, float]
     immobile: dict[str, float]
     notes: tuple[str, ...]
     configuration: dict[str, float]
@@ -176,7 +176,7 @@ def measure_robot(
         tip=chain.tip,
         task=arm.task.directions,
         frame=arm.task.frame,
-        held=dict(chain.held),
+        locked_at=dict(chain.locked_at),
         immobile=dict(chain.immobile),
         notes=chain.notes,
         configuration=dict(zip(chain.names, point.tolist(), strict=True)),

@@ -172,7 +172,7 @@ def run(
         compiled=case.compiled,
         time_limit=time_limit,
         label=case.name if progress else None,
-        judge=JudgeRun(case, polish),
+        judge=_JudgeRun(case, polish),
         figure=lambda record: record.score,
         better=np.fmin if case.formulation.SENSE == "minimise" else np.fmax,
     )
@@ -180,7 +180,7 @@ def run(
 
 
 @dataclass(frozen=True)
-class JudgeRun:
+class _JudgeRun:
     """Judges a run where it was run; see `judge`."""
 
     case: Case

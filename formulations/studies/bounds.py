@@ -10,12 +10,9 @@ from typing import Any
 
 from formulations.bounds.so3_moments.global_bound import GlobalBound
 from formulations.bounds.so3_moments.max_min_bound import max_min_bound
-from formulations.bounds.so3_moments.residual_bound import (
-    residual_bound,
-    rigorous_residual_bound,
-)
+from formulations.bounds.so3_moments.residual_bound import residual_bound
 from formulations.bounds.worst_case import worst_case_bound
-from formulations.existence.relaxation.relaxation import existence_relaxation
+from formulations.existence.relaxation import existence_relaxation
 from formulations.io.provenance import provenance, versions
 from formulations.io.table import HIDDEN, column
 from formulations.measures import gap_percent
@@ -195,9 +192,11 @@ RUNS: Mapping[str, Callable[[Effort, Path], Mapping[str, Any]]] = MappingProxyTy
         "residual_compact.json": partial(_numerical, residual_bound, "compact"),
         "residual_tight.json": partial(_numerical, residual_bound, "tight"),
         "residual_compact_rigorous.json": partial(
-            _rigorous, rigorous_residual_bound, "compact"
+            _rigorous, partial(residual_bound, rigorous=True), "compact"
         ),
-        "residual_tight_rigorous.json": partial(_rigorous, rigorous_residual_bound, "tight"),
+        "residual_tight_rigorous.json": partial(
+            _rigorous, partial(residual_bound, rigorous=True), "tight"
+        ),
         "max_min_localised_rigorous.json": partial(
             _rigorous, partial(max_min_bound, rigorous=True), "localised"
         ),

@@ -10,12 +10,12 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from formulations.io.table import HIDDEN, column, read_rows
+from formulations.kinematics.forward import Kinematics
+from formulations.paths.plan import PathPlan
+from formulations.paths.search import PathSearch, check_reach, plan_path
+from formulations.paths.waypoints import ToolPath
 from formulations.plot.style import content
-from formulations.robots.kinematics import Kinematics
-from formulations.robots.path import PathSearch, check_reach, plan_path
-from formulations.robots.path_plan import PathPlan
 from formulations.robots.robot_arm import RobotArm
-from formulations.robots.waypoints import ToolPath
 from formulations.studies.robots import ARMS, SurveyArm
 from formulations.studies.study import Effort, Part, Study
 
@@ -168,7 +168,9 @@ def row_of(one: StudyPath, arm: RobotArm, found: PathPlan, cpu: float) -> PathRo
     """Return what was found for a path as a row."""
     base, planned, nan = found.minimum_norm, found.planned, float("nan")
     hopeless = [
-        name for name, last in zip(found.joints, found.hopeless_until, strict=True) if last >= 0
+        name
+        for name, last in zip(found.joints, found.unrecoverable_until, strict=True)
+        if last >= 0
     ]
     return PathRow(
         arm=one.arm,

@@ -6,11 +6,10 @@ from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 
 from formulations.io.table import HIDDEN, column, read_rows
-from formulations.robots.chain_between import chain_between
-from formulations.robots.posture import best_posture
-from formulations.robots.posture_found import Posture
+from formulations.kinematics.chain_between import chain_between
+from formulations.kinematics.read_robot import read_robot
+from formulations.robots.posture import Posture, best_posture
 from formulations.robots.posture_search import Search
-from formulations.robots.read_robot import read_robot
 from formulations.robots.robot_arm import RobotArm
 from formulations.robots.robot_assessment import best_7r
 from formulations.robots.task import TaskSpace

@@ -10,21 +10,21 @@ from formulations import measures
 from formulations.io.table import HIDDEN, column
 from formulations.joints.arm import Arm
 from formulations.joints.models import arm as arm_of
+from formulations.kinematics.chain_between import chain_between
+from formulations.kinematics.read_urdf import read_urdf
+from formulations.kinematics.serial_arm import Ranges, SerialArm
 from formulations.plot.style import content, figure_class
 from formulations.plot.workspace import draw, draw_orders
 from formulations.realise.choice import rank
 from formulations.realise.criteria import CRITERIA, Sampling, kept_ball
 from formulations.realise.family import every, family
 from formulations.realise.from_jacobian import realise
-from formulations.robots.best_limits import STARTS, best_limits
-from formulations.robots.chain_between import chain_between
-from formulations.robots.read_urdf import read_urdf
-from formulations.robots.serial_arm import Ranges, SerialArm
-from formulations.robots.workspace import Workspace, measured
-from formulations.robots.workspace import workspace as found_workspace
 from formulations.solving.trade_off_curve import TradeOffPoint, trade_off_curve
 from formulations.studies.robots import SurveyArm
 from formulations.studies.study import Effort, Part, Study
+from formulations.workspaces.best_limits import STARTS, best_limits
+from formulations.workspaces.workspace import Workspace, measured
+from formulations.workspaces.workspace import workspace as found_workspace
 from nlp.arrays import FloatArray
 from nlp.starts import generator
 
@@ -317,7 +317,7 @@ def row_of(arm: str, choice: str, found: Workspace) -> WorkspaceRow:
         without_failure=found.before,
         physical=found.physical,
         percent_kept=100 * found.size / found.physical,
-        fatal=", ".join(found.fatal),
+        fatal=", ".join(found.critical),
         voxel=found.sets.voxel,
         passed_by_depth=depths,
         limits={k: [float(x) for x in one] for k, one in zip(names, found.limits, strict=True)},

@@ -9,7 +9,7 @@ import pytest
 
 from formulations import measures
 from formulations.bounds.certified import Bound, best_known
-from formulations.bounds.so3_moments.reading import read_any
+from formulations.bounds.so3_moments.certificate import read_any
 from formulations.joints.arm import Arm
 from formulations.joints.kinds import LeverRevolute, Prismatic, UnitRevolute
 from formulations.joints.models import arm
@@ -78,16 +78,44 @@ def test_best_known_values_that_are_exact():
     assert best_known("max-min", "unit-revolute", 10) is None
 
 
+BY_ROWS = [
+    ("lever-revolute(length=0.3):7", 0.22333, 0.22317),
+    ("lever-revolute(length=3):7", 0.73992, 0.73782),
+    ("unit-revolute:4,prismatic:4", np.sqrt(1 / 3), 0),
+    ("unit-revolute:3,prismatic:5", 0, 0),
+    ("unit-revolute:3,lever-revolute(length=0.5):4", 0.48939, 0),
+]
+
+
+@pytest.mark.parametrize(("spec", "expected", "reached"), BY_ROWS)
+def test_bounds_from_linear_and_rotational_rows(spec, expected, reached):
+    """Each is sharper than eq. (6), and above what was found (0: nothing was sought)."""
+    found = bound("max-min", arm(spec))
+    assert found.value == pytest.approx(expected, abs=1e-5)
+    assert found.kind == "closed form"
+    assert reached <= found.value
+
+
+@pytest.mark.parametrize(
+    "spec", ["lever-revolute(length=0.3):6,prismatic(speed=0.1):3", *(s for s, _, _ in BY_ROWS)]
+)
+def test_a_bound_never_grows_with_the_number_of_locked_joints(spec):
+    values = [bound("max-min", arm(spec), k).value for k in range(1, 6)]
+    assert values == sorted(values, reverse=True)
+
+
 @pytest.mark.parametrize("seed", range(5))
 def test_bounds_hold_for_random_jacobians(seed):
     rng = np.random.default_rng(seed)
-    for built in (SEVEN, Arm.of(UnitRevolute(), 9), arm("free", 4, 3), arm("free-mean", 5, 3)):
+    names = [spec for spec, _, _ in BY_ROWS]
+    arms = [SEVEN, Arm.of(UnitRevolute(), 9), arm("free", 4, 3), arm("free-mean", 5, 3)]
+    for built in (*arms, *map(arm, names)):
         matrix = built.jacobian(built.sample(rng))
         assert measures.isotropy_defect(matrix) > bound("residual", built).value
         for locked in (1, 2):
             if locked <= built.shape[1] - built.shape[0]:
                 worst = measures.worst_case_sigma(matrix, locked)
-                assert worst < bound("max-min", built, locked).value
+                assert worst <= bound("max-min", built, locked).value + 1e-12
 
 
 def test_rigorous_bounds_on_record_are_what_certificates_state():

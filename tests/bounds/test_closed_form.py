@@ -1,7 +1,5 @@
 """Eq. (6) against the printed matrices, against random Jacobians and against its own limits."""
 
-from __future__ import annotations
-
 import math
 from fractions import Fraction
 
@@ -9,7 +7,6 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
 from formulations.bounds.certified import largest_worst_case
 from formulations.bounds.closed_form import block_trace_bound, root_above
@@ -20,7 +17,7 @@ from formulations.solving.solve import solve
 from nlp.errors import InputError
 
 
-def worst_eigenvalue(jacobian: NDArray[np.float64]) -> float:
+def worst_eigenvalue(jacobian):
     gram = jacobian @ jacobian.T
     downdates = gram - np.einsum("if,jf->fij", jacobian, jacobian)
     return float(np.linalg.eigvalsh(downdates)[:, 0].min())
@@ -41,7 +38,7 @@ def test_printed_values_for_seven_and_eight_joints() -> None:
 
 
 @given(st.integers(1, 6), st.integers(1, 5), st.integers(0, 2**32 - 1), st.floats(0.0, 3.0))
-def test_no_jacobian_beats_the_bound(m: int, extra: int, seed: int, spread: float) -> None:
+def test_no_jacobian_beats_the_bound(m, extra, seed, spread):
     rng = np.random.default_rng(seed)
     scales = np.exp(spread * rng.standard_normal((m, 1)))
     jacobian = scales * rng.standard_normal((m, m + extra))
@@ -49,12 +46,12 @@ def test_no_jacobian_beats_the_bound(m: int, extra: int, seed: int, spread: floa
     assert worst_eigenvalue(jacobian) <= bound * (1 + 1e-12)
 
 
-def test_equal_blocks_are_no_different_from_the_whole() -> None:
+def test_equal_blocks_are_no_different_from_the_whole():
     assert block_trace_bound(7, (3, 3), (7, 7)) == pytest.approx(1 / 3, rel=1e-14)
     assert block_trace_bound(9, (2, 1, 3), (4, 2, 6)) == pytest.approx(2 * 3 / 9, rel=1e-14)
 
 
-def test_unequal_blocks_solve_their_equation() -> None:
+def test_unequal_blocks_solve_their_equation():
     t = block_trace_bound(7, (3, 3), (28, 7))
     assert 0 < t < 7 / 3
     assert 3 / (28 / 3 - t) + 3 / (7 / 3 - t) == pytest.approx(1 / t, rel=1e-12)
@@ -73,11 +70,11 @@ def test_unequal_blocks_solve_their_equation() -> None:
         (8, (1,), (1e-3,)),
     ],
 )
-def test_block_bounds_are_not_below_the_root(joints, sizes, traces) -> None:
+def test_block_bounds_are_not_below_the_root(joints, sizes, traces):
     t = block_trace_bound(joints, sizes, traces)
     means = [Fraction(trace) / size for size, trace in zip(sizes, traces, strict=True)]
 
-    def left(t: Fraction) -> Fraction:
+    def left(t):
         return t * sum(size / (mean - t) for size, mean in zip(sizes, means, strict=True))
 
     assert left(Fraction(t)) >= joints - sum(sizes)
@@ -85,7 +82,7 @@ def test_block_bounds_are_not_below_the_root(joints, sizes, traces) -> None:
 
 
 @given(st.fractions(min_value=Fraction(1, 10**6), max_value=10**6))
-def test_a_root_above_is_the_next_double_or_the_root(square: Fraction) -> None:
+def test_a_root_above_is_the_next_double_or_the_root(square):
     root = root_above(square)
     assert Fraction(root) ** 2 >= square > Fraction(math.nextafter(root, 0)) ** 2
 
@@ -95,28 +92,26 @@ def test_a_root_above_is_the_next_double_or_the_root(square: Fraction) -> None:
     [(6, 6, 1.0, "joints"), (7, 0, 1.0, "task dimension")]
     + [(7, 6, bad, "trace") for bad in (-1.0, math.nan, math.inf)],
 )
-def test_bad_input_is_named(
-    joints: int, task_dimension: int, trace: float, argument: str
-) -> None:
+def test_bad_input_is_named(joints, task_dimension, trace, argument):
     with pytest.raises(InputError) as caught:
         eigenvalue_bound(task_dimension, joints, trace)
     assert caught.value.argument == argument
 
 
 @pytest.mark.parametrize(("sizes", "traces"), [((), ()), ((3,), (1, 2)), ((3, 0), (1, 1))])
-def test_blocks_must_match(sizes: tuple[int, ...], traces: tuple[float, ...]) -> None:
+def test_blocks_must_match(sizes, traces):
     with pytest.raises(InputError, match="one positive size for each trace"):
         block_trace_bound(7, sizes, traces)
 
 
 @pytest.mark.parametrize(("joints", "trace"), [(6, 1.0), (7, 0.0), (7, -1.0), (7, math.nan)])
-def test_blocks_need_redundancy_and_positive_traces(joints: int, trace: float) -> None:
+def test_blocks_need_redundancy_and_positive_traces(joints, trace):
     with pytest.raises(InputError, match="joints is 6" if joints == 6 else "traces is"):
         block_trace_bound(joints, (3, 3), (1.0, trace))
 
 
 @given(st.integers(6, 9), st.integers(1, 2), st.integers(0, 2**32 - 1))
-def test_no_arm_with_prismatic_joints_beats_its_bound(revolute, prismatic, seed) -> None:
+def test_no_arm_with_prismatic_joints_beats_its_bound(revolute, prismatic, seed):
     arm = models.arm(f"unit-revolute:{revolute},prismatic:{prismatic}", revolute + prismatic)
     bound = largest_worst_case(arm).value
     assert bound < math.sqrt(eigenvalue_bound(6, revolute + prismatic, arm.largest_trace))
@@ -124,7 +119,7 @@ def test_no_arm_with_prismatic_joints_beats_its_bound(revolute, prismatic, seed)
     assert math.sqrt(max(worst_eigenvalue(jacobian), 0)) <= bound
 
 
-def test_the_bound_on_isotropic_arms_with_a_prismatic_joint_is_attained() -> None:
+def test_the_bound_on_isotropic_arms_with_a_prismatic_joint_is_attained():
     outcome = solve("isotropy", "lever-revolute:7,prismatic:1", 8, starts=4, workers=1)
     limit = bound("isotropy", outcome.arm)
     # T = 14, the prismatic column has norm 1: t = 14/6 − 13/7.

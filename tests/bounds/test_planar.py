@@ -11,9 +11,8 @@ from formulations.atlas.collection import page_of
 from formulations.atlas.entry import Entry
 from formulations.bounds import planar, planar_cells
 from formulations.bounds.certified import sharpest_worst_case, sharpest_worst_case_of
-from formulations.bounds.planar import planar_bound
+from formulations.bounds.planar import Multipliers, planar_bound
 from formulations.bounds.planar_cells import ARCS, TURN
-from formulations.bounds.planar_multipliers import Multipliers
 from formulations.joints.models import arm
 from nlp.errors import InputError
 

@@ -1,10 +1,7 @@
 """Eq. (6) as a program: against formulas, random arms, and multipliers that are wrong."""
 
-from __future__ import annotations
-
 import json
 import math
-from typing import Any
 
 import numpy as np
 import pytest
@@ -15,7 +12,6 @@ from formulations.bounds import worst_case
 from formulations.bounds.closed_form import block_trace_bound
 from formulations.bounds.worst_case import check_multipliers, worst_case_bound
 from formulations.measures import eigenvalue_bound
-from nlp.arrays import FloatArray
 from nlp.errors import InputError, SolverOptionError
 
 SIZES = [(m, n) for m in range(2, 7) for n in range(m + 1, 13)]
@@ -23,7 +19,7 @@ SIZES = [(m, n) for m in range(2, 7) for n in range(m + 1, 13)]
 RATIO = [(sign * np.diag([1.0, -3.0]), 0.0) for sign in (1.0, -1.0)]
 
 
-def assert_proved(bound: dict[str, Any], expected: float) -> None:
+def assert_proved(bound, expected):
     assert bound["status"] == "optimal"
     # A proved upper bound lies on the safe side of the optimum, to rounding.
     assert expected * (1 - 1e-12) <= bound["eigenvalue_bound"] <= expected * (1 + 1e-6)
@@ -34,33 +30,33 @@ def assert_proved(bound: dict[str, Any], expected: float) -> None:
 
 
 @pytest.mark.parametrize(("m", "n"), SIZES)
-def test_agrees_with_eq_6(m: int, n: int) -> None:
+def test_agrees_with_eq_6(m, n):
     bound = worst_case_bound(n, (m,), (m,))
     assert_proved(bound, (n - m) / n)
     assert bound["certificate"]["dual_value"] == pytest.approx(n / (n - m), rel=1e-6)
 
 
 @pytest.mark.parametrize("trace", [1e-9, 14.0, 1e9])
-def test_any_trace(trace: float) -> None:
+def test_any_trace(trace):
     assert_proved(worst_case_bound(7, (6,), (trace,)), eigenvalue_bound(6, 7, trace))
 
 
 @pytest.mark.parametrize("lever_arm", [0.1, 1.0, 3.0, 100.0])
 @pytest.mark.parametrize("joints", [7, 8, 12])
-def test_revolute_arms_agree_with_their_scalar_equation(joints: int, lever_arm: float) -> None:
+def test_revolute_arms_agree_with_their_scalar_equation(joints, lever_arm):
     traces = joints * lever_arm**2, float(joints)
     assert_proved(
         worst_case_bound(joints, (3, 3), traces), block_trace_bound(joints, (3, 3), traces)
     )
 
 
-def test_blocks_of_other_sizes_agree_with_their_scalar_equation() -> None:
+def test_blocks_of_other_sizes_agree_with_their_scalar_equation():
     sizes, traces = (1, 2, 3), (4.0, 1.0, 7.0)
     assert_proved(worst_case_bound(8, sizes, traces), block_trace_bound(8, sizes, traces))
 
 
 @given(st.integers(7, 12), st.floats(0.1, 10.0), st.integers(0, 2**32 - 1))
-def test_random_arms_obey_the_traces_and_the_bound(n: int, lever_arm: float, seed: int) -> None:
+def test_random_arms_obey_the_traces_and_the_bound(n, lever_arm, seed):
     rng = np.random.default_rng(seed)
     frames = np.linalg.qr(rng.standard_normal((n, 3, 2)))[0]
     lengths = lever_arm * rng.uniform(0.5, 1.0, size=n)
@@ -73,7 +69,7 @@ def test_random_arms_obey_the_traces_and_the_bound(n: int, lever_arm: float, see
     assert worst <= worst_case_bound(n, (3, 3), traces)["eigenvalue_bound"]
 
 
-def test_block_traces_say_more_than_the_trace_unless_blocks_are_alike() -> None:
+def test_block_traces_say_more_than_the_trace_unless_blocks_are_alike():
     alike = worst_case_bound(7, (3, 3), (7.0, 7.0))
     assert alike["eigenvalue_bound"] == pytest.approx(1 / 3, rel=1e-6)
     for linear in (7 / 4, 28.0):
@@ -91,19 +87,19 @@ def test_a_fact_without_a_formula_tightens_the_bound() -> None:
     assert_proved(worst_case_bound(4, (2,), (2.0,), facts=skewed), (3 - math.sqrt(3)) / 4)
 
 
-def test_a_solver_cut_short_says_so_and_proves_less() -> None:
+def test_a_solver_cut_short_says_so_and_proves_less():
     bound = worst_case_bound(7, (6,), (6.0,), options={"max_iter": 3})
     assert bound["status"] == "user_limit"
     assert bound["eigenvalue_bound"] > 1 / 7 * (1 + 1e-4)
 
 
-def test_contradictory_facts_are_reported() -> None:
+def test_contradictory_facts_are_reported():
     bound = worst_case_bound(4, (2,), (2.0,), facts=[(np.diag([1.0, 0.0]), -1.0)])
     assert bound["status"].startswith("infeasible")
     assert bound["primal_eigenvalue"] is None
 
 
-def test_a_solver_that_returns_nothing_proves_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_solver_that_returns_nothing_proves_nothing(monkeypatch):
     monkeypatch.setattr(worst_case, "run", lambda *_: "solver_error: out of luck")
     bound = worst_case_bound(7, (6,), (6.0,))
     assert bound["status"].startswith("solver_error")
@@ -111,11 +107,11 @@ def test_a_solver_that_returns_nothing_proves_nothing(monkeypatch: pytest.Monkey
     assert json.dumps(bound, allow_nan=False)
 
 
-def test_another_solver_agrees() -> None:
+def test_another_solver_agrees():
     assert_proved(worst_case_bound(7, (6,), (6.0,), solver="SCS", options={"eps": 1e-9}), 1 / 7)
 
 
-def test_the_result_is_plain_json() -> None:
+def test_the_result_is_plain_json():
     bound = worst_case_bound(7, (6,), (14.0,))
     shown = json.loads(json.dumps(bound, allow_nan=False))
     assert shown == bound
@@ -134,7 +130,7 @@ def test_the_result_is_plain_json() -> None:
     assert certificate == shown["certificate"]
 
 
-def test_bad_input_is_named() -> None:
+def test_bad_input_is_named():
     with pytest.raises(InputError, match="solver is NONE"):
         worst_case_bound(7, (6,), (6.0,), solver="NONE")
     with pytest.raises(SolverOptionError, match="max_itre"):
@@ -151,7 +147,7 @@ def test_bad_input_is_named() -> None:
         worst_case_bound(7, (6,), (6.0,), facts=[(np.eye(2), 1.0)])
 
 
-def optimal(n: int, m: int) -> tuple[FloatArray, float, FloatArray]:
+def optimal(n, m):
     """Return Z, μ and ν of eq. (6), by hand: μ = m/(n − m)², Z₁₂ = −I/(n − m), ν = 1/m."""
     redundancy = n - m
     identity = np.eye(m)
@@ -163,7 +159,7 @@ def optimal(n: int, m: int) -> tuple[FloatArray, float, FloatArray]:
 
 
 @pytest.mark.parametrize(("n", "m"), [(7, 6), (3, 2), (12, 2), (4, 1)])
-def test_the_exact_multipliers_prove_exactly_eq_6(n: int, m: int) -> None:
+def test_the_exact_multipliers_prove_exactly_eq_6(n, m):
     certificate = check_multipliers(n, [(np.eye(m), m)], *optimal(n, m))
     assert certificate["proved_value"] == pytest.approx(n / (n - m), rel=1e-12)
     assert certificate["dual_value"] == pytest.approx(n / (n - m), rel=1e-12)
@@ -175,7 +171,7 @@ def test_the_exact_multipliers_prove_exactly_eq_6(n: int, m: int) -> None:
     st.integers(0, 2**32 - 1),
     st.floats(0.0, 3.0),
 )
-def test_no_multipliers_prove_too_much(size: tuple[int, int], seed: int, noise: float) -> None:
+def test_no_multipliers_prove_too_much(size, seed, noise):
     n, m = size
     rng = np.random.default_rng(seed)
     matrix, mu, nu = optimal(n, m)
@@ -225,7 +221,7 @@ def test_facts_take_no_negative_multipliers() -> None:
 
 
 @pytest.mark.parametrize("nu", [0.0, -1.0, math.nan])
-def test_useless_multipliers_prove_nothing(nu: float) -> None:
+def test_useless_multipliers_prove_nothing(nu):
     certificate = check_multipliers(
         7, [(np.eye(6), 6.0)], np.zeros((12, 12)), 0.0, np.array([nu])
     )

@@ -1,7 +1,5 @@
 """The proof in Coq: its data are the certificate's, it builds, and its page prints it."""
 
-from __future__ import annotations
-
 import os
 import re
 import shutil
@@ -12,7 +10,6 @@ from pathlib import Path
 
 import pytest
 
-from formulations.existence.certificate import Certificate
 from formulations.existence.coq_data import coq_data
 
 ROOT = Path(__file__).parents[2]
@@ -20,13 +17,11 @@ COQ = ROOT / "formulations" / "existence" / "coq"
 AXIOMS = (COQ / "axioms.txt").read_text()
 
 
-def test_the_committed_data_file_is_that_of_the_derived_certificate(
-    derived: Certificate,
-) -> None:
+def test_the_committed_data_file_is_that_of_the_derived_certificate(derived):
     assert coq_data(derived).encode() == (COQ / "Data.v").read_bytes()
 
 
-def test_numbers_of_the_data_file_are_those_of_the_certificate(derived: Certificate) -> None:
+def test_numbers_of_the_data_file_are_those_of_the_certificate(derived):
     """Read back; a tight-frame equation stands for seven times itself."""
     text = coq_data(derived)
     common = int(re.search(r"certificate times (\d+)", text)[1])
@@ -41,7 +36,7 @@ def test_numbers_of_the_data_file_are_those_of_the_certificate(derived: Certific
     assert [Fraction(int(number), common) for number in proof.groups()] == values
 
 
-def test_a_square_without_whole_coefficients_is_refused(derived: Certificate) -> None:
+def test_a_square_without_whole_coefficients_is_refused(derived):
     square = derived.squares[0]
     half = replace(square.terms[0], coefficient=Fraction(1, 2))
     squares = (replace(square, terms=(half,)),)
@@ -49,14 +44,14 @@ def test_a_square_without_whole_coefficients_is_refused(derived: Certificate) ->
         coq_data(replace(derived, squares=squares))
 
 
-def test_nothing_is_assumed_in_the_sources() -> None:
+def test_nothing_is_assumed_in_the_sources():
     forbidden = {"Admitted", "admit", "Axiom", "Parameter", "Conjecture", "Unset"}
     for file in COQ.glob("*.v"):
         code = re.sub(r"\(\*.*?\*\)", "", file.read_text(), flags=re.DOTALL)
         assert not forbidden & set(re.findall(r"\w+", code)), file.name
 
 
-def built(folder: Path, path: str | None = None) -> subprocess.CompletedProcess[str]:
+def built(folder, path=None):
     environment = os.environ | ({"PATH": path} if path else {})
     return subprocess.run(
         ["/bin/sh", str(folder / "build.sh")], capture_output=True, text=True, env=environment
@@ -65,7 +60,7 @@ def built(folder: Path, path: str | None = None) -> subprocess.CompletedProcess[
 
 @pytest.mark.long
 @pytest.mark.skipif(shutil.which("coqc") is None, reason="install coqc (Debian: coq)")
-def test_coq_accepts_the_proof_with_the_axioms_on_record() -> None:
+def test_coq_accepts_the_proof_with_the_axioms_on_record():
     done = built(COQ)
     assert done.returncode == 0, done.stderr
     assert done.stdout.count("Axioms:") == AXIOMS.count("Axioms:") == 6
@@ -81,9 +76,7 @@ def test_coq_accepts_the_proof_with_the_axioms_on_record() -> None:
         (None, 1, "coqc is not installed"),
     ],
 )
-def test_the_build_script_with_a_stand_in_for_coq(
-    coqc: str | None, status: int, message: str, tmp_path: Path
-) -> None:
+def test_the_build_script_with_a_stand_in_for_coq(coqc, status, message, tmp_path):
     for tool in ("awk", "cat", "cp", "diff", "dirname", "mktemp", "rm"):
         (tmp_path / tool).symlink_to(shutil.which(tool))
     if coqc is not None:
@@ -94,7 +87,7 @@ def test_the_build_script_with_a_stand_in_for_coq(
     assert message in done.stderr
 
 
-def test_the_page_prints_definitions_and_theorems_as_they_are() -> None:
+def test_the_page_prints_definitions_and_theorems_as_they_are():
     page = (ROOT / "docs" / "nonexistence.md").read_text()
     definitions, *theorems = re.findall(r"```coq\n(.*?)```", page, re.DOTALL)
     code = (COQ / "Definitions.v").read_text()

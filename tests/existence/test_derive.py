@@ -1,12 +1,8 @@
-from __future__ import annotations
-
 from fractions import Fraction
 from itertools import permutations
-from pathlib import Path
 
 import pytest
 
-from formulations.existence.certificate import Certificate
 from formulations.existence.derive import (
     TABLEAU,
     cancelling_weights,
@@ -14,41 +10,32 @@ from formulations.existence.derive import (
     squared_polynomials,
     symmetrised,
 )
-from formulations.existence.equations import (
-    Polynomial,
-    class_sums,
-    collected,
-    combined,
-    hermitian_product,
-)
+from formulations.existence.equations import class_sums, collected, combined, hermitian_product
 from formulations.existence.graphs import ONE, Monomial
-from formulations.existence.rewriting import Rewriting
 
 TRIANGLE = Monomial(((0, 1), (0, 2), (1, 2)), ((0, 1), (0, 2), (1, 2)))
 TRIANGLES = 35
 
 
-def test_derivation_is_byte_identical_to_the_committed_copy(
-    derived: Certificate, committed: Path
-) -> None:
+def test_derivation_is_byte_identical_to_the_committed_copy(derived, committed):
     assert derived.to_json().encode() == committed.read_bytes()
 
 
-def test_weights_and_constant(derived: Certificate) -> None:
+def test_weights_and_constant(derived):
     assert [square.weight for square in derived.squares] == [108, 25]
     assert derived.constant == Fraction(33248, 1029)
     assert len(derived.multipliers) == 351
     assert max(m.coefficient.denominator for m in derived.multipliers) <= 8820
 
 
-def test_every_number_is_rational(derived: Certificate) -> None:
+def test_every_number_is_rational(derived):
     numbers = [derived.constant, *(square.weight for square in derived.squares)]
     numbers += [term.coefficient for square in derived.squares for term in square.terms]
     numbers += [multiplier.coefficient for multiplier in derived.multipliers]
     assert {type(number) for number in numbers} == {Fraction}
 
 
-def test_symmetrised_monomials_have_48_and_96_terms_of_coefficient_one() -> None:
+def test_symmetrised_monomials_have_48_and_96_terms_of_coefficient_one():
     p1, q = squared_polynomials()
     p2 = combined([(Fraction(1), q), (Fraction(-3), p1)])
     assert (len(p1), len(p2), len(q)) == (48, 96, 144)
@@ -56,11 +43,11 @@ def test_symmetrised_monomials_have_48_and_96_terms_of_coefficient_one() -> None
     assert {len(monomial.w) - len(monomial.wbar) for monomial in q} == {1}
 
 
-def moved(polynomial: Polynomial, order: tuple[int, ...]) -> Polynomial:
+def moved(polynomial, order):
     return collected((m.relabel(order), value) for m, value in polynomial.items())
 
 
-def test_squares_have_the_type_of_their_tableau() -> None:
+def test_squares_have_the_type_of_their_tableau():
     """Antisymmetric in the columns, and killed by symmetrising any four joints."""
     for polynomial in squared_polynomials():
         for i, j in ((0, 3), (3, 6), (1, 4), (2, 5)):
@@ -73,7 +60,7 @@ def test_squares_have_the_type_of_their_tableau() -> None:
             assert not combined((Fraction(1), moved(polynomial, image)) for image in images)
 
 
-def test_tau_is_bounded_from_both_sides_the_wrong_way_round(seven: Rewriting) -> None:
+def test_tau_is_bounded_from_both_sides_the_wrong_way_round(seven):
     p, q = (seven.divide(class_sums(hermitian_product(p, p)))[1] for p in squared_polynomials())
     assert p.keys() == q.keys() == {ONE, TRIANGLE}
     assert p[TRIANGLE] < 0 < q[TRIANGLE]
@@ -88,21 +75,19 @@ def test_tau_is_bounded_from_both_sides_the_wrong_way_round(seven: Rewriting) ->
 @pytest.mark.parametrize(
     ("factor", "contradicts"), [(1, False), (2, True), (3, True), (4, True)]
 )
-def test_which_second_squares_would_do(
-    seven: Rewriting, factor: int, contradicts: bool
-) -> None:
+def test_which_second_squares_would_do(seven, factor, contradicts):
     p1, q = squared_polynomials()
     other = combined([(Fraction(factor - 3), p1), (Fraction(1), q)])
     p, r = (seven.divide(class_sums(hermitian_product(s, s)))[1] for s in (p1, other))
     assert (p[ONE] / p[TRIANGLE] > r[ONE] / r[TRIANGLE]) is contradicts
 
 
-def test_signs_of_permutations() -> None:
+def test_signs_of_permutations():
     assert sign((0, 1, 2)) == 1
     assert sign((1, 0, 2)) == -1
     assert sign((1, 2, 0)) == 1
 
 
-def test_an_entry_alone_has_no_part_of_the_type() -> None:
+def test_an_entry_alone_has_no_part_of_the_type():
     """Pairs of joints carry the types (7), (6,1) and (5,2) only."""
     assert symmetrised(TABLEAU, Monomial(((0, 3),))) == {}

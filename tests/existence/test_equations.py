@@ -1,7 +1,5 @@
 """The equations hold where they must: at true isotropic Jacobians of other arms."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from itertools import combinations_with_replacement, permutations
 
@@ -9,13 +7,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from formulations.existence.equations import Equation, Frame, Polynomial
+from formulations.existence.equations import Equation, Frame
 from formulations.existence.graphs import ONE, Monomial
 
 Matrix = NDArray[np.complex128]
 
 
-def value(polynomial: Polynomial, w: Matrix) -> complex:
+def value(polynomial, w):
     total = 0j
     for monomial, coefficient in polynomial.items():
         term = complex(coefficient)
@@ -27,7 +25,7 @@ def value(polynomial: Polynomial, w: Matrix) -> complex:
     return total
 
 
-def places(frame: Frame) -> list[Equation]:
+def places(frame):
     rows = [Equation("row-sum", (i,)) for i in range(frame.joints)] if frame.redundant else []
     entries = list(combinations_with_replacement(range(frame.joints), 2))
     return [
@@ -37,7 +35,7 @@ def places(frame: Frame) -> list[Equation]:
     ]
 
 
-def isotropic_six() -> tuple[Matrix, Matrix]:
+def isotropic_six():
     """Z and W of an isotropic 6R with unit revolute joints: v = e_i and ω = ±e_(i+1)."""
     e = np.eye(3)
     z = np.array([e[i] + s * 1j * e[(i + 1) % 3] for i in range(3) for s in (1, -1)]).T
@@ -45,7 +43,7 @@ def isotropic_six() -> tuple[Matrix, Matrix]:
     return z, np.round(2 * (z.T @ z)) / 2
 
 
-def rotated_simplex(seed: int) -> tuple[Matrix, Matrix]:
+def rotated_simplex(seed):
     """Z and W of the 6×7 simplex (the free-column optimum) in a random frame."""
     complement = np.linalg.svd(np.ones((1, 7)))[2][1:]
     rotation = np.linalg.qr(np.random.default_rng(seed).standard_normal((6, 6)))[0]
@@ -54,7 +52,7 @@ def rotated_simplex(seed: int) -> tuple[Matrix, Matrix]:
     return z, z.T @ z
 
 
-def test_isotropic_six_is_a_true_unit_revolute_solution() -> None:
+def test_isotropic_six_is_a_true_unit_revolute_solution():
     z, w = isotropic_six()
     j = np.vstack([z.real, z.imag])
     np.testing.assert_allclose(j @ j.T, np.eye(6), atol=1e-15)
@@ -65,7 +63,7 @@ def test_isotropic_six_is_a_true_unit_revolute_solution() -> None:
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_rotated_simplex_satisfies_everything_but_the_diagonal(seed: int) -> None:
+def test_rotated_simplex_satisfies_everything_but_the_diagonal(seed):
     _, w = rotated_simplex(seed)
     kept = Frame(7, 6, diagonal=True)
     assert max(abs(value(kept.polynomial(equation), w)) for equation in places(kept)) < 1e-14
@@ -76,7 +74,7 @@ def test_rotated_simplex_satisfies_everything_but_the_diagonal(seed: int) -> Non
     assert np.abs(np.diag(w)).max() > 0.01
 
 
-def test_equations_are_the_matrix_identities_at_any_matrix() -> None:
+def test_equations_are_the_matrix_identities_at_any_matrix():
     generator = np.random.default_rng(0)
     half = generator.standard_normal((7, 7)) + 1j * generator.standard_normal((7, 7))
     w = half + half.T
@@ -94,7 +92,7 @@ def test_equations_are_the_matrix_identities_at_any_matrix() -> None:
         assert value(frame.polynomial(equation), w) == pytest.approx(expected)
 
 
-def test_multiples_stay_within_the_order_and_are_balanced() -> None:
+def test_multiples_stay_within_the_order_and_are_balanced():
     frame = Frame(7, 6)
     for multiple in frame.multiples(2):
         for monomial in frame.averaged(multiple):
@@ -102,19 +100,19 @@ def test_multiples_stay_within_the_order_and_are_balanced() -> None:
             assert monomial.degree <= 4
 
 
-def test_2430_different_averaged_multiples_at_order_three() -> None:
+def test_2430_different_averaged_multiples_at_order_three():
     frame = Frame(7, 6)
     assert len({frozenset(frame.averaged(m).items()) for m in frame.multiples(2)}) == 85
     assert len({frozenset(frame.averaged(m).items()) for m in frame.multiples(3)}) == 2430
 
 
-def test_true_solution_satisfies_every_averaged_multiple() -> None:
+def test_true_solution_satisfies_every_averaged_multiple():
     """Averages over all orders of six joints, in halves: exact in floating point."""
     _, w = isotropic_six()
     orders = np.array(list(permutations(range(6))))
     frame = Frame(6, 6)
 
-    def mean(graph: Monomial) -> float:
+    def mean(graph):
         term = np.ones(len(orders), dtype=complex)
         for i, j in graph.w:
             term = term * w[orders[:, i], orders[:, j]]

@@ -1,7 +1,5 @@
 """What docs/nonexistence.md says is true: its program runs, its numbers come out."""
 
-from __future__ import annotations
-
 import re
 import subprocess
 import sys
@@ -10,21 +8,20 @@ from pathlib import Path
 
 import pytest
 
-from formulations.existence.derive import squared_polynomials
+from formulations.existence.derive import rewriting, squared_polynomials
 from formulations.existence.equations import Frame, class_sums, hermitian_product
 from formulations.existence.graphs import ONE, Monomial, canonical
-from formulations.existence.rewriting import Rewriting, rewriting
 
 ROOT = Path(__file__).parents[2]
 
 
 @pytest.fixture(scope="module")
-def page() -> str:
+def page():
     return (ROOT / "docs" / "nonexistence.md").read_text()
 
 
 @pytest.mark.long
-def test_the_program_on_the_page_proves_the_identity(page: str) -> None:
+def test_the_program_on_the_page_proves_the_identity(page):
     found = re.search(r"```python\n(.*?)```", page, re.DOTALL)
     assert found is not None
     run = subprocess.run(
@@ -46,13 +43,13 @@ def test_the_program_on_the_page_proves_the_identity(page: str) -> None:
         (Monomial(((0, 1), (2, 3)), ((0, 1), (2, 3))), Fraction(61, 735)),
     ],
 )
-def test_the_table_of_averages(graph: Monomial, value: Fraction, page: str) -> None:
+def test_the_table_of_averages(graph, value, page):
     equations = rewriting(Frame(7, 6), 2)
     assert equations.divide({canonical(graph): Fraction(1)})[1] == {ONE: value}
     assert str(value).replace("-", "−") in page
 
 
-def test_the_two_affine_functions_of_tau(seven: Rewriting, page: str) -> None:
+def test_the_two_affine_functions_of_tau(seven, page):
     p, q = (seven.divide(class_sums(hermitian_product(s, s)))[1] for s in squared_polynomials())
     (triangle,) = p.keys() - {ONE}
     assert (p[ONE], p[triangle] / 35) == (Fraction(32488, 7203), Fraction(-40, 7))
@@ -66,7 +63,7 @@ def test_the_two_affine_functions_of_tau(seven: Rewriting, page: str) -> None:
         assert text in page
 
 
-def test_decimals_of_the_two_bounds(page: str) -> None:
+def test_decimals_of_the_two_bounds(page):
     bounds = re.findall(r"\\tau \\[lg]e \\frac{(\d+)}{(\d+)} ", page)
     assert len(bounds) == 2
     for numerator, denominator in bounds:

@@ -1,7 +1,5 @@
 """Optimal Jacobians of 8 joints and more: closed form, certificates, their verification."""
 
-from __future__ import annotations
-
 import copy
 import json
 import re
@@ -27,7 +25,7 @@ from formulations.existence.exact_jacobian import (
 from formulations.existence.reading import read_either
 from formulations.existence.rings import exact_jacobian, optimal_jacobian
 from formulations.measures import worst_case_sigma
-from nlp.errors import FileError, InputError, LockedJointError
+from nlp.errors import FileError, InputError
 
 ROOT = Path(__file__).parents[2]
 FOLDER = ROOT / "results" / "existence"
@@ -35,11 +33,11 @@ BASES = (8, 9, 10, 11, 12, 13)
 DIGITS = 50
 
 
-def numeric(certificate: ExactJacobian) -> sympy.Matrix:
+def numeric(certificate):
     """Evaluate all columns to 50 digits, the six-joint arms included: a second arithmetic."""
     roots: dict[int, Any] = {}
 
-    def value(number: Number) -> Any:
+    def value(number):
         terms = (
             sympy.Rational(c.numerator, c.denominator) * sympy.prod(roots[r] for r in used)
             for c, used in number
@@ -53,7 +51,7 @@ def numeric(certificate: ExactJacobian) -> sympy.Matrix:
     return sympy.Matrix(columns).T
 
 
-def require_optimal(jacobian: Any, joints: int, within: float) -> None:
+def require_optimal(jacobian, joints, within):
     jacobian = np.array(jacobian)
     assert jacobian.shape == (6, joints)
     v, w = jacobian[:3], jacobian[3:]
@@ -65,7 +63,7 @@ def require_optimal(jacobian: Any, joints: int, within: float) -> None:
 
 
 @pytest.mark.parametrize("joints", [*range(8, 26), 101])
-def test_the_closed_form_attains_the_bound(joints: int) -> None:
+def test_the_closed_form_attains_the_bound(joints):
     jacobian = optimal_jacobian(joints)
     require_optimal(jacobian, joints, 1e-14 * joints)
     assert worst_case_sigma(jacobian) == pytest.approx(((joints - 6) / 3) ** 0.5, rel=1e-12)
@@ -75,7 +73,7 @@ def test_the_closed_form_attains_the_bound(joints: int) -> None:
 
 
 @pytest.mark.parametrize("joints", [*BASES, 14, 20, 27])
-def test_certificates_hold_exactly_and_to_fifty_digits(joints: int) -> None:
+def test_certificates_hold_exactly_and_to_fifty_digits(joints):
     certificate = exact_jacobian(joints)
     base = len(certificate.columns)
     assert verify_existence(certificate) == 3 * base + 21 + 18 + 21
@@ -83,7 +81,7 @@ def test_certificates_hold_exactly_and_to_fifty_digits(joints: int) -> None:
 
 
 @pytest.mark.parametrize("joints", BASES)
-def test_the_committed_certificates_are_the_ones_found(joints: int) -> None:
+def test_the_committed_certificates_are_the_ones_found(joints):
     file = FOLDER / f"optimal_{joints}.json"
     assert file.read_text() == exact_jacobian(joints).to_json()
     certificate = read_either(file)
@@ -93,7 +91,7 @@ def test_the_committed_certificates_are_the_ones_found(joints: int) -> None:
     assert abs(distance).max() < 1e-12
 
 
-def test_every_number_of_joints_has_a_certificate() -> None:
+def test_every_number_of_joints_has_a_certificate():
     for joints in range(8, MOST_JOINTS + 1, 37):
         certificate = exact_jacobian(joints)
         assert len(certificate.columns) + 6 * certificate.six_joint_arms == joints
@@ -110,7 +108,7 @@ def test_every_number_of_joints_has_a_certificate() -> None:
         (MOST_JOINTS + 1, "the proof for all"),
     ],
 )
-def test_other_numbers_of_joints_are_refused(joints: int, why: str) -> None:
+def test_other_numbers_of_joints_are_refused(joints, why):
     with pytest.raises(InputError, match=why):
         exact_jacobian(joints)
     if joints < 8:
@@ -123,10 +121,10 @@ def test_other_numbers_of_joints_are_refused(joints: int, why: str) -> None:
 Change = Callable[[dict[str, Any]], object]
 
 
-def put(*path: Any) -> Change:
+def put(*path):
     """Set the entry at a path to the last argument."""
 
-    def change(document: dict[str, Any]) -> None:
+    def change(document):
         *way, key, value = path
         target: Any = document
         for step in way:
@@ -232,12 +230,12 @@ TRUE: dict[str, Change] = {
 
 
 @pytest.fixture(scope="module")
-def document() -> dict[str, Any]:
+def document():
     loaded: dict[str, Any] = json.loads((FOLDER / "optimal_13.json").read_text())
     return loaded
 
 
-def judged(document: dict[str, Any], change: Change, folder: Path) -> ExactJacobian:
+def judged(document, change, folder):
     changed = copy.deepcopy(document)
     change(changed)
     text = json.dumps(changed)
@@ -249,7 +247,7 @@ def judged(document: dict[str, Any], change: Change, folder: Path) -> ExactJacob
     return certificate
 
 
-def require_one_sentence(refused: LockedJointError) -> None:
+def require_one_sentence(refused):
     sentence = str(refused)
     assert sentence.endswith(".")
     assert "\n" not in sentence
@@ -257,25 +255,21 @@ def require_one_sentence(refused: LockedJointError) -> None:
 
 
 @pytest.mark.parametrize("name", ILL_FORMED)
-def test_ill_formed_files_are_refused(
-    name: str, document: dict[str, Any], tmp_path: Path
-) -> None:
+def test_ill_formed_files_are_refused(name, document, tmp_path):
     with pytest.raises(CertificateError) as refused:
         judged(document, ILL_FORMED[name], tmp_path)
     require_one_sentence(refused.value)
 
 
 @pytest.mark.parametrize("name", FALSE)
-def test_false_certificates_are_refused(
-    name: str, document: dict[str, Any], tmp_path: Path
-) -> None:
+def test_false_certificates_are_refused(name, document, tmp_path):
     certificate = judged(document, FALSE[name], tmp_path)
     with pytest.raises(CertificateError, match=r" is not \d|shown to be positive") as refused:
         verify_existence(certificate)
     require_one_sentence(refused.value)
 
 
-def isotropic(condition: str) -> ExactJacobian:
+def isotropic(condition):
     """Return twelve columns with J Jᵀ = 4I that violate this condition alone."""
     one: Number = ((Fraction(1), ()),)
     long, short = ((Fraction(1), (0,)),), ((Fraction(1), (1,)),)  # √(3/2) and √(1/2)
@@ -296,7 +290,7 @@ def isotropic(condition: str) -> ExactJacobian:
 
 
 @pytest.mark.parametrize("condition", ["|v|²", "|ω|²", "v·ω"])
-def test_isotropic_columns_that_are_not_unit_revolute_are_refused(condition: str) -> None:
+def test_isotropic_columns_that_are_not_unit_revolute_are_refused(condition):
     certificate = isotropic(condition)
     jacobian = np.array(numeric(certificate), float)
     assert abs(jacobian @ jacobian.T - 4 * np.eye(6)).max() < 1e-12
@@ -305,14 +299,14 @@ def test_isotropic_columns_that_are_not_unit_revolute_are_refused(condition: str
 
 
 @pytest.mark.parametrize("name", TRUE)
-def test_true_certificates_pass(name: str, document: dict[str, Any], tmp_path: Path) -> None:
+def test_true_certificates_pass(name, document, tmp_path):
     certificate = judged(document, TRUE[name], tmp_path)
     verify_existence(certificate)
     require_optimal(numeric(certificate), certificate.joints, 1e-45)
 
 
 @pytest.mark.parametrize("content", [b"", b'{"joints": 8,', b"\xff", b"[" * 100_000])
-def test_unreadable_files(content: bytes, tmp_path: Path) -> None:
+def test_unreadable_files(content, tmp_path):
     file = tmp_path / "other.json"
     file.write_bytes(content)
     with pytest.raises(FileError) as refused:
@@ -320,7 +314,7 @@ def test_unreadable_files(content: bytes, tmp_path: Path) -> None:
     require_one_sentence(refused.value)
 
 
-def test_records_refuse_floating_point() -> None:
+def test_records_refuse_floating_point():
     half: Any = 0.5
     columns = exact_jacobian(8).columns
     first = (((half, ()),), *columns[0][1:])
@@ -328,20 +322,18 @@ def test_records_refuse_floating_point() -> None:
         ExactJacobian(8, 0, (), (first, *columns[1:]))
 
 
-def test_the_largest_certificates_are_judged_in_bounded_time(
-    cpu_seconds: Callable[[Callable[[], object]], float],
-) -> None:
+def test_the_largest_certificates_are_judged_in_bounded_time(cpu_seconds):
     """All numbers as long as they may be, with all digits; refused at the first equation."""
     places = iter(range(10**11, 10**12))
 
-    def longest(roots: int, terms: int) -> Number:
+    def longest(roots, terms):
         products = [tuple(range(roots))[k:] for k in range(terms)]
         return tuple((Fraction(next(places), next(places)), used) for used in products)
 
     columns = tuple(tuple(longest(6, 4) for _ in range(6)) for _ in range(13))
     certificate = ExactJacobian(13, 0, tuple(longest(k, 2) for k in range(6)), columns)
 
-    def refused() -> None:
+    def refused():
         with pytest.raises(CertificateError):
             verify_existence(certificate)
 
@@ -349,7 +341,7 @@ def test_the_largest_certificates_are_judged_in_bounded_time(
     assert cpu_seconds(refused) < 50 * cpu_seconds(lambda: verify_existence(known))
 
 
-def test_verification_shares_nothing_with_the_construction() -> None:
+def test_verification_shares_nothing_with_the_construction():
     code = (
         "import sys, formulations.existence.exact_jacobian;"
         "print(*(m for m in sys.modules if m.startswith('formulations.existence.')),"
@@ -362,7 +354,7 @@ def test_verification_shares_nothing_with_the_construction() -> None:
     assert names == {"certificate", "exact_jacobian"}
 
 
-def test_the_program_on_the_page_proves_existence() -> None:
+def test_the_program_on_the_page_proves_existence():
     page = (ROOT / "docs" / "existence.md").read_text()
     found = re.search(r"```python\n(.*?)```", page, re.DOTALL)
     assert found is not None

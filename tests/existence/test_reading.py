@@ -1,11 +1,8 @@
 """A file that is no certificate is refused with one sentence, whatever is wrong with it."""
 
-from __future__ import annotations
-
 import copy
 import json
 import re
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -87,12 +84,12 @@ ILL_FORMED: dict[str, tuple[tuple[Any, ...], Any, str]] = {
 
 
 @pytest.fixture(scope="module")
-def document(committed: Path) -> dict[str, Any]:
+def document(committed):
     loaded: dict[str, Any] = json.loads(committed.read_text())
     return loaded
 
 
-def refusal(path: Path, expected: type[Exception]) -> str:
+def refusal(path, expected):
     with pytest.raises(expected) as caught:
         read(path)
     sentence = str(caught.value)
@@ -103,7 +100,7 @@ def refusal(path: Path, expected: type[Exception]) -> str:
 
 
 @pytest.mark.parametrize("name", ILL_FORMED)
-def test_ill_formed_certificates(name: str, document: dict[str, Any], tmp_path: Path) -> None:
+def test_ill_formed_certificates(name, document, tmp_path):
     path, value, sentence = ILL_FORMED[name]
     changed: Any = copy.deepcopy(document)
     target = changed
@@ -131,15 +128,13 @@ def test_ill_formed_certificates(name: str, document: dict[str, Any], tmp_path: 
         ('{"joints": ' + "7" * 5000 + "}", "an integer of 5000 digits"),
     ],
 )
-def test_json_that_is_no_certificate(text: str, sentence: str, tmp_path: Path) -> None:
+def test_json_that_is_no_certificate(text, sentence, tmp_path):
     file = tmp_path / "other.json"
     file.write_text(text)
     assert sentence in refusal(file, CertificateError)
 
 
-def test_denominators_without_a_small_common_multiple(
-    document: dict[str, Any], tmp_path: Path
-) -> None:
+def test_denominators_without_a_small_common_multiple(document, tmp_path):
     """Their sums would have millions of digits."""
     changed = copy.deepcopy(document)
     for place, multiplier in enumerate(changed["multipliers"]):
@@ -159,22 +154,20 @@ def test_denominators_without_a_small_common_multiple(
         (b" " * (FILE_BYTES + 1), "too large"),
     ],
 )
-def test_unreadable_files(content: bytes, sentence: str, tmp_path: Path) -> None:
+def test_unreadable_files(content, sentence, tmp_path):
     file = tmp_path / "other.json"
     file.write_bytes(content)
     assert sentence in refusal(file, FileError)
 
 
-def test_missing_file_folder_and_impossible_name(tmp_path: Path) -> None:
+def test_missing_file_folder_and_impossible_name(tmp_path):
     assert "No such file" in refusal(tmp_path / "none.json", FileError)
     assert "directory" in refusal(tmp_path, FileError)
     assert "null" in refusal(tmp_path / "a\0b", FileError)
 
 
 @pytest.mark.parametrize("share", [0.01, 0.3, 0.6, 0.99, 0.9999])
-def test_truncated_certificates_are_unreadable(
-    share: float, committed: Path, tmp_path: Path
-) -> None:
+def test_truncated_certificates_are_unreadable(share, committed, tmp_path):
     content = committed.read_bytes()
     file = tmp_path / "truncated.json"
     file.write_bytes(content[: int(share * len(content))])
@@ -187,9 +180,7 @@ def test_truncated_certificates_are_unreadable(
     suppress_health_check=[HealthCheck.function_scoped_fixture],
 )
 @given(st.floats(0, 1, exclude_max=True), st.binary(min_size=1, max_size=3))
-def test_a_few_other_bytes_anywhere_never_give_a_traceback(
-    committed: Path, tmp_path: Path, share: float, noise: bytes
-) -> None:
+def test_a_few_other_bytes_anywhere_never_give_a_traceback(committed, tmp_path, share, noise):
     content = committed.read_bytes()
     place = int(share * len(content))
     file = tmp_path / "noisy.json"
@@ -203,7 +194,7 @@ def test_a_few_other_bytes_anywhere_never_give_a_traceback(
     assert "\n" not in sentence
 
 
-def test_writing_and_reading_are_inverse(committed: Path, tmp_path: Path) -> None:
+def test_writing_and_reading_are_inverse(committed, tmp_path):
     certificate = read(committed)
     certificate.write(tmp_path / "copy.json")
     assert (tmp_path / "copy.json").read_bytes() == committed.read_bytes()
@@ -211,7 +202,7 @@ def test_writing_and_reading_are_inverse(committed: Path, tmp_path: Path) -> Non
     assert len(list(tmp_path.iterdir())) == 1
 
 
-def test_writing_replaces_and_never_leaves_a_part(committed: Path, tmp_path: Path) -> None:
+def test_writing_replaces_and_never_leaves_a_part(committed, tmp_path):
     certificate = read(committed)
     target = tmp_path / "certificate.json"
     target.write_text("old")

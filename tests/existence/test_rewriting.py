@@ -1,15 +1,13 @@
-from __future__ import annotations
-
 from fractions import Fraction
 
 import pytest
 
+from formulations.existence.derive import rewriting
 from formulations.existence.equations import Frame, combined
 from formulations.existence.graphs import ONE, Monomial, canonical, classes
-from formulations.existence.rewriting import Rewriting, rewriting
 
 
-def test_seven_joints_order_two_determines_every_moment() -> None:
+def test_seven_joints_order_two_determines_every_moment():
     equations = rewriting(Frame(7, 6), 2)
     assert equations.consistent
     assert len(equations.rules) + len(equations.relations) == 42
@@ -17,7 +15,7 @@ def test_seven_joints_order_two_determines_every_moment() -> None:
         assert equations.divide({graph: Fraction(1)})[1].keys() <= {ONE}
 
 
-def test_seven_joints_order_three_leaves_two_moments_free(seven: Rewriting) -> None:
+def test_seven_joints_order_three_leaves_two_moments_free(seven):
     assert seven.consistent
     assert len(seven.rules) == 734
     assert len(classes(7, 3)) - len(seven.rules) == 26
@@ -27,14 +25,14 @@ def test_seven_joints_order_three_leaves_two_moments_free(seven: Rewriting) -> N
     assert free == {ONE, Monomial(triangle, triangle), Monomial(edge, edge)}
 
 
-def test_division_is_an_identity(seven: Rewriting) -> None:
+def test_division_is_an_identity(seven):
     for graph in classes(7, 3)[40::60]:
         quotients, remainder = seven.divide({graph: Fraction(1)})
         multiples = [(value, seven.averaged[m]) for m, value in quotients.items()]
         assert combined([*multiples, (Fraction(1), remainder)]) == {graph: 1}
 
 
-def test_a_leaf_vanishes_into_smaller_graphs(seven: Rewriting) -> None:
+def test_a_leaf_vanishes_into_smaller_graphs(seven):
     """Σ_j W_0j conj(W_01) = 0 makes the path −1/5 of the double edge: five joints are free."""
     path = canonical(Monomial(((0, 2),), ((0, 1),)))
     assert seven.rewritten[path].keys() == {ONE}
@@ -55,7 +53,5 @@ def test_a_leaf_vanishes_into_smaller_graphs(seven: Rewriting) -> None:
         (Frame(7, 6, diagonal=True), 2, True),
     ],
 )
-def test_which_equations_alone_are_contradictory(
-    frame: Frame, order: int, consistent: bool
-) -> None:
+def test_which_equations_alone_are_contradictory(frame, order, consistent):
     assert rewriting(frame, order).consistent is consistent

@@ -9,17 +9,17 @@ from formulations.existence import theorem
 from formulations.existence.certificate import CertificateError
 
 
-def test_the_packaged_certificate_is_the_derived_one(derived) -> None:
+def test_the_packaged_certificate_is_the_derived_one(derived):
     packaged = (files("formulations.existence") / "certificate.json").read_text("utf-8")
     assert packaged == derived.to_json()
 
 
-def test_seven_joints_are_excluded_and_no_others() -> None:
+def test_seven_joints_are_excluded_and_no_others():
     assert theorem.excludes(7)
     assert not any(theorem.excludes(joints) for joints in (6, 8, 9))
 
 
-def test_a_certificate_that_proves_nothing_is_no_answer(derived, tmp_path, monkeypatch) -> None:
+def test_a_certificate_that_proves_nothing_is_no_answer(derived, tmp_path, monkeypatch):
     certificate = json.loads(derived.to_json())
     certificate["constant"] = "33247/1029"
     (tmp_path / "certificate.json").write_text(json.dumps(certificate))

@@ -1,7 +1,5 @@
 """The certificate passes; whatever is done to it does not."""
 
-from __future__ import annotations
-
 import copy
 import json
 import random
@@ -12,13 +10,12 @@ from dataclasses import replace
 from fractions import Fraction
 from functools import cache
 from itertools import chain, combinations
-from pathlib import Path
 from typing import Any
 
 import pytest
 
 import formulations.existence.verify as verification
-from formulations.existence.certificate import Certificate, CertificateError, Square, Term
+from formulations.existence.certificate import CertificateError, Square, Term
 from formulations.existence.evaluate import defects
 from formulations.existence.reading import read
 from formulations.existence.verify import TheoremReport, verify
@@ -28,18 +25,18 @@ RENAMED = cache(verification._renamed)
 
 
 @pytest.fixture(scope="module")
-def certificate(committed: Path) -> Certificate:
+def certificate(committed):
     return read(committed)
 
 
 @pytest.fixture(scope="module")
-def document(committed: Path) -> dict[str, Any]:
+def document(committed):
     loaded: dict[str, Any] = json.loads(committed.read_text())
     return loaded
 
 
 @pytest.fixture
-def renamed_once(monkeypatch: pytest.MonkeyPatch) -> None:
+def renamed_once(monkeypatch):
     """Let each product be renamed once for all tests that ask for this.
 
     The renaming is a function of the product alone and takes most of the time; the changes of
@@ -48,17 +45,17 @@ def renamed_once(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(verification, "_renamed", RENAMED)
 
 
-def test_the_committed_certificate_is_a_proof(committed: Path) -> None:
+def test_the_committed_certificate_is_a_proof(committed):
     report = verify(read(committed))
     assert report == TheoremReport(7, Fraction(33248, 1029), 2, 351, report.monomials)
     assert report.monomials > 300
 
 
-def test_the_identity_holds_at_random_matrices(certificate: Certificate) -> None:
+def test_the_identity_holds_at_random_matrices(certificate):
     assert defects(certificate, samples=3) == (0, 0, 0)
 
 
-def test_nothing_is_shared_with_the_derivation(committed: Path) -> None:
+def test_nothing_is_shared_with_the_derivation(committed):
     code = (
         "import sys, formulations.existence.verify, formulations.existence.evaluate;"
         "print(*sorted(m for m in sys.modules if m.startswith('formulations.existence.')))"
@@ -71,10 +68,10 @@ def test_nothing_is_shared_with_the_derivation(committed: Path) -> None:
     assert names == {"certificate", "verify", "evaluate"}
 
 
-def set_at(*path: Any) -> Change:
+def set_at(*path):
     """Set the entry at a path to the last argument."""
 
-    def change(document: dict[str, Any]) -> None:
+    def change(document):
         *way, key, value = path
         target: Any = document
         for step in way:
@@ -84,8 +81,8 @@ def set_at(*path: Any) -> Change:
     return change
 
 
-def negate(*path: Any) -> Change:
-    def change(document: dict[str, Any]) -> None:
+def negate(*path):
+    def change(document):
         target: Any = document
         for step in path[:-1]:
             target = target[step]
@@ -123,8 +120,8 @@ FALSE_IDENTITIES: dict[str, Change] = {
 @pytest.mark.usefixtures("renamed_once")
 @pytest.mark.parametrize("name", FALSE_IDENTITIES)
 def test_a_false_identity_is_refused_by_verification_and_by_evaluation(
-    name: str, document: dict[str, Any], tmp_path: Path
-) -> None:
+    name, document, tmp_path
+):
     changed = copy.deepcopy(document)
     FALSE_IDENTITIES[name](changed)
     path = tmp_path / "changed.json"
@@ -134,7 +131,7 @@ def test_a_false_identity_is_refused_by_verification_and_by_evaluation(
     assert any(defects(read(path), samples=2))
 
 
-def test_the_smallest_change_of_each_multiplier_shows(certificate: Certificate) -> None:
+def test_the_smallest_change_of_each_multiplier_shows(certificate):
     """Every thirtieth of the multipliers, one at a time: evaluation sees every one of them."""
     for place in range(0, len(certificate.multipliers), 30):
         multipliers = list(certificate.multipliers)
@@ -144,7 +141,7 @@ def test_the_smallest_change_of_each_multiplier_shows(certificate: Certificate) 
 
 
 @pytest.mark.usefixtures("renamed_once")
-def test_other_orders_of_joints_and_records_prove_the_same(certificate: Certificate) -> None:
+def test_other_orders_of_joints_and_records_prove_the_same(certificate):
     """What does not change the average is no error: no true identity may be refused."""
     order = (3, 6, 0, 2, 5, 1, 4)
     multipliers = tuple(
@@ -162,7 +159,7 @@ def test_other_orders_of_joints_and_records_prove_the_same(certificate: Certific
 
 
 @pytest.mark.usefixtures("renamed_once")
-def test_a_term_in_two_halves_is_the_same_term(certificate: Certificate) -> None:
+def test_a_term_in_two_halves_is_the_same_term(certificate):
     """The very same record twice: its product with itself counts four quarters."""
     square = certificate.squares[0]
     half = replace(square.terms[0], coefficient=square.terms[0].coefficient / 2)
@@ -172,7 +169,7 @@ def test_a_term_in_two_halves_is_the_same_term(certificate: Certificate) -> None
     assert defects(split, samples=1) == (0,)
 
 
-def test_records_refuse_floating_point(certificate: Certificate) -> None:
+def test_records_refuse_floating_point(certificate):
     for part, name in (
         (certificate, "constant"),
         (certificate.squares[0], "weight"),
@@ -186,7 +183,7 @@ def test_records_refuse_floating_point(certificate: Certificate) -> None:
 
 
 @pytest.mark.usefixtures("renamed_once")
-def test_scaling_all_weights_proves_the_same(certificate: Certificate) -> None:
+def test_scaling_all_weights_proves_the_same(certificate):
     squares = tuple(replace(s, weight=s.weight / 7) for s in certificate.squares)
     multipliers = tuple(
         replace(m, coefficient=m.coefficient / 7) for m in certificate.multipliers
@@ -201,9 +198,7 @@ def test_scaling_all_weights_proves_the_same(certificate: Certificate) -> None:
 
 
 @pytest.mark.long
-def test_the_largest_certificates_are_verified_in_bounded_time(
-    certificate: Certificate, cpu_seconds: Callable[[Callable[[], object]], float]
-) -> None:
+def test_the_largest_certificates_are_verified_in_bounded_time(certificate, cpu_seconds):
     """Terms of three disjoint pairs have the most equal signatures, so the most renamings.
 
     Measured at 5 times the certificate of the theorem.
@@ -220,7 +215,7 @@ def test_the_largest_certificates_are_verified_in_bounded_time(
     )
     largest = replace(certificate, squares=squares)
 
-    def refused() -> None:
+    def refused():
         with pytest.raises(CertificateError, match="does not hold"):
             verify(largest)
 

@@ -8,12 +8,7 @@ from hypothesis import strategies as st
 
 from formulations.joints.arm import Arm
 from formulations.joints.joint import NotInModelError
-from formulations.joints.kinds import (
-    FreeColumn,
-    LeverRevolute,
-    Prismatic,
-    UnitRevolute,
-)
+from formulations.joints.kinds import FreeColumn, LeverRevolute, Prismatic, UnitRevolute
 from nlp.errors import InputError
 
 KINDS = [

@@ -7,8 +7,12 @@ from hypothesis import strategies as st
 
 from formulations.joints.arm import Arm
 from formulations.joints.kinds import FreeColumn, LeverRevolute, UnitRevolute
-from formulations.measures.canonical import canonical_form, group_equivalent
-from formulations.measures.symmetry import Symmetry, symmetry_of
+from formulations.measures.canonical import (
+    Symmetry,
+    canonical_form,
+    group_equivalent,
+    symmetry_of,
+)
 from nlp.errors import InputError
 
 ARMS = {

@@ -3,13 +3,10 @@
 import json
 import os
 import pickle
-import signal
-import socket
 import subprocess
 import sys
-import threading
 import time
-from contextlib import contextmanager, nullcontext, suppress
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 
@@ -18,8 +15,8 @@ import pytest
 
 from nlp import executors
 from nlp.dispatch import dispatch
-from nlp.errors import InputError, WorkerError
-from nlp.executors import DaskExecutor
+from nlp.errors import WorkerError
+from nlp.executors import dask_executor
 from nlp.multistart import multistart
 from nlp.problem import Problem
 from nlp.starts import Chunk, RunChunk, Task, packed
@@ -72,7 +69,7 @@ def chunks(judge, starts):
 
 def test_a_worker_killed_mid_run_costs_nothing(cluster):
     todo, seen, killed = chunks(slow_point, 200), [], []
-    with DaskExecutor(cluster.scheduler_address) as executor:
+    with dask_executor(cluster.scheduler_address) as executor:
         for result in dispatch(todo, executor):
             seen += [start.result for start in result.finished]
             if len(seen) >= 30 and not killed:
@@ -85,7 +82,7 @@ def test_a_worker_killed_mid_run_costs_nothing(cluster):
 @pytest.mark.parametrize("once", [True, False])
 def test_a_start_that_hangs_ends_its_worker_alone(cluster, tmp_path, once):
     todo = chunks(partial(hang, folder=tmp_path, once=once), 60)
-    with DaskExecutor(cluster.scheduler_address) as executor:
+    with dask_executor(cluster.scheduler_address) as executor:
         results = list(dispatch(todo, executor, 1.0))
     finished = sorted(start.result for result in results for start in result.finished)
     failed = [start.index for result in results for start in result.failed]
@@ -103,59 +100,28 @@ def test_a_clients_own_executor_will_do(cluster):
     assert points[0] == points[1]
 
 
-@contextmanager
-def serving(reply=b""):
-    """Yield the address of a server that answers every connection with the same bytes."""
-
-    def answer():
-        with suppress(OSError):
-            while True:
-                connections.append(server.accept()[0])
-                connections[-1].sendall(reply)
-
-    connections = []
-    with socket.create_server(("127.0.0.1", 0)) as server:
-        threading.Thread(target=answer, daemon=True).start()
-        yield f"tcp://127.0.0.1:{server.getsockname()[1]}"
-        server.shutdown(socket.SHUT_RDWR)
-    for connection in connections:
-        connection.close()
-
-
 @pytest.mark.parametrize(
-    "reply",
-    [None, b"", b"HTTP/1.1 400 Bad Request\r\n\r\n"],
-    ids=["closed port", "silent", "HTTP"],
+    "address",
+    ["tcp://127.0.0.1:1", "nonsense://x", "tls://127.0.0.1:8786", "tcp://127.0.0.1:x"],
 )
-def test_a_server_that_is_no_scheduler_is_given_up(monkeypatch, reply):
-    monkeypatch.setattr(executors, "_PATIENCE", 1.0)
-    server = nullcontext("tcp://127.0.0.1:1") if reply is None else serving(reply)
-    with server as address, pytest.raises(WorkerError, match="No Dask scheduler answers"):
-        DaskExecutor(address)
+def test_refuses_addresses_where_no_scheduler_answers(monkeypatch, address):
+    monkeypatch.setattr(executors, "_CONNECT_SECONDS", 1.0)
+    with pytest.raises(WorkerError, match=address), dask_executor(address):
+        pass
 
 
-@pytest.mark.parametrize("address", ["nonsense://x", "tls://127.0.0.1:8786"])
-def test_refuses_addresses_that_nothing_can_have(address):
-    with pytest.raises((InputError, WorkerError), match=address):
-        DaskExecutor(address)
-
-
-@pytest.mark.parametrize("what", ["scheduler killed", "scheduler stopped", "workers killed"])
-def test_a_cluster_that_ends_half_way_is_given_up(tmp_path, monkeypatch, what):
+def test_a_scheduler_that_ends_half_way_is_given_up(tmp_path):
     """What arrived before is kept; then one error."""
-    with dask_processes(tmp_path) as (address, scheduler, worker):
+    with dask_processes(tmp_path) as (address, scheduler, _):
         seen = []
-        victim = worker if what == "workers killed" else scheduler
-        sent = signal.SIGSTOP if what == "scheduler stopped" else signal.SIGKILL
 
         def run():
-            with DaskExecutor(address) as executor:
-                monkeypatch.setattr(executors, "_PATIENCE", 3.0)  # now that it is there
+            with dask_executor(address) as executor:
                 for result in dispatch(chunks(slow_point, 2000), executor):
                     assert not result.failed
                     seen.extend(start.result for start in result.finished)
                     if len(seen) == 30:
-                        os.kill(victim.pid, sent)
+                        scheduler.kill()
 
         with pytest.raises(WorkerError, match="results so far are kept"):
             run()

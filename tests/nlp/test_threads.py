@@ -1,6 +1,13 @@
 """Linear algebra runs on one thread where starts are solved, and only there."""
 
+import io
+import os
 import pickle
+import signal
+import sys
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import redirect_stdout
+from pathlib import Path
 
 import casadi as ca
 import numpy as np
@@ -34,7 +41,7 @@ def _two_threads_outside(monkeypatch):
     with threadpool_limits(limits=2, user_api="blas"):
         before = threads()  # the library that comes with SCS always says 1, once it is loaded
         if 2 not in before:
-            pytest.skip("NumPy's linear algebra has one thread: install a NumPy from PyPI")
+            pytest.skip("NumPy's linear algebra has one thread: install its wheel")
         yield
         assert threads() == before, "as it was"
 
@@ -55,3 +62,30 @@ def test_the_decorator_limits_and_lets_go():
     limited = one_blas_thread()(threads)
     assert limited() == {1}
     assert limited.__doc__ == threads.__doc__
+
+
+def test_a_thousand_runs_of_eight_threads_leave_the_process_alone():
+    """Streams, signals, environment and folder are the user's; every run gives its answer."""
+
+    def runs(seed):
+        print("begun")
+        points = {point(seed) for _ in range(125)}
+        print("ended")
+        return points
+
+    def point(seed):
+        [run] = multistart(parabola, sample, starts=1, seed=seed).results
+        return run.solution.variables.tobytes()
+
+    def process():
+        handlers = [signal.getsignal(number) for number in signal.valid_signals()]
+        return sys.stdout, sys.stderr, handlers, dict(os.environ), Path.cwd()
+
+    before = process()
+    with ThreadPoolExecutor(8) as pool, redirect_stdout(io.StringIO()) as said:
+        inside = sys.stdout
+        found = list(pool.map(runs, range(8)))
+        assert sys.stdout is inside
+    assert found == [{point(seed)} for seed in range(8)]
+    assert sorted(said.getvalue().split()) == ["begun"] * 8 + ["ended"] * 8
+    assert process() == before

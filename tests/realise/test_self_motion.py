@@ -9,12 +9,12 @@ from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
 from formulations.__main__ import main
-from formulations.realise.chain import LinkChain, rotation_vectors
+from formulations.kinematics.link_chain import LinkChain, rotation_vectors
+from formulations.kinematics.self_motion import SelfMotionPoses, arcs, covered, kept, solve_pose
 from formulations.realise.choice import choose_arrangement, rank
 from formulations.realise.criteria import CRITERIA, Sampling
 from formulations.realise.family import Arrangements, family
 from formulations.realise.from_jacobian import realise
-from formulations.realise.self_motion import SelfMotionPoses, arcs, covered, kept, solve
 from formulations.reproduction import reference
 
 HALF = np.deg2rad(20.0)
@@ -49,7 +49,7 @@ def test_curves_hold_the_pose_and_close(optimum):
     tip = arm.end_effector + np.array([[0.2, -0.1, 0.3], [0.0, 0.0, 0.0]])
     poses = SelfMotionPoses(members, list(range(6)), tip, np.broadcast_to(np.eye(3), (2, 3, 3)))
     none = np.full(7, np.inf)
-    q, found = solve(poses, np.zeros((2, 7)), -none, none)
+    q, found = solve_pose(poses, np.zeros((2, 7)), -none, none)
     assert found.all()
     curves = arcs(poses, q, -none, none, steps=150)
     for own, points in zip(tip, curves.points, strict=True):
@@ -68,7 +68,7 @@ def test_curves_end_at_limits():
         ahead((1.0, 1.0, 1.0)), [0, 1], np.array([[1.5, 0.5, 0]]), np.eye(3)[None]
     )
     low, high = np.array([-0.4, -3.0, -3.0]), np.array([1.3, 3.0, 3.0])
-    q, found = solve(poses, np.array([[0.8, -1.0, 0.5]]), low, high)
+    q, found = solve_pose(poses, np.array([[0.8, -1.0, 0.5]]), low, high)
     assert found.all()
     curves = arcs(poses, q, low, high)
     ends = curves.points[0][~np.isnan(curves.points[0, :, 0])]
@@ -90,7 +90,7 @@ def test_planar_curves_sweep_what_two_links_reach(lengths):
     none, angles = np.full(3, np.inf), np.linspace(-np.pi, np.pi, 181)
     swept = np.zeros((12, len(angles)), dtype=bool)
     for _ in range(7):  # both curves of a point, if it has two
-        q, found = solve(poses, rng.uniform(-3, 3, (12, 3)), -none, none)
+        q, found = solve_pose(poses, rng.uniform(-3, 3, (12, 3)), -none, none)
         curves = arcs(poses, q, -none, none, steps=120)
         low, high = curves.least[:, :1], curves.most[:, :1]
         shift = 2 * np.pi * np.ceil((low - angles) / (2 * np.pi))

@@ -2,10 +2,11 @@
 
 from types import SimpleNamespace
 
+import numpy as np
 import pinocchio as pin
 import pytest
 
-from formulations.robots.read_urdf import parse_urdf
+from formulations.kinematics.read_urdf import parse_urdf
 from nlp.errors import MissingLibraryError
 
 
@@ -67,10 +68,27 @@ def tree(text):
     return parse_urdf(text.encode())
 
 
+def of_pinocchio(model, chain, point):
+    """Pinocchio's Jacobian of a chain's tip, along the axes of the chain's base, (6, n)."""
+    data, q, places = model.createData(), pin.neutral(model), []
+    for name, value in [*zip(chain.names, point, strict=True), *chain.locked_at]:
+        joint = model.joints[model.getJointId(name)]
+        both = value if joint.nq == 1 else [np.cos(value), np.sin(value)]
+        q[joint.idx_q : joint.idx_q + joint.nq] = both
+        places.append(joint.idx_v)
+    frame = model.getFrameId(chain.tip)
+    full = pin.computeFrameJacobian(model, data, q, frame, pin.LOCAL_WORLD_ALIGNED)
+    pin.updateFramePlacements(model, data)
+    # The world of an MJCF file has another name there.
+    base = model.getFrameId(chain.base) if model.existFrame(chain.base) else 0
+    turn = data.oMf[base].rotation
+    return np.kron(np.eye(2), turn.T) @ full[:, places[: len(chain.names)]]
+
+
 @pytest.fixture(scope="session")
 def made():
     """What makes robots."""
-    makers = (joint, urdf, serial, spherical_shoulder_and_wrist, offset_arm, tree)
+    makers = (joint, urdf, serial, spherical_shoulder_and_wrist, offset_arm, tree, of_pinocchio)
     return SimpleNamespace(**{maker.__name__: maker for maker in makers}, AXES=AXES)
 
 

@@ -8,7 +8,7 @@ import pytest
 from formulations import max_min, measures
 from formulations.commands.robot_arguments import pairs, read_configuration
 from formulations.joints.models import arm as designed
-from formulations.robots.chain_between import chain_between
+from formulations.kinematics.chain_between import chain_between
 from formulations.robots.robot_arm import RobotArm
 from formulations.robots.robot_assessment import at_length, best_7r, measure_robot
 from formulations.robots.task import TaskSpace

@@ -4,7 +4,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from formulations.robots.chain_between import chain_between
+from formulations.kinematics.chain_between import chain_between
 from formulations.robots.robot_arm import RobotArm
 from formulations.robots.task import TaskSpace
 from nlp.errors import InputError
@@ -29,35 +29,18 @@ def mixed(made):
     )
 
 
-def from_pinocchio(text, chain, point):
-    """Columns of the free joints in pinocchio's Jacobian of the tip, axes of the root."""
-    model = pin.buildModelFromXML(text, mimic=True)
-    data = model.createData()
-    q = pin.neutral(model)
-    places = []
-    for name, value in [*zip(chain.names, point, strict=True), *chain.held]:
-        joint = model.joints[model.getJointId(name)]
-        q[joint.idx_q : joint.idx_q + joint.nq] = (
-            value if joint.nq == 1 else [np.cos(value), np.sin(value)]
-        )
-        places.append(joint.idx_v)
-    frame = model.getFrameId(chain.tip)
-    full = pin.computeFrameJacobian(model, data, q, frame, pin.LOCAL_WORLD_ALIGNED)
-    return full[:, places[: len(chain.names)]]
-
-
-@pytest.mark.parametrize("held", [{}, {"a": 0.4}, {"d": -2.5}, {"b": 0.7, "e": -1.0}])
-def test_every_kind_of_joint_agrees_with_pinocchio(mixed, made, held):
+@pytest.mark.parametrize("locked_at", [{}, {"a": 0.4}, {"d": -2.5}, {"b": 0.7, "e": -1.0}])
+def test_every_kind_of_joint_agrees_with_pinocchio(mixed, made, locked_at):
     """Of which the mimic joint's column is the driver's: pinocchio knows mimicry as well."""
     text = mixed.replace('type="floating"', 'type="fixed"')
-    chain = chain_between(made.tree(text), "tip", held=held)
-    assert chain.names == tuple(name for name in "abde" if name not in held)
+    chain = chain_between(made.tree(text), "tip", locked_at=locked_at)
+    assert chain.names == tuple(name for name in "abde" if name not in locked_at)
     arm = RobotArm(chain, TaskSpace(("vx",)), 0.7)
-    rng = np.random.default_rng(0)
+    model, rng = pin.buildModelFromXML(text, mimic=True), np.random.default_rng(0)
     for _ in range(5):
         point = arm.sample(rng)
-        ours, theirs = arm.metric_jacobian(point), from_pinocchio(text, chain, point)
-        assert ours == pytest.approx(theirs, abs=1e-12)
+        theirs = made.of_pinocchio(model, chain, point)
+        assert arm.metric_jacobian(point) == pytest.approx(theirs, abs=1e-12)
 
 
 def test_a_driver_on_another_branch_moves_the_tip(made):
@@ -93,7 +76,7 @@ def test_a_held_joint_is_a_fixed_one(mixed, made):
     """Column by column the arm with a joint held is the arm without that column."""
     robot = made.tree(mixed)
     whole = RobotArm(chain_between(robot, "tip"), PLANE, 0.5)
-    rest = RobotArm(chain_between(robot, "tip", held={"d": 0.9}), PLANE, 0.5)
+    rest = RobotArm(chain_between(robot, "tip", locked_at={"d": 0.9}), PLANE, 0.5)
     full = whole.metric_jacobian([0.1, 0.2, 0.9, -0.3])
     assert rest.metric_jacobian([0.1, 0.2, -0.3]) == pytest.approx(
         np.delete(full, 2, axis=1), abs=1e-12
@@ -141,12 +124,15 @@ def test_mid_range_is_zero_without_limits(mixed, made):
         ({"tip": "four", "base": "five"}, "base is five; allowed: a link before four"),
         ({"tip": "base"}, "nothing moves"),
         ({"tip": "two", "base": "one"}, "nothing moves"),
-        ({"tip": "two", "held": {"a": 0.0}}, "nothing moves"),
+        ({"tip": "two", "locked_at": {"a": 0.0}}, "nothing moves"),
         ({"tip": "branch"}, "joint other is floating; allowed: only revolute"),
-        ({"tip": "tip", "held": {"x": 0.0}}, "held joint is x; allowed: one of a, b, d, e"),
-        ({"tip": "tip", "held": {"c": 0.0}}, "held joint is c"),
-        ({"tip": "tip", "held": {"a": 2.5}}, r"joint a is 2.5; allowed: within \[-2, 2\]"),
-        ({"tip": "tip", "held": {"a": np.nan}}, "joint a is nan"),
+        (
+            {"tip": "tip", "locked_at": {"x": 0.0}},
+            "locked_at is x; allowed: one of a, b, d, e",
+        ),
+        ({"tip": "tip", "locked_at": {"c": 0.0}}, "joint of locked_at is c"),
+        ({"tip": "tip", "locked_at": {"a": 2.5}}, r"joint a is 2.5; allowed: within \[-2, 2\]"),
+        ({"tip": "tip", "locked_at": {"a": np.nan}}, "joint a is nan"),
         ({"tip": "tip", "point": (0, 0)}, "point is"),
     ],
 )
@@ -198,7 +184,7 @@ def test_a_joint_without_room_has_no_column(made, limit, at, kind):
     ]
     found = chain_between(made.tree(made.urdf(joints)), "4")
     joints[1] = made.joint("b", "1", "2", kind, axis="0 1 0")
-    same = chain_between(made.tree(made.urdf(joints)), "4", held={"b": at})
+    same = chain_between(made.tree(made.urdf(joints)), "4", locked_at={"b": at})
     assert found.names == ("a", "c", "d")
     assert found.immobile == (("b", pytest.approx(at)),)
     ours, theirs = (RobotArm(chain, PLANE, 0.5) for chain in (found, same))
@@ -231,67 +217,38 @@ def test_a_joint_that_a_stuck_one_mimics_is_stuck_too(made):
     ],
 )
 def test_limits_that_may_be_degrees_are_noted(made, limit, kind, noted):
-    robot = made.tree(made.urdf([made.joint("a", "0", "1", kind, limit=limit)]))
-    chain = chain_between(robot, "1")
+    joints = [made.joint("x", "t", "0"), made.joint("a", "0", "1", kind, limit=limit)]
+    chain = chain_between(made.tree(made.urdf(joints)), "1")
     assert any("degrees" in note and "a." in note for note in chain.notes) is noted
-    arm = RobotArm(
-        chain_between(
-            made.tree(
-                made.urdf(
-                    [made.joint("x", "t", "0"), made.joint("a", "0", "1", kind, limit=limit)]
-                )
-            ),
-            "1",
-        ),
-        TaskSpace(("vx",)),
-        1.0,
-    )
+    arm = RobotArm(chain, TaskSpace(("vx",)), 1.0)
     assert np.all(np.isfinite(arm.sample(np.random.default_rng(0))))
 
 
-def test_a_long_row_of_mimicry_is_refused(made):
+@pytest.mark.parametrize(
+    ("count", "multiplier", "sentence"),
+    [(120, "1", "joint j100 is too long a row"), (3, "1e15", "joint j2 is multiplier 1e"),
+     (3, "1e-15", "joint j2 is multiplier 1e")],
+)  # fmt: skip
+def test_rows_of_mimicry_that_are_refused(made, count, multiplier, sentence):
     joints = [made.joint("j0", "l0", "l1")] + [
-        made.joint(f"j{k}", f"l{k}", f"l{k + 1}", mimic=f'<mimic joint="j{k - 1}"/>')
-        for k in range(1, 120)
-    ]
-    with pytest.raises(InputError, match="<mimic> of joint j100 is too long a row"):
-        chain_between(made.tree(made.urdf(joints)), "l120")
-
-
-def test_products_of_mimicry_that_overflow(made):
-    for multiplier in ("1e15", "1e-15"):
-        names = ("a", "b", "c")
-        joints = [made.joint("a", "0", "1")] + [
-            made.joint(
-                name,
-                str(k),
-                str(k + 1),
-                mimic=f'<mimic joint="{names[k - 1]}" multiplier="{multiplier}"/>',
-            )
-            for k, name in enumerate(names)
-            if k
-        ]
-        with pytest.raises(InputError, match="<mimic> of joint c is multiplier 1e"):
-            chain_between(made.tree(made.urdf(joints)), "3")
+        made.joint(f"j{k}", f"l{k}", f"l{k + 1}",
+                   mimic=f'<mimic joint="j{k - 1}" multiplier="{multiplier}"/>')
+        for k in range(1, count)
+    ]  # fmt: skip
+    with pytest.raises(InputError, match=f"<mimic> of {sentence}"):
+        chain_between(made.tree(made.urdf(joints)), f"l{count}")
 
 
 def test_mimicry_of_mimicry_and_of_multiplier_zero(made):
-    robot = made.tree(
-        made.urdf(
-            [
-                made.joint("a", "0", "1"),
-                made.joint(
-                    "b", "1", "2", mimic='<mimic joint="a" multiplier="2" offset="0.1"/>'
-                ),
-                made.joint(
-                    "c", "2", "3", mimic='<mimic joint="b" multiplier="-3" offset="0.4"/>'
-                ),
-                made.joint(
-                    "d", "3", "4", mimic='<mimic joint="a" multiplier="0" offset="0.3"/>'
-                ),
-            ]
-        )
+    followers = (
+        ("b", '<mimic joint="a" multiplier="2" offset="0.1"/>'),
+        ("c", '<mimic joint="b" multiplier="-3" offset="0.4"/>'),
+        ("d", '<mimic joint="a" multiplier="0" offset="0.3"/>'),
     )
-    chain = chain_between(robot, "4")
+    joints = [made.joint("a", "0", "1")] + [
+        made.joint(name, str(k), str(k + 1), mimic=mimic)
+        for k, (name, mimic) in enumerate(followers, start=1)
+    ]
+    chain = chain_between(made.tree(made.urdf(joints)), "4")
     driven = [(motion.multiplier, motion.offset) for motion in chain.motions]
     assert driven == [(1.0, 0.0), (2.0, 0.1), (-6.0, pytest.approx(0.1))]

@@ -8,17 +8,17 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from formulations.robots.capsules import between_segments, capsule_around, gap_squared
-from formulations.robots.chain_between import chain_between
-from formulations.robots.clearance import read_clearance
-from formulations.robots.held_pose import HeldArm, Pose
+from formulations.clearance.capsules import between_segments, capsule_around, gap_squared
+from formulations.clearance.link_clearance import read_clearance
+from formulations.clearance.shapes import Shape
+from formulations.kinematics.chain_between import chain_between
+from formulations.kinematics.read_urdf import read_urdf
+from formulations.kinematics.tree import RobotError
+from formulations.robots.pose_constrained_arm import Pose, PoseConstrainedArm
 from formulations.robots.posture import best_posture
 from formulations.robots.posture_search import Search
-from formulations.robots.read_urdf import read_urdf
 from formulations.robots.robot_arm import RobotArm
-from formulations.robots.shapes import Shape
 from formulations.robots.task import TaskSpace
-from formulations.robots.tree import RobotError
 from formulations.studies.robots import ARMS
 from nlp.errors import InputError
 
@@ -59,7 +59,8 @@ def bar(length):
 
 def test_capsules_contain_the_meshes():
     _, _, found = panda()
-    for link, capsule in zip(found.links, found.capsules, strict=True):
+    for link in found.links:
+        capsule = link.capsule
         for shape in link.shapes:
             if shape.kind != "mesh":
                 continue
@@ -199,7 +200,7 @@ def test_what_is_stated_is_what_is_measured():
     which = range(len(found.pairs))
     stated = ca.Function("excess", [q], [found.excess(q, which)])
     points = sampled(arm, 20)
-    radii = np.array([one.radius for one in found.capsules])
+    radii = np.array([one.capsule.radius for one in found.links])
     first, second = np.array(found.pairs).T
     for k, gaps in enumerate(found.distances(points).T):
         least = radii[first] + radii[second] + found.least
@@ -234,7 +235,7 @@ def test_links_keep_the_distance_that_is_asked_for(made, tmp_path):
     assert kept.clearance.capsules == pytest.approx(asked, abs=1e-5)
     assert kept.assessment.worst_case_sigma < free.assessment.worst_case_sigma - 1e-3
     assert kept.at.position_error < 1e-6
-    held = HeldArm(arm.chain, arm.task, None, pose)
+    held = PoseConstrainedArm(arm.chain, arm.task, None, pose)
     points = held.configurations
     apart = read_clearance(path, arm.chain, asked).is_kept(points)
     left = [arm_sigma(arm, q) for q in points[:, apart].T]

@@ -59,7 +59,7 @@ def test_assess_shows_everything_that_was_asked_for(lockedjoint, robot, tmp_path
     assert done.returncode == 0, done.stderr
     assert "0.4 m" in done.stdout
     found = json.loads((tmp_path / "a.json").read_text())
-    assert (found["held"], found["task"]) == ({"j1": 0.5}, ["vx", "vy", "wz"])
+    assert (found["locked_at"], found["task"]) == ({"j1": 0.5}, ["vx", "vy", "wz"])
     assert np.array(found["jacobian"]).shape == (3, 6)
     assert len(found["failures"]) == 15
     assert f"and {15 - 12} failures" in done.stdout

@@ -1,7 +1,6 @@
 """Postures at a pose: judged by pinocchio, by brute force, and where it is out of reach."""
 
 import json
-import sys
 from functools import lru_cache
 
 import numpy as np
@@ -11,16 +10,16 @@ from scipy.spatial.transform import Rotation
 
 import formulations.solving.solve as solving
 from formulations import measures
-from formulations.__main__ import main
+from formulations.kinematics.chain_between import chain_between
+from formulations.kinematics.forward import Kinematics
+from formulations.kinematics.inverse import solve_ik
 from formulations.measures.unequal_failures import FailureModel
-from formulations.robots.chain_between import chain_between
-from formulations.robots.held_pose import HeldArm, Pose
-from formulations.robots.kinematics import Kinematics
+from formulations.paths.waypoints import read_pose
+from formulations.robots.pose_constrained_arm import Pose, PoseConstrainedArm
 from formulations.robots.posture import best_posture
 from formulations.robots.posture_search import Search
 from formulations.robots.robot_arm import RobotArm
 from formulations.robots.task import TaskSpace
-from formulations.robots.waypoints import read_pose
 from formulations.studies.robots import ARMS
 from nlp.errors import InputError
 
@@ -38,39 +37,35 @@ def panda_down():
     return pose, best_posture(real("Franka").arm(), Search(starts=12), at=pose)
 
 
-def by_pinocchio(declared, configuration):
+def by_pinocchio(made, declared, configuration):
     """Pose of the tip and worst case, without any of our kinematics or measures."""
-    model = pin.buildModelFromUrdf(str(declared.path))
-    q, places = pin.neutral(model), []
-    for name, value in configuration.items():
-        joint = model.joints[model.getJointId(name)]
-        q[joint.idx_q] = value
-        places.append(joint.idx_v)
-    frame, data = model.getFrameId(declared.tip), model.createData()
-    matrix = pin.computeFrameJacobian(model, data, q, frame, pin.LOCAL_WORLD_ALIGNED)[:, places]
+    model, chain = pin.buildModelFromUrdf(str(declared.path)), declared.arm().chain
+    matrix = made.of_pinocchio(model, chain, configuration.values())
     matrix[:3] /= np.sqrt(np.sum(matrix[:3] ** 2) / np.sum(matrix[3:] ** 2))
     left = [np.linalg.svd(np.delete(matrix, f, axis=1), compute_uv=False)[-1] for f in range(7)]
+    q, data = pin.neutral(model), model.createData()
+    for name, value in configuration.items():
+        q[model.joints[model.getJointId(name)].idx_q] = value
+    assert np.all((q >= model.lowerPositionLimit) & (q <= model.upperPositionLimit))
     pin.framesForwardKinematics(model, data, q)
-    limits = model.lowerPositionLimit, model.upperPositionLimit
-    assert np.all((q >= limits[0]) & (q <= limits[1]))
-    return data.oMf[frame], min(left)
+    return data.oMf[model.getFrameId(declared.tip)], min(left)
 
 
-def test_the_answer_by_pinocchio_alone():
+def test_the_answer_by_pinocchio_alone(made):
     pose, found = panda_down()
-    place, sigma = by_pinocchio(real("Franka"), found.assessment.configuration)
+    place, sigma = by_pinocchio(made, real("Franka"), found.assessment.configuration)
     assert place.translation == pytest.approx(pose.position, abs=1e-7)
     assert place.rotation == pytest.approx(np.diag([1.0, -1.0, -1.0]), abs=1e-7)
     assert sigma == pytest.approx(found.assessment.worst_case_sigma, abs=1e-9)
     assert found.at.position_error < 1e-7
 
 
-def test_a_kuka_with_a_tolerance_by_pinocchio_alone():
+def test_a_kuka_with_a_tolerance_by_pinocchio_alone(made):
     declared = real("KUKA")
     turn = Rotation.from_euler("xyz", [2.5, 0.3, 0.2])
     pose = Pose((0.5, 0.1, 0.6), tuple(turn.as_quat()), 0.02, 0.1)
     found = best_posture(declared.arm(), Search(starts=2), at=pose)
-    place, sigma = by_pinocchio(declared, found.assessment.configuration)
+    place, sigma = by_pinocchio(made, declared, found.assessment.configuration)
     off = np.linalg.norm(place.translation - pose.position)
     angle = (Rotation.from_matrix(place.rotation) * turn.inv()).magnitude()
     assert off == pytest.approx(found.at.position_error, abs=1e-8)
@@ -94,7 +89,7 @@ def test_as_good_as_the_best_of_many_points_of_the_self_motion():
     kinematics, rng = Kinematics(arm.chain), np.random.default_rng(8)
     drawn = rng.uniform(*kinematics.ranges, (7, 1500))
     target = np.array(pose.position)[:, None], pose.rotation[:, :, None]
-    points, reached = kinematics.reach(drawn, *target, iterations=60)
+    points, reached = solve_ik(kinematics, drawn, *target, iterations=60)
     sampled = [measures.worst_case_sigma(arm.jacobian(q)) for q in points[:, reached].T]
     assert len(sampled) > 200
     assert max(sampled) <= found.assessment.worst_case_sigma + 1e-6
@@ -144,7 +139,7 @@ def test_a_planar_arm_against_every_point_of_its_self_motion(made):
 def test_where_each_joint_of_a_planar_arm_may_lock(made):
     """In closed form: the first joint's angle fixes how far the other two have to reach."""
     arm = planar(made, [1.0, 0.8, 0.5], 3.14159)
-    held = HeldArm(arm.chain, arm.task, None, Pose((0.8, 0.4, 0.0)))
+    held = PoseConstrainedArm(arm.chain, arm.task, None, Pose((0.8, 0.4, 0.0)))
     found = held.locked_reach(held.sample(np.random.default_rng(0)))
     angles = np.linspace(-np.pi, np.pi, 2001)
     far = np.abs(complex(0.8, 0.4) - np.exp(1j * angles))
@@ -241,7 +236,7 @@ def test_scenarios_are_the_least_over_them(made):
     for goal, key in (("worst", "weighted_worst_sigma"), ("expected", "expected_sigma")):
         both = best_posture(arm, Search(starts=3, failures=models, goal=goal), at=pose).failures
         assert both[key] == min(one[key] for one in both["scenarios"])
-        held = HeldArm(arm.chain, arm.task, None, pose)
+        held = PoseConstrainedArm(arm.chain, arm.task, None, pose)
         for q in held.configurations[:, :300].T:
             matrix = held.jacobian(q)
             least = min(_unequal(matrix, one, goal) for one in models)
@@ -259,21 +254,15 @@ def _unequal(matrix, failures, goal):
     return min(s * odds.max() / o for s, o in zip(left, odds, strict=True) if o > 0)
 
 
-def test_the_command_says_how_nearly_and_where_joints_may_lock(
-    made, tmp_path, monkeypatch, capfd
-):
+def test_the_command_says_how_nearly_and_where_joints_may_lock(lockedjoint, made, tmp_path):
     (tmp_path / "robot.urdf").write_text(made.offset_arm())
     (tmp_path / "pose.json").write_text('{"x": 0.3, "y": 0.4, "z": 1.1}')
-    monkeypatch.chdir(tmp_path)
     command = "posture robot.urdf --task position --at pose.json --tolerance 0.01 --starts 2"
     wanted = " --workers 1 --never-fails j3 --failure-probabilities 0.1 --out best.json"
-    monkeypatch.setattr(sys, "argv", ["lockedjoint", *(command + wanted).split()])
-    with pytest.raises(SystemExit) as ended:
-        main()
-    shown = capfd.readouterr()
-    assert ended.value.code in (0, None), shown.err
+    done = lockedjoint.here(*(command + wanted).split(), cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
     for line in ("0.3, 0.4, 1.1 m, off by", "pose within reach where", "never failing joints"):
-        assert line in shown.out
+        assert line in done.stdout
     found = json.loads((tmp_path / "best.json").read_text())
     assert found["never_failing_joints"] == ["j3"]
     assert found["at"]["pose"]["tolerance"] == 0.01

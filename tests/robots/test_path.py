@@ -9,15 +9,16 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from formulations.robots.chain import narrowed, tip_pose
-from formulations.robots.chain_between import chain_between
-from formulations.robots.kinematics import Kinematics
-from formulations.robots.path import PathSearch, plan_path
-from formulations.robots.path_polish import transcription
+from formulations.kinematics.chain import narrowed
+from formulations.kinematics.chain_between import chain_between
+from formulations.kinematics.forward import Kinematics, tip_pose
+from formulations.kinematics.inverse import solve_ik
+from formulations.paths.polish import transcription
+from formulations.paths.search import PathSearch, plan_path
+from formulations.paths.survival import follow, on_path, survivors
+from formulations.paths.waypoints import Poses, ToolPath, read_waypoints
 from formulations.robots.robot_arm import RobotArm
-from formulations.robots.survival import Poses, follow, on_path, survivors
 from formulations.robots.task import TaskSpace
-from formulations.robots.waypoints import ToolPath, read_waypoints
 from nlp.errors import InputError
 from nlp.solver import solve
 
@@ -82,8 +83,8 @@ def test_half_a_turn_off_is_not_there(arm):
     origin, turn, _ = kinematics.forward(q)
     for axis in np.eye(3):
         back = np.einsum("ij,jkb->ikb", Rotation.from_rotvec(np.pi * axis).as_matrix(), turn)
-        assert kinematics.reach(q, origin, turn, iterations=0)[1].all()
-        assert not kinematics.reach(q, origin, back, iterations=0)[1].any()
+        assert solve_ik(kinematics, q, origin, turn, iterations=0)[1].all()
+        assert not solve_ik(kinematics, q, origin, back, iterations=0)[1].any()
 
 
 def tool_path(poses):
@@ -192,8 +193,8 @@ def test_a_joint_whose_ranges_do_not_meet_is_hopeless(planar):
     rows = {one["joint"]: one for one in found.joint_rows()}
     # At 1.2 joints 1 and 2 may be anywhere between, but at 2.55 both are nearly straight.
     assert found.joint_ceiling[1] < 100
-    for row, hopeless in zip(rows.values(), found.hopeless_until, strict=True):
-        assert (row["hopeless_until"] is None) == (hopeless < 0)
+    for row, hopeless in zip(rows.values(), found.unrecoverable_until, strict=True):
+        assert (row["unrecoverable_until"] is None) == (hopeless < 0)
         if hopeless >= 0:
             assert not found.planned.survives[
                 : hopeless + 1, found.joints.index(row["joint"])
@@ -293,24 +294,11 @@ def test_bad_waypoints_are_named(tmp_path, text):
 )
 def test_paths_that_cannot_be_followed_are_refused(planar, points, duration, said):
     if "between waypoints 2" in said:  # the way leads through where the arm cannot fold to
-        planar = RobotArm(
-            narrowed(planar.chain, {"j1": (-0.5, 0.5), "j2": (-0.5, 0.5)}), planar.task
-        )
+        chain = narrowed(planar.chain, {"j1": (-0.5, 0.5), "j2": (-0.5, 0.5)})
+        planar = RobotArm(chain, planar.task)
+    path = ToolPath(np.array(points, dtype=float))
     with pytest.raises(InputError, match=said):
-        plan_path(
-            planar, ToolPath(np.array(points, dtype=float)), replace(QUICK, duration=duration)
-        )
-
-
-def test_limits_that_contradict_are_refused(arm):
-    for limits, said in (
-        ({"j9": (0, 1)}, "joint of --limits is j9"),
-        ({"j1": (1, 0)}, r"limits of j1 is \[1, 0\]"),
-        ({"j1": (3, 4)}, r"with room in the robot's \[-2, 2\]"),
-    ):
-        with pytest.raises(InputError, match=said):
-            narrowed(arm.chain, limits)
-    assert narrowed(arm.chain, {"j1": (0, 9)}).joints[1].upper == 2
+        plan_path(planar, path, replace(QUICK, duration=duration))
 
 
 def test_speeds_are_read_and_narrowed_by_mimics(made):

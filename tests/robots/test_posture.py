@@ -6,13 +6,12 @@ from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
-import pinocchio as pin
 import pytest
 from scipy.optimize import minimize
 
 import formulations.solving.solve as solving
 from formulations import max_min, measures
-from formulations.robots.chain_between import chain_between
+from formulations.kinematics.chain_between import chain_between
 from formulations.robots.posture import best_posture
 from formulations.robots.posture_search import Search
 from formulations.robots.robot_arm import RobotArm
@@ -34,48 +33,36 @@ def tiago():
     return best_posture(real("TIAGo,").arm(), Search(starts=8))
 
 
-def by_pinocchio(model, declared, configuration):
-    """From a posture by name to ℓ and σ without any of our kinematics, scaling or measures."""
-    q, places, slides = pin.neutral(model), [], []
-    for name, value in configuration.items():
-        joint = model.joints[model.getJointId(name)]
-        q[joint.idx_q : joint.idx_q + joint.nq] = (
-            value if joint.nq == 1 else [np.cos(value), np.sin(value)]
-        )
-        places.append(joint.idx_v)
-        slides.append(joint.shortname().startswith("JointModelP"))
-    frame, data = model.getFrameId(declared.tip), model.createData()
-    matrix = pin.computeFrameJacobian(model, data, q, frame, pin.LOCAL_WORLD_ALIGNED)[:, places]
-    turning = matrix[:, ~np.array(slides)]
+def by_pinocchio(made, model, declared, configuration):
+    """From a posture to ℓ and σ without any of our kinematics, scaling or measures."""
+    chain = declared.arm().chain
+    assert chain.names == tuple(configuration)
+    matrix = made.of_pinocchio(model, chain, configuration.values())
+    slides = np.array(chain.prismatic)
+    turning = matrix[:, ~slides]
     length = np.sqrt(np.sum(turning[:3] ** 2) / np.sum(turning[3:] ** 2))
     matrix[:3] /= length
     matrix[:, slides] *= length
     rows = matrix[:3] if declared.task == "position" else matrix
-    left = [
-        np.linalg.svd(np.delete(rows, f, axis=1), compute_uv=False)[-1]
-        for f in range(len(places))
-    ]
-    return length, min(left)
+    left = [np.delete(rows, f, axis=1) for f in range(len(slides))]
+    return length, min(np.linalg.svd(one, compute_uv=False)[-1] for one in left)
 
 
-def test_the_worst_case_by_pinocchio_alone(model_of):
+def test_the_worst_case_by_pinocchio_alone(made, model_of):
     found, declared = tiago().assessment, real("TIAGo,")
-    length, sigma = by_pinocchio(model_of(declared), declared, found.configuration)
+    length, sigma = by_pinocchio(made, model_of(declared), declared, found.configuration)
     assert length == pytest.approx(found.characteristic_length)
     assert sigma == pytest.approx(found.worst_case_sigma, abs=1e-9)
 
 
 @pytest.mark.parametrize("declared", ARMS, ids=lambda one: f"{one.name}, {one.task}")
-def test_the_postures_on_record_by_pinocchio_alone(declared, model_of):
+def test_the_postures_on_record_by_pinocchio_alone(declared, made, model_of):
     """Every row of results/robots is as good as it says, within the limits."""
     model = model_of(declared)
     recorded = json.loads((RESULTS / "postures.json").read_text())
-    (found,) = (
-        one
-        for one in recorded
-        if (one["arm"], one["variant"]) == (declared.name, declared.task)
-    )
-    length, sigma = by_pinocchio(model, declared, found["configuration"])
+    key = (declared.name, declared.task)
+    (found,) = (one for one in recorded if (one["arm"], one["variant"]) == key)
+    length, sigma = by_pinocchio(made, model, declared, found["configuration"])
     assert length == pytest.approx(found["characteristic_length"])
     assert sigma == pytest.approx(found["worst_case_sigma"], abs=1e-9)
     declared.arm().chain.within_limits(list(found["configuration"].values()))
@@ -153,9 +140,9 @@ def test_limits_bind_and_hold(made):
 def test_after_a_failure(made):
     """A sub-chain: eight joints, one held; its best posture holds it."""
     tree = made.tree(made.offset_arm(8))
-    arm = RobotArm(chain_between(tree, "l8", held={"j3": 0.7}))
+    arm = RobotArm(chain_between(tree, "l8", locked_at={"j3": 0.7}))
     found = best_posture(arm, Search(starts=4)).assessment
-    assert found.held == {"j3": 0.7}
+    assert found.locked_at == {"j3": 0.7}
     assert "j3" not in found.configuration
     whole = RobotArm(chain_between(tree, "l8"), length=found.characteristic_length)
     point = [({"j3": 0.7} | found.configuration)[name] for name in whole.chain.names]
@@ -217,14 +204,6 @@ def test_a_task_that_the_arm_cannot_do_is_refused(made):
         best_posture(arm)
 
 
-def test_the_same_whatever_the_number_of_workers(made):
-    arm = RobotArm(
-        chain_between(made.tree(made.offset_arm()), "l7"), TaskSpace.parse("position")
-    )
-    alone, shared = (best_posture(arm, Search(starts=3, workers=w)).to_dict() for w in (1, 2))
-    assert alone == shared
-
-
 def test_the_isotropy_that_seven_joints_cannot_have_is_not_claimed(made):
     """Twenty-one equations in seven unknowns."""
     arm = RobotArm(chain_between(made.tree(made.offset_arm()), "l7"))
@@ -241,21 +220,12 @@ def test_searches_that_make_no_sense(made):
     )
     with pytest.raises(InputError, match=r"length is 0.4; allowed: none for the residual"):
         best_posture(arm, Search("residual"))
-    with pytest.raises(InputError, match="locked is 2; allowed: none"):
-        Search("residual", locked=2).case(arm)
+    with pytest.raises(InputError, match="locked is 2; allowed: none for the formulation"):
+        best_posture(replace(arm, length=None), Search("residual", locked=2))
     with pytest.raises(InputError, match="formulation is best"):
         best_posture(arm, Search("best"))
     with pytest.raises(InputError, match="degree of redundancy"):
         best_posture(arm, Search(max_min.NAME, locked=5))
-
-
-def test_a_row_says_what_its_posture_says():
-    arm = real("Franka", "position")
-    found = best_posture(arm.arm(), Search(starts=2))
-    row = row_of(arm, found)
-    assert row.worst_case_sigma == found.assessment.worst_case_sigma
-    assert (row.joints, row.task_dimension, row.prismatic) == (7, 3, 0)
-    assert np.isnan(row.percent_of_best_7r)
 
 
 def test_a_row_of_an_arm_with_a_structural_failure(made, tmp_path):
@@ -281,8 +251,8 @@ def test_a_start_that_did_not_converge_is_not_the_best(made, monkeypatch):
         record = judge(case, solution, **keywords)
         if record.index:
             return record
-        failed = replace(record.status, return_status="Restoration_Failed")
-        return replace(record, status=failed, score=9.0, variables=np.zeros(arm.size))
+        status = replace(record.status, return_status="Restoration_Failed")
+        return replace(record, status=status, score=9.0, variables=np.zeros(arm.size))
 
     monkeypatch.setattr(solving, "judge", judged)
     found = best_posture(arm, Search(starts=3))

@@ -1,8 +1,8 @@
 """Robots from elsewhere: each against the library that it comes from."""
 
-import builtins
 import json
 import re
+import sys
 from io import StringIO
 from pathlib import Path
 
@@ -14,10 +14,10 @@ import roboticstoolbox as rtb
 import yourdfpy
 
 from formulations.commands.app import app
-from formulations.robots.chain_between import chain_between
-from formulations.robots.read_dh import dh_tree
-from formulations.robots.read_robot import read_robot
-from formulations.robots.read_urdf import read_urdf
+from formulations.kinematics.chain_between import chain_between
+from formulations.kinematics.read_dh import dh_tree
+from formulations.kinematics.read_robot import read_robot
+from formulations.kinematics.read_urdf import read_urdf
 from formulations.robots.robot_arm import RobotArm
 from formulations.robots.task import TaskSpace
 from formulations.studies.robots import ARMS
@@ -66,30 +66,17 @@ def test_mimicry_and_missing_limits_of_yourdfpy(made):
 
 
 @pytest.mark.parametrize("name", ["Franka", "KUKA", "UFactory", "TIAGo, torso", "PR2, torso"])
-def test_a_model_of_pinocchio_is_its_file(name):
+def test_a_model_of_pinocchio_is_its_file(name, made):
     declared = next(one for one in ARMS if one.name.startswith(name))
     model = pin.buildModelFromUrdf(str(declared.path), mimic=True)
     arm = RobotArm.read(model, declared.tip, task=declared.task)
     file = declared.arm()
     assert arm.chain.names == file.chain.names
     assert np.array(arm.bounds) == pytest.approx(np.array(file.bounds))
-    data = model.createData()
     for point in drawn(arm):
         ours = arm.metric_jacobian(point)
         assert ours == pytest.approx(file.metric_jacobian(point), abs=EXACT)
-        assert ours == pytest.approx(of_pinocchio(model, data, arm, point), abs=EXACT)
-
-
-def of_pinocchio(model, data, arm, point):
-    q, places = pin.neutral(model), []
-    for name, value in zip(arm.chain.names, point, strict=True):
-        joint = model.joints[model.getJointId(name)]
-        both = value if joint.nq == 1 else [np.cos(value), np.sin(value)]
-        q[joint.idx_q : joint.idx_q + joint.nq] = both
-        places.append(joint.idx_v)
-    frame = model.getFrameId(arm.chain.tip)
-    full = pin.computeFrameJacobian(model, data, q, frame, pin.LOCAL_WORLD_ALIGNED)
-    return full[:, places]
+        assert ours == pytest.approx(made.of_pinocchio(model, arm.chain, point), abs=EXACT)
 
 
 def built(*joints):
@@ -103,7 +90,7 @@ def built(*joints):
     return model
 
 
-def test_every_kind_of_pinocchio_joint():
+def test_every_kind_of_pinocchio_joint(made):
     axis = np.array([1.0, 2.0, 2.0]) / 3
     model = built(
         pin.JointModelRX(),
@@ -114,9 +101,8 @@ def test_every_kind_of_pinocchio_joint():
     )
     arm = RobotArm.read(model, "tool", task="position", length=1.0)
     assert arm.chain.prismatic == (False, False, False, True, True)
-    data = model.createData()
     for point in drawn(arm):
-        theirs = of_pinocchio(model, data, arm, point)
+        theirs = made.of_pinocchio(model, arm.chain, point)
         assert arm.metric_jacobian(point) == pytest.approx(theirs, abs=EXACT)
 
 
@@ -132,21 +118,13 @@ def test_other_kinds_are_in_the_tree_but_in_no_chain(joint):
 
 def test_mimicry_of_pinocchio(made):
     mimic = '<mimic joint="a" multiplier="-0.5" offset="0.2"/>'
-    joints = [
-        made.joint("a", "0", "1", axis="0 1 1"),
-        made.joint("b", "1", "2", axis="1 0 0"),
-        made.joint("c", "2", "3", axis="1 2 0", mimic=mimic),
-    ]
-    text = made.urdf(joints)
-    model = pin.buildModelFromXML(text, mimic=True)
-    arm = RobotArm.read(model, "3", task="vx")
-    file = RobotArm(chain_between(made.tree(text), "3"), TaskSpace(("vx",)))
+    joints = made.serial(["0 0 0.3"] * 3, ("0 1 1", "1 0 0", "1 2 0"), j2={"mimic": mimic})
+    text = made.urdf(joints).replace('"j0"', '"a"')
+    arm = RobotArm.read(pin.buildModelFromXML(text, mimic=True), "l3", task="vx")
+    file = RobotArm(chain_between(made.tree(text), "l3"), TaskSpace(("vx",)))
     for point in drawn(file):
-        ours = arm.metric_jacobian(point)
-        assert ours == pytest.approx(file.metric_jacobian(point), abs=EXACT)
-        assert ours == pytest.approx(
-            of_pinocchio(model, model.createData(), arm, point), abs=EXACT
-        )
+        theirs = file.metric_jacobian(point)
+        assert arm.metric_jacobian(point) == pytest.approx(theirs, abs=EXACT)
 
 
 # --- Denavit–Hartenberg tables -----------------------------------------------------------
@@ -245,30 +223,20 @@ TABLES = {
     "a in row 1 is nan": GOOD.replace("R,1", "R,nan"),
     "theta_rad in row 1 is inf": GOOD.replace("0,0\n", "0,inf\n"),
     "origin of joint fixed tip": GOOD.replace("R,1", "R,1e300"),
+    "content is not in UTF-8": b"\xff\xfe\x00",
+    "table is of 10001 rows; allowed: at most 10000 rows": GOOD + "R,1,0,0,0\n" * 10_000,
 }
 
 
 @pytest.mark.parametrize("sentence", TABLES)
 def test_a_faulty_table_gets_one_sentence(sentence, tmp_path):
     path = tmp_path / "arm.csv"
-    path.write_text(TABLES[sentence])
+    content = TABLES[sentence]
+    path.write_bytes(content if isinstance(content, bytes) else content.encode())
     with pytest.raises(FileError) as caught:
         read_robot(path)
     assert f"{path}: {sentence}" in str(caught.value)
     assert "\n" not in str(caught.value)
-
-
-def test_bytes_that_are_no_text(tmp_path):
-    path = tmp_path / "arm.csv"
-    path.write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(FileError, match="not in UTF-8"):
-        read_robot(path)
-    path.write_text("# convention: standard\nkind,a,d\n" + "R,1,0\n" * 20_000)
-    with pytest.raises(FileError, match="column theta is missing"):
-        read_robot(path)
-    path.write_text(GOOD + "R,1,0,0,0\n" * 10_000)
-    with pytest.raises(FileError, match="at most 10000 rows"):
-        read_robot(path)
 
 
 # --- MJCF --------------------------------------------------------------------------------
@@ -390,7 +358,15 @@ SMALL = """<mujoco><worldbody><body name="a"><joint name="a" axis="0 1 0" type="
 <joint name="c" axis="0 1 0"/><body name="d" pos="0 0 1"/></body></body></body></worldbody>
 <equality></equality></mujoco>"""
 REFUSED = {
-    "content is MJCF with <include>": SMALL.replace("<mujoco>", '<mujoco><include file="x"/>'),
+    "file of <include> is ../robot.xml; allowed: one in the folder": SMALL.replace(
+        "<equality>", '<include file="../robot.xml"/><equality>'
+    ),
+    "/x; allowed: a file that can be read": SMALL.replace(
+        "<mujoco>", '<mujoco><include file="x"/>'
+    ),
+    "file of <include> is robot.xml; allowed: every file once": SMALL.replace(
+        "<mujoco>", '<mujoco><include file="robot.xml"/>'
+    ),
     "content is MJCF with <attach>": SMALL.replace('<body name="d"', "<attach/><body "),
     "content is MJCF with <replicate>": SMALL.replace(
         '<body name="d"', '<replicate count="1000000000"/><body '
@@ -454,19 +430,27 @@ def test_other_sources_are_refused(source):
         read_robot(source)
 
 
-@pytest.mark.parametrize("library", ["mujoco", "lxml"])
-def test_a_library_that_is_not_there_is_named(library, monkeypatch, tmp_path):
-    imported = builtins.__import__
+def test_a_library_that_is_not_there_is_named(monkeypatch, tmp_path):
+    monkeypatch.setitem(sys.modules, "mujoco", None)
+    with pytest.raises(InputError, match=r"mujoco is missing: .*pip install"):
+        read_robot(mjcf(tmp_path))
 
-    def without(name, *rest, **more):
-        if name == library:
-            raise ModuleNotFoundError(name)
-        return imported(name, *rest, **more)
 
-    path = mjcf(tmp_path)
-    monkeypatch.setattr(builtins, "__import__", without)
-    with pytest.raises(InputError, match=f"{library} is missing: .*pip install"):
-        read_robot(path)
+def test_files_that_mjcf_includes(tmp_path):
+    """Of the same folder or one below; the robot is that of one file."""
+    before, shoulder = MJCF.partition('<body name="shoulder"')[::2]
+    hand, after = shoulder.partition('<body name="ball"')[::2]
+    body = f'<body name="shoulder"{hand.rpartition("</body>")[0]}'
+    mjcf(tmp_path, f"<mujocoinclude>{body}</mujocoinclude>", "arm.xml")
+    (tmp_path / "parts").mkdir()
+    mjcf(tmp_path / "parts", '<mujoco><include file="arm.xml"/></mujoco>')
+    text = f'{before}<include file="parts/robot.xml"/></body><body name="ball"{after}'
+    arm = RobotArm.read(mjcf(tmp_path, text), "hand", task="position")
+    assert arm == RobotArm.read(mjcf(tmp_path), "hand", task="position")
+    (tmp_path / "arm.xml").unlink()
+    (tmp_path / "arm.xml").symlink_to(__file__)
+    with pytest.raises(FileError, match=r"file of <include> is arm.xml; .* in the folder"):
+        read_robot(mjcf(tmp_path, text))
 
 
 def test_the_command_line_takes_all_of_them(tmp_path, monkeypatch, capsys):

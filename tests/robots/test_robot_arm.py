@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from formulations import measures
-from formulations.robots.chain_between import chain_between
+from formulations.kinematics.chain_between import chain_between
 from formulations.robots.robot_arm import RobotArm
 from formulations.robots.task import TaskSpace
 from formulations.studies.robots import ARMS
@@ -25,30 +25,14 @@ def real(name):
     return next(one.arm() for one in ARMS if one.name.startswith(name))
 
 
-def pinocchio_jacobian(model, chain, point):
-    data, q, places = model.createData(), pin.neutral(model), []
-    for name, value in zip(chain.names, point, strict=True):
-        joint = model.joints[model.getJointId(name)]
-        q[joint.idx_q : joint.idx_q + joint.nq] = (
-            value if joint.nq == 1 else [np.cos(value), np.sin(value)]
-        )
-        places.append(joint.idx_v)
-    frame = model.getFrameId(chain.tip)
-    full = pin.computeFrameJacobian(model, data, q, frame, pin.LOCAL_WORLD_ALIGNED)
-    pin.updateFramePlacements(model, data)
-    # The world of an MJCF file has another name there.
-    turn = data.oMf[model.getFrameId(chain.base) if chain.base != "world" else 0].rotation
-    return np.kron(np.eye(2), turn.T) @ full[:, places]
-
-
 @pytest.mark.parametrize("declared", ARMS, ids=lambda one: f"{one.name}, {one.task}")
-def test_real_arms_agree_with_pinocchio(declared, model_of):
+def test_real_arms_agree_with_pinocchio(declared, model_of, made):
     """Panda, iiwa, UR and all the rest, at random configurations, to 1e-9."""
     model, arm = model_of(declared), declared.arm()
     rng = np.random.default_rng(7)
     for _ in range(20):
         point = arm.sample(rng)
-        ours, theirs = arm.metric_jacobian(point), pinocchio_jacobian(model, arm.chain, point)
+        ours, theirs = arm.metric_jacobian(point), made.of_pinocchio(model, arm.chain, point)
         assert np.max(np.abs(ours - theirs)) < 1e-9
 
 

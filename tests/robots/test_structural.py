@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from formulations import measures
-from formulations.robots.chain_between import chain_between
+from formulations.kinematics.chain_between import chain_between
 from formulations.robots.robot_arm import RobotArm
 from formulations.robots.structural import structural_failures
 from formulations.robots.task import TaskSpace

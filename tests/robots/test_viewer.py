@@ -15,16 +15,15 @@ import pytest
 
 from formulations import measures
 from formulations.commands.view import view
+from formulations.kinematics.chain_between import chain_between
+from formulations.kinematics.read_urdf import parse_urdf
 from formulations.realise.from_jacobian import realise
 from formulations.realise.write_urdf import urdf as realised_urdf
-from formulations.robots.chain_between import chain_between
-from formulations.robots.picture import numbers, picture, semi_axes
 from formulations.robots.posture_search import Search
-from formulations.robots.read_urdf import parse_urdf
 from formulations.robots.robot_arm import RobotArm
 from formulations.robots.task import TaskSpace
-from formulations.robots.viewer import Page
-from formulations.robots.web_server import Address
+from formulations.viewer.page import Address, Page
+from formulations.viewer.picture import numbers, picture
 from nlp.errors import InputError
 
 BROWSER = next(filter(None, map(shutil.which, ("chromium", "google-chrome"))), None)
@@ -41,7 +40,9 @@ def text(made):
 def arm_of(text, task="all", frame="base", held=None, **more):
     tree = parse_urdf(text.encode())
     tip = tree.leaves[0]
-    return RobotArm(chain_between(tree, tip, held=held, **more), TaskSpace.parse(task, frame))
+    return RobotArm(
+        chain_between(tree, tip, locked_at=held, **more), TaskSpace.parse(task, frame)
+    )
 
 
 def configurations(arm, count=3):
@@ -140,11 +141,6 @@ def test_a_fatal_failure_is_flat_and_nothing_is_left_to_lock(made):
         picture(arm, q[:3])
 
 
-def test_semi_axes_of_fewer_columns():
-    axes = semi_axes(np.array([[0.0], [3.0], [4.0]]))
-    np.testing.assert_allclose(np.linalg.norm(axes, axis=0), [5, 0, 0], atol=1e-15)
-
-
 # The page, without a browser -----------------------------------------------------------------
 
 
@@ -207,34 +203,24 @@ def test_no_tunnel_to_the_internet_is_opened(page):
     assert page._server.request_share_url() is None
 
 
-@pytest.mark.parametrize("scale", ["1 1 1", "x"])
+@pytest.mark.parametrize("scale", ["1 1 1", "x", None])
 def test_what_cannot_be_drawn_is_a_note_and_lines_are(text, tmp_path, scale):
-    """A mesh that is not there, and one with a scale that is no number."""
+    """A mesh that is not there, one with a scale that is no number, and MJCF."""
     mesh = f'<mesh filename="package://nobody/a.stl" scale="{scale}"/>'
     shape = f"<visual><geometry>{mesh}</geometry></visual>"
     broken = text.replace('<link name="l0"/>', f'<link name="l0">{shape}</link>')
-    (tmp_path / "arm.urdf").write_text(broken, encoding="utf-8")
-    arm = arm_of(broken)
-    q = arm.chain.mid_range
-    free = Address(port=0).free()
-    shown = Page(arm, lambda _: arm, tmp_path / "arm.urdf", q, free, Search(starts=1))
+    if scale is None:
+        body = '<body pos="0 0 1"><joint axis="1 0 0"/><geom size=".1"/>' * 3
+        broken = f"<mujoco><worldbody>{body}{'</body>' * 3}</worldbody></mujoco>"
+    path = tmp_path / ("arm.xml" if scale is None else "arm.urdf")
+    path.write_text(broken, encoding="utf-8")
+    arm = RobotArm.read(path, task="vy,vz" if scale is None else "all")
+    q = np.full(arm.size, 0.5)
+    shown = Page(arm, lambda _: arm, path, q, Address(port=0).free(), Search(starts=1))
     try:
-        assert len(shown.notes) == 1
-        assert "not drawn" in shown.notes[0]
-        assert shown.draw().sigma > 0
-    finally:
-        shown.close()
-
-
-def test_of_mjcf_no_shapes_are_drawn_and_the_arm_is(tmp_path):
-    body = '<body pos="0 0 1"><joint axis="1 0 0"/><geom size=".1"/>'
-    path = tmp_path / "arm.xml"
-    path.write_text(f"<mujoco><worldbody>{body * 3}{'</body>' * 3}</worldbody></mujoco>")
-    arm = RobotArm.read(path, task="vy,vz")
-    shown = Page(arm, lambda _: arm, path, np.full(3, 0.5), Address(port=0).free(), Search())
-    try:
-        assert shown.notes == [f"No shapes are drawn: {path} is no URDF file"]
-        assert len(shown.draw().origins) == 3
+        [note] = shown.notes
+        assert "are drawn" in note if scale is None else "not drawn" in note
+        assert len(shown.draw().origins) == arm.size
     finally:
         shown.close()
 

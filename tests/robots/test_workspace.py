@@ -8,24 +8,26 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from formulations.__main__ import main
 from formulations.commands.workspace import _text
-from formulations.plot.workspace import draw
-from formulations.robots import workspace as module
-from formulations.robots.best_limits import _in_joints, best_limits
-from formulations.robots.chain_between import chain_between
-from formulations.robots.kinematics import Kinematics
-from formulations.robots.planar_workspace import Planar3R
-from formulations.robots.pose_sets import PoseSets
-from formulations.robots.reachable_sets import ReachableSets
+from formulations.kinematics.chain_between import chain_between
+from formulations.kinematics.forward import Kinematics
+from formulations.kinematics.serial_arm import SerialArm
 from formulations.robots.robot_arm import RobotArm
-from formulations.robots.serial_arm import SerialArm
 from formulations.robots.task import TaskSpace
-from formulations.robots.workspace import closed_form, measured, workspace
+from formulations.workspaces import workspace as module
+from formulations.workspaces.best_limits import _in_joints, best_limits
+from formulations.workspaces.planar import Planar3R, closed_form
+from formulations.workspaces.pose_sets import PoseSets
+from formulations.workspaces.reachable_sets import ReachableSets
+from formulations.workspaces.workspace import measured, workspace
 from nlp.errors import InputError
 
 EQUAL = (1 / 3, 1 / 3, 1 / 3)
 PUBLISHED = tuple((-x, x) for x in np.radians([20, 90, 90]))
+
+
+def turned_by(yaw):
+    return Rotation.from_euler("z", yaw).as_matrix()
 
 
 def in_degrees(*limits):
@@ -41,14 +43,22 @@ def shown(made, text):
     return SerialArm.from_chain(chain_between(made.tree(text), f"l{text.count('<joint')}"))
 
 
+def contains(arm, points):
+    """Which points are in the workspace; x points midway between the limits of joint 1."""
+    rho, bearing = np.hypot(*points.T), np.arctan2(points[:, 1], points[:, 0])
+    low, high = arm.rings
+    least, largest = arm._bearings(rho)
+    starts, ends = arm._intervals(rho)
+    reached = np.any((starts <= bearing) & (bearing <= ends), axis=0)
+    kept = (least <= np.abs(bearing)) & (np.abs(bearing) <= largest)
+    return reached & kept & (low <= rho) & (rho <= high)
+
+
 def brute_force(lengths, limits, points, angles=60):
     """Which points are kept: all locked angles on a grid, the two-link arm that is left."""
     first, second, third = lengths
     middle = np.mean(limits[0])
-    turned = (
-        points
-        @ np.array([[np.cos(middle), -np.sin(middle)], [np.sin(middle), np.cos(middle)]]).T
-    )
+    turned = points @ turned_by(middle)[:2, :2].T
     kept = np.ones(len(points), dtype=bool)
     far = np.linalg.norm(turned, axis=1)
     for joint, (low, high) in enumerate(limits):
@@ -75,9 +85,9 @@ def brute_force(lengths, limits, points, angles=60):
 def test_the_closed_form_is_what_brute_force_finds(lengths, limits):
     arm = Planar3R(lengths, limits)
     points = np.random.default_rng(0).uniform(-1, 1, (200, 2))
-    ours = arm.contains(points)
+    ours = contains(arm, points)
     around = [
-        arm.contains(points + by) for by in 0.02 * np.array([(1, 0), (-1, 0), (0, 1), (0, -1)])
+        contains(arm, points + by) for by in 0.02 * np.array([(1, 0), (-1, 0), (0, 1), (0, -1)])
     ]
     away = np.all(np.equal(around, ours), axis=0)  # from the boundary
     assert np.sum(ours & away) > 3
@@ -89,7 +99,7 @@ def test_the_closed_form_is_what_brute_force_finds(lengths, limits):
 def test_the_area_is_that_of_the_points(lengths, limits):
     arm = Planar3R(lengths, limits)
     x = (np.arange(150) + 0.5) / 75 - 1
-    inside = arm.contains(np.stack(np.meshgrid(x, x), axis=-1).reshape(-1, 2))
+    inside = contains(arm, np.stack(np.meshgrid(x, x), axis=-1).reshape(-1, 2))
     assert arm.area() == pytest.approx(4 * inside.mean(), abs=1e-2)
     mirrored = tuple((-high, -low) for low, high in limits)
     assert Planar3R(lengths, mirrored).area() == pytest.approx(arm.area(), abs=1e-9)
@@ -110,10 +120,6 @@ def test_what_is_not_kept():
     assert Planar3R(EQUAL, (turn,) * 3).shortfall > 0
     still = ((0, 0), (0.5, 0.5), (1, 1))
     assert Planar3R(EQUAL, still).area() == pytest.approx(0, abs=1e-9)
-    with pytest.raises(InputError, match="lengths"):
-        Planar3R((1, 0, 1), still)
-    with pytest.raises(InputError, match="limits"):
-        Planar3R(EQUAL, ((0, 0), (1, 0.5), (1, 1)))
 
 
 # On a grid -----------------------------------------------------------------------------------
@@ -129,14 +135,12 @@ def test_the_grid_agrees_with_the_closed_form(monkeypatch):
     assert found.raw > exact.size  # over-estimates
     assert found.passed[0] < 0.7 < 0.95 < found.passed[2]
     assert found.physical == pytest.approx(np.pi, rel=0.05)
-    inside = Planar3R(EQUAL, PUBLISHED).contains(found.sets.centres(np.ones_like(found.voxels)))
+    inside = contains(
+        Planar3R(EQUAL, PUBLISHED), found.sets.centres(np.ones_like(found.voxels))
+    )
     missed = inside.reshape(found.voxels.shape) & ~found.voxels
     assert missed.sum() < 0.01 * inside.sum()
-    figure = draw(found)
-    legend = figure.legends[0].get_window_extent()
-    assert figure.bbox.x0 <= legend.x0 <= legend.x1 <= figure.bbox.x1
-    text = _text(replace(found, passed=(0.25, math.nan)))
-    assert "25 %, – of voxels 0, 1" in text
+    assert "25 %, – of voxels 0, 1" in _text(replace(found, passed=(0.25, math.nan)))
 
 
 @pytest.fixture(scope="module")
@@ -222,14 +226,8 @@ def test_a_planar_arm_is_recognised_however_it_is_described(made, axes, yaw):
 
 
 def test_a_joint_on_whose_axis_the_tip_is_does_not_count(made):
-    arm = shown(
-        made,
-        made.urdf(
-            made.serial(
-                ["0 0 0.3", "0.1 0 0.2", "0.2 0 0.2", "0.2 0 0.1", "0 0 0.1"], made.AXES[:5]
-            )
-        ),
-    )
+    offsets = ["0 0 0.3", "0.1 0 0.2", "0.2 0 0.2", "0.2 0 0.1", "0 0 0.1"]
+    arm = shown(made, made.urdf(made.serial(offsets, made.AXES[:5])))
     assert arm.idle == (False, False, False, False, True)
     sets = ReachableSets(arm, 0.05, np.deg2rad(30))
     assert 4 not in sets.slices
@@ -255,13 +253,8 @@ def test_the_search_on_a_grid():
     _, limits = best_limits(arm, 0.05, starts=1)
     longer, both = best_limits(arm, 0.05, starts=1, lengths=True)
     assert longer.links.sum() == pytest.approx(1)
-    sizes = [
-        (sets.before(one) & sets.after(one)).sum() * sets.unit
-        for sets, one in (
-            (ReachableSets(arm, 0.03), limits),
-            (ReachableSets(longer, 0.03), both),
-        )
-    ]
+    cases = (ReachableSets(arm, 0.03), limits), (ReachableSets(longer, 0.03), both)
+    sizes = [(sets.before(one) & sets.after(one)).sum() * sets.unit for sets, one in cases]
     assert 0.5 < sizes[0] < sizes[1]
     with pytest.raises(InputError, match="least width is 4"):
         best_limits(arm, 0.05, least_width=4)
@@ -272,26 +265,10 @@ def test_the_search_on_a_grid():
 
 def test_workspace_of_a_file(lockedjoint, made, tmp_path):
     (tmp_path / "arm.urdf").write_text(planar_urdf(made, (0.3333333333333333,) * 3))
-    ends = [
-        f"--limits=j{k}={low!r}:{high!r}"
-        for k, (low, high) in enumerate(np.array(PUBLISHED).tolist())
-    ]
-    done = lockedjoint.here(
-        *(
-            "workspace",
-            "arm.urdf",
-            *ends,
-            "--voxel",
-            0.05,
-            "--slice",
-            20,
-            "--out",
-            "a.json",
-            "--figure",
-            "a.svg",
-        ),
-        cwd=tmp_path,
-    )
+    pairs = enumerate(np.array(PUBLISHED).tolist())
+    ends = [f"--limits=j{k}={low!r}:{high!r}" for k, (low, high) in pairs]
+    more = ("--voxel", 0.05, "--slice", 20, "--out", "a.json", "--figure", "a.svg")
+    done = lockedjoint.here("workspace", "arm.urdf", *ends, *more, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert "area kept               0.35581" in done.stdout
     found = json.loads((tmp_path / "a.json").read_text())
@@ -302,43 +279,8 @@ def test_workspace_of_a_file(lockedjoint, made, tmp_path):
 def test_a_workspace_that_is_empty_is_a_result():
     found = workspace(SerialArm.planar((0.5, 0.3, 0.2)), ((-np.pi, np.pi),) * 3, 0.05)
     assert found.size == 0
-    assert found.fatal != ()
+    assert found.critical != ()
     assert found.to_dict()["share_kept"] == 0
-
-
-@pytest.mark.parametrize(
-    ("arguments", "sentence"),
-    [
-        (("--limits", "j9=0:1"), "one of j0, j1, j2, j3"),
-        (("--limits", "j0=0"), "allowed: JOINT=LOWER:UPPER"),
-        (
-            ("--limits", "j0=1:0"),
-            "artificial limits of j0 is 1:0; allowed: two numbers in order",
-        ),
-        (("--limits", "j0=-9:0"), "within [-2, 2]"),
-        (("--limits", "j0=0:1", "--limits", "j0=0:1"), "every joint once"),
-        (("--limits", "j0=0:x"), "a finite number"),
-        (("--optimise", "all"), "'limits', 'lengths'"),
-        (("--optimise", "limits", "--limits", "j0=0:1"), "none with --optimise"),
-        (("--optimise", "limits", "--least-width", "200"), "at most half a turn"),
-        (("--voxel", "1e-9"), "cells"),
-        (("--voxel", "0"), "above 0"),
-        (("--slice", "90"), "0.1 to 45 degrees"),
-        (("--figure", "a.txt"), "a name that ends in"),
-        (("--tip", "nothing"), "tip is nothing"),
-        (("--tip", "l4"), "joints that move the tip is 3; allowed: more than 3"),
-    ],
-)
-def test_bad_input(made, tmp_path, monkeypatch, capsys, arguments, sentence):
-    (tmp_path / "arm.urdf").write_text(made.offset_arm(6))
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("sys.argv", ["lockedjoint", "workspace", "arm.urdf", *arguments])
-    with pytest.raises(SystemExit) as ended:
-        main()
-    said = capsys.readouterr().err
-    assert ended.value.code == 2
-    assert sentence in said
-    assert said.count("\n") == 1
 
 
 # With the orientation held --------------------------------------------------------------------
@@ -353,14 +295,14 @@ def test_a_planar_arm_that_holds_its_orientation():
     """What is reached after each failure is what a two-link arm reaches, for every angle."""
     lengths, angle = (0.3, 0.28, 0.24, 0.18), 0.4
     arm = SerialArm.planar(lengths)
-    sets = PoseSets(arm, turned(angle), 0.14, np.deg2rad(20))
+    sets = PoseSets(arm, turned_by(angle), 0.14, np.deg2rad(20))
     one, two, three, four = lengths
     x = sets._points[:, :2].reshape(*sets.shape, 2)
     wrist = x - four * np.array([np.cos(angle), np.sin(angle)])
     wrong = count = 0
     for joint, places in sets.slices.items():
         for place, theta in enumerate(places):
-            ours = sets._unpacked(sets._kept[joint][place])
+            ours = sets._unpacked(sets._reached[joint][place])
             ray = np.array([np.cos(theta), np.sin(theta)])
             back = np.array([np.cos(angle - theta), np.sin(angle - theta)])
             margin = {
@@ -378,12 +320,6 @@ def test_a_planar_arm_that_holds_its_orientation():
     disc = np.linalg.norm(wrist, axis=-1)
     assert np.array_equal(reached[disc < 0.8], np.ones(np.sum(disc < 0.8), dtype=bool))
     assert not reached[disc > 0.8201].any()
-
-
-def turned(yaw):
-    return np.array(
-        [[np.cos(yaw), -np.sin(yaw), 0], [np.sin(yaw), np.cos(yaw), 0], [0, 0, 1.0]]
-    )
 
 
 def test_size_and_limits_with_the_orientation_held():

@@ -13,15 +13,22 @@ for seven joints, in results/bounds and docs/bounds.md:
 σ ≤ 0.572277, numerical                preset null-vector
 =====================================  ================================================
 
-Read `representations`, `blocks` and `programs` in this order, then:
+In reading order, first products of Wigner functions, sorted by the representations of all
+symmetries: `wigner`, `row_sectors`, `symmetric_rows` by `young_basis`; then
 
-    relaxation           what all bounds share: sample, solve, collect the evidence
-    global_bound         the result, `GlobalBound`
-    residual_bound       a lower bound on the residual
-    fixed_worst_case     the conditions that a worst case implies, and its exclusion
-    null_vector_bound    exclusion with the signs of the columns fixed by the null vector
-    max_min_bound        an upper bound on the worst case
-    certificate          the file of a rigorous bound; `reading` reads it strictly
-    verification         the proof from that file, without solver and relaxation
+    sampled_blocks       moment matrices of these rows, evaluated at configurations
+    localisers           blocks that are positive semidefinite where a condition holds
+    moment_program       the semidefinite program, which `predictor_corrector` solves
+    relaxation           what all bounds share: sample, solve, check the identity
+    residual_bound       a lower bound on the residual; the result is a `global_bound`
+    max_min_bound        an upper bound on the worst case, by `worst_case_conditions`
+    null_vector_bound    with the signs of the columns fixed by the `null_vector`
+
+and the proofs:
+
+    certificate          the file of a rigorous bound, written and strictly read
+    verification         the proof from that file, without solver and relaxation: sums with
+                         bounds on all rounding (`enclosed_squares`, `enclosed_localisers`)
+                         at points that determine all `invariants`
     certifying           from a search to its certificate, and to what verification proves
 """

@@ -13,27 +13,25 @@ from typing import TypeAlias
 import numpy as np
 import scipy.linalg
 
-from formulations.bounds.so3_moments.blocks.localisers import (
-    POWERS,
-    KrylovLocaliser,
-    ScaledBlocks,
-    krylov_selection,
-)
-from formulations.bounds.so3_moments.blocks.sampled_blocks import BlockFamily, RowBlocks
 from formulations.bounds.so3_moments.certificate import (
     BlockRows,
     BlockSquares,
     BoundCertificate,
     SectorSquares,
+    read_any,
 )
 from formulations.bounds.so3_moments.global_bound import Evidence
-from formulations.bounds.so3_moments.programs.multipliers import semidefinite_root
-from formulations.bounds.so3_moments.reading import read_any
-from formulations.bounds.so3_moments.relaxation import Progress, SolvedRelaxation
-from formulations.bounds.so3_moments.representations.adapted_rows import AdaptedRows
-from formulations.bounds.so3_moments.representations.row_sectors import RowSector
-from formulations.bounds.so3_moments.representations.young_basis import Shapes, first_tableau
+from formulations.bounds.so3_moments.localisers import POWERS, KrylovLocaliser, ScaledBlocks
+from formulations.bounds.so3_moments.relaxation import (
+    Progress,
+    SolvedRelaxation,
+    semidefinite_root,
+)
+from formulations.bounds.so3_moments.row_sectors import RowSector
+from formulations.bounds.so3_moments.sampled_blocks import BlockFamily, RowBlocks
+from formulations.bounds.so3_moments.symmetric_rows import AdaptedRows
 from formulations.bounds.so3_moments.verification import VerifiedBound, verify_bound
+from formulations.bounds.so3_moments.young_basis import Shapes, first_tableau
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
 
@@ -56,10 +54,7 @@ def verify_search(
 ) -> tuple[VerifiedBound, Evidence]:
     """Write the certificate of a search to a file, verify it from there, and say how it went.
 
-    Raises
-    ------
-    CertificateError
-        If it does not prove what it states.
+    CertificateError if it does not prove what it states.
     """
     with TemporaryDirectory() as folder:
         path = Path(folder) / "bound.json"
@@ -79,18 +74,9 @@ def search_certificate(
 ) -> BoundCertificate:
     """Return the certificate of a bound, from multipliers X of the blocks B of a search.
 
-    Parameters
-    ----------
-    families, multipliers
-        Of ρ − `constant` = Σ ⟨X, B(x)⟩, or −`constant` = Σ ⟨X, B(x)⟩ if there is a worst case
-        to exclude.
-    constant, bound, joints, excluded
-        As of `BoundCertificate`: of max-min where `excluded` is given.
-
-    Raises
-    ------
-    InputError
-        If there are other blocks than those that a certificate can hold.
+    They make ρ − `constant` = Σ ⟨X, B(x)⟩; of max-min, where there is a worst case t =
+    `excluded`, −`constant` = Σ ⟨X, B(x)⟩. InputError if there are other blocks than those that
+    a certificate can hold.
     """
     parts: dict[str, list[SectorSquares]] = {"sectors": [], "scaled": [], "krylov": []}
     remaining = iter(multipliers)
@@ -168,9 +154,8 @@ def _block_squares(
         return BlockSquares(block.shapes, rows, change @ factor)
     # The rows of the factor are those of r_0, r_1 and r_2.
     chosen, powers = family.selection(block)
-    places = BlockSquares(block.shapes, rows, change).columns
-    columns = zip(places, (sum(entry.labels, ()) for entry in rows), strict=True)
-    allowed, by_power = krylov_selection(columns, len(change), family.sector.degree)
+    squares = BlockSquares(block.shapes, rows, change)
+    allowed, by_power = squares.selection(family.sector.degree)
     parts = []
     for power in range(POWERS):
         own = np.zeros((block.size, factor.shape[1]))

@@ -5,6 +5,10 @@ from dataclasses import asdict, dataclass, field
 from typing import Any, Literal, TypeAlias
 
 from formulations import measures
+from formulations.joints.arm import Arm
+from formulations.joints.joint import ColumnModel
+from formulations.joints.kinds import UnitRevolute
+from nlp.errors import InputError
 
 Quantity: TypeAlias = Literal["residual", "max-min"]
 Kind: TypeAlias = Literal["numerical", "rigorous", "closed form"]
@@ -19,16 +23,13 @@ class Evidence:
     size
         Of the moment program, see `MomentProgram.size`, or None if there is none.
     solver, status, iterations
-        The solver, its status and its number of iterations; all empty without a program.
+        Of the solver; all empty without a program.
     dual_residual
         Largest violation of the dual equations by the solver's multipliers.
     smallest_eigenvalue
-        Smallest eigenvalue of the solver's multipliers; negative ones were set to zero before
-        the check.
-    how_checked
-        In words.
-    check
-        Details of the check.
+        Of the solver's multipliers; negative ones were set to zero before the check.
+    how_checked, check
+        In words, and the details.
     seconds
         Wall time of each phase.
     """
@@ -63,10 +64,6 @@ class GlobalBound(Evidence):
         The bound, after the largest difference of the check was subtracted.
     best_known
         The best value of the quantity that a Jacobian is known to reach, or None.
-    size, solver, status, iterations, dual_residual, smallest_eigenvalue
-        Of the program, see `Evidence`.
-    how_checked, check, seconds
-        Of the check, see `Evidence`.
     """
 
     quantity: Quantity
@@ -98,3 +95,12 @@ class GlobalBound(Evidence):
         names = ("quantity", "joints", "preset", "kind", "bound", "best_known")
         head = {name: evidence.pop(name) for name in names}
         return {**head, "gap": self.gap, "gap_percent": self.gap_percent, **evidence}
+
+
+def unit_revolute_joints(arm: ColumnModel, locked: int) -> int:
+    """Return n of an arm of n unit revolute joints of which one locks; InputError if not so."""
+    if not (isinstance(arm, Arm) and set(arm.joints) == {UnitRevolute()}):
+        raise InputError("arm", arm.description, "unit revolute joints only for a relaxation")
+    if locked != 1:
+        raise InputError("locked joints", locked, "1 for a relaxation")
+    return len(arm.joints)

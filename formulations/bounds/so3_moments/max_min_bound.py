@@ -1,62 +1,66 @@
-"""An upper bound on the worst case of every unit revolute Jacobian after one locked joint."""
+"""An upper bound on the worst case of every unit revolute Jacobian after one locked joint.
 
+One worst case σ² ≥ t is excluded: no configuration meets the conditions that it implies. If
+positive semidefinite multipliers of the blocks B of `worst_case_conditions`, with Σ tr X = 1,
+make Σ ⟨X, B(x)⟩ equal to a negative number for all x, t is not reached. For a proof,
+`verification` bounds how far the sum may be from that number.
+"""
+
+from collections.abc import Sequence
 from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
 
+import numpy as np
+
 from formulations.bounds.certified import best_known
 from formulations.bounds.closed_form import root_above
-from formulations.bounds.so3_moments.fixed_worst_case import (
-    WorstCaseConditions,
-    exclude_worst_case,
-    prove_exclusion,
-)
-from formulations.bounds.so3_moments.global_bound import GlobalBound, Kind
+from formulations.bounds.so3_moments.certifying import search_certificate, verify_search
+from formulations.bounds.so3_moments.enclosed_squares import require_extended_precision
+from formulations.bounds.so3_moments.global_bound import Evidence, GlobalBound, Kind
+from formulations.bounds.so3_moments.moment_program import MomentProgram, margin_program
 from formulations.bounds.so3_moments.null_vector_bound import exclude_with_signs
-from formulations.bounds.so3_moments.relaxation import Progress, check_joints, silent
-from formulations.bounds.so3_moments.representations.row_sectors import (
-    RowSector,
-    without_repetition,
+from formulations.bounds.so3_moments.relaxation import (
+    FRESH,
+    Progress,
+    SolvedRelaxation,
+    check_joints,
+    refined_multipliers,
+    silent,
+    solve_relaxation,
 )
-from formulations.bounds.so3_moments.residual_bound import DEGREE_4
+from formulations.bounds.so3_moments.sampled_blocks import BlockFamily
+from formulations.bounds.so3_moments.wigner import random_rotations
+from formulations.bounds.so3_moments.worst_case_conditions import (
+    CONDITIONS,
+    SIGNED,
+    WorstCaseConditions,
+    condition_families,
+)
+from formulations.existence.certificate import CertificateError
 from nlp.arrays import Rng, one_blas_thread
 from nlp.errors import InputError
+from nlp.files import prepare_file, write_text
+from nlp.starts import seed_of
 
-LOCALISED = "localised"
-NULL_VECTOR = "null-vector"
+LOCALISED, NULL_VECTOR = "localised", "null-vector"
 # The squared worst cases that are excluded for seven joints.
 EXCLUDED = {LOCALISED: 0.3279, NULL_VECTOR: 0.3275}
-# Squares of total spin 2 and 3 matter here, though not for the residual.
-_SQUARES = [
-    *(RowSector(0, c, spin, 6) for c in (0, 2) for spin in (0, 1, 2)),
-    RowSector(0, 0, 3, 6),
-    *(RowSector(2, 0, spin, 6) for spin in (0, 1, 2)),
-    RowSector(2, 2, 0, 6),
-    RowSector(4, 0, 0, 6),
-    *(RowSector(6, c, 0, 6) for c in (0, 2)),
-]
-CONDITIONS = WorstCaseConditions(
-    plain=without_repetition([*DEGREE_4, *_SQUARES]),
-    scaled=DEGREE_4,
-    krylov=tuple(
-        RowSector(k, c, spin, 4, locked)
-        for k, locked in ((0, 0), (2, 0), (1, 1))
-        for spin in range(3)
-        for c in (0, 2, 4)
-    ),
+_GAP = 1e-8
+_HOW_CHECKED = (
+    "a sum of squares and localisers equal to a negative constant at fresh random "
+    "configurations; multipliers made positive semidefinite, largest difference subtracted"
 )
-# With the signs of the null vector, squares of larger total spin are worth their time.
-_MORE_SQUARES = (RowSector(0, 2, 3, 6), RowSector(0, 0, 4, 6))
-SIGNED = replace(CONDITIONS, plain=without_repetition([*CONDITIONS.plain, *_MORE_SQUARES]))
 
 
 @one_blas_thread()
 def max_min_bound(
-    preset: str = LOCALISED,
+    preset: str | None = None,
     joints: int = 7,
     *,
     rigorous: bool = False,
-    rng: Rng = 0,
+    seed: Rng | None = None,
+    rng: Rng | None = None,
     progress: Progress = silent,
     out: Path | None = None,
 ) -> GlobalBound:
@@ -67,16 +71,17 @@ def max_min_bound(
     Parameters
     ----------
     preset
-        ``"localised"`` excludes σ² = 0.3279, which is 0.20 % above what is attained in σ, in
-        about 1.5 minutes, or four if rigorous, and 1.3 GB. ``"null-vector"`` adds conditions on
-        the columns with the signs of the null vector, and excludes σ² = 0.3275, numerically
-        only, in about five minutes and 4 GB. Both are for 7 joints.
+        ``"localised"``, the default, excludes σ² = 0.3279, which is 0.20 % above what is
+        attained in σ, in about 1.5 minutes, or four if rigorous, and 1.3 GB.
+        ``"null-vector"`` adds conditions on the columns with the signs of the null vector, and
+        excludes σ² = 0.3275, numerically only, in about five minutes and 4 GB. Both are for 7
+        joints.
     joints
         Number n of joints, 7 to 9. From 8 joints on, isotropic Jacobians exist, the residual
         can be 0 and the bound is that of eq. (6); nothing is computed then.
     rigorous
         Write a certificate of the exclusion and verify it, all rounding bounded.
-    rng
+    seed, rng
         Seed of the sampled and of the fresh configurations, or a generator.
     progress
         Receives a short message at each step.
@@ -106,6 +111,7 @@ def max_min_bound(
     -----
     The measure and eq. (6) are those of Maciejewski and Roberts (1995).
     """
+    preset, seed = preset or LOCALISED, seed_of(seed, rng)
     if preset not in EXCLUDED:
         raise InputError("preset", preset, ", ".join(EXCLUDED))
     check_joints(joints, smallest=7)
@@ -122,13 +128,15 @@ def max_min_bound(
     t = EXCLUDED[preset]
     if rigorous:
         bound, evidence = prove_exclusion(
-            t, CONDITIONS, joints, rng=rng, progress=progress, out=out
+            t, CONDITIONS, joints, rng=seed, progress=progress, out=out
         )
         return GlobalBound("max-min", joints, preset, "rigorous", bound, best, **vars(evidence))
     if preset == NULL_VECTOR:
-        margin, evidence = exclude_with_signs(t, SIGNED, rng=rng, progress=progress)
+        margin, evidence = exclude_with_signs(t, SIGNED, rng=seed, progress=progress)
     else:
-        margin, evidence = exclude_worst_case(t, CONDITIONS, joints, rng=rng, progress=progress)
+        margin, evidence = exclude_worst_case(
+            t, CONDITIONS, joints, rng=seed, progress=progress
+        )
     excluded = margin < 0
     evidence = replace(
         evidence,
@@ -138,3 +146,93 @@ def max_min_bound(
     kind: Kind = "numerical" if excluded else "closed form"
     bound = root_above(Fraction(t)) if excluded else closed_form
     return GlobalBound("max-min", joints, preset, kind, bound, best, **vars(evidence))
+
+
+def exclude_worst_case(
+    t: float,
+    conditions: WorstCaseConditions,
+    joints: int,
+    *,
+    rng: Rng = 0,
+    progress: Progress = silent,
+) -> tuple[float, Evidence]:
+    """Try to show that no unit revolute Jacobian has a worst case σ² ≥ t.
+
+    Returns
+    -------
+    margin, evidence
+        Upper bound on the largest s with every block ⪰ sI, after the check; t is excluded,
+        numerically, if it is negative. And the program, its solution and the check.
+    """
+    generator = np.random.default_rng(rng)
+    families = condition_families(conditions, joints, t)
+    solved = solve_exclusion(families, joints, generator, progress)
+    progress("checking the identity at fresh configurations")
+    fresh = random_rotations(generator, FRESH, joints)
+    bound, evidence = solved.checked(
+        without_objective(solved),
+        lambda where: np.zeros(len(where)),
+        fresh,
+        _HOW_CHECKED,
+        unit_trace=True,
+    )
+    return -bound, evidence
+
+
+def prove_exclusion(
+    t: float,
+    conditions: WorstCaseConditions,
+    joints: int,
+    *,
+    rng: Rng = 0,
+    progress: Progress = silent,
+    out: Path | None = None,
+) -> tuple[float, Evidence]:
+    """Prove that no unit revolute Jacobian has a worst case σ² ≥ t, by a certificate.
+
+    The certificate goes to `out`, nowhere if left out.
+
+    Returns
+    -------
+    bound, evidence
+        √t, rounded up, which the certificate states. And the program, its solution and what
+        was verified.
+
+    Raises
+    ------
+    CertificateError
+        If t is not excluded; no certificate is written then.
+    """
+    require_extended_precision()
+    if out is not None:
+        prepare_file(out)
+    families = condition_families(conditions, joints, t)
+    solved = solve_exclusion(families, joints, np.random.default_rng(rng), progress)
+    multipliers = refined_multipliers(solved.program, solved.multipliers)
+    # 0 − constant = Σ ⟨X, B(x)⟩ but for rounding.
+    constant = without_objective(solved).dual_value(multipliers)
+    if constant <= 0:
+        raise CertificateError(f"σ² ≥ {t} is not excluded: there is no certificate.")
+    bound = root_above(Fraction(t))
+    certificate = search_certificate(families, multipliers, constant, bound, joints, t)
+    _, evidence = verify_search(solved, multipliers, certificate, progress)
+    if out is not None:
+        write_text(out, certificate.to_json())
+    return bound, evidence
+
+
+def solve_exclusion(
+    families: Sequence[BlockFamily],
+    joints: int,
+    rng: np.random.Generator,
+    progress: Progress = silent,
+) -> SolvedRelaxation:
+    """Return the solution of the program with the largest s such that every block is ⪰ sI."""
+    return solve_relaxation(
+        families, joints, rng, adapt=margin_program, gap=_GAP, progress=progress
+    )
+
+
+def without_objective(solved: SolvedRelaxation) -> MomentProgram:
+    """Return the program whose dual value is b in the identity 0 − b = Σ ⟨X, B(x)⟩."""
+    return replace(solved.sampled, objective=np.zeros(solved.sampled.moments))

@@ -1,82 +1,71 @@
 """Exclude a worst case σ² ≥ t with the signs of the columns fixed by the null vector of J.
 
 Two spaces of functions carry the pseudo-moments: of degree 12, invariant under the signs of the
-columns (`fixed_worst_case`), and of degree 8, not invariant. They share the functions of degree
-8 that are. The conditions on the second space are those of `blocks.null_vector`.
+columns (`worst_case_conditions`), and of degree 8, not invariant. They share the functions of
+degree 8 that are. The conditions on the second space are those of `null_vector`.
 
 One condition on the spectrum of JJᵀ, α(t) + β tr E³ − ρ ≥ 0, is maximised under all others: if
 the largest value is negative, t is excluded.
+
+Where a worst case near the best is reached, s = Σ j_f and ρ are small. There, functions that
+are of size 1 on the average over all configurations take tiny values, and pseudo-moments in
+units of that average are huge. So samples concentrate where s and ρ are small, and give units
+in which all numbers of the program have ordinary sizes.
 """
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from math import sqrt
+from dataclasses import replace
 
 import numpy as np
+from scipy.linalg import qr
+from scipy.spatial.transform import Rotation
 
-from formulations.bounds.closed_form import largest_residual
-from formulations.bounds.so3_moments.blocks.localisers import ScaledBlocks
-from formulations.bounds.so3_moments.blocks.near_null_vector import (
-    concentrated_rotations,
-    concentrating_weights,
-    transformed,
-    units,
-)
-from formulations.bounds.so3_moments.blocks.null_vector import (
-    JOINTS,
-    FormLocaliser,
-    deviation_form,
-    gram_form,
-    krylov_form,
-    null_vector_deviation,
-)
-from formulations.bounds.so3_moments.blocks.sampled_blocks import (
-    BlockFamily,
-    sector_families,
-)
-from formulations.bounds.so3_moments.blocks.spectrum import (
-    MAXIMISED,
-    QUARTIC,
-    SpectralDistance,
-    spectral_families,
-    spectral_limit,
-)
-from formulations.bounds.so3_moments.fixed_worst_case import (
-    ResidualDistance,
-    WorstCaseConditions,
-    condition_families,
-)
 from formulations.bounds.so3_moments.global_bound import Evidence
-from formulations.bounds.so3_moments.programs.moment_program import (
+from formulations.bounds.so3_moments.moment_program import (
     MomentProgram,
     joined_program,
     penalised_program,
 )
-from formulations.bounds.so3_moments.programs.multipliers import (
-    refined_interior_multipliers,
+from formulations.bounds.so3_moments.null_vector import (
+    JOINTS,
+    UNSIGNED,
+    UnsignedConditions,
+    unsigned_families,
 )
-from formulations.bounds.so3_moments.programs.predictor_corrector import (
-    solve_with_predictor_corrector,
-)
+from formulations.bounds.so3_moments.predictor_corrector import solve_with_predictor_corrector
 from formulations.bounds.so3_moments.relaxation import (
     FRESH,
     PREDICTOR_CORRECTOR,
     Progress,
     SolvedRelaxation,
+    semidefinite_root,
     silent,
 )
-from formulations.bounds.so3_moments.representations.row_sectors import (
-    RowSector,
-    UnsignedSector,
-    degree_sectors,
-)
-from formulations.bounds.so3_moments.representations.wigner import (
+from formulations.bounds.so3_moments.row_sectors import RowSector, degree_sectors
+from formulations.bounds.so3_moments.sampled_blocks import BlockFamily, sector_families
+from formulations.bounds.so3_moments.wigner import (
     jacobians_of,
     random_rotations,
+    residual_values,
+)
+from formulations.bounds.so3_moments.worst_case_conditions import (
+    MAXIMISED,
+    QUARTIC,
+    SpectralDistance,
+    WorstCaseConditions,
+    condition_families,
+    spectral_families,
+    spectral_limit,
 )
 from nlp.arrays import FloatArray, Rng
 
+_STEP = 0.06
+_MOST_STEPS = 1500
+# |s|² and ρ from which on the weight of a sample falls.
+_NEAR, _LOW, _WIDTH = 0.05, 0.6, 0.3
+_RELATIVE_RANK = 1e-9
+_RELATIVE_STRENGTH, _ROWS_AT_ONCE = 1e-11, 4000
 _SAMPLES, _UNSIGNED_SAMPLES = 540, 320
 _PENALTY = 3e3
 _GAP, _ACCURACY = 1e-9, 1e-9
@@ -92,84 +81,6 @@ _HOW_CHECKED = (
 SIGNED_SPECTRAL = (*degree_sectors(3, range(4)), *degree_sectors(2, range(3)))
 
 
-@dataclass(frozen=True)
-class UnsignedConditions:
-    """The conditions on the functions that change with the signs of the columns.
-
-    Parameters
-    ----------
-    plain
-        Sectors of the plain blocks.
-    near
-        Sectors of the blocks that are multiplied by δ − |s|².
-    scaled
-        Sectors of the blocks that are multiplied by ρ_max(t) − ρ.
-    spectral
-        Sectors of the blocks that are multiplied by α + β tr E³ − ρ, see `spectral_limit`.
-    gram, krylov
-        Sectors of the localisers of J_fᵀJ_f − tI, and of J_f J_fᵀ − tI and δ₀M − ssᵀ.
-    """
-
-    plain: tuple[UnsignedSector, ...]
-    near: tuple[UnsignedSector, ...]
-    scaled: tuple[UnsignedSector, ...]
-    spectral: tuple[UnsignedSector, ...]
-    gram: tuple[UnsignedSector, ...]
-    krylov: tuple[UnsignedSector, ...]
-
-
-def unsigned_sectors(
-    degree: int, spins: range, *, locked: bool = False
-) -> tuple[UnsignedSector, ...]:
-    """Return the sectors of all charges of a degree, within the given total spins."""
-    charges = range(degree % 2, degree + 1, 2)
-    return tuple(UnsignedSector(c, spin, degree, locked) for spin in spins for c in charges)
-
-
-UNSIGNED = UnsignedConditions(
-    plain=unsigned_sectors(4, range(5)) + unsigned_sectors(3, range(4)),
-    near=unsigned_sectors(3, range(4)),
-    scaled=unsigned_sectors(2, range(3)),
-    spectral=unsigned_sectors(1, range(2)),
-    gram=unsigned_sectors(2, range(3), locked=True)
-    + unsigned_sectors(3, range(3), locked=True),
-    krylov=unsigned_sectors(1, range(3), locked=True)
-    + unsigned_sectors(2, range(3), locked=True),
-)
-
-
-def unsigned_families(conditions: UnsignedConditions, t: float) -> list[BlockFamily]:
-    """Return the blocks that are positive semidefinite wherever the worst case is σ² ≥ t.
-
-    The signs of the columns are those of the null vector. For the spectrum with one deviation
-    d of an eigenvalue from its mean, ρ ≥ (3/5)d²; so λ_max ≤ n/3 + √(5ρ_max/3).
-    """
-    limit = largest_residual(JOINTS, t)
-    distance = ResidualDistance(limit, 5 * JOINTS / 3)
-    deviation = null_vector_deviation(t)
-    nearest = deviation * (JOINTS / 3 + sqrt(5 * limit / 3)) + 1e-12
-
-    def nearness(rotations: FloatArray) -> FloatArray:
-        total = jacobians_of(rotations).sum(axis=2)
-        return np.asarray((nearest - np.sum(total**2, axis=1)) / 2)
-
-    localisers = [
-        *(FormLocaliser(sector, gram_form(t)) for sector in conditions.gram),
-        *(
-            FormLocaliser(sector, form)
-            for form in (krylov_form(t), deviation_form(deviation))
-            for sector in conditions.krylov
-        ),
-    ]
-    return [
-        *sector_families(conditions.plain, JOINTS),
-        *(ScaledBlocks(one, nearness) for one in sector_families(conditions.near, JOINTS)),
-        *(ScaledBlocks(one, distance) for one in sector_families(conditions.scaled, JOINTS)),
-        *spectral_families(conditions.spectral, t),
-        *(family for family in localisers if family.blocks),
-    ]
-
-
 def exclude_with_signs(
     t: float,
     signed: WorstCaseConditions,
@@ -181,19 +92,9 @@ def exclude_with_signs(
 ) -> tuple[float, Evidence]:
     """Try to show that no unit revolute 7R Jacobian has a worst case σ² ≥ t.
 
-    Parameters
-    ----------
-    t
-        The squared worst case, at most 1/3.
-    signed, unsigned
-        Conditions on the functions that are invariant under the signs of columns, and on the
-        others. The entries of the scaled blocks of the first, without their factor, must span
-        what the two spaces of functions share.
-    signed_spectral
-        Sectors of the first space that are multiplied by α + β tr E³ − ρ; if none, the
-        conditions with tr E⁴ are left out as well.
-    rng, progress
-        As in `exclude_worst_case`.
+    The entries of the scaled blocks of `signed`, without their factor, must span what the two
+    spaces of functions share. The sectors `signed_spectral` of the first space are multiplied
+    by α + β tr E³ − ρ; if there are none, the conditions with tr E⁴ are left out as well.
 
     Returns
     -------
@@ -247,7 +148,9 @@ def exclude_with_signs(
     if outcome.multipliers is not None:
         scaled = [_PENALTY * x for x in outcome.multipliers[:-1]]
         refined = refined_interior_multipliers(program, scaled)
-        outcome = replace(outcome, multipliers=transformed(refined, transforms))
+        # Multipliers of B, from those of TᵀBT.
+        moved = tuple(t @ x @ t.T for x, t in zip(refined, transforms, strict=True))
+        outcome = replace(outcome, multipliers=moved)
     clock.append(time.perf_counter())
     seconds = dict(zip(("blocks", "solver"), np.diff(clock).tolist(), strict=True))
     solved = SolvedRelaxation(families, sampled, sampled, outcome, seconds, clock[-1])
@@ -281,3 +184,110 @@ def _evaluated(
         progress(f"evaluating blocks: {number} of {len(families)}")
         found += family.evaluate(rotations)
     return found
+
+
+def concentrated_rotations(rng: np.random.Generator, count: int, joints: int) -> FloatArray:
+    """Return rotations (count, joints, 3, 3): every fourth uniform, the others with small s.
+
+    These follow −∇(½|s|² + bρ) with random b for a random number of steps, and are moved by a
+    random angle then, so that they are spread over all distances from s = 0.
+    """
+    found = random_rotations(rng, count, joints)
+    share = np.exp(rng.uniform(np.log(0.01), np.log(0.4), (count, 1, 1)))
+    steps = np.exp(rng.uniform(0, np.log(_MOST_STEPS), count)).astype(int)
+    steps[::4] = 0
+    angles = np.exp(rng.uniform(np.log(0.005), np.log(0.15), (count, 1, 1)))
+    angles[::4] = 0
+    moving = found.copy()
+    for number in range(1, int(steps.max()) + 1):
+        left = np.flatnonzero(steps >= number)
+        turns = -_STEP / (1 + 3 * share[left]) * _torques(moving[left], share[left])
+        moving[left] = _turned(moving[left], turns)
+    return _turned(moving, angles * rng.standard_normal((count, joints, 3)))
+
+
+def concentrating_weights(rotations: FloatArray) -> FloatArray:
+    """Return weights of configurations (count, n, 3, 3) that fall where s or ρ are large."""
+    total = jacobians_of(rotations).sum(axis=2)
+    far = np.sum(total**2, axis=1) / _NEAR
+    high = np.maximum(residual_values(rotations) - _LOW, 0) / _WIDTH
+    return np.asarray(1 / (1 + (far + high) ** 1.5))
+
+
+def units(block: FloatArray, weights: FloatArray, *, semidefinite: bool) -> FloatArray:
+    """Return T, (size, size'), with TᵀCT the unit matrix, C the weighted mean of |B|.
+
+    |B| = B if B ⪰ 0 at all samples; else it has the absolute values of the eigenvalues of B,
+    (samples, size, size). Vectors along which B vanishes are left out.
+    """
+    sizes = block
+    if not semidefinite:
+        values, vectors = np.linalg.eigh(block)
+        sizes = (vectors * np.abs(values)[:, None, :]) @ vectors.swapaxes(1, 2)
+    mean = np.tensordot(weights / weights.sum(), sizes, axes=1)
+    values, vectors = np.linalg.eigh(0.5 * (mean + mean.T))
+    kept = values > _RELATIVE_RANK * values[-1]
+    return np.asarray(vectors[:, kept] / np.sqrt(values[kept]))
+
+
+def _torques(rotations: FloatArray, share: FloatArray) -> FloatArray:
+    """Return the gradient of ½|s|² + bρ for turns of each joint, (count, n, 3)."""
+    jacobians = jacobians_of(rotations)
+    joints = jacobians.shape[2]
+    defect = jacobians @ jacobians.swapaxes(1, 2) - joints / 3 * np.eye(6)
+    slopes = jacobians.sum(axis=2, keepdims=True) + 2 * share * (defect @ jacobians)
+    slopes = slopes.swapaxes(1, 2)
+    linear = np.cross(rotations[..., 0], slopes[..., :3])
+    return np.asarray(linear + np.cross(rotations[..., 1], slopes[..., 3:]))
+
+
+def _turned(rotations: FloatArray, vectors: FloatArray) -> FloatArray:
+    turns = Rotation.from_rotvec(vectors.reshape(-1, 3)).as_matrix()
+    return np.asarray(turns.reshape(rotations.shape) @ rotations)
+
+
+def refined_interior_multipliers(
+    program: MomentProgram, multipliers: Sequence[FloatArray], passes: int = 3
+) -> list[FloatArray]:
+    """Return multipliers whose dual residual is mere rounding, if they are inside of the cone.
+
+    The change is that of `refined_multipliers`. Its equations are solved from an orthogonal
+    factorisation instead of the normal equations: twice as many digits.
+    """
+    current = list(multipliers)
+    roots = [semidefinite_root(x) for x in current]
+    factor = _triangular_factor(program, roots)
+    lengths = np.linalg.norm(factor, axis=0)
+    lengths[lengths == 0] = 1.0
+    _, strengths, vectors = np.linalg.svd(factor / lengths)
+    kept = strengths > _RELATIVE_STRENGTH * strengths[0]
+    strengths, vectors = strengths[kept], vectors[: len(kept)][kept]
+    residual = program.dual_residual(current)
+    for _ in range(passes):
+        z = vectors.T @ (vectors @ (residual / lengths) / strengths**2) / lengths
+        trial = []
+        for x, root, block in zip(current, roots, program.blocks, strict=True):
+            change = root.T @ np.tensordot(z, block[1:], axes=1) @ root
+            moved = x + root @ change @ root.T
+            trial.append(0.5 * (moved + moved.T))
+        after = program.dual_residual(trial)
+        if np.abs(after).max() >= np.abs(residual).max():
+            break
+        current, residual = trial, after
+    return current
+
+
+def _triangular_factor(program: MomentProgram, roots: Sequence[FloatArray]) -> FloatArray:
+    """Return R with RᵀR the matrix of all ⟨X A_i, A_j X⟩, from the roots of X."""
+    unknowns = program.moments - 1
+    factor = np.zeros((0, unknowns))
+    waiting: list[FloatArray] = []
+    for root, block in zip(roots, program.blocks, strict=True):
+        first, second = np.triu_indices(len(root))
+        scaled = (root.T @ block[1:] @ root)[:, first, second]
+        # An entry beside the diagonal occurs twice.
+        waiting.append((scaled * np.where(first == second, 1.0, np.sqrt(2.0))).T)
+        if sum(map(len, waiting)) > _ROWS_AT_ONCE:
+            factor = np.asarray(qr(np.vstack([factor, *waiting]), mode="r")[0])[:unknowns]
+            waiting = []
+    return np.asarray(qr(np.vstack([factor, *waiting]), mode="r")[0])[:unknowns]

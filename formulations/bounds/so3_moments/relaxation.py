@@ -1,4 +1,11 @@
-"""The steps that all bounds share: sample the blocks, solve the program, collect evidence."""
+"""The steps that all bounds share: sample the blocks, solve the program, check the identity.
+
+    objective(x) − bound = Σ ⟨X, B(x)⟩   for all configurations x, with every X ⪰ 0
+
+proves objective ≥ bound. The largest difference of the two sides at fresh configurations is
+subtracted from the bound. That is numerical evidence, no proof: between the configurations
+nothing is known.
+"""
 
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -7,34 +14,26 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from formulations.bounds.so3_moments.blocks.sampled_blocks import BlockFamily
 from formulations.bounds.so3_moments.global_bound import Evidence
-from formulations.bounds.so3_moments.programs.moment_program import (
+from formulations.bounds.so3_moments.moment_program import (
     ConicOutcome,
     MomentProgram,
     TooFewSamplesError,
     moment_program,
 )
-from formulations.bounds.so3_moments.programs.multipliers import (
-    identity_leftover,
-    nearest_semidefinite,
-)
-from formulations.bounds.so3_moments.programs.predictor_corrector import (
-    solve_with_predictor_corrector,
-)
-from formulations.bounds.so3_moments.representations.wigner import (
-    jacobians_of,
-    random_rotations,
-)
+from formulations.bounds.so3_moments.predictor_corrector import solve_with_predictor_corrector
+from formulations.bounds.so3_moments.sampled_blocks import BlockFamily
+from formulations.bounds.so3_moments.wigner import random_rotations, residual_values
 from nlp.arrays import FloatArray
 from nlp.errors import InputError, LockedJointError
 
 Progress: TypeAlias = Callable[[str], None]
 PREDICTOR_CORRECTOR = "predictor-corrector"
-_LARGEST_JOINTS = 9
-_FEW_SAMPLES, _MANY_SAMPLES = 160, 520
 # Configurations at which an identity is checked.
 FRESH = 40
+_LARGEST_JOINTS = 9
+_FEW_SAMPLES, _MANY_SAMPLES = 160, 520
+_RELATIVE_RANK = 1e-13
 
 
 class SolverFailureError(LockedJointError):
@@ -51,37 +50,16 @@ def check_joints(joints: int, smallest: int = 6) -> None:
         raise InputError("joints", joints, f"an integer from {smallest} to {_LARGEST_JOINTS}")
 
 
-def residual_values(rotations: FloatArray) -> FloatArray:
-    """Return ρ = ½‖JJᵀ − (n/3)I‖_F² at rotations (configurations, n, 3, 3)."""
-    jacobians = jacobians_of(rotations)
-    gram = jacobians @ jacobians.swapaxes(-1, -2)
-    # n · I is exact; one division in the precision of the rotations.
-    defect = gram - jacobians.shape[-1] * np.eye(6, dtype=gram.dtype) / 3
-    return np.asarray(0.5 * np.sum(defect**2, axis=(-1, -2)))
-
-
 @dataclass(frozen=True, eq=False)
 class SolvedRelaxation:
-    """A relaxation after the solver, before the check.
-
-    Parameters
-    ----------
-    families
-        Its blocks.
-    sampled, program
-        The moment program of the residual, and the program that was solved.
-    outcome
-        The solver's unchecked answer.
-    seconds
-        Wall time of each phase.
-    solved_at
-        Reading of the performance counter after the solver, in seconds.
-    """
+    """A relaxation after the solver, before the check."""
 
     families: Sequence[BlockFamily]
+    #: The moment program of the residual, and the one that was solved.
     sampled: MomentProgram
     program: MomentProgram
     outcome: ConicOutcome
+    #: Wall time of each phase, and the performance counter after the solver, in seconds.
     seconds: Mapping[str, float]
     solved_at: float
 
@@ -103,18 +81,9 @@ class SolvedRelaxation:
     ) -> tuple[float, Evidence]:
         """Return a bound on an objective after the check of its identity, and the evidence.
 
-        Parameters
-        ----------
-        identity
-            Program whose dual value is the bound.
-        objective
-            Its values at rotations (configurations, n, 3, 3).
-        fresh
-            Rotations at which the identity is checked.
-        how_checked
-            In words.
-        unit_trace
-            Whether multipliers are scaled to Σ tr X = 1.
+        The bound is the dual value of the program `identity` less the largest difference at
+        fresh rotations (configurations, n, 3, 3), at which `objective` is evaluated. With
+        `unit_trace` multipliers are scaled to Σ tr X = 1.
         """
         cleaned = [nearest_semidefinite(x) for x in self.multipliers]
         total = sum(float(np.trace(x)) for x in cleaned) if unit_trace else 1.0
@@ -160,25 +129,12 @@ def solve_relaxation(
     gap: float = 1e-9,
     progress: Progress = silent,
 ) -> SolvedRelaxation:
-    """Sample blocks and residual, and solve the moment program.
+    """Sample blocks and residual, and solve the moment program to a relative gap.
 
-    Parameters
-    ----------
-    families
-        The blocks.
-    joints
-        Number n of joints.
-    rng
-        Source of the sampled configurations.
-    adapt
-        Returns the program to solve, from the one whose objective is the residual.
-    gap
-        Relative gap at which the predictor–corrector method stops.
-    progress
-        Receives a short message at each step.
+    `adapt` returns the program to solve, from the one whose objective is the residual.
     """
     clock = [time.perf_counter()]
-    sampled = sampled_program(families, joints, rng, progress)
+    sampled = _sampled_program(families, joints, rng, progress)
     program = adapt(sampled)
     clock.append(time.perf_counter())
     size = sampled.size
@@ -192,7 +148,7 @@ def solve_relaxation(
     return SolvedRelaxation(families, sampled, program, outcome, seconds, clock[-1])
 
 
-def sampled_program(
+def _sampled_program(
     families: Sequence[BlockFamily], joints: int, rng: np.random.Generator, progress: Progress
 ) -> MomentProgram:
     """Return the moment program of ρ; more samples until they distinguish all functions."""
@@ -210,3 +166,62 @@ def sampled_program(
             return moment_program(residual_values(rotations), blocks)
         except TooFewSamplesError:
             count *= 2
+
+
+def semidefinite_root(matrix: FloatArray) -> FloatArray:
+    """Return R with RRᵀ the nearest semidefinite matrix."""
+    values, vectors = np.linalg.eigh(matrix)
+    return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
+
+
+def nearest_semidefinite(matrix: FloatArray) -> FloatArray:
+    """Return the nearest positive semidefinite matrix."""
+    root = semidefinite_root(0.5 * (matrix + matrix.T))
+    return np.asarray(root @ root.T)
+
+
+def refined_multipliers(
+    program: MomentProgram, multipliers: Sequence[FloatArray], passes: int = 3
+) -> list[FloatArray]:
+    """Return multipliers with smaller dual residuals, as semidefinite as before.
+
+    The change Σ_j z_j X A_j X is small relative to X, so it cannot make X indefinite as long
+    as the residual is small. A pass that does not reduce the residual is not taken.
+    """
+    current = [np.asarray(x) for x in multipliers]
+    residual = program.dual_residual(current)
+    for _ in range(passes):
+        gram = np.zeros((len(residual), len(residual)))
+        for x, block in zip(current, program.blocks, strict=True):
+            root = semidefinite_root(x)
+            scaled = (root.T @ (block[1:] @ root)).reshape(len(residual), -1)
+            gram += scaled @ scaled.T
+        z = np.linalg.lstsq(gram, residual, rcond=_RELATIVE_RANK)[0]
+        trial = [
+            x + x @ np.tensordot(z, block[1:], axes=1) @ x
+            for x, block in zip(current, program.blocks, strict=True)
+        ]
+        after = program.dual_residual(trial)
+        if np.abs(after).max() >= np.abs(residual).max():
+            break
+        current, residual = trial, after
+    return [0.5 * (x + x.T) for x in current]
+
+
+def identity_leftover(
+    families: Sequence[BlockFamily],
+    multipliers: Sequence[FloatArray],
+    bound: float,
+    objective: Callable[[FloatArray], FloatArray],
+    fresh: FloatArray,
+) -> float:
+    """Return the largest difference of the two sides of the identity at fresh rotations.
+
+    These are configurations that were not used to find the multipliers, which are positive
+    semidefinite and in the order of the families.
+    """
+    blocks = (block for family in families for block in family.evaluate(fresh))
+    squares = np.zeros(len(fresh))
+    for x, block in zip(multipliers, blocks, strict=True):
+        squares += np.tensordot(block, x, axes=2)
+    return float(np.abs(objective(fresh) - bound - squares).max())

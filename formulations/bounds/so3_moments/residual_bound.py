@@ -13,42 +13,34 @@ from pathlib import Path
 import numpy as np
 
 from formulations.bounds.certified import best_known
-from formulations.bounds.so3_moments.blocks.sampled_blocks import SectorBlocks, sector_families
 from formulations.bounds.so3_moments.certifying import search_certificate, verify_search
-from formulations.bounds.so3_moments.global_bound import Evidence, GlobalBound
-from formulations.bounds.so3_moments.programs.multipliers import refined_multipliers
+from formulations.bounds.so3_moments.enclosed_squares import require_extended_precision
+from formulations.bounds.so3_moments.global_bound import Evidence, GlobalBound, Kind
 from formulations.bounds.so3_moments.relaxation import (
     FRESH,
     Progress,
     check_joints,
-    residual_values,
+    refined_multipliers,
     silent,
     solve_relaxation,
 )
-from formulations.bounds.so3_moments.representations.rounding import (
-    require_extended_precision,
-)
-from formulations.bounds.so3_moments.representations.row_sectors import (
+from formulations.bounds.so3_moments.row_sectors import (
+    DEGREE_4,
     RowSector,
     degree_sectors,
     without_repetition,
 )
-from formulations.bounds.so3_moments.representations.wigner import random_rotations
+from formulations.bounds.so3_moments.sampled_blocks import SectorBlocks, sector_families
+from formulations.bounds.so3_moments.wigner import random_rotations, residual_values
 from nlp.arrays import Rng, one_blas_thread
 from nlp.errors import InputError
 from nlp.files import prepare_file, write_text
+from nlp.starts import seed_of
 
-#: Rows of degree 4, which alone give no more than 0 for seven joints.
-DEGREE_4 = tuple(degree_sectors(4, range(3)))
 # With rows of degree 6; total spin 1 is needed.
 RESIDUAL_PRESETS: Mapping[str, tuple[RowSector, ...]] = {
     "compact": without_repetition(
-        [
-            *DEGREE_4,
-            RowSector(2, 0, 0, 6),
-            RowSector(6, 0, 0, 6),
-            RowSector(2, 0, 1, 6),
-        ]
+        [*DEGREE_4, RowSector(2, 0, 0, 6), RowSector(6, 0, 0, 6), RowSector(2, 0, 1, 6)]
     ),
     "tight": without_repetition([*DEGREE_4, *degree_sectors(6, range(2))]),
 }
@@ -64,13 +56,7 @@ _NOTHING, _SHARE, _DIGITS = -1.0, 0.1, 8
 
 
 def residual_preset(name: str) -> tuple[RowSector, ...]:
-    """Return the rows of a preset of the residual bound.
-
-    Raises
-    ------
-    InputError
-        If there is no such preset.
-    """
+    """Return the rows of a preset of the residual bound; InputError if there is none."""
     if name not in RESIDUAL_PRESETS:
         raise InputError("preset", name, ", ".join(RESIDUAL_PRESETS))
     return RESIDUAL_PRESETS[name]
@@ -78,106 +64,86 @@ def residual_preset(name: str) -> tuple[RowSector, ...]:
 
 @one_blas_thread()
 def residual_bound(
-    preset: str = "compact",
+    preset: str | None = None,
     joints: int = 7,
     *,
-    rng: Rng = 0,
+    rigorous: bool = False,
+    seed: Rng | None = None,
+    rng: Rng | None = None,
     progress: Progress = silent,
+    out: Path | None = None,
 ) -> GlobalBound:
-    """Bound ½‖JJᵀ − (n/3)I‖_F² of all unit revolute Jacobians from below, numerically.
+    """Bound ½‖JJᵀ − (n/3)I‖_F² of all unit revolute Jacobians from below.
 
     Parameters
     ----------
     preset
-        ``"compact"`` or ``"tight"``.
+        ``"compact"``, the default, or ``"tight"``.
     joints
         Number n of joints, 6 to 9.
-    rng
+    rigorous
+        Write the sum of squares to a certificate and verify it from there, all rounding
+        bounded.
+    seed, rng
         Seed of the sampled and of the fresh configurations, or a generator.
     progress
         Receives a short message at each step.
+    out
+        Where to write the certificate of a rigorous bound; nowhere if left out.
 
     Returns
     -------
     GlobalBound
         Of kind ``"numerical"``; also if the solver fails: then the bound is 0, which needs no
-        proof, and `status` gives the reason.
+        proof, and `status` gives the reason. Or of kind ``"rigorous"``, as the certificate
+        states it: it rests on the standard model of double precision arithmetic and not on
+        the solver. Its `check` holds what was verified.
 
     Raises
     ------
     InputError
-        If the preset or the number of joints is not allowed.
+        If the preset or the number of joints is not allowed, or there is no certificate.
+    NoExtendedPrecisionError
+        If it is to be rigorous and this machine has no extended precision.
+    SolverFailureError, CertificateError
+        If it is to be rigorous, and the solver gives no multipliers, or they do not prove even
+        ρ ≥ −1.
+    FileError
+        If the certificate cannot be written.
 
     Notes
     -----
     The residual is that of Maciejewski and Roberts (1995), Section 4, in a form that does not
     depend on the frame.
     """
+    preset = preset or "compact"
     sectors = residual_preset(preset)
     check_joints(joints)
-    generator = np.random.default_rng(rng)
+    generator = np.random.default_rng(seed_of(seed, rng))
     families = sector_families(sectors, joints)
-    solved = solve_relaxation(families, joints, generator, progress=progress)
-    if solved.outcome.multipliers is None:
-        bound, evidence = 0.0, solved.evidence("nothing to check: ρ ≥ 0")
+    if rigorous:
+        bound, evidence = _proved(families, generator, progress, out)
+    elif out is not None:
+        raise InputError("--out", str(out), "none without --rigorous")
     else:
-        progress("checking the identity at fresh configurations")
-        fresh = random_rotations(generator, FRESH, joints)
-        bound, evidence = solved.checked(solved.sampled, residual_values, fresh, _HOW_CHECKED)
-        bound = max(0.0, bound)
+        bound, evidence = _checked(families, generator, progress)
+    kind: Kind = "rigorous" if rigorous else "numerical"
     best = best_known("residual", "unit-revolute", joints)
-    return GlobalBound("residual", joints, preset, "numerical", bound, best, **vars(evidence))
+    return GlobalBound(
+        "residual", joints, preset, kind, max(0.0, bound), best, **vars(evidence)
+    )
 
 
-@one_blas_thread()
-def rigorous_residual_bound(
-    preset: str = "compact",
-    joints: int = 7,
-    *,
-    rng: Rng = 0,
-    progress: Progress = silent,
-    out: Path | None = None,
-) -> GlobalBound:
-    """Prove a lower bound on ½‖JJᵀ − (n/3)I‖_F² of all unit revolute Jacobians.
-
-    The sum of squares of `residual_bound` is written to a certificate and verified from there.
-
-    Parameters
-    ----------
-    preset, joints, rng, progress
-        As in `residual_bound`.
-    out
-        Where to write the certificate; nowhere if left out.
-
-    Returns
-    -------
-    GlobalBound
-        Of kind ``"rigorous"``, with the bound that the certificate states: it rests on the
-        standard model of double precision arithmetic and not on the solver. Its `check` holds
-        what was verified.
-
-    Raises
-    ------
-    InputError
-        If the preset or the number of joints is not allowed.
-    NoExtendedPrecisionError
-        If this machine has no extended precision.
-    SolverFailureError
-        If the solver gives no multipliers.
-    CertificateError
-        If they do not prove even ρ ≥ −1.
-    FileError
-        If the certificate cannot be written.
-    """
-    require_extended_precision()
-    sectors = residual_preset(preset)
-    check_joints(joints)
-    if out is not None:
-        prepare_file(out)
-    families = sector_families(sectors, joints)
-    bound, evidence = _proved(families, np.random.default_rng(rng), progress, out)
-    best = best_known("residual", "unit-revolute", joints)
-    return GlobalBound("residual", joints, preset, "rigorous", bound, best, **vars(evidence))
+def _checked(
+    families: list[SectorBlocks], rng: np.random.Generator, progress: Progress
+) -> tuple[float, Evidence]:
+    joints = families[0].joints
+    solved = solve_relaxation(families, joints, rng, progress=progress)
+    if solved.outcome.multipliers is None:
+        return 0.0, solved.evidence("nothing to check: ρ ≥ 0")
+    progress("checking the identity at fresh configurations")
+    fresh = random_rotations(rng, FRESH, joints)
+    return solved.checked(solved.sampled, residual_values, fresh, _HOW_CHECKED)
 
 
 def _proved(
@@ -186,6 +152,9 @@ def _proved(
     progress: Progress,
     out: Path | None,
 ) -> tuple[float, Evidence]:
+    require_extended_precision()
+    if out is not None:
+        prepare_file(out)
     joints = families[0].joints
     solved = solve_relaxation(families, joints, rng, gap=_RIGOROUS_GAP, progress=progress)
     multipliers = refined_multipliers(solved.program, solved.multipliers)
@@ -196,4 +165,4 @@ def _proved(
     stated = floor(surely * 10**_DIGITS) / 10**_DIGITS
     if out is not None:
         write_text(out, replace(certificate, bound=stated).to_json())
-    return max(0.0, stated), evidence
+    return stated, evidence

@@ -17,35 +17,32 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from formulations.bounds.closed_form import largest_residual, mean_residual, root_above
-from formulations.bounds.so3_moments.blocks.enclosed_localisers import (
-    enclosed_krylov_sum,
-    enclosed_powers,
-    enclosed_residuals,
-    enclosed_scaled,
-)
-from formulations.bounds.so3_moments.blocks.enclosed_squares import (
-    SAFETY,
-    EnclosedSum,
-    enclosed_block,
-    enclosed_sums,
-)
-from formulations.bounds.so3_moments.blocks.invariant_basis import invariant_basis
-from formulations.bounds.so3_moments.blocks.invariants import invariant_dimension
-from formulations.bounds.so3_moments.blocks.localisers import KrylovLocaliser
-from formulations.bounds.so3_moments.blocks.sampled_blocks import RowBlocks, SectorBlocks
 from formulations.bounds.so3_moments.certificate import (
     BlockSquares,
     BoundCertificate,
     CertifiedQuantity,
 )
-from formulations.bounds.so3_moments.representations.adapted_rows import AdaptedRows
-from formulations.bounds.so3_moments.representations.rounding import (
+from formulations.bounds.so3_moments.enclosed_localisers import (
+    enclosed_krylov_sum,
+    enclosed_powers,
+    enclosed_residuals,
+    enclosed_scaled,
+)
+from formulations.bounds.so3_moments.enclosed_squares import (
+    SAFETY,
+    EnclosedSum,
+    enclosed_block,
+    enclosed_sums,
     gamma,
     require_extended_precision,
 )
-from formulations.bounds.so3_moments.representations.row_sectors import RowSector
-from formulations.bounds.so3_moments.representations.wigner import random_rotations
-from formulations.bounds.so3_moments.representations.young_basis import projected_tableaux
+from formulations.bounds.so3_moments.invariants import invariant_basis, invariant_dimension
+from formulations.bounds.so3_moments.localisers import KrylovLocaliser
+from formulations.bounds.so3_moments.row_sectors import RowSector
+from formulations.bounds.so3_moments.sampled_blocks import RowBlocks, SectorBlocks
+from formulations.bounds.so3_moments.symmetric_rows import AdaptedRows
+from formulations.bounds.so3_moments.wigner import random_rotations
+from formulations.bounds.so3_moments.young_basis import projected_tableaux
 from formulations.existence.certificate import CertificateError
 from nlp.arrays import FloatArray, Rng, one_blas_thread
 from nlp.errors import InputError
@@ -188,22 +185,10 @@ def identity_defect(
 ) -> dict[str, float]:
     """Bound |f| = |objective − constant − Σ summands| over all configurations.
 
-    Parameters
-    ----------
-    summands
-        Invariant polynomials of degree at most `degree`, with bounds on their errors.
-    constant
-        The constant b.
-    candidates
-        Rotations in extended precision, (candidates, n, 3, 3).
-    degree
-        Largest degree of f.
-    objective
-        An invariant polynomial like the summands; 0 if left out.
-    points
-        How many candidates to keep, those that determine the invariants best; all by default.
-    progress
-        Receives a short message at each step.
+    Summands and objective, 0 if left out, are invariant polynomials of degree at most `degree`,
+    with bounds on their errors. Of the candidates, rotations in extended precision,
+    (candidates, n, 3, 3), `points` are kept, those that determine the invariants best; all by
+    default.
 
     Returns
     -------
@@ -250,21 +235,20 @@ def _summands(certificate: BoundCertificate) -> Iterator[Summand]:
     """Give the sums of the file, each a function of the rotations."""
     joints, t = certificate.joints, certificate.excluded
     for sector, blocks in certificate.sectors:
-        yield partial(_squares, sector, joints, blocks)
+        yield partial(_squares, SectorBlocks(sector, joints), blocks)
     if t is None:
         return
     # Where the worst case is σ² ≥ t, ρ is below this limit.
     limit, unit = largest_residual(joints, t), mean_residual(joints)
     for sector, blocks in certificate.scaled:
-        yield partial(_scaled, limit, unit, sector, joints, blocks)
+        yield partial(_scaled, limit, unit, SectorBlocks(sector, joints), blocks)
     for sector, blocks in certificate.krylov:
-        yield partial(_krylov, t, sector, joints, blocks)
+        yield partial(_krylov, KrylovLocaliser(sector, joints, t), blocks)
 
 
 def _squares(
-    sector: RowSector, joints: int, blocks: Sequence[BlockSquares], rotations: FloatArray
+    family: SectorBlocks, blocks: Sequence[BlockSquares], rotations: FloatArray
 ) -> EnclosedSum:
-    family = SectorBlocks(sector, joints)
     enclosed = [enclosed_block(family, _adapted(family, one), one.factor) for one in blocks]
     return enclosed_sums(family, enclosed, rotations)
 
@@ -272,22 +256,16 @@ def _squares(
 def _scaled(
     limit: float,
     unit: float,
-    sector: RowSector,
-    joints: int,
+    family: SectorBlocks,
     blocks: Sequence[BlockSquares],
     rotations: FloatArray,
 ) -> EnclosedSum:
-    return enclosed_scaled(limit, unit, _squares(sector, joints, blocks, rotations), rotations)
+    return enclosed_scaled(limit, unit, _squares(family, blocks, rotations), rotations)
 
 
 def _krylov(
-    t: float,
-    sector: RowSector,
-    joints: int,
-    blocks: Sequence[BlockSquares],
-    rotations: FloatArray,
+    family: KrylovLocaliser, blocks: Sequence[BlockSquares], rotations: FloatArray
 ) -> EnclosedSum:
-    family = KrylovLocaliser(sector, joints, t)
     powers = [enclosed_powers(family, _adapted(family, one), one.factor) for one in blocks]
     return enclosed_krylov_sum(family, powers, rotations)
 
@@ -299,8 +277,6 @@ def _adapted(family: RowBlocks, squares: BlockSquares) -> AdaptedRows:
     for one, columns in zip(squares.rows, squares.columns, strict=True):
         number = numbers[one.labels]
         entry = family.rows[number]
-        places = entry.places
-        exchanges = {joint: entry.exchange(joint) for group in places for joint in group[:-1]}
-        bases = projected_tableaux(one.pivots, exchanges, places, squares.shapes)
+        bases = projected_tableaux(one.pivots, entry.exchanges, entry.places, squares.shapes)
         parts.append((number, columns, bases))
-    return AdaptedRows(squares.shapes, "mixed", tuple(parts), squares.size, len(parts[0][2]))
+    return AdaptedRows(squares.shapes, tuple(parts), squares.size, len(parts[0][2]))

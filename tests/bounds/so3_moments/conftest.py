@@ -1,11 +1,9 @@
 """Configurations made without the code under test, and one small program to solve."""
 
-from __future__ import annotations
-
 import json
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
-from types import ModuleType, SimpleNamespace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -25,7 +23,7 @@ def one_blas_thread():
         yield
 
 
-def haar_rotations(seed: int, count: int, joints: int) -> Floats:
+def haar_rotations(seed, count, joints):
     """Return uniform rotations by QR, (count, joints, 3, 3)."""
     rng = np.random.default_rng(seed)
     q, r = np.linalg.qr(rng.standard_normal((count, joints, 3, 3)))
@@ -33,18 +31,18 @@ def haar_rotations(seed: int, count: int, joints: int) -> Floats:
     return q * np.linalg.det(q)[..., None, None]
 
 
-def jacobian(rotations: Floats) -> Floats:
+def jacobian(rotations):
     """Return J, (…, 6, n), with columns (v; ω)."""
     return np.concatenate([rotations[..., 0], rotations[..., 1]], axis=-1).swapaxes(-1, -2)
 
 
-def residual(rotations: Floats) -> Floats:
+def residual(rotations):
     j = jacobian(rotations)
     gram = j @ j.swapaxes(-1, -2) - j.shape[-1] / 3 * np.eye(6)
     return 0.5 * np.sum(gram**2, axis=(-1, -2))
 
 
-def moved(rotations: Floats, seed: int) -> Floats:
+def moved(rotations, seed):
     """Apply a random element of every symmetry to one configuration, (n, 3, 3)."""
     rng = np.random.default_rng(seed)
     joints = len(rotations)
@@ -59,13 +57,13 @@ def moved(rotations: Floats, seed: int) -> Floats:
 
 
 @pytest.fixture(scope="session")
-def isotropic_8r() -> Floats:
+def isotropic_8r():
     """Return rotations of an isotropic unit revolute 8R, by least squares in Euler angles."""
 
-    def rotations(angles: Floats) -> Floats:
+    def rotations(angles):
         return Rotation.from_euler("ZXZ", angles.reshape(8, 3)).as_matrix()
 
-    def defect(angles: Floats) -> Floats:
+    def defect(angles):
         j = jacobian(rotations(angles))
         return (j @ j.T - 8 / 3 * np.eye(6)).ravel()
 
@@ -76,7 +74,7 @@ def isotropic_8r() -> Floats:
 
 
 @pytest.fixture(scope="session")
-def so3() -> SimpleNamespace:
+def so3():
     """Hand the functions of this file to the tests."""
     return SimpleNamespace(
         haar_rotations=haar_rotations, jacobian=jacobian, residual=residual, moved=moved
@@ -84,7 +82,7 @@ def so3() -> SimpleNamespace:
 
 
 @pytest.fixture(scope="session")
-def plain() -> ModuleType:
+def plain():
     """Hand over the second way to evaluate blocks, `plain_average`."""
     path = Path(__file__).with_name("plain_average.py")
     spec = spec_from_file_location("plain_average", path)
@@ -96,7 +94,7 @@ def plain() -> ModuleType:
 
 
 @pytest.fixture(scope="session")
-def attained() -> tuple[Floats, float]:
+def attained():
     """Return the rotations of the best known 7R and its squared worst case, by SVD."""
     records = json.loads(ATTAINED.read_text(encoding="utf-8"))
     jacobians = [
@@ -105,7 +103,7 @@ def attained() -> tuple[Floats, float]:
         if record["formulation"] == "max-min" and record["model"] == "unit-revolute"
     ]
 
-    def worst(jacobian: Floats) -> float:
+    def worst(jacobian):
         kept = [np.delete(jacobian, f, axis=1) for f in range(7)]
         return min(float(np.linalg.svd(j, compute_uv=False)[-1]) for j in kept)
 

@@ -7,31 +7,19 @@ gives vectors w of six polynomials; they are written out in full, and wᵀ(J_f J
 evaluated with the matrix itself.
 """
 
-from __future__ import annotations
-
-from collections.abc import Sequence
 from itertools import permutations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import expm
 
-from formulations.bounds.so3_moments.blocks.localisers import (
-    POWERS,
-    KrylovLocaliser,
-    ScaledBlocks,
-)
-from formulations.bounds.so3_moments.blocks.sampled_blocks import BlockFamily, SectorBlocks
-from formulations.bounds.so3_moments.representations.adapted_rows import AdaptedRows
-from formulations.bounds.so3_moments.representations.wigner import jacobians_of
-from nlp.arrays import FloatArray
+from formulations.bounds.so3_moments.localisers import POWERS, KrylovLocaliser, ScaledBlocks
+from formulations.bounds.so3_moments.sampled_blocks import SectorBlocks
+from formulations.bounds.so3_moments.wigner import jacobians_of
 
 _ORDERS_AT_ONCE = 720
 
 
-def averaged_sum_of_squares(
-    family: SectorBlocks, rotations: FloatArray, multipliers: Sequence[FloatArray]
-) -> FloatArray:
+def averaged_sum_of_squares(family, rotations, multipliers):
     """Return Σ ⟨X, B(x)⟩ over the blocks of a sector at configurations, (configurations,)."""
     orders = np.array(list(permutations(range(family.joints))))
     roots = [multiplier_root(x) for x in multipliers]
@@ -49,7 +37,7 @@ def averaged_sum_of_squares(
     return found / (len(orders) * components)
 
 
-def first_tableau(block: AdaptedRows, root: FloatArray, plain: list[FloatArray]) -> FloatArray:
+def first_tableau(block, root, plain):
     """Return rootᵀ times the values of the block's rows for one tableau."""
     size = max(values[0].size for values in plain)
     total = np.zeros((root.shape[1], size))
@@ -60,13 +48,13 @@ def first_tableau(block: AdaptedRows, root: FloatArray, plain: list[FloatArray])
     return total
 
 
-def multiplier_root(multiplier: FloatArray) -> FloatArray:
+def multiplier_root(multiplier):
     """Return R with RRᵀ = X, positive semidefinite."""
     values, vectors = np.linalg.eigh(multiplier)
     return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
 
 
-def wigner_by_angles(rotations: FloatArray, spin: int) -> NDArray[np.complex128]:
+def wigner_by_angles(rotations, spin):
     """Return D^spin, (n, 2·spin+1, 2·spin+1), of R = R_z(α) R_y(β) R_z(γ)."""
     m = np.arange(-spin, spin + 1)
     raising = np.diag(np.sqrt(spin * (spin + 1) - m[:-1] * (m[:-1] + 1)), -1)
@@ -79,9 +67,7 @@ def wigner_by_angles(rotations: FloatArray, spin: int) -> NDArray[np.complex128]
     return np.asarray(left[:, :, None] * middle * right[:, None, :])
 
 
-def plain_condition_sum(
-    family: BlockFamily, rotations: FloatArray, multipliers: Sequence[FloatArray]
-) -> FloatArray:
+def plain_condition_sum(family, rotations, multipliers):
     """Return Σ ⟨X, B(x)⟩ of a family by summing over all orders, (configurations,).
 
     Raises
@@ -99,9 +85,7 @@ def plain_condition_sum(
     raise TypeError(f"no second way to evaluate {type(family).__name__}")
 
 
-def averaged_krylov_sum(
-    family: KrylovLocaliser, rotations: FloatArray, multipliers: Sequence[FloatArray]
-) -> FloatArray:
+def averaged_krylov_sum(family, rotations, multipliers):
     """Return Σ ⟨X, B(x)⟩ over the blocks of a Krylov localiser, (configurations,)."""
     orders = np.array(list(permutations(range(family.joints))))
     roots = [multiplier_root(x) for x in multipliers]
@@ -130,15 +114,7 @@ def averaged_krylov_sum(
     return found / (len(orders) * (2 * family.sector.spin + 1))
 
 
-def _sum(
-    jacobian: FloatArray,
-    limit: float,
-    orders: FloatArray,
-    block: AdaptedRows,
-    weights: list[FloatArray],
-    plain: list[FloatArray],
-    spin: int,
-) -> float:
+def _sum(jacobian, limit, orders, block, weights, plain, spin):
     """Return Σ wᵀ(J_f J_fᵀ − tI)w over orders, components and columns of the root."""
     joints = jacobian.shape[1]
     whole = jacobian @ jacobian.T / (joints / 3)
@@ -163,7 +139,7 @@ def _sum(
     return total
 
 
-def _spread(rows: FloatArray, places: FloatArray, size: int) -> FloatArray:
+def _spread(rows, places, size):
     """Return a matrix of `size` rows with the given ones in their places."""
     found = np.zeros((size, rows.shape[1]))
     found[places] = rows

@@ -1,7 +1,5 @@
 """The certificate of a bound proves what it states; whatever is done to it proves no more."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys
@@ -16,40 +14,43 @@ import numpy as np
 import pytest
 
 from formulations.bounds.closed_form import root_above
-from formulations.bounds.so3_moments import fixed_worst_case, residual_bound, verification
-from formulations.bounds.so3_moments import reading as format_module
-from formulations.bounds.so3_moments.blocks import sampled_blocks
-from formulations.bounds.so3_moments.blocks.enclosed_localisers import enclosed_residuals
-from formulations.bounds.so3_moments.blocks.sampled_blocks import SectorBlocks, sector_families
-from formulations.bounds.so3_moments.certificate import BoundCertificate
+from formulations.bounds.so3_moments import certificate as format_module
+from formulations.bounds.so3_moments import (
+    residual_bound,
+    sampled_blocks,
+    verification,
+    worst_case_conditions,
+)
+from formulations.bounds.so3_moments.certificate import (
+    BoundCertificate,
+    IllFormedError,
+    read_any,
+)
 from formulations.bounds.so3_moments.certifying import search_certificate
-from formulations.bounds.so3_moments.fixed_worst_case import (
-    WorstCaseConditions,
-    condition_families,
+from formulations.bounds.so3_moments.enclosed_localisers import enclosed_residuals
+from formulations.bounds.so3_moments.max_min_bound import (
+    EXCLUDED,
     prove_exclusion,
     solve_exclusion,
     without_objective,
 )
-from formulations.bounds.so3_moments.max_min_bound import CONDITIONS, EXCLUDED
-from formulations.bounds.so3_moments.programs.moment_program import MomentProgram
-from formulations.bounds.so3_moments.programs.multipliers import refined_multipliers
-from formulations.bounds.so3_moments.reading import IllFormedError, read_any
-from formulations.bounds.so3_moments.relaxation import solve_relaxation
-from formulations.bounds.so3_moments.representations.row_sectors import (
-    RowSector,
-    degree_sectors,
+from formulations.bounds.so3_moments.moment_program import MomentProgram
+from formulations.bounds.so3_moments.relaxation import refined_multipliers, solve_relaxation
+from formulations.bounds.so3_moments.residual_bound import RESIDUAL_PRESETS
+from formulations.bounds.so3_moments.row_sectors import RowSector, degree_sectors
+from formulations.bounds.so3_moments.sampled_blocks import SectorBlocks, sector_families
+from formulations.bounds.so3_moments.verification import verify_bound
+from formulations.bounds.so3_moments.wigner import random_rotations
+from formulations.bounds.so3_moments.worst_case_conditions import (
+    CONDITIONS,
+    WorstCaseConditions,
+    condition_families,
 )
-from formulations.bounds.so3_moments.representations.wigner import random_rotations
-from formulations.bounds.so3_moments.representations.young_basis import (
+from formulations.bounds.so3_moments.young_basis import (
     first_tableau,
     projected_tableaux,
     young_bases,
 )
-from formulations.bounds.so3_moments.residual_bound import (
-    RESIDUAL_PRESETS,
-    rigorous_residual_bound,
-)
-from formulations.bounds.so3_moments.verification import verify_bound
 from formulations.existence.certificate import Certificate, CertificateError
 from formulations.existence.exact_jacobian import ExactJacobian
 from nlp.errors import FileError
@@ -59,7 +60,7 @@ Change = Callable[[dict[str, Any]], object]
 
 
 @pytest.fixture(scope="module")
-def certificate() -> BoundCertificate:
+def certificate():
     """Six joints, rows of degree 4: ρ ≥ −1.6e-5, where 0 is attained."""
     families = sector_families(degree_sectors(4, range(1), range(1)), 6)
     solved = solve_relaxation(families, 6, np.random.default_rng(0), gap=1e-6)
@@ -70,18 +71,18 @@ def certificate() -> BoundCertificate:
 
 
 @pytest.fixture
-def document(certificate: BoundCertificate) -> dict[str, Any]:
+def document(certificate):
     loaded: dict[str, Any] = json.loads(certificate.to_json())
     return loaded
 
 
 @pytest.fixture(scope="module", autouse=True)
-def one_basis() -> Any:
+def one_basis():
     """The basis does not depend on the file, and takes most of the time: made once."""
     made: dict[bytes, Any] = {}
     basis = verification.invariant_basis
 
-    def once(candidates: Any, *arguments: Any) -> Any:
+    def once(candidates, *arguments):
         key = candidates.tobytes()
         if key not in made:
             made[key] = basis(candidates, *arguments)
@@ -92,14 +93,12 @@ def one_basis() -> Any:
         yield
 
 
-def written(path: Path, document: dict[str, Any]) -> Path:
+def written(path, document):
     path.write_text(json.dumps(document))
     return path
 
 
-def test_it_is_read_as_it_was_written_and_proves_its_bound(
-    certificate: BoundCertificate, tmp_path: Path
-) -> None:
+def test_it_is_read_as_it_was_written_and_proves_its_bound(certificate, tmp_path):
     path = tmp_path / "bound.json"
     path.write_text(certificate.to_json())
     read = read_any(path)
@@ -112,17 +111,17 @@ def test_it_is_read_as_it_was_written_and_proves_its_bound(
     )
 
 
-def test_the_proof_holds_at_other_points(certificate: BoundCertificate) -> None:
+def test_the_proof_holds_at_other_points(certificate):
     first, second = (verify_bound(certificate, rng=seed).bound for seed in (1, 2))
     assert first != second
     assert min(first, second) >= certificate.bound
 
 
-def test_other_factors_and_orders_prove_the_same(certificate: BoundCertificate) -> None:
+def test_other_factors_and_orders_prove_the_same(certificate):
     """L is replaced by LQ, and the rows of a block by another order."""
     rng = np.random.default_rng(3)
 
-    def turned(block: Any) -> Any:
+    def turned(block):
         squares = block.factor.shape[1]
         q = np.linalg.qr(rng.standard_normal((squares, squares)))[0]
         parts = [block.factor[place.start : place.stop] @ q for place in block.columns]
@@ -138,7 +137,7 @@ def test_other_factors_and_orders_prove_the_same(certificate: BoundCertificate) 
 
 
 @pytest.mark.parametrize("sector", [RowSector(2, 0, 1, 4), RowSector(4, 2, 0, 4)])
-def test_projectors_are_those_of_the_bases(sector: RowSector) -> None:
+def test_projectors_are_those_of_the_bases(sector):
     """P from eigenvectors and P from averages over permutations are the same."""
     for entry in SectorBlocks(sector, 6).rows:
         places = entry.places
@@ -151,9 +150,7 @@ def test_projectors_are_those_of_the_bases(sector: RowSector) -> None:
                 assert own == pytest.approx(basis @ bases[start].T[:, list(columns)], abs=1e-12)
 
 
-def test_nothing_is_shared_with_the_search(
-    certificate: BoundCertificate, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+def test_nothing_is_shared_with_the_search(certificate, monkeypatch, tmp_path):
     code = (
         "import sys, formulations.bounds.so3_moments.verification;"
         "print(*(m for m in sys.modules if m.startswith(('cvxpy', 'clarabel', 'casadi')) or"
@@ -169,7 +166,7 @@ def test_nothing_is_shared_with_the_search(
         assert not any(one.startswith(f"{room}.{name}") for one in loaded)
     assert not any(one.startswith(("cvxpy", "clarabel", "casadi")) for one in loaded)
 
-    def searched(*_: Any, **__: Any) -> Any:
+    def searched(*_, **__):
         raise AssertionError("the verifier must not sample blocks or find bases")
 
     monkeypatch.setattr(sampled_blocks, "adapted_rows", searched)
@@ -179,43 +176,43 @@ def test_nothing_is_shared_with_the_search(
     assert verify_bound(read_any(path)).bound >= certificate.bound
 
 
-def matrix_of(text: str) -> Any:
+def matrix_of(text):
     return np.frombuffer(b64decode(text), dtype="<f8").copy()
 
 
-def text_of(matrix: Any) -> str:
+def text_of(matrix):
     return b64encode(matrix.astype("<f8").tobytes()).decode()
 
 
-def at(document: Any, *way: Any) -> Any:
+def at(document, *way):
     for step in way:
         document = document[step]
     return document
 
 
-def put(*way_and_value: Any) -> Change:
+def put(*way_and_value):
     *way, key, value = way_and_value
 
-    def change(document: dict[str, Any]) -> None:
+    def change(document):
         at(document, *way)[key] = value
 
     return change
 
 
-def without(*way: Any) -> Change:
+def without(*way):
     *before, key = way
     return lambda document: at(document, *before).pop(key)
 
 
-def twice(*way: Any, times: int = 1) -> Change:
+def twice(*way, times=1):
     return lambda document: at(document, *way).extend(at(document, *way)[:1] * times)
 
 
-def entries(*way_and_change: Any) -> Change:
+def entries(*way_and_change):
     """Change the entries of a matrix."""
     *way, key, changed = way_and_change
 
-    def change(document: dict[str, Any]) -> None:
+    def change(document):
         matrix = matrix_of(at(document, *way)[key])
         changed(matrix)
         at(document, *way)[key] = text_of(matrix)
@@ -223,15 +220,15 @@ def entries(*way_and_change: Any) -> Change:
     return change
 
 
-def setting(place: int, value: float) -> Callable[[Any], None]:
-    def change(matrix: Any) -> None:
+def setting(place, value):
+    def change(matrix):
         matrix[place] = value
 
     return change
 
 
-def scaled(factor: float) -> Callable[[Any], None]:
-    def change(matrix: Any) -> None:
+def scaled(factor):
+    def change(matrix):
         matrix *= factor
 
     return change
@@ -297,9 +294,7 @@ ILL_FORMED: dict[str, Change] = {
 
 
 @pytest.mark.parametrize("name", ILL_FORMED)
-def test_ill_formed_files_are_refused_in_one_sentence(
-    name: str, document: dict[str, Any], tmp_path: Path
-) -> None:
+def test_ill_formed_files_are_refused_in_one_sentence(name, document, tmp_path):
     ILL_FORMED[name](document)
     with pytest.raises((IllFormedError, FileError)) as refused:
         read_any(written(tmp_path / "bound.json", document))
@@ -317,7 +312,7 @@ def test_ill_formed_files_are_refused_in_one_sentence(
         '{"quantity": [1' + ",1" * 10**6,
     ],
 )
-def test_what_is_no_json_or_too_complex_is_refused(text: str, tmp_path: Path) -> None:
+def test_what_is_no_json_or_too_complex_is_refused(text, tmp_path):
     path = tmp_path / "bound.json"
     path.write_text(text)
     with pytest.raises((IllFormedError, FileError)):
@@ -325,9 +320,7 @@ def test_what_is_no_json_or_too_complex_is_refused(text: str, tmp_path: Path) ->
 
 
 @pytest.mark.parametrize("depth", range(100, 1000, 100))
-def test_deeply_nested_parts_are_refused(
-    depth: int, certificate: BoundCertificate, tmp_path: Path
-) -> None:
+def test_deeply_nested_parts_are_refused(depth, certificate, tmp_path):
     path = tmp_path / "bound.json"
     nested = "[" * depth + "]" * depth
     for start in ('"joints": ', '"labels": '):
@@ -337,9 +330,7 @@ def test_deeply_nested_parts_are_refused(
             read_any(path)
 
 
-def test_too_large_a_file_is_refused(
-    certificate: BoundCertificate, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+def test_too_large_a_file_is_refused(certificate, monkeypatch, tmp_path):
     path = tmp_path / "bound.json"
     path.write_text(certificate.to_json())
     monkeypatch.setattr(format_module, "FILE_BYTES", path.stat().st_size - 1)
@@ -351,18 +342,18 @@ def test_too_large_a_file_is_refused(
 MAIN = ("sectors", 1, "blocks", 4)
 
 
-def reverse_factors(document: dict[str, Any]) -> None:
+def reverse_factors(document):
     for sector in document["sectors"]:
         for block in sector["blocks"]:
             block["factor"] = text_of(matrix_of(block["factor"])[::-1])
 
 
-def claim_more(document: dict[str, Any]) -> None:
+def claim_more(document):
     document["bound"] += 0.01
     document["constant"] += 0.01
 
 
-def other_pivots(document: dict[str, Any]) -> None:
+def other_pivots(document):
     """Take the row before each, where that is free."""
     for sector in document["sectors"]:
         for block in sector["blocks"]:
@@ -395,9 +386,7 @@ STILL_TRUE: dict[str, Change] = {
 
 
 @pytest.mark.parametrize("name", FALSE)
-def test_squares_that_do_not_prove_the_bound_are_rejected(
-    name: str, document: dict[str, Any], tmp_path: Path
-) -> None:
+def test_squares_that_do_not_prove_the_bound_are_rejected(name, document, tmp_path):
     FALSE[name](document)
     read = read_any(written(tmp_path / "bound.json", document))
     with pytest.raises(CertificateError, match=r"prove only residual ≥ -?[0-9]") as rejected:
@@ -406,15 +395,13 @@ def test_squares_that_do_not_prove_the_bound_are_rejected(
 
 
 @pytest.mark.parametrize("name", STILL_TRUE)
-def test_changes_that_prove_it_as_well_are_accepted(
-    name: str, document: dict[str, Any], tmp_path: Path
-) -> None:
+def test_changes_that_prove_it_as_well_are_accepted(name, document, tmp_path):
     STILL_TRUE[name](document)
     found = verify_bound(read_any(written(tmp_path / "bound.json", document)))
     assert found.claimed == document["bound"] <= found.bound <= 0
 
 
-def test_random_changes_never_prove_too_much(document: dict[str, Any], tmp_path: Path) -> None:
+def test_random_changes_never_prove_too_much(document, tmp_path):
     """Isotropic 6R Jacobians exist: ρ ≥ c is false for every c > 0."""
     rng = np.random.default_rng(4)
     for _ in range(4):
@@ -429,21 +416,21 @@ def test_random_changes_never_prove_too_much(document: dict[str, Any], tmp_path:
             verify_bound(read_any(written(tmp_path / "b.json", document)))
 
 
-def committed(name: str) -> BoundCertificate:
+def committed(name):
     read = read_any(ROOT / "results" / "bounds" / "certificates" / f"{name}.json")
     assert isinstance(read, BoundCertificate)
     return read
 
 
 @pytest.mark.parametrize("preset", RESIDUAL_PRESETS)
-def test_committed_certificates_of_the_residual_are_well_formed(preset: str) -> None:
+def test_committed_certificates_of_the_residual_are_well_formed(preset):
     read = committed(f"residual_{preset}")
     assert (read.quantity, read.joints) == ("residual", 7)
     assert 0.0566 < read.bound < read.constant < 0.0568265457
     assert {sector for sector, _ in read.sectors} <= set(RESIDUAL_PRESETS[preset])
 
 
-def test_the_committed_certificate_of_max_min_is_well_formed() -> None:
+def test_the_committed_certificate_of_max_min_is_well_formed():
     read = committed("max_min_localised")
     assert (read.quantity, read.joints, read.excluded) == ("max-min", 7, 0.3279)
     assert Fraction(read.excluded) <= Fraction(read.bound) ** 2 < Fraction(0.3279001)
@@ -456,13 +443,13 @@ def test_the_committed_certificate_of_max_min_is_well_formed() -> None:
         assert {sector for sector, _ in part} <= set(sectors)
 
 
-def test_other_certificates_are_read_as_before() -> None:
+def test_other_certificates_are_read_as_before():
     folder = ROOT / "results" / "existence"
     assert isinstance(read_any(folder / "certificate.json"), Certificate)
     assert isinstance(read_any(folder / "optimal_8.json"), ExactJacobian)
 
 
-def test_residuals_are_enclosed() -> None:
+def test_residuals_are_enclosed():
     """Against rational arithmetic; quaternions are doubles."""
     rotations = random_rotations(np.random.default_rng(5), 4, 7, extended=True)
     quaternions = np.random.default_rng(5).standard_normal((4, 7, 4))
@@ -482,9 +469,7 @@ def test_residuals_are_enclosed() -> None:
         assert error < 1e-14 * value
 
 
-def test_verify_and_bound_on_the_command_line(
-    lockedjoint: Any, document: dict[str, Any], tmp_path: Path
-) -> None:
+def test_verify_and_bound_on_the_command_line(lockedjoint, document, tmp_path):
     written(tmp_path / "true.json", document)
     done = lockedjoint.here("verify", "true.json", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
@@ -497,31 +482,27 @@ def test_verify_and_bound_on_the_command_line(
     assert len(done.stderr.strip().splitlines()) == 1
 
 
-def test_a_rigorous_bound_is_what_its_certificate_states(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+def test_a_rigorous_bound_is_what_its_certificate_states(monkeypatch, tmp_path):
     few = degree_sectors(4, range(1), range(1))
     monkeypatch.setattr(residual_bound, "residual_preset", lambda _: few)
     path = tmp_path / "folder" / "bound.json"
-    found = rigorous_residual_bound(joints=6, out=path)
+    found = residual_bound.residual_bound(rigorous=True, joints=6, out=path)
     verified = verify_bound(read_any(path))
     assert verified.bound == found.check["verified"]
     assert -1e-5 < verified.claimed < verified.bound < found.check["constant"]
     assert (found.kind, found.bound) == ("rigorous", max(0.0, verified.claimed))
     with pytest.raises(FileError):
-        rigorous_residual_bound(joints=6, out=tmp_path)
+        residual_bound.residual_bound(rigorous=True, joints=6, out=tmp_path)
 
 
-def test_nothing_is_reported_that_was_not_verified(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+def test_nothing_is_reported_that_was_not_verified(monkeypatch, tmp_path):
     """With a constant that is 1 too large the solver claims ρ ≥ 1, where 0 is attained."""
     few = degree_sectors(4, range(1), range(1))
     monkeypatch.setattr(residual_bound, "residual_preset", lambda _: few)
     value = MomentProgram.dual_value
     monkeypatch.setattr(MomentProgram, "dual_value", lambda *given: value(*given) + 1)
     with pytest.raises(CertificateError, match="prove only"):
-        rigorous_residual_bound(joints=6, out=tmp_path / "bound.json")
+        residual_bound.residual_bound(rigorous=True, joints=6, out=tmp_path / "bound.json")
     assert not list(tmp_path.iterdir())
 
 
@@ -536,10 +517,10 @@ SMALL = WorstCaseConditions(
 
 
 @pytest.fixture(scope="module")
-def exclusion() -> BoundCertificate:
+def exclusion():
     """σ² ≥ 30 is impossible for short columns, so small sums exclude it."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(fixed_worst_case, "largest_residual", lambda *_: LIMIT)
+        patch.setattr(worst_case_conditions, "largest_residual", lambda *_: LIMIT)
         families = condition_families(SMALL, 7, IMPOSSIBLE)
     solved = solve_exclusion(families, 7, np.random.default_rng(0))
     multipliers = refined_multipliers(solved.program, solved.multipliers)
@@ -549,7 +530,7 @@ def exclusion() -> BoundCertificate:
 
 
 @pytest.fixture
-def excluding(exclusion: BoundCertificate, monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
+def excluding(exclusion, monkeypatch):
     """Return the file of `exclusion`; the reader and the verifier allow so large a t."""
     limit = verification.largest_residual
     monkeypatch.setattr(format_module, "_largest_excluded", lambda _: IMPOSSIBLE)
@@ -561,8 +542,8 @@ def excluding(exclusion: BoundCertificate, monkeypatch: pytest.MonkeyPatch) -> d
 
 
 def test_an_exclusion_is_read_as_it_was_written_and_proves_its_bound(
-    exclusion: BoundCertificate, excluding: dict[str, Any], tmp_path: Path
-) -> None:
+    exclusion, excluding, tmp_path
+):
     read = read_any(written(tmp_path / "bound.json", excluding))
     assert read.to_json() == exclusion.to_json()
     found = verify_bound(read)
@@ -606,9 +587,7 @@ ILL_FORMED_EXCLUSIONS: dict[str, Change] = {
 
 
 @pytest.mark.parametrize("name", ILL_FORMED_EXCLUSIONS)
-def test_ill_formed_exclusions_are_refused_in_one_sentence(
-    name: str, excluding: dict[str, Any], tmp_path: Path
-) -> None:
+def test_ill_formed_exclusions_are_refused_in_one_sentence(name, excluding, tmp_path):
     ILL_FORMED_EXCLUSIONS[name](excluding)
     with pytest.raises((IllFormedError, FileError)) as refused:
         read_any(written(tmp_path / "bound.json", excluding))
@@ -617,10 +596,10 @@ def test_ill_formed_exclusions_are_refused_in_one_sentence(
     assert "\n" not in str(refused.value)
 
 
-def everywhere(name: str, change: Callable[[Any], None]) -> Change:
+def everywhere(name, change):
     """Change the factors of all blocks of a part."""
 
-    def changed(document: dict[str, Any]) -> None:
+    def changed(document):
         for sector in document[name]:
             for block in sector["blocks"]:
                 entries("factor", change)(block)
@@ -628,7 +607,7 @@ def everywhere(name: str, change: Callable[[Any], None]) -> Change:
     return changed
 
 
-def raised(name: str, amount: float) -> Change:
+def raised(name, amount):
     return lambda document: document.__setitem__(name, document[name] + amount)
 
 
@@ -650,9 +629,7 @@ FALSE_EXCLUSIONS: dict[str, Change] = {
 
 
 @pytest.mark.parametrize("name", FALSE_EXCLUSIONS)
-def test_sums_that_do_not_exclude_the_worst_case_are_rejected(
-    name: str, excluding: dict[str, Any], tmp_path: Path
-) -> None:
+def test_sums_that_do_not_exclude_the_worst_case_are_rejected(name, excluding, tmp_path):
     FALSE_EXCLUSIONS[name](excluding)
     read = read_any(written(tmp_path / "bound.json", excluding))
     with pytest.raises(CertificateError, match=r"prove only max-min ≤ [0-9.]+\.$") as rejected:
@@ -660,7 +637,7 @@ def test_sums_that_do_not_exclude_the_worst_case_are_rejected(
     assert rejected.value.exit_status == 1
 
 
-def test_what_is_proved_instead_is_stated(excluding: dict[str, Any], tmp_path: Path) -> None:
+def test_what_is_proved_instead_is_stated(excluding, tmp_path):
     """Eq. (6), or √t if only the claim is too sharp; both rounded up."""
     path, found = tmp_path / "bound.json", []
     for change in (raised("constant", 1.0), raised("bound", -1e-6)):
@@ -682,23 +659,19 @@ def test_what_is_proved_instead_is_stated(excluding: dict[str, Any], tmp_path: P
         lambda document: document["krylov"].reverse(),
     ],
 )
-def test_other_files_prove_the_exclusion_as_well(
-    change: Change, excluding: dict[str, Any], tmp_path: Path
-) -> None:
+def test_other_files_prove_the_exclusion_as_well(change, excluding, tmp_path):
     change(excluding)
     found = verify_bound(read_any(written(tmp_path / "bound.json", excluding)))
     assert found.bound <= found.claimed == excluding["bound"]
 
 
-def test_a_proof_of_exclusion_writes_its_certificate(
-    excluding: dict[str, Any], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+def test_a_proof_of_exclusion_writes_its_certificate(excluding, monkeypatch, tmp_path):
     """At an attained worst case nothing is excluded, and nothing is written."""
     path = tmp_path / "folder" / "bound.json"
     with pytest.raises(CertificateError, match=r"not excluded|prove only"):
         prove_exclusion(0.3, SMALL, 7, out=path)
     assert not path.exists()
-    monkeypatch.setattr(fixed_worst_case, "largest_residual", lambda *_: LIMIT)
+    monkeypatch.setattr(worst_case_conditions, "largest_residual", lambda *_: LIMIT)
     bound, evidence = prove_exclusion(IMPOSSIBLE, SMALL, 7, out=path)
     assert bound == excluding["bound"] == verify_bound(read_any(path)).bound
     assert evidence.check["margin"] < 0

@@ -1,10 +1,6 @@
-from __future__ import annotations
-
-from collections.abc import Sequence
 from fractions import Fraction
 from itertools import permutations, product
 from math import nextafter, sqrt
-from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -12,8 +8,8 @@ import pytest
 
 from formulations.bounds import closed_form
 from formulations.bounds.closed_form import largest_residual
-from formulations.bounds.so3_moments.blocks import enclosed_localisers
-from formulations.bounds.so3_moments.blocks.enclosed_localisers import (
+from formulations.bounds.so3_moments import enclosed_localisers
+from formulations.bounds.so3_moments.enclosed_localisers import (
     enclosed_krylov_sum,
     enclosed_powers,
     enclosed_product,
@@ -21,35 +17,24 @@ from formulations.bounds.so3_moments.blocks.enclosed_localisers import (
     enclosed_scaled,
     krylov_forms,
 )
-from formulations.bounds.so3_moments.blocks.enclosed_squares import (
-    EnclosedSum,
-    enclosed_block,
-    enclosed_sums,
-)
-from formulations.bounds.so3_moments.blocks.invariant_basis import (
-    invariant_functions,
-    invariant_values,
-)
-from formulations.bounds.so3_moments.blocks.localisers import KrylovLocaliser, ScaledBlocks
-from formulations.bounds.so3_moments.blocks.sampled_blocks import BlockFamily, SectorBlocks
-from formulations.bounds.so3_moments.fixed_worst_case import ResidualDistance
+from formulations.bounds.so3_moments.enclosed_squares import enclosed_block, enclosed_sums
+from formulations.bounds.so3_moments.invariants import invariant_functions, invariant_values
+from formulations.bounds.so3_moments.localisers import KrylovLocaliser, ScaledBlocks
 from formulations.bounds.so3_moments.relaxation import residual_values
-from formulations.bounds.so3_moments.representations.row_sectors import RowSector
-from formulations.bounds.so3_moments.representations.wigner import (
-    jacobians_of,
-    random_rotations,
-)
+from formulations.bounds.so3_moments.row_sectors import RowSector
+from formulations.bounds.so3_moments.sampled_blocks import SectorBlocks
 from formulations.bounds.so3_moments.verification import degree_of
-from nlp.arrays import FloatArray
+from formulations.bounds.so3_moments.wigner import jacobians_of, random_rotations
+from formulations.bounds.so3_moments.worst_case_conditions import ResidualDistance
 
 LIMIT = 0.3
 
 
-def extended(seed: int, count: int, joints: int) -> FloatArray:
+def extended(seed, count, joints):
     return random_rotations(np.random.default_rng(seed), count, joints, extended=True)
 
 
-def exact_jacobian(seed: int, joints: int) -> list[list[Fraction]]:
+def exact_jacobian(seed, joints):
     """Return the six rows of J at the first configuration of `extended`."""
     rows: list[list[Fraction]] = [[] for _ in range(6)]
     for q in np.random.default_rng(seed).standard_normal((1, joints, 4))[0]:
@@ -62,11 +47,11 @@ def exact_jacobian(seed: int, joints: int) -> list[list[Fraction]]:
     return rows
 
 
-def dot(first: list[Fraction], second: list[Fraction]) -> Fraction:
+def dot(first, second):
     return sum((a * b for a, b in zip(first, second, strict=True)), Fraction(0))
 
 
-def exact_form(rows: list[list[Fraction]], locked: int) -> list[list[Fraction]]:
+def exact_form(rows, locked):
     """Return H = Vᵀ(J_f J_fᵀ − tI)V."""
     columns = [list(column) for column in zip(*rows, strict=True)]
     vectors = [columns[locked]]
@@ -83,19 +68,19 @@ def exact_form(rows: list[list[Fraction]], locked: int) -> list[list[Fraction]]:
     ]
 
 
-def exactly(number: Any) -> Fraction:
+def exactly(number):
     """Return a number in extended precision as a fraction."""
     return Fraction(float(number)) + Fraction(float(number - float(number)))
 
 
-def test_forms_of_krylov_vectors_are_enclosed_at_an_exact_jacobian() -> None:
+def test_forms_of_krylov_vectors_are_enclosed_at_an_exact_jacobian():
     exact = exact_form(exact_jacobian(3, 7), 2)
     (form,), (error,) = krylov_forms(jacobians_of(extended(3, 1, 7)), 2, LIMIT)
     square = sum((exactly(form[k, m]) - exact[k][m]) ** 2 for k in range(3) for m in range(3))
     assert 1e-4 * error < sqrt(square) < error < 1e-13
 
 
-def test_a_sum_is_enclosed_at_an_exact_jacobian() -> None:
+def test_a_sum_is_enclosed_at_an_exact_jacobian():
     """Vectors without polynomials: the mean of ⟨H_f, LLᵀ⟩ over the locked joints."""
     family = KrylovLocaliser(RowSector(0, 0, 0, 4, 0), 4, LIMIT)
     constant = next(n for n, rows in enumerate(family.rows) if not rows.labels)
@@ -123,16 +108,16 @@ def test_a_sum_is_enclosed_at_an_exact_jacobian() -> None:
     assert abs(found.values[0]) > 0.01
 
 
-def enclosed(family: KrylovLocaliser, roots: Sequence[FloatArray]) -> list[Any]:
+def enclosed(family, roots):
     together = zip(family.blocks, roots, strict=True)
     return [enclosed_powers(family, block, root) for block, root in together]
 
 
-def fractions(row: FloatArray) -> list[Fraction]:
+def fractions(row):
     return [Fraction(x) for x in row.tolist()]
 
 
-def test_the_residual_is_enclosed_at_an_exact_jacobian() -> None:
+def test_the_residual_is_enclosed_at_an_exact_jacobian():
     rotations, rows = extended(3, 1, 7), exact_jacobian(3, 7)
     shift = Fraction(7, 3)
     exact = sum(
@@ -145,11 +130,11 @@ def test_the_residual_is_enclosed_at_an_exact_jacobian() -> None:
 
 
 @pytest.mark.parametrize("t", [0.32, 0.3279, 0.3284, nextafter(1 / 3, 0), 1 / 3 - 1e-9])
-def test_the_limit_of_the_residual_is_above_all_spectra_that_t_allows(t: float) -> None:
+def test_the_limit_of_the_residual_is_above_all_spectra_that_t_allows(t):
     """One large eigenvalue and five equal ones: the condition in rational arithmetic."""
     bound, mean = largest_residual(7, t), Fraction(7, 3) - Fraction(t)
 
-    def allowed(residual: Fraction) -> bool:
+    def allowed(residual):
         y = Fraction(sqrt(residual / 15))
         return 1 / (mean + 5 * y) + 5 / (mean - y) <= 1 / Fraction(t)
 
@@ -159,7 +144,7 @@ def test_the_limit_of_the_residual_is_above_all_spectra_that_t_allows(t: float) 
 
 
 @pytest.mark.parametrize("count", range(1, 6))
-def test_a_wrong_bisection_is_noticed(count: int, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_wrong_bisection_is_noticed(count, monkeypatch):
     """What is returned is what rational arithmetic confirms, wherever the bisection ends."""
     mean, limit = Fraction(7, 3) - Fraction(0.32), 1 / Fraction(0.32)
     good = closed_form._largest_spread(count, mean, limit)
@@ -180,19 +165,17 @@ KINDS = {
 
 
 @pytest.fixture(params=KINDS.values(), ids=KINDS)
-def family(request: pytest.FixtureRequest) -> BlockFamily:
+def family(request):
     """Return blocks that a test may change."""
     return request.param()
 
 
-def random_roots(family: BlockFamily, seed: int) -> list[FloatArray]:
+def random_roots(family, seed):
     rng = np.random.default_rng(seed)
     return [rng.standard_normal((size, size)) for size in family.sizes]
 
 
-def enclosed_condition(
-    family: Any, roots: Sequence[FloatArray], rotations: FloatArray
-) -> EnclosedSum:
+def enclosed_condition(family, roots, rotations):
     """Return Σ ⟨LLᵀ, B(x)⟩ over the blocks of plain, scaled or Krylov rows."""
     if isinstance(family, ScaledBlocks):
         inner = enclosed_condition(family.family, roots, rotations)
@@ -205,7 +188,7 @@ def enclosed_condition(
     return enclosed_sums(family, blocks, rotations)
 
 
-def test_sums_are_enclosed(family: BlockFamily, plain: ModuleType) -> None:
+def test_sums_are_enclosed(family, plain):
     rotations, roots = extended(4, 2, 4), random_roots(family, 5)
     found = enclosed_condition(family, roots, rotations)
     multipliers = [root @ root.T for root in roots]
@@ -216,7 +199,7 @@ def test_sums_are_enclosed(family: BlockFamily, plain: ModuleType) -> None:
     assert np.all(np.abs(found.values) <= found.sizes * (1 + 1e-9))
 
 
-def krylov(degree: int = 4) -> tuple[KrylovLocaliser, list[FloatArray]]:
+def krylov(degree=4):
     """Return a localiser and random roots; of degree 2 it has one power of M only."""
     family = KrylovLocaliser(RowSector(1, 0, 0, degree, 1), 4, LIMIT)
     rng = np.random.default_rng(6)
@@ -226,21 +209,19 @@ def krylov(degree: int = 4) -> tuple[KrylovLocaliser, list[FloatArray]]:
 @pytest.mark.parametrize("amount", [1e-3, 30.0])
 @pytest.mark.parametrize("sign", [-1, 1])
 @pytest.mark.parametrize("degree", [2, 4])
-def test_errors_of_the_rows_are_covered(
-    amount: float, sign: int, degree: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_errors_of_the_rows_are_covered(amount, sign, degree, monkeypatch):
     """Values that are off by known amounts, in the directions that matter most."""
     family, roots = krylov(degree)
     rotations = extended(7, 3, 4)
     good = enclosed_krylov_sum(family, enclosed(family, roots), rotations)
     values, error = enclosed_localisers.block_values, enclosed_localisers.product_error
 
-    def shifted(*arguments: Any) -> FloatArray:
+    def shifted(*arguments):
         found = values(*arguments)
         lengths = np.sqrt(np.sum(found**2, axis=(0, 2)))
         return found + sign * amount * found / lengths[:, None]
 
-    def larger(*arguments: Any) -> tuple[float, FloatArray]:
+    def larger(*arguments):
         fixed, relative = error(*arguments)
         return fixed + amount, relative
 
@@ -252,12 +233,12 @@ def test_errors_of_the_rows_are_covered(
     assert np.all(distance <= wrong.errors)
 
 
-def test_errors_of_the_forms_are_covered(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_errors_of_the_forms_are_covered(monkeypatch):
     family, roots = krylov()
     rotations, forms = extended(7, 3, 4), enclosed_localisers.krylov_forms
     good = enclosed_krylov_sum(family, enclosed(family, roots), rotations)
 
-    def shifted(*arguments: Any) -> tuple[FloatArray, FloatArray]:
+    def shifted(*arguments):
         found, errors = forms(*arguments)
         return found + 1e-3 * np.eye(3), errors + 1e-3 * sqrt(3)
 
@@ -268,7 +249,7 @@ def test_errors_of_the_forms_are_covered(monkeypatch: pytest.MonkeyPatch) -> Non
     assert np.all(distance <= wrong.errors)
 
 
-def test_the_distance_from_the_average_over_orders_is_covered(family: BlockFamily) -> None:
+def test_the_distance_from_the_average_over_orders_is_covered(family):
     """Rows that are not symmetric: their average over all orders of the joints is meant."""
     (rotations,) = extended(8, 1, 4)
     rows = family.family if isinstance(family, ScaledBlocks) else family
@@ -283,7 +264,7 @@ def test_the_distance_from_the_average_over_orders_is_covered(family: BlockFamil
 
 
 @pytest.mark.parametrize("factor", [-2.0, 3.0])
-def test_products_are_enclosed(factor: float) -> None:
+def test_products_are_enclosed(factor):
     g, wrong, s, error = (np.array([x]) for x in (factor, 0.5, 2.0, 0.25))
     product = enclosed_product(g, wrong, s, error)
     for a in (-0.5, 0.5):
@@ -306,14 +287,12 @@ PLAIN, LOCKED = RowSector(2, 0, 0, 2), RowSector(0, 0, 0, 2, 0)
         (KrylovLocaliser(LOCKED, 4, LIMIT), degree_of([], [], [LOCKED])),
     ],
 )
-def test_entries_have_the_degree_that_the_proof_assumes(
-    family: BlockFamily, degree: int
-) -> None:
+def test_entries_have_the_degree_that_the_proof_assumes(family, degree):
     """They are combinations of the invariants of that degree, and of no smaller one."""
     rotations = random_rotations(np.random.default_rng(12), 150, 4)
     entries = np.hstack([block.reshape(150, -1) for block in family.evaluate(rotations)])
 
-    def leftover(degree: int) -> float:
+    def leftover(degree):
         basis = invariant_values(invariant_functions(4, degree), rotations, degree)
         assert basis.shape[1] < 100
         return float(np.abs(entries - basis @ np.linalg.lstsq(basis, entries)[0]).max())

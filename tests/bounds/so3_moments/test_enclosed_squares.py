@@ -1,7 +1,4 @@
-from __future__ import annotations
-
 from itertools import permutations
-from types import ModuleType, SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,52 +6,41 @@ from mpmath import mp, mpf
 from scipy.linalg import hadamard
 from sympy.physics.quantum.cg import CG
 
-from formulations.bounds.so3_moments.blocks.enclosed_squares import (
+from formulations.bounds.so3_moments.enclosed_squares import (
     enclosed_block,
     enclosed_sums,
-)
-from formulations.bounds.so3_moments.blocks.invariant_basis import (
-    InvariantBasis,
-    NoBasisError,
-    invariant_basis,
-    invariant_functions,
-    invariant_values,
-)
-from formulations.bounds.so3_moments.blocks.invariants import invariant_dimension
-from formulations.bounds.so3_moments.blocks.sampled_blocks import SectorBlocks, sector_families
-from formulations.bounds.so3_moments.programs.moment_program import moment_program
-from formulations.bounds.so3_moments.programs.multipliers import refined_multipliers
-from formulations.bounds.so3_moments.programs.predictor_corrector import (
-    solve_with_predictor_corrector,
-)
-from formulations.bounds.so3_moments.relaxation import residual_values
-from formulations.bounds.so3_moments.representations.permuted_rows import PermutedRows
-from formulations.bounds.so3_moments.representations.rounding import (
     exchange_error,
     gamma,
     row_error,
     wigner_error,
 )
-from formulations.bounds.so3_moments.representations.row_sectors import (
-    RowSector,
-    degree_sectors,
+from formulations.bounds.so3_moments.invariants import (
+    InvariantBasis,
+    NoBasisError,
+    invariant_basis,
+    invariant_dimension,
+    invariant_functions,
+    invariant_values,
 )
-from formulations.bounds.so3_moments.representations.wigner import (
-    random_rotations,
-    wigner_matrices,
-)
+from formulations.bounds.so3_moments.moment_program import moment_program
+from formulations.bounds.so3_moments.predictor_corrector import solve_with_predictor_corrector
+from formulations.bounds.so3_moments.relaxation import refined_multipliers, residual_values
+from formulations.bounds.so3_moments.row_sectors import RowSector, degree_sectors
+from formulations.bounds.so3_moments.sampled_blocks import SectorBlocks, sector_families
+from formulations.bounds.so3_moments.symmetric_rows import PermutedRows
 from formulations.bounds.so3_moments.verification import identity_defect
+from formulations.bounds.so3_moments.wigner import random_rotations, wigner_matrices
 from nlp.errors import InputError
 
 
 @pytest.mark.parametrize(
     ("joints", "degree", "dimension"), [(1, 4, 1), (7, 8, 35), (7, 12, 476)]
 )
-def test_number_of_invariants(joints: int, degree: int, dimension: int) -> None:
+def test_number_of_invariants(joints, degree, dimension):
     assert invariant_dimension(joints, degree) == dimension
 
 
-def test_number_of_invariants_is_that_of_independent_functions(so3: SimpleNamespace) -> None:
+def test_number_of_invariants_is_that_of_independent_functions(so3):
     """Of degree 4: the constants and power sums over pairs of joints."""
     rotations = so3.haar_rotations(1, 60, 4)
     z = rotations[..., 0] + 1j * rotations[..., 1]
@@ -66,15 +52,15 @@ def test_number_of_invariants_is_that_of_independent_functions(so3: SimpleNamesp
 
 
 @pytest.fixture(scope="module")
-def low() -> list[SectorBlocks]:
+def low():
     return sector_families(degree_sectors(4, range(3)), 7)
 
 
-def configurations(seed: int, count: int, joints: int = 7) -> np.ndarray:
+def configurations(seed, count, joints=7):
     return random_rotations(np.random.default_rng(seed), count, joints, extended=True)
 
 
-def test_a_basis_bounds_an_invariant_everywhere() -> None:
+def test_a_basis_bounds_an_invariant_everywhere():
     basis, points = invariant_basis(configurations(2, 80), 8, 35, 50)
     assert len(points) == 50
     inside = residual_values(points).astype(float)
@@ -84,7 +70,7 @@ def test_a_basis_bounds_an_invariant_everywhere() -> None:
     assert bound < basis.largest_value(inside, np.full(50, 1e-3))
 
 
-def test_the_basis_is_orthonormal_and_its_squares_are_bounded() -> None:
+def test_the_basis_is_orthonormal_and_its_squares_are_bounded():
     functions = invariant_functions(4, 8)
     values = invariant_values(functions, configurations(20, 2000, 4), 8)
     assert values.shape[1] == invariant_dimension(4, 8)
@@ -98,14 +84,14 @@ def test_the_basis_is_orthonormal_and_its_squares_are_bounded() -> None:
     assert 0.03 * limit < largest < limit
 
 
-def test_the_basis_is_invariant(so3: SimpleNamespace) -> None:
+def test_the_basis_is_invariant(so3):
     functions = invariant_functions(7, 8)
     one = so3.haar_rotations(3, 1, 7)[0]
     both = invariant_values(functions, np.stack([one, so3.moved(one, 4)]), 8)
     assert np.abs(both[0] - both[1]).max() < 1e-11 * np.abs(both).max()
 
 
-def test_rounding_is_bounded_by_the_absolute_values_of_the_left_inverse() -> None:
+def test_rounding_is_bounded_by_the_absolute_values_of_the_left_inverse():
     """R · values is 0 with |R| · |values| as large as it can be, though ‖R‖₂ is 1."""
     left_inverse = hadamard(64)[1:] / 8.0
     values = np.ones(64)
@@ -115,18 +101,18 @@ def test_rounding_is_bounded_by_the_absolute_values_of_the_left_inverse() -> Non
     assert rounding < bound < 1.1 * rounding
 
 
-def test_rotations_in_double_precision_are_refused() -> None:
+def test_rotations_in_double_precision_are_refused():
     with pytest.raises(InputError, match="extended precision"):
         identity_defect([], 0.0, configurations(1, 5).astype(float), 8)
 
 
-def test_another_dimension_or_too_few_points_are_no_basis() -> None:
+def test_another_dimension_or_too_few_points_are_no_basis():
     for dimension, points in ((36, 80), (35, 30)):
         with pytest.raises(NoBasisError):
             invariant_basis(configurations(2, points), 8, dimension)
 
 
-def test_sums_are_enclosed_in_forty_digits() -> None:
+def test_sums_are_enclosed_in_forty_digits():
     """Every row written out in mpmath, for every order of three joints."""
     family = SectorBlocks(RowSector(2, 0, 1, 4), 3)
     rng = np.random.default_rng(3)
@@ -140,11 +126,11 @@ def test_sums_are_enclosed_in_forty_digits() -> None:
     assert abs(found.values[0] - exact) < found.errors[0] < 1e-12 * exact
 
 
-def exact_sum(family: SectorBlocks, blocks: list, quaternions: np.ndarray) -> mpf:
+def exact_sum(family, blocks, quaternions):
     """Return Σ_T |A_Tᵀφ|² of all blocks, its mean over all orders, with forty digits."""
     mp.dps = 40
 
-    def couplings(a: int, b: int, total: int) -> dict:
+    def couplings(a, b, total):
         return {
             (i, k): mpf(CG(a, i, b, k, total, i + k).doit().evalf(40))
             for i in range(-a, a + 1)
@@ -152,7 +138,7 @@ def exact_sum(family: SectorBlocks, blocks: list, quaternions: np.ndarray) -> mp
             if abs(i + k) <= total
         }
 
-    def wigner(quaternion: np.ndarray) -> list[dict]:
+    def wigner(quaternion):
         w, x, y, z = map(mpf, quaternion)
         turned = [
             [w * w + x * x - y * y - z * z, 2 * (x * y - w * z), 2 * (x * z + w * y)],
@@ -183,7 +169,7 @@ def exact_sum(family: SectorBlocks, blocks: list, quaternions: np.ndarray) -> mp
 
     tables: dict = {}
 
-    def coupled(columns: list[tuple[int, dict]], goal: int) -> list[dict]:
+    def coupled(columns, goal):
         """Couple in sequence, in the order of the library."""
         partial = {columns[0][0]: [columns[0][1]]}
         for place, (spin, column) in enumerate(columns[1:], start=1):
@@ -237,7 +223,7 @@ def exact_sum(family: SectorBlocks, blocks: list, quaternions: np.ndarray) -> mp
     return total / len(orders)
 
 
-def test_sums_are_enclosed(so3: SimpleNamespace, plain: ModuleType) -> None:
+def test_sums_are_enclosed(so3, plain):
     family = SectorBlocks(RowSector(2, 0, 1, 4), 6)
     rng = np.random.default_rng(3)
     roots = [rng.standard_normal((size, 2)) for size in family.sizes]
@@ -254,7 +240,7 @@ def test_sums_are_enclosed(so3: SimpleNamespace, plain: ModuleType) -> None:
     assert np.all(found.errors < 1e-8 * found.values)
 
 
-def test_rows_that_are_not_symmetric_are_noticed() -> None:
+def test_rows_that_are_not_symmetric_are_noticed():
     family = SectorBlocks(RowSector(2, 0, 1, 4), 6)
     block = max(family.blocks, key=lambda block: block.tableaux)
     good = enclosed_block(family, block, np.eye(block.size))
@@ -263,7 +249,7 @@ def test_rows_that_are_not_symmetric_are_noticed() -> None:
     assert good.differences.max() < 1e-12
 
 
-def test_errors_of_wigner_functions_and_rows_stay_below_their_bounds() -> None:
+def test_errors_of_wigner_functions_and_rows_stay_below_their_bounds():
     rotations = configurations(5, 50, 1)[:, 0]
     for spin, matrix in enumerate(wigner_matrices(rotations, 6)):
         unit = matrix @ matrix.conj().swapaxes(-1, -2) - np.eye(2 * spin + 1)
@@ -275,9 +261,7 @@ def test_errors_of_wigner_functions_and_rows_stay_below_their_bounds() -> None:
     assert np.linalg.norm(swap @ swap - np.eye(len(swap)), 2) < 3 * exchange_error(rows)
 
 
-def test_refined_multipliers_satisfy_the_equations_better(
-    low: list[SectorBlocks], so3: SimpleNamespace
-) -> None:
+def test_refined_multipliers_satisfy_the_equations_better(low, so3):
     samples = so3.haar_rotations(8, 160, 7)
     blocks = [block for family in low for block in family.evaluate(samples)]
     program = moment_program(-residual_values(samples), blocks)

@@ -1,36 +1,28 @@
-from __future__ import annotations
-
 from dataclasses import replace
-from types import ModuleType, SimpleNamespace
 
 import numpy as np
 import pytest
 
-from formulations.bounds.so3_moments.blocks.localisers import (
-    KrylovLocaliser,
-    krylov_sectors,
-    krylov_vectors,
-)
-from formulations.bounds.so3_moments.fixed_worst_case import (
-    WorstCaseConditions,
-    condition_families,
-    exclude_worst_case,
-)
-from formulations.bounds.so3_moments.max_min_bound import CONDITIONS
-from formulations.bounds.so3_moments.programs.moment_program import margin_program
-from formulations.bounds.so3_moments.programs.multipliers import (
+from formulations.bounds.so3_moments.localisers import KrylovLocaliser, krylov_vectors
+from formulations.bounds.so3_moments.max_min_bound import exclude_worst_case
+from formulations.bounds.so3_moments.moment_program import margin_program
+from formulations.bounds.so3_moments.relaxation import (
     identity_leftover,
     nearest_semidefinite,
+    solve_relaxation,
 )
-from formulations.bounds.so3_moments.relaxation import solve_relaxation
-from formulations.bounds.so3_moments.representations.row_sectors import RowSector
-from nlp.arrays import FloatArray
+from formulations.bounds.so3_moments.row_sectors import RowSector, degree_sectors
+from formulations.bounds.so3_moments.worst_case_conditions import (
+    CONDITIONS,
+    WorstCaseConditions,
+    condition_families,
+)
 from nlp.errors import InputError
 
 SECTORS = [(0, 0, 0, 4, 0), (2, 0, 1, 4, 0), (1, 2, 1, 4, 1), (2, 1, 2, 3, 1)]
 
 
-def lowest_eigenvalue(families: list[KrylovLocaliser], where: FloatArray) -> float:
+def lowest_eigenvalue(families, where):
     return min(
         float(np.linalg.eigvalsh(block[0])[0])
         for family in families
@@ -39,9 +31,7 @@ def lowest_eigenvalue(families: list[KrylovLocaliser], where: FloatArray) -> flo
 
 
 @pytest.mark.parametrize("sector", SECTORS)
-def test_blocks_do_not_change_under_any_symmetry(
-    sector: tuple[int, int, int, int, int], so3: SimpleNamespace
-) -> None:
+def test_blocks_do_not_change_under_any_symmetry(sector, so3):
     localiser = KrylovLocaliser(RowSector(*sector), 7, 0.3)
     here = so3.haar_rotations(1, 1, 7)
     there = so3.moved(here[0], 2)[None]
@@ -50,9 +40,7 @@ def test_blocks_do_not_change_under_any_symmetry(
 
 
 @pytest.mark.parametrize("sector", SECTORS)
-def test_the_plain_average_is_the_same_sum(
-    sector: tuple[int, int, int, int, int], so3: SimpleNamespace, plain: ModuleType
-) -> None:
+def test_the_plain_average_is_the_same_sum(sector, so3, plain):
     family = KrylovLocaliser(RowSector(*sector), 5, 0.3)
     rng = np.random.default_rng(4)
     roots = [rng.standard_normal((size, size)) for size in family.sizes]
@@ -65,7 +53,7 @@ def test_the_plain_average_is_the_same_sum(
     np.testing.assert_allclose(plain.averaged_krylov_sum(family, where, multipliers), short)
 
 
-def test_without_polynomials_it_is_the_mean_form(so3: SimpleNamespace) -> None:
+def test_without_polynomials_it_is_the_mean_form(so3):
     """The constant row is the mean of j_fᵀ(J_f J_fᵀ − tI)j_f over the joints, over |j_f|²."""
     (where,) = so3.haar_rotations(3, 1, 7)
     jacobian = so3.jacobian(where)
@@ -79,7 +67,7 @@ def test_without_polynomials_it_is_the_mean_form(so3: SimpleNamespace) -> None:
     np.testing.assert_allclose(block.ravel(), np.mean(forms))
 
 
-def test_vectors_are_powers(so3: SimpleNamespace) -> None:
+def test_vectors_are_powers(so3):
     jacobian = so3.jacobian(so3.haar_rotations(3, 1, 7))
     vectors, kept = krylov_vectors(jacobian, 2)
     matrix = jacobian[0] @ jacobian[0].T * 3 / 7
@@ -89,9 +77,7 @@ def test_vectors_are_powers(so3: SimpleNamespace) -> None:
     np.testing.assert_allclose(kept[0], np.delete(jacobian[0], 2, axis=1).T @ vectors[0])
 
 
-def test_the_best_known_jacobian_meets_all_conditions(
-    attained: tuple[FloatArray, float],
-) -> None:
+def test_the_best_known_jacobian_meets_all_conditions(attained):
     where, t = attained
     assert t == pytest.approx(0.3265928, abs=1e-7)
     # t is a computed singular value: its last digits are uncertain. Plain blocks are squares.
@@ -100,11 +86,14 @@ def test_the_best_known_jacobian_meets_all_conditions(
             assert np.linalg.eigvalsh(block[0])[0] > -1e-10
 
 
-def test_conditions_of_a_larger_worst_case_are_not_met(
-    attained: tuple[FloatArray, float],
-) -> None:
+def test_conditions_of_a_larger_worst_case_are_not_met(attained):
     where, t = attained
-    sectors = krylov_sectors(2, range(1), range(1))
+    sectors = [
+        sector
+        for degree in (2, 1)
+        for parity in (0, 1)
+        for sector in degree_sectors(degree, range(1), range(1), parity)
+    ]
     families = [
         [family for family in (KrylovLocaliser(s, 7, limit) for s in sectors) if family.rows]
         for limit in (t - 1e-9, t + 0.1)
@@ -116,19 +105,16 @@ def test_conditions_of_a_larger_worst_case_are_not_met(
 class WrongSign(KrylovLocaliser):
     """J_f J_fᵀ + tI instead of J_f J_fᵀ − tI."""
 
-    def evaluate(self, rotations: FloatArray) -> list[FloatArray]:
-        weighted, unit = self.parts(rotations)
-        return [a + self.limit * b for a, b in zip(weighted, unit, strict=True)]
+    def evaluate(self, rotations):
+        return KrylovLocaliser(self.sector, self.joints, -self.limit).evaluate(rotations)
 
 
 @pytest.mark.parametrize(("kind", "caught"), [(KrylovLocaliser, False), (WrongSign, True)])
-def test_a_wrong_sign_is_caught_by_the_plain_average(
-    kind: type[KrylovLocaliser], caught: bool, so3: SimpleNamespace, plain: ModuleType
-) -> None:
+def test_a_wrong_sign_is_caught_by_the_plain_average(kind, caught, so3, plain):
     """The identity holds with the blocks as they are evaluated, right or wrong."""
     family = kind(RowSector(0, 0, 0, 0, 0), 5, 0.3)
 
-    def sums(rotations: FloatArray) -> FloatArray:
+    def sums(rotations):
         return np.asarray(family.evaluate(rotations)[0][:, 0, 0])
 
     where = so3.haar_rotations(7, 2, 5)
@@ -144,16 +130,14 @@ SMALL = WorstCaseConditions(
 )
 
 
-def test_what_is_attained_is_not_excluded() -> None:
+def test_what_is_attained_is_not_excluded():
     margin, evidence = exclude_worst_case(0.3265, SMALL, 7)
     assert margin >= 0
     assert evidence.size is not None
     assert evidence.check["fresh_configurations"] == 40
 
 
-def test_the_identity_of_an_exclusion_holds_with_the_plain_average(
-    so3: SimpleNamespace, plain: ModuleType
-) -> None:
+def test_the_identity_of_an_exclusion_holds_with_the_plain_average(so3, plain):
     """Plain, scaled and Krylov blocks together, with the multipliers of the solver."""
     families = condition_families(SMALL, 7, 0.3265)
     rng = np.random.default_rng(0)
@@ -171,12 +155,12 @@ def test_the_identity_of_an_exclusion_holds_with_the_plain_average(
     np.testing.assert_allclose(-bound, total, atol=1e-6)
 
 
-def test_without_a_locked_joint_there_is_no_localiser() -> None:
+def test_without_a_locked_joint_there_is_no_localiser():
     with pytest.raises(InputError):
         KrylovLocaliser(RowSector(0, 0, 0, 4), 7)
 
 
 @pytest.mark.parametrize("values", [(0, 1, 0, 4, 0), (1, 0, 0, 4, 0), (0, 0, 0, 4, 2)])
-def test_impossible_sectors_are_refused(values: tuple[int, int, int, int, int]) -> None:
+def test_impossible_sectors_are_refused(values):
     with pytest.raises(InputError):
         RowSector(*values)

@@ -1,25 +1,20 @@
-from __future__ import annotations
-
 from fractions import Fraction
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from scipy.optimize import minimize
 
 from formulations.bounds.closed_form import largest_residual
-from formulations.bounds.so3_moments import fixed_worst_case
 from formulations.bounds.so3_moments import max_min_bound as max_min_module
-from formulations.bounds.so3_moments.fixed_worst_case import (
+from formulations.bounds.so3_moments import worst_case_conditions
+from formulations.bounds.so3_moments.global_bound import GlobalBound
+from formulations.bounds.so3_moments.max_min_bound import exclude_worst_case, max_min_bound
+from formulations.bounds.so3_moments.row_sectors import RowSector
+from formulations.bounds.so3_moments.worst_case_conditions import (
     WorstCaseConditions,
     condition_families,
-    exclude_worst_case,
 )
-from formulations.bounds.so3_moments.global_bound import GlobalBound
-from formulations.bounds.so3_moments.max_min_bound import max_min_bound
-from formulations.bounds.so3_moments.representations.row_sectors import RowSector
 from formulations.existence.certificate import CertificateError
-from nlp.arrays import FloatArray
 from nlp.errors import InputError
 
 SMALL = WorstCaseConditions(
@@ -29,40 +24,38 @@ SMALL = WorstCaseConditions(
 )
 
 
-def squared_worst_case(jacobian: FloatArray) -> float:
+def squared_worst_case(jacobian):
     """Return min_f λ_min(J_f J_fᵀ)."""
     kept = [np.delete(jacobian, f, axis=1) for f in range(jacobian.shape[1])]
     return min(float(np.linalg.eigvalsh(j @ j.T)[0]) for j in kept)
 
 
 @pytest.fixture(scope="module")
-def good_7r(so3: SimpleNamespace) -> FloatArray:
+def good_7r(so3):
     """Return rotations of a 7R with a fair worst case: the best of many."""
     candidates = so3.haar_rotations(1, 4000, 7)
     worst = [squared_worst_case(j) for j in so3.jacobian(candidates)]
     return candidates[int(np.argmax(worst))]
 
 
-def test_all_conditions_hold_at_a_true_jacobian(
-    good_7r: FloatArray, so3: SimpleNamespace
-) -> None:
+def test_all_conditions_hold_at_a_true_jacobian(good_7r, so3):
     t = squared_worst_case(so3.jacobian(good_7r))
     for family in condition_families(SMALL, 7, t):
         for block in family.evaluate(good_7r[None]):
             assert np.linalg.eigvalsh(block[0])[0] > -1e-10
 
 
-def test_what_cannot_be_excluded_is_not() -> None:
+def test_what_cannot_be_excluded_is_not():
     messages: list[str] = []
     margin, _ = exclude_worst_case(0.3, SMALL, 7, progress=messages.append)
     assert margin >= 0
     assert messages
 
 
-def test_limits_of_the_spectrum_against_a_search() -> None:
+def test_limits_of_the_spectrum_against_a_search():
     t, joints = 0.32, 7
 
-    def slack(eigenvalues: FloatArray) -> float:
+    def slack(eigenvalues):
         return (joints - 6) / t - float(np.sum(1 / (eigenvalues - t)))
 
     best = 0.0
@@ -83,7 +76,7 @@ def test_limits_of_the_spectrum_against_a_search() -> None:
     assert largest_residual(joints, t) == pytest.approx(best, rel=1e-5)
 
 
-def test_the_limit_falls_and_vanishes_with_eq_6() -> None:
+def test_the_limit_falls_and_vanishes_with_eq_6():
     values = [largest_residual(7, t) for t in (0.3, 0.32, 0.33, 0.333, 1 / 3)]
     assert values == sorted(values, reverse=True)
     assert values[-1] == pytest.approx(0, abs=1e-9)
@@ -91,7 +84,7 @@ def test_the_limit_falls_and_vanishes_with_eq_6() -> None:
 
 
 @pytest.mark.parametrize("joints", [8, 9])
-def test_more_joints_reach_the_plain_bound(joints: int) -> None:
+def test_more_joints_reach_the_plain_bound(joints):
     result = max_min_bound(joints=joints)
     assert result.kind == "closed form"
     assert Fraction(joints - 6, 3) <= Fraction(result.bound) ** 2
@@ -99,7 +92,7 @@ def test_more_joints_reach_the_plain_bound(joints: int) -> None:
     assert result.gap == pytest.approx(0, abs=1e-15)
 
 
-def test_a_gap_points_the_right_way() -> None:
+def test_a_gap_points_the_right_way():
     below = GlobalBound("residual", 7, "tight", "numerical", 0.05, 0.06)
     above = GlobalBound("max-min", 7, "localised", "numerical", 0.6, 0.5)
     assert below.gap == pytest.approx(0.01)
@@ -108,23 +101,23 @@ def test_a_gap_points_the_right_way() -> None:
 
 
 @pytest.mark.parametrize("joints", [6, 10])
-def test_numbers_of_joints_are_checked(joints: int) -> None:
+def test_numbers_of_joints_are_checked(joints):
     with pytest.raises(InputError):
         max_min_bound(joints=joints)
 
 
 @pytest.mark.parametrize("t", [0.0, float("nan")])
-def test_impossible_worst_cases_are_refused(t: float) -> None:
+def test_impossible_worst_cases_are_refused(t):
     with pytest.raises(InputError):
         largest_residual(7, t)
 
 
-def test_unknown_presets_are_refused() -> None:
+def test_unknown_presets_are_refused():
     with pytest.raises(InputError):
         max_min_bound("unknown", 8)
 
 
-def test_an_exclusion_needs_a_negative_margin(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_exclusion_needs_a_negative_margin(monkeypatch):
     """With conditions that exclude nothing the plain bound is reported."""
     monkeypatch.setattr(max_min_module, "CONDITIONS", SMALL)
     result = max_min_bound("localised")
@@ -137,9 +130,9 @@ def test_an_exclusion_needs_a_negative_margin(monkeypatch: pytest.MonkeyPatch) -
         max_min_bound("localised", rigorous=True)
 
 
-def test_an_impossible_worst_case_is_excluded(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_impossible_worst_case_is_excluded(monkeypatch):
     """ρ ≤ 5n²/3 always holds; J_f J_fᵀ ⪰ tI cannot, as |J_fᵀ j_f|²/|j_f|² ≤ 2(n − 1) < t."""
-    monkeypatch.setattr(fixed_worst_case, "largest_residual", lambda *_: 90.0)
+    monkeypatch.setattr(worst_case_conditions, "largest_residual", lambda *_: 90.0)
     margin, evidence = exclude_worst_case(30.0, SMALL, 7)
     assert margin < -1
     assert evidence.check["leftover"] < 1e-6

@@ -1,65 +1,54 @@
 """Every condition with the signs of the null vector holds at configurations at their own t."""
 
-from __future__ import annotations
-
 from math import comb
-from types import ModuleType, SimpleNamespace
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from formulations.bounds.so3_moments import null_vector_bound
-from formulations.bounds.so3_moments.blocks.near_null_vector import (
-    concentrated_rotations,
-    concentrating_weights,
-    units,
-)
-from formulations.bounds.so3_moments.blocks.null_vector import (
-    Form,
-    FormLocaliser,
-    deviation_form,
-    gram_form,
-    krylov_form,
-    null_vector_deviation,
-    signs_by_null_vector,
-)
-from formulations.bounds.so3_moments.blocks.sampled_blocks import SectorBlocks
-from formulations.bounds.so3_moments.blocks.spectrum import (
-    CUBIC,
-    QUARTIC,
-    SpectralDistance,
-    spectral_limit,
-)
-from formulations.bounds.so3_moments.fixed_worst_case import WorstCaseConditions
+from formulations.bounds.so3_moments import null_vector, null_vector_bound
+from formulations.bounds.so3_moments.localisers import FormLocaliser
 from formulations.bounds.so3_moments.max_min_bound import max_min_bound
-from formulations.bounds.so3_moments.null_vector_bound import (
-    UnsignedConditions,
-    unsigned_families,
-    unsigned_sectors,
-)
-from formulations.bounds.so3_moments.programs.moment_program import (
+from formulations.bounds.so3_moments.moment_program import (
     MomentProgram,
     joined_program,
     margin_program,
     moment_program,
     penalised_program,
 )
-from formulations.bounds.so3_moments.programs.multipliers import (
+from formulations.bounds.so3_moments.null_vector import (
+    UnsignedConditions,
+    deviation_form,
+    gram_form,
+    krylov_form,
+    null_vector_deviation,
+    signs_by_null_vector,
+    unsigned_families,
+    unsigned_sectors,
+)
+from formulations.bounds.so3_moments.null_vector_bound import (
+    concentrated_rotations,
+    concentrating_weights,
     refined_interior_multipliers,
-    refined_multipliers,
+    units,
 )
-from formulations.bounds.so3_moments.programs.predictor_corrector import (
-    solve_with_predictor_corrector,
-)
-from formulations.bounds.so3_moments.representations.permuted_rows import PermutedRows
-from formulations.bounds.so3_moments.representations.row_sectors import (
+from formulations.bounds.so3_moments.predictor_corrector import solve_with_predictor_corrector
+from formulations.bounds.so3_moments.relaxation import refined_multipliers
+from formulations.bounds.so3_moments.row_sectors import (
     RowSector,
     UnsignedSector,
     degree_sectors,
 )
-from formulations.bounds.so3_moments.representations.wigner import jacobians_of
-from nlp.arrays import FloatArray
+from formulations.bounds.so3_moments.sampled_blocks import SectorBlocks
+from formulations.bounds.so3_moments.symmetric_rows import PermutedRows
+from formulations.bounds.so3_moments.wigner import jacobians_of
+from formulations.bounds.so3_moments.worst_case_conditions import (
+    CUBIC,
+    QUARTIC,
+    SpectralDistance,
+    WorstCaseConditions,
+    spectral_limit,
+)
 from nlp.errors import InputError
 
 SMALL = UnsignedConditions(
@@ -73,14 +62,14 @@ SMALL = UnsignedConditions(
 )
 
 
-def worst_case(rotations: FloatArray) -> float:
+def worst_case(rotations):
     """Return the squared worst case of one configuration, by SVD."""
     (jacobian,) = jacobians_of(rotations)
     kept = [np.delete(jacobian, f, axis=1) for f in range(7)]
     return min(float(np.linalg.svd(j, compute_uv=False)[-1]) for j in kept) ** 2
 
 
-def near(rotations: FloatArray, distance: float, seed: int) -> FloatArray:
+def near(rotations, distance, seed):
     """Turn every joint by a random angle of about the distance, and flip random columns."""
     rng = np.random.default_rng(seed)
     turns = Rotation.from_rotvec(distance * rng.standard_normal((7, 3))).as_matrix()
@@ -89,13 +78,13 @@ def near(rotations: FloatArray, distance: float, seed: int) -> FloatArray:
     return turned[None]
 
 
-def configurations(attained: FloatArray, so3: SimpleNamespace) -> list[FloatArray]:
+def configurations(attained, so3):
     """Return random configurations, and some near the best known one."""
     scattered = list(so3.haar_rotations(11, 3, 7)[:, None])
     return scattered + [near(attained, d, k) for k, d in enumerate((0, 1e-3, 0.03, 0.1, 0.3))]
 
 
-def lowest(where: FloatArray, t: float, conditions: UnsignedConditions = SMALL) -> float:
+def lowest(where, t, conditions=SMALL):
     return min(
         float(np.linalg.eigvalsh(block[0])[0])
         for family in unsigned_families(conditions, t)
@@ -103,25 +92,19 @@ def lowest(where: FloatArray, t: float, conditions: UnsignedConditions = SMALL) 
     )
 
 
-def test_all_conditions_hold_at_their_own_worst_case(
-    attained: tuple[FloatArray, float], so3: SimpleNamespace
-) -> None:
+def test_all_conditions_hold_at_their_own_worst_case(attained, so3):
     for where in configurations(attained[0], so3):
         assert lowest(signs_by_null_vector(where), worst_case(where) - 1e-9) > -1e-9
 
 
-def test_other_signs_and_a_larger_worst_case_do_not_meet_them(
-    attained: tuple[FloatArray, float],
-) -> None:
+def test_other_signs_and_a_larger_worst_case_do_not_meet_them(attained):
     where = signs_by_null_vector(attained[0])
     assert lowest(where, 0.333) < -1e-3
     where[0, 3, :, :2] *= -1
     assert lowest(where, attained[1] - 1e-9) < -0.1
 
 
-def test_the_deviation_is_bounded_by_the_worst_case(
-    attained: tuple[FloatArray, float], so3: SimpleNamespace
-) -> None:
+def test_the_deviation_is_bounded_by_the_worst_case(attained, so3):
     """7 − (Σn_f)² = sᵀM⁻¹s ≤ δ₀, and n_f² ≥ t/(2 + t)."""
     for where in configurations(attained[0], so3):
         (jacobian,) = jacobians_of(signs_by_null_vector(where))
@@ -133,9 +116,7 @@ def test_the_deviation_is_bounded_by_the_worst_case(
         assert null.min() ** 2 >= t / (2 + t) - 1e-12
 
 
-def test_the_condition_on_the_spectrum_holds_at_each_own_worst_case(
-    attained: tuple[FloatArray, float], so3: SimpleNamespace
-) -> None:
+def test_the_condition_on_the_spectrum_holds_at_each_own_worst_case(attained, so3):
     for where in configurations(attained[0], so3):
         t = worst_case(where)
         for pair in (*CUBIC, *QUARTIC[::5]):
@@ -144,9 +125,7 @@ def test_the_condition_on_the_spectrum_holds_at_each_own_worst_case(
 
 
 @pytest.mark.parametrize(("beta", "gamma"), [(0.1, 0.0), (0.25, 0.0), (0.4, -0.1), (0.0, 0.2)])
-def test_the_condition_on_the_spectrum_is_true_and_nearly_sharp(
-    beta: float, gamma: float
-) -> None:
+def test_the_condition_on_the_spectrum_is_true_and_nearly_sharp(beta, gamma):
     """Spectra scaled to t Σ 1/(λ − t) = 1, by bisection."""
     t = 0.327
     mean = 7 / 3 - t
@@ -167,7 +146,7 @@ def test_the_condition_on_the_spectrum_is_true_and_nearly_sharp(
     assert 0.9 * limit < max(values) <= limit
 
 
-def test_samples_are_rotations_and_reach_small_sums() -> None:
+def test_samples_are_rotations_and_reach_small_sums():
     found = concentrated_rotations(np.random.default_rng(0), 24, 7)
     np.testing.assert_allclose(
         found @ found.swapaxes(-1, -2), np.tile(np.eye(3), (24, 7, 1, 1)), atol=1e-12
@@ -182,7 +161,7 @@ def test_samples_are_rotations_and_reach_small_sums() -> None:
 
 
 @pytest.mark.parametrize("semidefinite", [True, False])
-def test_units_make_the_mean_size_the_unit_matrix(semidefinite: bool) -> None:
+def test_units_make_the_mean_size_the_unit_matrix(semidefinite):
     rng = np.random.default_rng(3)
     root = rng.standard_normal((9, 4, 4))
     block = root @ root.swapaxes(1, 2)
@@ -196,7 +175,7 @@ def test_units_make_the_mean_size_the_unit_matrix(semidefinite: bool) -> None:
 
 
 @pytest.mark.parametrize("penalty", [1.0, 100.0])
-def test_a_penalised_program_has_the_bound_of_the_program(penalty: float) -> None:
+def test_a_penalised_program_has_the_bound_of_the_program(penalty):
     """Minimise y under 0.5 + y ≥ 0 and −y ≥ 0; the start y = 0 is no interior point."""
     blocks = [np.array([0.5, 1.0])[:, None, None], np.array([0.0, -1.0])[:, None, None]]
     program = MomentProgram(np.array([0.0, 1.0]), tuple(blocks))
@@ -207,7 +186,7 @@ def test_a_penalised_program_has_the_bound_of_the_program(penalty: float) -> Non
     assert program.dual_value(multipliers) == pytest.approx(-0.5, abs=1e-6)
 
 
-def test_nearly_dependent_functions_leave_no_residual() -> None:
+def test_nearly_dependent_functions_leave_no_residual():
     """Two functions differ by 1e-7 of a third: normal equations lose the difference."""
     rng = np.random.default_rng(6)
     blocks, exact, rough = [], [], []
@@ -226,7 +205,7 @@ def test_nearly_dependent_functions_leave_no_residual() -> None:
     assert np.abs(program.dual_residual(coarse)).max() > 1e-11
 
 
-def test_weights_and_congruence_leave_the_bound() -> None:
+def test_weights_and_congruence_leave_the_bound():
     """The least a with a² ≤ 1 is −1, whatever the weights, and the units of the block."""
     rng = np.random.default_rng(1)
     a, b = rng.uniform(-1, 1, (2, 30))
@@ -257,23 +236,19 @@ def test_weights_and_congruence_leave_the_bound() -> None:
         ),
     ],
 )
-def test_without_polynomials_it_is_the_mean_form(
-    form: Form, written_out: object, so3: SimpleNamespace
-) -> None:
+def test_without_polynomials_it_is_the_mean_form(form, written_out, so3):
     where = so3.haar_rotations(3, 1, 7)
     (jacobian,) = so3.jacobian(where)
-    (block,) = FormLocaliser(UnsignedSector(0, 0, 0, True), form).evaluate(where)
+    (block,) = FormLocaliser(UnsignedSector(0, 0, 0, True), 7, form).evaluate(where)
     assert callable(written_out)
     mean = np.mean([written_out(jacobian, f) for f in range(7)])
     np.testing.assert_allclose(block[0, 0, 0], mean)
 
 
 @pytest.mark.parametrize("sector", [(1, 1, 3, False), (2, 1, 2, True), (1, 2, 3, True)])
-def test_blocks_keep_all_symmetries_but_the_sign_of_one_column(
-    sector: tuple[int, int, int, bool], so3: SimpleNamespace
-) -> None:
+def test_blocks_keep_all_symmetries_but_the_sign_of_one_column(sector, so3):
     one = UnsignedSector(*sector)
-    family = FormLocaliser(one, gram_form(0.3)) if one.locked else SectorBlocks(one, 7)
+    family = FormLocaliser(one, 7, gram_form(0.3)) if one.locked else SectorBlocks(one, 7)
     here = so3.haar_rotations(1, 1, 7)
     rng = np.random.default_rng(2)
     frame = so3.haar_rotations(5, 1, 1)[0, 0]
@@ -288,7 +263,7 @@ def test_blocks_keep_all_symmetries_but_the_sign_of_one_column(
     assert max(changes) > 1e-3
 
 
-def test_the_plain_average_is_the_same_sum(so3: SimpleNamespace, plain: ModuleType) -> None:
+def test_the_plain_average_is_the_same_sum(so3, plain):
     family = SectorBlocks(UnsignedSector(1, 1, 3), 5)
     roots = [np.random.default_rng(size).standard_normal((size, size)) for size in family.sizes]
     multipliers = [root @ root.T for root in roots]
@@ -299,12 +274,12 @@ def test_the_plain_average_is_the_same_sum(so3: SimpleNamespace, plain: ModuleTy
     np.testing.assert_allclose(found, short)
 
 
-def test_joined_spaces_give_the_bound_of_one_space() -> None:
+def test_joined_spaces_give_the_bound_of_one_space():
     """Functions 1, a, b and 1, a, c: the joined program distinguishes 1, a, b, c."""
     rng = np.random.default_rng(0)
     a, b, c = rng.uniform(-1, 1, (3, 40))
 
-    def two(x: FloatArray, y: FloatArray) -> FloatArray:
+    def two(x, y):
         """Return [[1 + x, y], [y, 1 − x]], and so x² + y² ≤ 1."""
         return np.stack([np.stack([1 + x, y], -1), np.stack([y, 1 - x], -1)], -1)
 
@@ -322,15 +297,15 @@ def test_joined_spaces_give_the_bound_of_one_space() -> None:
 
 
 @pytest.mark.parametrize("values", [(1, 0, 2), (0, -1, 2)])
-def test_impossible_sectors_are_refused(values: tuple[int, int, int]) -> None:
+def test_impossible_sectors_are_refused(values):
     with pytest.raises(InputError):
         UnsignedSector(*values)
 
 
-def test_unsigned_rows_of_one_parity_pattern_are_those_of_the_signed_sectors() -> None:
+def test_unsigned_rows_of_one_parity_pattern_are_those_of_the_signed_sectors():
     """Every row has some number of odd joints, so the numbers of plain rows agree."""
 
-    def rows(sector: RowSector | UnsignedSector) -> int:
+    def rows(sector):
         places = sector.places(7)
         sets = sector.label_sets(7)
         return sum(PermutedRows(labels, places, sector.spin).length for labels in sets)
@@ -341,13 +316,13 @@ def test_unsigned_rows_of_one_parity_pattern_are_those_of_the_signed_sectors() -
 
 @pytest.mark.parametrize("deviation", [None, -0.5])
 def test_a_small_program_excludes_what_is_impossible_and_not_what_is_attained(
-    deviation: float | None, monkeypatch: pytest.MonkeyPatch
-) -> None:
+    deviation, monkeypatch
+):
     """A negative δ₀ asks for |s|² < 0."""
     monkeypatch.setattr(null_vector_bound, "_SAMPLES", 120)
     monkeypatch.setattr(null_vector_bound, "_UNSIGNED_SAMPLES", 110)
     if deviation is not None:
-        monkeypatch.setattr(null_vector_bound, "null_vector_deviation", lambda _: deviation)
+        monkeypatch.setattr(null_vector, "null_vector_deviation", lambda _: deviation)
     signed = WorstCaseConditions(
         plain=tuple(RowSector(k, c, 0, 4) for k in (0, 2, 4) for c in (0, 2)),
         scaled=tuple(degree_sectors(2, range(3))),
@@ -366,6 +341,6 @@ def test_a_small_program_excludes_what_is_impossible_and_not_what_is_attained(
     assert evidence.check["leftover"] < max(1e-5, -0.1 * margin)
 
 
-def test_no_proof_is_claimed() -> None:
+def test_no_proof_is_claimed():
     with pytest.raises(InputError):
         max_min_bound("null-vector", 7, rigorous=True)

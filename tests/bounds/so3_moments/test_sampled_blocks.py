@@ -1,25 +1,16 @@
-from __future__ import annotations
-
-from types import ModuleType, SimpleNamespace
-
 import numpy as np
 import pytest
 
-from formulations.bounds.so3_moments.blocks.sampled_blocks import SectorBlocks
-from formulations.bounds.so3_moments.representations.row_sectors import RowSector, label_degree
-from formulations.bounds.so3_moments.representations.young_basis import (
-    young_bases,
-    young_form,
-)
+from formulations.bounds.so3_moments.row_sectors import RowSector, label_degree
+from formulations.bounds.so3_moments.sampled_blocks import SectorBlocks
+from formulations.bounds.so3_moments.young_basis import young_bases, young_form
 from nlp.errors import InputError
 
 SECTORS = [(0, 0, 0, 4), (2, 2, 1, 4), (2, 0, 2, 4), (4, 4, 1, 4), (3, 1, 1, 3), (6, 2, 0, 6)]
 
 
 @pytest.mark.parametrize("sector", SECTORS)
-def test_blocks_do_not_change_under_any_symmetry(
-    sector: tuple[int, int, int, int], so3: SimpleNamespace
-) -> None:
+def test_blocks_do_not_change_under_any_symmetry(sector, so3):
     family = SectorBlocks(RowSector(*sector), 7)
     here = so3.haar_rotations(1, 1, 7)
     there = so3.moved(here[0], 2)[None]
@@ -29,18 +20,14 @@ def test_blocks_do_not_change_under_any_symmetry(
 
 
 @pytest.mark.parametrize("sector", SECTORS)
-def test_rows_are_orthonormal_over_all_configurations(
-    sector: tuple[int, int, int, int], so3: SimpleNamespace
-) -> None:
+def test_rows_are_orthonormal_over_all_configurations(sector, so3):
     family = SectorBlocks(RowSector(*sector), 7)
     for block in family.evaluate(so3.haar_rotations(3, 3000, 7)):
         np.testing.assert_allclose(block.mean(axis=0), np.eye(block.shape[1]), atol=0.15)
 
 
 @pytest.mark.parametrize("sector", [(2, 0, 1, 4), (3, 1, 1, 3)])
-def test_the_plain_average_is_the_same_sum_of_squares(
-    sector: tuple[int, int, int, int], so3: SimpleNamespace, plain: ModuleType
-) -> None:
+def test_the_plain_average_is_the_same_sum_of_squares(sector, so3, plain):
     family = SectorBlocks(RowSector(*sector), 6)
     rng = np.random.default_rng(4)
     roots = [rng.standard_normal((size, size)) for size in family.sizes]
@@ -55,13 +42,13 @@ def test_the_plain_average_is_the_same_sum_of_squares(
     )
 
 
-def test_all_rows_are_used_once() -> None:
+def test_all_rows_are_used_once():
     family = SectorBlocks(RowSector(2, 0, 1, 4), 7)
     plain = sum(rows.length for rows in family.rows)
     assert plain == sum(block.size * block.tableaux for block in family.blocks)
 
 
-def test_bases_follow_youngs_orthogonal_form() -> None:
+def test_bases_follow_youngs_orthogonal_form():
     rows = SectorBlocks(RowSector(4, 2, 1, 6), 6).rows
     entry = max(rows, key=lambda rows: rows.length)
     groups = (range(4), range(4, 6))
@@ -75,7 +62,7 @@ def test_bases_follow_youngs_orthogonal_form() -> None:
                 np.testing.assert_allclose(exchanges[joint] @ basis, expected, atol=1e-9)
 
 
-def test_degrees_of_labels() -> None:
+def test_degrees_of_labels():
     assert [label_degree(label) for label in [(0, 0), (1, 1), (1, 0), (2, 1), (3, -1)]] == [
         0,
         1,
@@ -86,6 +73,6 @@ def test_degrees_of_labels() -> None:
 
 
 @pytest.mark.parametrize("sector", [(1, 0, 0, 4), (2, 2, 0, 3), (-2, 0, 0, 4)])
-def test_sectors_that_do_not_exist_are_refused(sector: tuple[int, int, int, int]) -> None:
+def test_sectors_that_do_not_exist_are_refused(sector):
     with pytest.raises(InputError):
         RowSector(*sector)

@@ -1,11 +1,7 @@
-from __future__ import annotations
-
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 
-from formulations.bounds.so3_moments.representations.wigner import (
+from formulations.bounds.so3_moments.wigner import (
     axis_exchange,
     coupled_tensors,
     coupling,
@@ -15,7 +11,7 @@ from formulations.bounds.so3_moments.representations.wigner import (
 )
 
 
-def test_matrices_multiply_as_rotations_do(so3: SimpleNamespace) -> None:
+def test_matrices_multiply_as_rotations_do(so3):
     first, second = so3.haar_rotations(1, 2, 4)
     together = wigner_matrices(first @ second, 6)
     for spin, (a, b) in enumerate(
@@ -26,7 +22,7 @@ def test_matrices_multiply_as_rotations_do(so3: SimpleNamespace) -> None:
         np.testing.assert_allclose(a @ a.conj().swapaxes(-1, -2), unit, atol=1e-12)
 
 
-def test_first_spin_holds_the_columns_of_the_jacobian(so3: SimpleNamespace) -> None:
+def test_first_spin_holds_the_columns_of_the_jacobian(so3):
     rotation = so3.haar_rotations(2, 1, 1)[0, 0]
     one = wigner_matrices(rotation, 1)[1]
     v, omega = rotation[:, 0], rotation[:, 1]
@@ -34,7 +30,7 @@ def test_first_spin_holds_the_columns_of_the_jacobian(so3: SimpleNamespace) -> N
     assert one[1, 2] == pytest.approx(-(v[2] + 1j * omega[2]) / np.sqrt(2))
 
 
-def test_phase_multiplies_by_its_charge(so3: SimpleNamespace) -> None:
+def test_phase_multiplies_by_its_charge(so3):
     rotation = so3.haar_rotations(3, 1, 1)[0, 0]
     turn = np.array([[np.cos(0.3), -np.sin(0.3), 0], [np.sin(0.3), np.cos(0.3), 0], [0, 0, 1]])
     for spin, (a, b) in enumerate(
@@ -46,7 +42,7 @@ def test_phase_multiplies_by_its_charge(so3: SimpleNamespace) -> None:
 
 
 @pytest.mark.parametrize(("first", "second"), [(1, 1), (2, 3), (4, 2)])
-def test_couplings_are_complete_and_orthonormal(first: int, second: int) -> None:
+def test_couplings_are_complete_and_orthonormal(first, second):
     size = (2 * first + 1) * (2 * second + 1)
     together = np.hstack(
         [
@@ -57,7 +53,7 @@ def test_couplings_are_complete_and_orthonormal(first: int, second: int) -> None
     np.testing.assert_allclose(together.T @ together, np.eye(size), atol=1e-14)
 
 
-def test_exchanging_factors_is_orthogonal_and_undone_by_its_inverse() -> None:
+def test_exchanging_factors_is_orthogonal_and_undone_by_its_inverse():
     spins, order = (1, 2, 1, 2), (2, 0, 3, 1)
     there = axis_exchange(spins, 1, order)
     back = axis_exchange(tuple(spins[q] for q in order), 1, np.argsort(order))
@@ -65,7 +61,7 @@ def test_exchanging_factors_is_orthogonal_and_undone_by_its_inverse() -> None:
     assert len(coupled_tensors(spins, 1)) == len(there) > 1
 
 
-def test_rotations_take_the_axes_to_the_columns_of_the_jacobian(so3: SimpleNamespace) -> None:
+def test_rotations_take_the_axes_to_the_columns_of_the_jacobian(so3):
     rotations = random_rotations(np.random.default_rng(4), 1, 7)[0]
     jacobian = jacobians_of(rotations)
     np.testing.assert_array_equal(jacobian, so3.jacobian(rotations))

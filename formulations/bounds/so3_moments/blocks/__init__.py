@@ -1,1 +1,0 @@
-"""Moment matrices and localisers, evaluated at configurations, and sums of their squares."""

@@ -1,0 +1,284 @@
+"""Sums of squares of rows: bounds on all rounding and on how far they are from invariant.
+
+**Rounding of Wigner functions and plain rows.** Standard model of floating point without
+underflow: every operation has a relative error of at most u, and sums of K products, in any
+order, one of at most γ_K = Ku/(1 − Ku) relative to the sum of the absolute values (Higham,
+2002); u = 2⁻⁵³ in double precision, 2⁻⁶⁴ or less in extended precision. A complex product has
+one of at most √5 u. Exact values have norms that are known: columns of D^l are unit vectors,
+and coupling is an isometry; that keeps the bounds small.
+
+A configuration is a list of quaternions whose entries are doubles; its rotations are those of
+the exactly normalised quaternions.
+
+**Blocks.** For a block with bases U_T (floating-point numbers, taken as they are) and X = LLᵀ
+let A_T be the rounded U_T L. Then
+
+    s(x) = Σ_orders Σ_T |A_Tᵀφ(x)|² / (orders · (2L+1) · tableaux) ≥ 0,
+
+for any A_T. Over rotations of the frame, phase, conjugation and signs s is invariant
+exactly, since φ stands for the exact rows; over permutations only if A obeys Young's
+orthogonal form exactly: P A_T = Σ A_T' Y_{T'T} for exchanges P of neighbours. If the two sides
+differ by E with |Eᵀφ| ≤ e, an exchange changes a = |Aᵀφ| by at most e, and a permutation of k
+and of n − k joints takes as many exchanges as it has inversions: on average half of the
+largest number, ℓ = k(k−1)/2 + (n−k)(n−k−1)/2. So a² differs from its average over permutations,
+which is invariant and not negative, by at most ℓe(a + ℓe).
+
+|φ| of each set of labels is computed at the configuration; permutations do not change it.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import sqrt
+
+import numpy as np
+
+from formulations.bounds.so3_moments.sampled_blocks import RowBlocks, SectorBlocks
+from formulations.bounds.so3_moments.symmetric_rows import AdaptedRows, PermutedRows
+from formulations.bounds.so3_moments.wigner import wigner_matrices
+from formulations.bounds.so3_moments.young_basis import young_form
+from nlp.arrays import FloatArray
+from nlp.errors import LockedJointError
+
+UNIT = 2.0**-53
+EXTENDED_UNIT = 2.0**-64
+# Entries of a rotation: numerator and denominator have 4 products and 3 sums each, relative
+# to |q|²; then one division. Below 16u.
+ROTATION_ENTRY = 16
+# Frobenius norm: 3 · 16u from R; the spherical unit vectors are rounded (2u on each side, times
+# the norm 1 of R); two complex products of 3×3 matrices with absolute values of norm √3 each,
+# 2√2γ_4 · 3 each. Below 120u.
+_FIRST_SPIN = 120
+# Growth of errors by factors 1 + error, none above 1e-9, over fewer than 20 steps.
+_GROWTH = 1.0 + 1e-6
+
+
+class NoExtendedPrecisionError(LockedJointError):
+    """``numpy.longdouble`` has fewer than 64 significant bits here."""
+
+    def __init__(self) -> None:
+        bits = np.finfo(np.longdouble).nmant + 1
+        super().__init__(
+            f"a rigorous bound needs extended precision: numpy.longdouble has {bits} "
+            "significant bits on this machine, 64 are needed"
+        )
+
+
+def require_extended_precision() -> None:
+    """Raise NoExtendedPrecisionError unless ``numpy.longdouble`` has 64 significant bits."""
+    if np.finfo(np.longdouble).nmant < 63:
+        raise NoExtendedPrecisionError
+
+
+def gamma(operations: int, unit: float = UNIT) -> float:
+    """Return γ_K."""
+    product = operations * unit
+    return product / (1.0 - product)
+
+
+def wigner_error(spin: int) -> float:
+    """Bound the error of a column of D^spin, made from extended rotations.
+
+    One step from l to l + 1 computes Cᵀ(D^l ⊗ D^1)C with a table C of couplings whose entries
+    are off by two units in the last place. A row of C has one entry that is not 0, since the
+    components add up, so |C| has orthonormal columns as C has; a column has at most three. The
+    absolute values of D^l ⊗ D^1 have a norm of at most √(2l+1)√3. At the end every entry, of a
+    unit vector, is rounded to double.
+    """
+    if spin == 0:
+        return 0.0
+    error = _FIRST_SPIN * EXTENDED_UNIT
+    for before in range(1, spin):
+        # Two sums of 3 products, one complex product, two tables off by 2u: real and
+        # imaginary parts taken together cost a factor √2 < 2.
+        step = 2 * gamma(2 * 3 + 10, EXTENDED_UNIT) * sqrt(3 * (2 * before + 1))
+        error += _FIRST_SPIN * EXTENDED_UNIT + step
+    return (error + UNIT) * _GROWTH
+
+
+def row_error(rows: PermutedRows) -> float:
+    """Bound the error of the rows of one assignment, all ways and components.
+
+    It is the Euclidean norm of the error of a vector whose exact norm is at most 1. A step
+    couples spins l' and s: complex products, then for each possible total spin a table |C| of
+    norm 1, off by two units, whose sums have at most 2 min(l', s) + 1 products that are not 0.
+    """
+    error, reached = 0.0, 0
+    for spin in rows.spins:
+        terms = 2 * min(reached, spin) + 1
+        error += wigner_error(spin) + gamma(3) + gamma(terms + 3) * sqrt(terms)
+        reached += spin
+    return error * _GROWTH
+
+
+def exchange_error(rows: PermutedRows) -> float:
+    """Bound the spectral norm of the error of an exchange for one assignment.
+
+    It is a matrix of inner products of tensors of norm 1, (ways, ways), in extended precision,
+    rounded at the end; its rows have norm 1. An entry of a tensor with p factors is a single
+    product of p − 1 couplings, since the components fix the intermediate ones; each coupling is
+    off by two units. The components of all factors but the longest fix that of the longest.
+    """
+    if all(len(set(part)) == len(part) for part in rows.parts):
+        return 0.0  # nothing is reordered: a permutation matrix
+    entries = 1
+    for spin in sorted(rows.spins)[:-1]:
+        entries *= 2 * spin + 1
+    tensor = gamma(3 * len(rows.spins), EXTENDED_UNIT)
+    inner = rows.ways * (2 * tensor + gamma(entries + 2, EXTENDED_UNIT))
+    return (inner + sqrt(rows.ways) * UNIT) * _GROWTH
+
+
+# Norms are computed in floating point; their relative errors are far below this.
+SAFETY = 1.0 + 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class EnclosedSum:
+    """Values of an invariant function at configurations, with bounds."""
+
+    values: FloatArray
+    #: Bounds on the distance from the exact values.
+    errors: FloatArray
+    #: Bounds on the sums of the absolute values of what was added up.
+    sizes: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class EnclosedBlock:
+    """A block with other columns instead of its rows: A_T = U_T · columns."""
+
+    #: Number of a set of labels and A_T there, shape (tableaux, plain rows, columns).
+    parts: tuple[tuple[int, FloatArray], ...]
+    #: Bounds on ‖E‖ for each exchange and each set of labels of `parts`.
+    differences: FloatArray
+    #: Number ℓ of exchanges that make any permutation.
+    exchanges: int
+    #: (2L+1) · tableaux.
+    scale: int
+
+    def step(self, plain_norms: FloatArray) -> FloatArray:
+        """Return ℓe, (configurations,), from bounds on |φ| of each set of labels, (sets, …)."""
+        used = plain_norms[[number for number, _ in self.parts]]
+        largest = np.max(self.differences @ used, axis=0, initial=0.0)
+        return np.asarray(SAFETY * self.exchanges * largest)
+
+
+def enclosed_block(family: RowBlocks, block: AdaptedRows, columns: FloatArray) -> EnclosedBlock:
+    """Return A_T = U_T · columns of a block, with its bounds; columns (size, count).
+
+    Sets of labels whose A_T is 0 are left out.
+    """
+    merged: dict[int, FloatArray] = {}
+    for number, place, coefficients in block.parts:
+        part = coefficients @ columns[place.start : place.stop]
+        merged[number] = merged[number] + part if number in merged else part
+    parts = tuple((number, a) for number, a in merged.items() if a.any())
+    places = family.sector.places(family.joints)
+    exchanges = sum(len(place) * (len(place) - 1) // 2 for place in places)
+    rows = [family.rows[number] for number, _ in parts]
+    differences = _exchange_differences(rows, [a for _, a in parts], block, places)
+    return EnclosedBlock(
+        parts, differences, exchanges, (2 * family.sector.spin + 1) * block.tableaux
+    )
+
+
+def _exchange_differences(
+    rows: Sequence[PermutedRows],
+    parts: Sequence[FloatArray],
+    block: AdaptedRows,
+    places: tuple[range, ...],
+) -> FloatArray:
+    """Return bounds on ‖E‖, E = P A_T − Σ A_T' Y_{T'T}, for all exchanges P and sets."""
+    form = young_form(block.shapes, places)
+    neighbours = [joint for place in places for joint in place[:-1]]
+    found = np.zeros((len(neighbours), len(rows)))
+    for row, joint in zip(found, neighbours, strict=True):
+        for column, (entry, a) in enumerate(zip(rows, parts, strict=True)):
+            exchange = entry.exchange(joint)
+            rounding = exchange_error(entry) + sqrt(entry.ways) * gamma(entry.ways + 4)
+            difference = exchange @ a
+            for number, (goal, distance) in enumerate(form[joint]):
+                difference[number] -= a[number] / distance
+                if abs(distance) > 1:
+                    difference[number] -= sqrt(1 - 1 / distance**2) * a[goal]
+            # An exchange has at most `ways` entries in a row.
+            size = float(np.linalg.norm(a))
+            row[column] = float(np.linalg.norm(difference)) + (rounding + 12 * UNIT) * size
+    return found * SAFETY
+
+
+def enclosed_sums(
+    family: SectorBlocks, blocks: Sequence[EnclosedBlock], rotations: FloatArray
+) -> EnclosedSum:
+    """Return Σ s̄(x) over blocks of one family, with bounds on the errors.
+
+    The errors include the difference between s and its average s̄.
+    """
+    count = len(rotations)
+    wigner = wigner_matrices(rotations, family.largest_spin)
+    orders = family.orders
+    total, errors = np.zeros(count), np.zeros(count)
+    blocks = [block for block in blocks if block.parts]
+    mistakes = [product_error(family, block) for block in blocks]
+    for order in orders:
+        plain = family.plain_values(wigner, order)
+        norms = plain_norms(family, plain)
+        for block, (fixed, relative) in zip(blocks, mistakes, strict=True):
+            wrong = fixed + relative @ norms
+            values = block_values(block, plain, count)
+            # Squares are added up in extended precision: at most 2¹¹ terms for one more unit.
+            squares = np.sum(values**2, axis=(0, 2), dtype=np.longdouble).astype(float)
+            units = 4 + values.shape[0] * values.shape[2] // 2**11
+            wrong = 2 * np.sqrt(squares) * wrong + wrong**2 + gamma(units) * squares
+            wrong = SAFETY * wrong
+            weight = 1.0 / (len(orders) * block.scale)
+            total += weight * squares
+            step = block.step(norms)
+            asymmetry = SAFETY * step * (np.sqrt(squares + wrong) + step)
+            errors += weight * (wrong + asymmetry)
+    # Weights and sums of positive numbers over blocks and orders.
+    errors = SAFETY * (errors + gamma(len(orders) * len(blocks) + 8) * total)
+    return EnclosedSum(total, errors, total)
+
+
+def plain_norms(family: RowBlocks, plain: Sequence[FloatArray]) -> FloatArray:
+    """Return bounds on |φ| of each set of labels, (sets, configurations)."""
+    count = max(values.shape[1] for values in plain)
+    norms = [
+        np.broadcast_to(np.sqrt(np.sum(values**2, axis=(0, 2))), count)
+        + sqrt(len(rows.assignments)) * row_error(rows)
+        for values, rows in zip(plain, family.rows, strict=True)
+    ]
+    return SAFETY * np.array(norms)
+
+
+def product_error(family: RowBlocks, block: EnclosedBlock) -> tuple[float, FloatArray]:
+    """Bound the Euclidean norm of the error of Aᵀφ for one order.
+
+    The first part is from the errors of φ; the second, from the products, is to be multiplied
+    by |φ| of each set of labels of the sector.
+    """
+    fixed, relative = 0.0, np.zeros(len(family.rows))
+    for number, a in block.parts:
+        rows = family.rows[number]
+        flat = a.transpose(1, 0, 2).reshape(a.shape[1], -1)
+        fixed += _norm(flat) * row_error(rows) * sqrt(len(rows.assignments))
+        products = gamma(a.shape[1] + len(block.parts) + 1)
+        relative[number] += 1.1 * _norm(np.abs(flat)) * products
+    return SAFETY * fixed, SAFETY * relative
+
+
+def _norm(matrix: FloatArray) -> float:
+    """Return the spectral norm of a matrix with few rows, rounded up."""
+    square = matrix @ matrix.T
+    return SAFETY * sqrt(max(float(np.linalg.eigvalsh(square)[-1]), 0.0))
+
+
+def block_values(block: EnclosedBlock, plain: Sequence[FloatArray], count: int) -> FloatArray:
+    """Return A_Tᵀφ of one order, (tableaux · columns, configurations, components)."""
+    found = np.zeros((1, 1))
+    for number, a in block.parts:
+        values = np.tile(plain[number], (1, count // plain[number].shape[1], 1))
+        flat = a.transpose(0, 2, 1).reshape(-1, a.shape[1])
+        found = found + flat @ values.reshape(len(values), -1)
+    return found.reshape(-1, count, plain[0].shape[2])

@@ -1,0 +1,343 @@
+"""The space of invariants: its dimension, and a basis that bounds one by few of its values.
+
+The space V is that of the functions on SO(3)ⁿ which are polynomials of degree at most d in the
+entries of J and do not change under rotations of the frame, a common phase, conjugation, or
+signs and order of the columns. Its dimension is the average of the trace over these groups,
+counted exactly: only integers and fractions occur.
+
+Let λ be a multiset of labels (l, m), all m even, of total charge 0, and F_λ(x) the sum over all
+ways to give its labels to different joints of ΠD^l_{·m} coupled to spin 0, a vector with one
+entry for each way of coupling. V is spanned by the real parts of the
+F_λ. Those of different λ are orthogonal in L² of the uniform distribution, but for λ and −λ,
+which have the same real parts; those of one λ have a Gram matrix that exchanges of equal labels
+and conjugation determine. Hence e = Q̃ᵀ Re F, with Q̃ nearly orthogonal, is nearly an orthonormal
+basis of V: e = Bφ with φ orthonormal and ‖B‖ ≤ ‖Q̃‖.
+
+Singlets of ⊗ l_i are isotropic in the longest spin, so |φ_λ(x)|² ≤ N_λ Π(2l_i+1)/(2l_max+1),
+where N_λ is the number of assignments. So |f(x)| ≤ Λ‖f‖ for all x and f ∈ V, Λ² being the sum
+of these rational numbers. Let G be the values of e at points. If RG is near I then e is a
+basis, since there are dim V of them; f = Σ c_j e_j with |c| ≤ |R f|/(1 − ‖RG − I‖), and
+
+    |f(x)| ≤ Λ ‖Q̃‖ |c|   for every configuration x.
+"""
+
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from itertools import combinations
+from math import factorial, perm, prod, sqrt
+from typing import TypeAlias
+
+import numpy as np
+import scipy.linalg
+
+from formulations.bounds.so3_moments.enclosed_squares import SAFETY, gamma, row_error
+from formulations.bounds.so3_moments.row_sectors import Label, RowSector, label_degree
+from formulations.bounds.so3_moments.sampled_blocks import Coupled, recoupled
+from formulations.bounds.so3_moments.symmetric_rows import PermutedRows
+from formulations.bounds.so3_moments.wigner import (
+    ComplexArray,
+    axis_exchange,
+    coupled_tensors,
+    wigner_matrices,
+)
+from formulations.existence.tableaux import partitions
+from nlp.arrays import FloatArray, whole_number
+from nlp.errors import LockedJointError
+
+# Coefficients by (degree, weight of the frame rotation, phase charge).
+Character: TypeAlias = Mapping[tuple[int, int, int], int]
+
+
+def invariant_dimension(joints: int, degree: int) -> int:
+    """Return dim V for so many joints and d = `degree`; InputError unless both are positive."""
+    whole_number("joints", joints, 1)
+    whole_number("degree", degree, 1)
+    total = Fraction(0)
+    for conjugated in (False, True):
+        cycles = {length: _cycle(length, degree, conjugated) for length in range(1, joints + 1)}
+        known: dict[tuple[int, ...], Character] = {(): {(0, 0, 0): 1}}
+        for lengths in partitions(joints):
+            for end, length in enumerate(lengths):
+                if lengths[: end + 1] not in known:
+                    product = _product(known[lengths[:end]], cycles[length], degree)
+                    known[lengths[: end + 1]] = product
+            share = Fraction(1, _centraliser(lengths))
+            total += share * _trivial_part(known[lengths]) / 2
+    if total.denominator != 1:
+        raise ArithmeticError("a dimension must be an integer")
+    return int(total)
+
+
+def _cycle(length: int, degree: int, conjugated: bool) -> Character:
+    """Return the trace of a cycle of joints on products that are even in every joint.
+
+    It is the trace of the `length`-th power of what acts on one joint. Conjugation takes m to
+    −m with the sign (−1)^l, and its square is 1.
+    """
+    found: Counter[tuple[int, int, int]] = Counter()
+    for spin in range(degree + 1):
+        for m in range(-spin, spin + 1):
+            size = length * label_degree((spin, m))
+            if m % 2 or size > degree or (conjugated and length % 2 and m):
+                continue
+            value = (-1) ** spin if conjugated and length % 2 else 1
+            for weight in range(-spin, spin + 1):
+                found[size, length * weight, 0 if conjugated else length * m] += value
+    return found
+
+
+def _product(first: Character, second: Character, degree: int) -> Character:
+    found: Counter[tuple[int, int, int]] = Counter()
+    for (a, weight, charge), value in first.items():
+        for (b, other_weight, other_charge), other in second.items():
+            if a + b <= degree:
+                found[a + b, weight + other_weight, charge + other_charge] += value * other
+    return found
+
+
+def _trivial_part(character: Character) -> int:
+    """Return how often total spin 0 and charge 0 occur: weight 0 less weight 1."""
+    return sum(
+        value * ((weight == 0) - (weight == 1))
+        for (_, weight, charge), value in character.items()
+        if charge == 0
+    )
+
+
+def _centraliser(lengths: tuple[int, ...]) -> int:
+    """Return n! over the number of permutations with these cycles."""
+    return prod(length**n * factorial(n) for length, n in Counter(lengths).items())
+
+
+Labels: TypeAlias = tuple[Label, ...]
+# Configurations at which everything is evaluated together.
+_CHUNK = 25
+
+
+class NoBasisError(LockedJointError):
+    """The values at the points do not prove that the functions are a basis."""
+
+
+@dataclass(frozen=True, eq=False)
+class InvariantBasis:
+    """What is needed to bound an invariant by its values at the points."""
+
+    #: R, shape (dimension, points).
+    left_inverse: FloatArray
+    #: Bound on ‖RG − I‖ for the exact matrix of values G; below 1.
+    defect: float
+    #: Λ‖Q̃‖, so that |f| ≤ amplification · |c|.
+    amplification: float
+
+    def largest_value(self, values: FloatArray, errors: FloatArray) -> float:
+        """Bound |f| over all configurations by its values at the points and their errors."""
+        norm = float(np.linalg.norm(self.left_inverse, 2))
+        # Rounding of R · values is relative to |R|, whose 2-norm is at most the Frobenius norm.
+        rounding = gamma(len(values) + 2) * float(np.linalg.norm(self.left_inverse))
+        coefficients = float(np.linalg.norm(self.left_inverse @ values))
+        coefficients += norm * float(np.linalg.norm(errors))
+        coefficients += rounding * float(np.linalg.norm(values))
+        return SAFETY**2 * self.amplification * coefficients / (1.0 - self.defect)
+
+
+@dataclass(frozen=True, eq=False)
+class InvariantFunctions:
+    """The functions of one multiset of labels: coefficientsᵀ · Re F_λ."""
+
+    #: λ, ascending.
+    labels: Labels
+    joints: int
+    #: Q̃ of this λ, shape (ways, functions), scaled to mean square 1.
+    coefficients: FloatArray
+
+    @property
+    def largest_square(self) -> Fraction:
+        """Bound on the sum of squares of the functions; of those of λ and −λ together."""
+        spins = [spin for spin, _ in self.labels]
+        share = Fraction(prod(2 * spin + 1 for spin in spins), 2 * max(spins, default=0) + 1)
+        twice = 1 if self.labels == _reversed(self.labels) else 2
+        return twice * share * _assignments(self.labels, self.joints)
+
+    @property
+    def value_error(self) -> float:
+        """Bound on the error of all the functions at a configuration, Euclidean norm.
+
+        A sum over all ways to give the labels to joints, of vectors of norm at most 1, each
+        off by less than 2 `row_error` with the additions of the steps; at most 126 subsets of
+        joints are added at the end.
+        """
+        rows = PermutedRows(((), self.labels), (range(0), range(self.joints)), 0)
+        step = 2 * row_error(rows) + gamma(200)
+        step += gamma(len(self.coefficients) + 4) * sqrt(self.coefficients.shape[1])
+        terms = perm(self.joints, len(self.labels))
+        return SAFETY * terms * step * float(np.linalg.norm(self.coefficients))
+
+
+def invariant_functions(joints: int, degree: int) -> list[InvariantFunctions]:
+    """Return nearly orthonormal functions that span the invariants of degree ≤ `degree`."""
+    found = []
+    for _, labels in RowSector(0, 0, 0, degree).label_sets(joints):
+        ways = len(coupled_tensors(tuple(spin for spin, _ in labels), 0))
+        if ways and labels <= _reversed(labels):
+            basis = _invariant_ways(labels, ways)
+            if basis.size:
+                found.append(InvariantFunctions(labels, joints, _scale(labels, joints) * basis))
+    return found
+
+
+def _reversed(labels: Labels) -> Labels:
+    return tuple(sorted((spin, -m) for spin, m in labels))
+
+
+def _ties(labels: Labels) -> int:
+    return prod(factorial(count) for count in Counter(labels).values())
+
+
+def _assignments(labels: Labels, joints: int) -> int:
+    return perm(joints, len(labels)) // _ties(labels)
+
+
+def _scale(labels: Labels, joints: int) -> float:
+    """Return 1 over the root mean square of uᵀ Re F_λ for an invariant unit vector u."""
+    twice = 1 if labels == _reversed(labels) else 2
+    norm = prod(2 * spin + 1 for spin, _ in labels) / _assignments(labels, joints)
+    return sqrt(twice * norm) / _ties(labels)
+
+
+def _invariant_ways(labels: Labels, ways: int) -> FloatArray:
+    """Return an orthonormal basis of what exchanges of equal labels and conjugation leave."""
+    spins = [spin for spin, _ in labels]
+
+    def action(order: Sequence[int]) -> FloatArray:
+        return axis_exchange(spins, 0, order)
+
+    projector, start, places = np.eye(ways), 0, list(range(len(labels)))
+    for count in Counter(labels).values():
+        for last in range(start + 1, start + count):  # from S_k to S_{k+1}: cosets
+            total = coset = np.eye(ways)
+            for q in range(last, start, -1):
+                coset = coset @ action([*places[: q - 1], q, q - 1, *places[q + 1 :]])
+                total = total + coset
+            projector = projector @ total / (last - start + 1)
+        start += count
+    if labels == _reversed(labels):
+        image = [(spin, -m) for spin, m in labels]
+        conjugation = (-1) ** sum(spins) * action(sorted(places, key=image.__getitem__))
+        projector = projector @ (np.eye(ways) + conjugation) @ projector / 2
+    values, vectors = np.linalg.eigh((projector + projector.T) / 2)
+    return np.asarray(vectors[:, values > 0.5])
+
+
+def invariant_values(
+    functions: Sequence[InvariantFunctions], rotations: FloatArray, degree: int
+) -> FloatArray:
+    """Return the values of all functions, (configurations, functions)."""
+    chunks = [
+        _values(functions, rotations[first : first + _CHUNK], degree)
+        for first in range(0, len(rotations), _CHUNK)
+    ]
+    return np.concatenate(chunks)
+
+
+def _values(
+    functions: Sequence[InvariantFunctions], rotations: FloatArray, degree: int
+) -> FloatArray:
+    wanted = {entry.labels for entry in functions}
+    largest = max((spin for labels in wanted for spin, _ in labels), default=0)
+    sums = dict(_symmetric_sums(wanted, wigner_matrices(rotations, largest), degree))
+    parts = [sums[entry.labels].real.T @ entry.coefficients for entry in functions]
+    return np.concatenate(parts, axis=1)
+
+
+def _symmetric_sums(
+    wanted: set[Labels], wigner: Sequence[ComplexArray], degree: int
+) -> Iterator[tuple[Labels, ComplexArray]]:
+    """Give F_λ, (ways, configurations), of all λ; those with the same beginning together.
+
+    For each beginning and each set of as many joints, the sum over the orders of these joints
+    follows from the sums with one label and one joint less.
+    """
+    count, joints = wigner[0].shape[:2]
+    beginnings = {labels[:q] for labels in wanted for q in range(len(labels) + 1)}
+
+    def grow(begun: Labels, sums: Coupled) -> Iterator[tuple[Labels, ComplexArray]]:
+        if begun in wanted:
+            yield begun, sums[0].reshape(len(sums[0]), -1, count).sum(axis=1)
+        left = degree - sum(map(label_degree, begun))
+        subsets = {one: i for i, one in enumerate(combinations(range(joints), len(begun)))}
+        larger = list(combinations(range(joints), len(begun) + 1))
+        # For each position: the larger sets without the joint there, and that joint.
+        removals = [
+            ([subsets[one[:q] + one[q + 1 :]] for one in larger], [one[q] for one in larger])
+            for q in range(len(begun) + 1)
+        ]
+
+        def products(values: ComplexArray, factor: ComplexArray) -> ComplexArray:
+            apart = values.reshape(len(values), len(subsets), count, -1, 1)
+            terms = (apart[:, rest] * factor[joint][:, :, None] for rest, joint in removals)
+            total = np.asarray(sum(terms))
+            return total.reshape(len(values), len(larger) * count, *total.shape[3:])
+
+        for labels in sorted(b for b in beginnings if b[:-1] == begun and b):
+            spin, m = labels[-1]
+            on = any(b[:-1] == labels for b in beginnings if b)
+            reachable = range(left - label_degree(labels[-1]) + 1 if on else 1)
+            factor = wigner[spin][..., spin + m].swapaxes(0, 1)
+            together = {
+                total: products(x, factor)
+                for total, x in sums.items()
+                if abs(total - spin) in reachable
+            }
+            yield from grow(labels, recoupled(together, spin, reachable))
+
+    yield from grow((), {0: np.ones((1, count, 1), dtype=complex)})
+
+
+def invariant_basis(
+    rotations: FloatArray, degree: int, dimension: int, points: int | None = None
+) -> tuple[InvariantBasis, FloatArray]:
+    """Return a basis of V of known dimension, and the points that it uses.
+
+    `rotations`, (candidates, n, 3, 3), are candidates for the points, more than `dimension`;
+    `points` of them are kept, by pivoted QR, or all. NoBasisError if the values do not prove
+    that there is a basis.
+    """
+    functions = invariant_functions(rotations.shape[1], degree)
+    values = invariant_values(functions, rotations, degree)
+    if values.shape[1] != dimension:
+        raise NoBasisError(f"{values.shape[1]} functions for {dimension} invariants")
+    kept = _well_spread(values, points or len(values))
+    matrix = values[kept]
+    left_inverse = np.asarray(scipy.linalg.pinv(matrix))
+    norm, size = float(np.linalg.norm(left_inverse, 2)), float(np.linalg.norm(left_inverse))
+    error = sqrt(len(kept) * sum(entry.value_error**2 for entry in functions))
+    rounding = gamma(len(kept) + 2) * size * float(np.linalg.norm(matrix))
+    defect = float(np.linalg.norm(left_inverse @ matrix - np.eye(dimension)))
+    defect = SAFETY**2 * (defect + rounding + norm * error)
+    if not defect < 0.5:
+        raise NoBasisError(f"the values are too inexact: ‖RG − I‖ could be {defect:.2g}")
+    return InvariantBasis(left_inverse, defect, _largest_ratio(functions)), rotations[kept]
+
+
+def _largest_ratio(functions: Sequence[InvariantFunctions]) -> float:
+    """Return a bound on Λ‖Q̃‖."""
+    norm = 1.0
+    for entry in functions:
+        basis = entry.coefficients / _scale(entry.labels, entry.joints)
+        excess = float(np.linalg.norm(basis.T @ basis - np.eye(basis.shape[1])))
+        norm = max(norm, sqrt(1 + excess + gamma(2 * len(basis) + 8) * basis.shape[1]))
+    return SAFETY * norm * sqrt(sum(entry.largest_square for entry in functions))
+
+
+def _well_spread(values: FloatArray, count: int) -> list[int]:
+    """Return `count` rows that determine all columns well: successive pivoted QR."""
+    left = list(range(len(values)))
+    kept: list[int] = []
+    while len(kept) < count:
+        pivots = scipy.linalg.qr(values[left].T, mode="r", pivoting=True)[1]
+        taken = pivots[: min(values.shape[1], count - len(kept))]
+        kept += [left[i] for i in taken]
+        left = sorted(set(left) - set(kept))
+    return sorted(kept)

@@ -1,1 +1,0 @@
-"""The semidefinite programs in the pseudo-moments, their solution and their multipliers."""

@@ -1,0 +1,202 @@
+"""Blocks of the moment matrix evaluated, averaged over all symmetries, at configurations.
+
+The frame is averaged by summing over the components of the total spin, phase and signs by
+keeping to a sector, conjugation by the real part, the order of the joints by choosing which
+carry odd m and summing over tableaux.
+"""
+
+from collections.abc import Sequence
+from functools import cached_property
+from itertools import combinations
+from typing import Protocol, TypeAlias
+
+import numpy as np
+
+from formulations.bounds.so3_moments.row_sectors import RowSector, UnsignedSector
+from formulations.bounds.so3_moments.symmetric_rows import (
+    AdaptedRows,
+    Assignment,
+    PermutedRows,
+    adapted_rows,
+)
+from formulations.bounds.so3_moments.wigner import ComplexArray, coupling, wigner_matrices
+from nlp.arrays import FloatArray
+
+# Total spin to values of shape (ways, configurations, components).
+Coupled: TypeAlias = dict[int, ComplexArray]
+
+
+class BlockFamily(Protocol):
+    """Matrices of functions of a configuration, averaged over all symmetries."""
+
+    @property
+    def sizes(self) -> list[int]:
+        """Numbers of rows of the blocks."""
+
+    def evaluate(self, rotations: FloatArray) -> list[FloatArray]:
+        """Return each block, (configurations, size, size), at (configurations, n, 3, 3)."""
+
+
+class RowBlocks:
+    """The rows of one sector, for n joints, sorted into blocks."""
+
+    def __init__(self, sector: RowSector | UnsignedSector, joints: int) -> None:
+        self.sector, self.joints = sector, joints
+        places, sets = sector.places(joints), sector.label_sets(joints)
+        rows = [PermutedRows(labels, places, sector.spin) for labels in sets]
+        self.rows = [entry for entry in rows if entry.length]
+
+    @cached_property
+    def blocks(self) -> list[AdaptedRows]:
+        """The rows of each block."""
+        return adapted_rows(self.rows, self.sector.charge)
+
+    @property
+    def largest_spin(self) -> int:
+        """Largest spin of one joint."""
+        return max((spin for rows in self.rows for spin in rows.spins), default=0)
+
+    def mean_squares(
+        self,
+        wigner: Sequence[ComplexArray],
+        orders: Sequence[Sequence[int]],
+        *,
+        share: int = 1,
+    ) -> list[FloatArray]:
+        """Return the mean of rows · rowsᵀ of each block, (configurations, size, size).
+
+        `wigner` holds D^l of all configurations. The mean is over the orders of the joints,
+        components and tableaux; it is divided by `share`, the number of means that the caller
+        adds up to one.
+        """
+        count = len(wigner[0])
+        found = [np.zeros((count, block.size, block.size)) for block in self.blocks]
+        for order in orders:
+            plain = self.plain_values(wigner, order)
+            for total, block in zip(found, self.blocks, strict=True):
+                values = _adapted_values(block, plain)
+                total += values @ values.transpose(0, 2, 1)
+        for total, block in zip(found, self.blocks, strict=True):
+            total /= share * len(orders) * (2 * self.sector.spin + 1) * block.tableaux
+        return found
+
+    def plain_values(
+        self, wigner: Sequence[ComplexArray], order: Sequence[int]
+    ) -> list[FloatArray]:
+        """Return the values of all plain rows, see `_plain_rows`, joints in the given order."""
+        return [_plain_rows(rows, wigner, order) for rows in self.rows]
+
+
+class SectorBlocks(RowBlocks):
+    """Blocks of the moment matrix: the rows of a sector multiplied with each other."""
+
+    @property
+    def sizes(self) -> list[int]:
+        """Numbers of rows of the blocks."""
+        return [block.size for block in self.blocks]
+
+    @property
+    def orders(self) -> list[tuple[int, ...]]:
+        """Orders of the joints that put each choice of k joints first."""
+        return choices_first(range(self.joints), self.sector.odd)
+
+    def evaluate(self, rotations: FloatArray) -> list[FloatArray]:
+        """Return each block, shape (configurations, size, size), at (configurations, n, 3, 3).
+
+        The mean over uniformly distributed configurations is the unit matrix.
+        """
+        return self.mean_squares(wigner_matrices(rotations, self.largest_spin), self.orders)
+
+
+def sector_families(
+    sectors: Sequence[RowSector | UnsignedSector], joints: int
+) -> list[SectorBlocks]:
+    """Return the blocks of all sectors that have rows for `joints` joints."""
+    families = [SectorBlocks(sector, joints) for sector in sectors]
+    return [family for family in families if family.blocks]
+
+
+def choices_first(joints: Sequence[int], count: int) -> list[tuple[int, ...]]:
+    """Return orders of the joints that put each choice of `count` of them first."""
+    return [
+        (*chosen, *(joint for joint in joints if joint not in chosen))
+        for chosen in combinations(joints, count)
+    ]
+
+
+def _plain_rows(
+    rows: PermutedRows, wigner: Sequence[ComplexArray], order: Sequence[int]
+) -> FloatArray:
+    """Return the values of plain rows, shape (rows, configurations, 2(2L+1)).
+
+    The last axis holds the components of the total spin, real parts before imaginary parts.
+    `wigner` holds D^l, (configurations, n, 2l+1, 2l+1), and order[q] is the joint at place q.
+    Joints are coupled one after another, so assignments with the same beginning share their
+    first steps.
+    """
+    labels = rows.labels
+    found: list[FloatArray] = []
+    known: dict[Assignment, Coupled] = {(): {0: np.ones((1, 1, 1), dtype=complex)}}
+    for assignment in rows.assignments:
+        # Assignments are sorted: only beginnings of the present one are still of use.
+        known = {
+            begun: coupled
+            for begun, coupled in known.items()
+            if assignment[: len(begun)] == begun
+        }
+        for q in range(max(map(len, known)), len(labels)):
+            left = sum(rows.spins[q + 1 :])
+            reachable = range(max(0, rows.spin - left), rows.spin + left + 1)
+            spin, m = labels[q]
+            factor = wigner[spin][:, order[assignment[q]], :, spin + m]
+            grown = _coupled_with(known[assignment[:q]], factor, spin, reachable)
+            known[assignment[: q + 1]] = grown
+        values = known[assignment][rows.spin]
+        found.append(np.concatenate([values.real, values.imag], axis=-1))
+    return np.concatenate(found).reshape(rows.length, -1, 2 * (2 * rows.spin + 1))
+
+
+def _coupled_with(
+    coupled: Coupled, factor: ComplexArray, spin: int, reachable: range
+) -> Coupled:
+    """Return what coupling one more joint gives, in the order of `coupled_tensors`.
+
+    `factor` holds the functions of the joint, (configurations, 2·spin+1); `reachable` the total
+    spins that are still of use.
+    """
+    products = {
+        before: values[:, :, :, None] * factor[:, None, :] for before, values in coupled.items()
+    }
+    return recoupled(products, spin, reachable)
+
+
+def recoupled(products: Coupled, spin: int, reachable: range) -> Coupled:
+    """Return products of spins l and `spin`, (ways, configurations, 2l+1, 2·spin+1), coupled.
+
+    For each total spin so far `products` holds one array; `reachable` as in `_coupled_with`.
+    """
+    grown: dict[int, list[ComplexArray]] = {}
+    for before, values in products.items():
+        shape = values.shape[:2]
+        both = values.reshape(*shape, -1).view(float).reshape(*shape, -1, 2)
+        for target in range(abs(before - spin), before + spin + 1):
+            if target in reachable:
+                table = coupling(before, spin, target).reshape(-1, 2 * target + 1)
+                part = np.empty((*shape, 2 * target + 1), dtype=complex)
+                part.real, part.imag = both[..., 0] @ table, both[..., 1] @ table
+                grown.setdefault(target, []).append(part)
+    return {target: np.concatenate(parts) for target, parts in grown.items()}
+
+
+def _adapted_values(block: AdaptedRows, plain: Sequence[FloatArray]) -> FloatArray:
+    """Return the values of a block's rows, (configurations, size, tableaux · components)."""
+    # Rows without any joint are the same at all configurations.
+    count = max(values.shape[1] for values in plain)
+    components = plain[0].shape[2]
+    found = np.zeros((block.tableaux, block.size, count * components))
+    for number, columns, coefficients in block.parts:
+        values = np.tile(plain[number], (1, count // plain[number].shape[1], 1))
+        values = values.reshape(len(values), -1)
+        found[:, columns.start : columns.stop] += coefficients.transpose(0, 2, 1) @ values
+    shaped = found.reshape(block.tableaux, block.size, count, components)
+    return shaped.transpose(2, 1, 0, 3).reshape(count, block.size, -1)

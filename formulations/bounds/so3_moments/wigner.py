@@ -1,0 +1,183 @@
+"""Wigner functions of a joint, and the coupling of spins by Clebsch–Gordan coefficients.
+
+A unit revolute joint, eq. (21), is a rotation R that takes the axes x, y, z to v, ω and v × ω.
+D^l is its matrix on spin l, components from −l to l. The first index belongs to the frame, the
+second, m, to the phase (v + iω → e^{−iθ}(v + iω) multiplies D^l_{Mm} by e^{−imθ}).
+Condon–Shortley phases throughout. From rotations in extended precision (``numpy.longdouble``)
+everything here is computed in extended precision, and only the end rounded to double.
+"""
+
+from collections.abc import Sequence
+from fractions import Fraction
+from functools import cache
+from math import comb, copysign, isqrt, sqrt
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nlp.arrays import FloatArray
+
+ComplexArray: TypeAlias = NDArray[np.complex128]
+
+# Columns: the spherical unit vectors e_{−1}, e_0, e_{+1}, times √2.
+_SPHERICAL = np.array([[1, 0, -1], [-1j, 0, -1j], [0, np.sqrt(np.longdouble(2)), 0]])
+
+
+def random_rotations(
+    rng: np.random.Generator, count: int, joints: int, *, extended: bool = False
+) -> FloatArray:
+    """Return uniform rotations (count, joints, 3, 3); the same ones, finer, if `extended`."""
+    quaternions = rng.standard_normal((count, joints, 4))
+    if extended:
+        quaternions = quaternions.astype(np.longdouble)
+    w, x, y, z = np.moveaxis(quaternions, -1, 0)
+    rows = [
+        [w * w + x * x - y * y - z * z, 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), w * w - x * x + y * y - z * z, 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), w * w - x * x - y * y + z * z],
+    ]
+    matrices = np.moveaxis(np.array(rows), (0, 1), (-2, -1))
+    return np.asarray(matrices / np.sum(quaternions**2, axis=-1)[..., None, None])
+
+
+def jacobians_of(rotations: FloatArray) -> FloatArray:
+    """Return the Jacobians with columns (v; ω), shape (…, 6, n), of rotations (…, n, 3, 3)."""
+    columns = np.concatenate([rotations[..., 0], rotations[..., 1]], axis=-1)
+    return np.asarray(np.swapaxes(columns, -1, -2))
+
+
+def wigner_matrices(rotations: FloatArray, largest: int) -> list[ComplexArray]:
+    """Return D^0, …, D^largest, each of shape (…, 2l+1, 2l+1), of rotations (…, 3, 3).
+
+    D^{l+1} is a block of D^l ⊗ D^1 in the coupled basis.
+    """
+    extended = rotations.dtype == np.longdouble
+    tables = extended_coupling if extended else coupling
+    spherical = _SPHERICAL if extended else _SPHERICAL.astype(complex)
+    one = spherical.conj().T @ rotations @ spherical / 2
+    found = [np.ones((*rotations.shape[:-2], 1, 1), dtype=one.dtype), one]
+    for spin in range(1, largest):
+        size = 3 * (2 * spin + 1)
+        table = tables(spin, 1, spin + 1).reshape(size, -1)
+        products = found[spin][..., :, None, :, None] * one[..., None, :, None, :]
+        together = products.reshape(*rotations.shape[:-2], size, size)
+        found.append(table.T @ (together @ table))
+    return [matrices.astype(complex) for matrices in found[: largest + 1]]
+
+
+@cache
+def coupling(first: int, second: int, total: int) -> FloatArray:
+    """Return ⟨first a, second b | total M⟩, shape (2·first+1, 2·second+1, 2·total+1).
+
+    Each entry is the root of an exact rational, to within two units in the last place.
+    """
+    return _table(first, second, total, float)
+
+
+@cache
+def extended_coupling(first: int, second: int, total: int) -> FloatArray:
+    """Return the same in extended precision, to within two units in its last place."""
+    return _table(first, second, total, np.longdouble)
+
+
+def _table(first: int, second: int, total: int, kind: type) -> FloatArray:
+    shape = (2 * first + 1, 2 * second + 1, 2 * total + 1)
+    table: FloatArray = np.zeros(shape, dtype=kind)
+    if abs(first - second) <= total <= first + second:
+        for a in range(-first, first + 1):
+            for b in range(max(-second, -total - a), min(second, total - a) + 1):
+                square, sign = _coefficient(first, a, second, b, total)
+                root = sqrt(square) if kind is float else _extended_root(square)
+                table[first + a, second + b, total + a + b] = copysign(1.0, sign) * root
+    table.flags.writeable = False
+    return table
+
+
+def _extended_root(square: Fraction) -> Any:
+    """Return √square, 0 ≤ square ≤ 1, in extended precision."""
+    if square == 0:
+        return np.longdouble(0)
+    shift = 64 + (square.denominator // square.numerator).bit_length() // 2
+    digits = isqrt((square.numerator << 2 * shift) // square.denominator)
+    # At most 66 bits: two parts that are exact.
+    high, low = divmod(digits, 2**32)
+    return np.ldexp(np.longdouble(high) * 2**32 + np.longdouble(low), -shift)
+
+
+def _coefficient(first: int, a: int, second: int, b: int, total: int) -> tuple[Fraction, int]:
+    """Return the square of a Clebsch–Gordan coefficient, and its sign as that of an integer.
+
+    By Racah's formula, written with binomials.
+    """
+    lost = first + second - total
+    series = sum(
+        (-1) ** k
+        * comb(lost, k)
+        * comb(2 * first - lost, first - a - k)
+        * comb(2 * second - lost, second + b - k)
+        for k in range(min(lost, first - a, second + b) + 1)
+    )
+    norm = Fraction(
+        comb(2 * first, lost) * comb(2 * second, lost),
+        comb(first + second + total + 1, lost)
+        * comb(2 * first, first - a)
+        * comb(2 * second, second - b)
+        * comb(2 * total, total - a - b),
+    )
+    return norm * series**2, series
+
+
+@cache
+def coupled_tensors(spins: tuple[int, ...], total: int) -> FloatArray:
+    """Return an orthonormal basis of the ways to couple spins to a total spin, in sequence.
+
+    Shape (ways, 2l_1+1, …, 2l_p+1, 2L+1), extended precision: for each way and component of L
+    a tensor of norm 1. Changing the sign of all components multiplies it by (−1)^(Σ l_i − L).
+    """
+    if not spins:
+        return np.ones((1, 1)) if total == 0 else np.zeros((0, 2 * total + 1))
+    unit: Any = np.eye(2 * spins[0] + 1, dtype=np.longdouble)
+    partial: dict[int, list[FloatArray]] = {spins[0]: [unit]}
+    for position, spin in enumerate(spins[1:], start=1):
+        rest = sum(spins[position + 1 :])
+        grown: dict[int, list[FloatArray]] = {}
+        for reached, tensors in partial.items():
+            for target in range(abs(reached - spin), min(reached + spin, total + rest) + 1):
+                table = extended_coupling(reached, spin, target)
+                grown.setdefault(target, []).extend(
+                    np.tensordot(tensor, table, axes=1) for tensor in tensors
+                )
+        partial = grown
+    found = partial.get(total, [])
+    shape = (0, *(2 * spin + 1 for spin in spins), 2 * total + 1)
+    return np.stack(found) if found else np.zeros(shape)
+
+
+def axis_exchange(spins: Sequence[int], total: int, order: Sequence[int]) -> FloatArray:
+    """Return how reordering the factors acts on the basis of `coupled_tensors`.
+
+    Factor q of the reordered tensor is factor order[q] of the given one. The matrix X, (ways,
+    ways), is orthogonal: reordered tensor b = Σ_c X[c, b] · tensor c of the reordered spins.
+    Computed in extended precision, then rounded.
+    """
+    given = coupled_tensors(tuple(spins), total)
+    if list(order) == list(range(len(order))):
+        return np.eye(len(given))
+    goal = coupled_tensors(tuple(spins[q] for q in order), total)
+    moved = given.transpose(0, *(1 + q for q in order), given.ndim - 1)
+    # Every component of L gives the same overlaps; the highest one is enough. The other
+    # components add up to it: most entries are 0.
+    first = goal[..., -1].reshape(len(goal), -1)
+    second = moved[..., -1].reshape(len(moved), -1)
+    filled = first.any(axis=0) | second.any(axis=0)
+    return np.asarray(first[:, filled] @ second[:, filled].T, dtype=float)
+
+
+def residual_values(rotations: FloatArray) -> FloatArray:
+    """Return ρ = ½‖JJᵀ − (n/3)I‖_F² at rotations (configurations, n, 3, 3)."""
+    jacobians = jacobians_of(rotations)
+    gram = jacobians @ jacobians.swapaxes(-1, -2)
+    # n · I is exact; one division in the precision of the rotations.
+    defect = gram - jacobians.shape[-1] * np.eye(6, dtype=gram.dtype) / 3
+    return np.asarray(0.5 * np.sum(defect**2, axis=(-1, -2)))

@@ -1,0 +1,1 @@
+"""How near the links of a robot are to each other."""

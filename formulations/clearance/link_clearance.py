@@ -1,0 +1,302 @@
+"""How near the links of a robot are to each other: capsules for the search, coal for the check.
+
+Every link has one capsule, fitted around its collision geometry, or around its visual geometry
+if it has no other. A capsule is the set of points within a radius of a segment. It contains the
+geometry, so that capsules that keep a distance keep the links at that distance or more.
+
+The distance of two segments is stated in CasADi for the nonlinear program: continuous, with a
+continuous gradient except where the segments are parallel. The answer is checked twice: the
+capsules in NumPy, by another formula; and the geometry itself, meshes too, by coal.
+
+Not looked at are links that one joint connects; pairs whose capsules are in contact at every
+one of 500 random configurations; and links two joints apart whose capsules are always nearer
+than asked for, as in wrists.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
+from itertools import combinations
+from pathlib import Path
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from formulations.clearance.bodies import Bodies, bodies_of
+from formulations.clearance.capsules import (
+    Capsule,
+    between_segments,
+    capsule_around,
+    gap_squared,
+)
+from formulations.clearance.shapes import Geometry, Shape, coal_library, read_shapes, solid
+from formulations.kinematics.chain import Chain
+from formulations.kinematics.forward import Kinematics
+from formulations.kinematics.inverse import BoolArray
+from formulations.kinematics.read_urdf import urdf_tree
+from formulations.kinematics.read_xml import from_file, is_urdf, xml_root
+from formulations.kinematics.tree import RobotTree
+from nlp.arrays import FloatArray
+from nlp.errors import InputError
+
+# Random configurations at which links are looked at: those in contact at all of them are left
+# out.
+_SAMPLES = 500
+# Pairs that come no nearer than this beyond what is asked for are no constraints, in metres.
+_NEAR = 0.1
+# Pairs times configurations done together: memory stays bounded.
+_CHUNK = 100_000
+
+
+@dataclass(frozen=True, eq=False)
+class Link:
+    """A link with geometry.
+
+    Attributes
+    ----------
+    name
+        Its name.
+    body
+        Number of the body, in `LinkClearance.bodies`, that it is part of.
+    pose
+        In that body's frame, 4×4.
+    shapes, capsule
+        Its geometry, and the capsule around it, in the body's frame.
+    source
+        ``collision`` or ``visual``.
+    """
+
+    name: str
+    body: int
+    pose: FloatArray
+    shapes: tuple[Shape, ...]
+    capsule: Capsule
+    source: str
+
+
+@dataclass(frozen=True)
+class Closest:
+    """The two links that are nearest to each other.
+
+    Attributes
+    ----------
+    distance
+        In metres, of the geometry itself, by coal; below zero or zero where they touch.
+    links
+        Their names.
+    """
+
+    distance: float
+    links: tuple[str, str]
+
+
+@dataclass(frozen=True, eq=False)
+class LinkClearance:
+    """The distance that links keep from each other.
+
+    Attributes
+    ----------
+    least
+        What they keep at least, in metres.
+    bodies
+        Of the whole robot.
+    links
+        Links with geometry.
+    pairs
+        Pairs of links that are looked at.
+    left_out
+        Pairs that are not, though no joint connects the two: see above.
+    """
+
+    least: float
+    bodies: Bodies
+    links: tuple[Link, ...]
+    pairs: tuple[tuple[int, int], ...]
+    left_out: tuple[tuple[int, int], ...] = ()
+
+    @property
+    def visual(self) -> tuple[str, ...]:
+        """Names of links whose visual geometry is taken, because they have no other."""
+        return tuple(one.name for one in self.links if one.source == "visual")
+
+    def names(self, pair: tuple[int, int]) -> tuple[str, str]:
+        """Names of the two links of a pair."""
+        return self.links[pair[0]].name, self.links[pair[1]].name
+
+    def distances(self, configurations: FloatArray) -> FloatArray:
+        """Distance of the two capsules of each pair, in metres.
+
+        Parameters
+        ----------
+        configurations
+            Shape (n, B).
+
+        Returns
+        -------
+        numpy.ndarray
+            Shape (pairs, B), below zero where capsules overlap.
+        """
+        size = max(1, _CHUNK // len(self.pairs))
+        count = configurations.shape[1]
+        parts = [configurations[:, k : k + size] for k in range(0, count, size)]
+        return np.concatenate([self._distances(one) for one in parts], axis=1)
+
+    def _distances(self, configurations: FloatArray) -> FloatArray:
+        rotations, origins = self.bodies.frames(configurations)
+
+        def placed(link: Link, point: FloatArray) -> FloatArray:
+            moved = np.einsum("ijb,j->ib", rotations[link.body], point)
+            return np.asarray(origins[link.body] + moved)
+
+        starts = np.stack([placed(link, link.capsule.start) for link in self.links])
+        ends = np.stack([placed(link, link.capsule.end) for link in self.links])
+        radii = np.array([link.capsule.radius for link in self.links])
+        first, second = (list(side) for side in zip(*self.pairs, strict=True))
+        gap = between_segments(starts[first], ends[first], starts[second], ends[second])
+        return np.asarray(gap - (radii[first] + radii[second])[:, None])
+
+    def is_kept(self, configurations: FloatArray) -> BoolArray:
+        """Whether all pairs of capsules keep the distance, shape (B,)."""
+        return np.asarray(np.min(self.distances(configurations), axis=0) >= self.least - 1e-6)
+
+    def near(self, configurations: FloatArray) -> list[int]:
+        """Pairs that are, or come near to be, too close at one of these configurations."""
+        closest = np.min(self.distances(configurations), axis=1)
+        return [int(k) for k in np.flatnonzero(closest < self.least + _NEAR)]
+
+    def excess(self, positions: ca.SX, which: Sequence[int]) -> ca.SX:
+        """Squared distance of segments over what it has to be, for some pairs.
+
+        Parameters
+        ----------
+        positions
+            Symbols of the joints' positions.
+        which
+            Pairs, by number.
+
+        Returns
+        -------
+        casadi.SX
+            Shape (pairs, 1): at least 1 where the pair keeps the distance.
+        """
+        rotations, origins = self.bodies.placed(positions)
+        points = [
+            [
+                origins[link.body] + rotations[link.body] @ ca.DM(point)
+                for point in (link.capsule.start, link.capsule.end)
+            ]
+            for link in self.links
+        ]
+        rows = []
+        for k in which:
+            i, j = self.pairs[k]
+            radii = self.links[i].capsule.radius + self.links[j].capsule.radius
+            rows.append(gap_squared(*points[i], *points[j]) / (radii + self.least) ** 2)
+        return ca.vertcat(*rows)
+
+    def closest(self, configuration: FloatArray, pairs: Sequence[tuple[int, int]]) -> Closest:
+        """Return the nearest of some pairs by the geometry itself, as coal measures it."""
+        coal = coal_library()
+        rotations, origins = self.bodies.frames(configuration[:, None])
+        placed = []
+        for link, own in zip(self.links, self._geometry, strict=True):
+            body = np.eye(4)
+            body[:3, :3], body[:3, 3] = rotations[link.body][..., 0], origins[link.body][:, 0]
+            whole = [body @ link.pose @ shape.pose for shape in link.shapes]
+            frames = [coal.Transform3s(one[:3, :3], one[:3, 3]) for one in whole]
+            placed.append(list(zip(own, frames, strict=True)))
+        request = coal.DistanceRequest()
+        found = []
+        for i, j in pairs:
+            gaps = [
+                coal.distance(one, at, other, there, request, coal.DistanceResult())
+                for one, at in placed[i]
+                for other, there in placed[j]
+            ]
+            found.append(Closest(min(gaps), self.names((i, j))))
+        return min(found, key=lambda one: one.distance)
+
+    @cached_property
+    def _geometry(self) -> list[list[Any]]:
+        return [[solid(shape) for shape in link.shapes] for link in self.links]
+
+    def __getstate__(self) -> dict[str, object]:
+        """Travel to other processes without what coal made."""
+        return {k: v for k, v in self.__dict__.items() if not k.startswith("_")}
+
+
+def read_clearance(path: str | os.PathLike[str], chain: Chain, least: float) -> LinkClearance:
+    """Read the links' geometry of a URDF file and fit the capsules.
+
+    Parameters
+    ----------
+    path
+        The file that the chain was read from, and meshes that it names.
+    chain
+        The joints that move.
+    least
+        What links keep from each other at least, in metres.
+
+    Raises
+    ------
+    FileError
+        If geometry is malformed, or a mesh cannot be read.
+    InputError
+        If the file is no URDF, coal is not installed, or there are no two links that could
+        touch.
+    """
+    coal_library()  # a missing library is better known at once
+    path = Path(path)
+    if not from_file(path, is_urdf):
+        allowed = "a URDF file: of MJCF only joints are read, and tables have no shapes"
+        raise InputError("clearance", f"of {path}", allowed)
+    tree, geometry = from_file(path, partial(_read, path))
+    bodies, places = bodies_of(tree, chain)
+    links = tuple(
+        Link(name, *places[name], shapes, capsule_around(shapes, places[name][1]), source)
+        for name, (shapes, source) in geometry.items()
+        if shapes
+    )
+    pairs = tuple(
+        (i, j)
+        for (i, one), (j, other) in combinations(enumerate(links), 2)
+        if one.body != other.body
+        and bodies.parent(one.body) != other.body
+        and bodies.parent(other.body) != one.body
+    )
+    if not pairs:
+        allowed = "a robot with geometry on two links that are not adjacent"
+        raise InputError("clearance", f"of {chain.robot}", allowed)
+    return _without_contacts(LinkClearance(least, bodies, links, pairs), chain)
+
+
+def _read(path: Path, content: bytes) -> tuple[RobotTree, Geometry]:
+    root = xml_root(content)
+    return urdf_tree(root), read_shapes(root, path)
+
+
+def _without_contacts(whole: LinkClearance, chain: Chain) -> LinkClearance:
+    """Leave out pairs whose capsules are always in contact, or in wrists always too near."""
+    low, high = Kinematics(chain).ranges
+    drawn = np.random.default_rng(1995).uniform(low, high, (len(low), _SAMPLES))
+    largest, bodies = np.max(whole.distances(drawn), axis=1), whole.bodies
+    kept: list[tuple[int, int]] = []
+    out: list[tuple[int, int]] = []
+    for pair, gap in zip(whole.pairs, largest.tolist(), strict=True):
+        one, other = (whole.links[i].body for i in pair)
+        wrist = one == _two_before(bodies, other) or other == _two_before(bodies, one)
+        (out if gap < (whole.least if wrist else 0.0) else kept).append(pair)
+    if not kept:
+        allowed = "a robot with two links that are not always in contact"
+        raise InputError("clearance", f"of {chain.robot}", allowed)
+    return replace(whole, pairs=tuple(kept), left_out=tuple(out))
+
+
+def _two_before(bodies: Bodies, body: int) -> int:
+    """Return the number of the body two joints before a body; -1 if there is none."""
+    before = bodies.parent(body)
+    return bodies.parent(before) if before >= 0 else -1

@@ -1,0 +1,1 @@
+"""Robots as chains of joints: read, forward and inverse kinematics, self-motion."""

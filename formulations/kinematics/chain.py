@@ -1,0 +1,222 @@
+"""The joints between two links of a robot, as one chain of motions."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from difflib import get_close_matches
+from typing import TypeAlias
+
+import numpy as np
+
+from nlp.arrays import FloatArray, finite_vector
+from nlp.errors import InputError
+
+# A configuration may be outside its limits by this, in radians or metres: rounded files.
+LIMIT_TOLERANCE = 1e-6
+# No position, length, angle or multiplier may be larger, and no characteristic length or
+# multiplier other than 0 smaller than its inverse. An entry of J, which is a length times a
+# multiplier over a length, then neither overflows nor underflows, and neither does its fourth
+# power, which the residual has.
+LARGEST = 1e20
+# Limits of a revolute joint beyond two turns may be in degrees.
+_TWO_TURNS = 4 * np.pi
+# Rows of a homogeneous 4×4 matrix.
+Transform: TypeAlias = tuple[tuple[float, ...], ...]
+
+
+@dataclass(frozen=True)
+class ChainJoint:
+    """A joint that moves the tip by itself: one variable, one column of J.
+
+    Attributes
+    ----------
+    name
+        Its name in the robot.
+    prismatic
+        Whether its position is a length, in metres, and not an angle, in radians.
+    lower, upper
+        Its limits, narrowed by those of joints on the chain that mimic it.
+    velocity
+        Its largest speed, narrowed likewise, in radians or metres per second.
+    """
+
+    name: str
+    prismatic: bool
+    lower: float
+    upper: float
+    velocity: float = np.inf
+
+
+@dataclass(frozen=True)
+class Motion:
+    """A displacement along the chain, by ``multiplier``·q[variable] + ``offset``.
+
+    Attributes
+    ----------
+    placement
+        Pose of the moving joint relative to the frame that the previous motion moves, 4×4.
+    axis
+        Unit vector in the joint's frame.
+    prismatic
+        Whether it moves along the axis instead of turning about it.
+    variable
+        Position in `Chain.joints` of the joint that drives it.
+    multiplier, offset
+        Other than 1 and 0 if it mimics that joint.
+    """
+
+    placement: Transform
+    axis: tuple[float, float, float]
+    prismatic: bool
+    variable: int
+    multiplier: float
+    offset: float
+
+
+@dataclass(frozen=True)
+class Chain:
+    """What moves a tip relative to a base.
+
+    Attributes
+    ----------
+    robot, base, tip
+        Names of the robot and of the two links.
+    joints
+        The joints that are free, in the order in which they first act on the tip.
+    motions
+        Their displacements from base to tip; joints that mimic others add motions.
+    end
+        Pose of the tip's point relative to the frame that the last motion moves, 4×4.
+    locked_at
+        Names and positions of joints that have locked.
+    immobile
+        Names and positions of joints that cannot move, because their limits are equal or
+        missing: they have no column, and are no redundancy.
+    """
+
+    robot: str
+    base: str
+    tip: str
+    joints: tuple[ChainJoint, ...]
+    motions: tuple[Motion, ...]
+    end: Transform
+    locked_at: tuple[tuple[str, float], ...] = ()
+    immobile: tuple[tuple[str, float], ...] = ()
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the free joints."""
+        return tuple(joint.name for joint in self.joints)
+
+    @property
+    def prismatic(self) -> tuple[bool, ...]:
+        """Which of the free joints are prismatic."""
+        return tuple(joint.prismatic for joint in self.joints)
+
+    @property
+    def limits(self) -> tuple[FloatArray, FloatArray]:
+        """Lower and upper limits of the free joints."""
+        lower = np.array([joint.lower for joint in self.joints])
+        return lower, np.array([joint.upper for joint in self.joints])
+
+    @property
+    def mid_range(self) -> FloatArray:
+        """Every joint midway between its limits; at zero if it has none."""
+        lower, upper = self.limits
+        both = np.isfinite(lower) & np.isfinite(upper)
+        middle = np.where(both, lower, 0.0) / 2 + np.where(both, upper, 0.0) / 2
+        return np.asarray(np.clip(middle, lower, upper))
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What to check in the robot's file, one sentence each."""
+        notes = []
+        if self.immobile:
+            shown = listed([f"{name} at {value:g}" for name, value in self.immobile])
+            notes.append(
+                "Joints whose limits are equal or missing cannot move and have no column: "
+                f"{shown}."
+            )
+        wide = [
+            joint.name
+            for joint in self.joints
+            if not joint.prismatic
+            and any(_TWO_TURNS < abs(end) < np.inf for end in (joint.lower, joint.upper))
+        ]
+        if wide:
+            notes.append(
+                f"Limits beyond two turns (±4π rad) may be degrees, but URDF has radians: "
+                f"{listed(wide)}."
+            )
+        return tuple(notes)
+
+    def within_limits(self, configuration: Sequence[float] | FloatArray) -> FloatArray:
+        """Return the configuration; InputError if it is outside the joints' limits."""
+        point = finite_vector("configuration", configuration, len(self.joints))
+        for joint, value in zip(self.joints, point, strict=True):
+            check_limits(joint.name, float(value), joint.lower, joint.upper)
+        return point
+
+
+def narrowed(chain: Chain, limits: Mapping[str, tuple[float, float]]) -> Chain:
+    """Return the chain with narrower limits of some joints.
+
+    Raises
+    ------
+    InputError
+        If a joint is unknown, or its limits contradict each other or those of the robot.
+    """
+    for name, (lower, upper) in limits.items():
+        if name not in chain.names:
+            allowed = f"one of {listed(chain.names)}{nearest(name, chain.names)}"
+            raise InputError("joint of --limits", name, allowed)
+        joint = chain.joints[chain.names.index(name)]
+        if not max(lower, joint.lower) < min(upper, joint.upper):
+            allowed = (
+                f"lower < upper, with room in the robot's [{joint.lower:g}, {joint.upper:g}]"
+            )
+            raise InputError(f"--limits of {name}", f"[{lower:g}, {upper:g}]", allowed)
+    joints = tuple(
+        replace(
+            joint,
+            lower=max(joint.lower, limits.get(joint.name, (-np.inf, 0))[0]),
+            upper=min(joint.upper, limits.get(joint.name, (0, np.inf))[1]),
+        )
+        for joint in chain.joints
+    )
+    return replace(chain, joints=joints)
+
+
+def check_limits(name: str, value: float, lower: float, upper: float) -> None:
+    """Raise InputError unless a joint's position is within its limits."""
+    if not lower - LIMIT_TOLERANCE <= value <= upper + LIMIT_TOLERANCE:
+        raise InputError(f"joint {name}", f"{value:.7g}", f"within [{lower:.7g}, {upper:.7g}]")
+    check_size(f"joint {name}", value)
+
+
+def check_size(name: str, *values: float) -> None:
+    """Raise InputError unless values are so small that J neither overflows nor underflows."""
+    for value in values:
+        if not abs(value) <= LARGEST:
+            raise InputError(name, f"{value:.7g}", f"numbers of size at most {LARGEST:g}")
+
+
+def listed(names: Sequence[str], limit: int = 12) -> str:
+    """Return names with commas; the first of them if they are many."""
+    shown = ", ".join(one if len(one) < 80 else one[:79] + "…" for one in names[:limit])
+    return shown if len(names) <= limit else f"{shown}, … ({len(names)} in all)"
+
+
+def nearest(name: str, names: Sequence[str]) -> str:
+    """Return the names most like a wrong one as the end of a sentence; empty if none is."""
+    # Comparing takes long for long names and for many.
+    similar = sorted(
+        (one for one in names if len(one) < 100), key=lambda one: abs(len(one) - len(name))
+    )
+    folded = {one.lower(): one for one in reversed(similar[:5000])}
+    found = get_close_matches(name.lower()[:100], folded, n=3)
+    return f"; nearest: {', '.join(folded[one] for one in found)}" if found else ""
+
+
+def frozen(matrix: FloatArray) -> Transform:
+    """Return a matrix as rows that cannot be changed."""
+    return tuple(tuple(row) for row in matrix.tolist())

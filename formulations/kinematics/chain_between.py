@@ -1,0 +1,210 @@
+"""The chain from one link of a robot to another."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TypeAlias
+
+import numpy as np
+
+from formulations.kinematics.chain import (
+    LARGEST,
+    LIMIT_TOLERANCE,
+    Chain,
+    ChainJoint,
+    Motion,
+    check_limits,
+    check_size,
+    frozen,
+    listed,
+    nearest,
+)
+from formulations.kinematics.link_chain import rotation
+from formulations.kinematics.tree import MOVING, RobotError, RobotTree, TreeJoint
+from nlp.arrays import FloatArray, finite_vector
+from nlp.errors import InputError
+
+# A moving joint, the joint that drives it (mostly itself), multiplier and offset.
+_Driven: TypeAlias = tuple[TreeJoint, TreeJoint, float, float]
+
+# Robots that exist have one or two; following rows of any length would take quadratic time.
+_MOST_MIMICS = 100
+
+
+def chain_between(
+    tree: RobotTree,
+    tip: str,
+    base: str | None = None,
+    locked_at: Mapping[str, float] | None = None,
+    point: Sequence[float] = (0.0, 0.0, 0.0),
+) -> Chain:
+    """Return the chain from one link to another.
+
+    Parameters
+    ----------
+    tree
+        The robot.
+    tip
+        Link that the Jacobian is of.
+    base
+        Link that it is relative to: one on the way from the root to the tip; by default
+        the root.
+    locked_at
+        Joints that have locked, by name, and where, in radians or metres.
+    point
+        The point of the tip's link whose velocity is taken, in its frame, in metres.
+
+    Raises
+    ------
+    InputError
+        If a name is unknown, a value is outside its joint's limits, or nothing is free.
+    RobotError
+        If a joint on the way is of an unsupported kind.
+    """
+    locked_at = locked_at or {}
+    path = _path(tree, tip, base)
+    offset = np.eye(4)
+    offset[:3, 3] = finite_vector("point", np.asarray(point), 3)
+    check_size("point", *offset[:3, 3])
+
+    joints = {joint.name: joint for joint in tree.joints}
+    driven = {joint.name: driven_joint(joints, joint) for joint in path if joint.type in MOVING}
+    known = {driver.name: driver.limit for _, driver, _, _ in driven.values()}
+    for name, value in locked_at.items():
+        if name not in known:
+            names = list(known)
+            raise InputError(
+                "joint of locked_at", name, f"one of {listed(names)}{nearest(name, names)}"
+            )
+        check_limits(name, value, known[name].lower, known[name].upper)
+    moving = [one for one in driven.values() if one[1].name not in locked_at and one[2] != 0.0]
+    ranged = _ranges(moving)
+    immobile = {
+        one.name: one.lower / 2 + one.upper / 2
+        for one in ranged
+        if one.upper - one.lower <= LIMIT_TOLERANCE
+    }
+    fixed = {**immobile, **locked_at}
+    drivers = tuple(one for one in ranged if one.name not in immobile)
+    if not drivers:
+        shown = f" ({listed(list(immobile))} cannot move)" if immobile else ""
+        allowed = f"a link that free joints move{shown}"
+        raise InputError("tip", f"{tip}, which nothing moves relative to the base", allowed)
+    variables = {driver.name: k for k, driver in enumerate(drivers)}
+
+    motions, pose = [], np.eye(4)
+    for joint in path:
+        pose = pose @ np.asarray(joint.origin)
+        if joint.type == "fixed":
+            continue
+        _, driver, k, c = driven[joint.name]
+        if driver.name in fixed or k == 0.0:
+            value = k * fixed.get(driver.name, 0.0) + c
+            check_limits(joint.name, value, joint.limit.lower, joint.limit.upper)
+            pose = pose @ displacement(joint, value)
+            continue
+        motions.append(motion_of(joint, pose, variables[driver.name], k, c))
+        pose = np.eye(4)
+    return Chain(
+        robot=tree.name,
+        base=tree.root if base is None else base,
+        tip=tip,
+        joints=drivers,
+        motions=tuple(motions),
+        end=frozen(pose @ offset),
+        locked_at=tuple(sorted(locked_at.items())),
+        immobile=tuple(immobile.items()),
+    )
+
+
+def _path(tree: RobotTree, tip: str, base: str | None) -> tuple[TreeJoint, ...]:
+    for name, link in (("tip", tip), ("base", base)):
+        if link is not None and link not in tree.links:
+            allowed = f"one of the links {listed(tree.links)}{nearest(link, tree.links)}"
+            raise InputError(name, link, allowed)
+    path = tree.path(tip)
+    on_the_way = [tree.root, *(joint.child for joint in path)]
+    if base is not None:
+        if base not in on_the_way[:-1]:
+            allowed = f"a link before {tip}: one of " + listed(on_the_way[:-1])
+            raise InputError("base", base, allowed)
+        path = path[on_the_way.index(base) :]
+    for joint in path:
+        if joint.type not in (*MOVING, "fixed"):
+            allowed = f"only {', '.join(MOVING)} and fixed joints between base and tip"
+            raise RobotError(f"joint {joint.name}", joint.type, allowed)
+    return path
+
+
+def driven_joint(joints: Mapping[str, TreeJoint], joint: TreeJoint) -> _Driven:
+    """Return a joint, the joint that drives it, and by which multiplier and offset."""
+    driver, multiplier, offset, seen = joint, 1.0, 0.0, {joint.name}
+    while driver.mimic is not None:
+        follower, mimic = driver.name, driver.mimic
+        if mimic.joint not in joints:
+            allowed = f"the name of another joint{nearest(mimic.joint, list(joints))}"
+            raise RobotError(f"<mimic> of joint {follower}", mimic.joint, allowed)
+        driver = joints[mimic.joint]
+        if driver.name in seen:
+            allowed = "mimicry that ends at a joint with a drive of its own"
+            raise RobotError(f"<mimic> of joint {follower}", "circular", allowed)
+        if driver.type not in MOVING:
+            where = f"joint {driver.name}, mimicked by {follower},"
+            raise RobotError(where, driver.type, "one of " + ", ".join(MOVING))
+        seen.add(driver.name)
+        if len(seen) > _MOST_MIMICS:
+            allowed = f"at most {_MOST_MIMICS} joints that mimic one another in a row"
+            raise RobotError(f"<mimic> of joint {joint.name}", "too long a row", allowed)
+        offset += multiplier * mimic.offset
+        multiplier *= mimic.multiplier
+        size = abs(multiplier)
+        if (size and size < 1 / LARGEST) or max(size, abs(offset)) > LARGEST:
+            shown = f"multiplier {multiplier:g} and offset {offset:g}"
+            allowed = (
+                f"of size at most {LARGEST:g}; the multiplier 0 or at least {1 / LARGEST:g}"
+            )
+            raise RobotError(f"<mimic> of joint {joint.name}", shown, allowed)
+    return joint, driver, multiplier, offset
+
+
+def _ranges(moving: Sequence[_Driven]) -> list[ChainJoint]:
+    """Return each driving joint, its limits narrowed by those of the joints that follow it."""
+    ranges: dict[str, tuple[float, float]] = {}
+    drivers: dict[str, TreeJoint] = {}
+    speeds: dict[str, float] = {}
+    for joint, driver, multiplier, offset in moving:
+        drivers[driver.name] = driver
+        speed = min(driver.limit.velocity, joint.limit.velocity / abs(multiplier))
+        speeds[driver.name] = min(speeds.get(driver.name, np.inf), speed)
+        own = (driver.limit.lower, driver.limit.upper)
+        lower, upper = ranges.get(driver.name, own)
+        limits = (joint.limit.lower, joint.limit.upper)
+        ends = sorted((end - offset) / multiplier for end in limits)
+        ranges[driver.name] = max(lower, ends[0]), min(upper, ends[1])
+    for name, (lower, upper) in ranges.items():
+        if lower > upper + LIMIT_TOLERANCE:
+            allowed = "limits that leave room together with those of the joints that mimic it"
+            raise RobotError(f"limits of joint {name}", "contradictory", allowed)
+    return [
+        ChainJoint(name, driver.type == "prismatic", *ranges[name], speeds[name])
+        for name, driver in drivers.items()
+    ]
+
+
+def motion_of(
+    joint: TreeJoint, before: FloatArray, variable: int, multiplier: float, offset: float
+) -> Motion:
+    """Return a joint's motion, from its pose relative to the frame moved before it, 4×4."""
+    x, y, z = joint.axis.tolist()
+    prismatic = joint.type == "prismatic"
+    return Motion(frozen(before), (x, y, z), prismatic, variable, multiplier, offset)
+
+
+def displacement(joint: TreeJoint, value: float) -> FloatArray:
+    """Pose after a numeric displacement along or about the joint's axis, 4×4."""
+    pose = np.eye(4)
+    if joint.type == "prismatic":
+        pose[:3, 3] = value * joint.axis
+    else:
+        pose[:3, :3] = rotation(joint.axis, np.asarray(value))
+    return pose

@@ -1,0 +1,209 @@
+"""Forward kinematics and Jacobians of a chain: in NumPy for many q at once, and in CasADi.
+
+In NumPy configurations come last: q has shape (n, B), a Jacobian shape (rows, n, B). One
+operation then does as much work as it can.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import casadi as ca
+import numpy as np
+
+from formulations.kinematics.chain import Chain, Motion, Transform
+from formulations.kinematics.link_chain import HALF_TURN, rotation_vectors
+from nlp.arrays import FloatArray
+
+
+class Kinematics:
+    """Forward kinematics and Jacobian for many configurations.
+
+    Parameters
+    ----------
+    chain
+        The joints.
+    rows
+        The directions that count, of vx, vy, vz, wx, wy, wz along the axes of the base.
+    """
+
+    def __init__(self, chain: Chain, rows: Sequence[int] = range(6)) -> None:
+        self.rows = list(rows)
+        self.angular = max(self.rows) > 2
+        self.size = len(chain.joints)
+        self.lower, self.upper = (side[:, None] for side in chain.limits)
+        ranged = np.isfinite(self.lower) & np.isfinite(self.upper)
+        self.middle = chain.mid_range[:, None]
+        self.widths = np.where(ranged, self.upper - self.lower, np.inf)
+        self._end = np.array(chain.end)
+        self._motions = []
+        for motion in chain.motions:
+            pose, axis = np.array(motion.placement), np.array(motion.axis)
+            cross = np.cross(np.eye(3), axis)
+            parts = [pose[:3, :3], pose[:3, :3] @ cross, pose[:3, :3] @ cross @ cross]
+            stacked = np.concatenate([part.T for part in parts])
+            self._motions.append((motion, stacked, pose[:3, 3], pose[:3, :3] @ axis))
+
+    @property
+    def ranges(self) -> tuple[FloatArray, FloatArray]:
+        """Least and largest positions to try, (n, 1) each: the limits, or two turns."""
+        least = np.where(np.isfinite(self.lower), self.lower, -np.pi)
+        largest = np.where(np.isfinite(self.upper), self.upper, np.pi)
+        return np.maximum(least, -2 * np.pi), np.minimum(largest, 2 * np.pi)
+
+    def frames(self, q: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Return where the joints and the tip are.
+
+        Parameters
+        ----------
+        q
+            Shape (n, B).
+
+        Returns
+        -------
+        numpy.ndarray
+            Axes of the chain's motions, k of them, shape (k, 3, B).
+        numpy.ndarray
+            Their origins, shape (k, 3, B).
+        numpy.ndarray
+            Position of the tip, shape (3, B).
+        numpy.ndarray
+            Its orientation, shape (3, 3, B).
+        """
+        count = q.shape[1]
+        orientation = np.repeat(np.eye(3)[:, :, None], count, axis=2)
+        position = np.zeros((3, count))
+        axes, origins = np.empty((2, len(self._motions), 3, count))
+        for k, (motion, stacked, shift, direction) in enumerate(self._motions):
+            origins[k] = position = position + np.matmul(shift, orientation)
+            axes[k] = np.matmul(direction, orientation)
+            value = motion.multiplier * q[motion.variable] + motion.offset
+            parts = np.matmul(stacked, orientation)
+            if motion.prismatic:
+                position = position + value * axes[k]
+                orientation = parts[:, :3]
+            else:
+                orientation = parts[:, :3] + np.sin(value) * parts[:, 3:6]
+                orientation += (1 - np.cos(value)) * parts[:, 6:]
+        position = position + np.matmul(self._end[:3, 3], orientation)
+        return axes, origins, position, np.matmul(self._end[:3, :3].T, orientation)
+
+    def forward(self, q: FloatArray, jacobian: bool = True) -> tuple[FloatArray, ...]:
+        """Return position (3, B), rotation (3, 3, B) and, if asked, J of shape (rows, n, B)."""
+        axes, origins, position, orientation = self.frames(q)
+        if not jacobian:
+            return position, orientation
+        matrix = np.zeros((6 if self.angular else 3, self.size, q.shape[1]))
+        for (motion, *_), axis, origin in zip(self._motions, axes, origins, strict=True):
+            column = matrix[:, motion.variable]
+            scale = motion.multiplier
+            if motion.prismatic:
+                column[:3] += scale * axis
+                continue
+            x, y, z = position - origin
+            column[0] += scale * (axis[1] * z - axis[2] * y)
+            column[1] += scale * (axis[2] * x - axis[0] * z)
+            column[2] += scale * (axis[0] * y - axis[1] * x)
+            if self.angular:
+                column[3:] += scale * axis
+        return position, orientation, matrix[self.rows]
+
+    def error(
+        self,
+        origin: FloatArray,
+        orientation: FloatArray,
+        position: FloatArray,
+        rotation: FloatArray,
+    ) -> FloatArray:
+        """Return what is missing to a pose, shape (rows, B): metres, and a rotation vector.
+
+        The pose is one for all, (3, 1) and (3, 3, 1), or one for each.
+        """
+        missing = position - origin
+        if not self.angular:
+            return np.asarray(missing[self.rows])
+        # R·Rᵀ of the wanted and the present rotation; its axis times the sine of its angle.
+        product = np.einsum(
+            "ikb,jkb->ijb", np.broadcast_to(rotation, orientation.shape), orientation
+        )
+        vector = np.stack([product[2, 1], product[0, 2], product[1, 0]])
+        vector -= np.stack([product[1, 2], product[2, 0], product[0, 1]])
+        sine = np.sqrt(np.sum(vector**2, axis=0)) / 2
+        cosine = (product[0, 0] + product[1, 1] + product[2, 2] - 1) / 2
+        angle = np.arctan2(sine, cosine)
+        vector *= angle / np.maximum(sine, 1e-12) / 2
+        back = np.flatnonzero((sine < HALF_TURN) & (cosine < 0))
+        if back.size:
+            vector[:, back] = rotation_vectors(np.moveaxis(product[..., back], 2, 0)).T
+        return np.concatenate([missing, vector])[self.rows]
+
+
+def tip_jacobian(chain: Chain, positions: ca.SX) -> tuple[ca.SX, ca.SX]:
+    """Jacobian of the tip's point, and the orientation of its link.
+
+    Parameters
+    ----------
+    chain
+        The joints.
+    positions
+        Symbols of the free joints' positions, radians or metres, shape (n, 1).
+
+    Returns
+    -------
+    casadi.SX
+        Columns (v; ω) as in eq. (21), along the axes of the base, shape (6, n): metres
+        or radians per radian or metre.
+    casadi.SX
+        Rotation from the tip's axes to those of the base, shape (3, 3).
+    """
+    orientation, origin = ca.SX.eye(3), ca.SX.zeros(3)
+    screws = []
+    for motion in chain.motions:
+        orientation, start = _moved(orientation, origin, motion.placement)
+        screws.append((motion, orientation @ ca.DM(motion.axis), start))
+        orientation, origin = _displaced(orientation, start, motion, positions)
+    orientation, origin = _moved(orientation, origin, chain.end)
+    matrix = ca.SX.zeros(6, len(chain.joints))
+    for motion, axis, start in screws:
+        if motion.prismatic:
+            column = ca.vertcat(axis, ca.SX.zeros(3))
+        else:
+            column = ca.vertcat(ca.cross(axis, origin - start), axis)
+        matrix[:, motion.variable] += motion.multiplier * column
+    return matrix, orientation
+
+
+def tip_pose(chain: Chain, positions: ca.SX) -> tuple[ca.SX, ca.SX]:
+    """Position (3, 1) and rotation (3, 3) of the tip, symbolically."""
+    orientation, origin = ca.SX.eye(3), ca.SX.zeros(3)
+    for motion in chain.motions:
+        orientation, origin = displaced(orientation, origin, motion, positions)
+    orientation, origin = _moved(orientation, origin, chain.end)
+    return origin, orientation
+
+
+def displaced(
+    orientation: ca.SX, origin: ca.SX, motion: Motion, positions: ca.SX
+) -> tuple[ca.SX, ca.SX]:
+    """Rotation (3, 3) and origin (3, 1) of a frame after a motion, from those before it."""
+    return _displaced(*_moved(orientation, origin, motion.placement), motion, positions)
+
+
+def _displaced(
+    orientation: ca.SX, origin: ca.SX, motion: Motion, positions: ca.SX
+) -> tuple[ca.SX, ca.SX]:
+    value = motion.multiplier * positions[motion.variable] + motion.offset
+    if motion.prismatic:
+        return orientation, origin + orientation @ ca.DM(motion.axis) * value
+    return orientation @ _rotation(motion.axis, value), origin
+
+
+def _moved(orientation: ca.SX, origin: ca.SX, placement: Transform) -> tuple[ca.SX, ca.SX]:
+    pose = np.array(placement)
+    return orientation @ ca.DM(pose[:3, :3]), origin + orientation @ ca.DM(pose[:3, 3])
+
+
+def _rotation(axis: Sequence[float], angle: ca.SX) -> ca.SX:
+    """Rotation by an angle in radians about a unit vector, shape (3, 3)."""
+    cross = ca.skew(ca.DM(axis))
+    return ca.SX.eye(3) + ca.sin(angle) * cross + (1 - ca.cos(angle)) * (cross @ cross)

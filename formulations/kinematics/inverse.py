@@ -1,0 +1,175 @@
+"""Inverse kinematics of many configurations at once: damped least squares within limits.
+
+`damped_least_squares` leads configurations from anywhere to targets of any kind. `solve_ik` is
+for those that begin near a pose, along a path: a step keeps its direction, joints that reach a
+limit stay there, and the others may be centred.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from formulations.kinematics.forward import Kinematics
+from nlp.arrays import FloatArray
+
+BoolArray = npt.NDArray[np.bool_]
+IntArray = npt.NDArray[np.int64]
+#: What is missing to targets, shape (m, B), and the Jacobians, (m, n, B): of B of the targets,
+#: by number, at their configurations, shape (n, B).
+Residual: TypeAlias = Callable[[IntArray, FloatArray], tuple[FloatArray, FloatArray]]
+# Damping, as a share of the squared error; and the most that a joint moves in one step.
+_SHARE, _LONGEST = 0.01, 0.5
+# Of `solve_ik`: entries of what is missing to a pose, in metres and radians, that count as
+# none; most iterations at a sample; the most that a joint moves in one; the least damping.
+TOLERANCE, _ITERATIONS, _STEP, _LEAST = 1e-5, 6, 0.3, 1e-10
+
+
+def damped_least_squares(
+    residual: Residual,
+    start: FloatArray,
+    lower: FloatArray,
+    upper: FloatArray,
+    *,
+    reached: float,
+    damping: float,
+    steps: int,
+    largest: float = np.inf,
+) -> tuple[FloatArray, BoolArray]:
+    """Return configurations near a start, shape (n, B), and which of them reach their targets.
+
+    Steps Jᵀ(JJᵀ + λ)⁻¹e, of which each joint moves at most 0.5, then stays within its limits.
+
+    Parameters
+    ----------
+    residual
+        What is missing, and the Jacobian.
+    start
+        Shape (n, B).
+    lower, upper
+        Limits, shape (n, 1) or (n, B); infinite where there are none, equal for locked joints.
+    reached
+        Norm of what may be missing, e.
+    damping
+        λ is this and 1 % of |e|².
+    steps
+        At most so many.
+    largest
+        |e|² counts as no more than this in λ.
+    """
+    q, found = np.clip(start, lower, upper), np.zeros(start.shape[1], dtype=bool)
+    lower, upper = np.broadcast_to(lower, q.shape), np.broadcast_to(upper, q.shape)
+    active = np.arange(start.shape[1])
+    for _ in range(steps):
+        missing, matrix = residual(active, q[:, active])
+        size = np.sum(missing**2, axis=0)
+        found[active] = size < reached**2
+        away = ~found[active]
+        active, missing, matrix = active[away], missing[:, away], matrix[:, :, away]
+        if not active.size:
+            break
+        low, high = lower[:, active], upper[:, active]
+        share = damping + _SHARE * np.minimum(size[away], largest)
+        step = _least_squares(matrix * (high > low), missing, share)
+        q[:, active] = np.clip(q[:, active] + np.clip(step, -_LONGEST, _LONGEST), low, high)
+    return q, found
+
+
+def solve_ik(
+    kinematics: Kinematics,
+    q: FloatArray,
+    position: FloatArray,
+    rotation: FloatArray,
+    free: BoolArray | None = None,
+    iterations: int = _ITERATIONS,
+    centre: float = 0.0,
+) -> tuple[FloatArray, BoolArray]:
+    """Move configurations to a pose by damped least squares, within the limits.
+
+    Parameters
+    ----------
+    kinematics
+        The chain, and the directions that count.
+    q
+        Where they start, shape (n, B).
+    position, rotation
+        The pose, see `Kinematics.error`.
+    free
+        Joints that may move, shape (n, B) or (n, 1); all if left out.
+    iterations
+        Most iterations.
+    centre
+        How far the first step goes towards the middle of the joints' ranges along the
+        self-motion, as a share of the way.
+
+    Returns
+    -------
+    numpy.ndarray
+        Configurations, shape (n, B).
+    numpy.ndarray
+        Which of them reached the pose, shape (B,).
+    """
+    q = q.copy()
+    movable = np.broadcast_to(True if free is None else free, q.shape).copy()
+    done = np.zeros(q.shape[1], dtype=bool)
+    active = np.arange(q.shape[1])
+    for iteration in range(iterations + 1):
+        position_, rotation_ = _some(position, active), _some(rotation, active)
+        origin, orientation, matrix = kinematics.forward(q[:, active])
+        missing = kinematics.error(origin, orientation, position_, rotation_)
+        near = np.max(np.abs(missing), axis=0) < TOLERANCE
+        if not (centre and iteration == 0):
+            done[active[near]] = True
+            left = ~near
+            active, matrix, missing = active[left], matrix[:, :, left], missing[:, left]
+        if not active.size or iteration == iterations:
+            break
+        matrix = matrix * movable[:, active]
+        damping = _SHARE * np.sum(missing**2, axis=0) + _LEAST
+        if centre and iteration == 0:
+            drift = centre * (kinematics.middle - q[:, active]) * np.isfinite(kinematics.widths)
+            drift *= movable[:, active]
+            missing = missing - np.einsum("inb,nb->ib", matrix, drift)
+            step = drift + _least_squares(matrix, missing, damping)
+        else:
+            step = _least_squares(matrix, missing, damping)
+        step *= np.minimum(1, _STEP / np.maximum(np.max(np.abs(step), axis=0), 1e-12))
+        moved = q[:, active] + step
+        kept = np.clip(moved, kinematics.lower, kinematics.upper)
+        # A joint that is pushed against its limit stays there while the others go on.
+        movable[:, active] &= np.abs(moved - kept) < 1e-9
+        q[:, active] = kept
+    return q, done
+
+
+def _some(pose: FloatArray, which: npt.NDArray[np.intp]) -> FloatArray:
+    return pose if pose.shape[-1] == 1 else pose[..., which]
+
+
+def _least_squares(matrix: FloatArray, missing: FloatArray, damping: FloatArray) -> FloatArray:
+    """Return Jᵀ(JJᵀ + λ)⁻¹e for each of many, shape (n, B): Cholesky, entry by entry."""
+    rows = len(matrix)
+    factor: list[list[FloatArray]] = []
+    right: list[FloatArray] = []
+    for i in range(rows):
+        line: list[FloatArray] = []
+        for j in range(i + 1):
+            entry = np.einsum("nb,nb->b", matrix[i], matrix[j])
+            if i == j:
+                entry += damping
+            for k in range(j):
+                entry -= line[k] * (factor[j][k] if j < i else line[k])
+            line.append(np.sqrt(np.maximum(entry, 1e-14)) if i == j else entry / factor[j][j])
+        factor.append(line)
+        value = missing[i].copy()
+        for k in range(i):
+            value -= line[k] * right[k]
+        right.append(value / line[i])
+    for i in reversed(range(rows)):
+        for k in range(i + 1, rows):
+            right[i] = right[i] - factor[k][i] * right[k]
+        right[i] = right[i] / factor[i][i]
+    return np.asarray(np.einsum("inb,ib->nb", matrix, np.stack(right)))

@@ -1,0 +1,114 @@
+"""Chains of joints, moved by the product of exponentials in NumPy.
+
+Arrays broadcast over leading dimensions, so that many chains move at once through many
+displacements. Displacements q are radians for revolute joints, the unit of length for
+prismatic ones; q = 0 is the configuration in which axes are given.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from nlp.arrays import FloatArray
+
+# The axis of a rotation near half a turn, where its sine is less than this, is found otherwise.
+HALF_TURN = 1e-3
+BoolArray = npt.NDArray[np.bool_]
+IntArray = npt.NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class LinkChain:
+    """Joints in order, the one at the base first, and an end effector.
+
+    Parameters
+    ----------
+    directions
+        Unit directions of the axes, shape (…, n, 3).
+    points
+        The point of each axis where the joint sits, shape (…, n, 3).
+    prismatic
+        Which joints are prismatic, shape (…, n).
+    end_effector
+        Its position p, shape (…, 3).
+    """
+
+    directions: FloatArray
+    points: FloatArray
+    prismatic: BoolArray
+    end_effector: FloatArray
+
+    def moved(self, displacements: FloatArray) -> tuple[LinkChain, FloatArray]:
+        """Return the chain at q, shape (…, n), and how its last link has turned, (…, 3, 3)."""
+        shape = np.broadcast_shapes(self.prismatic.shape, displacements.shape)
+        orientation = np.broadcast_to(np.eye(3), (*shape[:-1], 3, 3))
+        shift = np.zeros((*shape[:-1], 3))
+        directions, points = np.empty((*shape, 3)), np.empty((*shape, 3))
+        for i in range(shape[-1]):
+            axis, point = self.directions[..., i, :], self.points[..., i, :]
+            prismatic, q = self.prismatic[..., i], displacements[..., i]
+            here, away = _rotated(orientation, axis), _rotated(orientation, point)
+            directions[..., i, :], points[..., i, :] = here, away + shift
+            orientation = orientation @ rotation(axis, np.where(prismatic, 0.0, q))
+            # A revolute joint leaves its own point where it is, a prismatic one shifts it.
+            travel = np.where(prismatic, q, 0.0)[..., None] * here
+            shift = points[..., i, :] - _rotated(orientation, point) + travel
+        tip = _rotated(orientation, self.end_effector) + shift
+        return LinkChain(directions, points, self.prismatic, tip), orientation
+
+    def velocities(self) -> FloatArray:
+        """Return the Jacobian (v; ω), reference point the end effector, shape (…, 6, n)."""
+        prismatic = self.prismatic[..., None]
+        lever = self.end_effector[..., None, :] - self.points
+        linear = np.where(prismatic, self.directions, np.cross(self.directions, lever))
+        angular = np.where(prismatic, 0.0, self.directions)
+        return np.moveaxis(np.concatenate([linear, angular], axis=-1), -2, -1)
+
+
+def rotation(axis: FloatArray, angle: FloatArray) -> FloatArray:
+    """Rotate about unit axes (…, 3) by angles (…), Rodrigues' formula; (…, 3, 3)."""
+    x, y, z = np.moveaxis(axis, -1, 0)
+    zero = np.zeros_like(x)
+    cross = np.stack([zero, -z, y, z, zero, -x, -y, x, zero], axis=-1)
+    cross = cross.reshape((*axis.shape[:-1], 3, 3))
+    sine = np.sin(angle)[..., None, None]
+    versine = 2 * (np.sin(angle / 2) ** 2)[..., None, None]  # 1 − cos, exact for small angles
+    return np.asarray(np.eye(3) + sine * cross + versine * (cross @ cross))
+
+
+def rotation_vectors(orientation: FloatArray) -> FloatArray:
+    """Return the vectors (k, 3) about which rotations (k, 3, 3) turn, as long as the angle.
+
+    The axis is that of R - Rᵀ, which vanishes at half a turn. Near there it is found from
+    (R + Rᵀ)/2 = cos φ I + (1 - cos φ) a aᵀ, and R - Rᵀ gives only its sign.
+    """
+    twice = np.stack(
+        [
+            orientation[:, 2, 1] - orientation[:, 1, 2],
+            orientation[:, 0, 2] - orientation[:, 2, 0],
+            orientation[:, 1, 0] - orientation[:, 0, 1],
+        ],
+        axis=1,
+    )
+    sine = np.linalg.norm(twice, axis=1) / 2
+    cosine = (np.trace(orientation, axis1=1, axis2=2) - 1) / 2
+    angle = np.arctan2(sine, cosine)
+    found = twice / 2 * (angle / np.maximum(sine, 1e-300))[:, None]
+    back = np.flatnonzero((sine < HALF_TURN) & (cosine < 0))
+    if back.size:
+        some = orientation[back]
+        square = (some + np.swapaxes(some, 1, 2)) / 2
+        square -= cosine[back, None, None] * np.eye(3)
+        largest = np.argmax(np.einsum("kii->ki", square), axis=1)
+        axis = square[np.arange(len(back)), largest]
+        axis /= np.linalg.norm(axis, axis=1)[:, None]
+        axis *= np.where(np.sum(axis * twice[back], axis=1) < 0, -1.0, 1.0)[:, None]
+        found[back] = axis * angle[back, None]
+    return np.asarray(found)
+
+
+def _rotated(orientation: FloatArray, vector: FloatArray) -> FloatArray:
+    return np.asarray((orientation @ vector[..., None])[..., 0])

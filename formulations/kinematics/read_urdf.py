@@ -1,0 +1,164 @@
+"""Read a URDF file: the kinematics alone, each number checked as it is read.
+
+Pinocchio's reader is not used. It refuses files that can be read (mimic joints before the
+joint that they follow, as in Talos and Romeo; limits without an effort), accepts axes of length
+0 and cycles beside the tree, says on standard error only what is wrong, and is not there on
+Windows. The kinematics are so small a part of URDF that no library is needed.
+
+What does not bear on kinematics (meshes, inertias, transmissions, simulator tags) is not looked
+at, so that it can be neither missing nor wrong.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING
+from xml.etree.ElementTree import Element
+
+import numpy as np
+
+from formulations.kinematics.chain import LARGEST
+from formulations.kinematics.read_xml import (
+    attribute,
+    from_file,
+    numbers,
+    refuse_xacro,
+    xml_root,
+)
+from formulations.kinematics.tree import (
+    MOVING,
+    Limit,
+    Mimic,
+    RobotTree,
+    TreeJoint,
+)
+from nlp.arrays import FloatArray
+from nlp.errors import InputError
+
+if TYPE_CHECKING:
+    from yourdfpy import Robot as UrdfRobot
+
+_KINDS = (*MOVING, "fixed", "floating", "planar")
+
+
+def read_urdf(path: str | os.PathLike[str]) -> RobotTree:
+    """Read a robot.
+
+    Parameters
+    ----------
+    path
+        A URDF file; xacro files must have been expanded.
+
+    Returns
+    -------
+    RobotTree
+        A revolute or prismatic joint without ``<limit>`` is invalid URDF: it has the limits
+        0 and 0, the defaults of the attributes, or none of its own if it mimics another.
+
+    Raises
+    ------
+    FileError
+        If the file cannot be read, is no URDF, is malformed or does not describe one tree.
+    """
+    return from_file(Path(path), parse_urdf)
+
+
+def parse_urdf(content: bytes) -> RobotTree:
+    """Read a robot from the text of a URDF file; InputError if it is none."""
+    root = xml_root(content)
+    if root.tag != "robot":
+        raise InputError("root element", f"<{root.tag}>", "<robot>, as in URDF")
+    return urdf_tree(root)
+
+
+def urdf_tree(root: Element) -> RobotTree:
+    """Read a robot from the root element of a URDF; InputError if it is wrong."""
+    refuse_xacro(root)
+    links = tuple(attribute(link, "name", "a link") for link in root.findall("link"))
+    joints = tuple(_joint(joint) for joint in root.findall("joint"))
+    return RobotTree(root.get("name", "robot"), links, joints)
+
+
+def yourdfpy_tree(robot: UrdfRobot) -> RobotTree:
+    """Return the robot of a model of yourdfpy; InputError if it is wrong."""
+    joints = []
+    for joint in robot.joints:
+        limit, mimic = joint.limit, joint.mimic
+        if mimic is not None:
+            factor = 1.0 if mimic.multiplier is None else float(mimic.multiplier)
+            mimic = Mimic(mimic.joint, factor, float(mimic.offset or 0.0))
+        if limit is not None:
+            given = (limit.lower, limit.upper, limit.velocity)
+            limit = Limit(*(float(number or 0.0) for number in given))
+        joints.append(
+            TreeJoint(
+                *(joint.parent, joint.child, joint.name, joint.type),
+                np.eye(4) if joint.origin is None else joint.origin,
+                np.eye(3)[0] if joint.axis is None else joint.axis,
+                _limit(joint.type, limit, mimic),
+                mimic,
+            )
+        )
+    return RobotTree(robot.name, tuple(link.name for link in robot.links), tuple(joints))
+
+
+def pose_of(element: Element, where: str) -> FloatArray:
+    """Return the pose that the ``<origin>`` of an element states, 4×4; InputError if wrong."""
+    origin = element.find("origin")
+    place = f"<origin> of {where}"
+    pose = np.eye(4)
+    pose[:3, 3] = numbers(origin, "xyz", "0 0 0", place, LARGEST)
+    roll, pitch, yaw = numbers(origin, "rpy", "0 0 0", place, LARGEST)
+    (sr, sp, sy), (cr, cp, cy) = np.sin([roll, pitch, yaw]), np.cos([roll, pitch, yaw])
+    pose[:3, :3] = [
+        [cp * cy, sp * (cy * sr) - cr * sy, sp * (cr * cy) + sr * sy],
+        [cp * sy, sp * (sr * sy) + cr * cy, sp * (cr * sy) - cy * sr],
+        [-sp, cp * sr, cp * cr],
+    ]
+    return pose + 0.0  # no -0
+
+
+def _joint(joint: Element) -> TreeJoint:
+    name = attribute(joint, "name", "a joint")
+    where = f"joint {name}"
+    kind = attribute(joint, "type", where)
+    if kind not in _KINDS:
+        raise InputError(f"type of {where}", kind, "one of " + ", ".join(_KINDS))
+    parent, child = (_end(joint, tag, where) for tag in ("parent", "child"))
+    axis = np.array(numbers(joint.find("axis"), "xyz", "1 0 0", f"<axis> of {where}", LARGEST))
+    element, mimic = joint.find("mimic"), None
+    if element is not None:
+        place = f"<mimic> of {where}"
+        driver = attribute(element, "joint", place)
+        ((factor,), (offset,)) = (
+            numbers(element, key, default, place, LARGEST)
+            for key, default in (("multiplier", "1"), ("offset", "0"))
+        )
+        mimic = Mimic(driver, factor, offset)
+    element, limit = joint.find("limit"), None
+    if element is not None:
+        # By the URDF specification a limit that is left out is zero.
+        keys, place = ("lower", "upper", "velocity"), f"<limit> of {where}"
+        limit = Limit(*(numbers(element, key, "0", place, math.inf)[0] for key in keys))
+    origin = pose_of(joint, where)
+    limits = _limit(kind, limit, mimic)
+    return TreeJoint(parent, child, name, kind, origin, axis, limits, mimic)
+
+
+def _end(joint: Element, tag: str, where: str) -> str:
+    end = joint.find(tag)
+    if end is None:
+        raise InputError(where, f"without <{tag}>", "a parent and a child")
+    return attribute(end, "link", f"<{tag}> of {where}")
+
+
+def _limit(kind: str, limit: Limit | None, mimic: Mimic | None) -> Limit:
+    """Return the limits that a joint has, from those that its file states."""
+    if limit is None:
+        bounded = kind in ("revolute", "prismatic") and mimic is None
+        return Limit(0.0, 0.0) if bounded else Limit()
+    if kind not in ("revolute", "prismatic"):
+        return Limit(velocity=limit.velocity)
+    return limit

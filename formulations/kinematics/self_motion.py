@@ -1,0 +1,252 @@
+"""Self-motion of a tool pose: arcs of configurations, many at once, and what joints sweep.
+
+An arm with one joint more than its task has rows holds a pose in a curve of configurations.
+If joint f locks at θ, the pose is kept if and only if θ is among the values of q_f on these
+curves. So the values that each joint sweeps decide about all its failures at once, and no
+locked angle is sampled. Curves are followed by tangents of fixed length and Newton's method
+(Burdick 1989 for the curves; Hoover, Roberts and Maciejewski 2015 for their use).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from formulations.kinematics.inverse import damped_least_squares
+from formulations.kinematics.link_chain import BoolArray, IntArray, LinkChain, rotation_vectors
+from nlp.arrays import FloatArray
+
+#: Length of a tangent, in radians and units of length.
+STEP = 0.15
+#: Tangents in each direction, at most.
+STEPS = 170
+#: Steps of Newton's method from a start, and the residual that counts as reached.
+NEWTON, REACHED = 40, 1e-6
+# On a curve, the residual after a tangent is of second order; above this the curve is lost.
+_LOST = 0.5
+_DAMPING = 1e-12
+# So many curves are followed at once, which bounds the memory.
+_CHUNK = 2000
+_TURN = 2 * np.pi
+
+
+@dataclass(frozen=True, eq=False)
+class SelfMotionPoses:
+    """Tool poses, one for each of k arms that have one joint more than the task has rows.
+
+    Attributes
+    ----------
+    chain
+        The arms at q = 0, with k or one in front.
+    rows
+        Rows of (v; ω) that are held.
+    tip
+        Where the tool is held, shape (k, 3).
+    orientation
+        How the tool is turned from q = 0, shape (k, 3, 3).
+    """
+
+    chain: LinkChain
+    rows: list[int]
+    tip: FloatArray
+    orientation: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.tip)
+
+    def __getitem__(self, which: BoolArray | IntArray) -> SelfMotionPoses:
+        chain = self.chain
+        if len(chain.prismatic) == len(self):
+            chain = LinkChain(
+                chain.directions[which],
+                chain.points[which],
+                chain.prismatic[which],
+                chain.end_effector,
+            )
+        return SelfMotionPoses(chain, self.rows, self.tip[which], self.orientation[which])
+
+    def residual(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return what is missing to the poses, (k, m), and the Jacobians there, (k, m, n)."""
+        moved, orientation = self.chain.moved(q)
+        across = self.orientation @ np.swapaxes(orientation, -1, -2)
+        missing = np.concatenate([self.tip - moved.end_effector, rotation_vectors(across)], 1)
+        return missing[:, self.rows], moved.velocities()[:, self.rows]
+
+
+def solve_pose(
+    poses: SelfMotionPoses,
+    start: FloatArray,
+    lower: FloatArray,
+    upper: FloatArray,
+    steps: int = NEWTON,
+) -> tuple[FloatArray, BoolArray]:
+    """Return configurations (k, n) of the poses near a start, and which ones were found.
+
+    See `damped_least_squares`.
+    """
+
+    def residual(which: IntArray, q: FloatArray) -> tuple[FloatArray, FloatArray]:
+        missing, matrix = poses[which].residual(q.T)
+        return missing.T, np.moveaxis(matrix, 0, -1)
+
+    lower, upper = (np.broadcast_to(side, start.shape).T for side in (lower, upper))
+    q, found = damped_least_squares(
+        *(residual, start.T, lower, upper),
+        reached=REACHED,
+        damping=_DAMPING,
+        steps=steps,
+        largest=1.0,
+    )
+    return q.T, found
+
+
+@dataclass(frozen=True, eq=False)
+class Arcs:
+    """Curves of configurations that hold poses, one for each.
+
+    Attributes
+    ----------
+    points
+        In order along each, shape (k, 2·steps + 1, n), the start in the middle; NaN beyond
+        the ends.
+    least, most
+        Between which values each joint sweeps, shape (k, n). Turns are counted.
+    """
+
+    points: FloatArray
+    least: FloatArray
+    most: FloatArray
+
+
+def arcs(
+    poses: SelfMotionPoses,
+    start: FloatArray,
+    lower: FloatArray,
+    upper: FloatArray,
+    step: float = STEP,
+    steps: int = STEPS,
+    enough: float = np.inf,
+) -> Arcs:
+    """Follow the self-motion from configurations of the poses, in both directions.
+
+    An arc ends where it closes, at a limit, or where it is lost.
+
+    Parameters
+    ----------
+    poses, start, lower, upper
+        See `damped_least_squares`; the start has been solved for.
+    step, steps
+        Length of a tangent, and how many at most in each direction.
+    enough
+        An arc also ends when every joint has swept all values from −enough to enough.
+    """
+    count, n = start.shape
+    points = np.full((count, 2 * steps + 1, n), np.nan)
+    points[:, steps] = start
+    prismatic = poses.chain.prismatic[0]
+    first = np.linalg.svd(poses.residual(start)[1])[2][:, -1]
+    least, most = start.copy(), start.copy()
+    unfinished = np.ones(count, dtype=bool)
+    for sign in (1, -1):
+        left = np.flatnonzero(unfinished)
+        tangent = sign * first[left]
+        q = start[left] + step * tangent
+        for k in range(1, steps + 1):
+            if not len(left):
+                break
+            missing, matrix = poses[left].residual(q)
+            # A step back to the curve across the tangent, and the next tangent.
+            square = np.concatenate([matrix, tangent[:, None]], axis=1)
+            square[:, range(n), range(n)] += _DAMPING
+            sides = np.zeros((len(left), n, 2))
+            sides[:, :-1, 0], sides[:, -1, 1] = missing, 1.0
+            moves = np.linalg.solve(square, sides)
+            here = q + moves[:, :, 0]
+            kept = np.linalg.norm(moves[:, :, 0], axis=1) < _LOST * step
+            here, at_limit = _stopped(q - step * tangent, here, lower, upper)
+            at_limit = at_limit[kept]
+            here, left, tangent = here[kept], left[kept], moves[kept, :, 1]
+            points[left, steps + sign * k] = here
+            # The start again, perhaps some turns away.
+            turns = np.round((here - start[left]) / _TURN) * ~prismatic
+            image = start[left] + _TURN * turns
+            closed = (k > 2) & (np.linalg.norm(here - image, axis=1) < 0.8 * step)
+            last = np.where(closed[:, None], image, here)
+            least[left] = np.minimum(np.minimum(least[left], here), last)
+            most[left] = np.maximum(np.maximum(most[left], here), last)
+            over = closed  # the other direction has nothing to add
+            if enough < np.inf:
+                over = over | covered(least[left], most[left], enough, prismatic)
+            unfinished[left[over]] = False
+            ended = over | at_limit
+            here, left, tangent = here[~ended], left[~ended], tangent[~ended]
+            tangent = tangent / np.linalg.norm(tangent, axis=1, keepdims=True)
+            q = here + step * tangent
+    return Arcs(points, least, most)
+
+
+def covered(
+    least: FloatArray, most: FloatArray, half: float, prismatic: BoolArray
+) -> BoolArray:
+    """Whether every joint sweeps all values from −half to half, shape (k,).
+
+    Angles count up to full turns.
+    """
+    shift = _TURN * np.ceil((least + half) / _TURN)
+    turned = (half + shift <= most) | (most - least >= _TURN)
+    travelled = (least <= -half) & (most >= half)
+    return np.asarray(np.all(np.where(prismatic, travelled, turned), axis=1))
+
+
+def kept(chain: LinkChain, rows: list[int], offsets: FloatArray, half: float) -> BoolArray:
+    """Whether positions of the tool are kept whichever joint fails, shape (N, S).
+
+    A position is kept if the arm reaches it with every joint within ±half of q = 0, and the
+    self-motion curve through that configuration takes every joint over all of ±half, with no
+    other limits. Rows that rotate the tool are held as at q = 0. Other curves of the same pose
+    are not looked at: what is kept may be more.
+
+    Parameters
+    ----------
+    chain
+        N arms at q = 0, with one joint more than there are rows.
+    rows
+        Rows of (v; ω) that are held.
+    offsets
+        From the end effector to the positions, shape (S, 3).
+    half
+        Half-width of the artificial limits, in radians and units of length.
+    """
+    arms, n = chain.prismatic.shape
+    pairs = np.indices((arms, len(offsets))).reshape(2, -1)
+    limits, none = np.full(n, half), np.full(n, np.inf)
+    found = np.zeros(pairs.shape[1], dtype=bool)
+    for at in range(0, len(found), _CHUNK):
+        arm, point = pairs[:, at : at + _CHUNK]
+        own = LinkChain(
+            chain.directions[arm], chain.points[arm], chain.prismatic[arm], chain.end_effector
+        )
+        orientation = np.broadcast_to(np.eye(3), (len(arm), 3, 3))
+        poses = SelfMotionPoses(own, rows, chain.end_effector + offsets[point], orientation)
+        q, reached = solve_pose(poses, np.zeros((len(arm), n)), -limits, limits)
+        if not reached.any():
+            continue
+        curves = arcs(poses[reached], q[reached], -none, none, enough=half)
+        found[at + np.flatnonzero(reached)] = covered(
+            curves.least, curves.most, half, chain.prismatic[arm][reached]
+        )
+    return found.reshape(arms, len(offsets))
+
+
+def _stopped(
+    before: FloatArray, after: FloatArray, lower: FloatArray, upper: FloatArray
+) -> tuple[FloatArray, BoolArray]:
+    """Return where tangents end at the latest, shape (k, n): at a limit; and which do."""
+    move = after - before
+    room = np.where(move > 0, upper - before, lower - before)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        share = np.where(move == 0, np.inf, room / move).min(axis=1)
+    stopped = share < 1
+    short = before + np.clip(share, 0.0, 1.0)[:, None] * move
+    return np.where(stopped[:, None], short, after), stopped

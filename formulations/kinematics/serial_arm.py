@@ -1,0 +1,248 @@
+"""A serial arm in one form: every joint acts on the z axis of its frame; many q at once."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property, partial
+
+import numpy as np
+import numpy.typing as npt
+
+from formulations.kinematics.chain import Chain, ChainJoint, Motion, frozen
+from formulations.kinematics.forward import Kinematics
+from formulations.kinematics.inverse import IntArray, damped_least_squares
+from formulations.kinematics.link_chain import LinkChain
+from nlp.arrays import FloatArray
+from nlp.errors import InputError
+
+Bits = npt.NDArray[np.bool_]
+#: Lower and upper limit of each joint, in radians or metres.
+Ranges = tuple[tuple[float, float], ...]
+_TURN = 2 * np.pi
+_Z = (0.0, 0.0, 1.0)
+# Links and distances from an axis below this are none, in metres.
+_TINY = 1e-6
+# Inverse kinematics: random starts, steps of each, and what counts as reached, as a share of
+# the sum of the links.
+_RESTARTS, _STEPS, _REACHED = 24, 80, 1e-4
+
+
+@dataclass(frozen=True, eq=False)
+class Step:
+    """A joint: its placement A in the frame of the previous one, its kind and its limits.
+
+    It turns about, or moves along, the z axis of its frame.
+    """
+
+    name: str
+    placement: FloatArray
+    prismatic: bool
+    lower: float
+    upper: float
+
+    @property
+    def continuous(self) -> bool:
+        """Whether it can make a full turn, so that its angles have no ends."""
+        return not self.prismatic and self.upper - self.lower >= _TURN - 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class SerialArm:
+    """Joints from base to tip, and the tip's pose in the frame of the last one.
+
+    Parameters
+    ----------
+    steps
+        The joints.
+    tip
+        Its point, shape (3,).
+    tip_orientation
+        Its orientation, shape (3, 3).
+    """
+
+    steps: tuple[Step, ...]
+    tip: FloatArray
+    tip_orientation: FloatArray = field(default_factory=lambda: np.eye(3))
+
+    @classmethod
+    def from_chain(cls, chain: Chain) -> SerialArm:
+        """Return the arm of a chain.
+
+        Raises
+        ------
+        InputError
+            If a joint moves others with it, or a prismatic joint has no limits.
+        """
+        drivers = [one.variable for one in chain.motions]
+        if drivers != list(range(len(chain.joints))):
+            raise InputError("joints", "coupled by mimicry", "a chain of independent joints")
+        before = np.eye(4)
+        steps = []
+        for motion, joint in zip(chain.motions, chain.joints, strict=True):
+            if motion.multiplier != 1 or motion.offset != 0:
+                allowed = "a joint that follows no other one"
+                raise InputError(f"joint {joint.name}", "a mimic joint", allowed)
+            orientation = _to_axis(np.array(motion.axis))
+            low, high = _physical(joint.name, joint.prismatic, joint.lower, joint.upper)
+            placement = before @ np.array(motion.placement) @ orientation
+            steps.append(Step(joint.name, placement, motion.prismatic, low, high))
+            before = orientation.T
+        end = before @ np.array(chain.end)
+        return cls(tuple(steps), end[:3, 3], end[:3, :3])
+
+    @classmethod
+    def planar(cls, lengths: Sequence[float], physical: Ranges | None = None) -> SerialArm:
+        """Return a planar arm of revolute joints; without limits by default."""
+        ranges = physical or ((-np.pi, np.pi),) * len(lengths)
+        steps = []
+        for k, (low, high) in enumerate(ranges):
+            placement = np.eye(4)
+            placement[0, 3] = lengths[k - 1] if k else 0.0
+            steps.append(Step(f"joint_{k + 1}", placement, False, low, high))
+        return cls(tuple(steps), np.array([lengths[-1], 0.0, 0.0]))
+
+    @property
+    def physical(self) -> Ranges:
+        """Physical limits of every joint."""
+        return tuple((one.lower, one.upper) for one in self.steps)
+
+    @cached_property
+    def is_planar(self) -> bool:
+        """Whether all axes are parallel revolute ones, so that the tip moves in a plane."""
+        parallel = all(np.hypot(*one.placement[:2, 2]) < _TINY for one in self.steps[1:])
+        return parallel and not any(one.prismatic for one in self.steps)
+
+    @cached_property
+    def idle(self) -> tuple[bool, ...]:
+        """Which joints cannot move the tip: those at the end whose axis it is on."""
+        found, point = [], self.tip
+        for step in reversed(self.steps):
+            found.append(bool(not step.prismatic and np.hypot(*point[:2]) < _TINY))
+            if not found[-1]:
+                break
+            point = moved(step.placement, point)
+        return (*([False] * (len(self.steps) - len(found))), *reversed(found))
+
+    @cached_property
+    def links(self) -> FloatArray:
+        """Lengths of the links after each joint: the translations of the placements."""
+        offsets = [one.placement[:3, 3] for one in self.steps[1:]]
+        return np.array([np.linalg.norm(one) for one in (*offsets, self.tip)])
+
+    def with_links(self, lengths: Sequence[float] | FloatArray) -> SerialArm:
+        """Return the arm with its links scaled to other lengths."""
+        old = self.links
+        factors = [
+            new / one if one > _TINY else 1.0 for new, one in zip(lengths, old, strict=True)
+        ]
+        steps = [self.steps[0]]
+        for step, factor in zip(self.steps[1:], factors, strict=False):
+            placement = step.placement.copy()
+            placement[:3, 3] *= factor
+            steps.append(replace(step, placement=placement))
+        return SerialArm(tuple(steps), self.tip * factors[-1], self.tip_orientation)
+
+    @cached_property
+    def kinematics(self) -> Kinematics:
+        """Of the tip's position in the frame of joint 1."""
+        motions, joints = [], []
+        for k, step in enumerate(self.steps):
+            placement = step.placement if k else np.eye(4)
+            motions.append(Motion(frozen(placement), _Z, step.prismatic, k, 1.0, 0.0))
+            joints.append(ChainJoint(step.name, step.prismatic, step.lower, step.upper))
+        end = np.eye(4)
+        end[:3, :3], end[:3, 3] = self.tip_orientation, self.tip
+        chain = Chain("arm", "base", "tip", tuple(joints), tuple(motions), frozen(end))
+        return Kinematics(chain, range(3))
+
+    @cached_property
+    def orientation(self) -> FloatArray:
+        """Orientation of the tip at q = 0 in the frame of joint 1, shape (3, 3)."""
+        return self.kinematics.frames(np.zeros((len(self.steps), 1)))[3][..., 0]
+
+    @cached_property
+    def at_zero(self) -> LinkChain:
+        """The arm at q = 0 in the frame of joint 1, one in front."""
+        axes, origins, tip, _ = self.kinematics.frames(np.zeros((len(self.steps), 1)))
+        prismatic = np.array([[step.prismatic for step in self.steps]])
+        return LinkChain(axes[None, ..., 0], origins[None, ..., 0], prismatic, tip[:, 0])
+
+    def positions(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return tips (k, 3) in the frame of joint 1, and Jacobians (k, 3, n), for q (k, n)."""
+        tip, _, matrix = self.kinematics.forward(np.ascontiguousarray(q.T))
+        return tip.T, np.ascontiguousarray(np.moveaxis(matrix, -1, 0))
+
+    def reaches(
+        self, points: FloatArray, lower: FloatArray, upper: FloatArray, seed: int = 0
+    ) -> Bits:
+        """Return for which points inverse kinematics finds a configuration within limits.
+
+        Damped least squares for all points at once, from random configurations. A point that
+        is not reached may still be reachable.
+
+        Parameters
+        ----------
+        points
+            Targets in the frame of joint 1, shape (k, 3).
+        lower, upper
+            Limits for each of them, shape (k, n); equal ones are a locked joint.
+        seed
+            Of the random configurations.
+        """
+        rng = np.random.default_rng(seed)
+        size = float(np.sum(self.links))
+        continuous = np.array([one.continuous for one in self.steps])
+        left = np.arange(len(points))
+        for _ in range(_RESTARTS):
+            if not len(left):
+                break
+            low, high, target = lower[left], upper[left], points[left].T
+            q = rng.uniform(low, high)
+            full = continuous & (high - low >= _TURN - 1e-9)  # has no ends to stop at
+            low, high = np.where(full, -np.inf, low), np.where(full, np.inf, high)
+            _, found = damped_least_squares(
+                partial(self._missing, target),
+                *(q.T, low.T, high.T),
+                reached=_REACHED * size,
+                damping=1e-6 * size**2,
+                steps=_STEPS,
+            )
+            left = left[~found]
+        reached = np.ones(len(points), dtype=bool)
+        reached[left] = False
+        return reached
+
+    def _missing(
+        self, targets: FloatArray, which: IntArray, q: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        tip, _, matrix = self.kinematics.forward(q)
+        return targets[:, which] - tip, matrix
+
+
+def _physical(name: str, prismatic: bool, low: float, high: float) -> tuple[float, float]:
+    if not prismatic:
+        return (low, high) if high - low < _TURN else (-np.pi, np.pi)
+    if not np.isfinite(high - low):
+        raise InputError(f"joint {name}", "a slider without limits", "finite limits")
+    return low, high
+
+
+def _to_axis(axis: FloatArray) -> FloatArray:
+    """Return a rotation that takes the z axis to a unit vector, 4×4."""
+    x = np.eye(3)[np.argmin(np.abs(axis))]
+    x = np.cross(axis, x) if abs(axis[2]) < 1 - 1e-12 else np.array([1.0, 0, 0])
+    x = x / np.linalg.norm(x)
+    orientation = np.eye(4)
+    orientation[:3, :3] = np.column_stack([x, np.cross(axis, x), axis])
+    return orientation
+
+
+def moved(placement: FloatArray, points: FloatArray) -> FloatArray:
+    """Return points (k, 3) in the frame that a placement, 4×4, is relative to."""
+    return np.asarray(points @ placement[:3, :3].T + placement[:3, 3])
+
+
+def moved_back(placement: FloatArray, points: FloatArray) -> FloatArray:
+    """Return points (k, 3) in the frame that a placement, 4×4, is of."""
+    return np.asarray((points - placement[:3, 3]) @ placement[:3, :3])

@@ -1,0 +1,162 @@
+"""What is found for a path: a joint trajectory, and which joints may lock along it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from formulations.kinematics.inverse import BoolArray
+from formulations.kinematics.link_chain import IntArray
+from formulations.paths.waypoints import Poses
+from nlp.arrays import FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Trajectory:
+    """A joint trajectory, and what is left of the path after each joint's failure.
+
+    Attributes
+    ----------
+    configurations
+        Radians or metres, shape (N, n).
+    ends
+        The last sample that is reached if joint f locks at sample k, shape (N, n).
+    sigma
+        Worst-case singular value at each sample, in units of the characteristic length.
+    """
+
+    configurations: FloatArray
+    ends: IntArray
+    sigma: FloatArray
+
+    @property
+    def survives(self) -> BoolArray:
+        """Whether the path can be finished after joint f locks at sample k, shape (N, n)."""
+        return np.asarray(self.ends == len(self.ends) - 1)
+
+    @property
+    def share(self) -> float:
+        """Percentage of all pairs of joint and sample that survive."""
+        return 100 * float(np.mean(self.survives))
+
+    @property
+    def roughness(self) -> float:
+        """Root of the sum of squared second differences, radians or metres."""
+        return float(np.linalg.norm(np.diff(self.configurations, 2, axis=0)))
+
+
+@dataclass(frozen=True, eq=False)
+class PathPlan:
+    """What was found for a path.
+
+    Attributes
+    ----------
+    joints
+        Names.
+    times, places
+        Of the samples: seconds, and where they are, counted in waypoints from 1.
+    poses
+        Of the samples.
+    planned
+        The trajectory found.
+    minimum_norm
+        The trajectory of least joint motion at every sample that completes the path, of those
+        from random starts the one that begins nearest the middle of the joints' ranges; None
+        if all of them end at a limit.
+    ceiling
+        Percentage that survives if at every sample the best of all sampled configurations is
+        taken, no matter whether a trajectory passes through all of them.
+    joint_ceiling
+        The same for each joint alone, with the configurations that suit it best.
+    unrecoverable_until
+        For each joint the last sample at which no position of it is in its range at all later
+        samples: a failure up to then is critical whatever one does. -1 if there is none.
+    nodes
+        How many configurations were tested.
+    polished
+        Whether the polish was kept.
+    statuses
+        Ipopt's return statuses of the polish.
+    deviation
+        Largest distance of the tool from the path midway between samples, in metres.
+    speed
+        Largest joint speed, as a share of its limit; 0 if there are no limits.
+    complete
+        Whether the search ended; if not, the user interrupted it.
+    """
+
+    joints: tuple[str, ...]
+    times: FloatArray
+    places: FloatArray
+    poses: Poses
+    planned: Trajectory
+    minimum_norm: Trajectory | None
+    ceiling: float
+    joint_ceiling: FloatArray
+    unrecoverable_until: IntArray
+    nodes: int
+    polished: bool
+    statuses: tuple[str, ...]
+    deviation: float
+    speed: float
+    complete: bool = True
+
+    def joint_rows(self) -> list[dict[str, object]]:
+        """Return a line for each joint: shares that survive, and where the others end."""
+        rows: list[dict[str, object]] = []
+        base = self.minimum_norm
+        for f, name in enumerate(self.joints):
+            survives, ends = self.planned.survives[:, f], self.planned.ends[:, f]
+            lost, until = self.times[ends[~survives]], int(self.unrecoverable_until[f])
+            rows.append(
+                {
+                    "joint": name,
+                    "percent": 100 * float(np.mean(survives)),
+                    "minimum_norm_percent": base and 100 * float(np.mean(base.survives[:, f])),
+                    "ceiling_percent": float(self.joint_ceiling[f]),
+                    "unrecoverable_until": float(self.times[until]) if until >= 0 else None,
+                    "others_end": [float(lost.min()), float(lost.max())] if lost.size else None,
+                }
+            )
+        return rows
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain values for JSON."""
+        base = self.minimum_norm
+        return {
+            "percent": self.planned.share,
+            "minimum_norm_percent": base and base.share,
+            "ceiling_percent": self.ceiling,
+            "least_sigma": float(np.min(self.planned.sigma)),
+            "minimum_norm_least_sigma": base and float(np.min(base.sigma)),
+            "largest_speed": self.speed,
+            "deviation": self.deviation,
+            "polished": self.polished,
+            "status_counts": {one: self.statuses.count(one) for one in set(self.statuses)},
+            "configurations_tested": self.nodes,
+            "complete": self.complete,
+            "joints": self.joint_rows(),
+            "times": self.times.tolist(),
+            "places": self.places.tolist(),
+            "trajectory": _plain(self.planned, self.times),
+            "minimum_norm": base and _plain(base, self.times),
+        }
+
+    def csv_lines(self) -> list[list[object]]:
+        """Return the trajectory as lines of a table, the first with headings."""
+        ends = [f"{name} locked ends at" for name in self.joints]
+        one = self.planned
+        columns = (self.times, *one.configurations.T, one.sigma, one.survives.sum(axis=1))
+        lines = zip(*(x.tolist() for x in (*columns, *self.times[one.ends].T)), strict=True)
+        return [["t", *self.joints, "sigma", "survivors", *ends], *map(list, lines)]
+
+
+def _plain(one: Trajectory, times: FloatArray) -> dict[str, object]:
+    return {
+        "configurations": one.configurations.tolist(),
+        "sigma": one.sigma.tolist(),
+        "survivors": one.survives.sum(axis=1).tolist(),
+        "ends_at": times[one.ends].tolist(),
+    }

@@ -1,0 +1,275 @@
+"""The joint trajectory from which a path can most often be finished after a joint locks.
+
+1. Candidate tracks: configurations at several samples of the path, found by inverse kinematics
+   from random starts, follow the path both ways. Some stay near minimum norm, some drift
+   towards the middle of the joints' ranges.
+2. Every configuration of every track is a node, see `nodes`. Its score is the number of
+   joints that may lock there, by the test in `survival`.
+3. Dynamic programming over the nodes: the sequence of the largest total score, with joint
+   speeds within their limits, and little motion. Then again with tracks beside it.
+4. A polish, see `polish`: one sparse nonlinear program for the whole trajectory. It makes
+   the trajectory smooth, and draws each joint whose failure is critical to the nearest position
+   from which the path can be finished. What it gives is tested again, and kept only if the
+   share that survives rises, or if it stays and the trajectory is smoother.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from formulations import measures
+from formulations.kinematics.forward import Kinematics
+from formulations.kinematics.inverse import BoolArray, solve_ik
+from formulations.paths.nodes import Nodes
+from formulations.paths.plan import PathPlan, Trajectory
+from formulations.paths.polish import polished
+from formulations.paths.survival import follow, on_path, survivors
+from formulations.paths.waypoints import ToolPath, place_name
+from formulations.robots.robot_arm import RobotArm
+from nlp.arrays import FloatArray
+from nlp.errors import InputError
+
+# Random starts of the inverse kinematics: at waypoints, and where the path may be out of reach.
+_FIRST, _REACH = 200, 2000
+# Samples at which tracks begin.
+_ANCHORS = 5
+# Shares that differ by less, in points, are the same.
+_SAME = 1e-9
+# The weights of smoothness that the polish is solved with.
+_SMOOTHNESS = (0.3, 3.0, 30.0)
+
+
+@dataclass(frozen=True)
+class PathSearch:
+    """How to look for a trajectory.
+
+    Attributes
+    ----------
+    samples
+        Samples of the path, every waypoint among them.
+    duration
+        Seconds for the whole path, where the waypoints have no times.
+    tracks
+        Candidate tracks.
+    rounds
+        How often tracks beside the best sequence are added.
+    seed
+        Of the random starts.
+    polish
+        Whether the nonlinear program is solved.
+    progress
+        Is called with what is being done.
+    """
+
+    samples: int = 60
+    duration: float = 10.0
+    tracks: int = 80
+    rounds: int = 2
+    seed: int = 0
+    polish: bool = True
+    progress: Callable[[str], None] = lambda _: None
+
+
+def plan_path(arm: RobotArm, path: ToolPath, search: PathSearch | None = None) -> PathPlan:
+    """Search for the trajectory from which the path can most often be finished.
+
+    Parameters
+    ----------
+    arm
+        The robot, with the directions in which the path has to be kept, along the base's axes.
+    path
+        The path.
+    search
+        How to look.
+
+    Raises
+    ------
+    KeyboardInterrupt
+        If interrupted before a first trajectory was found.
+    InputError
+        If the task has orientations and the waypoints have none, a waypoint or the path
+        between two is out of reach, or the limits of speed leave too little time.
+    """
+    search = search or PathSearch()
+    task = arm.task
+    if task.frame != "base" or not (path.has_orientation or max(task.rows) < 3):
+        allowed = "linear directions along the base's axes; poses allow rotations too"
+        raise InputError("task", f"{','.join(task.directions)} ({task.frame})", allowed)
+    return _Planner(arm, path, search).plan()
+
+
+def check_reach(arm: RobotArm, path: ToolPath) -> None:
+    """Raise InputError if a waypoint is out of the arm's reach; see `plan_path`."""
+    _Planner(arm, path, PathSearch()).check_reach()
+
+
+class _Planner:
+    """One search: the arm, the samples, and all nodes so far."""
+
+    def __init__(self, arm: RobotArm, path: ToolPath, search: PathSearch) -> None:
+        self.arm, self.search = arm, search
+        self.times, self.poses, self.places = path.sampled(search.samples, search.duration)
+        self.kinematics = Kinematics(arm.chain, arm.task.rows)
+        self.rng = np.random.default_rng(search.seed)
+        velocity = np.array([joint.velocity for joint in arm.chain.joints])
+        #: Most motion between two samples, shape (N - 1, n).
+        self.most = velocity * np.diff(self.times)[:, None]
+        self.nodes = Nodes(self.kinematics, self.poses, search.seed)
+
+    def plan(self) -> PathPlan:
+        search = self.search
+        self.check_reach()
+        search.progress("candidate tracks")
+        minimum_norm = self._add_candidates()
+        search.progress("dynamic programming")
+        sequence = self._best_sequence()
+        planned, statuses, improved, complete = None, [], False, True
+        try:
+            for _ in range(search.rounds):
+                self.nodes.add_tracks(self._beside(sequence))
+                sequence = self._best_sequence()
+            self._add_scattered()
+            planned = self._measured(sequence)
+            for weight in _SMOOTHNESS if search.polish else ():
+                search.progress(f"polish, smoothness {weight:g}")
+                status, moved = polished(
+                    self.arm, self.poses, self.most, planned, self.nodes, weight
+                )
+                statuses.append(status)
+                tried = planned if moved is None else self._measured(moved)
+                gain = tried.share - planned.share
+                if gain > _SAME or (gain > -_SAME and tried.roughness < planned.roughness):
+                    planned, improved = tried, True
+        except KeyboardInterrupt:  # the best sequence so far is an answer, too
+            complete = False
+        planned = planned or self._measured(sequence)
+        q = planned.configurations
+        middle, _ = self.kinematics.forward((q[1:] + q[:-1]).T / 2, jacobian=False)
+        straight = (self.poses.positions[1:] + self.poses.positions[:-1]).T / 2
+        return PathPlan(
+            joints=self.arm.chain.names,
+            times=self.times,
+            places=self.places,
+            poses=self.poses,
+            planned=planned,
+            minimum_norm=None if minimum_norm is None else self._measured(minimum_norm),
+            **self._ceilings(planned.survives),
+            nodes=self.nodes.count,
+            polished=improved,
+            statuses=tuple(statuses),
+            deviation=float(np.max(np.linalg.norm(middle - straight, axis=0))),
+            speed=float(np.max(np.abs(np.diff(q, axis=0)) / self.most)),
+            complete=complete,
+        )
+
+    def check_reach(self) -> None:
+        """Raise InputError if a waypoint is out of reach."""
+        for sample in np.flatnonzero(
+            np.abs(self.places - np.round(self.places)) < 1e-9
+        ).tolist():
+            if not self._on_path(sample, _FIRST).shape[1]:
+                self._reachable(sample)
+
+    def _on_path(self, sample: int, starts: int) -> FloatArray:
+        """Return configurations at a sample, shape (n, B)."""
+        return on_path(self.kinematics, self.poses, sample, starts, self.rng)
+
+    def _reachable(self, sample: int) -> FloatArray:
+        """Return configurations at a sample from many starts; InputError if there is none."""
+        q = self._on_path(sample, _REACH)
+        if q.shape[1]:
+            return q
+        where = place_name(float(self.places[sample]))
+        position = ", ".join(f"{x:.4g}" for x in self.poses.positions[sample])
+        pose = "a pose" if self.kinematics.angular else "a position"
+        limits = "that the arm reaches within its joints' limits"
+        raise InputError(where, f"out of reach at ({position})", f"{pose} {limits}")
+
+    def _add_candidates(self) -> FloatArray | None:
+        """Add the first tracks; return the track of minimum norm, shape (N, n)."""
+        last = len(self.times) - 1
+        anchors = np.unique(np.linspace(0, last, _ANCHORS).astype(int))
+        per_anchor = -(-self.search.tracks // len(anchors))
+        half = (per_anchor + 1) // 2
+        minimum_norm = None
+        for anchor in anchors.tolist():
+            starts = self._on_path(anchor, 6 * per_anchor)
+            for part, centre in ((starts[:, :half], 0.0), (starts[:, half:per_anchor], 0.05)):
+                track, back = (
+                    follow(self.kinematics, part, self.poses, anchor, step=step, centre=centre)[
+                        0
+                    ]
+                    for step in (1, -1)
+                )
+                track[:anchor] = back[:anchor]
+                self.nodes.add_tracks(track)
+            if anchor == 0 and starts.shape[1]:
+                minimum_norm = self._minimum_norm(starts)
+        for sample in range(len(self.times)):
+            if not self.nodes.any_at(sample):
+                q = self._reachable(sample)[:, : self.search.tracks]
+                self.nodes.add(np.full(q.shape[1], sample), q)
+        return minimum_norm
+
+    def _minimum_norm(self, starts: FloatArray) -> FloatArray | None:
+        lower, upper = self.arm.bounds
+        widths = np.where(np.isfinite(upper - lower), upper - lower, 2 * np.pi)
+        off = (starts - self.arm.chain.mid_range[:, None]) / widths[:, None]
+        order = np.argsort(np.sum(off**2, axis=0))
+        track, last = follow(self.kinematics, starts[:, order], self.poses, 0)
+        whole = np.flatnonzero(last == len(self.times) - 1)
+        return track[:, :, whole[0]] if whole.size else None
+
+    def _add_scattered(self) -> None:
+        """Add configurations that no track led to: for the ceiling."""
+        samples = range(0, len(self.times), 2)
+        parts = [self._on_path(sample, 60) for sample in samples]
+        counts = [part.shape[1] for part in parts]
+        self.nodes.add(np.repeat(samples, counts), np.concatenate(parts, axis=1))
+
+    def _beside(self, sequence: FloatArray) -> FloatArray:
+        """Return tracks beside a sequence: each is pushed the same way at all samples."""
+        count = max(8, self.search.tracks // 4)
+        push = self.rng.normal(size=(sequence.shape[1], count))
+        push *= self.rng.uniform(0.02, 0.3, count) / np.linalg.norm(push, axis=0)
+        tracks = np.full((*sequence.shape, count), np.nan)
+        for sample, point in enumerate(sequence):
+            start = np.clip(point[:, None] + push, self.kinematics.lower, self.kinematics.upper)
+            q, reached = solve_ik(self.kinematics, start, *self.poses.at(sample), iterations=12)
+            tracks[sample] = np.where(reached, q, np.nan)
+        tracks[:, :, 0] = sequence
+        return tracks
+
+    def _best_sequence(self) -> FloatArray:
+        return self.nodes.best_sequence(self.most, self.arm.chain.names, self.places)
+
+    def _measured(self, configurations: FloatArray) -> Trajectory:
+        samples = np.arange(len(configurations))
+        ends = survivors(
+            self.kinematics, configurations.T, samples, self.poses, seed=self.search.seed
+        )
+        sigma = [measures.worst_case_sigma(self.arm.jacobian(q)) for q in configurations]
+        return Trajectory(configurations, ends.T, np.array(sigma))
+
+    def _ceilings(self, own: BoolArray) -> dict[str, Any]:
+        """What no trajectory through the nodes exceeds; `own` is what one survives, (N, n)."""
+        final = len(self.times) - 1
+        nodes = [self.nodes.at(k) for k in range(final + 1)]
+        survives = [self.nodes.survives(k) for k in range(final + 1)]
+        best = [int(np.max(np.sum(one, axis=0))) for one in survives]
+        single = np.array([np.any(one, axis=1) for one in survives]) | own
+        # What the ranges of every later sample have in common.
+        least = np.maximum.accumulate([np.min(one, axis=1) for one in reversed(nodes)])[::-1]
+        largest = np.minimum.accumulate([np.max(one, axis=1) for one in reversed(nodes)])[::-1]
+        apart = (least > largest) & ~single
+        return {
+            "ceiling": 100 * float(np.mean(np.maximum(best, np.sum(own, 1)))) / self.arm.size,
+            "joint_ceiling": 100 * np.mean(single, axis=0),
+            "unrecoverable_until": np.where(
+                np.any(apart, 0), final - np.argmax(apart[::-1], axis=0), -1
+            ),
+        }

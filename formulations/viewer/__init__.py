@@ -1,0 +1,1 @@
+"""A robot, its sliders and its locks in a web page."""

@@ -1,0 +1,260 @@
+"""A robot in a web page, with a slider and a lock for each joint.
+
+What is drawn and said is a `picture` of the arm; `scene` draws it.
+
+Needs viser (the extra `view`), which is imported with the first page.
+"""
+
+from __future__ import annotations
+
+import errno
+import socket
+import threading
+from collections.abc import Callable, Mapping
+from contextlib import redirect_stdout
+from dataclasses import dataclass
+from functools import partial
+from io import StringIO
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from formulations.robots.posture import best_posture
+from formulations.robots.posture_search import Search
+from formulations.robots.robot_arm import RobotArm
+from formulations.viewer.picture import RobotPicture, numbers, picture
+from formulations.viewer.scene import Scene
+from nlp.arrays import FloatArray
+from nlp.errors import InputError, LockedJointError, MissingLibraryError
+
+if TYPE_CHECKING:
+    from viser import ViserServer
+
+# A slider's range where a joint has none, or a wider one: radians and metres.
+_WIDEST_TURN, _WIDEST_TRAVEL = 2 * np.pi, 2.0
+_WHY = {errno.EADDRINUSE: "in use", errno.EACCES: "not allowed to this user"}
+
+
+@dataclass(frozen=True)
+class Address:
+    """Where a page is served, and from whom.
+
+    Attributes
+    ----------
+    host, port
+        Of this machine; port 0 for any free one.
+    """
+
+    host: str = "127.0.0.1"
+    port: int = 8080
+
+    def free(self) -> Address:
+        """Return the address with a port that can be listened on.
+
+        Raises
+        ------
+        InputError
+            If there is no such host here, or the port is in use or not allowed.
+        """
+        try:
+            family, kind, _, _, where = socket.getaddrinfo(
+                self.host, self.port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
+            )[0]
+            with socket.socket(family, kind) as tried:
+                tried.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+                tried.bind(where)
+                tried.listen(1)
+                return Address(self.host, int(tried.getsockname()[1]))
+        except socket.gaierror:
+            why = None
+        except (OSError, UnicodeError) as error:
+            why = _WHY.get(getattr(error, "errno", 0))
+        if why:
+            allowed = f"a free port of {self.host}, or 0 for any"
+            raise InputError("--port", f"{self.port}, {why}", allowed)
+        allowed = "a name or an address of this machine, such as 127.0.0.1"
+        raise InputError("--host", self.host, allowed)
+
+    @property
+    def local(self) -> bool:
+        """Whether only this machine can reach it."""
+        return self.host in ("127.0.0.1", "::1", "localhost")
+
+    @property
+    def url(self) -> str:
+        """What to open in a browser."""
+        host = f"[{self.host}]" if ":" in self.host else self.host
+        return f"http://{host}:{self.port}"
+
+
+@dataclass(eq=False)
+class Page:
+    """A web page with an arm, its sliders and its locks.
+
+    Parameters
+    ----------
+    arm
+        The robot, the task and the characteristic length.
+    remaining
+        Makes the arm that is left when joints lock, by name and position.
+    file
+        The URDF whose shapes are drawn; without one, or where it cannot be drawn, the arm is a
+        row of lines and axes.
+    configuration
+        Where the sliders begin.
+    address
+        Where the page is served; it must be free.
+    search
+        How the best posture is looked for.
+    """
+
+    arm: RobotArm
+    remaining: Callable[[Mapping[str, float]], RobotArm]
+    file: Path | None
+    configuration: FloatArray
+    address: Address
+    search: Search
+    searching: threading.Thread | None = None
+
+    def __post_init__(self) -> None:
+        self._server = _serve(self.address)
+        self._lock = threading.RLock()
+        self._quiet = False
+        try:
+            self._scene = Scene(self._server, self.arm, self.file, self.configuration)
+            self._add_controls()
+            self.draw()
+        except BaseException:
+            self._server.stop()
+            raise
+
+    @property
+    def notes(self) -> list[str]:
+        """What is not drawn, one sentence each."""
+        return self._scene.notes
+
+    def close(self) -> None:
+        """End the server; a search that goes on ends with the process."""
+        with redirect_stdout(StringIO()):
+            self._server.stop()
+
+    @property
+    def locked(self) -> tuple[str, ...]:
+        """Names of the joints that are locked on the page."""
+        return tuple(name for name, box in self._locks.items() if box.value)
+
+    @property
+    def positions(self) -> FloatArray:
+        """Positions of the sliders, shape (n,)."""
+        return np.array([float(slider.value) for slider in self._sliders.values()])
+
+    def draw(self) -> RobotPicture:
+        """Draw the arm where the sliders are; return what was drawn."""
+        with self._lock:
+            positions = self.positions
+            shown = picture(self.arm, positions, self.locked)
+            with self._server.atomic():
+                self._scene.draw(shown, positions)
+            self._numbers.content = numbers(shown, self.arm)
+            return shown
+
+    def move(self, positions: Mapping[str, float]) -> None:
+        """Move sliders, and draw once."""
+        with self._lock:
+            self._quiet = True
+            try:
+                for name, value in positions.items():
+                    slider = self._sliders[name]
+                    slider.value = float(np.clip(value, slider.min, slider.max))
+            finally:
+                self._quiet = False
+            self.draw()
+
+    def seek(self) -> None:
+        """Look for the best posture of the joints that are not locked, in another thread."""
+        with self._lock:
+            if self.searching is not None and self.searching.is_alive():
+                return
+            starts = self.search.starts
+            self._status.content = f"Looking for the best posture: {starts} starts …"
+            where = dict(zip(self.arm.chain.names, self.positions.tolist(), strict=True))
+            locked_at = {name: where[name] for name in self.locked}
+            # A daemon: it does not keep the process after Ctrl-C.
+            self.searching = threading.Thread(target=self._seek, args=(locked_at,), daemon=True)
+            self.searching.start()
+
+    def _seek(self, locked_at: Mapping[str, float]) -> None:
+        try:
+            arm = self.remaining(locked_at) if locked_at else self.arm
+            posture = best_posture(arm, self.search)
+        except LockedJointError as error:
+            self._status.content = str(error)
+            return
+        self._move_free(posture.assessment.configuration)
+        of = f"{posture.reached_best} of {posture.starts} starts"
+        sigma = posture.assessment.worst_case_sigma
+        self._status.content = f"Best posture found by {of}: worst case {sigma:.6f}."
+
+    def _move_free(self, positions: Mapping[str, float]) -> None:
+        self.move({name: value for name, value in positions.items() if name not in self.locked})
+
+    def _add_controls(self) -> None:
+        gui, chain = self._server.gui, self.arm.chain
+        gui.configure_theme(control_width="large", show_logo=False, show_share_button=False)
+        gui.main_panel.dock_right()
+        self._numbers = gui.add_markdown("")
+        middle = dict(zip(chain.names, chain.mid_range.tolist(), strict=True))
+        gui.add_button("Best posture").on_click(lambda _: self.seek())
+        gui.add_button("Middle of the limits").on_click(lambda _: self._move_free(middle))
+        self._status = gui.add_markdown("")
+        self._sliders: dict[str, Any] = {}
+        self._locks: dict[str, Any] = {}
+        for joint, value in zip(chain.joints, self.configuration.tolist(), strict=True):
+            widest = _WIDEST_TRAVEL if joint.prismatic else _WIDEST_TURN
+            low, high = max(joint.lower, -widest), min(joint.upper, widest)
+            low, high = min(low, value), max(high, value)
+            step = min(1e-3, (high - low) / 100)
+            slider = gui.add_slider(joint.name, low, high, step, value)
+            box = gui.add_checkbox(f"lock {joint.name}", initial_value=False)
+            slider.on_update(self._slid)
+            box.on_update(partial(self._turn_lock, joint.name))
+            self._sliders[joint.name], self._locks[joint.name] = slider, box
+
+    def _slid(self, _: Any) -> None:
+        if not self._quiet:
+            self.draw()
+
+    def _turn_lock(self, name: str, _: Any) -> None:
+        self._sliders[name].disabled = self._locks[name].value
+        self.draw()
+
+
+def _serve(address: Address) -> ViserServer:
+    """Start an empty page.
+
+    Raises
+    ------
+    MissingLibraryError
+        If viser is not installed.
+    InputError
+        If the port is no longer free.
+    """
+    try:
+        import viser
+    except ImportError:
+        raise MissingLibraryError("viser") from None
+
+    class Server(viser.ViserServer):
+        """A server that opens no tunnel to the internet, whoever asks for one."""
+
+        def request_share_url(self, verbose: bool = True) -> str | None:  # noqa: ARG002
+            return None
+
+    with redirect_stdout(StringIO()):  # its own greeting
+        server = Server(address.host, address.port, label="lockedjoint", verbose=False)
+    if server.get_port() != address.port:
+        server.stop()
+        allowed = f"a free port of {address.host}, or 0 for any"
+        raise InputError("--port", f"{address.port}, in use", allowed)
+    return server

@@ -1,0 +1,189 @@
+"""A robot in the three-dimensional scene of a web page, as viser draws it."""
+
+from __future__ import annotations
+
+import logging
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from formulations.kinematics.forward import Kinematics
+from formulations.kinematics.read_xml import is_urdf
+from formulations.robots.robot_arm import RobotArm
+from formulations.viewer.picture import NO_ARROW, RobotPicture
+from nlp.arrays import FloatArray
+from nlp.files import read_bytes
+
+if TYPE_CHECKING:
+    from viser import ViserServer
+
+# Sizes of what is drawn, in parts of the robot's size: an ellipsoid of velocity 1 (in units of
+# the characteristic length), the worst direction, half of a joint's axis, a line's width.
+_ELLIPSOID, _ARROW, _AXIS, _WIDTH = 0.12, 0.35, 0.06, 0.005
+_BEFORE, _AFTER = (0, 114, 178), (230, 159, 0)
+_LINEAR, _ROTATIONAL = (200, 0, 0), (110, 50, 160)
+_FREE, _LOCKED, _SKELETON = (0, 114, 178), (213, 30, 30), (90, 90, 90)
+# From where the robot is seen, in parts of its size.
+_EYE = np.array([1.0, -0.85, 0.5])
+
+
+class Scene:
+    """An arm, its joints and the velocities of its tip.
+
+    Parameters
+    ----------
+    server
+        Of the page.
+    arm
+        The robot, the task and the characteristic length.
+    file
+        The URDF whose shapes are drawn; without one, or where it cannot be drawn, the arm is a
+        row of lines and axes.
+    configuration
+        Where the arm is when the camera is placed, radians or metres, shape (n,).
+
+    Attributes
+    ----------
+    notes
+        What is not drawn, one sentence each.
+    """
+
+    def __init__(
+        self, server: ViserServer, arm: RobotArm, file: Path | None, configuration: FloatArray
+    ) -> None:
+        self._server, self._arm, self._file = server, arm, file
+        self.notes: list[str] = []
+        self._model: Any = None
+        self._drawn_urdf: Any = None
+        self._place_camera(configuration)
+        self._add_shapes()
+
+    def draw(self, shown: RobotPicture, positions: FloatArray) -> None:
+        """Draw a picture, and the shapes at the joints' positions, shape (n,)."""
+        self._draw_shapes(positions)
+        self._draw_joints(shown)
+        self._draw_velocities(shown)
+
+    def _place_camera(self, configuration: FloatArray) -> None:
+        _, origins, tip, _ = Kinematics(self._arm.chain).frames(configuration[:, None])
+        places = np.vstack([np.zeros(3), origins[..., 0], tip.T])
+        middle = (places.min(axis=0) + places.max(axis=0)) / 2
+        self._size = float(np.max(np.linalg.norm(places - places[0], axis=1))) or 1.0
+        camera = self._server.initial_camera
+        camera.position = tuple(middle + _EYE * self._size)
+        camera.look_at = tuple(middle)
+
+    def _add_shapes(self) -> None:
+        """Load the shapes of the URDF; a note says if they cannot be drawn."""
+        if self._file is None:
+            return
+        if not is_urdf(read_bytes(self._file)):
+            self.notes.append(f"No shapes are drawn: {self._file} is no URDF file")
+            return
+        import yourdfpy
+        from viser.extras import ViserUrdf
+
+        log, heard = logging.getLogger("yourdfpy"), _Heard()
+        before, log.propagate = log.propagate, False
+        log.addHandler(heard)
+        found = partial(yourdfpy.filename_handler_magic, dir=self._file.parent)
+        try:
+            self._model = yourdfpy.URDF.load(str(self._file), filename_handler=found)
+            self._drawn_urdf = ViserUrdf(self._server, self._model, root_node_name="/robot")
+        except Exception as error:
+            # Shapes are of any format, and readers fail in any way: the arm is drawn as lines.
+            self._model = self._drawn_urdf = None
+            self.notes.append(f"Shapes of {self._file} are not drawn: {error}")
+        else:
+            missing = len(heard.sentences)
+            if missing:
+                first = heard.sentences[0]
+                self.notes.append(f"{missing} shapes of {self._file} are not drawn: {first}")
+        finally:
+            log.removeHandler(heard)
+            log.propagate = before
+
+    def _draw_shapes(self, positions: FloatArray) -> None:
+        if self._model is None or self._drawn_urdf is None:
+            return
+        chain = self._arm.chain
+        where = dict(zip(chain.names, positions.tolist(), strict=True))
+        where |= {**dict(chain.immobile), **dict(chain.locked_at)}
+        values = [where.get(name, 0.0) for name in self._model.actuated_joint_names]
+        self._drawn_urdf.update_cfg(np.array(values))
+        # The scene's origin is the arm's base, wherever the robot's root is.
+        root = np.linalg.inv(self._model.get_transform(chain.base, self._model.base_link))
+        from viser.transforms import SO3
+
+        turn = SO3.from_matrix(root[:3, :3]).wxyz
+        self._server.scene.add_frame("/robot", wxyz=turn, position=root[:3, 3], show_axes=False)
+
+    def _draw_joints(self, shown: RobotPicture) -> None:
+        scene, chain = self._server.scene, self._arm.chain
+        places = np.vstack([np.zeros(3), shown.origins, shown.tip])
+        links, width = np.stack([places[:-1], places[1:]], axis=1), _WIDTH * self._size
+        scene.add_line_segments("/links", links, np.array(_SKELETON), thickness=width)
+        half = _AXIS * self._size * shown.axes
+        lines = np.stack([shown.origins - half, shown.origins + half], axis=1)
+        names = [chain.joints[motion.variable].name for motion in chain.motions]
+        shades = np.array([_LOCKED if name in shown.locked else _FREE for name in names])
+        colours = np.repeat(shades[:, None], 2, axis=1)
+        scene.add_line_segments("/axes", lines, colours, thickness=3 * width)
+
+    def _draw_velocities(self, shown: RobotPicture) -> None:
+        scene = self._server.scene
+        vertices, faces = _sphere()
+        scale = _ELLIPSOID * self._size
+        for name, axes, colour in (
+            ("before", shown.before, _BEFORE),
+            ("after", shown.after, _AFTER),
+        ):
+            scene.add_mesh_simple(
+                f"/velocities/{name}",
+                (shown.tip + scale * vertices @ axes.T).astype(np.float32),
+                faces,
+                color=colour,
+                wireframe=name == "before",
+                opacity=0.35 if name == "before" else 0.6,
+            )
+        for name, part, colour in (
+            ("linear", shown.direction[:3], _LINEAR),
+            ("rotational", shown.direction[3:], _ROTATIONAL),
+        ):
+            size = float(np.linalg.norm(part))
+            visible = size > NO_ARROW
+            reach = _ARROW * self._size * (part if visible else np.array([0.0, 0.0, 1e-6]))
+            arrow = np.stack([shown.tip, shown.tip + reach])[None].astype(np.float32)
+            width = _WIDTH * self._size
+            scene.add_arrows(
+                f"/worst/{name}",
+                arrow,
+                np.array(colour),
+                shaft_radius=width,
+                head_radius=2.5 * width,
+                head_length=6 * width,
+                visible=visible,
+            )
+
+
+class _Heard(logging.Handler):
+    """Keeps what a library warns of."""
+
+    def __init__(self) -> None:
+        super().__init__(logging.WARNING)
+        self.sentences: list[str] = []
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Keep one sentence."""
+        self.sentences.append(record.getMessage())
+
+
+def _sphere() -> tuple[FloatArray, npt.NDArray[np.int64]]:
+    """Return vertices (k, 3) and faces of a unit sphere."""
+    import trimesh
+
+    ball = trimesh.creation.icosphere(subdivisions=2, radius=1.0)
+    return np.asarray(ball.vertices, dtype=float), np.asarray(ball.faces)

@@ -1,0 +1,1 @@
+"""What failures leave of the workspace, and the artificial limits that keep the most."""

@@ -1,0 +1,134 @@
+"""Where a tool can be before a failure, and after each one, as bits on a grid of voxels.
+
+What is reached after a failure does not depend on the artificial limits. It is stored for each
+joint and each of a grid of positions ("slices") at which it may lock.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+
+import numpy as np
+import numpy.typing as npt
+
+from formulations.kinematics.serial_arm import Bits, Ranges, SerialArm
+from nlp.arrays import FloatArray
+from nlp.errors import InputError
+
+#: Default distance of the positions at which a joint may lock, in radians.
+SLICE = np.deg2rad(5.0)
+_TINY = 1e-9
+_LEAST_SLICE = np.deg2rad(0.0999)
+
+
+class FailureSets(ABC):
+    """Where the tool can be before a failure, and after each one, on a grid of voxels.
+
+    Attributes
+    ----------
+    arm, voxel, step
+        The arm, the edge of a voxel in metres, and the distance of the positions at which a
+        revolute joint may lock, in radians; those of a prismatic joint are two voxels apart.
+    dimension
+        2 or 3.
+    shape, corner
+        Of the grid of voxels in the frame of joint 1; the first one's place, in voxels.
+    slices
+        By joint, the positions at which it may lock.
+    """
+
+    #: Whether voxels stand for one of their points each, and not for all that touches them.
+    sampled = False
+    arm: SerialArm
+    voxel: float
+    step: float
+    dimension: int
+    shape: tuple[int, ...]
+    corner: npt.NDArray[np.int_]
+    slices: dict[int, FloatArray]
+    _reached: dict[int, list[npt.NDArray[np.uint8]]]
+
+    @abstractmethod
+    def before(self, limits: Ranges) -> Bits:
+        """Voxels that are reached within limits, before a failure."""
+
+    @abstractmethod
+    def points(
+        self, voxels: Bits, rng: np.random.Generator, count: int
+    ) -> tuple[FloatArray, npt.NDArray[np.intp]]:
+        """Return points drawn from voxels, shape (count, 3), and which voxel each is in."""
+
+    @abstractmethod
+    def reaches(self, points: FloatArray, lower: FloatArray, upper: FloatArray) -> Bits:
+        """Return for which points inverse kinematics finds a configuration within limits."""
+
+    def after(self, limits: Ranges) -> Bits:
+        """Voxels that are reached after every failure within limits."""
+        bits = [self._after_joint(joint, limits) for joint in self._reached]
+        return self._unpacked(np.bitwise_and.reduce(bits))
+
+    def missing(self, limits: Ranges) -> int:
+        """Least number of failures, over the voxels, that stand against one.
+
+        A failure is a joint and a slice within its limits. It is a score where the workspace
+        is empty.
+        """
+        count = np.zeros(self.shape, dtype=np.int32)
+        for joint, reached in self._reached.items():
+            for place in self._within(joint, limits):
+                count += ~self._unpacked(reached[place])
+        return int(count.min())
+
+    def critical(self, limits: Ranges) -> tuple[str, ...]:
+        """Joints whose own failures, by themselves, leave nothing."""
+        return tuple(
+            self.arm.steps[joint].name
+            for joint in self._reached
+            if not self._after_joint(joint, limits).any()
+        )
+
+    def places(self, joint: int, limits: Ranges) -> FloatArray:
+        """Positions of a joint's slices within limits, and the neighbouring ones outside."""
+        return np.asarray(self.slices[joint][self._within(joint, limits)])
+
+    def centres(self, voxels: Bits) -> FloatArray:
+        """Centres of voxels in the frame of joint 1, shape (k, 3)."""
+        return np.asarray((np.argwhere(voxels) + self.corner) * self.voxel)
+
+    @property
+    def unit(self) -> float:
+        """Area or volume of a voxel."""
+        return float(self.voxel**self.dimension)
+
+    def _after_joint(self, joint: int, limits: Ranges) -> npt.NDArray[np.uint8]:
+        reached = self._reached[joint]
+        return np.asarray(
+            np.bitwise_and.reduce([reached[k] for k in self._within(joint, limits)])
+        )
+
+    def _positions(self, joint: int) -> FloatArray:
+        one = self.arm.steps[joint]
+        step = 2 * self.voxel if one.prismatic else self.step
+        count = max(2, int(np.ceil((one.upper - one.lower) / step)) + 1)
+        places = np.linspace(one.lower, one.upper, count)
+        return places[:-1] if one.continuous else places
+
+    def _within(self, joint: int, limits: Ranges) -> npt.NDArray[np.intp]:
+        places = self.slices[joint]
+        first, last = ((end - places[0]) / (places[1] - places[0]) for end in limits[joint])
+        chosen = np.arange(np.floor(first + _TINY), np.ceil(last - _TINY) + 1).astype(int)
+        if self.arm.steps[joint].continuous:
+            return np.unique(chosen % len(places))
+        return np.unique(np.clip(chosen, 0, len(places) - 1))
+
+    def _unpacked(self, bits: npt.NDArray[np.uint8]) -> Bits:
+        count = int(np.prod(self.shape))
+        return np.unpackbits(bits, count=count).view(bool).reshape(self.shape)
+
+
+def check_step(voxel: float, step: float) -> None:
+    """Raise InputError unless a voxel and the distance of slices can be used."""
+    if not 0 < voxel < np.inf:
+        raise InputError("voxel", voxel, "a finite number above 0, in metres")
+    if not _LEAST_SLICE <= step <= np.pi / 4:
+        raise InputError("slice", f"{np.rad2deg(step):g} degrees", "0.1 to 45 degrees")

@@ -1,0 +1,233 @@
+"""Failure-tolerant workspace of planar 3R arms, in closed form.
+
+The tool's position p is in the failure-tolerant workspace if some configuration within the
+artificial limits reaches it, and for every joint f and every angle θ within the artificial
+limits of f, some configuration with q_f = θ reaches it. Artificial limits hold before a failure
+and are released after it. Here the joints can make a full turn once the limits are released.
+
+Notation: l1, l2, l3 are the link lengths; ρ is the distance of p from the base and φ its
+bearing from the middle of the range of joint 1, whose half width is h; r12 is the distance of
+joint 3 from the base, r23 that of the tip from joint 2.
+
+- Joint 2 or 3 locks: two links remain, one of length r12 or r23. Its p form a ring.
+- Joint 1 locks: p is within the ring of l2 and l3 around joint 2, wherever that is on its arc.
+- No failure: for a given ρ, the angle ψ between link 1 and p depends on r23 alone. The values
+  of ψ are intervals, whose ends are where a joint is at a limit or two links are aligned.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from formulations.kinematics.serial_arm import Ranges, SerialArm
+from nlp.arrays import FloatArray
+
+RINGS = 60
+_TURN = 2 * np.pi
+_TINY = 1e-300
+
+
+@dataclass(frozen=True)
+class Planar3R:
+    """A planar arm of three links and its artificial limits.
+
+    Parameters
+    ----------
+    lengths
+        Of the links, above 0.
+    limits
+        Lower and upper artificial limit of each joint, in radians. Angle 0 of joints 2 and 3
+        stretches the arm. A range of a full turn or more is no limit.
+    """
+
+    lengths: tuple[float, float, float]
+    limits: tuple[tuple[float, float], tuple[float, float], tuple[float, float]]
+
+    @property
+    def rings(self) -> tuple[float, float]:
+        """Least and largest ρ that is left by the failures of joints 2 and 3.
+
+        There is none if the least is above the largest.
+        """
+        first, second, third = self.lengths
+        low, high = [], []
+        for one, other, alone, limits in (
+            (first, second, third, self.limits[1]),
+            (second, third, first, self.limits[2]),
+        ):
+            near, far = _distances(one, other, limits)
+            low.append(max(abs(near - alone), abs(far - alone)))
+            high.append(near + alone)
+        return max(low), min(high)
+
+    def area(self, rings: int = RINGS) -> float:
+        """Area of the failure-tolerant workspace: a quadrature over ρ.
+
+        Parameters
+        ----------
+        rings
+            Values of ρ.
+        """
+        low, high = self.rings
+        if low >= high:
+            return 0.0
+        # Roots at the ends of the range of ρ are smooth in this variable.
+        nodes, weights = np.polynomial.legendre.leggauss(rings)
+        angle = np.pi * (nodes + 1) / 2
+        rho = (low + high) / 2 - (high - low) / 2 * np.cos(angle)
+        width = np.pi / 2 * weights * (high - low) / 2 * np.sin(angle)
+        return float(np.sum(width * rho * self.angles(rho)))
+
+    def area_with_error(self) -> tuple[float, float]:
+        """Area, and how much it differs from that of a quarter as many rings."""
+        fine = self.area(8 * RINGS)
+        return fine, abs(fine - self.area(2 * RINGS))
+
+    def angles(self, rho: FloatArray) -> FloatArray:
+        """Total range of the bearing at each ρ, in radians; 0 to 2π."""
+        least, largest = self._bearings(rho)
+        starts, ends = self._intervals(rho)
+        positive = (np.maximum(starts, least), np.minimum(ends, largest))
+        negative = (np.maximum(starts, -largest), np.minimum(ends, -least))
+        both = np.concatenate([positive, negative], axis=1)
+        return _covered(both[0], both[1])
+
+    @property
+    def shortfall(self) -> float:
+        """How far the failures of joints 2 and 3, and then of joint 1, are from leaving a ring.
+
+        A score where the area is 0, which is flat: it is 0 or below where a ring is left.
+        """
+        low, high = self.rings
+        total = sum(self.lengths)
+        if low >= high:
+            return float(10 + (low - high) / total)
+        rho = np.linspace(low, high, RINGS)
+        least, largest = self._bearings(rho)
+        return float(np.min(least - largest))
+
+    @property
+    def _half_width(self) -> float:
+        low, high = self.limits[0]
+        return min((high - low) / 2, np.pi)
+
+    def _bearings(self, rho: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Least and largest |φ| after a failure of joint 1, wherever it locks; see above."""
+        first, second, third = self.lengths
+        half = self._half_width
+
+        def opening(distance: float) -> FloatArray:
+            """Return the angle from link 1 at which p is so far from joint 2."""
+            cosine = (rho**2 + first**2 - distance**2) / (2 * np.maximum(rho, _TINY) * first)
+            return np.asarray(np.arccos(np.clip(cosine, -1, 1)))
+
+        reach, hole = second + third, abs(second - third)
+        largest = np.where(rho + first <= reach, np.pi, opening(reach) - half)
+        least = np.where(np.abs(rho - first) >= hole, 0.0, opening(hole) + half)
+        outside = (np.abs(rho - first) > reach) | (rho + first < hole)
+        return least, np.where(outside, -1.0, largest)
+
+    def _intervals(self, rho: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Intervals of φ that are reached before a failure, shape (intervals, rings).
+
+        Those beyond ±π are also there turned back; empty ones have NaN ends.
+        """
+        first, second, third = self.lengths
+        (low2, high2), (low3, high3) = (_one_turn(*one) for one in self.limits[1:])
+        ends = [np.full_like(rho, one) for one in (low3, high3)]
+        ends += [np.full_like(rho, one) for one in (0.0, np.pi)]
+        for distance in (np.abs(rho - first), rho + first):  # links 1 and 23 are aligned
+            angle = _angle(second, third, distance)
+            ends += [angle, -angle]
+        for limit in (low2, high2):
+            x, y = first + second * np.cos(limit), second * np.sin(limit)
+            turned = np.arctan2(y, x) - limit  # of the line to joint 3, from link 2
+            angle = _angle(np.hypot(x, y), third, rho)
+            ends += [turned + angle, turned - angle]
+        found = np.clip(low3 + (np.array(ends) - low3) % _TURN, low3, high3)
+        found[0], found[1] = low3, high3
+        found.sort(axis=0)
+        middle = (found[:-1] + found[1:]) / 2
+        psi = self._psi(rho, found)
+        x, y = second + third * np.cos(middle), third * np.sin(middle)
+        length, turned = np.hypot(x, y), np.arctan2(y, x)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            cosine = (rho**2 - first**2 - length**2) / (2 * first * length)
+        bend = np.arccos(np.clip(cosine, -1, 1))
+        possible = (np.abs(cosine) <= 1) & (found[1:] >= found[:-1])
+        starts, stops = [], []
+        for sign in (1, -1):
+            within = low2 + (sign * bend - turned - low2) % _TURN <= high2
+            sides = np.sort([sign * psi[:-1], sign * psi[1:]], axis=0)
+            sides = np.where(possible & within, sides, np.nan)
+            for turn in (-_TURN, 0.0, _TURN):
+                starts.append(sides[0] - self._half_width + turn)
+                stops.append(sides[1] + self._half_width + turn)
+        return np.concatenate(starts), np.concatenate(stops)
+
+    def _psi(self, rho: FloatArray, angle: FloatArray) -> FloatArray:
+        """Angle at the base between link 1 and p, for angles of joint 3."""
+        first, second, third = self.lengths
+        square = second**2 + third**2 + 2 * second * third * np.cos(angle)
+        cosine = (first**2 + rho**2 - square) / (2 * first * np.maximum(rho, _TINY))
+        return np.asarray(np.arccos(np.clip(cosine, -1, 1)))
+
+
+def closed_form(arm: SerialArm, limits: Ranges) -> Planar3R | None:
+    """Return an arm and its artificial limits as a `Planar3R`; None if it is not of this form.
+
+    It is if it is planar, and has three joints and no physical limits.
+    """
+    free = all(joint.continuous for joint in arm.steps)
+    if not (arm.is_planar and len(arm.steps) == 3 and free):
+        return None
+    straight = arm.at_zero
+    links = np.diff([*straight.points[0, :, :2], straight.end_effector[:2]], axis=0)
+    lengths = np.hypot(links[:, 0], links[:, 1])
+    if min(lengths) < 1e-6:
+        return None
+    bent = np.diff(np.arctan2(links[:, 1], links[:, 0]), prepend=0.0)
+    signs = np.sign(straight.directions[0, :, 2])
+    ranges = [
+        tuple(sorted((sign * low + angle, sign * high + angle)))
+        for sign, angle, (low, high) in zip(signs, bent, limits, strict=True)
+    ]
+    return Planar3R(tuple(lengths.tolist()), tuple(ranges))  # type: ignore[arg-type]
+
+
+def _distances(one: float, other: float, limits: tuple[float, float]) -> tuple[float, float]:
+    """Least and largest distance between the ends of two links, over the joint's range."""
+    low, high = _one_turn(*limits)
+    cosines = [np.cos(low), np.cos(high)]
+    if (0 - low) % _TURN <= high - low:
+        cosines.append(1.0)
+    if (np.pi - low) % _TURN <= high - low:
+        cosines.append(-1.0)
+    squares = [one**2 + other**2 + 2 * one * other * cosine for cosine in cosines]
+    return float(np.sqrt(max(min(squares), 0.0))), float(np.sqrt(max(squares)))
+
+
+def _one_turn(low: float, high: float) -> tuple[float, float]:
+    return (low, high) if high - low < _TURN else (-np.pi, np.pi)
+
+
+def _angle(one: float, other: float, distance: FloatArray) -> FloatArray:
+    """Angle of the joint between two links at which their ends are so far apart, 0 to π."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        cosine = (distance**2 - one**2 - other**2) / (2 * one * other)
+    return np.asarray(np.arccos(np.clip(np.nan_to_num(cosine), -1, 1)))
+
+
+def _covered(starts: FloatArray, ends: FloatArray) -> FloatArray:
+    """Length of the union of intervals in each column; empty ones start after their end."""
+    empty = ~(starts < ends)
+    starts, ends = np.where(empty, np.inf, starts), np.where(empty, -np.inf, ends)
+    order = np.argsort(starts, axis=0)
+    starts, ends = (np.take_along_axis(one, order, axis=0) for one in (starts, ends))
+    before = np.full_like(ends, -np.inf)
+    before[1:] = np.maximum.accumulate(ends, axis=0)[:-1]
+    with np.errstate(invalid="ignore"):
+        new = ends - np.maximum(starts, before)
+    return np.asarray(np.sum(np.where(np.isfinite(new), np.maximum(new, 0), 0), axis=0))

@@ -1,0 +1,248 @@
+"""Failure-tolerant workspace of an arm that holds the orientation of its tool.
+
+The arm has one joint more than a pose has dimensions: four joints in the plane, seven in space.
+The configurations of a pose are then curves, its self-motion, and a joint may lock at θ if and
+only if a curve within the physical limits passes θ. Curves are followed from random
+configurations at one random point in every voxel, see `formulations.kinematics.self_motion`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import numpy.typing as npt
+
+from formulations.kinematics.self_motion import SelfMotionPoses, arcs, solve_pose
+from formulations.kinematics.serial_arm import Bits, Ranges, SerialArm
+from formulations.workspaces.failure_sets import SLICE, FailureSets, check_step
+from nlp.arrays import FloatArray
+from nlp.errors import InputError
+
+#: Random configurations from which the curves of a point are looked for.
+ROUNDS = 8
+_MOST_VOXELS = 60_000
+# A point that is not reached from so many configurations is not tried further.
+_PATIENCE = 4
+# Voxels whose curves are followed at once.
+_CHUNK = 1000
+# Of a curve: length of a tangent in radians, and how many in each direction.
+_STEP, _STEPS = 0.1, 120
+_TURN = 2 * np.pi
+
+
+class PoseSets(FailureSets):
+    """What an arm reaches with one orientation of its tool, before and after every failure.
+
+    Voxels stand for one random point each, so that an area or volume has a statistical error
+    and no bias from the grid. Curves that no random configuration leads to are missed.
+
+    Parameters
+    ----------
+    arm
+        The arm: four joints if it is planar, seven otherwise.
+    turn
+        Orientation of the tool in the frame of the base, shape (3, 3).
+    voxel, step
+        See `FailureSets`.
+    progress
+        Is called with what is being done.
+    seed
+        Of points and configurations.
+
+    Raises
+    ------
+    InputError
+        If the arm has another number of joints, cannot turn its tool so, or the grid has too
+        many voxels.
+    """
+
+    sampled = True
+
+    def __init__(
+        self,
+        arm: SerialArm,
+        turn: FloatArray,
+        voxel: float,
+        step: float = SLICE,
+        progress: Callable[[str], None] = lambda _: None,
+        seed: int = 0,
+    ) -> None:
+        corner, shape = check_poses(arm, turn, voxel, step)
+        self.arm, self.voxel, self.step = arm, voxel, step
+        self.dimension = len(shape)
+        self.corner, self.shape = corner, shape
+        self._rows = [0, 1, 5] if arm.is_planar else list(range(6))
+        self._turn = arm.steps[0].placement[:3, :3].T @ turn @ arm.orientation.T
+        self.slices = {k: self._positions(k) for k in range(len(arm.steps))}
+        rng = np.random.default_rng(seed)
+        places = np.indices(shape).reshape(len(shape), -1).T + corner
+        self._points = np.zeros((len(places), 3))
+        jitter = rng.uniform(-0.5, 0.5, places.shape)
+        self._points[:, : len(shape)] = (places + jitter) * voxel
+        self._points[:, len(shape) :] = arm.at_zero.end_effector[len(shape) :]
+        near = np.linalg.norm(self._points, axis=1) <= _reach(arm)
+        bits = {
+            k: np.zeros((len(places), len(one)), dtype=bool) for k, one in self.slices.items()
+        }
+        found, owners = [], []
+        candidates = np.flatnonzero(near)
+        for at in range(0, len(candidates), _CHUNK):
+            progress(f"self-motion of points {at + 1} to {len(candidates)}")
+            own = candidates[at : at + _CHUNK]
+            for which, curves in self._curves(self._points[own], rng):
+                self._mark(bits, own[which], curves)
+                there = ~np.isnan(curves[:, :, 0])
+                found.append(curves[there].astype(np.float32))
+                owners.append(np.repeat(own[which], there.sum(axis=1)))
+        n = len(arm.steps)
+        self._q = np.concatenate([np.zeros((0, n), dtype=np.float32), *found])
+        self._owners = np.concatenate([np.zeros(0, dtype=np.intp), *owners])
+        self._reached = {
+            k: [np.packbits(one[:, place]) for place in range(one.shape[1])]
+            for k, one in bits.items()
+        }
+
+    def before(self, limits: Ranges) -> Bits:
+        """Voxels whose point is reached within limits, before a failure."""
+        inside = np.ones(len(self._q), dtype=bool)
+        for k, (low, high) in enumerate(limits):
+            above = self._q[:, k] - low
+            if self.arm.steps[k].continuous:
+                above = above % _TURN
+            inside &= (above >= -1e-6) & (above <= high - low + 1e-6)
+        found = np.zeros(int(np.prod(self.shape)), dtype=bool)
+        found[self._owners[inside]] = True
+        return found.reshape(self.shape)
+
+    def points(
+        self, voxels: Bits, rng: np.random.Generator, count: int
+    ) -> tuple[FloatArray, npt.NDArray[np.intp]]:
+        """Return points of voxels, shape (count, 3), and which voxel each is in."""
+        own = self._points[voxels.ravel()]
+        drawn = rng.integers(len(own), size=count)
+        return own[drawn], drawn
+
+    def reaches(self, points: FloatArray, lower: FloatArray, upper: FloatArray) -> Bits:
+        """Return for which points inverse kinematics finds a configuration within limits."""
+        rng = np.random.default_rng(0)
+        left = np.arange(len(points))
+        for _ in range(3 * ROUNDS):
+            if not len(left):
+                break
+            start = rng.uniform(lower[left], upper[left])
+            low, high = self._open(lower[left], upper[left])
+            _, reached = solve_pose(self._poses(points[left]), start, low, high)
+            left = left[~reached]
+        found = np.ones(len(points), dtype=bool)
+        found[left] = False
+        return found
+
+    def _open(self, lower: FloatArray, upper: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Limits without ends where a joint makes a full turn."""
+        endless = np.array([one.continuous for one in self.arm.steps])
+        full = endless & (upper - lower >= _TURN - 1e-9)
+        return np.where(full, -np.inf, lower), np.where(full, np.inf, upper)
+
+    def _poses(self, points: FloatArray) -> SelfMotionPoses:
+        turn = np.broadcast_to(self._turn, (len(points), 3, 3))
+        return SelfMotionPoses(self.arm.at_zero, self._rows, points, turn)
+
+    def _curves(
+        self, points: FloatArray, rng: np.random.Generator
+    ) -> list[tuple[npt.NDArray[np.intp], FloatArray]]:
+        """Curves of points, as pairs of which points they are of and the curves."""
+        lower, upper = (np.array(one) for one in zip(*self.arm.physical, strict=True))
+        low, high = self._open(lower, upper)
+        turns = np.isinf(low)
+        found: list[tuple[npt.NDArray[np.intp], FloatArray]] = []
+        reached_once = np.zeros(len(points), dtype=bool)
+        for k in range(ROUNDS):
+            left = np.flatnonzero(reached_once) if k >= _PATIENCE else np.arange(len(points))
+            if not len(left):
+                break
+            start = rng.uniform(lower, upper, (len(left), len(lower)))
+            q, reached = solve_pose(self._poses(points[left]), start, low, high)
+            left, q = left[reached], q[reached]
+            reached_once[left] = True
+            new = ~_on_known(left, q, found, turns, len(points))
+            left, q = left[new], q[new]
+            if len(left):
+                curves = arcs(self._poses(points[left]), q, low, high, _STEP, _STEPS)
+                found.append((left, curves.points))
+        return found
+
+    def _mark(
+        self, bits: dict[int, Bits], own: npt.NDArray[np.intp], curves: FloatArray
+    ) -> None:
+        """Mark the slices that curves pass."""
+        for k, places in self.slices.items():
+            unit = places[1] - places[0]
+            along = (curves[:, :, k] - places[0]) / unit
+            low = np.ceil(np.fmin(along[:, :-1], along[:, 1:]) - 1e-6)
+            high = np.floor(np.fmax(along[:, :-1], along[:, 1:]) + 1e-6)
+            passes = ~np.isnan(along[:, :-1]) & ~np.isnan(along[:, 1:])
+            while True:
+                passes &= low <= high
+                row, at = np.nonzero(passes)
+                if not len(row):
+                    break
+                place = low[row, at].astype(int)
+                if self.arm.steps[k].continuous:
+                    place %= len(places)
+                bits[k][own[row], np.clip(place, 0, len(places) - 1)] = True
+                low += 1
+
+
+def _on_known(
+    own: npt.NDArray[np.intp],
+    q: FloatArray,
+    known: list[tuple[npt.NDArray[np.intp], FloatArray]],
+    turns: Bits,
+    count: int,
+) -> Bits:
+    """Return which configurations are on a curve of their point that is there already."""
+    found = np.zeros(len(own), dtype=bool)
+    for which, curves in known:
+        place = np.full(count, -1)
+        place[which] = np.arange(len(which))
+        there = np.flatnonzero(place[own] >= 0)
+        away = curves[place[own[there]]] - q[there, None]
+        away -= np.where(turns, _TURN * np.round(away / _TURN), 0.0)
+        near = np.nansum(away**2, axis=2) + np.where(np.isnan(away[:, :, 0]), np.inf, 0.0)
+        found[there] |= near.min(axis=1) < (0.8 * _STEP) ** 2
+    return found
+
+
+def check_poses(
+    arm: SerialArm, turn: FloatArray, voxel: float, step: float
+) -> tuple[npt.NDArray[np.int_], tuple[int, ...]]:
+    """Return corner and shape of the grid.
+
+    Raises
+    ------
+    InputError
+        As `PoseSets` does.
+    """
+    dimension, needed = (2, 4) if arm.is_planar else (3, 7)
+    if len(arm.steps) != needed:
+        kind = "a planar arm" if arm.is_planar else "an arm"
+        allowed = f"{needed} for {kind} that holds an orientation: one more than its poses have"
+        raise InputError("number of joints", len(arm.steps), f"{allowed} dimensions")
+    check_step(voxel, step)
+    across = arm.steps[0].placement[:3, :3].T @ turn @ arm.orientation.T
+    if arm.is_planar and abs(across[2, 2] - 1) > 1e-6:
+        allowed = "a turn about the parallel axes of this planar arm from its zero posture"
+        raise InputError("orientation", "out of the plane", allowed)
+    span = _reach(arm) / voxel
+    wide = int(min(span, _MOST_VOXELS)) + 1
+    shape = (2 * wide + 1,) * dimension
+    if (2 * wide + 1) ** dimension > _MOST_VOXELS:
+        allowed = f"larger: with an orientation the grid has at most {_MOST_VOXELS} voxels"
+        raise InputError("voxel", f"{voxel:g}", allowed)
+    return np.full(dimension, -wide), shape
+
+
+def _reach(arm: SerialArm) -> float:
+    slides = sum(max(abs(one.lower), abs(one.upper)) for one in arm.steps if one.prismatic)
+    return float(np.sum(arm.links)) + slides

@@ -1,0 +1,244 @@
+"""What failures leave of the workspace: its size, how far that may be off, and the check.
+
+See `reachable_sets` for the definition. Planar arms of three joints without physical limits
+are measured in closed form, `planar`; others on a grid. The grid over-estimates, so
+the size is that of its voxels times the share of a random sample of points in them for which
+inverse kinematics finds every configuration that is needed. With a fixed orientation each voxel
+stands for one random point in it, `pose_sets`, and the size is that of its voxels.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from scipy import ndimage
+
+from formulations.kinematics.serial_arm import Bits, Ranges, SerialArm
+from formulations.workspaces.failure_sets import SLICE, FailureSets
+from formulations.workspaces.planar import closed_form
+from formulations.workspaces.pose_sets import PoseSets
+from formulations.workspaces.reachable_sets import ReachableSets
+from nlp.arrays import FloatArray
+from nlp.errors import InputError
+
+#: Points that inverse kinematics checks.
+SAMPLE = 400
+#: The same with a fixed orientation, where they only check what was found.
+SAMPLE_OF_POSES = 60
+# Depths below the surface, in voxels, for which the share that passes is given.
+_DEPTHS = 4
+Progress = Callable[[str], None]
+
+
+@dataclass(frozen=True, eq=False)
+class Workspace:
+    """The failure-tolerant workspace of an arm.
+
+    Attributes
+    ----------
+    arm
+        The arm.
+    limits
+        Artificial limits of the joints, in radians or metres.
+    dimension
+        2 for an area, 3 for a volume.
+    size, error
+        Area or volume in m² or m³, and how far it may be from the truth: of the quadrature, or
+        two standard errors of the sample.
+    raw
+        The same of all voxels: an over-estimate, and with a fixed orientation the size itself.
+    before
+        Size of what is reached within the artificial limits, if no joint fails, raw.
+    physical
+        The same within the physical limits.
+    critical
+        Joints whose own failures, somewhere within their artificial limits, leave nothing.
+    passed
+        Share of the sampled points that pass inverse kinematics, before the failure and after
+        every one, by their depth below the surface: 0, 1, 2 voxels, or more. Empty in closed
+        form.
+    sets
+        The reachable sets.
+    """
+
+    arm: SerialArm
+    limits: Ranges
+    dimension: int
+    size: float
+    error: float
+    raw: float
+    before: float
+    physical: float
+    critical: tuple[str, ...]
+    passed: tuple[float, ...]
+    sets: FailureSets
+
+    @property
+    def voxels(self) -> Bits:
+        """Which voxels are in the workspace, before layers are removed."""
+        return self.sets.before(self.limits) & self.sets.after(self.limits)
+
+    @property
+    def method(self) -> str:
+        """``closed form``, ``grid``, or ``self-motion`` if the orientation is fixed."""
+        if self.sets.sampled:
+            return "self-motion"
+        return "closed form" if closed_form(self.arm, self.limits) else "grid"
+
+    def to_dict(self) -> dict[str, object]:
+        """Return the result as plain values."""
+        names = [one.name for one in self.arm.steps]
+        return {
+            "quantity": "area" if self.dimension == 2 else "volume",
+            "size": self.size,
+            "error": self.error,
+            "method": self.method,
+            "without_failure": self.before,
+            "without_failure_and_artificial_limits": self.physical,
+            "share_kept": self.size / self.physical if self.physical else 0.0,
+            "critical": list(self.critical),
+            "limits": {k: list(v) for k, v in zip(names, self.limits, strict=True)},
+            "links": dict(zip(names, self.arm.links.tolist(), strict=True)),
+            "voxel": self.sets.voxel,
+            "slice": self.sets.step,
+            "raw": self.raw,
+            "passed_by_depth": [None if one != one else one for one in self.passed],
+        }
+
+
+def workspace(
+    arm: SerialArm,
+    limits: Ranges,
+    voxel: float,
+    step: float = SLICE,
+    progress: Progress = lambda _: None,
+    turn: FloatArray | None = None,
+) -> Workspace:
+    """Measure the failure-tolerant workspace of an arm.
+
+    Parameters
+    ----------
+    arm, limits
+        The arm, and the artificial limits of its joints.
+    voxel, step
+        See `ReachableSets`.
+    progress
+        Is called with what is being done.
+    turn
+        Orientation of the tool in the frame of the base, shape (3, 3); free if left out.
+
+    Raises
+    ------
+    InputError
+        If a limit is outside the physical ones, or the grid cannot be made.
+    """
+    check_limits(arm, limits)
+    if turn is None:
+        return measured(ReachableSets(arm, voxel, step, progress), limits, progress)
+    return measured(PoseSets(arm, turn, voxel, step, progress), limits, progress)
+
+
+def measured(
+    sets: FailureSets, limits: Ranges, progress: Progress = lambda _: None
+) -> Workspace:
+    """Measure the workspace for one choice of limits, from sets that are there already."""
+    before = sets.before(limits)
+    voxels = before & sets.after(limits)
+    raw = sets.unit * float(voxels.sum())
+    planar = closed_form(sets.arm, limits)
+    size, error, passed = 0.0, 0.0, tuple[float, ...]()
+    if planar is not None:
+        size, error = planar.area_with_error()
+    elif voxels.any():
+        progress("inverse kinematics")
+        share, error, passed = _share(sets, limits, voxels)
+        size = raw * share
+    return Workspace(
+        arm=sets.arm,
+        limits=limits,
+        dimension=sets.dimension,
+        size=size,
+        error=error,
+        raw=raw,
+        before=sets.unit * float(before.sum()),
+        physical=sets.unit * float(sets.before(sets.arm.physical).sum()),
+        critical=sets.critical(limits),
+        passed=passed,
+        sets=sets,
+    )
+
+
+def _share(
+    sets: FailureSets, limits: Ranges, voxels: Bits
+) -> tuple[float, float, tuple[float, ...]]:
+    """Return what share of the voxels counts, the error of the size, and `Workspace.passed`."""
+    sample = SAMPLE_OF_POSES if sets.sampled else SAMPLE
+    passed, depths = verified(sets, limits, voxels, sample)
+    groups = [passed[depths == k] for k in range(_DEPTHS - 1)] + [passed[depths >= _DEPTHS - 1]]
+    by_depth = tuple(float(np.mean(one)) if len(one) else float("nan") for one in groups)
+    if sets.sampled:
+        # One random point in every voxel: only voxels at the surface add to the variance, each
+        # at most a quarter of its size squared.
+        return 1.0, sets.unit * float(np.sqrt(surface(voxels))), by_depth
+    share, count = float(passed.mean()), len(passed)
+    # The estimate of a binomial variance that does not vanish if all pass.
+    guarded = (share * count + 1) / (count + 2)
+    raw = sets.unit * float(voxels.sum())
+    return share, 2 * raw * float(np.sqrt(guarded * (1 - guarded) / count)), by_depth
+
+
+def verified(
+    sets: FailureSets, limits: Ranges, voxels: Bits, sample: int = SAMPLE
+) -> tuple[Bits, npt.NDArray[np.intp]]:
+    """Check a random sample of points in voxels by inverse kinematics.
+
+    A point passes if it is reached within the artificial limits, and with each joint at each
+    of its slices, which include the next ones outside the limits, within the physical limits.
+
+    Returns
+    -------
+    numpy.ndarray
+        Which points pass, shape (sample,).
+    numpy.ndarray
+        How many voxels they are below the surface.
+    """
+    arm, rng = sets.arm, np.random.default_rng(0)
+    inner = (slice(1, -1),) * voxels.ndim
+    layers = ndimage.distance_transform_cdt(np.pad(voxels, 1), metric="taxicab")[inner]
+    below = layers[voxels] - 1
+    points, drawn = sets.points(voxels, rng, sample)
+    passed = sets.reaches(points, *_repeated(limits, sample))
+    for joint in sets.slices:
+        places = sets.places(joint, limits)
+        rest = np.flatnonzero(passed)
+        lower, upper = _repeated(arm.physical, len(rest) * len(places))
+        lower[:, joint] = upper[:, joint] = np.tile(places, len(rest))
+        reached = sets.reaches(np.repeat(points[rest], len(places), axis=0), lower, upper)
+        passed[rest] = reached.reshape(len(rest), len(places)).all(axis=1)
+    return passed, below[drawn]
+
+
+def surface(voxels: Bits) -> int:
+    """Return how many voxels, in the set or not, have a neighbour on the other side."""
+    wide = np.pad(voxels, 1)
+    outer = ndimage.binary_dilation(wide) & ~wide
+    inner = wide & ~ndimage.binary_erosion(wide)
+    return int(outer.sum() + inner.sum())
+
+
+def _repeated(limits: Ranges, count: int) -> FloatArray:
+    """Lower and upper limits, each for so many points: shape (2, count, n)."""
+    return np.repeat(np.transpose(limits)[:, None], count, axis=1)
+
+
+def check_limits(arm: SerialArm, limits: Ranges) -> None:
+    """Raise InputError unless artificial limits are in order and within the physical ones."""
+    for step, (low, high) in zip(arm.steps, limits, strict=True):
+        if step.continuous and -4 * np.pi <= low <= high <= min(low + 2 * np.pi, 4 * np.pi):
+            continue
+        if not step.lower - 1e-6 <= low <= high <= step.upper + 1e-6:
+            allowed = f"two numbers in order within [{step.lower:.7g}, {step.upper:.7g}]"
+            raise InputError(f"artificial limits of {step.name}", f"{low:g}:{high:g}", allowed)

@@ -1,0 +1,217 @@
+"""What multipliers prove of small blocks; sizes, ranks and margins of orders 2 and 3."""
+
+import json
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from formulations.existence import relaxation
+from formulations.existence.moments import MomentBlock
+from formulations.existence.relaxation import check_margin, existence_relaxation, solve_margin
+from nlp.errors import InputError
+
+NONE = np.zeros(0)
+
+
+def block(*matrices):
+    stacked = np.array(matrices, dtype=float)
+    return MomentBlock(0, (1,), stacked.shape[1], stacked, 0.0)
+
+
+@pytest.mark.parametrize(("multiplier", "proved"), [(0, 1), (0.25, 0.5), (1, -1), (2, -1)])
+def test_what_the_trace_lacks_counts_as_one(multiplier, proved):
+    margin = check_margin([block([[-1]])], NONE, NONE, [np.array([[multiplier]])])
+    assert margin.proved == pytest.approx(proved, abs=1e-8)
+    assert margin.attained == -1
+
+
+def test_negative_multipliers_are_cut_off():
+    margin = check_margin([block([[1, 0], [0, 9]])], NONE, NONE, [np.diag([1.0, -1.0])])
+    assert margin.smallest_eigenvalue == -1
+    assert margin.proved == pytest.approx(1, abs=1e-8)
+
+
+def test_dependence_on_free_moments_is_accounted_for() -> None:
+    # y − 1/2 is nonnegative at y = 1/2, but the multiplier 1 gives −1/2 at y = 0.
+    blocks, limits = [block([[-0.5]], [[1]])], np.ones(1)
+    margin = check_margin(blocks, limits, np.array([0.5]), [np.ones((1, 1))])
+    assert margin.residual == 1
+    assert margin.proved == pytest.approx(0.5, abs=1e-8)
+    assert margin.attained == 0
+
+
+def test_rounding_is_no_proof():
+    rounded = block([[1, 0], [0, -1e-14]])
+    margin = check_margin([rounded], NONE, NONE, [np.diag([0.0, 1.0])])
+    assert margin.attained < 0 <= margin.proved
+
+
+def test_nothing_given_nothing_shown():
+    for multipliers in (None, [np.array([[math.nan]])]):
+        margin = check_margin([block([[1]])], NONE, None, multipliers)
+        assert (margin.attained, margin.proved) == (-math.inf, 1.0)
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_the_solver_meets_its_certificate(seed):
+    rng = np.random.default_rng(seed)
+    blocks = []
+    for size in (1, 3):
+        raw = rng.standard_normal((3, size, size))
+        blocks.append(block(*(raw + raw.transpose(0, 2, 1))))
+    # Two opposite blocks bound the margin.
+    blocks += [block([[0.1]], [[1]], [[0]]), block([[0.1]], [[-1]], [[0]])]
+    blocks += [block([[0.1]], [[0]], [[1]]), block([[0.1]], [[0]], [[-1]])]
+    margin = solve_margin(blocks, np.ones(2))
+    assert margin.status == "optimal"
+    assert margin.value == pytest.approx(margin.attained, abs=1e-5)
+    assert margin.attained <= margin.proved
+    assert margin.proved == pytest.approx(margin.attained, abs=1e-4)
+
+
+def test_moments_of_any_scale_and_moments_that_do_not_occur() -> None:
+    # The largest smallest eigenvalue of diag(c·y − 1, 1 − c·y) is 0, at y = 1/c.
+    scaled = block(np.diag([-1.0, 1.0]), np.diag([1e10, -1e10]), np.zeros((2, 2)))
+    margin = solve_margin([scaled], np.ones(2))
+    assert margin.status == "optimal"
+    assert margin.value == pytest.approx(0, abs=1e-6)
+    assert margin.free is not None
+    assert margin.free[0] == pytest.approx(1e-10, rel=1e-6)
+
+
+def test_a_margin_without_limit_is_one():
+    margin = solve_margin([block([[0]], [[1]])], np.ones(1))
+    assert margin.status == "optimal"
+    assert margin.value == pytest.approx(1, abs=1e-6)
+
+
+def test_order_1_is_feasible():
+    found = existence_relaxation(1)
+    assert found.verdict == "feasible"
+    assert found.moments.free == ()
+
+
+def test_order_2_determines_every_moment_and_is_feasible(order_2):
+    moments, margin = order_2.moments, order_2.margin
+    assert len(moments.classes) == 43
+    assert moments.equations == 85
+    assert moments.rank == 42
+    assert moments.free == ()
+    assert order_2.verdict == "feasible"
+    assert margin is not None
+    assert margin.status == "optimal"
+    # Nothing is free, so the margin is the smallest eigenvalue, in the (4, 3) block.
+    assert margin.attained == pytest.approx(0.00453514739, abs=1e-10)
+    assert margin.value == pytest.approx(0.00453514739, abs=1e-7)
+    lowest = [np.linalg.eigvalsh(block.matrices[0])[0] for block in order_2.blocks]
+    assert min(lowest) == pytest.approx(margin.attained)
+    assert all(one.proved >= 0 for one in order_2.alone)
+
+
+def test_order_3_has_the_sizes_and_ranks_of_the_theory(order_3):
+    moments = order_3.moments
+    assert len(moments.classes) == 760
+    assert moments.equations == 2430
+    assert moments.rank == 757
+    assert len(moments.free) == 2
+    assert max(block.size for block in order_3.blocks) == 7
+    assert order_3.to_dict()["rank_doubt"] < 1e-9
+    sizes = {block.shape: block.size for block in order_3.blocks if block.charge == 1}
+    assert [sizes[shape] for shape in ((4, 2, 1), (3, 3, 1), (3, 2, 2))] == [7, 4, 5]
+
+
+def test_order_3_is_infeasible_with_the_margin(order_3):
+    margin = order_3.margin
+    assert order_3.verdict == "infeasible"
+    assert margin is not None
+    assert margin.value == pytest.approx(-0.0178404, abs=1e-6)
+    assert margin.attained == pytest.approx(-0.0178404, abs=1e-6)
+    assert margin.attained < margin.proved < -0.01783
+    assert margin.residual < 1e-6
+    assert margin.smallest_eigenvalue > -1e-9
+
+
+def test_three_blocks_are_infeasible_alone(order_3):
+    alone = {
+        (block.charge, block.shape)
+        for block, margin in zip(order_3.blocks, order_3.alone, strict=True)
+        if margin.proved < 0
+    }
+    assert alone == {(1, (4, 2, 1)), (1, (3, 3, 1)), (1, (3, 2, 2))}
+    feasible = [margin for margin in order_3.alone if margin.proved >= 0]
+    assert all(margin.attained > 0 for margin in feasible)
+
+
+def test_without_the_infeasible_blocks_order_3_is_feasible(order_3):
+    others = [block for block in order_3.blocks if block.charge != 1]
+    margin = solve_margin(others, order_3.moments.limits())
+    assert margin.attained >= 0
+
+
+def test_perturbed_multipliers_prove_no_more_than_the_truth(order_3):
+    margin, limits = order_3.margin, order_3.moments.limits()
+    assert margin is not None
+    assert margin.multipliers is not None
+    rng = np.random.default_rng(0)
+    for noise in (1e-6, 1e-4, 1e-2, 1.0):
+        perturbed = [x + noise * rng.standard_normal(x.shape) for x in margin.multipliers]
+        checked = check_margin(order_3.blocks, limits, margin.free, perturbed)
+        assert checked.proved >= margin.attained
+        if noise >= 1e-2:
+            assert checked.proved >= 0
+    negated = [-x for x in margin.multipliers]
+    assert check_margin(order_3.blocks, limits, margin.free, negated).proved >= 0
+
+
+def test_a_solver_cut_short_is_reported_and_decides_nothing():
+    found = existence_relaxation(2, 6, options={"max_iter": 1})
+    assert found.verdict == "undecided"
+    assert found.margin is not None
+    assert found.margin.status not in ("optimal", "optimal_inaccurate")
+    assert json.dumps(found.to_dict(), allow_nan=False)
+
+
+def test_a_solver_that_returns_nothing_decides_nothing(monkeypatch):
+    monkeypatch.setattr(relaxation, "run", lambda *_: "solver_error: out of luck")
+    found = existence_relaxation(1)
+    assert found.verdict == "undecided"
+    assert found.to_dict()["margin"] is None
+    assert json.dumps(found.to_dict(), allow_nan=False)
+
+
+def test_the_result_is_plain_json(order_3):
+    shown = json.loads(json.dumps(order_3.to_dict(), allow_nan=False))
+    assert shown["kind"] == "numerical"
+    assert (shown["classes"], shown["equations"], shown["rank"]) == (760, 2430, 757)
+    assert len(shown["free_moments"]) == 2
+    assert shown["largest_block"] == 7
+    assert shown["verdict"] == "infeasible"
+    assert sum(block["infeasible_alone"] for block in shown["blocks"]) == 3
+
+
+def test_an_unknown_solver_is_refused_before_any_work(monkeypatch):
+    monkeypatch.setattr(relaxation, "solve_moment_equations", None)
+    with pytest.raises(InputError, match="solver is NONE"):
+        existence_relaxation(3, solver="NONE")
+
+
+@pytest.mark.parametrize(
+    ("order", "joints", "task_dimension", "argument"),
+    [(0, 7, None, "order"), (4, 7, None, "order"), (2, 1, None, "joints")]
+    + [(2, 8, None, "joints"), (2, 7, 4, "task_dimension"), (2, 6, 5, "task_dimension")],
+)
+def test_bad_input_is_named(order, joints, task_dimension, argument):
+    with pytest.raises(InputError) as caught:
+        existence_relaxation(order, joints, task_dimension=task_dimension)
+    assert caught.value.argument == argument
+
+
+def test_the_verdict_rests_on_the_certificate_alone(order_2):
+    unproved = check_margin(order_2.blocks, NONE, None, None)
+    for value in (-1.0, 1.0):
+        unfounded = replace(unproved, value=value, status="optimal")
+        assert replace(order_2, margin=unfounded).verdict == "undecided"
