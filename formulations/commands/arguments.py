@@ -136,21 +136,10 @@ def progress(sentence: str) -> None:
 
 
 def refuse_unused(context: typer.Context, names: Iterable[str], reason: str) -> None:
-    """Refuse options that were given though nothing would be done with them.
+    """Raise InputError for options that were given though they would do nothing.
 
-    Parameters
-    ----------
-    context
-        Of the command.
-    names
-        The options, by the names of the command's parameters.
-    reason
-        With what they are not used, such as ``--to axes``.
-
-    Raises
-    ------
-    InputError
-        If one was given on the command line, also if its value is the default.
+    `names` are those of the command's parameters, and the reason is with what they are not
+    used, such as ``--to axes``.
     """
     for name in names:
         source = context.get_parameter_source(name)

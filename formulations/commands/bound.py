@@ -1,8 +1,11 @@
 """``lockedjoint bound``: how good any answer could be, a command for each quantity."""
 
+from __future__ import annotations
+
 from collections.abc import Callable, Mapping
+from itertools import product
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
@@ -17,6 +20,9 @@ from formulations.commands.arguments import (
 )
 from formulations.commands.output import QUESTIONED, as_text, show, shown
 from nlp.errors import InputError
+
+if TYPE_CHECKING:
+    from formulations.bounds.certified import Bound
 
 app = typer.Typer(name="bound", rich_markup_mode=None)
 
@@ -244,42 +250,38 @@ def _sharper(joints: int) -> list[dict[str, Any]]:
     Those with lever arms of mean square at most 1 hold for each of at most 1, too.
     """
     from formulations import measures
+
+    plain = measures.sigma_bound(6, joints, 2.0 * joints) - 1e-9
+    names = product(("max-min", "isotropy"), ("unit-revolute", "lever-revolute"))
+    on_record = [_on_record(quantity, model, joints) for quantity, model in names]
+    # Not a number where none exists.
+    return [values for limit, values in on_record if not limit.value >= plain]
+
+
+def _on_record(quantity: str, model: str, joints: int) -> tuple[Bound, dict[str, Any]]:
     from formulations.bounds.certified import best_known
     from formulations.joints.models import arm
     from formulations.registry import bound as certified_bound
 
-    sharper: list[dict[str, Any]] = []
-    for quantity in ("max-min", "isotropy"):
-        for model in ("unit-revolute", "lever-revolute"):
-            limit = certified_bound(quantity, arm(model, joints))
-            if limit.value >= measures.sigma_bound(6, joints, 2.0 * joints) - 1e-9:
-                continue
-            best = best_known(quantity, model, joints)
-            gap = None if best is None else limit.gap_percent(best)
-            values = {**limit.to_dict(), "best_known": best, "gap_percent": gap}
-            sharper.append({"quantity": quantity, "model": model, **values})
-    return sharper
+    limit = certified_bound(quantity, arm(model, joints))
+    best = best_known(quantity, model, joints)
+    gap = None if best is None else limit.gap_percent(best)
+    known = {"best_known": best, "gap_percent": gap}
+    return limit, {"quantity": quantity, "model": model, **limit.to_dict(), **known}
 
 
 def _free_levers(quantity: str, joints: int, lever_arms: str) -> dict[str, Any]:
-    from formulations import measures
-    from formulations.bounds.certified import best_known
-    from formulations.joints.models import arm
-    from formulations.registry import bound as certified_bound
-
     if joints < 7:
         raise InputError("--joints", joints, "at least 7 with free lever arms")
-    model = "lever-revolute"
-    limit = certified_bound(quantity, arm(model, joints))
-    best = best_known(quantity, model, joints)
+    limit, values = _on_record(quantity, "lever-revolute", joints)
     return {
         "quantity": quantity,
         "joints": joints,
         "lever_arms": lever_arms,
         "kind": limit.kind,
         "bound": limit.value,
-        "best_known": best,
-        "gap_percent": None if best is None else measures.gap_percent(best, limit.value),
+        "best_known": values["best_known"],
+        "gap_percent": values["gap_percent"],
     }
 
 
