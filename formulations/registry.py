@@ -20,9 +20,8 @@ from formulations.formulation import Formulation, check_formulation
 from formulations.joints.joint import ColumnModel
 from nlp.errors import FileError, InputError
 
-FORMULATIONS: dict[str, Formulation] = {
-    module.NAME: module for module in (residual, max_min, isotropy, manipulability)
-}
+_OURS: tuple[Formulation, ...] = (residual, max_min, isotropy, manipulability)
+FORMULATIONS: dict[str, Formulation] = {module.NAME: module for module in _OURS}
 
 
 def register(statement: Formulation) -> None:
@@ -42,6 +41,11 @@ def register(statement: Formulation) -> None:
     if FORMULATIONS.get(statement.NAME, statement) is not statement:
         raise InputError("formulation", statement.NAME, "a name that no other formulation has")
     FORMULATIONS[statement.NAME] = statement
+
+
+def registered() -> tuple[Formulation, ...]:
+    """Return the formulations that users registered in this process."""
+    return tuple(own for own in FORMULATIONS.values() if own not in _OURS)
 
 
 def load_plugin(path: Path) -> None:

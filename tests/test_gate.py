@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import lockedjoint as lj
-from formulations.studies.comparison import row_of
+from formulations.comparison import row_of
 
 
 @pytest.fixture(scope="module")

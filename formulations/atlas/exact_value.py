@@ -171,11 +171,8 @@ def distance_from_model(arm: Arm, columns: list[Vector]) -> Fraction:
             limit, one_sided = Fraction(joint.speed) ** 2, False
         elif isinstance(joint, (UnitRevolute, LeverRevolute)):
             turned, length = _onto_axis(column[:3], column[3:])
-            lever = isinstance(joint, LeverRevolute)
-            limit = (
-                Fraction(joint.length) ** 2 if isinstance(joint, LeverRevolute) else Fraction(1)
-            )
-            one_sided = lever
+            one_sided = isinstance(joint, LeverRevolute)
+            limit = Fraction(getattr(joint, "length", 1)) ** 2
         else:
             raise InputError("joint", type(joint).__name__, "a joint kind of the atlas")
         moved.append(turned)

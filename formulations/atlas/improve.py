@@ -78,13 +78,14 @@ def inherited(asked: Entry, known: EntryPage | None) -> EntryPage | None:
         for jacobian in (other.jacobian, scale * other.jacobian):
             if not asked.holds(jacobian):
                 continue
+            now, before = provenance(), page.found if page else Found("", "")
             found = Found(
                 f"lockedjoint, from {other.entry.name}",
-                provenance()["date"],
-                versions=provenance()["versions"],
+                now["date"],
+                seeds=before.seeds,
+                starts=before.starts,
+                versions=now["versions"],
             )
-            before = page.found if page else Found("", "")
-            found = replace(found, seeds=before.seeds, starts=before.starts)
             new = improved(asked, jacobian, found, page)
             if page is None or new.value != page.value:
                 page = new
@@ -101,6 +102,19 @@ def _case_of(asked: Entry) -> Case:
     return Case(registry.formulation(asked.formulation), asked.arm, settings)
 
 
+def continued(before: Found, cpu_seconds: float) -> Found:
+    """Return how a Jacobian was found, after one more seed, here and now."""
+    now = provenance()
+    return replace(
+        before,
+        date=now["date"],
+        seeds=before.seeds + 1,
+        cpu_seconds=round(before.cpu_seconds + cpu_seconds, 1),
+        versions=now["versions"],
+        machine=now["machine"],
+    )
+
+
 def _joined(
     asked: Entry, page: EntryPage | None, outcome: Outcome, cpu_seconds: float
 ) -> EntryPage | None:
@@ -111,21 +125,15 @@ def _joined(
     value = float(page.value) if page else 0.0
     count = sum(abs(one.score - max(best, value)) <= REACHED_BEST for one in reached)
     kept = before.reached_best if value >= best - REACHED_BEST else 0
-    facts = provenance()
     found = replace(
-        before,
+        continued(before, cpu_seconds),
         by=before.by if value > best + RESOLUTION else "lockedjoint",
-        date=facts["date"],
         # Of a Jacobian that these starts did not reach, how it was found stays on record.
         statement=before.statement
         if before.statement and value > best + REACHED_BEST
         else _statement(outcome.case),
-        seeds=before.seeds + 1,
         starts=before.starts + len(outcome.records),
         reached_best=kept + count,
-        cpu_seconds=round(before.cpu_seconds + cpu_seconds, 1),
-        versions=facts["versions"],
-        machine=facts["machine"],
     )
     if reached and best > 0:
         return improved(asked, outcome.best.jacobian, found, page)

@@ -22,6 +22,7 @@ from itertools import combinations, combinations_with_replacement
 
 import cvxpy as cp
 import numpy as np
+import numpy.typing as npt
 
 from formulations import isotropy
 from formulations.atlas.entry import Entry
@@ -30,6 +31,7 @@ from formulations.joints.kinds import FreeColumn, Prismatic, UnitRevolute
 from formulations.measures import locked_sets
 from nlp.arrays import FloatArray
 
+Places = npt.NDArray[np.int_]
 # Eigenvalues this near to the least one, relative to it, count as equal to it.
 _TIE = 1e-5
 # Singular values below this count as zero where a rank is counted, after scaling to one.
@@ -180,34 +182,37 @@ def _bending(failure: _Failure, multiplier: FloatArray, free: FloatArray) -> Flo
 def _model(joints: tuple[Joint, ...], jacobian: FloatArray) -> Iterator[_Condition]:
     """Equations of the model: |v|²/2, |ω|²/2 and v·ω, or |j|²/2; in the mean where shared."""
     m, n = jacobian.shape
+    places = np.arange(m * n).reshape(m, n)  # of the entries of J, row after row
     shared: dict[Joint, FloatArray] = {}
     for f, joint in enumerate(joints):
         free = isinstance(joint, FreeColumn)
-        extent = np.zeros((m, n))
-        extent[: m if free else 3, f] = 1.0
+        length = _pairing(m * n, places[: m if free else 3, f])
         if getattr(joint, "budget", "each") == "mean":
-            shared[joint] = shared.get(joint, np.zeros((m, n))) + extent
+            shared[joint] = shared.get(joint, 0.0) + length
         else:
-            yield _Condition(extent * jacobian, np.diag(extent.ravel()))
-        if free:
-            continue
-        axis = np.zeros((m, n))
-        axis[3:, f] = 1.0
+            yield _quadratic(length, jacobian)
         if isinstance(joint, Prismatic):
-            for entry in range(3, 6):
-                unit = np.zeros((m, n))
-                unit[entry, f] = 1.0
-                yield _Condition(unit, np.zeros((m * n, m * n)))
-            continue
-        yield _Condition(axis * jacobian, np.diag(axis.ravel()))
-        crossed = np.zeros((m, n))
-        crossed[:3, f], crossed[3:, f] = jacobian[3:, f], jacobian[:3, f]
-        coupling = np.zeros((m, n, m, n))
-        for k in range(3):
-            coupling[k, f, k + 3, f] = coupling[k + 3, f, k, f] = 1.0
-        yield _Condition(crossed, coupling.reshape(m * n, m * n))
-    for extent in shared.values():
-        yield _Condition(extent * jacobian, np.diag(extent.ravel()))
+            for place in places[3:, f]:
+                unit = np.zeros(m * n)
+                unit[place] = 1.0
+                yield _Condition(unit.reshape(m, n), np.zeros((m * n, m * n)))
+        elif not free:
+            yield _quadratic(_pairing(m * n, places[3:, f]), jacobian)
+            yield _quadratic(_pairing(m * n, places[:3, f], places[3:, f]), jacobian)
+    for length in shared.values():
+        yield _quadratic(length, jacobian)
+
+
+def _pairing(size: int, first: Places, second: Places | None = None) -> FloatArray:
+    """Return H with ½ jᵀHj = Σ j_first·j_second, or ½ Σ j_first² for one row of places."""
+    form = np.zeros((size, size))
+    second = first if second is None else second
+    form[first, second] = form[second, first] = 1.0
+    return form
+
+
+def _quadratic(form: FloatArray, jacobian: FloatArray) -> _Condition:
+    return _Condition((form @ jacobian.ravel()).reshape(jacobian.shape), form)
 
 
 def _isotropic(jacobian: FloatArray) -> Iterator[_Condition]:
@@ -219,7 +224,7 @@ def _isotropic(jacobian: FloatArray) -> Iterator[_Condition]:
             continue
         form = np.outer(units[i], units[j]) + np.outer(units[j], units[i])
         form = form - (np.outer(units[-1], units[-1]) * 2 if i == j else 0)
-        yield _Condition(2 * form @ jacobian, np.kron(2 * form, np.eye(n)))
+        yield _quadratic(np.kron(2 * form, np.eye(n)), jacobian)
 
 
 def _frames(entry: Entry, jacobian: FloatArray) -> list[FloatArray]:

@@ -19,7 +19,7 @@ import numpy as np
 
 from formulations.atlas.collection import improved
 from formulations.atlas.entry import RESOLUTION, Entry, EntryPage, Found
-from formulations.io.provenance import provenance
+from formulations.atlas.improve import continued
 from formulations.joints.arm import Arm
 from formulations.joints.symmetric import SymmetricArm
 from formulations.max_min import NAME as MAX_MIN
@@ -155,16 +155,8 @@ def _joined(
     cpu_seconds: float,
 ) -> EntryPage | None:
     """Return the page with one more seed; None if nothing was ever found."""
-    facts = provenance()
     before = page.found if page else Found("lockedjoint", "")
-    found = replace(
-        before,
-        date=facts["date"],
-        seeds=before.seeds + 1,
-        cpu_seconds=round(before.cpu_seconds + cpu_seconds, 1),
-        versions=facts["versions"],
-        machine=facts["machine"],
-    )
+    found = continued(before, cpu_seconds)
     if jacobian is None:
         return replace(page, found=found) if page else None
     gain = worst_case_sigma(jacobian, asked.locked) - (float(page.value) if page else 0.0)

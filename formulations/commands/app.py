@@ -13,9 +13,9 @@ from formulations.commands.arguments import expanded, option
 GROUPS = {
     "Design": ("compare", "solve", "measure", "realise"),
     "Certify": ("bound", "prove", "verify"),
-    "Robots": ("measure-robot", "posture", "path", "workspace", "view", "robots"),
+    "Robots": ("measure-robot", "posture", "path", "workspace", "view"),
     "Many starts": ("campaign", "show", "join", "atlas"),
-    "Results": ("reproduce", "figure", "failures", "benchmark", "report"),
+    "Results": ("reproduce", "figure"),
 }
 # Two for each command, which are the end of its help.
 EXAMPLES = """
@@ -43,8 +43,6 @@ workspace arm.urdf --optimise limits
 workspace arm.urdf --limits elbow=0:2 --figure workspace.svg
 view arm.urdf
 view arm.urdf --task position --port 0
-robots
-robots --only panda --starts 20
 campaign study.toml --store study.db
 campaign study.toml --store study.db --workers 8 --time-limit 60
 show study.db
@@ -57,12 +55,6 @@ reproduce
 reproduce --starts 20 --out here
 figure trade-off --out trade-off.svg
 figure optima --store study.db --out optima.pdf --size 8.5x6 --no-title
-failures
-failures --starts 20 --out here
-benchmark
-benchmark --joints 7,8 --time-limit 5
-report
-report --only comparison,existence --out here
 """
 # A command is the function of its name in the file of its name, except for these.
 _FILES = {"compare": "reproduce", "verify": "prove", "join": "campaign"}

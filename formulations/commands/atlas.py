@@ -56,8 +56,8 @@ def atlas(
         return
     from formulations.atlas.collection import checked_folder, pages
     from formulations.atlas.entry import entries as known_entries
+    from formulations.atlas.row import AtlasRow, row_of
     from formulations.io.table import Table
-    from formulations.studies.atlas import AtlasRow, row_of
 
     models = list(dict.fromkeys(one.model for one in known_entries().values()))
     if model is not None and model not in models:

@@ -287,7 +287,7 @@ def _free_levers(quantity: str, joints: int, lever_arms: str) -> dict[str, Any]:
 
 def _rounded_outward(plain: Mapping[str, Any]) -> str:
     """Return the text with a bound that holds as it is shown."""
-    from formulations.studies.pages import outward
+    from formulations.io.pages import outward
 
     limit = outward(plain["bound"], 9, lower=plain["quantity"] == "residual")
     return as_text({**plain, "bound": limit})
@@ -295,8 +295,8 @@ def _rounded_outward(plain: Mapping[str, Any]) -> str:
 
 def _worst_case_text(plain: Mapping[str, Any]) -> str:
     """Return the text of the bound (6) with the sharper bounds on record as a table."""
+    from formulations.io.pages import outward
     from formulations.io.table import written
-    from formulations.studies.pages import outward
 
     text = as_text({k: v for k, v in plain.items() if k not in ("multipliers", "sharper")})
     if not plain.get("sharper"):

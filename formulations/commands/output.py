@@ -14,12 +14,11 @@ from typing import TYPE_CHECKING, Any, NoReturn
 
 import typer
 
-from formulations.commands.arguments import progress as show_progress
 from nlp.errors import printable
 from nlp.files import write_text
 
 if TYPE_CHECKING:
-    from formulations.studies.study import Part, Study
+    from formulations.io.study import Effort, Study
     from nlp.arrays import FloatArray
 
 QUESTIONED = 1
@@ -134,16 +133,11 @@ def run_study(
     out: Path,
     as_json: bool,
     *,
-    seed: int,
-    starts: int,
-    workers: int | None = 1,
-    progress: Callable[[str], None] = lambda _: None,
-    bars: bool = False,
-    text: Callable[[Sequence[Any]], str] | None = None,
+    effort: Effort,
+    each: Callable[[Any], object] | None = None,
     note: str = "",
-    each: Callable[[Part], object] = lambda _: None,
 ) -> None:
-    """Run a study into a folder and print what was found.
+    """Run a study into a folder and print its rows.
 
     Parameters
     ----------
@@ -153,37 +147,34 @@ def run_study(
         The folder, made if missing.
     as_json
         Whether JSON is printed, and nothing else.
-    seed, starts, workers, progress, bars
-        How it is run, see `formulations.studies.study.Effort`; no `workers` for all cores.
-    text
-        What is printed of the rows in the end; by default their table for the terminal.
-    note
-        A sentence below that.
+    effort
+        How it is run.
     each
-        Is called with every part as soon as it is written.
+        Prints every row as soon as it is written; by default their table is printed in the
+        end.
+    note
+        A sentence below the table.
 
     Raises
     ------
     typer.Exit
-        With status 130 if the user interrupted, 1 if something is wrong with what was found.
+        With status 130 if the user interrupted, 1 if something is wrong with the rows.
     """
+    from formulations.io.study import INCOMPLETE
     from formulations.io.table import Table
-    from formulations.studies.study import INCOMPLETE, Effort
-    from nlp.executors import default_workers
 
-    effort = Effort(seed, starts, workers or default_workers(), progress, bars)
-    result = study.run(out, effort, (lambda _: None) if as_json else each)
-    show_progress("")
+    result = study.run(out, effort, each if each and not as_json else lambda _: None)
     table: Table[Any] = Table(next(iter(study.tables.values())), result.rows)
     if as_json:
         show({"complete": result.complete, "rows": table.plain()}, as_json)
     elif result.rows:
-        say(table.terminal() if text is None else text(result.rows))
-        say(f"\n{note}" if note else "")
+        if each is None:
+            say(f"{table.terminal()}\n\n{note}")
         where = out if result.complete else out / INCOMPLETE
-        say(f"Written to {where}: {', '.join(study.files)}")
+        files = sorted(path.name for path in where.iterdir() if path.is_file())
+        say(f"Written to {where}: {', '.join(files)}")
     if not result.complete:
-        kept = f"what was done is in {out / INCOMPLETE}, the rest is missing"
-        end(f"Interrupted: {kept}.", INTERRUPTED)
+        done = f"what was done is in {out / INCOMPLETE}, the rest is missing"
+        end(f"Interrupted: {done}.", INTERRUPTED)
     if result.complaint:
         end(f"Wrong: {result.complaint}.")

@@ -16,11 +16,12 @@ from formulations.commands.arguments import (
     TaskDimension,
     Workers,
     ipopt_options,
+    option,
 )
 from formulations.commands.output import run_study, say
 
 if TYPE_CHECKING:
-    from formulations.studies.study import Part
+    from formulations.reproduction import ReproductionRow
 
 
 def compare(
@@ -32,26 +33,31 @@ def compare(
     out: Out = Path("comparison"),
     ipopt: Ipopt = None,
     compiled: Compiled = False,
+    model: list[str] | None = option(
+        "MODEL",
+        "A column model, see docs/howto/add_a_column_model.md. May be repeated; by default "
+        "unit-revolute and lever-revolute in six dimensions.",
+    ),
     as_json: Json = False,
 ) -> None:
     """Compare residual minimisation, max-min and isotropy from common random starts.
 
     Solves each on two column models (for six task dimensions: unit revolute joints, and
     revolute joints with free lever arms of mean square at most 1), with variants of max-min
-    beside them, and recomputes every answer from its Jacobian alone. Writes
-    comparison.csv, comparison.md and jacobians.json into the output folder; until all rows
-    are there they are in its subfolder incomplete, where Ctrl-C leaves what is done.
+    and the formulations of a plugin beside them. Every answer is recomputed from its Jacobian,
+    independently of the solver. Writes comparison.csv, comparison.md and jacobians.json into
+    the output folder; until all rows are there they are in its subfolder incomplete, where
+    Ctrl-C leaves what is done.
     """
-    from formulations.studies.comparison import study
+    from formulations.comparison import study
+    from formulations.io.study import Effort
+    from nlp.executors import default_workers
 
     run_study(
-        study(joints, task_dimension, ipopt_options(ipopt), compiled),
+        study(joints, task_dimension, ipopt_options(ipopt), compiled, model or ()),
         out,
         as_json,
-        seed=seed,
-        starts=starts,
-        workers=workers,
-        bars=True,
+        effort=Effort(seed, starts, workers or default_workers(), bars=True),
         note="score: ½‖JJᵀ − (T/m)I‖² for residual, worst-case σ for the others; gap: "
         "100·|bound − score|/bound.",
     )
@@ -70,12 +76,12 @@ def reproduce(
     reproduction.md into the output folder; until all rows are there they are in its subfolder
     incomplete. Exit status 1 if any row is an unexplained mismatch.
     """
-    from formulations.studies.reproduction import study
+    from formulations.io.study import Effort
+    from formulations.reproduction import study
 
-    run_study(study(), out, as_json, seed=seed, starts=starts, text=lambda _: "", each=_print)
+    run_study(study(), out, as_json, effort=Effort(seed, starts), each=_print)
 
 
-def _print(part: Part) -> None:
-    for row in part.rows:
-        say(f"{row.verdict:<9} {row.equation:<14} {row.quantity}")
-        say(f"{'':<10}paper {row.paper}   ours {row.ours}")
+def _print(row: ReproductionRow) -> None:
+    say(f"{row.verdict:<9} {row.equation:<14} {row.quantity}")
+    say(f"{'':<10}paper {row.paper}   ours {row.ours}")

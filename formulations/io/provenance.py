@@ -13,7 +13,9 @@ PACKAGES = ("lockedjoint", "casadi", "numpy")
 
 def provenance() -> Mapping[str, str]:
     """Return what it takes to run this again, in the order to print it."""
-    arguments = [Path(sys.argv[0]).name, *sys.argv[1:]]
+    program = Path(sys.argv[0])
+    script = program.suffix == ".py" and program.stem != "__main__"
+    arguments = [*(("python", sys.argv[0]) if script else (program.name,)), *sys.argv[1:]]
     return {
         "command": shlex.join(arguments),
         "versions": f"{versions(PACKAGES)}, Python {platform.python_version()}",

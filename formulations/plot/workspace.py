@@ -77,7 +77,7 @@ def draw(found: Workspace) -> Figure:
 
 
 class Ordered(Protocol):
-    """What is drawn of a Jacobian: see `formulations.studies.workspaces.OrderRow`."""
+    """What is drawn of a Jacobian: see `results.workspaces.orders.OrderRow`."""
 
     @property
     def worst_case_sigma(self) -> float:

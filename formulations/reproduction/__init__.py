@@ -1,14 +1,15 @@
 """Every numbered example and claim of the paper, one row each, computed anew.
 
 The files follow the paper: `definition` is Section 2; `planar` and `canonical` are Section 3;
-`rotational`, `seven_joints`, `seven_joints_worst_case` and `eight_joints` are Sections 4 and 5
-and the Appendix. Equations that only define something, (1)–(5) and (8), have no row of their
-own.
+`rotational`, `seven_joints` and `eight_joints` are Sections 4 and 5 and the Appendix. Equations
+that only define something, (1)–(5) and (8), have no row of their own.
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator, Sequence
 from itertools import chain
+from pathlib import Path
 
+from formulations.io.study import Effort, Study
 from formulations.reproduction import (
     canonical,
     definition,
@@ -16,12 +17,13 @@ from formulations.reproduction import (
     planar,
     rotational,
     seven_joints,
-    seven_joints_worst_case,
 )
 from formulations.reproduction.row import ReproductionRow, Verdict
 from nlp.arrays import whole_number
 
-__all__ = ["ReproductionRow", "Verdict", "has_mismatch", "iterate"]
+__all__ = ["ReproductionRow", "Verdict", "iterate", "study"]
+
+_STARTS = 100
 
 
 def iterate(seed: int = 0, starts: int = 100) -> Iterator[ReproductionRow]:
@@ -47,11 +49,31 @@ def iterate(seed: int = 0, starts: int = 100) -> Iterator[ReproductionRow]:
         canonical.rows(seed),
         rotational.rows(seed),
         seven_joints.rows(seed, starts),
-        seven_joints_worst_case.rows(seed),
+        seven_joints.worst_case_rows(seed),
         eight_joints.rows(seed, min(starts, 50)),
     )
 
 
-def has_mismatch(rows: Iterable[ReproductionRow]) -> bool:
-    """Whether any row differs from the paper without an explanation."""
-    return any(row.verdict is Verdict.MISMATCH for row in rows)
+def study() -> Study:
+    """Return the reproduction as a study."""
+
+    def compute(effort: Effort, _: Path) -> Iterator[ReproductionRow]:
+        for row in iterate(effort.seed, effort.starts or _STARTS):
+            effort.progress(f"{row.equation} {row.quantity}")
+            yield row
+
+    def complain(rows: Sequence[ReproductionRow]) -> str:
+        wrong = any(row.verdict is Verdict.MISMATCH for row in rows)
+        return "a row is an unexplained mismatch" if wrong else ""
+
+    return Study(
+        name="reproduction",
+        title="every numbered example and claim of the paper, computed anew",
+        page="reproduction.md",
+        template=Path(__file__).with_name("reproduction.md.j2"),
+        tables={"reproduction": ReproductionRow},
+        command="lockedjoint reproduce --out results/reproduction",
+        takes="ten seconds",
+        compute=compute,
+        complain=complain,
+    )

@@ -51,13 +51,20 @@ def rows(
     """Rows of eqs. (47)–(49), of 'it immediately converges', and of the families."""
     found = solutions(8, seed, starts)
     angles = [polished(solution) for solution in found]
+    try:
+        start = solve_near(ARM, ARM.variables(nearest_unit_revolute(printed)))
+    except InputError as reason:
+        quantity = "an exactly isotropic matrix next to the printed one"
+        yield claim("(47)", quantity, "exists", "none", False, str(reason))
+        return
     yield from _printed_rows(printed)
+    yield _exact_row(printed, start)
     yield from _value_rows([ARM.jacobian(point) for point in angles])
     yield _convergence_row(8, found, "after (46)", "immediately converges")
     for n in (9, 10, 12):
         others = solutions(n, seed, min(starts, 20))
         yield _convergence_row(n, others, "Sec. 5", "7R is the only exception")
-    yield from family_rows(angles, printed)
+    yield from family_rows(start, angles)
 
 
 def solutions(joints: int, seed: int, starts: int) -> list[Solution]:
@@ -92,32 +99,23 @@ def _printed_rows(printed: FloatArray) -> Iterator[ReproductionRow]:
     quantity, paper = "fσ_6 of the printed matrix", f"√(2/3) = {shown(expected)}"
     note = f"rounded entries allow {slack:.1e}"
     yield compared("(47)", quantity, paper, expected, sigmas, note, slack, shown_range)
-    yield _exact_row(printed)
 
 
-def _exact_row(printed: FloatArray) -> ReproductionRow:
-    quantity = "distance of the printed matrix to an exactly isotropic one, any entry"
-    paper = "isotropic as designed"
-    try:
-        angles = _exact(printed)
-    except InputError as reason:
-        return claim("(47)", quantity, paper, "none", False, str(reason))
+def _exact_row(printed: FloatArray, angles: FloatArray) -> ReproductionRow:
     exact = ARM.jacobian(angles)
     moved = float(np.max(np.abs(aligned(exact, printed) - printed)))
     tolerant = measures.is_optimally_failure_tolerant(exact, _TOLERANCE)
     slope = least_slope(ARM, angles)
     slack = product_slack(printed) / slope
-    note = (
+    return claim(
+        "(47)",
+        "distance of the printed matrix to an exactly isotropic one, any entry",
+        "isotropic as designed",
+        f"at most {moved:.1e}",
+        tolerant and moved <= slack,
         f"the equations are flat here (slope {slope:.2f} at least), so that what rounding "
-        f"leaves in JJᵀ allows {slack:.1e}"
+        f"leaves in JJᵀ allows {slack:.1e}",
     )
-    ours, true = f"at most {moved:.1e}", tolerant and moved <= slack
-    return claim("(47)", quantity, paper, ours, true, note)
-
-
-def _exact(printed: FloatArray) -> FloatArray:
-    """Angles of the solution next to a printed one; InputError if there is none."""
-    return solve_near(ARM, ARM.variables(nearest_unit_revolute(printed)))
 
 
 def _value_rows(matrices: list[FloatArray]) -> Iterator[ReproductionRow]:
@@ -145,25 +143,19 @@ def _convergence_row(
 
 
 def family_rows(
-    optima: list[FloatArray], printed: FloatArray = reference.OPTIMAL_8R, steps: int = 20
+    start: FloatArray, optima: list[FloatArray], steps: int = 20
 ) -> Iterator[ReproductionRow]:
-    """Rows of the family that the printed Jacobian (47) belongs to, and of other optima's.
+    """Rows of the family that the solution next to (47) belongs to, and of other optima's.
 
     Parameters
     ----------
+    start
+        Angles of that solution, in radians, shape (24,).
     optima
-        Angles of other 8R optima, in radians, each of shape (24,).
-    printed
-        The printed Jacobian, shape (6, 8).
+        Angles of other 8R optima.
     steps
         How many further optima are found along the curve.
     """
-    try:
-        start = _exact(printed)
-    except InputError as reason:
-        quantity = "solutions near the printed one"
-        yield claim("after (46)", quantity, _FAMILIES, "none", False, str(reason))
-        return
     size = local_dimension(ARM, start)
     filled = fills_tangent_space(ARM, start)
     yield claim(
@@ -189,11 +181,7 @@ def family_rows(
 
 
 def _curve_row(start: FloatArray, steps: int) -> ReproductionRow:
-    try:
-        points = trace_family(ARM, start, steps)
-    except InputError as reason:
-        return claim("after (46)", "a curve", "exists", "none", False, str(reason))
-    matrices = [ARM.jacobian(point) for point in points]
+    matrices = [ARM.jacobian(point) for point in trace_family(ARM, start, steps)]
     classes = len(group_equivalent(matrices, tolerance=_DISTINCT))
     tolerant = all(measures.is_optimally_failure_tolerant(j, _TOLERANCE) for j in matrices)
     sigmas = [measures.worst_case_sigma(matrix) for matrix in matrices]

@@ -59,10 +59,6 @@ class ReproductionRow:
     verdict: Verdict
     note: str = ""
 
-    def to_dict(self) -> dict[str, str]:
-        """Return the fields as plain text, in the order of the table's columns."""
-        return {name: str(value) for name, value in vars(self).items()}
-
 
 def shown(values: npt.ArrayLike) -> str:
     """Return numbers with seven significant digits, separated by commas."""

@@ -17,24 +17,17 @@ def search(
     seed: int,
     options: Mapping[str, object] | None = None,
 ) -> list[Solution]:
-    """Solve from random starts in this process, one solution per start.
-
-    Parameters
-    ----------
-    build, sample, options
-        See `nlp.starts.Task`.
-    starts, seed
-        See `nlp.multistart.multistart`.
+    """Solve from random starts in this process, one solution per start; see `multistart`.
 
     Raises
     ------
     KeyboardInterrupt
         If the user interrupted: shares of an unfinished search would be wrong.
     """
-    study = multistart(build, sample, starts=starts, seed=seed, options=options)
-    if not study.complete:
+    result = multistart(build, sample, starts=starts, seed=seed, options=options)
+    if not result.complete:
         raise KeyboardInterrupt
-    return [run.solution for run in study.results]
+    return [start.solution for start in result.results]
 
 
 def optima(solutions: list[Solution]) -> list[FloatArray]:

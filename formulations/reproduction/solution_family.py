@@ -16,11 +16,10 @@ from functools import lru_cache
 
 import casadi as ca
 import numpy as np
-import numpy.typing as npt
 
 from formulations.appendix import residuals
 from formulations.joints.arm import Arm
-from nlp.arrays import FloatArray, finite_vector, whole_number
+from nlp.arrays import FloatArray
 from nlp.errors import InputError
 
 # Singular values of the equations' derivative below this count as zero.
@@ -55,19 +54,15 @@ class LocalDimension:
         """Dimension of the family of different Jacobians."""
         return self.angles - self.equations - self.symmetries
 
-    def to_dict(self) -> dict[str, int]:
-        """Return plain values for tables and JSON, the family's dimension among them."""
-        return {**vars(self), "family": self.family}
 
-
-def local_dimension(arm: Arm, angles: npt.ArrayLike) -> LocalDimension:
+def local_dimension(arm: Arm, angles: FloatArray) -> LocalDimension:
     """Return the dimensions around a solution; angles in radians, shape (3n,)."""
     matrices = (_equations(arm, angles)[1], symmetry_directions(arm, angles))
     ranks = (int(np.linalg.matrix_rank(one, tol=_RANK_TOLERANCE)) for one in matrices)
     return LocalDimension(arm.size, *ranks)
 
 
-def least_slope(arm: Arm, angles: npt.ArrayLike) -> float:
+def least_slope(arm: Arm, angles: FloatArray) -> float:
     """Smallest nonzero singular value of the equations' derivative.
 
     Angles whose equations are off by r can be r/slope from a solution, to first order.
@@ -76,31 +71,30 @@ def least_slope(arm: Arm, angles: npt.ArrayLike) -> float:
     return float(np.min(values[values > _RANK_TOLERANCE]))
 
 
-def fills_tangent_space(arm: Arm, angles: npt.ArrayLike, step: float = 1e-3) -> bool:
+def fills_tangent_space(arm: Arm, angles: FloatArray, step: float = 1e-3) -> bool:
     """Whether solutions lie in every direction that `local_dimension` counts.
 
     A rank alone bounds the dimension of the family from above. Here a step of length
     `step`, in radians, goes both ways along each tangent direction; if solutions fill the
     tangent space, a correction of the order of its square reaches one, of the same rank.
     """
-    point = _point(arm, angles)
-    expected = local_dimension(arm, point)
-    for direction in _family_directions(arm, point):
+    expected = local_dimension(arm, angles)
+    for direction in _family_directions(arm, angles):
         for sign in (1.0, -1.0):
-            predicted = point + sign * step * direction
+            predicted = angles + sign * step * direction
             try:
-                found = solve_near(arm, predicted)
+                solution = solve_near(arm, predicted)
             except InputError:
                 return False
-            far = np.linalg.norm(found - predicted) > 10 * step**2
-            if far or local_dimension(arm, found) != expected:
+            far = np.linalg.norm(solution - predicted) > 10 * step**2
+            if far or local_dimension(arm, solution) != expected:
                 return False
     return True
 
 
-def symmetry_directions(arm: Arm, angles: npt.ArrayLike) -> FloatArray:
+def symmetry_directions(arm: Arm, angles: FloatArray) -> FloatArray:
     """Angle velocities of the three rotations of the frame and of the phase, shape (4, 3n)."""
-    evaluated = _with_derivative(arm, Arm.matrix)(_point(arm, angles))
+    evaluated = _with_derivative(arm, Arm.matrix)(angles)
     jacobian, derivative = map(np.array, evaluated)
     velocity, axis = jacobian[:3], jacobian[3:]
     motions = [
@@ -113,7 +107,7 @@ def symmetry_directions(arm: Arm, angles: npt.ArrayLike) -> FloatArray:
     return np.asarray(np.linalg.lstsq(derivative, targets, rcond=None)[0].T)
 
 
-def solve_near(arm: Arm, angles: npt.ArrayLike) -> FloatArray:
+def solve_near(arm: Arm, angles: FloatArray) -> FloatArray:
     """Return the isotropic solution nearby that Gauss–Newton steps of least norm lead to.
 
     Raises
@@ -121,9 +115,8 @@ def solve_near(arm: Arm, angles: npt.ArrayLike) -> FloatArray:
     InputError
         If they lead to none.
     """
-    start = _point(arm, angles)
     for cutoff in _CUTOFFS:
-        point = start
+        point = angles
         for _ in range(_CORRECTIONS):
             values, derivative = _equations(arm, point)
             if np.max(np.abs(values)) <= _RESIDUAL_TOLERANCE:
@@ -133,7 +126,7 @@ def solve_near(arm: Arm, angles: npt.ArrayLike) -> FloatArray:
 
 
 def trace_family(
-    arm: Arm, angles: npt.ArrayLike, steps: int = 20, length: float = 0.05
+    arm: Arm, angles: FloatArray, steps: int = 20, length: float = 0.05
 ) -> list[FloatArray]:
     """Follow a curve of different solutions.
 
@@ -158,7 +151,6 @@ def trace_family(
     InputError
         If the solution is isolated, or the curve is lost because `length` is too large.
     """
-    whole_number("steps", steps, 1)
     points = [solve_near(arm, angles)]
     if local_dimension(arm, points[0]).family < 1:
         raise InputError("angles", "an isolated solution", "a member of a family")
@@ -179,8 +171,8 @@ def _family_directions(arm: Arm, point: FloatArray) -> FloatArray:
     return np.asarray(vectors[int(np.sum(values > _RANK_TOLERANCE)) :])
 
 
-def _equations(arm: Arm, angles: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
-    values, derivative = _with_derivative(arm, residuals)(_point(arm, angles))
+def _equations(arm: Arm, angles: FloatArray) -> tuple[FloatArray, FloatArray]:
+    values, derivative = _with_derivative(arm, residuals)(angles)
     return np.array(values).ravel(), np.array(derivative)
 
 
@@ -191,7 +183,3 @@ def _with_derivative(arm: Arm, state: Callable[[Arm, ca.SX], ca.SX]) -> ca.Funct
     expression = state(arm, angles)
     derivative = ca.jacobian(ca.vec(expression), angles)
     return ca.Function("with_derivative", [angles], [expression, derivative])
-
-
-def _point(arm: Arm, angles: npt.ArrayLike) -> FloatArray:
-    return finite_vector("angles", angles, arm.size)

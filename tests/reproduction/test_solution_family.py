@@ -71,8 +71,3 @@ def test_seven_joints_have_no_solution_to_be_near() -> None:
     arm = Arm.of(UnitRevolute(), 7)
     with pytest.raises(InputError, match="far from any solution"):
         solve_near(arm, arm.variables(nearest_unit_revolute(reference.NEARLY_OPTIMAL_7R)))
-
-
-def test_steps_must_be_positive(angles: FloatArray) -> None:
-    with pytest.raises(InputError, match="steps"):
-        trace_family(ARM, angles, steps=0)

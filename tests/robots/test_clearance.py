@@ -19,8 +19,8 @@ from formulations.robots.posture import best_posture
 from formulations.robots.posture_search import Search
 from formulations.robots.robot_arm import RobotArm
 from formulations.robots.task import TaskSpace
-from formulations.studies.robots import ARMS
 from nlp.errors import InputError
+from results.robots.survey import ARMS
 
 
 @lru_cache

@@ -1,6 +1,5 @@
 """measure-robot, posture and robots as a stranger meets them: real processes."""
 
-import csv
 import json
 import sys
 from pathlib import Path
@@ -132,7 +131,6 @@ def test_assess_shows_everything_that_was_asked_for(lockedjoint, robot, tmp_path
         (("posture", "robot.urdf", "--formulation", "best"), "one of residual, max-min"),
         (("posture", "robot.urdf", "--ipopt", "mu=1"), "mu"),
         (("posture", "planar.urdf"), "directions in which the tip can move at some posture"),
-        (("robots", "--only", "Hal"), "--only is Hal; allowed: part of one of Franka"),
     ],
 )
 def test_wrong_input_is_one_sentence(
@@ -220,20 +218,3 @@ def test_a_structural_failure_is_a_result(made, tmp_path, monkeypatch, capfd):
 def test_workers_are_all_cores_unless_given():
     for command in typer.main.get_command(app).commands.values():
         assert [p.default for p in command.params if p.name == "workers"] in ([], [None])
-
-
-def test_robots_writes_a_table_that_measure_reads(lockedjoint, tmp_path):
-    done = lockedjoint.here(
-        "robots", "--only", "UR5", "--starts", 2, "--workers", 1, "--out", "here", cwd=tmp_path
-    )
-    assert done.returncode == 0, done.stderr
-    with (tmp_path / "here/robots.csv").open() as file:
-        (row,) = csv.DictReader(file)
-    page = (tmp_path / "here/robots.md").read_text()
-    assert f"{float(row['worst_case_sigma']):.5f}" in page
-    assert "- seed: 0" in page
-    measured = lockedjoint.here("measure", "here/postures.json", "--json", cwd=tmp_path)
-    judged = json.loads(measured.stdout)
-    assert judged["worst_case_sigma"] == pytest.approx(
-        float(row["worst_case_sigma"]), abs=1e-12
-    )

@@ -17,8 +17,9 @@ from formulations.robots.posture_search import Search
 from formulations.robots.robot_arm import RobotArm
 from formulations.robots.robot_assessment import measure_robot
 from formulations.robots.task import TaskSpace
-from formulations.studies.robots import ARMS, SurveyArm, row_of
 from nlp.errors import InputError
+from results.robots.robots import row_of
+from results.robots.survey import ARMS, SurveyArm
 
 RESULTS = Path(__file__).parents[2] / "results" / "robots"
 

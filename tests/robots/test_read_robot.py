@@ -20,8 +20,8 @@ from formulations.kinematics.read_robot import read_robot
 from formulations.kinematics.read_urdf import read_urdf
 from formulations.robots.robot_arm import RobotArm
 from formulations.robots.task import TaskSpace
-from formulations.studies.robots import ARMS
 from nlp.errors import FileError, InputError
+from results.robots.survey import ARMS
 
 EXACT = 1e-12
 POINTS = 20

@@ -14,8 +14,8 @@ from formulations import measures
 from formulations.kinematics.chain_between import chain_between
 from formulations.robots.robot_arm import RobotArm
 from formulations.robots.task import TaskSpace
-from formulations.studies.robots import ARMS
 from nlp.errors import InputError
+from results.robots.survey import ARMS
 
 SEEDS = st.integers(0, 2**32 - 1)
 

@@ -10,7 +10,7 @@ from formulations.kinematics.chain_between import chain_between
 from formulations.robots.robot_arm import RobotArm
 from formulations.robots.structural import structural_failures
 from formulations.robots.task import TaskSpace
-from formulations.studies.robots import ARMS
+from results.robots.survey import ARMS
 
 # Modified Denavit–Hartenberg parameters (α, a, d) of a spherical shoulder, an elbow and a
 # spherical wrist; the tool is 0.1 m from the wrist.

@@ -1,0 +1,286 @@
+"""All formulations from common starts, side by side in one table."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from math import isnan
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from formulations import isotropy, max_min, measures, residual
+from formulations.formulation import Formulation
+from formulations.io.pages import outward
+from formulations.io.study import Effort, Study, write_json
+from formulations.io.table import HIDDEN, column
+from formulations.joints.arm import Arm
+from formulations.joints.models import arm, models_of
+from formulations.registry import registered
+from formulations.solving.case import NOTHING, Case
+from formulations.solving.outcome import Outcome
+from formulations.solving.solve import run
+from nlp.options import check_options
+
+STARTS = 100
+NAN = float("nan")
+# What names a Jacobian in the file of them.
+_NAMES = ("formulation", "variant", "model", "verdict")
+
+
+@dataclass(frozen=True)
+class ComparisonRow:
+    """One case's outcome: the columns of ``comparison.csv``; NaN where one does not apply.
+
+    Six of them are shown in tables.
+
+    Attributes
+    ----------
+    formulation, variant, model, joints, task_dimension, verdict, starts
+        What was run, and `Outcome.verdict`; `starts` counts those that ended.
+    solved
+        Starts at which Ipopt said that it succeeded.
+    reached_best
+        Starts whose answer, checked from J alone, is within `REACHED_BEST` of the best.
+    score
+        What the formulation optimises, recomputed from the best J: ½‖JJᵀ − (T/m)I‖² for the
+        residual, the worst-case singular value for the other two.
+    certified_bound, certified_gap_percent, certificate
+        What is proved about the score for every Jacobian of the model, how far the score is
+        from it in percent of the bound, and the kind of proof
+        (`formulations.bounds.certified`).
+    numerical_bound, numerical_gap_percent
+        The same, checked in floating point only, where such a bound is on record.
+    worst_case_sigma, sigma_bound, gap_percent
+        Eq. (5) for the best J, the bound (6) at the model's largest ‖J‖_F, and the gap in
+        percent of the bound.
+    condition_number, isotropy_defect
+        Of the best J; if nothing passed the check, of the least violation found.
+    violation
+        Largest violation of any constraint there.
+    distinct_optima
+        Classes among the starts that reached the best, modulo frame, phase, order and signs;
+        0 also if the user interrupted.
+    iterations_median, cpu_seconds_per_start, cpu_seconds_per_success
+        Processor time, with the drawing of the start, without building the solver.
+    relative_cost
+        Processor time per success over that of the same formulation and model without a
+        variant.
+    status_counts
+        Ipopt's return statuses and how often each came.
+    """
+
+    formulation: str = field(metadata=column("problem", lambda row: row.problem))
+    variant: str = field(metadata=HIDDEN)
+    model: str = field(metadata=HIDDEN)
+    joints: int = field(metadata=HIDDEN)
+    task_dimension: int = field(metadata=HIDDEN)
+    verdict: str = field(metadata=HIDDEN)
+    starts: int = field(metadata=HIDDEN)
+    solved: int = field(metadata=HIDDEN)
+    reached_best: int = field(
+        metadata=column(form=lambda row: f"{row.reached_best}/{row.starts}")
+    )
+    score: float = field(
+        metadata=column(
+            form=lambda row: row.verdict if isnan(row.score) else f"{row.score:.7g}"
+        )
+    )
+    certified_bound: float = field(
+        metadata=column("proved bound", form=lambda row: _bound(row))
+    )
+    certified_gap_percent: float = field(metadata=column("gap %", "z.2f"))
+    certificate: str = field(metadata=HIDDEN)
+    numerical_bound: float = field(metadata=HIDDEN)
+    numerical_gap_percent: float = field(metadata=HIDDEN)
+    worst_case_sigma: float = field(metadata=HIDDEN)
+    sigma_bound: float = field(metadata=HIDDEN)
+    gap_percent: float = field(metadata=HIDDEN)
+    condition_number: float = field(metadata=HIDDEN)
+    isotropy_defect: float = field(metadata=HIDDEN)
+    violation: float = field(metadata=HIDDEN)
+    distinct_optima: int = field(metadata=HIDDEN)
+    iterations_median: float = field(metadata=HIDDEN)
+    cpu_seconds_per_start: float = field(metadata=HIDDEN)
+    cpu_seconds_per_success: float = field(metadata=column("CPU ms per success", scale=1e3))
+    relative_cost: float = field(metadata=HIDDEN)
+    status_counts: Mapping[str, int] = field(metadata=HIDDEN)
+
+    @property
+    def problem(self) -> str:
+        """Formulation, model and variant, as tables name them."""
+        return ", ".join(filter(None, (self.formulation, self.model, self.variant)))
+
+
+def study(
+    joints: int = 7,
+    task_dimension: int = 6,
+    options: Mapping[str, object] | None = None,
+    compiled: bool = False,
+    models: Sequence[str] = (),
+) -> Study:
+    """Return the comparison: our formulations, and those that the user registered.
+
+    Parameters
+    ----------
+    joints, task_dimension
+        n and m.
+    options
+        Of Ipopt, over the formulations' own.
+    compiled
+        Whether the problems' functions are compiled first.
+    models
+        Column models by name; by default the two of the task dimension.
+
+    Raises
+    ------
+    InputError
+        If there is no such arm, or Ipopt has no such option.
+    """
+    compared = cases(joints, task_dimension, check_options(options or {}), compiled, models)
+
+    def compute(effort: Effort, folder: Path) -> Iterator[ComparisonRow]:
+        plain: dict[tuple[str, str], ComparisonRow] = {}
+        entries = []
+        for case in compared:
+            outcome = solve_case(case, effort, STARTS)
+            problem = (case.formulation.NAME, case.model)
+            row = row_of(outcome, plain.get(problem))
+            if not case.variant:
+                plain[problem] = row
+            best = outcome.best
+            entries.append(
+                {
+                    **{name: getattr(row, name) for name in _NAMES},
+                    "seed": best.seed,
+                    "start": best.index,
+                    "worst_case_sigma": best.worst_case_sigma,
+                    "isotropy_defect": best.isotropy_defect,
+                    "jacobian": best.jacobian.tolist(),
+                }
+            )
+            write_json(folder / "jacobians.json", entries)
+            yield row
+            if not outcome.complete:
+                raise KeyboardInterrupt
+
+    name, option = ("comparison", "") if joints == 7 else (f"comparison_{joints}r", "--joints ")
+    return Study(
+        name=name,
+        title=f"the three formulations on {joints}R, from common starts",
+        page="comparison.md",
+        template=Path(__file__).with_suffix(".md.j2"),
+        tables={"comparison": ComparisonRow},
+        command=f"lockedjoint compare {option and f'{option}{joints} '}--out results/{name}",
+        takes="under a minute",
+        compute=compute,
+    )
+
+
+def solve_case(case: Case, effort: Effort, usual: int) -> Outcome:
+    """Solve a case from all starts, `usual` if the effort names no number.
+
+    Raises
+    ------
+    KeyboardInterrupt
+        If the user interrupted before the first start ended.
+    """
+    effort.progress(f"{case.name}, {case.locked} locked")
+    outcome = run(
+        case,
+        starts=effort.starts or usual,
+        seed=effort.seed,
+        workers=effort.workers,
+        progress=effort.bars,
+    )
+    if not outcome.records:
+        raise KeyboardInterrupt
+    try:
+        _ = outcome.distinct_optima  # now, where an interrupt loses nothing
+    except KeyboardInterrupt:
+        outcome = replace(outcome, complete=False)
+    return outcome
+
+
+def cases(
+    joints: int,
+    task_dimension: int,
+    options: Mapping[str, object] = NOTHING,
+    compiled: bool = False,
+    models: Sequence[str] = (),
+) -> tuple[Case, ...]:
+    """List the rows: each formulation on all models, and the variants of max-min on one."""
+    names = models or models_of(task_dimension)
+    first, *others = (arm(model, joints, task_dimension) for model in names)
+    minima = {"encoding": "shared-factor", "from_residual_minima": True}
+    free, positive = "factor-per-deletion", "positive-factor-per-deletion"
+    listed: tuple[tuple[Formulation, Arm, dict[str, Any], str], ...] = (
+        (residual, first, {}, ""),
+        (max_min, first, {}, ""),
+        (max_min, first, minima, "from residual minima"),
+        (max_min, first, {"encoding": free}, "one factor per failure"),
+        (max_min, first, {"encoding": positive}, "one positive factor per failure"),
+        (isotropy, first, {}, ""),
+        *((own, other, {}, "") for other in others for own in (residual, max_min, isotropy)),
+        *((own, every, {}, "") for own in registered() for every in (first, *others)),
+    )
+    return tuple(Case(*parts, options=options, compiled=compiled) for parts in listed)
+
+
+def row_of(outcome: Outcome, default: ComparisonRow | None = None) -> ComparisonRow:
+    """Return an outcome of at least one record as a row.
+
+    Parameters
+    ----------
+    outcome
+        Of an arm of joints to be designed.
+    default
+        The row of the same formulation and model without a variant; None if this is it.
+    """
+    case, records, built = outcome.case, outcome.records, outcome.arm
+    assert isinstance(built, Arm)
+    m, n = built.shape
+    best, shown = outcome.reached, outcome.best
+    sigma, score = (shown.worst_case_sigma, shown.score) if best else (NAN, NAN)
+    limit = measures.sigma_bound(m, n, built.largest_trace, case.locked)
+    seconds = sum(record.cpu_seconds for record in records)
+    per_success = seconds / len(best) if best else NAN
+    unit = default.cpu_seconds_per_success if default else per_success
+    proved = case.formulation.bound(built, case.locked)
+    checked = case.formulation.bound(built, case.locked, certified=False)
+    return ComparisonRow(
+        formulation=case.formulation.NAME,
+        variant=case.variant,
+        model=case.model,
+        joints=n,
+        task_dimension=m,
+        verdict=outcome.verdict,
+        starts=len(records),
+        solved=outcome.succeeded,
+        reached_best=len(best),
+        score=score,
+        certified_bound=proved.value if proved else NAN,
+        certified_gap_percent=proved.gap_percent(score) if proved else NAN,
+        certificate=proved.kind if proved else "",
+        numerical_bound=checked.value if checked else NAN,
+        numerical_gap_percent=checked.gap_percent(score) if checked else NAN,
+        worst_case_sigma=sigma,
+        sigma_bound=limit,
+        gap_percent=measures.gap_percent(sigma, limit),
+        condition_number=shown.condition_number,
+        isotropy_defect=shown.isotropy_defect,
+        violation=shown.violation,
+        distinct_optima=outcome.distinct_optima,
+        iterations_median=float(np.median([record.status.iterations for record in records])),
+        cpu_seconds_per_start=seconds / len(records),
+        cpu_seconds_per_success=per_success,
+        relative_cost=per_success / unit,
+        status_counts=outcome.status_counts,
+    )
+
+
+def _bound(row: ComparisonRow) -> str:
+    """Return the proved bound, rounded to the side on which it holds."""
+    if isnan(row.certified_bound):
+        return row.certificate
+    below = row.formulation == "residual" or row.score > row.certified_bound
+    return outward(row.certified_bound, 7, lower=below)

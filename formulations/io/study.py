@@ -1,0 +1,210 @@
+"""A study: rows that are computed one by one, and the folder of tables and the page they fill.
+
+A run writes into the folder `INCOMPLETE` within, after every row. When all rows are there, its
+files replace those of the run before, and the page comes last: a folder with a page holds the
+files of one complete run.
+"""
+
+import json
+import shutil
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from formulations.io import pages
+from formulations.io.table import Table, read_rows
+from nlp.errors import FileError
+from nlp.files import prepare_file, prepare_folder, write_text
+
+#: Within the folder of a result: what is being computed.
+INCOMPLETE = "incomplete"
+_BEGUN = "Interrupted or still running: nothing is here yet.\n"
+Rows = Mapping[str, Sequence[Any]]
+
+
+@dataclass(frozen=True)
+class Effort:
+    """How a study is run.
+
+    Attributes
+    ----------
+    seed
+        Of all random starts.
+    starts
+        Random starts of each row; None for as many as the study usually makes.
+    workers
+        Processes.
+    progress
+        Is called with what is being done, in a few words.
+    bars
+        Whether many starts show a progress bar.
+    """
+
+    seed: int = 0
+    starts: int | None = None
+    workers: int = 1
+    progress: Callable[[str], None] = lambda _: None
+    bars: bool = False
+
+
+@dataclass(frozen=True)
+class Result:
+    """What a run of a study came to.
+
+    Attributes
+    ----------
+    rows
+        Of all tables, in the order in which they were computed.
+    complete
+        Whether nothing is missing.
+    complaint
+        What is wrong with the rows, in a sentence, or nothing.
+    """
+
+    rows: tuple[Any, ...]
+    complete: bool
+    complaint: str = ""
+
+
+@dataclass(frozen=True)
+class Study:
+    """What fills one folder of results.
+
+    Attributes
+    ----------
+    name
+        Of the folder.
+    title
+        In a few words, for the front page.
+    page
+        The folder's Markdown page.
+    template
+        The file that the page is made from, with the block ``finding``.
+    tables
+        The kind of row of each CSV file, by the file's stem; the main table first.
+    command
+        The command that runs this study alone.
+    takes
+        How long that takes on two cores, in words.
+    compute
+        Yields the rows. It is given the effort and a folder for files of its own. A
+        KeyboardInterrupt ends the study there.
+    long
+        Whether it takes over ten minutes.
+    settings
+        What else the template needs.
+    complain
+        Returns what is wrong with the rows, in a sentence, or nothing.
+    """
+
+    name: str
+    title: str
+    page: str
+    template: Path
+    tables: Mapping[str, type[Any]]
+    command: str
+    takes: str
+    compute: Callable[[Effort, Path], Iterator[Any]]
+    long: bool = False
+    settings: Mapping[str, object] = field(default_factory=dict)
+    complain: Callable[[Sequence[Any]], str] = lambda _: ""
+
+    def run(
+        self, folder: Path, effort: Effort, each: Callable[[Any], object] = lambda _: None
+    ) -> Result:
+        """Run the study into a folder; tables and page are written after every row.
+
+        Parameters
+        ----------
+        folder
+            Made if missing.
+        effort
+            How it is run.
+        each
+            Is called with every row, after it is written.
+
+        Returns
+        -------
+        Result
+            Not complete if the user interrupted; what was done is then in the folder's
+            `INCOMPLETE`, and an earlier result stays as it was.
+
+        Raises
+        ------
+        LockedJointError
+            If the study cannot be run, or the folder not be written to.
+        """
+        prepare_folder(folder)
+        for name in (self.page, *(f"{stem}.csv" for stem in self.tables)):
+            prepare_file(folder / name, "output file")
+        part = folder / INCOMPLETE
+        self._discard(part)
+        write_text(prepare_folder(part) / self.page, _BEGUN)
+        rows: list[Any] = []
+        try:
+            for row in self.compute(effort, part):
+                rows.append(row)
+                self._write(part, rows, effort.seed, complete=False)
+                each(row)
+        except KeyboardInterrupt:
+            return Result(tuple(rows), complete=False)
+        except Exception:
+            self._discard(part)
+            raise
+        self._write(part, rows, effort.seed, complete=True)
+        self._publish(part, folder)
+        return Result(tuple(rows), complete=True, complaint=self.complain(rows))
+
+    def read(self, folder: Path) -> Rows:
+        """Return the rows of each table in a folder, none where a table is missing.
+
+        Raises
+        ------
+        FileError
+            If a table is not of this version.
+        """
+        paths = {stem: folder / f"{stem}.csv" for stem in self.tables}
+        return {
+            stem: read_rows(path, self.tables[stem]) if path.exists() else []
+            for stem, path in paths.items()
+        }
+
+    def finding(self, tables: Rows) -> str:
+        """Return what the tables show as one paragraph, empty if there is nothing to say."""
+        return pages.prose(pages.block(self.template, "finding", self._values(tables)))
+
+    def _discard(self, part: Path) -> None:
+        """Remove what a run that did not finish left, and nothing of anybody else's."""
+        if not part.exists():
+            return
+        if not (part / self.page).is_file() and any(part.iterdir()):
+            raise FileError("folder", str(part), f"one of an earlier run, with {self.page}")
+        shutil.rmtree(part)
+
+    def _write(self, part: Path, rows: Sequence[Any], seed: int, complete: bool) -> None:
+        for place, (stem, kind) in enumerate(self.tables.items()):
+            same = [row for row in rows if isinstance(row, kind)]
+            if same or place == 0:
+                write_text(part / f"{stem}.csv", Table(kind, same).csv())
+        # From the tables as they were written, so that page and tables agree.
+        values = {**self._values(self.read(part)), "seed": seed, "complete": complete}
+        write_text(part / self.page, pages.page(self.template, values))
+
+    def _publish(self, part: Path, folder: Path) -> None:
+        files = [path for path in part.rglob("*") if path.is_file()]
+        (folder / self.page).unlink(missing_ok=True)
+        for path in sorted(files, key=lambda path: path == part / self.page):
+            target = folder / path.relative_to(part)
+            target.parent.mkdir(exist_ok=True)
+            path.replace(target)
+        shutil.rmtree(part)
+
+    def _values(self, tables: Rows) -> dict[str, object]:
+        named = {stem.replace("-", "_"): rows for stem, rows in tables.items()}
+        return {**self.settings, **named, "rows": tables[next(iter(self.tables))]}
+
+
+def write_json(path: Path, values: object) -> None:
+    """Write values beside a study's tables."""
+    write_text(path, json.dumps(values, indent=1) + "\n")

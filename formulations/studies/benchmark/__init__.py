@@ -1,1 +1,0 @@
-"""The library beside its peers: processor time per start and per success, in one run."""

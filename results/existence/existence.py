@@ -1,0 +1,110 @@
+"""The existence proofs: certificates, derived and verified, and their figures."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from formulations.existence.certificate import Certificate
+from formulations.existence.derive import derive
+from formulations.existence.evaluate import defects
+from formulations.existence.exact_jacobian import ExactJacobian, verify_existence
+from formulations.existence.reading import read, read_either
+from formulations.existence.rings import exact_jacobian
+from formulations.existence.verify import TheoremReport, verify
+from formulations.io.study import Effort
+from formulations.io.table import column
+from nlp.files import write_text
+from results.script import declared, main
+
+CERTIFICATE = "certificate.json"
+_WRONG = "not proved"
+# Of matrices that violate every equation, at which the identity is evaluated as well.
+_SAMPLES = 1
+# The numbers of joints from which all others follow by adding six.
+_OPTIMAL = (8, 9, 10, 11, 12, 13)
+
+
+@dataclass(frozen=True)
+class Fact:
+    """A line of ``existence.csv``: what is counted, and the count, as text."""
+
+    quantity: str
+    value: str
+
+
+@dataclass(frozen=True)
+class OptimalRow:
+    """A line of ``optimal.csv``: a verified certificate that an optimal Jacobian exists.
+
+    Attributes
+    ----------
+    joints, file
+        Number of joints n, and the certificate.
+    square_roots
+        How many square roots its columns are made of.
+    equations
+        How many exact equations were checked.
+    """
+
+    joints: int = field(metadata=column("n"))
+    square_roots: int
+    equations: int
+    file: str
+
+
+def facts(certificate: Certificate, report: TheoremReport, verdict: str) -> list[Fact]:
+    """Return the lines of the table."""
+    lines = {
+        "joints": report.joints,
+        "squares": report.squares,
+        "weights": " and ".join(str(square.weight) for square in certificate.squares),
+        "terms": " and ".join(str(len(square.terms)) for square in certificate.squares),
+        "constant": report.constant,
+        "multipliers": report.multipliers,
+        "averages of monomials that cancel": report.monomials,
+        "random matrices at which the identity holds": _SAMPLES,
+        "verdict": verdict,
+    }
+    return [Fact(name, str(value)) for name, value in lines.items()]
+
+
+def optimal_row(certificate: ExactJacobian, file: str) -> OptimalRow:
+    """Verify a certificate of existence and return its line of the table."""
+    equations = verify_existence(certificate)
+    return OptimalRow(certificate.joints, len(certificate.roots), equations, file)
+
+
+def compute(effort: Effort, folder: Path) -> Iterator[Fact | OptimalRow]:
+    """Derive the certificates, then verify them from their files."""
+    effort.progress("certificate: derivation")
+    write_text(folder / CERTIFICATE, derive().to_json())
+    effort.progress("certificate: verification")
+    certificate = read(folder / CERTIFICATE)
+    report = verify(certificate)
+    wrong = any(defects(certificate, samples=_SAMPLES))
+    yield from facts(certificate, report, _WRONG if wrong else "proved")
+    for joints in _OPTIMAL:
+        file = f"optimal_{joints}.json"
+        write_text(folder / file, exact_jacobian(joints).to_json())
+        existence = read_either(folder / file)
+        if isinstance(existence, ExactJacobian):
+            yield optimal_row(existence, file)
+
+
+def _complain(rows: Sequence[object]) -> str:
+    wrong = Fact("verdict", _WRONG) in rows
+    return "the identity does not hold at a random matrix" if wrong else ""
+
+
+STUDY = declared(
+    __file__,
+    title="for which n optimally failure-tolerant nR Jacobians exist, in exact arithmetic",
+    page="README.md",
+    tables={"existence": Fact, "optimal": OptimalRow},
+    takes="seconds",
+    compute=compute,
+    complain=_complain,
+)
+
+if __name__ == "__main__":
+    main(STUDY, __file__)

@@ -1,0 +1,63 @@
+"""The figures: each drawn anew, with the numbers that it shows beside it."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from formulations.io.study import Effort
+from formulations.plot.figures import FIGURES
+from formulations.plot.picture import Request
+from formulations.plot.style import content
+from nlp.files import write_bytes, write_text
+from results.script import declared, main
+
+
+@dataclass(frozen=True)
+class FigureRow:
+    """A line of ``figures.csv``: a figure, its numbers, and the command that makes both."""
+
+    figure: str
+    file: str
+    data: str
+    lines: int
+    starts: int
+    command: str
+
+
+@dataclass(frozen=True)
+class TradeOffRow:
+    """What is read of ``trade-off.csv``, which holds the numbers of that figure."""
+
+    model: str
+    isotropy_defect: float
+    worst_case_sigma: float
+
+
+def compute(effort: Effort, folder: Path) -> Iterator[FigureRow]:
+    """Draw each figure and write the numbers that it shows beside it."""
+    for name, kind in FIGURES.items():
+        effort.progress(name)
+        starts = effort.starts or kind.starts
+        picture = kind.make(Request(starts=starts, seed=effort.seed, workers=effort.workers))
+        files = f"{name}.svg", f"{name}.csv"
+        write_bytes(folder / files[0], content(picture.figure, "svg"))
+        numbers = picture.table.to_csv(index=False, lineterminator="\n")
+        write_text(folder / files[1], numbers)
+        where = f"results/figures/{name}"
+        command = f"lockedjoint figure {name} --out {where}.svg --data {where}.csv"
+        if starts != kind.starts:
+            command += f" --starts {starts}"
+        yield FigureRow(name, *files, len(picture.table), starts, command)
+
+
+STUDY = declared(
+    __file__,
+    title="Figs. 1 and 3 from computed robots, the 7R optimum, trade-off, optima",
+    page="README.md",
+    tables={"figures": FigureRow, "trade-off": TradeOffRow},
+    takes="under a minute, and matplotlib",
+    compute=compute,
+)
+
+if __name__ == "__main__":
+    main(STUDY, __file__)

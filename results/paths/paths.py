@@ -1,0 +1,189 @@
+"""Trajectories that survive failures, on paths of arms that exist."""
+
+import json
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from formulations.io.study import Effort, write_json
+from formulations.io.table import HIDDEN, column, read_rows
+from formulations.kinematics.forward import Kinematics
+from formulations.paths.plan import PathPlan
+from formulations.paths.search import PathSearch, check_reach, plan_path
+from formulations.paths.waypoints import ToolPath
+from formulations.plot.path import draw
+from formulations.plot.style import content
+from formulations.robots.robot_arm import RobotArm
+from nlp.files import write_bytes
+from results.robots.survey import ARMS, SurveyArm
+from results.script import declared, main
+
+# Digits of the positions that are stored, radians or metres.
+_DIGITS = 7
+
+
+@dataclass(frozen=True)
+class StudyPath:
+    """A path of the study.
+
+    Attributes
+    ----------
+    arm
+        Its name in the survey of robots, `results.robots.survey.ARMS`; the first of it.
+    path
+        What it is called.
+    home
+        A configuration as JSON; midway between the limits if empty.
+    waypoints
+        As JSON: how far each is from the tool's pose at home, along and about the base's
+        axes, three numbers in metres and three in radians; the latter are zero if left out.
+    """
+
+    arm: str
+    path: str
+    home: str
+    waypoints: str
+
+    @property
+    def robot(self) -> SurveyArm:
+        """The arm in the survey."""
+        return next(one for one in ARMS if one.name == self.arm)
+
+    def stated(self) -> tuple[RobotArm, ToolPath]:
+        """Return the arm and the path; poses for an arm of six task directions."""
+        arm = self.robot.arm()
+        home = np.array(json.loads(self.home)) if self.home else arm.chain.mid_range
+        kinematics = Kinematics(arm.chain)
+        origin, turn, _ = kinematics.forward(home[:, None])
+        offsets = np.array([(*one, 0, 0, 0)[:6] for one in json.loads(self.waypoints)])
+        positions = origin[:, 0] + offsets[:, :3]
+        if arm.shape[0] == 3:
+            return arm, ToolPath(positions)
+        turns = Rotation.from_euler("xyz", offsets[:, 3:])
+        return arm, ToolPath(positions, (turns * Rotation.from_matrix(turn[..., 0])).as_quat())
+
+
+#: The paths of the study.
+PATHS = tuple(read_rows(Path(__file__).with_name("declared.csv"), StudyPath))
+
+
+@dataclass(frozen=True)
+class PathRow:
+    """One path of one arm: the columns of ``paths.csv``.
+
+    Attributes
+    ----------
+    arm, package, path
+        What was planned.
+    joints, task_dimension
+        n and m.
+    minimum_norm_percent
+        Percentage of pairs of joint and sample after whose failure the path can be finished,
+        of the minimum-norm trajectory; NaN if that does not complete the path.
+    percent, ceiling_percent
+        The same of the trajectory found, and the ceiling by sampling.
+    minimum_norm_sigma, least_sigma
+        The least worst-case singular value along both.
+    hopeless
+        Joints whose failure at the start no trajectory survives, because their ranges along
+        the path do not meet.
+    polished
+        Whether the polish raised the share, or smoothed the trajectory at the same share.
+    largest_speed
+        As a share of its limit.
+    deviation
+        Largest distance from the path between samples, in metres.
+    nodes
+        Configurations tested.
+    cpu_seconds
+        Processor time.
+    """
+
+    arm: str
+    package: str = field(metadata=HIDDEN)
+    path: str
+    joints: int
+    task_dimension: int = field(metadata=column("m"))
+    minimum_norm_percent: float = field(metadata=column("minimum norm %", ".1f"))
+    percent: float = field(metadata=column("planned %", ".1f"))
+    ceiling_percent: float = field(metadata=column("ceiling %", ".1f"))
+    minimum_norm_sigma: float = field(metadata=column("least σ, minimum norm", ".4f"))
+    least_sigma: float = field(metadata=column("least σ, planned", ".4f"))
+    hopeless: str = field(metadata=column("hopeless at the start", empty="–"))
+    polished: str
+    largest_speed: float = field(metadata=HIDDEN)
+    deviation: float = field(metadata=HIDDEN)
+    nodes: int = field(metadata=HIDDEN)
+    cpu_seconds: float = field(metadata=column("CPU (s)", ".0f"))
+
+
+def compute(effort: Effort, folder: Path) -> Iterator[PathRow]:
+    """Yield a row for each path; draw the first trajectory, and write them all."""
+    stated = [one.stated() for one in PATHS]
+    for arm, path in stated:  # a waypoint out of reach is better known before all others
+        check_reach(arm, path)
+    entries: list[dict[str, object]] = []
+    for one, (arm, path) in zip(PATHS, stated, strict=True):
+        effort.progress(f"{one.arm}, {one.path}")
+        search = PathSearch(tracks=effort.starts or PathSearch.tracks, seed=effort.seed)
+        started = time.process_time()
+        plan = plan_path(arm, path, search)
+        cpu = time.process_time() - started
+        if not entries:
+            write_bytes(folder / "path.svg", content(draw(plan), "svg"))
+        entry = {
+            "arm": one.arm,
+            "path": one.path,
+            "times": np.round(plan.times, _DIGITS).tolist(),
+            "configurations": np.round(plan.planned.configurations, _DIGITS).tolist(),
+            "survivors": plan.planned.survives.sum(axis=1).tolist(),
+        }
+        entries.append(entry)
+        write_json(folder / "trajectories.json", entries)
+        yield row_of(one, arm, plan, cpu)
+
+
+def row_of(one: StudyPath, arm: RobotArm, found: PathPlan, cpu: float) -> PathRow:
+    """Return what was found for a path as a row."""
+    base, planned, nan = found.minimum_norm, found.planned, float("nan")
+    hopeless = [
+        name
+        for name, last in zip(found.joints, found.unrecoverable_until, strict=True)
+        if last >= 0
+    ]
+    return PathRow(
+        arm=one.arm,
+        package=one.robot.package,
+        path=one.path,
+        joints=arm.size,
+        task_dimension=arm.shape[0],
+        minimum_norm_percent=nan if base is None else base.share,
+        percent=planned.share,
+        ceiling_percent=found.ceiling,
+        minimum_norm_sigma=nan if base is None else float(base.sigma.min()),
+        least_sigma=float(planned.sigma.min()),
+        hopeless=", ".join(hopeless),
+        polished="yes" if found.polished else "no",
+        largest_speed=found.speed,
+        deviation=found.deviation,
+        nodes=found.nodes,
+        cpu_seconds=round(cpu, 1),
+    )
+
+
+STUDY = declared(
+    __file__,
+    title="trajectories along which joints may lock",
+    page="paths.md",
+    tables={"paths": PathRow},
+    takes="up to a quarter of an hour, and packages of robots",
+    compute=compute,
+    long=True,
+)
+
+if __name__ == "__main__":
+    main(STUDY, __file__)

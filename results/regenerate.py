@@ -1,0 +1,182 @@
+"""All results, or those of some studies, computed anew, and the page in front of them."""
+
+import argparse
+import sys
+import time
+from collections.abc import Collection, Mapping, Sequence
+from functools import partial
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+from formulations import comparison, reproduction
+from formulations.comparison import ComparisonRow
+from formulations.io import pages
+from formulations.io.provenance import read_header
+from formulations.io.study import Rows, Study
+from nlp.errors import FileError
+from nlp.files import write_text
+from results.atlas import atlas
+from results.benchmark import benchmark
+from results.bounds import bounds
+from results.existence import existence
+from results.failures import failures
+from results.figures import figures
+from results.paths import paths
+from results.robots import robots
+from results.script import INTERRUPTED, parser, run
+from results.workspaces import workspaces
+
+RESULTS = Path(__file__).parent
+_TEMPLATE = RESULTS / "README.md.j2"
+#: In the order in which they run: where a new one is listed.
+STUDIES: Mapping[str, Study] = MappingProxyType(
+    {
+        study.name: study
+        for study in (
+            reproduction.study(),
+            comparison.study(7),
+            comparison.study(8),
+            existence.STUDY,
+            bounds.STUDY,
+            failures.STUDY,
+            figures.STUDY,
+            robots.STUDY,
+            paths.STUDY,
+            workspaces.STUDY,
+            atlas.STUDY,
+            benchmark.study(),
+        )
+    }
+)
+# Figures that show what a study found, by the study's name.
+_PICTURES: Mapping[str, tuple[str, ...]] = MappingProxyType(
+    {
+        "reproduction": ("figure-1", "figure-3"),
+        "comparison": ("trade-off", "optima"),
+        "bounds": ("singular-values",),
+        "figures": ("seven-axes",),
+    }
+)
+
+
+def regenerate(names: Collection[str], options: argparse.Namespace) -> int:
+    """Run studies; one that fails does not stop the others. Return the exit status."""
+    made: set[str] = set()
+    status = 0
+    for name in names:
+        print(f"{name}: takes {STUDIES[name].takes}", file=sys.stderr)
+        started = time.perf_counter()
+        settings = argparse.Namespace(**{**vars(options), "out": options.out / name})
+        ended = run(STUDIES[name], settings)
+        print(f"{name}: {time.perf_counter() - started:.0f} s", file=sys.stderr)
+        status = max(status, ended)
+        if ended == INTERRUPTED:
+            break
+        if ended == 0:
+            made.add(name)
+        write_text(options.out / "README.md", front_page(options.out, options.seed, made))
+    return status
+
+
+def front_page(out: Path, seed: int, made: Collection[str]) -> str:
+    """Return the front page as Markdown.
+
+    Parameters
+    ----------
+    out
+        The folder of the studies' folders.
+    seed
+        That this run was given.
+    made
+        Names of the studies that this run computed.
+    """
+    values = {
+        **_values(read_all(out)),
+        "seed": seed,
+        "made": made,
+        "studies": STUDIES.values(),
+        "dates": {name: _date(study, out) for name, study in STUDIES.items()},
+        "findings": {name: finding_in(study, out) for name, study in STUDIES.items()},
+        "pictures": {
+            name: [file for file in files if (out / "figures" / f"{file}.svg").exists()]
+            for name, files in _PICTURES.items()
+        },
+    }
+    return pages.page(_TEMPLATE, values)
+
+
+def read_all(out: Path) -> Rows:
+    """Return the rows of all studies in a folder, by the name of the table.
+
+    Tables of one name are joined. A table that is not there, or not of this version, has no
+    rows.
+    """
+    joined: dict[str, list[Any]] = {}
+    for study in STUDIES.values():
+        for stem, rows in _read(study, out).items():
+            joined[stem] = [*joined.get(stem, ()), *rows]
+    return joined
+
+
+def learned(tables: Rows) -> str:
+    """Return what was learned that the paper did not know, as a Markdown list."""
+    return pages.bullets(pages.block(_TEMPLATE, "learned", _values(tables)))
+
+
+def formulation_table(tables: Rows) -> str:
+    """Return the formulations on 7R and 8R as a Markdown table; what is missing is dashes."""
+    return pages.aligned(pages.block(_TEMPLATE, "formulations", _values(tables)))
+
+
+def plain(
+    rows: Sequence[ComparisonRow], formulation: str, model: str, joints: int
+) -> ComparisonRow | None:
+    """Return the comparison's row without a variant, if it is there."""
+    wanted = (formulation, model, joints, "")
+    same = (r for r in rows if (r.formulation, r.model, r.joints, r.variant) == wanted)
+    return next(same, None)
+
+
+def finding_in(study: Study, out: Path) -> str:
+    """Return what a study in a folder shows, or what makes it."""
+    tables = _read(study, out)
+    first = next(iter(tables.values()))
+    return study.finding(tables) if first else f"Not there; `{study.command}` makes it."
+
+
+def _read(study: Study, out: Path) -> Rows:
+    try:
+        return study.read(out / study.name)
+    except FileError:
+        return {stem: [] for stem in study.tables}
+
+
+def _values(tables: Rows) -> dict[str, Any]:
+    named = partial(plain, tables["comparison"])
+    return {**tables, "plain": named, "sharpest": bounds.sharpest}
+
+
+def _date(study: Study, out: Path) -> str:
+    page = out / study.name / study.page
+    if not page.is_file():
+        return ""
+    return read_header(page.read_text(encoding="utf-8")).get("date", "unknown date")
+
+
+def main() -> int:
+    """Run what the command line asks for."""
+    words = "Compute the results anew: what takes under ten minutes, all, or what is named."
+    made = parser(words, RESULTS)
+    made.add_argument("studies", nargs="*", metavar="STUDY", help=", ".join(STUDIES))
+    made.add_argument("--all", action="store_true", help="also what takes over ten minutes")
+    options = made.parse_args()
+    unknown = sorted(set(options.studies) - set(STUDIES))
+    if unknown:
+        made.error(f"no study is called {unknown[0]}; allowed: {', '.join(STUDIES)}")
+    usual = [name for name, study in STUDIES.items() if options.all or not study.long]
+    return regenerate(options.studies or usual, options)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,158 @@
+"""The best postures of arms that exist, side by side."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from formulations.io.study import Effort, write_json
+from formulations.io.table import HIDDEN, column
+from formulations.robots.posture import Posture, best_posture
+from formulations.robots.posture_search import Search
+from formulations.robots.robot_assessment import best_7r
+from results.robots.survey import ARMS, SurveyArm
+from results.script import declared, main
+
+STARTS = 200
+
+
+@dataclass(frozen=True)
+class RobotRow:
+    """One arm: the columns of ``robots.csv``; NaN where a column does not apply.
+
+    Attributes
+    ----------
+    arm, package, file, base, tip, task
+        What was searched; see `SurveyArm`.
+    joints, prismatic, task_dimension
+        n, how many of them are prismatic, and m.
+    characteristic_length
+        ℓ at the posture, in metres: the default one, see `robot_arm`.
+    worst_case_sigma, worst_case_joint, equally_bad
+        Eq. (5) at the best posture found, in units of ℓ; a joint whose failure it is, and
+        the number of joints of which that is true.
+    sigma_bound, percent_of_bound
+        The bound (6) at the same ‖J‖_F.
+    percent_of_best_7r
+        Of the best that seven revolute joints are known to reach in six dimensions, `best_7r`,
+        both in units of ℓ; arms with more joints may pass it. NaN in other dimensions.
+    mid_range_sigma
+        Worst case midway between the limits.
+    structural, near_structural
+        Joints whose failure is fatal at every posture, or nearly so. Where there are any of the
+        first kind no search is made.
+    structural_ratio
+        What the worst of them leaves, as a share of σ before it; NaN if there is none.
+    at_limits
+        Joints at a limit.
+    starts, reached_best, status_counts
+        Of the search.
+    configuration
+        The posture, radians and metres by joint.
+    """
+
+    arm: str
+    package: str = field(metadata=HIDDEN)
+    file: str = field(metadata=HIDDEN)
+    base: str = field(metadata=HIDDEN)
+    tip: str = field(metadata=HIDDEN)
+    task: str
+    joints: int
+    prismatic: int = field(metadata=HIDDEN)
+    task_dimension: int = field(metadata=HIDDEN)
+    characteristic_length: float = field(metadata=column("ℓ (m)", ".3f"))
+    worst_case_sigma: float = field(metadata=column("worst-case σ", ".5f"))
+    worst_case_joint: str = field(metadata=column("worst failure", lambda row: _worst(row)))
+    equally_bad: int = field(metadata=column("as bad"))
+    sigma_bound: float = field(metadata=HIDDEN)
+    percent_of_bound: float = field(metadata=column("% of the bound", ".2f"))
+    percent_of_best_7r: float = field(metadata=column("% of the best 7R", ".2f"))
+    mid_range_sigma: float = field(metadata=column("σ at mid-range", ".5f"))
+    structural: str = field(metadata=HIDDEN)
+    near_structural: str = field(metadata=HIDDEN)
+    structural_ratio: float = field(metadata=HIDDEN)
+    at_limits: str = field(metadata=column("at a limit", empty="–"))
+    starts: int
+    reached_best: int
+    status_counts: Mapping[str, int] = field(metadata=HIDDEN)
+    configuration: Mapping[str, float] = field(metadata=HIDDEN)
+
+
+def compute(effort: Effort, folder: Path) -> Iterator[RobotRow]:
+    """Yield a row for each arm of the survey, and write the postures."""
+    search = Search(
+        starts=effort.starts or STARTS,
+        seed=effort.seed,
+        workers=effort.workers,
+        progress=effort.bars,
+    )
+    entries = []
+    for one in ARMS:
+        effort.progress(f"{one.name}, {one.task}")
+        posture = best_posture(one.arm(), search)
+        entries.append({"arm": one.name, "variant": one.task, **posture.to_dict()})
+        write_json(folder / "postures.json", entries)
+        yield row_of(one, posture)
+        if not posture.complete:
+            raise KeyboardInterrupt
+
+
+def row_of(one: SurveyArm, found: Posture) -> RobotRow:
+    """Return an arm and its best posture as a row."""
+    arm = one.arm()
+    m, n = arm.shape
+    nan = float("nan")
+    at = found.assessment
+    kinds = {
+        kind: ", ".join(each.joint for each in at.structural if each.kind == kind)
+        for kind in ("structural", "near-structural")
+    }
+    return RobotRow(
+        arm=one.name,
+        package=one.package,
+        file=one.file,
+        base=one.base,
+        tip=one.tip,
+        task=one.task,
+        joints=n,
+        prismatic=sum(arm.chain.prismatic),
+        task_dimension=m,
+        characteristic_length=at.characteristic_length,
+        worst_case_sigma=at.worst_case_sigma,
+        worst_case_joint=at.worst_case_joints[0],
+        equally_bad=at.equally_bad,
+        sigma_bound=at.sigma_bound,
+        percent_of_bound=at.percent_of_bound,
+        percent_of_best_7r=100 * at.worst_case_sigma / best_7r() if m == 6 else nan,
+        mid_range_sigma=found.mid_range_sigma,
+        structural=kinds["structural"],
+        near_structural=kinds["near-structural"],
+        structural_ratio=min((each.ratio for each in at.structural), default=nan),
+        at_limits=", ".join(at.at_limits),
+        starts=found.starts,
+        reached_best=found.reached_best,
+        status_counts=dict(found.status_counts),
+        configuration=dict(at.configuration),
+    )
+
+
+def _worst(row: RobotRow) -> str:
+    if row.structural:
+        return f"{row.structural}: structural"
+    if row.near_structural:
+        return f"{row.near_structural}: near-structural"
+    return row.worst_case_joint
+
+
+STUDY = declared(
+    __file__,
+    title="the best postures of arms that exist",
+    page="robots.md",
+    tables={"robots": RobotRow},
+    takes="up to a quarter of an hour, and packages of robots",
+    compute=compute,
+    long=True,
+    settings={"best_7r": best_7r()},
+)
+
+if __name__ == "__main__":
+    main(STUDY, __file__)

@@ -1,0 +1,67 @@
+"""The arms of the survey: robots that ship in Python packages."""
+
+from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, distribution
+from pathlib import Path
+
+from formulations.io.table import read_rows
+from formulations.kinematics.chain_between import chain_between
+from formulations.kinematics.read_robot import read_robot
+from formulations.robots.robot_arm import RobotArm
+from formulations.robots.task import TaskSpace
+from nlp.errors import MissingLibraryError
+
+# Where each distribution of robots keeps them.
+_FOLDERS = {
+    "example-robot-data": "cmeel.prefix/share/example-robot-data/robots",
+    "rtb-data": "rtbdata/xacro",
+    # Without the libraries that it needs to run: pip install --no-deps robosuite
+    "robosuite": "robosuite/models/assets/robots",
+}
+
+
+@dataclass(frozen=True)
+class SurveyArm:
+    """An arm of the survey.
+
+    Attributes
+    ----------
+    name
+        The robot and the part of it that is meant.
+    file
+        Its URDF or MJCF, within the package's folder of robots.
+    tip
+        The link that the Jacobian is of.
+    task
+        TaskSpace directions, as `TaskSpace.parse` reads them.
+    package
+        The distribution that it comes in.
+    base
+        The link that it is relative to; empty for the robot's root.
+    """
+
+    name: str
+    file: str
+    tip: str
+    task: str = "all"
+    package: str = "example-robot-data"
+    base: str = ""
+
+    @property
+    def path(self) -> Path:
+        """Where the file is; MissingLibraryError if the package is not installed."""
+        try:
+            found = distribution(self.package).locate_file(_FOLDERS[self.package])
+        except PackageNotFoundError:
+            package = "--no-deps robosuite" if self.package == "robosuite" else ""
+            raise MissingLibraryError(self.package, package) from None
+        return Path(str(found)) / self.file
+
+    def arm(self) -> RobotArm:
+        """Return the arm at the default characteristic length."""
+        chain = chain_between(read_robot(self.path), self.tip, self.base or None)
+        return RobotArm(chain, TaskSpace.parse(self.task))
+
+
+#: The arms of the survey, those in six dimensions first.
+ARMS = tuple(read_rows(Path(__file__).with_name("survey.csv"), SurveyArm))

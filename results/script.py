@@ -1,0 +1,71 @@
+"""What all scripts of the results share: their options, a run, and its exit status."""
+
+import argparse
+import sys
+import traceback
+from pathlib import Path
+from typing import Any, NoReturn
+
+from formulations.io.study import INCOMPLETE, Effort, Study
+from nlp.errors import LockedJointError
+from nlp.executors import default_workers
+
+QUESTIONED, INTERRUPTED = 1, 130
+
+
+def declared(file: str, **stated: Any) -> Study:
+    """Return the study of a script, which names it, its template and its command."""
+    path = Path(file)
+    return Study(
+        name=path.stem,
+        template=path.with_suffix(".md.j2"),
+        command=f"python results/{path.stem}/{path.stem}.py",
+        **stated,
+    )
+
+
+def main(study: Study, file: str) -> NoReturn:
+    """Run a study as its script says, into the script's own folder if no other is given."""
+    options = parser(f"{study.name}: {study.title}. Takes {study.takes}.", Path(file).parent)
+    sys.exit(run(study, options.parse_args()))
+
+
+def parser(words: str, folder: Path) -> argparse.ArgumentParser:
+    """Return the options of every script."""
+    made = argparse.ArgumentParser(description=words)
+    made.add_argument("--starts", type=int, metavar="K", help="random starts of each row")
+    made.add_argument("--seed", type=int, default=0, help="of all random starts (default 0)")
+    made.add_argument("--workers", type=int, default=default_workers(), help="processes")
+    made.add_argument("--out", type=Path, default=folder, help=f"folder (default {folder})")
+    return made
+
+
+def run(study: Study, options: argparse.Namespace) -> int:
+    """Run a study and return the exit status: 1 if something is wrong, 130 after Ctrl-C."""
+    effort = Effort(options.seed, options.starts, options.workers, progress)
+    try:
+        result = study.run(options.out, effort)
+    except LockedJointError as error:
+        return _say(f"{study.name}: {error}", QUESTIONED)
+    except Exception:  # other studies may still run
+        traceback.print_exc()
+        return QUESTIONED
+    progress("")
+    if not result.complete:
+        return _say(
+            f"Interrupted: what was done is in {options.out / INCOMPLETE}.", INTERRUPTED
+        )
+    if result.complaint:
+        return _say(f"Wrong: {result.complaint}.", QUESTIONED)
+    return _say(f"Written to {options.out}.", 0)
+
+
+def progress(sentence: str) -> None:
+    """Show what is being done, on a terminal."""
+    if sys.stderr.isatty():
+        print(f"\r\x1b[K{sentence[:78]}", end="", file=sys.stderr, flush=True)
+
+
+def _say(sentence: str, status: int) -> int:
+    print(sentence, file=sys.stderr)
+    return status

@@ -1,0 +1,241 @@
+"""The benchmark counts what is checked, and every peer solves what it claims to."""
+
+import importlib.util
+import os
+import re
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from formulations import measures
+from formulations.io.study import Effort
+from formulations.joints.models import arm
+from results.benchmark import benchmark
+from results.benchmark import unit_revolute as hand
+from results.benchmark.benchmark import drawn, growth, targets
+from results.benchmark.measurement import (
+    BenchmarkRow,
+    NotRunError,
+    Peer,
+    measure,
+)
+from results.benchmark.peers import DEFAULT, FAST, PEERS
+
+SEVEN = arm("unit-revolute", 7)
+STARTS = np.array([SEVEN.sample(np.random.default_rng(k)) for k in range(2)])
+
+
+def test_hand_written_residuals_are_those_of_the_models():
+    start = STARTS[0]
+    np.testing.assert_allclose(hand.jacobian(start), SEVEN.jacobian(start), atol=1e-14)
+    rows = hand.residuals(start)
+    assert rows @ rows == pytest.approx(measures.isotropy_defect(SEVEN.jacobian(start)))
+
+
+def test_hand_written_derivatives_are_derivatives():
+    start, h = STARTS[0], 1e-6
+    for k in range(21):
+        step = h * np.eye(21)[k]
+        change = (hand.residuals(start + step) - hand.residuals(start - step)) / (2 * h)
+        np.testing.assert_allclose(hand.derivatives(start)[:, k], change, atol=1e-8)
+
+
+def test_hand_written_eigenvalues_and_their_derivatives():
+    start, h = STARTS[0], 1e-6
+    values, slopes = hand.locked_eigenvalues(start)
+    matrix = SEVEN.jacobian(start)
+    sigmas = [np.linalg.svd(np.delete(matrix, f, axis=1))[1] for f in range(7)]
+    np.testing.assert_allclose(np.sort(values), np.sort(np.ravel(sigmas) ** 2), atol=1e-12)
+    for k in range(21):
+        step = h * np.eye(21)[k]
+        ends = (hand.locked_eigenvalues(start + sign * step)[0] for sign in (1, -1))
+        np.testing.assert_allclose(slopes[:, k], np.subtract(*ends) / (2 * h), atol=1e-6)
+
+
+# JAX's threads make every later fork of the process that imports it a risk.
+HERE = [peer for peer in PEERS if "JAX" not in peer.name]
+
+
+@pytest.mark.skipif(
+    importlib.util.find_spec("jax") is None, reason='JAX is missing: pip install ".[peers]"'
+)
+def test_jax_reaches_the_known_optimum_in_a_process_of_its_own():
+    code = (
+        "import numpy as np\n"
+        "from formulations import measures\n"
+        "from results.benchmark.jax_residual import PEERS\n"
+        "from formulations.joints.models import arm\n"
+        "seven = arm('unit-revolute', 7)\n"
+        "starts = np.array([seven.sample(np.random.default_rng(k)) for k in range(2)])\n"
+        "for peer in PEERS:\n"
+        "    for jacobian in peer.runner(seven, 2)(starts):\n"
+        "        seven.variables(jacobian)\n"
+        "        print(measures.isotropy_defect(jacobian))"
+    )
+    root = str(Path(__file__).parents[2])
+    environment = {**os.environ, "PYTHONPATH": root}
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    np.testing.assert_allclose([float(x) for x in done.stdout.split()], 0.0568265, atol=1e-6)
+
+
+@pytest.mark.parametrize("peer", HERE, ids=lambda peer: peer.name)
+def test_every_peer_reaches_the_known_optimum(peer, tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    try:
+        run = peer.runner(SEVEN, 2)
+    except (ImportError, NotRunError) as reason:
+        missing = ': pip install ".[peers]"' if isinstance(reason, ImportError) else ""
+        pytest.skip(f"{reason}{missing}")
+    jacobians = run(STARTS)
+    assert jacobians.shape == (2, 6, 7)
+    for jacobian in jacobians:
+        SEVEN.variables(jacobian)
+    if peer.formulation == "residual":
+        best = min(measures.isotropy_defect(jacobian) for jacobian in jacobians)
+        assert best == pytest.approx(0.0568265, abs=1e-6)
+    else:
+        best = max(measures.worst_case_sigma(jacobian) for jacobian in jacobians)
+        assert best == pytest.approx(0.571483, abs=2e-5)
+
+
+def test_compiled_peers_leave_arithmetic_alone():
+    """Libraries built with -ffast-math round subnormal numbers to 0 in the whole process."""
+    assert np.float64(5e-324) * np.float64(1.0) > 0
+    assert 2.0**-1060 / 2.0 > 0
+
+
+def fixed(jacobian_of, **keywords):
+    return Peer("fixed", "residual", lambda _: jacobian_of, **keywords)
+
+
+def missing(arm):
+    raise ModuleNotFoundError("No module named 'nothing'", name="nothing")
+
+
+def cannot(arm):
+    raise NotRunError("too few residuals")
+
+
+def test_success_is_what_the_jacobian_says_not_the_peer():
+    good, *_ = (peer for peer in PEERS if "Fatrop" in peer.name)
+    rows = measure(
+        [
+            good,
+            fixed(SEVEN.jacobian),
+            fixed(lambda _: np.zeros((6, 7))),
+            fixed(lambda _: np.full((6, 7), np.nan)),
+            Peer("missing", "residual", missing),
+            Peer("cannot", "residual", cannot),
+        ],
+        joints=7,
+        starts=5,
+        seed=0,
+    )
+    assert [row.success for row in rows] == [5, 0, 0, 0, 0, 0]
+    assert [row.starts for row in rows] == [5, 5, 5, 5, 0, 0]
+    assert rows[0].relative == 1
+    assert rows[0].cpu_seconds_per_success == rows[0].cpu_seconds_per_start > 0
+    assert min(rows[0].rounds) <= rows[0].cpu_seconds_per_success <= max(rows[0].rounds)
+    assert np.isnan(rows[1].cpu_seconds_per_success)
+    notes = [row.note for row in rows[4:]]
+    assert notes == ["not installed: nothing", "too few residuals"]
+
+
+def row(peer, *milliseconds, formulation="residual", joints=7):
+    first, second, third = (one / 1e3 for one in milliseconds)
+    times = (0.001, second, 1.0, first, second, third)
+    return BenchmarkRow(formulation, joints, peer, "", 3, 3, 3, 3, *times, 0.0, "")
+
+
+def test_targets_are_met_or_missed_by_the_median_of_the_rounds():
+    rows = [
+        row("scipy least_squares trf", 10.0, 12.0, 9.0),
+        row(DEFAULT, 4.0, 4.0, 4.0),
+        row(FAST, 1.0, 2.0, 0.5),
+        row("JAX, one", 3.0, 3.0, 3.0),
+        row("JAX, two", 1.0, 1.0, 1.0),
+        row("scipy least_squares trf", 10.0, 10.0, 10.0, joints=8),
+        row(FAST, 1.0, 1.0, 1.0, joints=8),
+    ]
+    said = re.sub(" +", " ", targets(rows))
+    assert "| default ≥ 2 × trf | 2.5 (2.25–3), met | not measured |" in said
+    assert "| fast path ≥ 15 × trf | 10 (6–18), missed | 10 (10–10), not asked |" in said
+    assert "| fast path ≥ 1 × JAX | 1 (0.5–2), met | not measured |" in said, "the faster JAX"
+    assert "| fast path ≤ 5 × floor | not measured |" in said
+    assert "| residual" in growth(rows)
+
+
+def test_every_peer_is_a_line_of_the_figure():
+    pytest.importorskip("matplotlib")
+    rows = [row(name, 1.0, 2.0, 3.0, joints=n) for name in (DEFAULT, "other") for n in (7, 8)]
+    rows += [row("stuck", *[float("nan")] * 3), row(FAST, 1, 1, 1, formulation="max-min")]
+    first, second = drawn(rows).axes
+    assert [list(line.get_ydata()) for line in first.lines] == [[2.0, 2.0]] * 2 + [[]]
+    assert first.get_yscale() == second.get_yscale() == "log"
+
+
+def test_the_study_writes_its_tables_and_keeps_what_was_done(tmp_path, monkeypatch):
+    quick = [fixed(SEVEN.jacobian)]
+    monkeypatch.setattr(benchmark, "PEERS", quick)
+    assert benchmark.study([7]).run(tmp_path, Effort(starts=3)).complete
+    page = (tmp_path / "benchmark.md").read_text(encoding="utf-8")
+    for text in ("seed: 0", "scipy", "residual, 7R", "Growth", "success", "cost.svg"):
+        assert text in page
+    assert len((tmp_path / "benchmark.csv").read_text().splitlines()) == 2
+
+    def interrupted(start):
+        raise KeyboardInterrupt
+
+    quick.append(Peer("fixed", "max-min", lambda _: interrupted))
+    assert not benchmark.study([7]).run(tmp_path, Effort(starts=3)).complete
+    kept = (tmp_path / "incomplete" / "benchmark.csv").read_text().splitlines()
+    assert len(kept) == 2
+
+
+def test_libraries_that_peers_bring_are_held_to_one_thread(monkeypatch):
+    from threadpoolctl import threadpool_info, threadpool_limits
+
+    monkeypatch.setenv("OPENBLAS_NUM_THREADS", "2")
+
+    seen = []
+
+    def prepare(arm):
+        import scipy.linalg  # noqa: F401, brings a library of linear algebra of its own
+
+        def one(start):
+            seen.append({one["num_threads"] for one in threadpool_info()})
+            return np.zeros((6, 7))
+
+        return one
+
+    with threadpool_limits(limits=2, user_api="blas"):
+        measure([Peer("threads", "residual", prepare)], joints=7, starts=1, seed=0)
+    assert seen[-1] == {1}
+
+
+def test_who_uses_up_its_time_is_stopped_and_shown():
+    def slow(start):
+        began = time.process_time()
+        while time.process_time() < began + 0.02:
+            pass
+        return SEVEN.jacobian(start)
+
+    peers = [fixed(SEVEN.jacobian), fixed(slow)]
+    quick, stopped = measure(peers, 7, starts=12, seed=0, time_limit=0.05)
+    assert (quick.starts, quick.note) == (12, "")
+    assert (stopped.asked, stopped.starts) == (12, 3)
+    assert stopped.note == "stopped after 0.05 s"
+    assert 0.02 <= stopped.cpu_seconds_per_start < 0.2
+    line = growth([stopped]).splitlines()[-1]
+    assert line.rstrip(" |").endswith("*")

@@ -1,0 +1,77 @@
+"""The study of several and unequal failures: its rows are what was measured, never its own."""
+
+import csv
+import json
+
+import numpy as np
+import pytest
+
+from formulations import comparison, measures
+from formulations.io.study import INCOMPLETE, Effort
+from formulations.measures.unequal_failures import expected_sigma
+from formulations.solving import solve
+from results.failures import failures
+from results.failures.failures import STUDY, several, unequal
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """The study of the planar cases, from a few starts; interrupted at the next case."""
+    cases = sorted((*several(), *unequal()), key=lambda case: case.arm.shape[0])
+
+    def run(case, **keywords):
+        if case.arm.shape[0] > 2:
+            raise KeyboardInterrupt
+        return solve.run(case, **keywords)
+
+    folder = tmp_path_factory.mktemp("failures")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(failures, "several", lambda: cases)
+        patch.setattr(failures, "unequal", lambda: [])
+        patch.setattr(comparison, "run", run)
+        assert not STUDY.run(folder, Effort(starts=2)).complete
+    return folder / INCOMPLETE
+
+
+@pytest.fixture(scope="module")
+def found(folder):
+    """Rows and their Jacobians."""
+    stored = json.loads((folder / "jacobians.json").read_text(encoding="utf-8"))
+    jacobians = [np.array(one["jacobian"]) for one in stored]
+    rows = STUDY.read(folder)["failures"]
+    assert [one["score"] for one in stored] == [row.score for row in rows]
+    return list(zip(rows, jacobians, strict=True))
+
+
+def test_every_case_can_be_stated():
+    small = [case for case in (*several(), *unequal()) if case.arm.shape[1] <= 7]
+    assert len(small) > 10
+    for case in small:
+        assert case.build().size > case.arm.size
+
+
+def test_numbers_are_those_of_the_jacobian(found):
+    for row, jacobian in found:
+        assert row.score <= row.bound * (1 + 1e-6)
+        assert row.gap_percent == pytest.approx(100 * abs(1 - row.score / row.bound))
+        assert row.worst_case_sigma == measures.worst_case_sigma(jacobian, row.locked)
+        if row.failing == "all alike":
+            assert row.score == pytest.approx(row.worst_case_sigma)
+    [(row, jacobian)] = [one for one in found if one[0].goal == "expected"]
+    assert row.score == expected_sigma(jacobian, unequal()[-1].settings["failures"])
+
+
+def test_the_paper_s_square_is_the_first_row(found):
+    row, _ = found[0]
+    assert (row.task_dimension, row.joints, row.locked) == (2, 4, 2)
+    assert row.score == pytest.approx(np.sqrt(2) * np.sin(np.pi / 8), abs=1e-6)
+    assert row.distinct_optima == 1
+
+
+def test_files(found, folder):
+    with (folder / "failures.csv").open(encoding="utf-8") as file:
+        lines = list(csv.DictReader(file))
+    assert [float(line["score"]) for line in lines] == [row.score for row, _ in found]
+    page = (folder / "failures.md").read_text(encoding="utf-8")
+    assert "not all rows are here" in page
+    assert page.count("| free") == len(found) == 6

@@ -1,0 +1,238 @@
+"""Studies are run one after another; the front page says what the tables show, no more."""
+
+import re
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from formulations.io.provenance import read_header
+from formulations.reproduction.row import ReproductionRow, Verdict
+from results import regenerate
+from results.benchmark.measurement import BenchmarkRow
+from results.existence.existence import Fact
+from results.regenerate import (
+    STUDIES,
+    formulation_table,
+    front_page,
+    learned,
+    main,
+    plain,
+    read_all,
+)
+
+RESULTS = Path(__file__).parents[2] / "results"
+
+
+@pytest.fixture(scope="module")
+def tables():
+    return read_all(RESULTS)
+
+
+def item(tables, words):
+    return [text for text in learned(tables).splitlines() if words in text]
+
+
+def test_nothing_is_said_without_tables(tmp_path):
+    assert learned(read_all(tmp_path)) == ""
+    page = front_page(tmp_path, 3, set())
+    assert "- seed: 3" in page
+    assert "Nothing yet." in page
+    assert page.count("Not there;") == len(STUDIES)
+    assert "proved" not in page
+
+
+def test_nothing_is_called_proved_that_is_not(tables):
+    assert item(tables, "No optimally failure-tolerant 7R")
+    others = [fact for fact in tables["existence"] if fact.quantity != "verdict"]
+    doubtful = (*others, Fact("verdict", "not proved"))
+    assert not item({**tables, "existence": doubtful}, "No optimally failure-tolerant")
+
+
+def test_a_minimum_is_global_only_where_the_bound_meets_it(tables):
+    assert item(tables, "It is the global minimum to")
+    loose = tuple(row for row in tables["bounds"] if row.preset != "tight")
+    text = item({**tables, "bounds": loose}, "The residual minimum")
+    assert len(text) == 1
+    assert "global" not in text[0]
+    assert "Rigorously, nothing is below 0.05665." in text[0]
+
+
+def test_a_minimum_is_one_jacobian_only_where_one_was_counted(tables):
+    two = tuple(replace(row, distinct_optima=2) for row in tables["comparison"])
+    assert item(tables, "is *one* Jacobian")
+    assert not item({**tables, "comparison": two}, "is *one* Jacobian")
+
+
+def test_isotropy_and_failure_tolerance_differ_only_where_they_do(tables):
+    better = tuple(
+        replace(row, worst_case_sigma=0.6) if row.formulation == "isotropy" else row
+        for row in tables["comparison"]
+    )
+    assert item(tables, "are different goals")
+    assert not item({**tables, "comparison": better}, "are different goals")
+
+
+def test_a_row_that_is_not_there_is_dashes(tables):
+    shown = formulation_table({**tables, "comparison": []})
+    assert shown.count(" – ") >= 12 * 7
+    eight = tuple(row for row in tables["comparison"] if row.joints == 8)
+    shown = formulation_table({**tables, "comparison": eight})
+    assert all(" – " in line for line in shown.splitlines() if "7R" in line)
+
+
+def test_a_line_has_the_row_s_numbers(tables):
+    row = plain(tables["comparison"], "max-min", "unit-revolute", 7)
+    [line] = [
+        text
+        for text in formulation_table(tables).splitlines()
+        if text.startswith("| 7R, unit lever arms | max-min")
+    ]
+    cells = [cell.strip() for cell in line.strip("|").split("|")][2:]
+    value, bound, gap, sigma, defect, success, cost = cells
+    assert float(value) == pytest.approx(row.score, abs=1e-6)
+    number, _, kind = bound.partition(", ")
+    assert float(number) == pytest.approx(row.certified_bound, abs=1e-6)
+    assert kind == row.certificate
+    assert float(gap) == pytest.approx(row.certified_gap_percent, abs=0.005)
+    assert float(sigma) == pytest.approx(row.worst_case_sigma, abs=1e-6)
+    assert float(defect) == pytest.approx(row.isotropy_defect, abs=1e-6)
+    assert success == f"{row.reached_best} of {row.starts}"
+    assert float(cost) == pytest.approx(1e3 * row.cpu_seconds_per_success, rel=0.005)
+
+
+def test_one_study_by_name(tmp_path, monkeypatch):
+    (tmp_path / "robots").mkdir()
+    (tmp_path / "robots" / "robots.md").write_text("# Robots\n\n- date: 2020-02-02\n")
+    words = ["regenerate.py", "comparison", "--starts", "1", "--workers", "1", "--out"]
+    monkeypatch.setattr(sys, "argv", [*words, str(tmp_path)])
+    assert main() == 0
+    page = (tmp_path / "comparison" / "comparison.md").read_text(encoding="utf-8")
+    assert read_header(page)["command"].startswith(
+        "`python regenerate.py comparison --starts 1"
+    )
+    front = (tmp_path / "README.md").read_text(encoding="utf-8")
+    assert "| 7R, unit lever arms | max-min       | 0.571483 " in front
+    assert "2020-02-02 (kept)" in front
+
+
+def test_a_study_that_fails_stops_no_other(tmp_path, monkeypatch, capsys):
+    def failing(effort, folder):
+        raise ZeroDivisionError("of all things")
+        yield
+
+    def interrupted(effort, folder):
+        yield Fact("joints", "7")
+        raise KeyboardInterrupt
+
+    existence = STUDIES["existence"]
+    studies = {
+        "first": replace(existence, name="first", compute=failing),
+        "second": replace(existence, name="second", compute=lambda *_: iter([Fact("a", "b")])),
+        "third": replace(existence, name="third", compute=interrupted),
+        "fourth": replace(existence, name="fourth"),
+    }
+    monkeypatch.setattr(regenerate, "STUDIES", studies)
+    monkeypatch.setattr(regenerate, "front_page", lambda *given: str(given[-1]))
+    monkeypatch.setattr(sys, "argv", ["regenerate.py", *studies, "--out", str(tmp_path)])
+    assert main() == 130
+    assert (tmp_path / "README.md").read_text() == "{'second'}"
+    assert (tmp_path / "second" / "README.md").exists()
+    assert (tmp_path / "third" / "incomplete" / "README.md").exists()
+    assert not list((tmp_path / "first").iterdir())
+    assert not (tmp_path / "fourth").exists()
+    assert "of all things" in capsys.readouterr().err
+
+
+def test_pictures_stand_where_they_are_and_only_there(tmp_path):
+    page = front_page(RESULTS, 0, set())
+    shown = re.findall(r"!\[[^\]]+\]\(([^)]+)\)", page)
+    assert len(shown) == len(set(shown)) >= 6
+    assert all((RESULTS / file).exists() for file in shown)
+    (tmp_path / "figures").mkdir()
+    (tmp_path / "figures" / "optima.svg").write_text("<svg/>")
+    alone = front_page(tmp_path, 0, set())
+    assert alone.count("](figures/") == alone.count("](figures/optima.svg)") == 1
+
+
+# Paragraphs made from tables: what they name is in the rows.
+
+NAN = float("nan")
+
+
+def finding(name, rows):
+    """What a study's template says of rows of its main table."""
+    others = {stem: [] for stem in STUDIES[name].tables}
+    return STUDIES[name].finding({**others, name: rows})
+
+
+def committed(name):
+    return STUDIES[name].read(RESULTS / name)[name]
+
+
+@pytest.mark.parametrize("study", STUDIES.values(), ids=lambda study: study.name)
+def test_nothing_from_nothing(study):
+    assert study.finding({stem: [] for stem in study.tables}) == ""
+    assert study.finding(study.read(RESULTS / study.name)) != ""
+
+
+def timed(peer, milliseconds):
+    seconds = milliseconds / 1e3
+    times = (seconds, seconds, 1.0, seconds, seconds, seconds)
+    return BenchmarkRow("residual", 7, peer, "", 10, 10, 10, 10, *times, 0.0, "")
+
+
+def test_the_benchmark_names_the_quickest_of_either_side():
+    rows = [timed("lockedjoint, a", 3.0), timed("lockedjoint, b", 2.0), timed("floor", 0.1)]
+    rows += [timed("scipy", 5.0), timed("jax", 4.0), timed("none", NAN)]
+    said = finding("benchmark", rows)
+    assert "lockedjoint, b takes 2;" in said
+    assert "jax takes 4 and scipy 5." in said
+    assert "floor" not in said
+    assert "none" not in said
+    assert finding("benchmark", rows[2:]) == ""
+
+
+def test_an_unexplained_mismatch_is_named():
+    rows = [ReproductionRow("(6)", "bound", "1", "1", Verdict.AGREES)]
+    rows.append(ReproductionRow("(46)", "worst case", "1", "2", Verdict.MISMATCH))
+    said = finding("reproduction", rows)
+    assert said.startswith("Of 2 numbers and claims of the paper, 1 agree; 1 are unexplained")
+    assert "(46)" in said
+    assert "(6)" not in said
+
+
+def test_a_bound_is_attained_only_where_no_gap_is_left():
+    rows = committed("failures")
+    said = finding("failures", rows).partition(". ")[0]
+    assert "the proved bound is attained by" in said
+    assert "free-mean 3×6 with 2 locked" in said
+    assert "joints 0, 1, 2 never failing reaches its bound" in finding("failures", rows)
+    wider = [replace(row, gap_percent=row.gap_percent + 1) for row in rows]
+    assert "attained" not in finding("failures", wider)
+    assert "reaches" not in finding("failures", wider)
+    unknown = [replace(row, gap_percent=NAN, score=NAN) for row in rows]
+    assert finding("failures", unknown) == ""
+
+
+def test_the_best_and_the_poorest_arm_are_named():
+    rows = committed("robots")
+    seven = [row for row in rows if (row.joints, row.task_dimension) == (7, 6)]
+    (structural,) = [row for row in seven if row.structural]
+    seven.remove(structural)
+    ranked = sorted(seven, key=lambda row: row.percent_of_best_7r)
+    said = finding("robots", rows)
+    assert f"{ranked[-1].arm} comes nearest" in said
+    assert f"{ranked[0].arm} keeps the least" in said
+    assert f"{structural.arm} loses full rank whatever the posture" in said
+    assert "Near-structural for KUKA LBR iiwa 14: joint_a4." in said
+    assert "Near-structural for ABB IRB 140, position alone: joint_1" in said
+
+
+def test_the_most_expensive_variant_is_named_and_failed_ones_have_no_cost():
+    rows = committed("comparison")
+    assert "one factor per failure costs the most" in finding("comparison", rows)
+    free = [replace(row, relative_cost=NAN) if row.variant else row for row in rows]
+    assert "costs the most" not in finding("comparison", free)
+    assert "proved infeasible" in finding("comparison", rows)

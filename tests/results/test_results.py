@@ -1,0 +1,311 @@
+"""The committed results are what the code computes, and their pages say what their tables say.
+
+What is quick is computed again: optima and bounds agree within 1e-6, which is what counts as
+the same optimum, and verdicts agree. Counts of starts and times are the machine's and are not
+compared. What takes long is measured again from what is on record. The comparisons and the
+reproduction are computed again in tests/test_comparison.py and tests/reproduction.
+"""
+
+import csv
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from formulations import measures
+from formulations.bounds.certified import sharpest_worst_case_of
+from formulations.bounds.so3_moments.certificate import read_any
+from formulations.comparison import ComparisonRow
+from formulations.existence.reading import read, read_either
+from formulations.existence.relaxation import existence_relaxation
+from formulations.existence.verify import verify
+from formulations.io.pages import groups
+from formulations.io.provenance import read_header
+from formulations.io.study import Effort
+from formulations.io.table import Table, read_rows
+from formulations.kinematics.forward import Kinematics
+from formulations.paths.survival import survivors
+from formulations.realise.criteria import CRITERIA, Sampling
+from formulations.realise.family import Arrangements, family
+from formulations.realise.from_jacobian import realise
+from formulations.reproduction.row import ReproductionRow, Verdict
+from formulations.workspaces.planar import Planar3R
+from results.benchmark.benchmark import growth, targets
+from results.bounds import bounds as bounds_study
+from results.bounds.bounds import RUNS, BoundRow, RelaxationRow, Source, row_of
+from results.existence import existence as existence_study
+from results.failures.failures import FailureRow
+from results.paths.paths import PATHS, PathRow
+from results.regenerate import STUDIES, formulation_table, learned, read_all
+from results.robots.robots import RobotRow
+from results.workspaces.orders import FINAL_POINTS, HALF, OrderRow
+from results.workspaces.workspaces import WorkspaceRow
+
+RESULTS = Path(__file__).parents[2] / "results"
+FRONT = (RESULTS / "README.md").read_text(encoding="utf-8")
+# What counts as the same optimum, and as the same bound.
+SAME = 1e-6
+
+
+def page(name):
+    return (RESULTS / name / STUDIES[name].page).read_text(encoding="utf-8")
+
+
+def rows(name, kind, table=None):
+    return read_rows(RESULTS / name / f"{table or next(iter(STUDIES[name].tables))}.csv", kind)
+
+
+# Computed anew ----------------------------------------------------------------------------
+
+
+def test_the_reproduction_has_nothing_unexplained():
+    assert Verdict.MISMATCH not in {
+        row.verdict for row in rows("reproduction", ReproductionRow)
+    }
+
+
+@pytest.mark.parametrize("file", ["worst_case_7_6.json", "worst_case_7r_lever_arm_1.json"])
+def test_bound_6_as_a_program(file):
+    [row] = [row for row in rows("bounds", BoundRow) if row.file == file]
+    found = RUNS[file].compute(Effort(), RESULTS)
+    assert found["singular_value_bound"] == pytest.approx(row.bound, abs=SAME)
+    assert row.bound == pytest.approx(row.closed_form, abs=SAME)
+
+
+def test_the_planar_workspaces():
+    found = [row for row in rows("workspaces", WorkspaceRow) if row.method == "closed form"]
+    assert [row.choice for row in found] == [
+        "as given",
+        "best limits",
+        "best limits and lengths",
+    ]
+    for row in found:
+        limits = tuple((low, high) for low, high in row.limits.values())
+        anew = Planar3R(tuple(row.links.values()), limits)
+        assert anew.area_with_error()[0] == pytest.approx(row.size, abs=SAME)
+
+
+def test_the_relaxation_of_order_2():
+    found = existence_relaxation(2, 7, task_dimension=6).to_dict()
+    [row] = [row for row in rows("bounds", RelaxationRow, "relaxations") if row.order == 2]
+    for count in ("classes", "equations", "rank", "largest_block", "verdict"):
+        assert found[count] == getattr(row, count)
+    assert found["margin"] == pytest.approx(row.margin, abs=SAME)
+
+
+def test_every_rigorous_bound_is_what_its_certificate_states():
+    rigorous = [row for row in rows("bounds", BoundRow) if row.kind == "rigorous"]
+    certificates = RESULTS / "bounds" / bounds_study.CERTIFICATES
+    names = {bounds_study.certificate_of(row.file): row for row in rigorous}
+    assert set(names) == {path.name for path in certificates.iterdir()}
+    for name, row in names.items():
+        certificate = read_any(certificates / name)
+        assert (certificate.quantity, certificate.bound) == (row.quantity, row.bound)
+
+
+def test_the_certificate_on_record_has_the_figures_of_the_table():
+    certificate = read(RESULTS / "existence" / "certificate.json")
+    facts = rows("existence", existence_study.Fact)
+    assert existence_study.facts(certificate, verify(certificate), "proved") == facts
+    optimal = rows("existence", existence_study.OptimalRow, "optimal")
+    assert [row.joints for row in optimal] == [8, 9, 10, 11, 12, 13]
+    for row in optimal:
+        existence = read_either(RESULTS / "existence" / row.file)
+        assert existence_study.optimal_row(existence, row.file) == row
+
+
+# Measured again from what is on record ----------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["comparison", "comparison_8r"])
+def test_jacobians_of_the_comparison(name):
+    stored = json.loads((RESULTS / name / "jacobians.json").read_text(encoding="utf-8"))
+    for one, row in zip(stored, rows(name, ComparisonRow), strict=True):
+        assert (one["formulation"], one["model"]) == (row.formulation, row.model)
+        sigma = measures.worst_case_sigma(one["jacobian"])
+        defect = measures.isotropy_defect(one["jacobian"])
+        assert defect == pytest.approx(row.isotropy_defect, abs=1e-12)
+        if row.verdict == "solved":
+            assert sigma == pytest.approx(row.worst_case_sigma, abs=1e-12)
+            assert row.gap_percent == pytest.approx(
+                100 * abs(1 - sigma / row.sigma_bound), abs=1e-9
+            )
+
+
+def test_jacobians_of_the_failures():
+    stored = json.loads((RESULTS / "failures/jacobians.json").read_text(encoding="utf-8"))
+    for one, row in zip(stored, rows("failures", FailureRow), strict=True):
+        if row.failing == "all alike" and row.goal == "worst":
+            jacobian = np.array(one["jacobian"])
+            sigma = measures.worst_case_sigma(jacobian, row.locked)
+            assert sigma == pytest.approx(row.score, abs=1e-12)
+            mean = measures.sigma_bound(*jacobian.shape, measures.trace(jacobian), row.locked)
+            assert sigma - SAME <= row.bound <= mean + SAME
+            bound = sharpest_worst_case_of(jacobian, row.locked).value
+            assert bound == pytest.approx(row.bound, abs=SAME)
+
+
+def test_postures_of_the_robots_are_those_of_the_table():
+    stored = json.loads((RESULTS / "robots/postures.json").read_text(encoding="utf-8"))
+    found = {(one["arm"], one["variant"]): one for one in stored}
+    for row in rows("robots", RobotRow):
+        one = found[row.arm, row.task]
+        assert one["worst_case_sigma"] == pytest.approx(row.worst_case_sigma, abs=1e-12)
+        assert one["configuration"] == row.configuration
+
+
+def test_trajectories_survive_what_the_table_says():
+    stored = json.loads((RESULTS / "paths/trajectories.json").read_text(encoding="utf-8"))
+    table = rows("paths", PathRow)
+    assert [(one.arm, one.path) for one in PATHS] == [(row.arm, row.path) for row in table]
+    for one, row in zip(stored, table, strict=True):
+        share = 100 * np.mean(one["survivors"]) / row.joints
+        assert share == pytest.approx(row.percent)
+        assert not row.minimum_norm_percent > row.percent
+        assert row.percent <= row.ceiling_percent + 1e-9
+    # One of them is measured again from the configurations that are stored.
+    arm, path = PATHS[0].stated()
+    q = np.array(stored[0]["configurations"])
+    _, poses, _ = path.sampled(len(q), 10.0)
+    ends = survivors(Kinematics(arm.chain), q.T, np.arange(len(q)), poses)
+    kept = 100 * np.mean(ends == len(q) - 1)
+    assert kept == pytest.approx(table[0].percent, abs=0.5)
+
+
+def test_the_robots_of_a_jacobian_keep_what_the_table_says():
+    """Measured again at other points; the error of the table is two standard errors."""
+    found = rows("workspaces", OrderRow, "orders")
+    assert found
+    for row in found:
+        jacobian = np.array(list(row.jacobian.values()))
+        sigma = measures.worst_case_sigma(jacobian)
+        assert sigma == pytest.approx(row.worst_case_sigma, abs=1e-12)
+        assert 0 <= row.least <= row.middle < row.kept
+        order = [int(one) for one in row.order.split()]
+        arm = realise(jacobian).arranged(order)
+        one = family(arm, Arrangements(np.arange(7)[None], np.zeros((1, 7), dtype=bool)))
+        how = Sampling(seed=99, samples=100, radius=HALF)
+        again = float(CRITERIA["kept"].evaluate(one, how)[0])
+        assert abs(again - row.kept) < row.error * (1 + 1.5 * np.sqrt(FINAL_POINTS / 100))
+    # The front, by sorting: whoever keeps more than all with a larger worst case.
+    ranked = sorted(found, key=lambda row: -row.worst_case_sigma)
+    most = np.maximum.accumulate([0.0, *(row.kept for row in ranked)])
+    front = [row.kept > best for row, best in zip(ranked, most[:-1], strict=True)]
+    assert [row.front == "yes" for row in ranked] == front
+
+
+def test_the_lengths_of_the_links_are_worth_choosing():
+    found = {row.choice: row for row in rows("workspaces", WorkspaceRow) if row.arm == "UR5"}
+    given, chosen = found["best limits"], found["best limits and lengths"]
+    assert chosen.size - chosen.error > given.size + given.error
+    assert sum(chosen.links.values()) == pytest.approx(sum(given.links.values()), rel=1e-12)
+
+
+def test_points_of_the_trade_off():
+    with (RESULTS / "figures/trade-off.csv").open(encoding="utf-8") as file:
+        points = list(csv.DictReader(file))
+    assert len(points) > 10
+    for point in points:
+        jacobian = json.loads(point["jacobian"])
+        sigma = measures.worst_case_sigma(jacobian)
+        assert sigma == pytest.approx(float(point["worst_case_sigma"]), abs=1e-12)
+        defect = measures.isotropy_defect(jacobian)
+        assert defect == pytest.approx(float(point["isotropy_defect"]), abs=1e-12)
+
+
+def test_every_command_of_a_bound_names_it():
+    for file, run in RUNS.items():
+        plain = json.loads((RESULTS / "bounds" / file).read_text(encoding="utf-8"))
+        assert ("--rigorous" in run.command) is file.endswith("_rigorous.json")
+        assert str(plain.get("preset", plain.get("order", ""))) in run.command
+
+
+def test_bounds_are_those_of_their_files():
+    listed = [*rows("bounds", BoundRow), *rows("bounds", RelaxationRow, "relaxations")]
+    files = {path.name for path in (RESULTS / "bounds").glob("*.json")}
+    assert {row.file: row.command for row in listed} == {
+        file: RUNS[file].command for file in files
+    }
+    for row in listed:
+        plain = json.loads((RESULTS / "bounds" / row.file).read_text(encoding="utf-8"))
+        source = Source(row.file, row.command, row.versions, row.machine, row.date)
+        made = Table(type(row), [row_of(plain, source)])
+        pd.testing.assert_frame_equal(made.frame(), Table(type(row), [row]).frame())
+
+
+# Pages and tables ---------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", STUDIES)
+def test_every_page_says_where_it_came_from(name):
+    header = read_header(page(name))
+    for entry in ("command", "seed", "versions", "machine", "date"):
+        assert header.get(entry), f"{name} has no {entry}"
+    assert header["command"].startswith(("`python results/", "`lockedjoint "))
+    assert re.fullmatch(r"\d{4}-\d{2}-\d{2}", header["date"])
+
+
+def test_every_folder_is_a_study_whose_script_is_there():
+    hidden = (".", "_")
+    folders = {path.name for path in RESULTS.iterdir() if path.is_dir()}
+    assert {name for name in folders if not name.startswith(hidden)} == set(STUDIES)
+    for study in STUDIES.values():
+        first, second, *_ = study.command.split()
+        if first == "python":
+            assert (RESULTS.parent / second).is_file()
+            assert Path(second).parent.name == study.name
+        else:
+            assert (first, second) in (("lockedjoint", "compare"), ("lockedjoint", "reproduce"))
+
+
+@pytest.mark.parametrize("name", STUDIES)
+def test_the_page_shows_its_tables(name):
+    tables = STUDIES[name].read(RESULTS / name)
+    assert all(tables.values())
+    kinds = STUDIES[name].tables
+    shown = [Table(kinds[stem], found).markdown() for stem, found in tables.items()]
+    if name == "figures":
+        shown = shown[:1]  # the other table is that of a figure
+    if name == "atlas":
+        [found] = tables.values()
+        shown = [Table(kinds["atlas"], same).markdown() for _, same in groups(found, "section")]
+        assert len(shown) == 6, "one table for each model"
+    if name == "benchmark":
+        [found] = tables.values()
+        parts = [same for _, same in groups(found, "formulation", "joints")]
+        shown = [Table(kinds["benchmark"], same).markdown() for same in parts]
+        shown += [growth(found), targets(found)]
+    assert all(text in page(name) for text in shown)
+
+
+@pytest.mark.parametrize("name", STUDIES)
+def test_page_and_front_page_say_what_the_table_shows(name):
+    said = STUDIES[name].finding(STUDIES[name].read(RESULTS / name))
+    assert len(said) > 60
+    assert said in page(name)
+    assert said in FRONT
+
+
+def test_the_front_page_has_the_one_table_in_full():
+    shown = formulation_table(read_all(RESULTS))
+    assert shown in FRONT
+    assert len(shown.splitlines()) == 2 + 12
+    assert "7R, unit lever arms | isotropy      | proved infeasible | exact proof" in shown
+    assert all(re.search(r"\d+ of \d+", line) for line in shown.splitlines()[2:])
+
+
+def test_the_front_page_says_what_was_learned():
+    items = learned(read_all(RESULTS)).splitlines()
+    assert len(items) >= 9
+    for item in items:
+        assert item.startswith("- ")
+        assert f"{item}\n" in FRONT
+
+
+def test_the_front_page_names_every_study():
+    for study in STUDIES.values():
+        assert f"({study.name}/{study.page})" in FRONT
+        assert f"`{study.command}`" in FRONT

@@ -1,0 +1,264 @@
+"""The comparison: rows show what was found, and show where nothing was found."""
+
+import csv
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from formulations import comparison, isotropy, max_min, measures, residual
+from formulations.comparison import ComparisonRow, cases, row_of, study
+from formulations.io.study import Effort
+from formulations.io.table import Table
+from formulations.joints.models import arm
+from formulations.solving.case import Case
+from formulations.solving.solve import run, solve
+from nlp.errors import InputError
+
+RESULTS = Path(__file__).parents[1] / "results"
+
+
+def outcome(formulation, model, joints=7, m=6, *, starts=6, options=None):
+    case = Case(formulation, arm(model, joints, m), options=options or {})
+    return run(case, starts=starts)
+
+
+@pytest.fixture(scope="module")
+def seven():
+    """Every row of the 7R comparison, from a few starts."""
+    return [run(case, starts=6) for case in cases(7, 6)]
+
+
+@pytest.fixture(scope="module")
+def rows(seven):
+    return {(row.formulation, row.variant, row.model): row for row in map(row_of, seven)}
+
+
+def test_each_formulation_is_there_on_both_models(rows):
+    plain = {(formulation, model) for formulation, variant, model in rows if not variant}
+    assert plain == {
+        (formulation, model)
+        for formulation in ("residual", "max-min", "isotropy")
+        for model in ("unit-revolute", "lever-revolute")
+    }
+    assert ("max-min", "one factor per failure", "unit-revolute") in rows
+    assert ("max-min", "from residual minima", "unit-revolute") in rows
+
+
+def test_unit_revolute_7r(rows):
+    residual = rows["residual", "", "unit-revolute"]
+    assert (residual.solved, residual.reached_best, residual.distinct_optima) == (6, 6, 1)
+    assert residual.score == pytest.approx(0.0568265457, abs=1e-9)
+    assert residual.worst_case_sigma == pytest.approx(0.51986, abs=1e-5)
+    max_min = rows["max-min", "", "unit-revolute"]
+    assert max_min.worst_case_sigma == pytest.approx(0.571482968, abs=1e-8)
+    assert max_min.sigma_bound == pytest.approx(np.sqrt(1 / 3))
+    assert max_min.gap_percent == pytest.approx(1.01625, abs=1e-4)
+    assert max_min.verdict == "solved"
+
+
+def test_isotropic_unit_revolute_7r_is_infeasible_with_its_least_violation(rows):
+    row = rows["isotropy", "", "unit-revolute"]
+    assert row.verdict == "proved infeasible"
+    assert (row.solved, row.reached_best, row.distinct_optima) == (0, 0, 0)
+    assert row.status_counts == {"Infeasible_Problem_Detected": 6}
+    assert np.isnan(row.score)
+    assert np.isnan(row.worst_case_sigma)
+    assert 0.05 < row.violation < 1
+    assert 0.0568265 < row.isotropy_defect < 1
+
+
+def test_infeasible_is_called_proved_only_where_it_is():
+    """6 revolute joints and one prismatic of norm 1 have other traces above and below."""
+    each = outcome(isotropy, "lever-revolute-each", starts=4)
+    assert row_of(each).verdict == "proved infeasible"
+    impossible = outcome(isotropy, "unit-revolute:6,prismatic:1", starts=4)
+    assert row_of(impossible).verdict == "infeasible"
+
+
+def test_free_lever_arms_reach_other_optima(rows):
+    assert rows["isotropy", "", "lever-revolute"].worst_case_sigma == pytest.approx(
+        0.480383, abs=1e-6
+    )
+    lever = rows["max-min", "", "lever-revolute"]
+    assert lever.worst_case_sigma == pytest.approx(0.574648936, abs=1e-7)
+    assert lever.worst_case_sigma < lever.sigma_bound
+
+
+def test_every_row_has_a_certified_bound_that_it_respects(rows):
+    for (formulation, _, model), row in rows.items():
+        if row.verdict == "proved infeasible":
+            assert row.certificate == "exact proof"
+        elif formulation == "residual":
+            assert 0 <= row.certified_bound <= row.score
+        else:
+            assert row.score <= row.certified_bound <= row.sigma_bound
+        assert np.isnan(row.numerical_bound) or model == "unit-revolute"
+    residual = rows["residual", "", "unit-revolute"]
+    assert residual.certified_gap_percent < 2
+    assert residual.numerical_gap_percent < 1e-3
+    assert rows["max-min", "", "unit-revolute"].certified_gap_percent < 0.9
+
+
+@pytest.mark.parametrize("joints", [7, 8])
+def test_the_committed_tables_are_these(seven, joints):
+    study = comparison.study(joints)
+    committed = study.read(RESULTS / study.name)["comparison"]
+    outcomes = seven if joints == 7 else [run(case, starts=2) for case in cases(8, 6)]
+    fresh = list(map(row_of, outcomes))
+    assert len(fresh) == len(committed) == 9
+    for new, old in zip(fresh, committed, strict=True):
+        for same in ("formulation", "variant", "model", "joints", "verdict", "certificate"):
+            assert getattr(new, same) == getattr(old, same)
+        for number in ("sigma_bound", "certified_bound", "numerical_bound", "score"):
+            before = pytest.approx(getattr(old, number), abs=1e-6, nan_ok=True)
+            assert getattr(new, number) == before
+        if old.verdict == "solved" and old.formulation == "max-min":
+            assert new.worst_case_sigma == pytest.approx(old.worst_case_sigma, abs=1e-6)
+
+
+def test_common_starts(seven):
+    """Start k is one configuration for all formulations on one model."""
+    arms = {o.arm for o in seven}
+    assert arms == {arm("unit-revolute", 7), arm("lever-revolute", 7)}
+    for o in seven:
+        assert [(record.seed, record.index) for record in o.records] == [
+            (0, k) for k in range(6)
+        ]
+        minima = o.case.settings.get("from_residual_minima", False)
+        assert o.case.sample == o.arm.sample or minima
+
+
+def test_a_solver_that_claims_success_is_not_believed(seven):
+    """Reaching the best is judged from J: shift one J and the row must count one less."""
+    found = seven[1]
+    assert len(found.reached) == 6
+    first, *others = found.records
+    broken = replace(first, score=first.score - 1e-3)
+    row = row_of(replace(found, records=(broken, *others)))
+    assert (row.solved, row.reached_best) == (6, 5)
+
+
+def test_an_outcome_tells_itself(seven):
+    found = seven[1]
+    plain = found.to_dict()
+    assert (plain["verdict"], plain["reached_best"]) == ("solved", 6)
+    json.dumps(plain)
+    frame = found.to_frame()
+    assert len(frame) == 6
+    assert frame["score"].max() == found.best.score
+    assert "solved, 6 of 6 starts at the best 0.571482968" in repr(found)
+    assert "<table" in found._repr_html_()
+
+
+def test_starts_that_ran_out_of_iterations_are_not_called_infeasible():
+    row = row_of(outcome(isotropy, "unit-revolute", options={"max_iter": 2}))
+    assert row.verdict == "not solved"
+    assert row.status_counts == {"Maximum_Iterations_Exceeded": 6}
+
+
+def plain(outcomes):
+    """The table without its times."""
+    frame = Table(ComparisonRow, list(map(row_of, outcomes))).frame()
+    times = [column for column in frame if column.startswith(("cpu_seconds", "relative_cost"))]
+    assert len(times) == 3
+    return frame.drop(columns=times).to_csv()
+
+
+def test_same_seed_any_workers_identical_tables(seven):
+    again = [run(case, starts=6, workers=2) for case in cases(7, 6)]
+    assert plain(again) == plain(seven)
+    for one, other in zip(seven, again, strict=True):
+        for a, b in zip(one.records, other.records, strict=True):
+            assert a.jacobian.tobytes() == b.jacobian.tobytes()
+
+
+@pytest.fixture
+def run_already(seven, monkeypatch):
+    """The study, whose outcomes are there."""
+    found = {o.case.name: o for o in seven}
+    monkeypatch.setattr(comparison, "run", lambda case, **_: found[case.name])
+    return study(7)
+
+
+def test_cost_is_relative_to_the_default_encoding(run_already, tmp_path):
+    found = run_already.run(tmp_path, Effort()).rows
+    rows = {(row.formulation, row.variant, row.model): row for row in found}
+    assert rows["max-min", "", "unit-revolute"].relative_cost == 1
+    one = rows["max-min", "one factor per failure", "unit-revolute"]
+    default = rows["max-min", "", "unit-revolute"].cpu_seconds_per_success
+    assert one.relative_cost == one.cpu_seconds_per_success / default
+    assert np.isnan(rows["isotropy", "", "unit-revolute"].relative_cost)
+
+
+def test_files_say_what_the_rows_say(seven, run_already, tmp_path):
+    run_already.run(tmp_path, Effort())
+    with (tmp_path / "comparison.csv").open(encoding="utf-8") as file:
+        lines = list(csv.DictReader(file))
+    required = {
+        *("formulation", "model", "joints", "task_dimension", "starts", "solved"),
+        *("reached_best", "score", "worst_case_sigma", "sigma_bound", "gap_percent"),
+        *("condition_number", "isotropy_defect", "distinct_optima", "iterations_median"),
+        *("cpu_seconds_per_start", "status_counts", "certified_bound", "certificate"),
+    }
+    assert required <= set(lines[0])
+    assert len(lines) == len(seven)
+    entries = json.loads((tmp_path / "jacobians.json").read_text())
+    for line, entry, one in zip(lines, entries, seven, strict=True):
+        jacobian = np.array(entry["jacobian"])
+        np.testing.assert_array_equal(jacobian, one.best.jacobian)
+        if line["verdict"] == "solved":
+            sigma = measures.worst_case_sigma(jacobian)
+            assert float(line["worst_case_sigma"]) == pytest.approx(sigma, abs=1e-12)
+    page = (tmp_path / "comparison.md").read_text(encoding="utf-8")
+    for text in ("seed: 0", "casadi", "infeasible", "one factor per failure", "0.571483"):
+        assert text in page
+    # The table first, then what was found.
+    assert page.index("| problem") < page.index("Max-min on 7 unit-revolute joints reaches")
+
+
+def test_the_table_has_six_columns_to_read(rows):
+    table = Table(ComparisonRow, list(rows.values()))
+    heads = ["problem", "reached best", "score", "proved bound", "gap %", "CPU ms per success"]
+    for text in (table.markdown(), table.terminal()):
+        first, _, *lines = text.splitlines()
+        assert [cell.strip() for cell in first.strip("|").split("|")] == heads
+        [line] = [one for one in lines if "isotropy, unit-revolute" in one]
+        assert "proved infeasible" in line
+        [line] = [one for one in lines if "max-min, unit-revolute  " in one]
+        cells = [cell.strip() for cell in line.strip("|").split("|")]
+        bound, score = float(cells[3]), float(cells[2])
+        assert float(cells[4]) == pytest.approx(100 * (bound - score) / bound, abs=0.01)
+
+
+def test_the_table_shows_no_negative_zero():
+    one = row_of(outcome(max_min, "free", 3, 2, starts=2))
+    table = Table(ComparisonRow, [replace(one, certified_gap_percent=-1e-9)])
+    assert " 0.00 |" in table.markdown()
+    assert "-0.00" not in table.markdown() + table.terminal()
+
+
+@pytest.mark.parametrize(
+    ("make", "allowed"),
+    [
+        (lambda: solve("other", "free"), "one of residual, max-min, isotropy"),
+        (lambda: solve("residual", locked=2), "none for the formulation residual"),
+        (lambda: solve("isotropy", encoding="x"), "none for the formulation isotropy"),
+        (lambda: solve("manipulability", goal="worst"), "one of its settings: locked"),
+        (lambda: outcome(residual, "nothing"), "one of unit-revolute"),
+        (lambda: arm("lever-revolute:5,prismatic:2", 8), "7 for lever-revolute:5,prismatic:2"),
+        (lambda: arm("lever-revolute:x", 8), "NAME:COUNT"),
+        (lambda: arm("unit-revolute", 7, 3), "6 for the model unit-revolute"),
+    ],
+)
+def test_refuses_unknown_names_and_settings(make, allowed):
+    with pytest.raises(InputError, match=allowed):
+        make()
+
+
+def test_mixed_arms_by_name():
+    mixed = arm("lever-revolute:6,prismatic:2", 8)
+    assert [type(joint).__name__ for joint in mixed.joints].count("Prismatic") == 2
+    assert mixed.shape == (6, 8)
