@@ -106,15 +106,8 @@ def with_one_more_locked(task_dimension: int, joints: int, limit: float) -> floa
     """Return an upper limit of tr G of n joints of which k lock, from one for n − 1 and k − 1.
 
     G = Jᵀ(M − tI)⁻¹J, and tr G = m + s with t ≤ (T/m)(1 − m/tr G). Without any one column the
-    trace is at most `limit`; weighted by 1 − G_ff, these n conditions add up to
+    trace is at most `limit`, above m; weighted by 1 − G_ff, these n conditions add up to
     (n − m − s)(`limit` − m − s) ≥ s + s²/m (docs/several_failures.md).
-
-    Parameters
-    ----------
-    task_dimension, joints
-        m and n, n > m.
-    limit
-        Of the trace of G of n − 1 joints of which k − 1 lock, above m.
     """
     m = whole_number("task dimension", task_dimension, 1)
     more = whole_number("joints", joints, m + 1) - m
@@ -133,21 +126,8 @@ def isotropic_eigenvalue_bound(
     columns of any norm share what the others leave of T: the largest of them has at least its
     mean.
 
-    Parameters
-    ----------
-    task_dimension
-        m.
-    trace
-        T = ‖J‖_F², the same for every isotropic J of the arm.
-    fixed
-        Squared norms of the columns that have a fixed one.
-    joints
-        Number n of columns.
-
-    Returns
-    -------
-    float
-        The bound, rounded up; 0 if no such J keeps its rank.
+    T = ‖J‖_F² is the same for every isotropic J of the arm; `fixed` holds the squared norms of
+    the columns that have a fixed one. The bound is rounded up; 0 if no such J keeps its rank.
     """
     rest = Fraction(positive("trace", trace)) - sum(map(Fraction, fixed), Fraction(0))
     largest = max(map(Fraction, fixed), default=Fraction(0))
@@ -167,14 +147,8 @@ def largest_residual(joints: int, t: float) -> float:
     """Return an upper bound on ρ_max(t), the largest ½ Σ (λ_k − n/3)² that t allows.
 
     It is proved in rational arithmetic, and above ρ_max(t) by less than 1e-9 of it, as long as
-    ρ_max(t) is not tiny. It is −inf if t allows no spectrum at all.
-
-    Parameters
-    ----------
-    joints
-        Number n of unit revolute joints, at least 7.
-    t
-        A positive lower bound on the squared worst case.
+    ρ_max(t) is not tiny. It is −inf if t, a positive lower bound on the squared worst case of n
+    ≥ 7 unit revolute joints, allows no spectrum at all.
 
     Notes
     -----

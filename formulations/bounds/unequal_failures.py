@@ -45,13 +45,11 @@ def fallible_bound(
     Parameters
     ----------
     task_dimension, joints
-        m and n.
-    fallible
-        How many joints may fail, s.
+        m and n, 1 ≤ m < n.
+    fallible, locked
+        How many joints may fail, s, and how many of them lock at once, k ≤ s ≤ n.
     trace
         T = ‖J‖_F².
-    locked
-        How many of them lock at once, k.
     fallible_trace
         Limits of T_S, the sum of the squared norms of the columns that may fail.
 
@@ -63,7 +61,7 @@ def fallible_bound(
     Raises
     ------
     InputError
-        Unless 1 ≤ m < n and k ≤ s ≤ n.
+        If a number is out of range.
     """
     m = whole_number("task dimension", task_dimension, 1)
     n = whole_number("joints", joints, m + 1)
@@ -91,14 +89,7 @@ def weighted_worst_bound(
 ) -> float:
     """Bound the weighted worst case min_F σ_F/w_F of all J with columns of these norms.
 
-    Parameters
-    ----------
-    task_dimension
-        m.
-    norms_squared
-        ‖j_i‖² of each column.
-    failures
-        Which joints may fail, and how likely.
+    m is the task dimension; `norms_squared` holds ‖j_i‖² of each column.
     """
     m, norms = task_dimension, _norms(norms_squared, failures)
     n, k, trace = norms.size, failures.locked, float(norms.sum())
@@ -200,22 +191,12 @@ def assess_failures(
 def assess_scenarios(
     jacobian: npt.ArrayLike, failures: Scenarios, *, probabilities_known: bool = True
 ) -> dict[str, Any]:
-    """Return the measures of `assess_failures` over one or several failure models.
+    """Return the measures of `assess_failures` over one failure model or several.
 
-    Parameters
-    ----------
-    jacobian, probabilities_known
-        See `assess_failures`.
-    failures
-        One model, or several of which any may hold.
-
-    Returns
-    -------
-    dict
-        What `assess_failures` returns, for one model. For several ``scenarios``, a list of
-        that, and before it the least of ``possible_worst_sigma``, ``weighted_worst_sigma`` and
-        ``expected_sigma`` over them, each with the least of the bounds, and the joints of the
-        least weighted worst case.
+    For several, of which any may hold: ``scenarios``, a list of what `assess_failures` returns,
+    and before it the least of ``possible_worst_sigma``, ``weighted_worst_sigma`` and
+    ``expected_sigma`` over them, each with the least of the bounds, and the joints of the least
+    weighted worst case.
     """
     models = scenarios(failures)
     each = [

@@ -79,8 +79,7 @@ def workspace(
     from formulations.plot.look import looking
     from formulations.plot.style import content, kind_of
     from formulations.workspaces.best_limits import best_limits
-    from formulations.workspaces.pose_sets import PoseSets, check_poses
-    from formulations.workspaces.reachable_sets import check_grid
+    from formulations.workspaces.pose_sets import PoseSets
     from formulations.workspaces.workspace import check_limits, measured
     from formulations.workspaces.workspace import workspace as workspace_of
     from nlp.files import prepare_file, write_bytes
@@ -101,10 +100,7 @@ def workspace(
     coarse = rotation is not None and not arm.is_planar
     edge = voxel or float(sum(arm.links)) / (_IN_SPACE if coarse else 50)
     sets = None
-    if rotation is None:
-        check_grid(arm, edge, radians(step))
-    else:
-        check_poses(arm, rotation, edge, radians(step))
+    if rotation is not None:
         sets = PoseSets(arm, rotation, edge, radians(step), progress)
     if optimise is not None:
         arm, chosen = best_limits(

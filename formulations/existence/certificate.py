@@ -57,8 +57,8 @@ class Square:
     terms: tuple[Term, ...]
 
     def __post_init__(self) -> None:
-        _require_rational("weight", self.weight)
-        _require(self.weight > 0, f"weight {self.weight} is not positive")
+        require_rational("weight", self.weight)
+        require(self.weight > 0, f"weight {self.weight} is not positive")
         _require_length("terms", self.terms, TERMS)
 
 
@@ -73,9 +73,9 @@ class Multiplier:
     wbar: Pairs
 
     def __post_init__(self) -> None:
-        _require(self.kind in get_args(Kind), f"equation kind {shown(self.kind)} is unknown")
+        require(self.kind in get_args(Kind), f"equation kind {shown(self.kind)} is unknown")
         indices = 1 if self.kind == "row-sum" else 2
-        _require(len(self.place) == indices, f"a {self.kind} equation has {indices} indices")
+        require(len(self.place) == indices, f"a {self.kind} equation has {indices} indices")
         _require_joints(self.place)
         _require_monomial(self.coefficient, self.w, self.wbar, MONOMIAL_FACTORS)
 
@@ -90,12 +90,12 @@ class Certificate:
     multipliers: tuple[Multiplier, ...]
 
     def __post_init__(self) -> None:
-        _require_whole(self.joints)
-        _require(
+        require_whole(self.joints)
+        require(
             self.joints == JOINTS, f"joints is {self.joints}, but the theorem is about {JOINTS}"
         )
-        _require_rational("constant", self.constant)
-        _require(self.constant > 0, f"constant {self.constant} is not positive")
+        require_rational("constant", self.constant)
+        require(self.constant > 0, f"constant {self.constant} is not positive")
         _require_length("squares", self.squares, SQUARES)
         _require_length("multipliers", self.multipliers, MULTIPLIERS)
         self._require_common_denominator()
@@ -106,7 +106,7 @@ class Certificate:
         numbers += [term.coefficient for square in self.squares for term in square.terms]
         numbers += [multiplier.coefficient for multiplier in self.multipliers]
         common = lcm(*(number.denominator for number in numbers))
-        _require(common <= COMMON_DENOMINATOR, "the denominators have no small multiple")
+        require(common <= COMMON_DENOMINATOR, "the denominators have no small multiple")
 
     def write(self, path: Path | str) -> None:
         """Write the JSON file, whole or not at all.
@@ -153,38 +153,41 @@ def shown(value: object) -> str:
     return text if len(text) <= 60 else text[:59] + "…"
 
 
-def _require(condition: bool, otherwise: str) -> None:
+def require(condition: bool, otherwise: str) -> None:
+    """Raise CertificateError with a reason unless the condition holds."""
     if not condition:
         raise CertificateError(f"{otherwise}.")
 
 
-def _require_rational(name: str, number: object) -> None:
-    _require(isinstance(number, Fraction), f"{name} {number} is not a Fraction")
+def require_rational(name: str, number: object) -> None:
+    """Refuse what is no Fraction."""
+    require(isinstance(number, Fraction), f"{name} {number} is not a Fraction")
 
 
 def _require_length(name: str, items: tuple[object, ...], most: int) -> None:
-    _require(len(items) > 0, f"the list of {name} is empty")
-    _require(len(items) <= most, f"{len(items)} {name} are more than {most}")
+    require(len(items) > 0, f"the list of {name} is empty")
+    require(len(items) <= most, f"{len(items)} {name} are more than {most}")
 
 
 def _require_monomial(coefficient: Fraction, w: Pairs, wbar: Pairs, factors: int) -> None:
-    _require_rational("coefficient", coefficient)
-    _require(coefficient != 0, "a coefficient is zero")
+    require_rational("coefficient", coefficient)
+    require(coefficient != 0, "a coefficient is zero")
     count = len(w) + len(wbar)
-    _require(count <= factors, f"a monomial of {count} factors is longer than {factors}")
+    require(count <= factors, f"a monomial of {count} factors is longer than {factors}")
     for pair in w + wbar:
-        _require(len(pair) == 2, f"a list of {len(pair)} joints is not a pair")
+        require(len(pair) == 2, f"a list of {len(pair)} joints is not a pair")
         _require_joints(pair)
-        _require(
+        require(
             pair[0] != pair[1], f"the pair {list(pair)} is on the diagonal, where W is zero"
         )
 
 
 def _require_joints(joints: tuple[int, ...]) -> None:
     for joint in joints:
-        _require_whole(joint)
-        _require(0 <= joint < JOINTS, f"joint {joint} is not one of 0 to {JOINTS - 1}")
+        require_whole(joint)
+        require(0 <= joint < JOINTS, f"joint {joint} is not one of 0 to {JOINTS - 1}")
 
 
-def _require_whole(number: object) -> None:
-    _require(type(number) is int, f"{shown(number)} is not a whole number")  # nor True
+def require_whole(number: object) -> None:
+    """Refuse what is no int."""
+    require(type(number) is int, f"{shown(number)} is not a whole number")  # nor True

@@ -27,7 +27,7 @@ from itertools import combinations_with_replacement, product
 from math import isqrt, prod
 from typing import TypeAlias
 
-from formulations.existence.certificate import CertificateError, shown
+from formulations.existence.certificate import require, require_whole, shown
 
 MOST_JOINTS = 1000
 MOST_COLUMNS, MOST_ROOTS = 13, 6
@@ -66,19 +66,19 @@ class ExactJacobian:
 
     def __post_init__(self) -> None:
         for count in (self.joints, self.six_joint_arms):
-            _require(type(count) is int, f"{shown(count)} is not a whole number")  # nor True
+            require_whole(count)
         within = 6 < self.joints <= MOST_JOINTS
-        _require(within, f"joints is {self.joints}, not 7 to {MOST_JOINTS}")
-        _require(self.six_joint_arms >= 0, "six_joint_arms is negative")
+        require(within, f"joints is {self.joints}, not 7 to {MOST_JOINTS}")
+        require(self.six_joint_arms >= 0, "six_joint_arms is negative")
         columns = len(self.columns)
-        _require(0 < columns <= MOST_COLUMNS, f"{columns} columns are not 1 to {MOST_COLUMNS}")
+        require(0 < columns <= MOST_COLUMNS, f"{columns} columns are not 1 to {MOST_COLUMNS}")
         found = columns + 6 * self.six_joint_arms
-        _require(found == self.joints, f"the columns are {found}, the joints {self.joints}")
-        _require(len(self.roots) <= MOST_ROOTS, f"there are more than {MOST_ROOTS} roots")
+        require(found == self.joints, f"the columns are {found}, the joints {self.joints}")
+        require(len(self.roots) <= MOST_ROOTS, f"there are more than {MOST_ROOTS} roots")
         for place, number in enumerate(self.roots):
             _require_number(number, place, MOST_TERMS_UNDER_A_ROOT)
         for column in self.columns:
-            _require(len(column) == 6, f"a column of {len(column)} entries has not six")
+            require(len(column) == 6, f"a column of {len(column)} entries has not six")
             for number in column:
                 _require_number(number, len(self.roots), MOST_TERMS)
 
@@ -125,7 +125,7 @@ def _checked(columns: list[list[Value]], squares: list[Value]) -> int:
         for x, y in zip(left, right, strict=True):
             _add(total, _product(x, y, squares))
         _add(total, {frozenset(): -expected})
-        _require(not total, f"{name} is not {expected}")
+        require(not total, f"{name} is not {expected}")
     return len(equations)
 
 
@@ -163,7 +163,7 @@ def _require_positive(squares: list[Value]) -> None:
         for roots, coefficient in square.items():
             ends = [coefficient * prod(end[root] for root in roots) for end in (low, high)]
             least, most = least + min(ends), most + max(ends)
-        _require(least > 0, f"the number under root {place} is not shown to be positive")
+        require(least > 0, f"the number under root {place} is not shown to be positive")
         low.append(Fraction(isqrt(int(least * 4**_BITS)), 2**_BITS))
         high.append(Fraction(isqrt(int(most * 4**_BITS)) + 1, 2**_BITS))
 
@@ -171,20 +171,15 @@ def _require_positive(squares: list[Value]) -> None:
 def _require_number(number: Number, roots: int, most_terms: int) -> None:
     """Refuse a number that is too long or uses other roots than the first ones."""
     terms = len(number)
-    _require(terms <= most_terms, f"a number of {terms} terms has more than {most_terms}")
+    require(terms <= most_terms, f"a number of {terms} terms has more than {most_terms}")
     for coefficient, used in number:
-        _require(isinstance(coefficient, Fraction), f"{shown(coefficient)} is not a Fraction")
+        require(isinstance(coefficient, Fraction), f"{shown(coefficient)} is not a Fraction")
         larger = max(abs(coefficient.numerator), coefficient.denominator)
-        _require(larger <= LARGEST_INTEGER, f"{larger} is larger than {LARGEST_INTEGER}")
+        require(larger <= LARGEST_INTEGER, f"{larger} is larger than {LARGEST_INTEGER}")
         for root in used:
             known = type(root) is int and 0 <= root < roots
-            _require(known, f"root {shown(root)} is not one of the {roots} before")
-        _require(len(set(used)) == len(used), "a root occurs twice in a term")
-
-
-def _require(condition: bool, otherwise: str) -> None:
-    if not condition:
-        raise CertificateError(f"{otherwise}.")
+            require(known, f"root {shown(root)} is not one of the {roots} before")
+        require(len(set(used)) == len(used), "a root occurs twice in a term")
 
 
 def _as_json(number: Number) -> str:

@@ -32,9 +32,8 @@ class Kinematics:
         self.angular = max(self.rows) > 2
         self.size = len(chain.joints)
         self.lower, self.upper = (side[:, None] for side in chain.limits)
-        ranged = np.isfinite(self.lower) & np.isfinite(self.upper)
+        self.ranged = np.isfinite(self.lower) & np.isfinite(self.upper)
         self.middle = chain.mid_range[:, None]
-        self.widths = np.where(ranged, self.upper - self.lower, np.inf)
         self._end = np.array(chain.end)
         self._motions = []
         for motion in chain.motions:

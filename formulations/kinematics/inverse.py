@@ -130,7 +130,7 @@ def solve_ik(
         matrix = matrix * movable[:, active]
         damping = _SHARE * np.sum(missing**2, axis=0) + _LEAST
         if centre and iteration == 0:
-            drift = centre * (kinematics.middle - q[:, active]) * np.isfinite(kinematics.widths)
+            drift = centre * (kinematics.middle - q[:, active]) * kinematics.ranged
             drift *= movable[:, active]
             missing = missing - np.einsum("inb,nb->ib", matrix, drift)
             step = drift + _least_squares(matrix, missing, damping)

@@ -44,20 +44,9 @@ def transcription(
         minimise    Σ weight·(q − target)² + smoothness·Σ |q(k+1) − 2q(k) + q(k−1)|²
         subject to  pose of q(k) = pose k,  |q(k+1) − q(k)| <= most(k),  limits
 
-    Parameters
-    ----------
-    chain
-        The joints.
-    poses
-        One for each sample.
-    rows
-        The directions that count; see `Kinematics`.
-    most
-        Largest motion of each joint between two samples, shape (N - 1, n).
-    target, weight
-        Where each joint should be, and how much that matters, shape (N, n).
-    smoothness
-        How much smoothness matters.
+    ``rows`` are the directions that count, see `Kinematics`; ``most`` is the largest motion of
+    each joint between two samples, shape (N - 1, n); ``target`` is where each joint should be,
+    and ``weight`` how much that matters, shape (N, n).
     """
     count, size = target.shape
     symbols = ca.SX.sym("q", size)
@@ -98,17 +87,7 @@ def polished(
 ) -> tuple[str, FloatArray | None]:
     """Solve the nonlinear program from a trajectory.
 
-    Parameters
-    ----------
-    arm
-        The robot and the directions that count.
-    poses, most, smoothness
-        As of `transcription`.
-    trajectory
-        What to begin with.
-    nodes
-        Where joints are drawn to: each whose failure is critical, to the nearest node at which
-        it is not.
+    Each joint whose failure is critical is drawn to the nearest node at which it is not.
 
     Returns
     -------

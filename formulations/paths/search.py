@@ -59,8 +59,6 @@ class PathSearch:
         How often tracks beside the best sequence are added.
     seed
         Of the random starts.
-    polish
-        Whether the nonlinear program is solved.
     progress
         Is called with what is being done.
     """
@@ -70,7 +68,6 @@ class PathSearch:
     tracks: int = 80
     rounds: int = 2
     seed: int = 0
-    polish: bool = True
     progress: Callable[[str], None] = lambda _: None
 
 
@@ -134,7 +131,7 @@ class _Planner:
                 sequence = self._best_sequence()
             self._add_scattered()
             planned = self._measured(sequence)
-            for weight in _SMOOTHNESS if search.polish else ():
+            for weight in _SMOOTHNESS:
                 search.progress(f"polish, smoothness {weight:g}")
                 status, moved = polished(
                     self.arm, self.poses, self.most, planned, self.nodes, weight

@@ -25,6 +25,8 @@ from nlp.arrays import FloatArray
 JUMP = 0.5
 # Configurations done together: what fits into a processor's cache.
 _CHUNK = 3000
+# Where the locked arm keeps self-motion: from how many other points of it to try again.
+_RESTARTS = 4
 
 
 def follow(
@@ -79,7 +81,6 @@ def survivors(
     nodes: FloatArray,
     samples: IntArray,
     poses: Poses,
-    restarts: int = 4,
     seed: int = 0,
 ) -> IntArray:
     """Lock each joint at each of many configurations and finish the path.
@@ -94,10 +95,8 @@ def survivors(
         The sample of the path that each is at, shape (B,).
     poses
         The path.
-    restarts
-        Where the locked arm keeps self-motion: from how many other points of it to try again.
     seed
-        Of those points.
+        Of the points of the self-motion from which it is tried again.
 
     Returns
     -------
@@ -113,7 +112,7 @@ def survivors(
     first: IntArray = samples[which]
     last, rng = first.copy(), np.random.default_rng(seed)
     pairs = np.arange(len(last))
-    for attempt in range(1 + (restarts if redundant else 0)):
+    for attempt in range(1 + (_RESTARTS if redundant else 0)):
         order = pairs[np.argsort(first[pairs], kind="stable")]
         # Samples of a chunk are near each other.
         for chunk in np.array_split(order, max(1, -(-len(order) // _CHUNK))):

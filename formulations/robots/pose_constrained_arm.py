@@ -77,14 +77,16 @@ class Pose:
     def __post_init__(self) -> None:
         if len(self.position) != 3 or not all(abs(x) <= LARGEST for x in self.position):
             raise InputError("position", self.position, "three finite numbers, in metres")
-        rotation = self.quaternion
-        if rotation and not (len(rotation) == 4 and abs(np.linalg.norm(rotation) - 1) < 1e-6):
-            raise InputError("quaternion", rotation, "four numbers of length 1, scalar last")
+        unit = np.reshape((0, 0, 0, 1) if self.quaternion is None else self.quaternion, -1)
+        if not (len(unit) == 4 and abs(np.linalg.norm(unit) - 1) < 1e-6):
+            raise InputError(
+                "quaternion", self.quaternion, "four numbers of length 1, scalar last"
+            )
         if not 0 <= self.tolerance <= LARGEST:
             raise InputError("tolerance", self.tolerance, "at least 0, in metres")
         if not 0 <= self.angle < np.pi:
             raise InputError("tolerance", self.angle, "an angle of at least 0 and below π")
-        if self.angle and rotation is None:
+        if self.angle and self.quaternion is None:
             allowed = "an angle only where the pose has an orientation"
             raise InputError("tolerance", self.angle, allowed)
 

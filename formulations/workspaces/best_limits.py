@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import permutations
+from typing import Any
 
 import numpy as np
 from scipy import optimize
@@ -83,52 +84,23 @@ def best_limits(
     """
     if not 0 < least_width <= np.pi:
         raise InputError("least width", least_width, "above 0 and at most half a turn")
-    rng = np.random.default_rng(seed)
-    if sets is not None:
-        if lengths:
-            allowed = "limits: link lengths are chosen only if the orientation is free"
-            raise InputError("what is optimised", "lengths", allowed)
-        search = _Pattern(sets, least_width, progress)
-    else:
+    if sets is None:
         check_grid(arm, voxel, SLICE)
         if closed_form(arm, arm.physical) is not None:
             return _best_planar(arm, lengths, least_width, generations, seed, progress)
-        coarse = ReachableSets(arm, _COARSER * voxel, 2 * SLICE)
-        search = _Pattern(coarse, least_width, progress)
-    found = [search.run(rng, k) for k in range(starts)]
-    limits = max(found, key=search.score)
-    if not lengths:
-        return arm, limits
-    best = search.score(limits)
-    for share in _SHIFTS:
-        better = True
-        while better:
-            better = False
-            for shifted in _shifted_links(search.sets.arm, share):
-                grid = ReachableSets(shifted, search.sets.voxel, 2 * SLICE)
-                other = _Pattern(grid, least_width, progress)
-                if other.score(limits) > best:
-                    search, better = other, True
-                    limits = search.climbed(limits, _MOVES[1:])
-                    best = search.score(limits)
-                    progress(f"links {np.round(shifted.links, 3)}: {best:.4g}")
-                    break
+        search = _Pattern(
+            ReachableSets(arm, _COARSER * voxel, 2 * SLICE), least_width, progress
+        )
+    else:
+        search = _Pattern(sets, least_width, progress)
+    rng = np.random.default_rng(seed)
+    limits = max([search.run(rng, k) for k in range(starts)], key=search.score)
+    for share in _SHIFTS if lengths and sets is None else ():
+        while better := search.with_other_links(limits, share):
+            search, limits = better, better.climbed(limits, _MOVES[1:])
+            links = np.round(search.sets.arm.links, 3)
+            progress(f"links {links}: {search.score(limits):.4g}")
     return search.sets.arm, limits
-
-
-def _shifted_links(arm: SerialArm, share: float) -> list[SerialArm]:
-    """Return arms with a share of the links' sum moved from one link to another."""
-    links = arm.links
-    by = share * float(np.sum(links))
-    pairs = permutations(np.flatnonzero(links > 1e-6), 2)
-    found = []
-    for one, other in pairs:
-        if links[one] > 1.5 * by:
-            moved = links.copy()
-            moved[one] -= by
-            moved[other] += by
-            found.append(arm.with_links(moved))
-    return found
 
 
 class _Pattern:
@@ -136,23 +108,23 @@ class _Pattern:
 
     def __init__(self, sets: FailureSets, least_width: float, progress: Progress) -> None:
         self.sets = sets
-        self._least, self._progress = least_width, progress
-        self._known: dict[Ranges, float] = {}
+        self._least_width, self._progress = least_width, progress
+        self._scores: dict[Ranges, float] = {}
 
     def score(self, limits: Ranges) -> float:
         """Size of the workspace; where it is empty, minus the failures against a voxel."""
-        if limits not in self._known:
-            kept = self.sets.after(limits)
-            if kept.any():
-                kept &= self.sets.before(limits)
-            size = self.sets.unit * float(kept.sum())
-            self._known[limits] = size or -float(self.sets.missing(limits)) - 1
-        return self._known[limits]
+        if limits not in self._scores:
+            voxels = self.sets.after(limits)
+            if voxels.any():
+                voxels &= self.sets.before(limits)
+            size = self.sets.unit * float(voxels.sum())
+            self._scores[limits] = size or -float(self.sets.missing(limits)) - 1
+        return self._scores[limits]
 
     def run(self, rng: np.random.Generator, start: int) -> Ranges:
         """Climb from the best of random intervals."""
-        drawn = [self._drawn(rng) for _ in range(_DRAWS)]
-        limits = self.climbed(max(drawn, key=self.score), _MOVES)
+        best = max([self._drawn(rng) for _ in range(_DRAWS)], key=self.score)
+        limits = self.climbed(best, _MOVES)
         self._progress(f"start {start}: {self.score(limits):.4g}")
         return limits
 
@@ -170,15 +142,35 @@ class _Pattern:
                             limits, better = other, True
         return limits
 
+    def with_other_links(self, limits: Ranges, share: float) -> _Pattern | None:
+        """Return the search for an arm that keeps more, with a share of its links' sum moved.
+
+        From one link to another; None if none of these arms keeps more within the limits.
+        """
+        links = self.sets.arm.links
+        by = share * float(np.sum(links))
+        for one, other in permutations(np.flatnonzero(links > 1e-6), 2):
+            if links[one] > 1.5 * by:
+                moved = links.copy()
+                moved[one] -= by
+                moved[other] += by
+                grid = ReachableSets(
+                    self.sets.arm.with_links(moved), self.sets.voxel, 2 * SLICE
+                )
+                search = _Pattern(grid, self._least_width, self._progress)
+                if search.score(limits) > self.score(limits):
+                    return search
+        return None
+
     def _moved(self, limits: Ranges, joint: int, low: float, high: float) -> Ranges | None:
-        one = self.sets.arm.steps[joint]
+        step = self.sets.arm.steps[joint]
         first, last = limits[joint][0] + low, limits[joint][1] + high
-        if one.continuous:
+        if step.continuous:
             last = min(last, first + 2 * np.pi)
         else:
-            first, last = max(first, one.lower), min(last, one.upper)
-        width = self._unit(joint) if one.prismatic else self._least
-        if last - first < min(width, one.upper - one.lower) - 1e-9:
+            first, last = max(first, step.lower), min(last, step.upper)
+        width = self._unit(joint) if step.prismatic else self._least_width
+        if last - first < min(width, step.upper - step.lower) - 1e-9:
             return None
         return (*limits[:joint], (first, last), *limits[joint + 1 :])
 
@@ -187,7 +179,7 @@ class _Pattern:
         limits = self.sets.arm.physical
         for joint in self.sets.slices:
             low, high = limits[joint]
-            half = max(rng.uniform(0, (high - low) / 2), self._least / 2)
+            half = max(rng.uniform(0, (high - low) / 2), self._least_width / 2)
             middle = rng.uniform(low, high)
             ends = (max(middle - half, low), min(middle + half, high))
             limits = (*limits[:joint], ends, *limits[joint + 1 :])
@@ -207,30 +199,26 @@ def _best_planar(
     progress: Progress,
 ) -> tuple[SerialArm, Ranges]:
     """Choose the limits, and the lengths if asked for, of a planar 3R arm."""
-    total, reference = float(np.sum(arm.links)), closed_form(arm, arm.physical)
-    assert reference is not None
-    least = least_width / 2
+    total, straight = float(np.sum(arm.links)), closed_form(arm, arm.physical)
+    assert straight is not None
 
     def stated(x: FloatArray) -> Planar3R:
         half, second, wide2, third, wide3 = (float(one) for one in x[:5])
-        links = reference.lengths
+        links = straight.lengths
         if lengths:  # of two cuts of the sum, in any order
             low, high = sorted(float(one) for one in x[5:7])
             links = (low * total, (high - low) * total, (1 - high) * total)
             links = tuple(max(one, 1e-3 * total) for one in links)  # type: ignore[assignment]
-        ranges = (
-            (-half, half),
-            (second - wide2, second + wide2),
-            (third - wide3, third + wide3),
-        )
-        return Planar3R(links, ranges)
+        middles, halves = (0.0, second, third), (half, wide2, wide3)
+        ranges = tuple((m - h, m + h) for m, h in zip(middles, halves, strict=True))
+        return Planar3R(links, ranges)  # type: ignore[arg-type]
 
-    def score(x: FloatArray) -> float:
-        one = stated(x)
-        area = one.area()
-        return -area if area > 0 else max(one.shortfall, 0.0) * total**2
+    def loss(x: FloatArray) -> float:
+        planar = stated(x)
+        area = planar.area()
+        return -area if area > 0 else max(planar.shortfall, 0.0) * total**2
 
-    half_turn = (least, np.pi)
+    half_turn = (least_width / 2, np.pi)
     # An arm and its mirror image keep the same: the middle of joint 2 is not below 0.
     bounds = [half_turn, (0.0, np.pi), half_turn, (-np.pi, np.pi), half_turn]
     bounds += [(0.0, 1.0)] * (2 if lengths else 0)
@@ -238,47 +226,33 @@ def _best_planar(
     # A fair choice for most arms: narrow limits of joint 1, half a turn of the others.
     first = np.array([np.pi / 9, 0.0, np.pi / 2, 0.0, np.pi / 2, 1 / 3, 2 / 3][: len(bounds)])
     fair = np.clip(first, *np.transpose(bounds))
+    how: dict[str, Any] = {"maxiter": generations, "popsize": 12, "tol": 1e-6, "polish": False}
     # Two populations, with it and without: it attracts the first to its own optimum.
-    found = min(
-        (
-            optimize.differential_evolution(
-                score,
-                bounds,
-                x0=x0,
-                rng=seed + k,
-                maxiter=generations,
-                popsize=12,
-                tol=1e-6,
-                polish=False,
-            )
-            for k, x0 in enumerate((fair, None))
-        ),
-        key=lambda one: one.fun,
-    )
+    populations = [
+        optimize.differential_evolution(loss, bounds, x0=x0, rng=seed + k, **how)
+        for k, x0 in enumerate((fair, None))
+    ]
+    best = min(populations, key=lambda result: result.fun)
     progress("Nelder–Mead")
     options = {"xatol": 1e-5, "fatol": 1e-8 * total**2, "maxiter": 10 * generations}
-    found = optimize.minimize(
-        score, found.x, method="Nelder-Mead", bounds=bounds, options=options
-    )
-    best = stated(found.x)
-    chosen = arm.with_links(best.lengths) if lengths else arm
-    return chosen, _in_joints(chosen, best)
+    best = optimize.minimize(loss, best.x, method="Nelder-Mead", bounds=bounds, options=options)
+    planar = stated(best.x)
+    chosen = arm.with_links(planar.lengths) if lengths else arm
+    return chosen, _in_joints(chosen, planar)
 
 
-def _in_joints(arm: SerialArm, best: Planar3R) -> Ranges:
+def _in_joints(arm: SerialArm, planar: Planar3R) -> Ranges:
     """Return limits of the closed form as those of the arm's own joints."""
-    zero = closed_form(arm, ((0.0, 0.0),) * 3)
-    unit = closed_form(arm, ((0.0, 1e-3),) * 3)
+    zero, unit = (closed_form(arm, ((0.0, end),) * 3) for end in (0.0, 1e-3))
     assert zero is not None
     assert unit is not None
-    found = []
-    for joint, (low, high) in enumerate(best.limits):
-        offset = zero.limits[joint][0]
+    ranges: list[tuple[float, float]] = []
+    for joint, (low, high) in enumerate(planar.limits):
+        offset, half = zero.limits[joint][0], (high - low) / 2
         sign = 1 if unit.limits[joint][1] > offset else -1
-        middle, half = sign * ((low + high) / 2 - offset), (high - low) / 2
-        least, most = arm.physical[joint]
-        middle = middle if joint else 0.0
+        middle = sign * ((low + high) / 2 - offset) if joint else 0.0
         middle = (middle + np.pi) % (2 * np.pi) - np.pi
         # Limits of a joint without physical ones may pass ±π.
-        found.append((middle - half, middle + half) if half < np.pi else (least, most))
-    return tuple(found)
+        own = (middle - half, middle + half)
+        ranges.append(own if half < np.pi else arm.physical[joint])
+    return tuple(ranges)

@@ -68,7 +68,7 @@ class PoseSets(FailureSets):
         progress: Callable[[str], None] = lambda _: None,
         seed: int = 0,
     ) -> None:
-        corner, shape = check_poses(arm, turn, voxel, step)
+        corner, shape = _grid_of(arm, turn, voxel, step)
         self.arm, self.voxel, self.step = arm, voxel, step
         self.dimension = len(shape)
         self.corner, self.shape = corner, shape
@@ -214,16 +214,10 @@ def _on_known(
     return found
 
 
-def check_poses(
+def _grid_of(
     arm: SerialArm, turn: FloatArray, voxel: float, step: float
 ) -> tuple[npt.NDArray[np.int_], tuple[int, ...]]:
-    """Return corner and shape of the grid.
-
-    Raises
-    ------
-    InputError
-        As `PoseSets` does.
-    """
+    """Return corner and shape of the grid; InputError as `PoseSets`."""
     dimension, needed = (2, 4) if arm.is_planar else (3, 7)
     if len(arm.steps) != needed:
         kind = "a planar arm" if arm.is_planar else "an arm"

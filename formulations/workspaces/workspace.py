@@ -19,7 +19,6 @@ from scipy import ndimage
 from formulations.kinematics.serial_arm import Bits, Ranges, SerialArm
 from formulations.workspaces.failure_sets import SLICE, FailureSets
 from formulations.workspaces.planar import closed_form
-from formulations.workspaces.pose_sets import PoseSets
 from formulations.workspaces.reachable_sets import ReachableSets
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
@@ -115,9 +114,8 @@ def workspace(
     voxel: float,
     step: float = SLICE,
     progress: Progress = lambda _: None,
-    turn: FloatArray | None = None,
 ) -> Workspace:
-    """Measure the failure-tolerant workspace of an arm.
+    """Measure the failure-tolerant workspace of an arm, with any orientation of its tool.
 
     Parameters
     ----------
@@ -127,8 +125,6 @@ def workspace(
         See `ReachableSets`.
     progress
         Is called with what is being done.
-    turn
-        Orientation of the tool in the frame of the base, shape (3, 3); free if left out.
 
     Raises
     ------
@@ -136,9 +132,7 @@ def workspace(
         If a limit is outside the physical ones, or the grid cannot be made.
     """
     check_limits(arm, limits)
-    if turn is None:
-        return measured(ReachableSets(arm, voxel, step, progress), limits, progress)
-    return measured(PoseSets(arm, turn, voxel, step, progress), limits, progress)
+    return measured(ReachableSets(arm, voxel, step, progress), limits, progress)
 
 
 def measured(

@@ -85,10 +85,11 @@ def compute(effort: Effort, folder: Path) -> Iterator[RobotRow]:
         workers=effort.workers,
         progress=effort.bars,
     )
+    arms = [one.arm() for one in ARMS]  # a missing package is better known at once
     entries = []
-    for one in ARMS:
+    for one, arm in zip(ARMS, arms, strict=True):
         effort.progress(f"{one.name}, {one.task}")
-        posture = best_posture(one.arm(), search)
+        posture = best_posture(arm, search)
         entries.append({"arm": one.name, "variant": one.task, **posture.to_dict()})
         write_json(folder / "postures.json", entries)
         yield row_of(one, posture)

@@ -6,7 +6,10 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from formulations.kinematics.chain_between import chain_between
 from formulations.kinematics.read_urdf import parse_urdf
+from formulations.robots.robot_arm import RobotArm
+from formulations.robots.task import TaskSpace
 from nlp.errors import MissingLibraryError
 
 
@@ -68,6 +71,22 @@ def tree(text):
     return parse_urdf(text.encode())
 
 
+def arm(text, tip=None, task="all", frame="base", length=None, **more):
+    """An arm of URDF text; what is more goes to `chain_between`."""
+    whole = tree(text)
+    chain = chain_between(whole, tip or whole.leaves[0], **more)
+    return RobotArm(chain, TaskSpace.parse(task, frame), length)
+
+
+def planar(lengths, task="vx,vy", limit='lower="-2" upper="2" effort="1" velocity="1"'):
+    """An arm in the plane, whose joints turn about parallel axes."""
+    places = ["0 0 0", *(f"{one} 0 0" for one in lengths)]
+    kinds = {f"j{k}": {"limit": limit} for k in range(len(lengths))}
+    joints = serial(places[:-1], ["0 0 1"] * len(lengths), **kinds)
+    tool = joint("tool", f"l{len(lengths)}", "tip", "fixed", xyz=places[-1])
+    return arm(urdf([*joints, tool]), "tip", task)
+
+
 def of_pinocchio(model, chain, point):
     """Pinocchio's Jacobian of a chain's tip, along the axes of the chain's base, (6, n)."""
     data, q, places = model.createData(), pin.neutral(model), []
@@ -88,7 +107,8 @@ def of_pinocchio(model, chain, point):
 @pytest.fixture(scope="session")
 def made():
     """What makes robots."""
-    makers = (joint, urdf, serial, spherical_shoulder_and_wrist, offset_arm, tree, of_pinocchio)
+    makers = (joint, urdf, serial, spherical_shoulder_and_wrist, offset_arm, tree)
+    makers += (arm, planar, of_pinocchio)
     return SimpleNamespace(**{maker.__name__: maker for maker in makers}, AXES=AXES)
 
 

@@ -57,21 +57,24 @@ def bar(length):
     )
 
 
+def from_segment(points, capsule):
+    along = capsule.end - capsule.start
+    share = np.clip((points - capsule.start) @ along / max(along @ along, 1e-12), 0, 1)
+    return np.linalg.norm(points - capsule.start - share[:, None] * along, axis=1)
+
+
 def test_capsules_contain_the_meshes():
     _, _, found = panda()
     for link in found.links:
-        capsule = link.capsule
         for shape in link.shapes:
             if shape.kind != "mesh":
                 continue
             mesh = coal.MeshLoader().load(str(shape.file), np.ones(3))
             pose = link.pose @ shape.pose
             points = np.array(mesh.vertices()).reshape(-1, 3) @ pose[:3, :3].T + pose[:3, 3]
-            along = capsule.end - capsule.start
-            share = np.clip((points - capsule.start) @ along / (along @ along), 0, 1)
-            off = np.linalg.norm(points - capsule.start - share[:, None] * along, axis=1)
-            assert np.max(off) <= capsule.radius
-            assert np.max(off) >= capsule.radius - 0.01  # and no larger than need be
+            farthest = np.max(from_segment(points, link.capsule))
+            assert farthest <= link.capsule.radius
+            assert farthest >= link.capsule.radius - 0.01  # and no larger than need be
 
 
 @pytest.mark.parametrize(
@@ -92,11 +95,9 @@ def test_capsules_contain_the_simple_shapes(kind, size):
     else:
         inside = (np.hypot(*points.T[:2]) <= size[0]) & (np.abs(points[:, 2]) <= size[1] / 2)
     points = points[inside] + pose[:3, 3]
-    along = capsule.end - capsule.start
-    share = np.clip((points - capsule.start) @ along / max(along @ along, 1e-12), 0, 1)
-    off = np.linalg.norm(points - capsule.start - share[:, None] * along, axis=1)
     assert len(points) > 100
-    assert 0.9 * capsule.radius < np.max(off) <= capsule.radius
+    farthest = np.max(from_segment(points, capsule))
+    assert 0.9 * capsule.radius < farthest <= capsule.radius
 
 
 def test_distances_of_segments_three_times():

@@ -10,7 +10,6 @@ from scipy.spatial.transform import Rotation
 
 import formulations.solving.solve as solving
 from formulations import measures
-from formulations.kinematics.chain_between import chain_between
 from formulations.kinematics.forward import Kinematics
 from formulations.kinematics.inverse import solve_ik
 from formulations.measures.unequal_failures import FailureModel
@@ -18,8 +17,6 @@ from formulations.paths.waypoints import read_pose
 from formulations.robots.pose_constrained_arm import Pose, PoseConstrainedArm
 from formulations.robots.posture import best_posture
 from formulations.robots.posture_search import Search
-from formulations.robots.robot_arm import RobotArm
-from formulations.robots.task import TaskSpace
 from nlp.errors import InputError
 from results.robots.survey import ARMS
 
@@ -76,7 +73,7 @@ def test_a_kuka_with_a_tolerance_by_pinocchio_alone(made):
 
 
 def test_a_tolerance_is_used_where_it_helps(made):
-    arm, point = planar(made, [1.0] * 4), (1.5, 0.8, 0.0)
+    arm, point = made.planar([1.0] * 4), (1.5, 0.8, 0.0)
     search = Search(starts=3)
     exact, near = (best_posture(arm, search, at=Pose(point, None, one)) for one in (0.0, 0.05))
     assert near.at.position_error == pytest.approx(0.05, abs=1e-6)
@@ -95,19 +92,9 @@ def test_as_good_as_the_best_of_many_points_of_the_self_motion():
     assert max(sampled) <= found.assessment.worst_case_sigma + 1e-6
 
 
-def planar(made, lengths, limit=2.0):
-    joints = made.serial(
-        ["0 0 0", *(f"{one} 0 0" for one in lengths[:-1])], ["0 0 1"] * len(lengths)
-    )
-    text = made.urdf([*joints, made.joint("tool", f"l{len(lengths)}", "tip", "fixed",
-                                          xyz=f"{lengths[-1]} 0 0")])  # fmt: skip
-    text = text.replace('lower="-2" upper="2"', f'lower="-{limit}" upper="{limit}"')
-    return RobotArm(chain_between(made.tree(text), "tip"), TaskSpace(("vx", "vy")))
-
-
 def test_a_planar_arm_against_every_point_of_its_self_motion(made):
     """Four unit links hold a point: two angles on a grid, the others in closed form."""
-    arm = planar(made, [1.0] * 4)
+    arm = made.planar([1.0] * 4)
     target = np.array([1.5, 0.8])
     found = best_posture(arm, Search(starts=4), at=Pose((*target, 0.0)))
 
@@ -138,7 +125,7 @@ def test_a_planar_arm_against_every_point_of_its_self_motion(made):
 
 def test_where_each_joint_of_a_planar_arm_may_lock(made):
     """In closed form: the first joint's angle fixes how far the other two have to reach."""
-    arm = planar(made, [1.0, 0.8, 0.5], 3.14159)
+    arm = made.planar([1.0, 0.8, 0.5], limit='lower="-3.14159" upper="3.14159"')
     held = PoseConstrainedArm(arm.chain, arm.task, None, Pose((0.8, 0.4, 0.0)))
     found = held.locked_reach(held.sample(np.random.default_rng(0)))
     angles = np.linspace(-np.pi, np.pi, 2001)
@@ -155,7 +142,7 @@ def test_where_each_joint_of_a_planar_arm_may_lock(made):
 
 
 def test_out_of_reach_is_said_with_how_far(made):
-    arm = planar(made, [1.0, 1.0, 1.0])
+    arm = made.planar([1.0, 1.0, 1.0])
     with pytest.raises(InputError, match=r"pose at \(3.2, 0, 0\) is out of reach.*0.2 m off"):
         best_posture(arm, Search(starts=2), at=Pose((3.2, 0, 0)))
     near = best_posture(arm, Search("residual", starts=1), at=Pose((3.2, 0, 0), tolerance=0.4))
@@ -167,7 +154,7 @@ def test_out_of_reach_is_said_with_how_far(made):
 
 def test_a_pose_that_was_not_reached_is_no_answer(made, monkeypatch):
     """Whatever the solver says: a configuration beside the pose is dropped."""
-    arm = planar(made, [1.0, 1.0, 1.0, 1.0])
+    arm = made.planar([1.0, 1.0, 1.0, 1.0])
     judge = solving.judge
 
     def beside(case, solution, **keywords):
@@ -180,7 +167,7 @@ def test_a_pose_that_was_not_reached_is_no_answer(made, monkeypatch):
 
 
 def test_the_same_whatever_the_number_of_workers(made):
-    arm = planar(made, [1.0] * 4)
+    arm = made.planar([1.0] * 4)
     pose = Pose((1.5, 0.8, 0.0))
     alone, shared = (
         best_posture(arm, Search(starts=3, workers=w), at=pose).to_dict() for w in (1, 2)
@@ -227,7 +214,7 @@ def test_a_pose_in_each_of_its_forms(tmp_path):
 
 def test_scenarios_are_the_least_over_them(made):
     """What is maximised under several failure models, beside what each alone allows."""
-    arm = planar(made, [1.0, 0.7, 0.6, 0.5])
+    arm = made.planar([1.0, 0.7, 0.6, 0.5])
     models = (
         FailureModel((0.1, 0.01, 0.1, 0.1)),
         FailureModel((0.02, 0.1, 0.1, 0.0)),

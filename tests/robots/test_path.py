@@ -18,32 +18,21 @@ from formulations.paths.search import PathSearch, plan_path
 from formulations.paths.survival import follow, on_path, survivors
 from formulations.paths.waypoints import Poses, ToolPath, read_waypoints
 from formulations.robots.robot_arm import RobotArm
-from formulations.robots.task import TaskSpace
 from nlp.errors import InputError
 from nlp.solver import solve
 
 QUICK = PathSearch(samples=12, tracks=15, rounds=1)
 
 
-def arm_of(made, text, tip, task="all"):
-    return RobotArm(chain_between(made.tree(text), tip), TaskSpace.parse(task))
-
-
 @pytest.fixture(scope="module")
 def arm(made):
-    return arm_of(made, made.offset_arm(), "l7")
+    return made.arm(made.offset_arm())
 
 
 @pytest.fixture(scope="module")
 def planar(made):
-    """Three unit links in a plane, the last one of length 0.6."""
-    joints = made.serial(["0 0 0", "1 0 0", "1 0 0"], ("0 0 1",) * 3)
-    wide = 'lower="-3.1" upper="3.1" effort="1" velocity="2"'
-    joints = [
-        one.replace('lower="-2" upper="2" effort="1" velocity="1"', wide) for one in joints
-    ]
-    tip = made.joint("end", "l3", "tip", kind="fixed", xyz="0.6 0 0")
-    return arm_of(made, made.urdf([*joints, tip]), "tip", "vx,vy")
+    limit = 'lower="-3.1" upper="3.1" effort="1" velocity="2"'
+    return made.planar([1, 1, 0.6], limit=limit)
 
 
 def line(arm, reach=0.15, count=12):
@@ -97,7 +86,7 @@ def test_kinematics_are_those_of_the_chain(made):
     joints = made.serial(
         ["0.1 0 0.3"] * 7, j2={"kind": "prismatic"}, j4={"mimic": mimic}, j5={"rpy": "1 2 3"}
     )
-    arm = arm_of(made, made.urdf(joints), "l7", "position")
+    arm = made.arm(made.urdf(joints), "l7", "position")
     rng = np.random.default_rng(0)
     q = np.stack([arm.sample(rng) for _ in range(5)], axis=1)
     origins, turns, matrices = Kinematics(arm.chain).forward(q)

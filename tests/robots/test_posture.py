@@ -11,7 +11,6 @@ from scipy.optimize import minimize
 
 import formulations.solving.solve as solving
 from formulations import max_min, measures
-from formulations.kinematics.chain_between import chain_between
 from formulations.robots.posture import best_posture
 from formulations.robots.posture_search import Search
 from formulations.robots.robot_arm import RobotArm
@@ -94,10 +93,7 @@ def test_no_small_move_improves_on_it():
 
 def test_a_planar_arm_against_every_posture_on_a_grid(made):
     """Four links of length 1 in the plane: brute force, with a Jacobian of its own."""
-    joints = made.serial(["0 0 0"] + ["1 0 0"] * 3, ["0 0 1"] * 4)
-    tool = made.joint("tool", "l4", "tip", "fixed", xyz="1 0 0")
-    chain = chain_between(made.tree(made.urdf([*joints, tool])), "tip")
-    found = best_posture(RobotArm(chain, TaskSpace(("vx", "vy"))), Search(starts=6)).assessment
+    found = best_posture(made.planar([1] * 4), Search(starts=6)).assessment
 
     turns = np.linspace(-2, 2, 65)
     q = np.stack(np.meshgrid(turns, turns, turns, indexing="ij"), axis=-1).reshape(-1, 3)
@@ -130,9 +126,8 @@ def test_the_other_formulations(name):
 def test_limits_bind_and_hold(made):
     """With limits narrowed about the best posture found, the answer stays within them."""
     text = made.offset_arm()
-    wide = RobotArm(chain_between(made.tree(text), "l7"))
-    tight = RobotArm(chain_between(made.tree(text.replace('"-2"', '"0.4"')), "l7"))
-    free, bound = (best_posture(arm, Search(starts=3)).assessment for arm in (wide, tight))
+    arms = made.arm(text), made.arm(text.replace('"-2"', '"0.4"'))
+    free, bound = (best_posture(arm, Search(starts=3)).assessment for arm in arms)
     assert min(bound.configuration.values()) >= 0.4
     assert bound.worst_case_sigma < free.worst_case_sigma
     assert bound.at_limits
@@ -140,21 +135,19 @@ def test_limits_bind_and_hold(made):
 
 def test_after_a_failure(made):
     """A sub-chain: eight joints, one held; its best posture holds it."""
-    tree = made.tree(made.offset_arm(8))
-    arm = RobotArm(chain_between(tree, "l8", locked_at={"j3": 0.7}))
+    text = made.offset_arm(8)
+    arm = made.arm(text, locked_at={"j3": 0.7})
     found = best_posture(arm, Search(starts=4)).assessment
     assert found.locked_at == {"j3": 0.7}
     assert "j3" not in found.configuration
-    whole = RobotArm(chain_between(tree, "l8"), length=found.characteristic_length)
+    whole = made.arm(text, length=found.characteristic_length)
     point = [({"j3": 0.7} | found.configuration)[name] for name in whole.chain.names]
     kept = np.delete(whole.jacobian(point), 3, axis=1)
     assert measures.worst_case_sigma(kept) == pytest.approx(found.worst_case_sigma, abs=1e-9)
 
 
 def test_two_failures_at_once(made):
-    arm = RobotArm(
-        chain_between(made.tree(made.offset_arm(8)), "l8"), TaskSpace.parse("position")
-    )
+    arm = made.arm(made.offset_arm(8), task="position")
     found = best_posture(arm, Search(locked=2, starts=4)).assessment
     matrix = np.array(found.jacobian)
     assert found.worst_case_sigma == measures.worst_case_sigma(matrix, 2) > 0.1
@@ -162,10 +155,7 @@ def test_two_failures_at_once(made):
 
 def test_the_elbow_between_two_spherical_joints_is_structural(made):
     """Its loss fixes the distance from shoulder to wrist: a result, without a search."""
-    chain = chain_between(
-        made.tree(made.spherical_shoulder_and_wrist()), "l7", point=(0, 0, 0.1)
-    )
-    arm = RobotArm(chain)
+    arm = made.arm(made.spherical_shoulder_and_wrist(), point=(0, 0, 0.1))
     found = best_posture(arm)
     assert [(one.joint, one.kind) for one in found.assessment.structural] == [
         ("j3", "structural")
@@ -178,8 +168,7 @@ def test_the_elbow_between_two_spherical_joints_is_structural(made):
 def test_a_near_structural_arm_reaches_what_direct_search_reaches(made):
     """With offsets of 20 µm; Nelder–Mead on σ, from what was found and from a random one."""
     offsets = ["0 0 0", "0.00002 0 0", "0 0 0", "0 0 0.4", "0 0 0.4", "0 0 0", "0 0 0"]
-    tree = made.tree(made.urdf(made.serial(offsets)))
-    arm = RobotArm(chain_between(tree, "l7", point=(0, 0, 0.1)))
+    arm = made.arm(made.urdf(made.serial(offsets)), point=(0, 0, 0.1))
     found = best_posture(arm, Search(starts=2))
     (failure,) = found.assessment.structural
     assert (failure.joint, failure.kind) == ("j3", "near-structural")
@@ -200,14 +189,14 @@ def test_a_near_structural_arm_reaches_what_direct_search_reaches(made):
 def test_a_task_that_the_arm_cannot_do_is_refused(made):
     """Eight joints in a plane turn about one direction only."""
     joints = made.serial(["0 0 0"] + ["0.3 0 0"] * 7, ["0 0 1"] * 8)
-    arm = RobotArm(chain_between(made.tree(made.urdf(joints)), "l8", point=(0.3, 0, 0)))
+    arm = made.arm(made.urdf(joints), point=(0.3, 0, 0))
     with pytest.raises(InputError, match="directions in which the tip can move"):
         best_posture(arm)
 
 
 def test_the_isotropy_that_seven_joints_cannot_have_is_not_claimed(made):
     """Twenty-one equations in seven unknowns."""
-    arm = RobotArm(chain_between(made.tree(made.offset_arm()), "l7"))
+    arm = made.arm(made.offset_arm())
     with pytest.raises(InputError, match="a matter of 18 independent equations"):
         best_posture(arm, Search("isotropy", starts=2))
     panda = real("Franka", "position").arm()
@@ -216,9 +205,7 @@ def test_the_isotropy_that_seven_joints_cannot_have_is_not_claimed(made):
 
 
 def test_searches_that_make_no_sense(made):
-    arm = RobotArm(
-        chain_between(made.tree(made.offset_arm()), "l7"), TaskSpace.parse("position"), 0.4
-    )
+    arm = made.arm(made.offset_arm(), task="position", length=0.4)
     with pytest.raises(InputError, match=r"length is 0.4; allowed: none for the residual"):
         best_posture(arm, Search("residual"))
     with pytest.raises(InputError, match="locked is 2; allowed: none for the formulation"):
@@ -242,9 +229,7 @@ def test_a_row_of_an_arm_with_a_structural_failure(made, tmp_path):
 
 def test_a_start_that_did_not_converge_is_not_the_best(made, monkeypatch):
     """The first stops early at a posture of its own, with a score that looks better."""
-    arm = RobotArm(
-        chain_between(made.tree(made.offset_arm()), "l7"), TaskSpace.parse("position")
-    )
+    arm = made.arm(made.offset_arm(), task="position")
     usual = best_posture(arm, Search(starts=3)).assessment
     judge = solving.judge
 

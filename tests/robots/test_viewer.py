@@ -15,13 +15,10 @@ import pytest
 
 from formulations import measures
 from formulations.commands.view import view
-from formulations.kinematics.chain_between import chain_between
-from formulations.kinematics.read_urdf import parse_urdf
 from formulations.realise.from_jacobian import realise
 from formulations.realise.write_urdf import urdf as realised_urdf
 from formulations.robots.posture_search import Search
 from formulations.robots.robot_arm import RobotArm
-from formulations.robots.task import TaskSpace
 from formulations.viewer.page import Address, Page
 from formulations.viewer.picture import numbers, picture
 from nlp.errors import InputError
@@ -37,14 +34,6 @@ def text(made):
     return made.offset_arm()
 
 
-def arm_of(text, task="all", frame="base", held=None, **more):
-    tree = parse_urdf(text.encode())
-    tip = tree.leaves[0]
-    return RobotArm(
-        chain_between(tree, tip, locked_at=held, **more), TaskSpace.parse(task, frame)
-    )
-
-
 def configurations(arm, count=3):
     rng = np.random.default_rng(7)
     return [arm.sample(rng) for _ in range(count)]
@@ -54,8 +43,8 @@ def configurations(arm, count=3):
 
 
 @pytest.mark.parametrize("locked", [(), ("j3",), ("j0", "j5")])
-def test_a_picture_against_numpy(text, locked):
-    arm = arm_of(text)
+def test_a_picture_against_numpy(made, text, locked):
+    arm = made.arm(text)
     gone = [int(name[1]) for name in locked]
     for q in configurations(arm):
         shown, matrix = picture(arm, q, locked), arm.jacobian(q)
@@ -80,10 +69,10 @@ def test_a_picture_against_numpy(text, locked):
 
 
 @pytest.mark.parametrize("slides", [False, True])
-def test_joints_and_tip_are_where_pinocchio_has_them(text, slides):
+def test_joints_and_tip_are_where_pinocchio_has_them(made, text, slides):
     if slides:
         text = realised_urdf(realise(np.eye(6)[:, [0, 3, 1, 4, 2, 5, 3]]))
-    arm = arm_of(text)
+    arm = made.arm(text)
     model = pinocchio.buildModelFromXML(text)
     data = model.createData()
     tip = model.getFrameId(arm.chain.tip)
@@ -100,8 +89,8 @@ def test_joints_and_tip_are_where_pinocchio_has_them(text, slides):
         np.testing.assert_allclose(columns.T, arm.metric_jacobian(q)[:3], atol=1e-12)
 
 
-def test_directions_of_the_tip_are_drawn_along_the_axes_of_the_base(text):
-    base, tip = arm_of(text), arm_of(text, frame="tip")
+def test_directions_of_the_tip_are_drawn_along_the_axes_of_the_base(made, text):
+    base, tip = made.arm(text), made.arm(text, frame="tip")
     for q in configurations(base):
         one, other = picture(base, q), picture(tip, q)
         np.testing.assert_allclose(one.before @ one.before.T, other.before @ other.before.T)
@@ -112,8 +101,8 @@ def test_directions_of_the_tip_are_drawn_along_the_axes_of_the_base(text):
 @pytest.mark.parametrize(
     ("task", "rows"), [("position", [0, 1, 2]), ("orientation", [3, 4, 5])]
 )
-def test_tasks_of_one_kind(text, task, rows):
-    arm = arm_of(text, task)
+def test_tasks_of_one_kind(made, text, task, rows):
+    arm = made.arm(text, task=task)
     [q] = configurations(arm, 1)
     shown, matrix = picture(arm, q, ["j1"]), arm.jacobian(q)
     np.testing.assert_allclose(shown.before @ shown.before.T, matrix @ matrix.T, atol=1e-12)
@@ -124,7 +113,7 @@ def test_tasks_of_one_kind(text, task, rows):
 
 
 def test_a_fatal_failure_is_flat_and_nothing_is_left_to_lock(made):
-    arm = arm_of(made.spherical_shoulder_and_wrist())
+    arm = made.arm(made.spherical_shoulder_and_wrist())
     [q] = configurations(arm, 1)
     shown = picture(arm, q)
     assert shown.failed == ("j3",)
@@ -152,11 +141,11 @@ def file(text, tmp_path_factory):
 
 
 @pytest.fixture
-def page(file, text):
-    arm = arm_of(text)
+def page(made, file, text):
+    arm = made.arm(text)
     shown = Page(
         arm,
-        lambda held: arm_of(text, held=held),
+        lambda held: made.arm(text, locked_at=held),
         file,
         arm.chain.mid_range,
         Address(port=0).free(),
@@ -190,9 +179,9 @@ def test_sliders_locks_and_buttons_change_the_picture(page):
     assert best > picture(page.arm, page.arm.chain.mid_range).worst_case
 
 
-def test_a_missing_viser_is_named(file, text, monkeypatch):
+def test_a_missing_viser_is_named(made, file, text, monkeypatch):
     monkeypatch.setitem(sys.modules, "viser", None)
-    arm = arm_of(text)
+    arm = made.arm(text)
     with pytest.raises(InputError, match=r"viser is missing: .*pip install .*vi(ser|ew)"):
         Page(arm, lambda _: arm, file, arm.chain.mid_range, Address(), Search(starts=1))
     with pytest.raises(InputError, match="viser is missing"):
@@ -279,10 +268,10 @@ def test_addresses():
 @pytest.mark.long
 @pytest.mark.processes
 @pytest.mark.skipif(BROWSER is None, reason="install chromium (Debian: chromium)")
-def test_a_browser_moves_a_slider_and_locks_a_joint(lockedjoint, file, text):
+def test_a_browser_moves_a_slider_and_locks_a_joint(made, lockedjoint, file, text):
     from playwright.sync_api import expect, sync_playwright
 
-    arm = arm_of(text)
+    arm = made.arm(text)
     middle = arm.chain.mid_range
     process, url = start(lockedjoint, file)
     try:
@@ -318,9 +307,9 @@ def test_a_browser_moves_a_slider_and_locks_a_joint(lockedjoint, file, text):
         process.communicate(timeout=120)
 
 
-def test_all_pairs_of_locks_are_drawn(text):
+def test_all_pairs_of_locks_are_drawn(made, text):
     """No set of locked joints makes a number that is not finite."""
-    arm = arm_of(text)
+    arm = made.arm(text)
     q = arm.chain.mid_range
     for count in (2, 6):
         for locked in combinations(arm.chain.names, count):

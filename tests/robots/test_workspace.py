@@ -334,8 +334,6 @@ def test_size_and_limits_with_the_orientation_held():
         np.pi * 0.75**2, abs=0.1 * np.sqrt(2 * np.pi * 7.5) * 0.1
     )
     assert found.passed[0] > 0.7
-    with pytest.raises(InputError, match="lengths"):
-        best_limits(arm, 0.15, sets=sets, lengths=True)
 
 
 def test_curves_of_a_spatial_arm_hold_the_tool(made):

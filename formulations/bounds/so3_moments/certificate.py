@@ -117,36 +117,23 @@ SectorSquares: TypeAlias = tuple[RowSector, tuple[BlockSquares, ...]]
 
 @dataclass(frozen=True, eq=False)
 class BoundCertificate:
-    """A sum of squares, and of localisers, that proves a bound.
+    """A sum of squares, and of localisers, that proves a bound for unit revolute joints."""
 
-    Parameters
-    ----------
-    quantity
-        What is bounded. ``"residual"``: ρ = ½‖JJᵀ − (n/3)I‖_F², from below. ``"max-min"``:
-        the worst case σ after one locked joint, eq. (5), from above.
-    joints
-        Number n of unit revolute joints.
-    bound
-        The bound that is claimed.
-    constant
-        b, such that ρ − b is the sum of squares but for rounding; for max-min −b is the sum of
-        squares and localisers, which cannot be where all of them are ≥ 0.
-    sectors
-        The squares of each sector.
-    excluded
-        The squared worst case t that is excluded; None for the residual.
-    scaled
-        Squares that are multiplied by (ρ_max(t) − ρ)/(5n/3).
-    krylov
-        Squares that multiply J_f J_fᵀ − tI on Krylov vectors.
-    """
-
+    #: ``"residual"``: ρ = ½‖JJᵀ − (n/3)I‖_F², from below. ``"max-min"``: the worst case σ after
+    #: one locked joint, eq. (5), from above.
     quantity: CertifiedQuantity
     joints: int
+    #: The bound that is claimed.
     bound: float
+    #: b, such that ρ − b is the sum of squares but for rounding; for max-min −b is the sum of
+    #: squares and localisers, which cannot be where all of them are ≥ 0.
     constant: float
+    #: The squares of each sector.
     sectors: tuple[SectorSquares, ...]
+    #: The squared worst case t that is excluded; None for the residual.
     excluded: float | None = None
+    #: Squares that are multiplied by (ρ_max(t) − ρ)/(5n/3), and by J_f J_fᵀ − tI on Krylov
+    #: vectors.
     scaled: tuple[SectorSquares, ...] = ()
     krylov: tuple[SectorSquares, ...] = ()
 

@@ -41,14 +41,6 @@ def null_vector_deviation(t: float) -> float:
     return 7 - total**2 + 1e-12
 
 
-def signs_by_null_vector(rotations: FloatArray) -> FloatArray:
-    """Return rotations (configurations, 7, 3, 3) with columns (v; ω) turned to n_f ≥ 0."""
-    null = np.linalg.svd(jacobians_of(rotations))[2][:, -1, :]
-    turned = rotations.copy()
-    turned[..., :2] *= np.where(null < 0, -1.0, 1.0)[..., None, None]
-    return turned
-
-
 def gram_form(t: float) -> Form:
     """Return J_fᵀJ_f − tI on the vectors (1, …, 1), J_fᵀj_f and J_fᵀs."""
 

@@ -52,9 +52,10 @@ class _Terms:
 
 @dataclass(frozen=True, eq=False)
 class _Point:
-    """Cholesky factors of X and of S, and the inverse of S, of each block."""
+    """X and S of each block, their Cholesky factors, and the inverse of S."""
 
     x: list[FloatArray]
+    slacks: list[FloatArray]
     x_root: list[FloatArray]
     s_root: list[FloatArray]
     s_inverse: list[FloatArray]
@@ -105,11 +106,11 @@ def solve_with_predictor_corrector(
             break
         if iterations == _MOST_ITERATIONS:
             break
-        moved = _step(program, terms, point, slacks, mu, order)
-        if moved is None:
+        schur = _factored(_schur_complement(terms, point, program.moments - 1))
+        if schur is None:
             status = "stalled: Schur complement not positive definite"
             break
-        dy, dx, primal, dual = moved
+        dy, dx, primal, dual = _step(program, terms, point, schur, mu)
         if max(primal, dual) < _STALLED:
             status = "stalled: steps too short"
             break
@@ -122,29 +123,24 @@ def _step(
     program: MomentProgram,
     terms: list[_Terms],
     point: _Point,
-    slacks: list[FloatArray],
+    schur: tuple[FloatArray, bool],
     mu: float,
-    order: int,
-) -> tuple[FloatArray, list[FloatArray], float, float] | None:
-    """Return dy, dX and the lengths of the steps in y and X."""
-    schur = _factored(_schur_complement(terms, point, program.moments - 1))
-    if schur is None:
-        return None
+) -> tuple[FloatArray, list[FloatArray], float, float]:
+    """Return dy, dX and the lengths of the steps in y and X, from ⟨X, S⟩ = order · μ."""
     nothing = [np.zeros_like(block) for block in point.x]
     dy, dx, ds = _direction(program, terms, point, schur, 0.0, nothing)
     primal, dual = _longest(point.s_root, ds), _longest(point.x_root, dx)
     after = _inner(
         [a + dual * b for a, b in zip(point.x, dx, strict=True)],
-        [a + primal * b for a, b in zip(slacks, ds, strict=True)],
+        [a + primal * b for a, b in zip(point.slacks, ds, strict=True)],
     )
-    centring = min(1.0, max(after / (order * mu), 0.0)) ** 3
+    centring = min(1.0, max(after / (sum(program.sizes) * mu), 0.0)) ** 3
     correction = [
         _symmetric(a @ b @ inverse)
         for a, b, inverse in zip(dx, ds, point.s_inverse, strict=True)
     ]
     dy, dx, ds = _direction(program, terms, point, schur, max(centring, 1e-3) * mu, correction)
-    primal, dual = _longest(point.s_root, ds), _longest(point.x_root, dx)
-    return dy, dx, primal, dual
+    return dy, dx, _longest(point.s_root, ds), _longest(point.x_root, dx)
 
 
 def _direction(
@@ -208,7 +204,7 @@ def _factor(x: Sequence[FloatArray], slacks: Sequence[FloatArray]) -> _Point | N
         np.asarray(cho_solve((root, True), np.eye(len(root)), check_finite=False))
         for root in s_root
     ]
-    return _Point(list(x), x_root, s_root, inverse)
+    return _Point(list(x), list(slacks), x_root, s_root, inverse)
 
 
 def _longest(roots: Sequence[FloatArray], changes: Sequence[FloatArray]) -> float:

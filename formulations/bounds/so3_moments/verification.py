@@ -60,29 +60,16 @@ _dimension = cache(invariant_dimension)
 
 @dataclass(frozen=True)
 class VerifiedBound:
-    """A bound that was proved from a certificate.
-
-    Parameters
-    ----------
-    quantity
-        What is bounded, see `BoundCertificate`.
-    joints
-        Number n of unit revolute joints.
-    claimed
-        The bound that the certificate states.
-    bound
-        The bound that was proved, at least as sharp.
-    squares
-        Number of squares and of localised squares.
-    check
-        The parts of the proof, see `identity_defect`.
-    """
+    """A bound that was proved from a certificate."""
 
     quantity: CertifiedQuantity
     joints: int
+    #: The bound that the certificate states, and the one that was proved, at least as sharp.
     claimed: float
     bound: float
+    #: Number of squares and of localised squares.
     squares: int
+    #: The parts of the proof, see `identity_defect`.
     check: Mapping[str, float]
 
     def to_dict(self) -> dict[str, Any]:

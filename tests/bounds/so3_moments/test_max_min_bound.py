@@ -9,6 +9,7 @@ from formulations.bounds.so3_moments import max_min_bound as max_min_module
 from formulations.bounds.so3_moments import worst_case_conditions
 from formulations.bounds.so3_moments.global_bound import GlobalBound
 from formulations.bounds.so3_moments.max_min_bound import exclude_worst_case, max_min_bound
+from formulations.bounds.so3_moments.residual_bound import residual_bound
 from formulations.bounds.so3_moments.row_sectors import RowSector
 from formulations.bounds.so3_moments.worst_case_conditions import (
     WorstCaseConditions,
@@ -100,21 +101,22 @@ def test_a_gap_points_the_right_way():
     assert GlobalBound("residual", 7, "tight", "numerical", 0.05, None).gap is None
 
 
-@pytest.mark.parametrize("joints", [6, 10])
-def test_numbers_of_joints_are_checked(joints):
+@pytest.mark.parametrize(
+    ("bound", "arguments"),
+    [
+        (max_min_bound, {"joints": 6}),
+        (max_min_bound, {"joints": 10}),
+        (max_min_bound, {"preset": "unknown", "joints": 8}),
+        (max_min_bound, {"preset": "null-vector", "rigorous": True}),
+        (residual_bound, {"joints": 10}),
+        (residual_bound, {"preset": "quick", "rigorous": True}),
+        (largest_residual, {"joints": 7, "t": 0.0}),
+        (largest_residual, {"joints": 7, "t": float("nan")}),
+    ],
+)
+def test_arguments_are_checked(bound, arguments):
     with pytest.raises(InputError):
-        max_min_bound(joints=joints)
-
-
-@pytest.mark.parametrize("t", [0.0, float("nan")])
-def test_impossible_worst_cases_are_refused(t):
-    with pytest.raises(InputError):
-        largest_residual(7, t)
-
-
-def test_unknown_presets_are_refused():
-    with pytest.raises(InputError):
-        max_min_bound("unknown", 8)
+        bound(**arguments)
 
 
 def test_an_exclusion_needs_a_negative_margin(monkeypatch):

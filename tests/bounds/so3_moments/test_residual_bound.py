@@ -236,13 +236,9 @@ def test_isotropic_8r_stays_feasible(isotropic_8r, so3):
     assert program.objective[0] + program.objective[1:] @ y == pytest.approx(0, abs=1e-7)
 
 
-def test_presets_and_arguments_are_checked():
+def test_the_presets_are_checked():
     compact = residual_bound.residual_preset("compact")
     assert RowSector(2, 0, 1, 6) in compact
     assert RowSector(2, 0, 1, 4) not in compact
     with pytest.raises(InputError, match="tight"):
         residual_bound.residual_preset("quick")
-    with pytest.raises(InputError):
-        residual_bound.residual_bound(joints=10)
-    with pytest.raises(InputError):
-        residual_bound.residual_bound("quick", rigorous=True)
