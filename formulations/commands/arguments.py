@@ -124,11 +124,6 @@ def whole_option(
     return typer.Option(parser=parser, metavar=metavar, help=words, **settings)
 
 
-def positive_option(metavar: str, words: str) -> Any:
-    """Return an option that takes finite numbers above 0, for `Annotated`."""
-    return typer.Option(parser=_positive, metavar=metavar, help=words)
-
-
 def progress(sentence: str) -> None:
     """Show what is being done, on a terminal's standard error."""
     if sys.stderr.isatty():
@@ -219,15 +214,11 @@ class FigureOptions:
 
     def look(self) -> Look:
         """Return it read; InputError if the size or the style file is not allowed."""
-        return look(self.size, self.no_title, self.style)
+        from formulations.plot.look import Look, read_size, read_style
 
-
-def look(size: str | None, no_title: bool, style: Path | None) -> Look:
-    """Return how figures are to look; InputError if the size or the style is not allowed."""
-    from formulations.plot.look import Look, read_size, read_style
-
-    settings = {} if style is None else read_style(style)
-    return Look(None if size is None else read_size(size), not no_title, settings)
+        settings = {} if self.style is None else read_style(self.style)
+        size = None if self.size is None else read_size(self.size)
+        return Look(size, not self.no_title, settings)
 
 
 @dataclass(frozen=True)
