@@ -15,7 +15,7 @@ from formulations.io.study import Effort, Study, write_json
 from formulations.io.table import HIDDEN, column
 from formulations.joints.arm import Arm
 from formulations.joints.models import arm, models_of
-from formulations.registry import registered
+from formulations.registry import FORMULATIONS, registered
 from formulations.solving.case import NOTHING, Case
 from formulations.solving.outcome import Outcome
 from formulations.solving.solve import run
@@ -282,5 +282,6 @@ def _bound(row: ComparisonRow) -> str:
     """Return the proved bound, rounded to the side on which it holds."""
     if isnan(row.certified_bound):
         return row.certificate
-    below = row.formulation == "residual" or row.score > row.certified_bound
-    return outward(row.certified_bound, 7, lower=below)
+    known = FORMULATIONS.get(row.formulation)
+    lower = known is not None and known.SENSE == "minimise"
+    return outward(row.certified_bound, 7, lower=lower)

@@ -47,16 +47,15 @@ class Store(AbstractContextManager["Store", None]):
     writable
         Whether to add to it. A writable store is made if there is none.
     salvage
-        Whether to open a store with damaged records. They are left out of all that is read,
-        and listed in `damaged`.
+        Whether to open a store with damaged records: they are not read, but `damaged`.
 
     Raises
     ------
     FileError
         If it cannot be opened, or is not such a store.
     StoreError
-        If its structure is damaged, records are and it is not opened to `salvage` the others,
-        or another process writes to it.
+        If its structure is damaged, or records are and it is not to `salvage` the others; or
+        if another process writes to it.
     """
 
     def __init__(
@@ -106,18 +105,13 @@ class Store(AbstractContextManager["Store", None]):
 
     @property
     def damaged(self) -> list[tuple[object, object]]:
-        """Cell and start of the damaged records, as far as the file tells them.
-
-        Their digest did not match when the file was opened, and they were not replaced since.
-        """
+        """Cell and start of the damaged records that were not replaced since it was opened."""
         return list(self._damaged.values())
 
     def add(
         self, cell: str, records: Sequence[tuple[int, Mapping[str, Value]]], environment: str
     ) -> int:
-        """Keep records, all of them or none; those that are there already stay as they are.
-
-        Damaged ones are replaced.
+        """Keep records, all of them or none; intact ones that are there stay as they are.
 
         Parameters
         ----------
@@ -208,10 +202,9 @@ class Store(AbstractContextManager["Store", None]):
         import pandas as pd
 
         wanted = self._names[2:] if columns is None else list(columns)
-        listed = ", ".join(f'"{name}"' for name in ["cell", "start", *wanted])
         select = (
-            f"SELECT {listed} FROM record WHERE rowid NOT IN (SELECT value FROM json_each(?)) "
-            "ORDER BY min(rowid) OVER (PARTITION BY cell), start"
+            f"SELECT {_listed('cell', 'start', *wanted)} FROM record "
+            "WHERE rowid NOT IN (SELECT value FROM json_each(?)) ORDER BY min(rowid) OVER (PARTITION BY cell), start"
         )
         kinds = {name: float for name in wanted if self.columns.get(name) == "REAL"}
         with self._errors():
@@ -227,11 +220,9 @@ class Store(AbstractContextManager["Store", None]):
 
     def _rows(self, names: Sequence[str]) -> Iterator[tuple[Value, ...]]:
         """Yield the intact rows, in the order in which they were added."""
-        listed = ", ".join(f'"{name}"' for name in names)
+        select = f"SELECT rowid, {_listed(*names)} FROM record ORDER BY rowid"
         with self._errors():
-            for number, *row in self._execute(
-                f"SELECT rowid, {listed} FROM record ORDER BY rowid"
-            ):
+            for number, *row in self._execute(select):
                 if number not in self._damaged:
                     yield tuple(row)
 
@@ -285,8 +276,7 @@ class Store(AbstractContextManager["Store", None]):
     def _lock(self) -> None:
         """Refuse a second process that writes; the system frees the lock when one ends.
 
-        SQLite's own locks are held during a transaction only. Where there is no ``flock``, its
-        mode for one process serves, in which nobody can read meanwhile.
+        SQLite's own locks are those of a transaction. Its mode for one process is for Windows.
         """
         if sys.platform == "win32":
             for statement in ("PRAGMA locking_mode = EXCLUSIVE", "BEGIN IMMEDIATE", "COMMIT"):
@@ -328,13 +318,17 @@ class Store(AbstractContextManager["Store", None]):
         except (sqlite3.Error, OSError, ValueError, OverflowError) as reason:
             said = getattr(reason, "strerror", None) or str(reason)
             code = int(getattr(reason, "sqlite_errorcode", 0)) & 0xFF
-            if code in (sqlite3.SQLITE_ERROR, sqlite3.SQLITE_CORRUPT):
-                allowed = f"one that is intact ({said})"
-                raise StoreError("store", str(self.path), allowed) from None
+            kind: type[FileError] = FileError
             allowed = f"the file of a campaign, in a folder to write to ({said})"
-            if "full" in said or "disk I/O" in said:
+            if code in (sqlite3.SQLITE_ERROR, sqlite3.SQLITE_CORRUPT):
+                kind, allowed = StoreError, f"one that is intact ({said})"
+            elif "full" in said or "disk I/O" in said:
                 allowed = f"a file on a disk with room ({said}); what it holds is kept"
-            raise FileError("store", str(self.path), allowed) from None
+            raise kind("store", str(self.path), allowed) from None
+
+
+def _listed(*names: str) -> str:
+    return ", ".join(f'"{name}"' for name in names)
 
 
 def _fits(kind: Kind, value: Value) -> bool:

@@ -1,14 +1,12 @@
 """The certificate of a rigorous bound: a file with its sum of squares, and its strict reader.
 
 A block is given by columns of projectors, for each set of labels, and by a factor L of its
-multiplier. The bases of the search come from eigenvectors, whose signs and order differ
-between machines. The projector P on the rows that belong to the first tableau does not; so the
-file names plain rows i, and U has the columns P e_i. What is proved holds for every L and every
-choice of rows: L need not come from a solver. See `verification`.
+multiplier. Eigenvectors, the bases of the search, differ between machines in signs and order;
+the projector P on the rows of the first tableau does not. So the file names plain rows i, and U
+has the columns P e_i. What is proved holds for every L and every choice of rows.
 
 Matrices are doubles, little-endian, row after row, in base64. Whatever is not exactly in the
-format is refused, and sizes are limited before anything of that size is built. The parts of
-JSON texts are read as in `formulations.existence.reading`.
+format is refused, and sizes are limited before anything of that size is built.
 """
 
 import json
