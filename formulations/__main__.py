@@ -70,7 +70,7 @@ def _run() -> int:
     except LockedJointError as error:
         return _fail(str(error), error.exit_status)
     except typer.TyperException as error:
-        return _fail(error.format_message(), USAGE_ERROR)
+        return _fail(error.format_message().replace("Value error, ", ""), USAGE_ERROR)
     except BrokenPipeError:  # whoever reads the output has ended; nor can the rest be flushed
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return BROKEN_PIPE
@@ -78,7 +78,9 @@ def _run() -> int:
 
 
 def _fail(sentence: str, status: int) -> int:
-    sys.stderr.write(f"Error: {' '.join(sentence.split())}\n")
+    from nlp.errors import printable
+
+    sys.stderr.write(f"Error: {printable(' '.join(sentence.split()))}\n")
     return status
 
 

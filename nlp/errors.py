@@ -101,4 +101,25 @@ def shown(value: object, limit: int = 120) -> str:
         text = value if isinstance(value, str) and value else repr(value)
     except ValueError:  # a whole number that is too long to be written out
         return "a number of thousands of digits"
+    text = printable(text)
     return text if len(text) <= limit else text[: limit - 1] + "…"
+
+
+def printable(text: str, kept: str = "") -> str:
+    """Return a text in which control characters and marks of direction are escaped.
+
+    Names from files could otherwise command the terminal or forge lines of the output.
+
+    Parameters
+    ----------
+    text
+        The text.
+    kept
+        Characters that stay as they are, such as line ends.
+    """
+    if text.isprintable():
+        return text
+    return "".join(
+        one if one.isprintable() or one in kept else one.encode("unicode_escape").decode()
+        for one in text
+    )

@@ -8,10 +8,12 @@ import tempfile
 from collections.abc import Iterable
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 from uuid import uuid4
 
 from nlp.errors import FileError
+
+Target = TypeVar("Target", Path, Path | None)
 
 # How an SQLite file begins, and what the names of the files that belong to it end in.
 _SQLITE = b"SQLite format 3\0"
@@ -43,13 +45,16 @@ def prepare_folder(folder: Path, name: str = "output folder") -> Path:
     return folder
 
 
-def prepare_file(path: Path, name: str = "--out", inputs: Iterable[Path | None] = ()) -> Path:
+def prepare_file(
+    path: Target, name: str = "--out", inputs: Iterable[Path | None] = ()
+) -> Target:
     """Make sure, before any work, that a file can be written; create its folder if missing.
 
     Parameters
     ----------
     path
-        The file to write. A symbolic link stands for its target, also if that does not exist.
+        The file to write; None if nothing is to be written. A symbolic link stands for its
+        target, also if that does not exist.
     name
         What the file is called in the error message.
     inputs
@@ -61,6 +66,8 @@ def prepare_file(path: Path, name: str = "--out", inputs: Iterable[Path | None] 
         If it is one of the inputs, a store, standard output, a folder, or anything else than
         a regular file or the null device; or if it cannot be written to.
     """
+    if path is None:
+        return path
     target = _destination(path, name)
     if _is_null(target):
         return path

@@ -69,7 +69,7 @@ class PlanarBound:
         return {
             **asdict(self),
             "kind": "rigorous" if self.proved else "undecided",
-            "command": f"lockedjoint bound --quantity planar --joints {self.joints} "
+            "command": f"lockedjoint bound planar --joints {self.joints} "
             f"--locked {self.locked} --level {self.level!r}"
             + (" --manipulability" if self.measure == "manipulability" else ""),
         }

@@ -61,7 +61,7 @@ class TwoPointBound:
             **asdict(self),
             "singular_value_bound": self.singular_value_bound,
             "kind": "numerical",
-            "command": "lockedjoint bound --quantity two-point "
+            "command": "lockedjoint bound two-point "
             f"--task-dimension {self.task_dimension} --joints {self.joints}",
         }
 

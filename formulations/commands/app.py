@@ -1,47 +1,98 @@
-"""The command line ``lockedjoint``: names the commands; each is a file in `commands`."""
+"""The command line ``lockedjoint``: its commands in groups, each with two examples."""
 
 from importlib import import_module
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
+from typer.core import TyperGroup
 
-# In the order in which the help lists them; each is the function of its name in its file.
-COMMANDS = (
-    "compare",
-    "reproduce",
-    "solve",
-    "measure",
-    "realise",
-    "measure_robot",
-    "posture",
-    "path",
-    "workspace",
-    "view",
-    "bound",
-    "prove",
-    "verify",
-    "campaign",
-    "join",
-    "show",
-    "figure",
-    "atlas",
-)
+from formulations.commands.arguments import expanded, option
+
+# In the order in which the help lists them.
+GROUPS = {
+    "Design": ("compare", "solve", "measure", "realise"),
+    "Certify": ("bound", "prove", "verify"),
+    "Robots": ("measure-robot", "posture", "path", "workspace", "view"),
+    "Many starts": ("campaign", "show", "join", "atlas"),
+    "Results": ("reproduce", "figure"),
+}
+# Two for each command, which are the end of its help.
+EXAMPLES = """
+compare
+compare --joints 4 --task-dimension 2 --starts 20 --out planar
+solve max-min --joints 8 --out best.json
+solve residual --model lever-revolute:5,prismatic:2 --starts 500
+measure best.json
+measure best.json --locked 2 --json
+realise best.json --to urdf --out arm.urdf
+realise best.json --criterion neighbourhood --to figure --out arm.svg
+bound worst-case --joints 8
+bound max-min --rigorous --out bound.json
+prove --out certificate.json
+prove --joints 9
+verify certificate.json
+verify --samples 3
+measure-robot arm.urdf --tip tool
+measure-robot arm.urdf --configuration posture.json --locked 2
+posture arm.urdf --out posture.json
+posture arm.urdf --at 0.4,0.1,0.5 --tolerance 0.01
+path arm.urdf --waypoints way.csv
+path arm.urdf --waypoints way.csv --limits elbow=0:2 --out plan
+workspace arm.urdf --optimise limits
+workspace arm.urdf --limits elbow=0:2 --figure workspace.svg
+view arm.urdf
+view arm.urdf --task position --port 0
+campaign study.toml --store study.db
+campaign study.toml --store study.db --workers 8 --time-limit 60
+show study.db
+show study.db --where 'joints == 8' --to csv --out table.csv
+join all.db one.db two.db
+join copy.db study.db
+atlas --joints 7 --mark open
+atlas submit best.json --by 'A. Name' --out entries
+reproduce
+reproduce --starts 20 --out here
+figure trade-off --out trade-off.svg
+figure optima --store study.db --out optima.pdf --size 8.5x6 --no-title
+"""
+# A command is the function of its name in the file of its name, except for these.
+_FILES = {"compare": "reproduce", "verify": "prove", "join": "campaign"}
+
+
+class _Grouped(TyperGroup):
+    """A group whose help lists its commands under the headings of `GROUPS`."""
+
+    def list_commands(self, ctx: Any) -> list[str]:
+        """Return the names of the commands in the order of the help."""
+        del ctx
+        return [name for names in GROUPS.values() for name in names]
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        """Write the names and first sentences of the commands, a section a group."""
+        for heading, names in GROUPS.items():
+            with formatter.section(heading):
+                commands = [self.get_command(ctx, name) for name in names]
+                formatter.write_dl([(c.name, c.get_short_help_str(80)) for c in commands if c])
+
+
 app = typer.Typer(
     name="lockedjoint",
+    cls=_Grouped,
     add_completion=True,
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 96},
 )
-
-
-for name in COMMANDS:
-    module = import_module(f"formulations.commands.{name}")
-    if hasattr(module, "app"):  # a command with commands of its own
-        app.add_typer(module.app)
+for _name in (name for names in GROUPS.values() for name in names):
+    _python_name = _name.replace("-", "_")
+    _module = import_module(f"formulations.commands.{_FILES.get(_name, _python_name)}")
+    _lines = [line for line in EXAMPLES.splitlines() if line.partition(" ")[0] == _name]
+    _epilog = "\n".join(["\b\nExamples:", *(f"  lockedjoint {line}" for line in _lines)])
+    if hasattr(_module, "app"):  # a command with commands of its own
+        app.add_typer(_module.app, epilog=_epilog)
     else:
-        app.command()(getattr(module, name))
+        app.command(_name, epilog=_epilog)(expanded(getattr(_module, _python_name)))
 
 
 def _print_version(wanted: bool) -> None:
@@ -60,20 +111,17 @@ def lockedjoint(
             "--version", callback=_print_version, is_eager=True, help="Show the version."
         ),
     ] = False,
-    plugin: Annotated[
-        list[Path] | None,
-        typer.Option(
-            metavar="FILE.py",
-            help="A Python file with formulations or joints of your own, which all commands "
-            "then know by name. May be repeated.",
-            show_default=False,
-        ),
-    ] = None,
+    plugin: list[Path] | None = option(
+        "FILE.py",
+        "A Python file with formulations or joints of your own, which all commands then"
+        " know by name. May be repeated.",
+    ),
 ) -> None:
     """Design and certify optimally failure-tolerant manipulator Jacobians.
 
-    Start with `lockedjoint compare`. Exit status: 0 when done, 1 when a check failed, 2 for
-    input that is not allowed, 130 after Ctrl-C (what was done is kept).
+    Start with `lockedjoint compare`. Exit status: 0 when done, 1 when a check failed or what
+    was asked for was not found, 2 for input that is not allowed, 130 after Ctrl-C (what was
+    done is kept).
     """
     for path in plugin or ():
         from formulations.registry import load_plugin

@@ -1,16 +1,22 @@
-"""Arguments that commands share, each checked with one sentence of our own."""
+"""Options that commands share: each is written here once.
+
+Options that belong together are the fields of a frozen dataclass. A command has one parameter
+of that class, and `expanded` makes it the options of the command line.
+"""
 
 from __future__ import annotations
 
+import inspect
 import sys
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
+from dataclasses import MISSING, dataclass, fields, is_dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar, get_type_hints
 
 import typer
 
-from nlp.errors import LARGEST, InputError, SolverOptionError, shown
+from nlp.errors import LARGEST, InputError, SolverOptionError, printable, shown
 from nlp.files import real_in, whole_in
 
 if TYPE_CHECKING:
@@ -19,12 +25,70 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 
-
 # More random starts of one problem than a year of processor time makes.
 MOST_STARTS = 10**9
 # More joints and task dimensions than any statement or bound is computed for.
 MOST_JOINTS = 1000
 MOST_DIMENSIONS = 100
+
+
+def expanded(command: Callable[..., None]) -> Callable[..., None]:
+    """Return a command whose parameters that are dataclasses are options, one a field."""
+    hints = get_type_hints(command, include_extras=True)
+    groups: dict[str, Any] = {k: kind for k, kind in hints.items() if is_dataclass(kind)}
+    parameters: list[inspect.Parameter] = []
+    for name, one in inspect.signature(command).parameters.items():
+        if name in groups:
+            types = get_type_hints(groups[name], include_extras=True)
+            for field in fields(groups[name]):
+                default = one.empty if field.default is MISSING else field.default
+                made = inspect.Parameter(field.name, one.KEYWORD_ONLY, default=default)
+                parameters.append(made.replace(annotation=types[field.name]))
+        else:
+            parameters.append(one.replace(kind=one.KEYWORD_ONLY, annotation=hints[name]))
+
+    def run(**values: Any) -> None:
+        for name, kind in groups.items():
+            values[name] = kind(**{one.name: values.pop(one.name) for one in fields(kind)})
+        command(**values)
+
+    run.__name__, run.__doc__ = command.__name__, command.__doc__
+    run.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
+    run.__annotations__ = {one.name: one.annotation for one in parameters}
+    return run
+
+
+def option(
+    metavar: str | None,
+    words: str,
+    default: Any = None,
+    *names: str,
+    low: int | None = None,
+    high: int = LARGEST,
+    positive: bool = False,
+) -> Any:
+    """Return an option, as the default of a command's parameter or of a dataclass' field.
+
+    Parameters
+    ----------
+    metavar, words
+        What the help shows for its value, and says; without a `metavar` its choices.
+    default
+        What it is if it is not given; ``...`` where it must be.
+    names
+        Its name on the command line, if it is not the parameter's.
+    low, high
+        The range of a whole number.
+    positive
+        Whether it is a finite number above 0.
+    """
+    parser = _positive if positive else None if low is None else whole(low, high)
+    return typer.Option(default, *names, metavar=metavar, help=words, parser=parser)
+
+
+def flag(name: str, words: str) -> Any:
+    """Return an option that is given or not."""
+    return typer.Option(False, name, help=words)
 
 
 def whole(lowest: int, highest: int = LARGEST) -> Callable[[str], int]:
@@ -43,30 +107,34 @@ def whole(lowest: int, highest: int = LARGEST) -> Callable[[str], int]:
     return whole_number
 
 
+def _positive(text: str) -> float:
+    number = float("nan")
+    with suppress(ValueError):
+        number = real_in(str(text))
+    if not 0 < number < float("inf"):
+        raise typer.BadParameter(f"{shown(text)} given; allowed: a finite number above 0.")
+    return number
+
+
 def whole_option(
     lowest: int, metavar: str, words: str, highest: int = LARGEST, **settings: Any
 ) -> Any:
-    """Return an option that takes whole numbers from `lowest` to `highest`."""
+    """Return an option that takes whole numbers, for `Annotated`."""
     parser = whole(lowest, highest)
     return typer.Option(parser=parser, metavar=metavar, help=words, **settings)
 
 
+def progress(sentence: str) -> None:
+    """Show what is being done, on a terminal's standard error."""
+    if sys.stderr.isatty():
+        typer.echo(f"\r\x1b[K{printable(sentence[:78], '')}", nl=False, err=True)
+
+
 def refuse_unused(context: typer.Context, names: Iterable[str], reason: str) -> None:
-    """Refuse options that were given though nothing would be done with them.
+    """Raise InputError for options that were given though they would do nothing.
 
-    Parameters
-    ----------
-    context
-        Of the command.
-    names
-        The options, by the names of the command's parameters.
-    reason
-        With what they are not used, such as ``--quantity worst-case``.
-
-    Raises
-    ------
-    InputError
-        If one was given on the command line, also if its value is the default.
+    `names` are those of the command's parameters, and the reason is with what they are not
+    used, such as ``--to axes``.
     """
     for name in names:
         source = context.get_parameter_source(name)
@@ -76,55 +144,35 @@ def refuse_unused(context: typer.Context, names: Iterable[str], reason: str) -> 
             raise InputError(f"--{name.replace('_', '-')}", given, f"none with {reason}")
 
 
-def progress(sentence: str) -> None:
-    """Show what is being done, on a terminal's standard error."""
-    if sys.stderr.isatty():
-        typer.echo(f"\r\x1b[K{sentence[:78]}", nl=False, err=True)
-
-
-def positive(text: str) -> float:
-    """Parse a finite number above 0."""
-    number = float("nan")
-    with suppress(ValueError):
-        number = real_in(str(text))
-    if not 0 < number < float("inf"):
-        raise typer.BadParameter(f"{shown(text)} given; allowed: a finite number above 0.")
-    return number
-
-
-def positive_option(metavar: str, words: str, *names: str, **settings: Any) -> Any:
-    """Return an option that takes finite numbers above 0."""
-    return typer.Option(*names, parser=positive, metavar=metavar, help=words, **settings)
-
-
 Joints = Annotated[int, whole_option(2, "N", "Number of joints n, above m.", MOST_JOINTS)]
 TaskDimension = Annotated[
     int, whole_option(1, "M", "Number of task dimensions m.", MOST_DIMENSIONS)
 ]
 Starts = Annotated[int, whole_option(1, "K", "Random starts of each row.", MOST_STARTS)]
-Seed = Annotated[int, whole_option(0, "S", "Seed; start k of a seed is the same everywhere.")]
+Seed = Annotated[int, whole_option(0, "S", "Random seed; reproducible across machines.")]
 Workers = Annotated[
     int | None, whole_option(1, "W", "Worker processes.", show_default="all cores")
 ]
 Locked = Annotated[int, whole_option(1, "K", "How many joints lock at once.")]
-Tolerance = Annotated[
-    float,
-    positive_option("TOL", "Relative tolerance of the verdict 'optimally failure tolerant'."),
+Pick = Annotated[
+    int | None, whole_option(0, "K", "Which Jacobian of the file, counted from 0.")
 ]
 Out = Annotated[
     Path, typer.Option(metavar="DIR", help="Folder for the files; made if missing.")
 ]
-Pick = Annotated[
-    int | None, whole_option(0, "K", "Which Jacobian of the file, counted from 0.")
+JsonFile = Annotated[
+    Path | None,
+    typer.Option("--out", metavar="FILE", help="Write the JSON there, Jacobian included."),
+]
+JacobianFile = Annotated[
+    Path, typer.Argument(metavar="FILE", help="CSV, NPY, NPZ or JSON; one column per joint.")
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print JSON instead of text.")]
 Size = Annotated[
     str | None,
     typer.Option(
-        "--size",
         metavar="WxH",
         help="Width and height of the figure in cm, such as 16x10; in inches 6.3x4in.",
-        show_default="the figure's own",
     ),
 ]
 NoTitle = Annotated[
@@ -132,47 +180,19 @@ NoTitle = Annotated[
 ]
 Style = Annotated[
     Path | None,
-    typer.Option(
-        "--style",
-        metavar="FILE",
-        help="A matplotlib style file, over this project's style.",
-        show_default=False,
-    ),
+    typer.Option(metavar="FILE", help="A matplotlib style file, over this project's style."),
 ]
 Ipopt = Annotated[
     list[str] | None,
     typer.Option(
-        "--ipopt",
         metavar="NAME=VALUE",
         help="An Ipopt option, over the formulation's own; may be repeated.",
-        show_default=False,
     ),
 ]
-
 Compiled = Annotated[
     bool,
     typer.Option(
         "--compiled", help="Compile the problem's functions first, if there is a C compiler."
-    ),
-]
-
-Probabilities = Annotated[
-    str | None,
-    typer.Option(
-        "--failure-probabilities",
-        metavar="P,…",
-        help="Each joint's probability of failure, 0 for never; or one number for all.",
-        show_default=False,
-    ),
-]
-ProbabilitySets = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--failure-probabilities",
-        metavar="P,…",
-        help="Each joint's probability of failure, 0 for never; or one number for all. May be "
-        "repeated: the least over these scenarios counts.",
-        show_default=False,
     ),
 ]
 Goal = Annotated[
@@ -182,28 +202,89 @@ Goal = Annotated[
         "over each failure's relative probability, or expected."
     ),
 ]
-NeverFails = Annotated[
-    str | None,
-    typer.Option(
-        "--never-fails",
-        metavar="JOINT,…",
-        help="Joints that never fail, counted from 0.",
-        show_default=False,
-    ),
-]
 
 
-def look(size: str | None, no_title: bool, style: Path | None) -> Look:
-    """Return how figures are to look.
+@dataclass(frozen=True)
+class FigureOptions:
+    """How a figure looks."""
 
-    Raises
-    ------
-    InputError
-        If the size or the style file is not allowed.
-    """
-    from formulations.plot.style import read_look
+    size: Size = None
+    no_title: NoTitle = False
+    style: Style = None
 
-    return read_look(size, not no_title, style, "--")
+    def look(self) -> Look:
+        """Return it read; InputError if the size or the style file is not allowed."""
+        from formulations.plot.style import read_look
+
+        return read_look(self.size, not self.no_title, self.style, "--")
+
+
+@dataclass(frozen=True)
+class FailureOptions:
+    """Which joints fail, how many at once and how likely."""
+
+    locked: Locked = 1
+    failure_probabilities: list[str] | None = option(
+        "P,…",
+        "Each joint's probability of failure, 0 for never; or one number for all. For a"
+        " robot it may be repeated: the least over these scenarios counts.",
+    )
+    never_fails: str | None = option(
+        "JOINT,…", "Joints that never fail, counted from 0; those of a robot also by name."
+    )
+
+    @property
+    def probabilities_known(self) -> bool:
+        """Whether probabilities were given."""
+        return self.failure_probabilities is not None
+
+    def model(self, joints: int) -> FailureModel | None:
+        """Return the failure model of an arm; None if no option was given.
+
+        Raises
+        ------
+        InputError
+            If there is not one probability per joint, or a number is not allowed.
+        """
+        scenarios = self.failure_probabilities
+        if scenarios is not None and len(scenarios) > 1:
+            raise InputError("--failure-probabilities", "given twice", "one scenario")
+        models = self.scenarios([""] * joints)
+        return None if models is None else models[0]
+
+    def scenarios(self, names: Sequence[str]) -> tuple[FailureModel, ...] | None:
+        """Return a failure model a scenario, for joints of these names; else as `model`."""
+        if self.failure_probabilities is None and self.never_fails is None:
+            return None
+        from formulations.measures.unequal_failures import FailureModel
+
+        known = {name: str(k) for k, name in enumerate(names) if name}
+        words = "joints counted from 0, separated by commas"
+        spared = _listed(
+            self.never_fails,
+            lambda part: whole_in(known.get(part.strip(), part)),
+            "joints that never fail",
+            words,
+        )
+        if self.failure_probabilities is None:
+            return (FailureModel.equally_likely(len(names), self.locked, spared),)
+        models = []
+        for text in self.failure_probabilities:
+            words = "numbers separated by commas"
+            values = _listed(text, real_in, "failure probabilities", words)
+            values = values * len(names) if len(values) == 1 else values
+            if len(values) != len(names):
+                allowed = f"{len(names)} numbers, one for each joint, or one for all"
+                raise InputError("failure probabilities", text, allowed)
+            models.append(FailureModel(tuple(values)).sparing(spared, self.locked))
+        return tuple(models)
+
+
+def _listed(text: str | None, kind: Callable[[str], T], name: str, allowed: str) -> list[T]:
+    try:
+        return [kind(part) for part in text.split(",")] if text is not None else []
+    except ValueError:
+        raise InputError(name, text, allowed) from None
 
 
 def ipopt_options(settings: Sequence[str] | None) -> dict[str, object]:
@@ -225,76 +306,6 @@ def ipopt_options(settings: Sequence[str] | None) -> dict[str, object]:
 
 def _number(text: str) -> str | int | float:
     for kind in (whole_in, real_in):
-        try:
+        with suppress(ValueError):
             return kind(text)
-        except ValueError:
-            continue
     return text
-
-
-def failure_model(
-    probabilities: str | None, never_fails: str | None, joints: int, locked: int
-) -> FailureModel | None:
-    """Return the failure model that the two options describe; None if neither is given.
-
-    Raises
-    ------
-    InputError
-        If there is not one probability per joint, or a number is not allowed.
-    """
-    if probabilities is None and never_fails is None:
-        return None
-    from formulations.measures.unequal_failures import FailureModel
-
-    words = "joints counted from 0, separated by commas"
-    never = _numbers(never_fails, whole_in, "joints that never fail", words)
-    if probabilities is None:
-        return FailureModel.equally_likely(joints, locked, never)
-    words = "numbers separated by commas"
-    values = _numbers(probabilities, real_in, "failure probabilities", words)
-    if len(values) == 1:
-        values *= joints
-    if len(values) != joints:
-        allowed = f"{joints} numbers, one for each joint, or one for all"
-        raise InputError("failure probabilities", probabilities, allowed)
-    return FailureModel(tuple(values)).sparing(never, locked)
-
-
-def failure_scenarios(
-    probabilities: Sequence[str] | None,
-    never_fails: str | None,
-    names: Sequence[str],
-    locked: int,
-) -> tuple[FailureModel, ...] | None:
-    """Return the failure models that the options of a robot describe; None if none is given.
-
-    Parameters
-    ----------
-    probabilities
-        Each joint's, as often as there are scenarios.
-    never_fails
-        Joints by name, or counted from 0.
-    names
-        Names of the joints.
-    locked
-        How many joints lock at once.
-
-    Raises
-    ------
-    InputError
-        As `failure_model` does.
-    """
-    if never_fails is not None:
-        known = {name: str(k) for k, name in enumerate(names)}
-        parts = (part.strip() for part in never_fails.split(","))
-        never_fails = ",".join(known.get(part, part) for part in parts)
-    given: Sequence[str | None] = probabilities or [None]
-    models = [failure_model(one, never_fails, len(names), locked) for one in given]
-    return tuple(one for one in models if one is not None) or None
-
-
-def _numbers(text: str | None, kind: Callable[[str], T], name: str, allowed: str) -> list[T]:
-    try:
-        return [kind(part) for part in text.split(",")] if text is not None else []
-    except ValueError:
-        raise InputError(name, text, allowed) from None

@@ -3,21 +3,22 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
 from formulations.commands.arguments import (
+    JacobianFile,
     Json,
     Locked,
     Pick,
     Workers,
-    positive_option,
+    flag,
+    option,
     progress,
     refuse_unused,
-    whole_option,
 )
-from formulations.commands.output import QUESTIONED, as_text, show
+from formulations.commands.output import QUESTIONED, as_text, end, rows_of, show, shown
 from nlp.errors import InputError
 
 if TYPE_CHECKING:
@@ -27,12 +28,7 @@ app = typer.Typer(name="atlas", rich_markup_mode=None)
 
 Folder = Annotated[
     Path | None,
-    typer.Option(
-        "--entries",
-        metavar="DIR",
-        help="Folder of entries.",
-        show_default="those of the package",
-    ),
+    typer.Option("--entries", metavar="DIR", help="Folder of entries, if not the package's."),
 ]
 Name = Annotated[str, typer.Argument(metavar="ENTRY", help="A name that `atlas` lists.")]
 
@@ -40,19 +36,11 @@ Name = Annotated[str, typer.Argument(metavar="ENTRY", help="A name that `atlas` 
 @app.callback(invoke_without_command=True)
 def atlas(
     context: typer.Context,
-    model: Annotated[
-        str | None, typer.Option(metavar="NAME", help="Only this column model.")
-    ] = None,
-    joints: Annotated[int | None, whole_option(2, "N", "Only this number of joints n.")] = None,
-    task_dimension: Annotated[
-        int | None, whole_option(1, "M", "Only this number of task dimensions m.")
-    ] = None,
-    locked: Annotated[
-        int | None, whole_option(1, "K", "Only this number of joints that lock at once.")
-    ] = None,
-    mark: Annotated[
-        str | None, typer.Option(metavar="MARK", help="Only optimal, conjectured or open.")
-    ] = None,
+    model: str | None = option("NAME", "Only this column model."),
+    joints: int | None = option("N", "Only this number of joints n.", low=2),
+    task_dimension: int | None = option("M", "Only this number of task dimensions m.", low=1),
+    locked: int | None = option("K", "Only this number of joints that lock at once.", low=1),
+    mark: Literal["optimal", "conjectured", "open"] | None = option(None, "Only this mark."),
     entries: Folder = None,
     as_json: Json = False,
 ) -> None:
@@ -63,14 +51,14 @@ def atlas(
     `conjectured`: at least 20 starts and a fifth of all end there; `open`: the rest.
     """
     if context.invoked_subcommand is not None:
+        reason = f"atlas itself: `atlas {context.invoked_subcommand}` takes its own, after it"
+        refuse_unused(context, context.params, reason)
         return
     from formulations.atlas.collection import checked_folder, pages
     from formulations.atlas.entry import entries as known_entries
     from formulations.atlas.row import AtlasRow, row_of
     from formulations.io.table import Table
 
-    if mark not in (None, "optimal", "conjectured", "open"):
-        raise InputError("--mark", mark, "optimal, conjectured or open")
     models = list(dict.fromkeys(one.model for one in known_entries().values()))
     if model is not None and model not in models:
         plain = [one for one in models if ":" not in one]
@@ -108,8 +96,7 @@ def show_entry(name: Name, entries: Folder = None, as_json: Json = False) -> Non
         flat = {k: v for k, v in found.items() if k not in ("jacobian", "found", "history")}
         flat |= {f"found {k}": v for k, v in found["found"].items() if v != ""}
         flat["history"] = [f"{one['value']} ({one['found']['date']})" for one in page.history]
-        rows = "\n".join("  ".join(f"{x: .15f}" for x in row) for row in found["jacobian"])
-        return f"{as_text(flat)}\n\n{rows}"
+        return f"{as_text(flat)}\n\n{rows_of(found['jacobian'], 15)}"
 
     show(values, as_json, text)
 
@@ -132,7 +119,7 @@ def verify(entries: Folder = None, as_json: Json = False) -> None:
         if problem := problem_of(page):
             problems[page.entry.name] = problem
     progress("")
-    lines = [f"{name}: {problem}." for name, problem in problems.items()]
+    lines = [shown(f"{name}: {problem}.") for name, problem in problems.items()]
     verdict = f"{count - len(problems)} of {count} entries are right."
     show({"entries": count, "wrong": problems}, as_json, lambda _: "\n".join([*lines, verdict]))
     if problems:
@@ -141,19 +128,11 @@ def verify(entries: Folder = None, as_json: Json = False) -> None:
 
 @app.command()
 def submit(
-    file: Annotated[
-        Path,
-        typer.Argument(metavar="FILE", help="CSV, NPY, NPZ or JSON; one column per joint."),
-    ],
+    file: JacobianFile,
     locked: Locked = 1,
-    isotropic: Annotated[
-        bool, typer.Option("--isotropic", help="For the entry of isotropic Jacobians.")
-    ] = False,
-    by: Annotated[str, typer.Option(metavar="NAME", help="Who or what found it.")] = "unnamed",
-    out: Annotated[
-        Path | None,
-        typer.Option(metavar="DIR", help="Write the entry there if it is an improvement."),
-    ] = None,
+    isotropic: bool = flag("--isotropic", "For the entry of isotropic Jacobians."),
+    by: str = option("NAME", "Who or what found it.", "unnamed"),
+    out: Path | None = option("DIR", "Write the entry there if it is an improvement."),
     pick: Pick = None,
     entries: Folder = None,
     as_json: Json = False,
@@ -203,24 +182,18 @@ def submit(
 
 @app.command()
 def improve(
-    context: typer.Context,
     name: Name,
-    minutes: Annotated[
-        float,
-        positive_option("M", "Processor time after which no seed is begun."),
-    ] = 10.0,
-    out: Annotated[
-        Path, typer.Option(metavar="DIR", help="Folder of the entry; it goes on from there.")
-    ] = Path("atlas"),
-    search: Annotated[
-        str,
-        typer.Option(
-            metavar="SEARCH",
-            help="random: from random starts; hops: from the best known to those near it; "
-            "symmetric: from Jacobians with a symmetry. The last two run in one process, for "
-            "max-min with the models free-mean and unit-revolute.",
-        ),
-    ] = "random",
+    minutes: float = option(
+        "M", "Processor time after which no seed is begun.", 10.0, positive=True
+    ),
+    out: Path = option("DIR", "Folder of the entry; it goes on from there.", Path("atlas")),
+    search: str = option(
+        "SEARCH",
+        "random: from random starts; hops: from the best known to those near it; "
+        "symmetric: from Jacobians with a symmetry. The last two run in one process, "
+        "for max-min with the models free-mean and unit-revolute.",
+        "random",
+    ),
     workers: Workers = None,
     as_json: Json = False,
 ) -> None:
@@ -239,7 +212,6 @@ def improve(
     asked = entry(name)
     if search != "random":
         check_polished(asked, search)
-        refuse_unused(context, ("workers",), f"--search {search}")
     prepare_folder(out)
     known = page_of(asked, out) or page_of(asked)
     before = known.value if known else None
@@ -255,8 +227,7 @@ def improve(
         write_page(page, out)
     progress("")
     if page is None:
-        typer.echo(f"No start led to a Jacobian of the entry {name}.", err=True)
-        raise typer.Exit(QUESTIONED)
+        end(f"No start led to a Jacobian of the entry {name}.")
     values = {
         "entry": name,
         "value": page.value,

@@ -1,10 +1,10 @@
-"""``lockedjoint campaign``: a declared grid of many starts, kept in a store, resumable."""
+"""``lockedjoint campaign`` and ``join``: many starts in a store; stores made one."""
 
 from __future__ import annotations
 
 import logging
 from concurrent.futures import Executor
-from contextlib import AbstractContextManager, suppress
+from contextlib import AbstractContextManager, ExitStack, suppress
 from pathlib import Path
 from typing import Annotated
 
@@ -13,54 +13,52 @@ import typer
 from formulations.commands.arguments import (
     Json,
     Workers,
-    positive_option,
-    refuse_unused,
-    whole_option,
+    flag,
+    option,
 )
-from formulations.commands.output import INTERRUPTED, refuse_damage, show
+from formulations.commands.output import (
+    INTERRUPTED,
+    QUESTIONED,
+    end,
+    named,
+    refuse_damage,
+    say,
+    show,
+    warn,
+)
+from nlp.errors import InputError
 
-INCOMPLETE = 1
 # Chunks that a Dask scheduler has at once: enough for some hundred workers that come and go.
 _AT_THE_SCHEDULER = 1000
 
 
 def campaign(
-    context: typer.Context,
     file: Annotated[
         Path,
         typer.Argument(metavar="FILE", help="The campaign in TOML, see docs/campaigns.md."),
     ],
-    store: Annotated[
-        Path, typer.Option(metavar="DB", help="Store of the records; made if missing.")
-    ],
+    store: Path = option("DB", "Store of the records; made if missing.", ...),
     workers: Workers = None,
-    scheduler: Annotated[
-        str | None,
-        typer.Option(
-            metavar="ADDRESS", help="Run on the Dask cluster with this scheduler instead."
-        ),
-    ] = None,
-    mpi: Annotated[
-        bool,
-        typer.Option(
-            "--mpi",
-            help="Run on the other ranks of `mpirun -n RANKS python -m mpi4py.futures -m "
-            "formulations campaign …` instead.",
-        ),
-    ] = False,
-    time_limit: Annotated[
-        float,
-        positive_option(
-            "SECONDS",
-            "Time for a start, from when it begins, after which its worker ends itself.",
-        ),
-    ] = 600.0,
-    chunk: Annotated[
-        int,
-        whole_option(
-            10, "K", "Starts that a worker is sent at once; more of them on a large cluster."
-        ),
-    ] = 20,
+    scheduler: str | None = option(
+        "ADDRESS", "Run on the Dask cluster with this scheduler instead."
+    ),
+    mpi: bool = flag(
+        "--mpi",
+        "Run on the other ranks of `mpirun -n RANKS python -m mpi4py.futures -m "
+        "formulations campaign …` instead.",
+    ),
+    time_limit: float = option(
+        "SECONDS",
+        "Time for a start, from when it begins, after which its worker ends itself.",
+        600.0,
+        positive=True,
+    ),
+    chunk: int = option(
+        "K",
+        "Starts that a worker is sent at once; more of them on a large cluster.",
+        20,
+        low=10,
+    ),
     as_json: Json = False,
 ) -> None:
     """Run a declared grid of formulations, models and sizes from many random starts.
@@ -76,8 +74,8 @@ def campaign(
     from formulations.campaign.declaration import read
     from formulations.campaign.records import cell_of, open_store
 
-    if scheduler is not None or mpi:
-        refuse_unused(context, ("workers",), "--scheduler or --mpi")
+    if workers is not None and (scheduler is not None or mpi):
+        raise InputError("--workers", workers, "none with --scheduler or --mpi")
     declared = read(file)
     with (
         _executor(workers, scheduler, mpi) as executor,
@@ -100,15 +98,49 @@ def campaign(
         f"{len(declared.cases)} cases are in {store}, {report.added} of them new."
     )
     show(values, as_json, lambda _: text)
+    for case, start, reason in report.failed:
+        warn(f"Failed: start {start} of {case.name} n={case.arm.shape[1]} {reason}.")
     if report.failed:
-        for case, start, reason in report.failed:
-            name = f"{case.name} n={case.arm.shape[1]}"
-            typer.echo(f"Failed: start {start} of {name} {reason}.", err=True)
-        raise typer.Exit(INCOMPLETE)
+        raise typer.Exit(QUESTIONED)
     if report.missing:
-        typer.echo("Interrupted: run the same command again to go on.", err=True)
-        raise typer.Exit(INTERRUPTED)
+        end("Interrupted: run the same command again to go on.", INTERRUPTED)
     refuse_damage({store: damaged})
+
+
+def join(
+    store: Annotated[
+        Path, typer.Argument(metavar="DB", help="Store that takes the records in.")
+    ],
+    others: Annotated[
+        list[Path], typer.Argument(metavar="OTHER...", help="Stores to join to it.")
+    ],
+    as_json: Json = False,
+) -> None:
+    """Bring the records of other stores into one, which is made if missing.
+
+    With a new store and one other it is the way to copy a store. The others stay as they are.
+    Where two stores have the same start of the same problem, the records must be equal, apart
+    from the time they took; if one is not, nothing of that store is joined. Damaged records
+    are named and not joined, and the exit status is 1; one that is damaged in the first store
+    is replaced by an intact one.
+    """
+    from formulations.campaign.records import TIMES, open_store
+
+    joined: list[dict[str, object]] = []
+    with ExitStack() as opened:
+        sources = [opened.enter_context(open_store(other, salvage=True)) for other in others]
+        study = opened.enter_context(open_store(store, writable=True, salvage=True))
+        for source in sources:
+            added, known = study.join(source, TIMES)
+            row = {"store": str(source.path), "added": added, "already_there": known}
+            joined.append({**row, "damaged": [named(*one) for one in source.damaged]})
+            if not as_json:
+                text = f"{added} records of {source.path} are new, {known} were there already."
+                say(text)
+        if as_json:
+            left = [named(*one) for one in study.damaged]
+            show({"store": str(store), "joined": joined, "damaged": left}, as_json)
+        refuse_damage({one.path: one.damaged for one in (*sources, study)})
 
 
 def _executor(

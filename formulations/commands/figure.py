@@ -2,74 +2,50 @@
 
 import json
 from pathlib import Path
-from typing import Annotated
 
 import typer
 
 from formulations.commands.arguments import (
     MOST_STARTS,
+    FigureOptions,
     Json,
-    NoTitle,
     Pick,
     Seed,
-    Size,
-    Style,
     Workers,
-    look,
+    option,
     progress,
     refuse_unused,
-    whole_option,
 )
-from formulations.commands.output import as_text
+from formulations.commands.output import as_text, say
 from nlp.errors import InputError
 
 
 def figure(
     context: typer.Context,
-    name: Annotated[
-        str,
-        typer.Argument(
-            metavar="NAME",
-            help="figure-1, figure-3: of the paper, from computed robots. seven-axes: the 7R "
-            "optimum. singular-values: before and after each failure. trade-off: isotropy "
-            "against worst case. optima: where random starts end.",
-        ),
-    ],
-    out: Annotated[
-        Path, typer.Option(metavar="FILE", help="Its name ends in .svg, .png or .pdf.")
-    ],
-    data: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", help="Write the numbers shown there, as CSV."),
-    ] = None,
-    jacobian: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE",
-            help="seven-axes, singular-values: show this one (CSV, NPY, NPZ or JSON).",
-            show_default="solved for",
-        ),
-    ] = None,
+    look_options: FigureOptions,
+    name: str = typer.Argument(
+        metavar="NAME",
+        help="figure-1, figure-3: of the paper, from computed robots. seven-axes: the 7R "
+        "optimum. singular-values: before and after each failure. trade-off: isotropy "
+        "against worst case. optima: where random starts end.",
+    ),
+    out: Path = option("FILE", "Its name ends in .svg, .png or .pdf.", ...),
+    data: Path | None = option("FILE", "Write the numbers shown there, as CSV."),
+    jacobian: Path | None = option(
+        "FILE",
+        "seven-axes, singular-values: show this one (CSV, NPY, NPZ or JSON); by default it is "
+        "solved for.",
+    ),
     pick: Pick = None,
-    store: Annotated[
-        Path | None,
-        typer.Option(metavar="DB", help="optima: show the starts of this campaign."),
-    ] = None,
-    starts: Annotated[
-        int | None,
-        whole_option(
-            1,
-            "K",
-            "Random starts of each problem.",
-            MOST_STARTS,
-            show_default="5; figure-3 100; optima 50",
-        ),
-    ] = None,
+    store: Path | None = option("DB", "optima: show the starts of this campaign."),
+    starts: int | None = option(
+        "K",
+        "Random starts of each problem; by default 5, figure-3 100, optima 50.",
+        low=1,
+        high=MOST_STARTS,
+    ),
     seed: Seed = 0,
     workers: Workers = None,
-    size: Size = None,
-    no_title: NoTitle = False,
-    style: Style = None,
     as_json: Json = False,
 ) -> None:
     """Draw a figure of results that are computed anew, or of data that are given.
@@ -84,19 +60,17 @@ def figure(
     from nlp.files import prepare_file, write_bytes, write_text
 
     wanted, form = kind(name), kind_of(out)
-    for option, value in (("jacobian", jacobian), ("store", store)):
-        if value is not None and option not in wanted.takes:
-            raise InputError(f"--{option}", str(value), f"none with {name}")
+    for given, value in (("jacobian", jacobian), ("store", store)):
+        if value is not None and given not in wanted.takes:
+            raise InputError(f"--{given}", str(value), f"none with {name}")
+        if value is not None:
+            refuse_unused(context, ("starts", "seed", "workers"), f"--{given}")
     if pick is not None and jacobian is None:
         raise InputError("--pick", pick, "none without --jacobian")
-    for option, value in (("--jacobian", jacobian), ("--store", store)):
-        if value is not None:
-            refuse_unused(context, ("starts", "seed", "workers"), option)
     figure_class()
-    prepare_file(out, inputs=[jacobian, store, style])
-    if data is not None:
-        prepare_file(data, "--data", [jacobian, store, style, out])
-    looks = look(size, no_title, style)
+    prepare_file(out, inputs=[jacobian, store, look_options.style])
+    prepare_file(data, "--data", [jacobian, store, look_options.style, out])
+    look = look_options.look()
     request = Request(
         starts=starts or wanted.starts,
         seed=seed,
@@ -105,7 +79,7 @@ def figure(
         store=store,
         progress=progress,
     )
-    with looking(looks):
+    with looking(look):
         picture = wanted.make(request)
         progress("")
         drawn = content(picture.figure, form)
@@ -116,6 +90,6 @@ def figure(
     if jacobian is None and store is None:
         summary |= {"seed": seed, "starts": request.starts}
     if as_json:
-        typer.echo(json.dumps(summary | {"rows": picture.rows()}, indent=1))
+        say(json.dumps(summary | {"rows": picture.rows()}, indent=1))
     else:
-        typer.echo(as_text(summary))
+        say(as_text(summary))

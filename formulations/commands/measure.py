@@ -1,30 +1,18 @@
 """``lockedjoint measure``: how failure tolerant the Jacobian in a file is."""
 
-from pathlib import Path
-from typing import Annotated
-
-import typer
-
-from formulations.commands.arguments import (
-    Json,
-    Locked,
-    NeverFails,
-    Probabilities,
-    Tolerance,
-    failure_model,
-)
+from formulations.commands.arguments import FailureOptions, JacobianFile, Json, option
 from formulations.commands.output import as_text, sharpest_bound, show
 
 
 def measure(
-    file: Annotated[
-        Path,
-        typer.Argument(metavar="FILE", help="CSV, NPY, NPZ or JSON; one column per joint."),
-    ],
-    locked: Locked = 1,
-    failure_probabilities: Probabilities = None,
-    never_fails: NeverFails = None,
-    tolerance: Tolerance = 1e-6,
+    file: JacobianFile,
+    failures: FailureOptions,
+    tolerance: float = option(
+        "TOL",
+        "Relative tolerance of the verdict 'optimally failure tolerant'.",
+        1e-6,
+        positive=True,
+    ),
     as_json: Json = False,
 ) -> None:
     """Measure the failure tolerance of a Jacobian.
@@ -41,16 +29,15 @@ def measure(
     from formulations.io.jacobians import read_jacobians
     from formulations.measures.assessment import measure as measured
 
-    found = []
+    rows = []
     for name, matrix in read_jacobians(file):
-        values = {"name": name, **measured(matrix, locked, tolerance).to_dict()}
-        if locked > 1:
-            values |= sharpest_bound(matrix, locked)
-        joints = matrix.shape[1]
-        model = failure_model(failure_probabilities, never_fails, joints, locked)
+        values = {"name": name, **measured(matrix, failures.locked, tolerance).to_dict()}
+        if failures.locked > 1:
+            values |= sharpest_bound(matrix, failures.locked)
+        model = failures.model(matrix.shape[1])
         if model is not None:
-            known = failure_probabilities is not None
+            known = failures.probabilities_known
             values |= assess_failures(matrix, model, probabilities_known=known)
-        found.append(values)
-    text = "\n\n".join(as_text(one) for one in found)
-    show(found if len(found) > 1 else found[0], as_json, lambda _: text)
+        rows.append(values)
+    text = "\n\n".join(map(as_text, rows))
+    show(rows if len(rows) > 1 else rows[0], as_json, lambda _: text)

@@ -6,14 +6,13 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from formulations.commands import robot_arguments as robot
-from formulations.commands.arguments import (
-    Json,
-    Locked,
-    ProbabilitySets,
-    failure_scenarios,
+from formulations.commands.arguments import FailureOptions, Json, JsonFile
+from formulations.commands.output import as_text, show, warn
+from formulations.commands.robot_arguments import (
+    ArmOptions,
+    Configuration,
+    read_configuration,
 )
-from formulations.commands.output import as_text, show
 from formulations.io.table import written
 
 if TYPE_CHECKING:
@@ -28,19 +27,10 @@ _SHOWN = 12
 
 
 def measure_robot(
-    file: robot.File,
-    tip: robot.Tip = None,
-    configuration: robot.Configuration = None,
-    length: robot.Length = None,
-    task: robot.TaskDirections = "all",
-    frame: robot.Frame = "base",
-    held: robot.Held = None,
-    locked: Locked = 1,
-    failure_probabilities: ProbabilitySets = None,
-    never_fails: robot.NeverFails = None,
-    base: robot.Base = None,
-    point: robot.Point = None,
-    out: robot.JsonFile = None,
+    robot: ArmOptions,
+    failures: FailureOptions,
+    configuration: Configuration = None,
+    out: JsonFile = None,
     as_json: Json = False,
 ) -> None:
     """Measure how failure tolerant a robot is at a configuration.
@@ -53,18 +43,18 @@ def measure_robot(
     from formulations.robots.robot_assessment import measure_robot_unequal
     from nlp.files import prepare_file
 
-    arm = robot.arm(file, tip, base, point, task, frame, length, held)
-    models = failure_scenarios(failure_probabilities, never_fails, arm.chain.names, locked)
-    if out is not None:
-        prepare_file(out, inputs=[file, Path(configuration or file)])
-    found = measured(arm, robot.read_configuration(configuration, arm.chain), locked)
-    robot.print_notes(found)
+    arm = robot.arm()
+    models = failures.scenarios(arm.chain.names)
+    prepare_file(out, inputs=[robot.file, Path(configuration or robot.file)])
+    position = read_configuration(configuration, arm.chain)
+    assessment = measured(arm, position, failures.locked)
+    warn(*(f"Note: {note}" for note in assessment.notes))
     source = "midway between the limits" if configuration is None else "as given"
-    plain = {"model": found.robot, **asdict(found)}
-    text = robot_text(found, {}, source)
+    plain = {"model": assessment.robot, **asdict(assessment)}
+    text = robot_text(assessment, {}, source)
     if models is not None:
-        known = failure_probabilities is not None
-        unequal = measure_robot_unequal(arm, found.jacobian, models, known)
+        known = failures.probabilities_known
+        unequal = measure_robot_unequal(arm, assessment.jacobian, models, known)
         plain |= unequal
         text += f"\n\n{failures_text(unequal)}"
     show(plain, as_json, lambda _: text, out)

@@ -1,4 +1,8 @@
-"""What commands print: values as lines or JSON, a study's rows; and their exit status."""
+"""What commands print: values as lines or JSON, a study's rows; and their exit status.
+
+Whatever is printed goes through `say` or `warn`, which escape the control characters of names
+that files brought.
+"""
 
 from __future__ import annotations
 
@@ -6,10 +10,11 @@ import json
 from collections.abc import Callable, Mapping, Sequence
 from math import isfinite
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import typer
 
+from nlp.errors import printable
 from nlp.files import write_text
 
 if TYPE_CHECKING:
@@ -19,6 +24,23 @@ if TYPE_CHECKING:
 QUESTIONED = 1
 INTERRUPTED = 130
 _MOST_NAMED = 5
+
+
+def say(text: str, nl: bool = True) -> None:
+    """Print a text of one or more lines."""
+    typer.echo(printable(text, "\n"), nl=nl)
+
+
+def warn(*sentences: str) -> None:
+    """Print sentences on standard error, a line each."""
+    for sentence in sentences:
+        typer.echo(printable(sentence), err=True)
+
+
+def end(sentence: str, status: int = QUESTIONED) -> NoReturn:
+    """End the command with a sentence on standard error and an exit status."""
+    warn(sentence)
+    raise typer.Exit(status)
 
 
 def as_text(values: Mapping[str, object]) -> str:
@@ -47,7 +69,12 @@ def shown(value: object) -> str:
             ", ".join(map(shown, one)) if isinstance(one, (list, tuple)) else shown(one)
             for one in value
         )
-    return str(value)
+    return printable(str(value))
+
+
+def rows_of(matrix: Sequence[Sequence[float]], digits: int) -> str:
+    """Return the rows of a matrix with so many digits."""
+    return "\n".join("  ".join(f"{x: .{digits}f}" for x in row) for row in matrix)
 
 
 def sharpest_bound(jacobian: FloatArray, locked: int) -> dict[str, Any]:
@@ -74,7 +101,7 @@ def show(
     content = json.dumps(_finite(found), indent=1, allow_nan=False)
     if out is not None:
         write_text(out, content + "\n")
-    typer.echo(content if as_json else text(found))
+    say(content if as_json else text(found))
 
 
 def _finite(value: Any) -> Any:
@@ -94,10 +121,9 @@ def refuse_damage(damaged: Mapping[Path, Sequence[tuple[object, object]]]) -> No
     """Name the damaged records of stores, if there are any, and end with status 1."""
     for path, records in damaged.items():
         for cell, start in records[:_MOST_NAMED]:
-            typer.echo(f"Left out of {path}: damaged start {start} of {cell}.", err=True)
+            warn(f"Left out of {path}: damaged start {start} of {cell}.")
         if len(records) > _MOST_NAMED:
-            more = f"and {len(records) - _MOST_NAMED} more damaged records"
-            typer.echo(f"Left out of {path}: {more}.", err=True)
+            warn(f"Left out of {path}: and {len(records) - _MOST_NAMED} more damaged records.")
     if any(damaged.values()):
         raise typer.Exit(QUESTIONED)
 
@@ -143,14 +169,12 @@ def run_study(
         show({"complete": result.complete, "rows": table.plain()}, as_json)
     elif result.rows:
         if each is None:
-            typer.echo(f"{table.terminal()}\n\n{note}")
+            say(f"{table.terminal()}\n\n{note}")
         where = out if result.complete else out / INCOMPLETE
         files = sorted(path.name for path in where.iterdir() if path.is_file())
-        typer.echo(f"Written to {where}: {', '.join(files)}")
+        say(f"Written to {where}: {', '.join(files)}")
     if not result.complete:
         done = f"what was done is in {out / INCOMPLETE}, the rest is missing"
-        typer.echo(f"Interrupted: {done}.", err=True)
-        raise typer.Exit(INTERRUPTED)
+        end(f"Interrupted: {done}.", INTERRUPTED)
     if result.complaint:
-        typer.echo(f"Wrong: {result.complaint}.", err=True)
-        raise typer.Exit(QUESTIONED)
+        end(f"Wrong: {result.complaint}.")

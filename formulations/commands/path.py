@@ -6,25 +6,18 @@ import csv
 import io
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
-import typer
-
-from formulations.commands import robot_arguments as robot
 from formulations.commands.arguments import (
+    FigureOptions,
     Json,
     Seed,
-    Size,
-    Style,
-    look,
-    positive_option,
+    option,
     progress,
-    refuse_unused,
-    whole_option,
 )
-from formulations.commands.output import INTERRUPTED, as_text, show
+from formulations.commands.output import INTERRUPTED, as_text, end, say, show, warn
+from formulations.commands.robot_arguments import ChainOptions, read_limits
 from formulations.io.table import written
-from nlp.errors import InputError
 
 if TYPE_CHECKING:
     from formulations.paths.plan import PathPlan
@@ -33,50 +26,29 @@ _FILES = ("path.csv", "path.json", "path.svg")
 
 
 def path(
-    context: typer.Context,
-    file: robot.File,
-    waypoints: Annotated[
-        Path,
-        typer.Option(
-            metavar="FILE",
-            help="CSV or JSON, in order of time: columns x,y,z and, for poses, roll,pitch,yaw "
-            "or qx,qy,qz,qw; t besides if times are given.",
-        ),
-    ],
-    tip: robot.Tip = None,
-    base: robot.Base = None,
-    point: robot.Point = None,
-    task: Annotated[
-        str | None,
-        typer.Option(
-            metavar="DIRECTIONS",
-            help="Directions to be kept: all, position, or some of vx,vy,vz,wx,wy,wz.",
-            show_default="all for poses, position for positions",
-        ),
-    ] = None,
-    held: robot.Held = None,
-    limits: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--limits",
-            metavar="JOINT=LOWER:UPPER",
-            help="Narrower limits of a joint, radians or metres. May be repeated.",
-            show_default=False,
-        ),
-    ] = None,
-    duration: Annotated[
-        float,
-        positive_option("SECONDS", "For the whole path, if no t is given."),
-    ] = 10.0,
-    samples: Annotated[int, whole_option(3, "N", "Samples of the path.", 2000)] = 60,
-    tracks: Annotated[int, whole_option(8, "K", "Candidate tracks.", 10_000)] = 80,
+    robot: ChainOptions,
+    figure: FigureOptions,
+    waypoints: Path = option(
+        "FILE",
+        "CSV or JSON, in order of time: columns x,y,z and, for poses, roll,pitch,yaw or"
+        " qx,qy,qz,qw; t besides if times are given.",
+        ...,
+    ),
+    task: str | None = option(
+        "DIRECTIONS",
+        "Directions to be kept: all, position, or some of vx,vy,vz,wx,wy,wz; by default"
+        " all for poses, position for positions.",
+    ),
+    limits: list[str] | None = option(
+        "JOINT=LOWER:UPPER", "Narrower limits of a joint, radians or metres. May be repeated."
+    ),
+    duration: float = option(
+        "SECONDS", "For the whole path, if no t is given.", 10.0, positive=True
+    ),
+    samples: int = option("N", "Samples of the path.", 60, low=3, high=2000),
+    tracks: int = option("K", "Candidate tracks.", 80, low=8, high=10_000),
     seed: Seed = 0,
-    out: Annotated[
-        Path | None,
-        typer.Option(metavar="DIR", help="Write path.csv, path.json and path.svg there."),
-    ] = None,
-    size: Size = None,
-    style: Style = None,
+    out: Path | None = option("DIR", "Write path.csv, path.json and path.svg there."),
     as_json: Json = False,
 ) -> None:
     """Find the joint trajectory along which most joints may lock at most times.
@@ -89,59 +61,48 @@ def path(
     from formulations.paths.search import PathSearch, plan_path
     from formulations.paths.waypoints import read_waypoints
     from formulations.robots.robot_arm import RobotArm
-    from nlp.files import prepare_file, write_bytes, write_text
+    from formulations.robots.task import TaskSpace
+    from nlp.files import prepare_file
 
-    if out is None:
-        refuse_unused(context, ("size", "style"), "no --out")
     wanted = read_waypoints(waypoints)
-    task = task or ("all" if wanted.has_orientation else "position")
-    arm = robot.arm(file, tip, base, point, task, "base", None, held)
-    arm = RobotArm(narrowed(arm.chain, _limits(limits or [])), arm.task)
+    directions = task or ("all" if wanted.has_orientation else "position")
+    chain = narrowed(robot.chain(), read_limits(limits))
+    arm = RobotArm(chain, TaskSpace.parse(directions, "base"))
     if out is not None:
         from formulations.plot.style import figure_class
 
         figure_class()  # a missing package is better known at once
         for name in _FILES:
-            prepare_file(out / name, inputs=[file, waypoints, style])
-    looks = look(size, False, style)
+            prepare_file(out / name, inputs=[robot.file, waypoints, figure.style])
+    look = figure.look()
     search = PathSearch(samples, duration, tracks, seed=seed, progress=progress)
-    found = plan_path(arm, wanted, search)
+    plan = plan_path(arm, wanted, search)
     progress("")
-    for note in arm.chain.notes:
-        typer.echo(f"Note: {note}", err=True)
-    plain = {"robot": arm.chain.robot, "tip": arm.chain.tip, "seed": seed, **found.to_dict()}
+    warn(*(f"Note: {note}" for note in chain.notes))
+    plain = {"robot": chain.robot, "tip": chain.tip, "seed": seed, **plan.to_dict()}
     if out is not None:
-        from formulations.plot.path import draw
-        from formulations.plot.style import content, looking
+        from formulations.plot.style import looking
 
-        with looking(looks):
-            drawn = content(draw(found), "svg")
-        write_text(out / "path.json", json.dumps(plain, indent=1) + "\n")
-        lines = io.StringIO()
-        csv.writer(lines, lineterminator="\n").writerows(found.csv_lines())
-        write_text(out / "path.csv", lines.getvalue())
-        write_bytes(out / "path.svg", drawn)
-    show(plain, as_json, lambda _: _text(found))
+        with looking(look):
+            _write(plan, plain, out)
+    show(plain, as_json, lambda _: _text(plan))
     if out is not None and not as_json:
-        typer.echo(f"\nWritten to {out}: {', '.join(_FILES)}")
-    if not found.complete:
-        typer.echo("Interrupted: this is the best trajectory found by then.", err=True)
-        raise typer.Exit(INTERRUPTED)
+        say(f"\nWritten to {out}: {', '.join(_FILES)}")
+    if not plan.complete:
+        end("Interrupted: this is the best trajectory found by then.", INTERRUPTED)
 
 
-def _limits(settings: list[str]) -> dict[str, tuple[float, float]]:
-    found: dict[str, tuple[float, float]] = {}
-    for setting in settings:
-        joint, equals, ends = setting.partition("=")
-        lower, colon, upper = ends.partition(":")
-        if not (joint and equals and colon):
-            raise InputError("--limits", setting, "JOINT=LOWER:UPPER, radians or metres")
-        name = joint.strip()
-        if name in found:
-            raise InputError("--limits", f"{name} twice", "every joint once")
-        where = f"--limits of {name}"
-        found[name] = robot.number(where, lower), robot.number(where, upper)
-    return found
+def _write(plan: PathPlan, plain: dict[str, object], out: Path) -> None:
+    from formulations.plot.path import draw
+    from formulations.plot.style import content
+    from nlp.files import write_bytes, write_text
+
+    drawn = content(draw(plan), "svg")
+    lines = io.StringIO()
+    csv.writer(lines, lineterminator="\n").writerows(plan.csv_lines())
+    write_text(out / "path.json", json.dumps(plain, indent=1) + "\n")
+    write_text(out / "path.csv", lines.getvalue())
+    write_bytes(out / "path.svg", drawn)
 
 
 def _text(found: PathPlan) -> str:

@@ -3,25 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
-import typer
-
-from formulations.commands import robot_arguments as robot
 from formulations.commands.arguments import (
+    FailureOptions,
     Goal,
     Ipopt,
     Json,
-    Locked,
-    ProbabilitySets,
+    JsonFile,
     Seed,
     Starts,
     Workers,
-    failure_scenarios,
     ipopt_options,
+    option,
 )
 from formulations.commands.measure_robot import failures_text, robot_text
-from formulations.commands.output import INTERRUPTED, show
+from formulations.commands.output import INTERRUPTED, end, show, warn
+from formulations.commands.robot_arguments import ArmOptions, PoseOptions
+from formulations.io.table import written
 
 if TYPE_CHECKING:
     from formulations.robots.pose_constrained_arm import LockedReach
@@ -29,37 +28,33 @@ if TYPE_CHECKING:
 
 
 def posture(
-    file: robot.File,
-    tip: robot.Tip = None,
-    formulation: Annotated[
-        str, typer.Option(metavar="NAME", help="residual, max-min, isotropy or manipulability.")
-    ] = "max-min",
-    at: robot.At = None,
-    tolerance: robot.PoseTolerance = None,
-    clearance: robot.KeptDistance = None,
-    length: robot.Length = None,
-    task: robot.TaskDirections = "all",
-    frame: robot.Frame = "base",
-    held: robot.Held = None,
-    locked: Locked = 1,
-    failure_probabilities: ProbabilitySets = None,
-    never_fails: robot.NeverFails = None,
+    robot: ArmOptions,
+    pose: PoseOptions,
+    failures: FailureOptions,
+    formulation: str = option(
+        "NAME", "residual, max-min, isotropy or manipulability.", "max-min"
+    ),
     goal: Goal = "worst",
-    base: robot.Base = None,
-    point: robot.Point = None,
+    clearance: float | None = option(
+        "METRES",
+        "Distance that the links keep from each other. Needs coal; reads the meshes "
+        "that the URDF file names; by default they may touch.",
+        positive=True,
+    ),
     starts: Starts = 100,
     seed: Seed = 0,
     workers: Workers = None,
     ipopt: Ipopt = None,
-    out: robot.JsonFile = None,
+    out: JsonFile = None,
     as_json: Json = False,
 ) -> None:
     """Find the most failure-tolerant posture of a robot within its joints' limits.
 
-    A formulation over the joints' positions, from random postures; the answer is measured
-    again from its Jacobian alone. With --at, the best of those that hold the tool at a pose,
-    and where each joint may lock so that the pose can still be reached. With --held, the best
-    posture after a failure. `measure-robot --configuration FILE` reads what --out writes.
+    A formulation over the joints' positions, from random postures; the answer is recomputed
+    from its Jacobian. With --at, the best of those that hold the tool at a pose, and where each
+    joint may lock so that the pose can still be reached. With --held, the best posture after a
+    failure. `measure-robot --configuration FILE` reads what --out writes. Exit status 1, and no
+    file, if no start converged.
     """
     from formulations.robots.posture import best_posture
     from formulations.robots.posture_search import Search
@@ -67,39 +62,42 @@ def posture(
     from nlp.executors import default_workers
     from nlp.files import prepare_file
 
-    arm = robot.arm(file, tip, base, point, task, frame, length, held)
+    arm = robot.arm()
     count, options = workers or default_workers(), ipopt_options(ipopt)
-    models = failure_scenarios(failure_probabilities, never_fails, arm.chain.names, locked)
     search = Search(
-        *(formulation, locked, starts, seed, count, options, True),
-        failures=models,
-        probabilities_known=failure_probabilities is not None,
+        *(formulation, failures.locked, starts, seed, count, options, True),
+        failures=failures.scenarios(arm.chain.names),
+        probabilities_known=failures.probabilities_known,
         goal=checked_goal(goal),
     )
-    wanted = robot.pose(at, tolerance)
-    kept = robot.kept_distance(file, arm.chain, clearance)
-    if out is not None:
-        prepare_file(out, inputs=[file])
-    found = best_posture(arm, search, at=wanted, clearance=kept)
-    robot.print_notes(found.assessment)
+    wanted = pose.pose()
+    apart = None
+    if clearance is not None:
+        from formulations.clearance.link_clearance import read_clearance
+
+        apart = read_clearance(robot.file, arm.chain, clearance)
+    prepare_file(out, inputs=[robot.file])
+    best = best_posture(arm, search, at=wanted, clearance=apart)
+    warn(*(f"Note: {note}" for note in best.assessment.notes))
     how = {
         "formulation": formulation,
-        **({} if models is None else {"goal": goal}),
-        "starts": f"{found.starts} (seed {seed}), best reached by {found.reached_best}",
-        "status counts": found.status_counts,
-        "midway sigma": found.mid_range_sigma,
-        **_held(found),
+        **({} if search.failures is None else {"goal": goal}),
+        "starts": f"{best.starts} (seed {seed}), best reached by {best.reached_best}",
+        "status counts": best.status_counts,
+        "midway sigma": best.mid_range_sigma,
+        **_held(best),
     }
-    if not found.starts:
+    if not best.starts:
         how = {"formulation": formulation, "starts": "none: every posture is as bad"}
-    parts = [robot_text(found.assessment, how, _source(found))]
-    parts += [] if found.failures is None else [failures_text(found.failures)]
-    parts += [] if found.at is None else [_after_failure(found.at.after_failure)]
-    text = "\n\n".join(parts)
-    show(found.to_dict(), as_json, lambda _: text, out)
-    if not found.complete:
-        typer.echo(f"Interrupted: {found.starts} of {starts} starts ended.", err=True)
-        raise typer.Exit(INTERRUPTED)
+    parts = [robot_text(best.assessment, how, _source(best))]
+    parts += [] if best.failures is None else [failures_text(best.failures)]
+    parts += [] if best.at is None else [_after_failure(best.at.after_failure)]
+    converged = best.reached_best or not best.starts
+    show(best.to_dict(), as_json, lambda _: "\n\n".join(parts), out if converged else None)
+    if not best.complete:
+        end(f"Interrupted: {best.starts} of {starts} starts ended.", INTERRUPTED)
+    if not converged:
+        end("Not solved: no start converged, and nothing is written.")
 
 
 def _held(found: Posture) -> dict[str, str]:
@@ -121,8 +119,6 @@ def _held(found: Posture) -> dict[str, str]:
 
 
 def _after_failure(found: Sequence[LockedReach]) -> str:
-    from tabulate import tabulate
-
     lines = [
         (
             one.joint,
@@ -132,7 +128,7 @@ def _after_failure(found: Sequence[LockedReach]) -> str:
         for one in found
     ]
     heads = ("locked", "% of range", "pose within reach where it locks at")
-    return str(tabulate(lines, heads, tablefmt="plain", disable_numparse=True))
+    return written(lines, heads, "plain")
 
 
 def _source(found: Posture) -> str:

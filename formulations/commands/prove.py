@@ -1,33 +1,30 @@
-"""``lockedjoint prove``: for which n optimally failure-tolerant nR Jacobians exist."""
+"""``lockedjoint prove`` and ``verify``: exact proofs, and the check of any certificate.
+
+What verifies shares nothing with what derives or solves.
+"""
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import typer
 
-from formulations.commands.arguments import Json, whole_option
+from formulations.commands.arguments import Json, option, progress
 from formulations.commands.output import show
+from nlp.errors import InputError
+
+MOST_SAMPLES = 1_000_000
 
 
 def prove(
-    out: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE",
-            help="Where to write it.",
-            show_default="certificate.json; with --to coq Data.v",
-        ),
-    ] = None,
-    joints: Annotated[
-        int, whole_option(1, "N", "Number of revolute joints: 7, or 8 to 1000.")
-    ] = 7,
-    to: Annotated[
-        str,
-        typer.Option(
-            metavar="FORM",
-            help="json: the certificate; coq: the data file of the proof in Coq, for n = 7.",
-        ),
-    ] = "json",
+    out: Path | None = option(
+        "FILE", "Where to write it; by default certificate.json; with --to coq Data.v."
+    ),
+    joints: int = option("N", "Number of revolute joints: 7, or 8 to 1000.", 7, low=1),
+    to: Literal["json", "coq"] = option(
+        None,
+        "json: the certificate; coq: the data file of the proof in Coq, for n = 7.",
+        "json",
+    ),
     as_json: Json = False,
 ) -> None:
     """Prove that an optimally failure-tolerant nR Jacobian exists, or for n = 7 that none does.
@@ -40,11 +37,8 @@ def prove(
     Check the file with `lockedjoint verify`, a data file with Coq (docs/nonexistence.md).
     """
     from formulations.existence.rings import exact_jacobian
-    from nlp.errors import InputError
     from nlp.files import prepare_file, write_text
 
-    if to not in ("json", "coq"):
-        raise InputError("--to", to, "json or coq")
     if to == "coq" and joints != 7:
         raise InputError("--joints", joints, "7 with --to coq; others need no data file")
     existence = None if joints == 7 else exact_jacobian(joints)
@@ -91,3 +85,95 @@ def _prove_nonexistence(out: Path, to: str, as_json: bool) -> None:
         f"equations;\nall of it is in {out}."
     )
     show(found, as_json, lambda _: text)
+
+
+def verify(
+    file: Annotated[
+        Path | None,
+        typer.Argument(
+            metavar="FILE",
+            help="A certificate in JSON; by default that of nonexistence in the package.",
+            show_default=False,
+        ),
+    ] = None,
+    samples: int = option(
+        "K",
+        "Also evaluate the identity, exactly and over all 5040 joint orders, at K "
+        "random matrices that violate every equation.",
+        0,
+        low=0,
+        high=MOST_SAMPLES,
+    ),
+    as_json: Json = False,
+) -> None:
+    """Verify that an optimally failure-tolerant Jacobian exists, that none does, or a bound.
+
+    Existence and nonexistence: expands the polynomials, or multiplies out the columns, in
+    exact arithmetic. A bound of `lockedjoint bound --rigorous --out`: evaluates its sums with
+    all rounding errors bounded, in minutes. The code shares nothing with the derivation or
+    the solver. Exit status 0 if the proof holds, 1 if it does not, 2 if the file is
+    unreadable.
+    """
+    from formulations.bounds.so3_moments.certificate import read_any
+    from formulations.existence.certificate import Certificate
+    from formulations.existence.exact_jacobian import ExactJacobian
+    from formulations.existence.theorem import package_certificate
+
+    certificate = package_certificate() if file is None else read_any(file)
+    if isinstance(certificate, Certificate):
+        show(_nonexistence(certificate, samples), as_json)
+        return
+    if samples:
+        allowed = "0 for a certificate of existence or of a bound, without such an identity"
+        raise InputError("--samples", samples, allowed)
+    if isinstance(certificate, ExactJacobian):
+        show(_existence(certificate), as_json)
+    else:
+        show(_bound(certificate), as_json)
+
+
+def _nonexistence(certificate: Any, samples: int) -> dict[str, Any]:
+    from formulations.existence.certificate import CertificateError
+    from formulations.existence.evaluate import defects
+    from formulations.existence.verify import verify as expand
+
+    report = expand(certificate)
+    if samples and any(defects(certificate, samples=samples)):
+        raise CertificateError("the identity does not hold at a random matrix.")
+    return {
+        "verdict": "proved: no optimally failure-tolerant 7R Jacobian exists",
+        "joints": report.joints,
+        "constant": str(report.constant),
+        "squares": report.squares,
+        "multipliers": report.multipliers,
+        "averages_that_cancelled": report.monomials,
+        "random_matrices": samples,
+    }
+
+
+def _existence(certificate: Any) -> dict[str, Any]:
+    from formulations.existence.exact_jacobian import verify_existence
+
+    equations = verify_existence(certificate)
+    n = certificate.joints
+    return {
+        "verdict": f"proved: an optimally failure-tolerant {n}R Jacobian exists",
+        "joints": n,
+        "columns": len(certificate.columns),
+        "six_joint_arms": certificate.six_joint_arms,
+        "square_roots": len(certificate.roots),
+        "equations": equations,
+    }
+
+
+def _bound(certificate: Any) -> dict[str, Any]:
+    from formulations.bounds.so3_moments.verification import verify_bound
+
+    report = verify_bound(certificate, progress=progress)
+    progress("")
+    claim = {
+        "residual": f"½‖JJᵀ − (n/3)I‖_F² ≥ {report.claimed}",
+        "max-min": f"worst case after one locked joint σ ≤ {report.claimed}",
+    }[report.quantity]
+    statement = f"{claim} for every unit revolute {report.joints}R Jacobian"
+    return {"verdict": f"proved: {statement}", **report.to_dict()}

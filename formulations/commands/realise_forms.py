@@ -15,45 +15,29 @@ from formulations.synthesis.links import link_gap
 from formulations.synthesis.manipulator import Manipulator
 from formulations.synthesis.write_urdf import urdf
 from nlp.arrays import FloatArray, finite_or_none
-from nlp.errors import InputError
 
-FORMS = ("axes", "dh", "urdf", "figure")
 _DIGITS = ".9g"
 
 
 def write_down(manipulator: Manipulator, form: str, convention: str, figure_kind: str) -> bytes:
-    """Return a manipulator in one of the `FORMS`, as the content of a file.
+    """Return a manipulator as ``axes``, ``dh``, ``urdf`` or ``figure``: a file's content.
 
-    Parameters
-    ----------
-    manipulator, form
-        What, and how.
-    convention
-        Of a ``dh`` table: ``standard`` or ``modified``.
-    figure_kind
-        Of a ``figure``: ``svg``, ``png`` or ``pdf``.
-
-    Raises
-    ------
-    InputError
-        If there is no such form, convention or kind of figure, or matplotlib is missing.
+    A ``dh`` table has a `convention`, ``standard`` or ``modified``; a ``figure`` a kind,
+    ``svg``, ``png`` or ``pdf``. InputError if there is no such kind, or matplotlib is missing.
     """
-    chosen = _convention(convention)
     if form == "axes":
         return f"{_axes_text(manipulator)}{_speeds_text(manipulator)}\n".encode()
     if form == "dh":
-        table = _dh_text(denavit_hartenberg(manipulator, chosen))
+        table = _dh_text(denavit_hartenberg(manipulator, Convention(convention)))
         return f"{table}{_speeds_text(manipulator)}\n".encode()
     if form == "urdf":
         return urdf(manipulator).encode()
-    if form == "figure":
-        return content(figure(manipulator), figure_kind)
-    raise InputError("--to", form, "one of " + ", ".join(FORMS))
+    return content(figure(manipulator), figure_kind)
 
 
 def as_plain(manipulator: Manipulator, convention: str) -> dict[str, object]:
     """Return everything but the figure as plain values: axes, table and URDF."""
-    table = denavit_hartenberg(manipulator, _convention(convention))
+    table = denavit_hartenberg(manipulator, Convention(convention))
     return {**manipulator.to_dict(), "dh": table.to_dict(), "urdf": urdf(manipulator)}
 
 
@@ -104,13 +88,6 @@ def summary_lines(found: Mapping[str, Any]) -> dict[str, object]:
         **found["criteria"],
         **({"metres per unit of joints": speeds} if set(speeds) != {1.0} else {}),
     }
-
-
-def _convention(name: str) -> Convention:
-    try:
-        return Convention(name)
-    except ValueError:
-        raise InputError("--convention", name, "one of " + ", ".join(Convention)) from None
 
 
 def _axes_text(manipulator: Manipulator) -> str:

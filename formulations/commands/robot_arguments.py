@@ -1,205 +1,136 @@
-"""Arguments that name a robot and its configuration, and the arm that they make."""
+"""Options that name a robot, its tool and its configuration, and what is read from them."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from formulations.commands.arguments import positive_option
+from formulations.commands.arguments import option
 from nlp.errors import FileError, InputError
 from nlp.files import load_json, read_bytes, real_in
 
 if TYPE_CHECKING:
-    from formulations.clearance.link_clearance import LinkClearance
     from formulations.kinematics.chain import Chain
     from formulations.robots.pose_constrained_arm import Pose
     from formulations.robots.robot_arm import RobotArm
-    from formulations.robots.robot_assessment import RobotAssessment
     from nlp.arrays import FloatArray
 
-File = Annotated[
-    Path,
-    typer.Argument(
-        metavar="ROBOT",
-        help="The robot: a URDF file, an MJCF file, or a Denavit–Hartenberg table (.csv).",
-    ),
-]
-Tip = Annotated[
-    str | None,
-    typer.Option(
-        metavar="LINK",
-        help="Link that the Jacobian is of, anywhere on the robot.",
-        show_default="the last link, if there is only one",
-    ),
-]
-Base = Annotated[
-    str | None,
-    typer.Option(metavar="LINK", help="Link that it is relative to.", show_default="the root"),
-]
-Point = Annotated[
-    str | None,
-    typer.Option(
-        metavar="X,Y,Z",
-        help="Point of the tip's link whose velocity is taken, in its frame, in metres.",
-        show_default="its origin",
-    ),
-]
-TaskDirections = Annotated[
-    str,
-    typer.Option(
-        "--task",
-        metavar="DIRECTIONS",
-        help="Task directions: all, position, orientation, or some of vx,vy,vz,wx,wy,wz.",
-    ),
-]
-Frame = Annotated[
-    str, typer.Option(metavar="FRAME", help="Whose axes they are along: base or tip.")
-]
-Length = Annotated[
-    float | None,
-    positive_option(
-        "METRES",
-        "Characteristic length: all lengths are measured in it.",
-        show_default="root mean square of the revolute joints' lever arms",
-    ),
-]
-Held = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--held",
-        metavar="JOINT=VALUE",
-        help="A joint that has locked already, and where, in radians or metres; no column "
-        "of its own. May be repeated.",
-        show_default=False,
-    ),
-]
-NeverFails = Annotated[
-    str | None,
-    typer.Option(
-        "--never-fails",
-        metavar="JOINT,…",
-        help="Joints that never fail, by name or counted from 0.",
-        show_default=False,
-    ),
-]
-At = Annotated[
-    str | None,
-    typer.Option(
-        "--at",
-        metavar="POSE",
-        help="Where the tip's point is to be, in the base's frame: x,y,z in metres, and for an "
-        "orientation too roll,pitch,yaw in radians or qx,qy,qz,qw; or a JSON file.",
-        show_default="anywhere",
-    ),
-]
-PoseTolerance = Annotated[
-    str | None,
-    typer.Option(
-        "--tolerance",
-        metavar="METRES[,RADIANS]",
-        help="How far the tip may be from --at.",
-        show_default="0,0",
-    ),
-]
-KeptDistance = Annotated[
-    float | None,
-    positive_option(
-        "METRES",
-        "Distance that the links keep from each other. Needs coal; reads the meshes that "
-        "the URDF file names.",
-        "--clearance",
-        show_default="they may touch",
-    ),
-]
 Configuration = Annotated[
     str | None,
     typer.Option(
         metavar="Q",
-        help="Radians or metres: one number per joint from base to tip, or JOINT=VALUE "
-        "pairs, with commas; or a JSON file, such as posture writes.",
-        show_default="midway between the limits",
+        help="Radians or metres: one number per joint from base to tip, or JOINT=VALUE pairs, "
+        "with commas; or a JSON file, such as posture writes; by default midway between the "
+        "limits.",
     ),
 ]
-JsonFile = Annotated[
-    Path | None,
-    typer.Option("--out", metavar="FILE", help="Write the JSON there, Jacobian included."),
-]
-
 _ALLOWED = "one number per joint, JOINT=VALUE pairs (both with commas), or a JSON file"
 
 
-def arm(
-    file: Path,
-    tip: str | None,
-    base: str | None,
-    point: str | None,
-    task: str,
-    frame: str,
-    length: float | None,
-    held: list[str] | None,
-) -> RobotArm:
-    """Read the robot and return the arm; InputError if anything is wrong with it."""
-    from formulations.robots.robot_arm import RobotArm
-    from formulations.robots.task import TaskSpace
+@dataclass(frozen=True)
+class ChainOptions:
+    """Which robot, and between which of its links."""
 
-    directions = TaskSpace.parse(task, frame)
-    return RobotArm(chain(file, tip, base, point, held), directions, length)
-
-
-def chain(
-    file: Path, tip: str | None, base: str | None, point: str | None, held: list[str] | None
-) -> Chain:
-    """Read the robot and return its chain; InputError if anything is wrong with it."""
-    from formulations.kinematics.chain_between import chain_between
-    from formulations.kinematics.read_robot import read_robot
-
-    offset = [number("--point", part) for part in (point or "0,0,0").split(",")]
-    if len(offset) != 3:
-        raise InputError("--point", point, "three numbers X,Y,Z, in metres")
-    locked = pairs(held or [], "--held")
-    tree = read_robot(file)
-    tip = tree.last_link("--tip") if tip is None else tip
-    return chain_between(tree, tip, base, locked, offset)
-
-
-def pose(text: str | None, tolerance: str | None) -> Pose | None:
-    """Read --at and --tolerance; InputError if they are not what is allowed."""
-    from formulations.paths.waypoints import read_pose
-    from formulations.robots.pose_constrained_arm import Pose
-
-    if text is None:
-        if tolerance is not None:
-            raise InputError("--tolerance", tolerance, "none without --at")
-        return None
-    position, quaternion = read_pose(text)
-    near = [
-        number("--tolerance", part)
-        for part in ("0" if tolerance is None else tolerance).split(",")
+    file: Annotated[
+        Path,
+        typer.Argument(
+            metavar="ROBOT",
+            help="The robot: a URDF file, an MJCF file, or a Denavit–Hartenberg table (.csv).",
+        ),
     ]
-    if len(near) > (1 if quaternion is None else 2):
-        words = "METRES" if quaternion is None else "METRES or METRES,RADIANS"
-        raise InputError("--tolerance", tolerance, f"{words} for such a pose")
-    turn = None if quaternion is None else tuple(quaternion.tolist())
-    return Pose(tuple(position.tolist()), turn, *near)
+    tip: str | None = option(
+        "LINK",
+        "Link that the Jacobian is of, anywhere on the robot; by default the last link,"
+        " if there is only one.",
+    )
+    base: str | None = option("LINK", "Link that it is relative to; by default the root.")
+    point: str | None = option(
+        "X,Y,Z",
+        "Point of the tip's link whose velocity is taken, in its frame, in metres; by "
+        "default its origin.",
+    )
+    held: list[str] | None = option(
+        "JOINT=VALUE",
+        "A joint that has locked already, and where, in radians or metres; no column of"
+        " its own. May be repeated.",
+    )
+
+    def chain(self) -> Chain:
+        """Read the robot and return its chain; InputError if anything is wrong with it."""
+        from formulations.kinematics.chain_between import chain_between
+        from formulations.kinematics.read_robot import read_robot
+
+        offset = [number("--point", part) for part in (self.point or "0,0,0").split(",")]
+        if len(offset) != 3:
+            raise InputError("--point", self.point, "three numbers X,Y,Z, in metres")
+        locked = pairs(self.held or [], "--held")
+        tree = read_robot(self.file)
+        tip = tree.last_link("--tip") if self.tip is None else self.tip
+        return chain_between(tree, tip, self.base, locked, offset)
 
 
-def kept_distance(file: Path, chain: Chain, least: float | None) -> LinkClearance | None:
-    """Read the links' geometry for --clearance; None if that is not given."""
-    if least is None:
-        return None
-    from formulations.clearance.link_clearance import read_clearance
+@dataclass(frozen=True)
+class ArmOptions(ChainOptions):
+    """Which robot, and which directions of its tip count."""
 
-    return read_clearance(file, chain, least)
+    length: float | None = option(
+        "METRES",
+        "Characteristic length: all lengths are measured in it; by default root mean "
+        "square of the revolute joints' lever arms.",
+        positive=True,
+    )
+    task: str = option(
+        "DIRECTIONS",
+        "Task directions: all, position, orientation, or some of vx,vy,vz,wx,wy,wz.",
+        "all",
+    )
+    frame: str = option("FRAME", "Whose axes they are along: base or tip.", "base")
+
+    def arm(self) -> RobotArm:
+        """Read the robot and return the arm; InputError if anything is wrong with it."""
+        from formulations.robots.robot_arm import RobotArm
+        from formulations.robots.task import TaskSpace
+
+        directions = TaskSpace.parse(self.task, self.frame)
+        return RobotArm(self.chain(), directions, self.length)
 
 
-def print_notes(found: RobotAssessment) -> None:
-    """Print what to check in the robot's file on standard error."""
-    for note in found.notes:
-        typer.echo(f"Note: {note}", err=True)
+@dataclass(frozen=True)
+class PoseOptions:
+    """Where the tool is to be."""
+
+    at: str | None = option(
+        "POSE",
+        "Where the tip's point is to be, in the base's frame: x,y,z in metres, and for "
+        "an orientation too roll,pitch,yaw in radians or qx,qy,qz,qw; or a JSON file; "
+        "by default anywhere.",
+    )
+    tolerance: str | None = option(
+        "METRES[,RADIANS]", "How far the tip may be from --at; by default 0,0."
+    )
+
+    def pose(self) -> Pose | None:
+        """Read the pose; InputError if it is not what is allowed."""
+        from formulations.paths.waypoints import read_pose
+        from formulations.robots.pose_constrained_arm import Pose
+
+        if self.at is None:
+            if self.tolerance is not None:
+                raise InputError("--tolerance", self.tolerance, "none without --at")
+            return None
+        position, quaternion = read_pose(self.at)
+        text = "0" if self.tolerance is None else self.tolerance
+        near = [number("--tolerance", part) for part in text.split(",")]
+        if len(near) > (1 if quaternion is None else 2):
+            words = "METRES" if quaternion is None else "METRES or METRES,RADIANS"
+            raise InputError("--tolerance", text, f"{words} for such a pose")
+        rotation = None if quaternion is None else tuple(quaternion.tolist())
+        return Pose(tuple(position.tolist()), rotation, *near)
 
 
 def read_configuration(text: str | None, chain: Chain) -> FloatArray:
@@ -254,15 +185,33 @@ def read_configuration(text: str | None, chain: Chain) -> FloatArray:
 
 def pairs(settings: Sequence[str], name: str = "--configuration") -> dict[str, float]:
     """Read ``JOINT=VALUE`` settings; InputError if one is something else or repeated."""
-    found: dict[str, float] = {}
+    named = _by_joint(settings, name, "JOINT=VALUE, radians or metres")
+    return {joint: number(f"{name} of {joint}", value) for joint, value in named.items()}
+
+
+def read_limits(settings: Sequence[str] | None) -> dict[str, tuple[float, float]]:
+    """Read ``JOINT=LOWER:UPPER`` settings of --limits; else as `pairs`."""
+    allowed = "JOINT=LOWER:UPPER, radians or metres"
+    limits = {}
+    for joint, ends in _by_joint(settings or (), "--limits", allowed).items():
+        lower, colon, upper = ends.partition(":")
+        if not colon:
+            raise InputError("--limits", f"{joint}={ends}", allowed)
+        where = f"--limits of {joint}"
+        limits[joint] = number(where, lower), number(where, upper)
+    return limits
+
+
+def _by_joint(settings: Sequence[str], name: str, allowed: str) -> dict[str, str]:
+    values: dict[str, str] = {}
     for setting in settings:
         joint, equals, value = (part.strip() for part in setting.partition("="))
         if not (joint and equals):
-            raise InputError(name, setting, "JOINT=VALUE, radians or metres")
-        if joint in found:
+            raise InputError(name, setting, allowed)
+        if joint in values:
             raise InputError(name, f"{joint} twice", "every joint once")
-        found[joint] = number(f"{name} of {joint}", value)
-    return found
+        values[joint] = value
+    return values
 
 
 def number(name: str, value: object) -> float:

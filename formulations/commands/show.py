@@ -6,12 +6,14 @@ import math
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from formulations.commands.output import named, refuse_damage
-from formulations.commands.output import show as print_found
+from formulations.commands.arguments import Json, flag, option
+from formulations.commands.output import named, refuse_damage, say
+from formulations.commands.output import show as show_values
+from nlp.errors import InputError, printable
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -19,41 +21,21 @@ if TYPE_CHECKING:
 
 def show(
     store: Annotated[Path, typer.Argument(metavar="DB", help="Store of a campaign.")],
-    where: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="CONDITION",
-            help="Only records with this, such as 'joints == 7'. May be repeated.",
-            show_default=False,
-        ),
-    ] = None,
-    group_by: Annotated[
-        str | None,
-        typer.Option(
-            metavar="SETTING,...",
-            help="Settings that make groups.",
-            show_default="all that differ",
-        ),
-    ] = None,
-    records: Annotated[
-        bool, typer.Option("--records", help="Show the records themselves, not groups.")
-    ] = False,
-    optima: Annotated[
-        bool,
-        typer.Option(
-            "--optima", help="Show the optima: how many starts reached each, canonical form."
-        ),
-    ] = False,
-    to: Annotated[
-        str, typer.Option(metavar="FORMAT", help="csv, parquet, markdown or latex.")
-    ] = "markdown",
-    out: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Write there instead of here.")
-    ] = None,
-    check: Annotated[
-        bool, typer.Option("--check", help="Verify the whole store and show nothing of it.")
-    ] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead.")] = False,
+    where: list[str] | None = option(
+        "CONDITION",
+        "Only records with this, such as 'joints == 7'. May be repeated.",
+    ),
+    group_by: str | None = option(
+        "SETTING,...", "Settings that make groups; by default all that differ."
+    ),
+    records: bool = flag("--records", "Show the records themselves."),
+    optima: bool = flag(
+        "--optima", "Show the optima: how many starts reached each, canonical form."
+    ),
+    to: Literal["csv", "parquet", "markdown", "latex"] = option(None, "Format.", "markdown"),
+    out: Path | None = option("FILE", "Write there instead of here."),
+    check: bool = flag("--check", "Verify the whole store and show nothing of it."),
+    as_json: Json = False,
 ) -> None:
     """Show what a campaign's store holds, also while the campaign runs.
 
@@ -65,11 +47,8 @@ def show(
     """
     from formulations.campaign import tables
     from formulations.campaign.records import open_store
-    from nlp.errors import InputError
     from nlp.files import prepare_file, write_bytes
 
-    if to not in FORMATS:
-        raise InputError("--to", to, "one of " + ", ".join(FORMATS))
     if sum([records, optima, check, group_by is not None]) > 1:
         both = "more than one of --records, --optima, --check and --group-by"
         raise InputError("command line", both, "at most one of them")
@@ -84,8 +63,7 @@ def show(
     if to == "parquet" and out is None:
         raise InputError("--out", "missing", "a file, for parquet")
     chosen = " and ".join(f"({text})" for text in where or ())
-    if out is not None:
-        prepare_file(out, inputs=[store])
+    prepare_file(out, inputs=[store])
     with open_store(store, salvage=True) as study:
         if records:
             table = tables.frame(study, chosen)
@@ -95,10 +73,10 @@ def show(
             by = None if group_by is None else [name.strip() for name in group_by.split(",")]
             table = tables.grouped(study, chosen, by)
         content = table.to_json(orient="records", indent=1) if as_json else FORMATS[to](table)
-        if out is None:
-            typer.echo(content, nl=as_json)
-        else:
+        if out is not None:
             write_bytes(out, content.encode() if isinstance(content, str) else content)
+        elif isinstance(content, str):
+            say(content, nl=as_json)
         refuse_damage({store: study.damaged})
 
 
@@ -113,7 +91,7 @@ def _check(store: Path, as_json: bool) -> None:
             "damaged": [named(*record) for record in study.damaged],
         }
         text = f"{intact} records{' are' if study.damaged else ', all'} intact."
-        print_found(values, as_json, lambda _: text)
+        show_values(values, as_json, lambda _: text)
         refuse_damage({store: study.damaged})
 
 
@@ -125,7 +103,7 @@ def as_parquet(table: pd.DataFrame) -> bytes:
     InputError
         If pyarrow is not installed.
     """
-    from nlp.errors import InputError, how_to_install
+    from nlp.errors import how_to_install
 
     try:
         return table.to_parquet(engine="pyarrow", index=False)
@@ -137,18 +115,18 @@ def as_parquet(table: pd.DataFrame) -> bytes:
 
 def _to_read(table: pd.DataFrame, style: str, underscore: str = "_") -> str:
     """Return the table as text with few digits, without the matrices."""
-    shown = table.drop(columns=["jacobian", "canonical_form"], errors="ignore").astype(object)
-    for name in shown:
+    brief = table.drop(columns=["jacobian", "canonical_form"], errors="ignore").astype(object)
+    for name in brief:
         digits = 8 if name in ("score", "worst_case_sigma") else 4
-        shown[name] = [_cell(value, digits) for value in shown[name]]
-    shown.columns = shown.columns.str.replace("_", underscore)
-    return f"{shown.to_markdown(index=False, tablefmt=style, disable_numparse=True)}\n"
+        brief[name] = [_cell(value, digits) for value in brief[name]]
+    brief.columns = brief.columns.str.replace("_", underscore)
+    return f"{brief.to_markdown(index=False, tablefmt=style, disable_numparse=True)}\n"
 
 
 def _cell(value: object, digits: int) -> str:
     if isinstance(value, float):
         return "–" if math.isnan(value) else f"{value:.{digits}g}"
-    return str(value)
+    return printable(str(value))
 
 
 # CSV and Parquet have every digit.

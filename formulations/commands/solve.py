@@ -8,22 +8,26 @@ import typer
 from formulations.commands.arguments import (
     MOST_JOINTS,
     Compiled,
+    FailureOptions,
     Goal,
     Ipopt,
     Json,
-    Locked,
-    NeverFails,
-    Probabilities,
     Seed,
     Starts,
     TaskDimension,
     Workers,
-    failure_model,
+    flag,
     ipopt_options,
-    positive_option,
-    whole_option,
+    option,
 )
-from formulations.commands.output import INTERRUPTED, as_text, sharpest_bound, show
+from formulations.commands.output import (
+    INTERRUPTED,
+    as_text,
+    end,
+    rows_of,
+    sharpest_bound,
+    show,
+)
 
 
 def solve(
@@ -33,65 +37,55 @@ def solve(
             metavar="FORMULATION", help="residual, max-min, isotropy or manipulability."
         ),
     ],
-    model: Annotated[
-        str,
-        typer.Option(
-            help="Column model: unit-revolute, lever-revolute, lever-revolute-each, prismatic, "
-            "free or free-mean; or a mix such as "
-            "'lever-revolute(length=0.3):6,prismatic(speed=0.5):2', with lengths, speeds or "
-            "norms in brackets, 1 by default, and the number of joints after the colon."
-        ),
-    ] = "unit-revolute",
-    joints: Annotated[
-        int | None,
-        whole_option(
-            2, "N", "Number of joints n, above m.", MOST_JOINTS, show_default="of the mix, or 7"
-        ),
-    ] = None,
+    failures: FailureOptions,
+    model: str = option(
+        "MODEL",
+        "Column model: unit-revolute, lever-revolute, lever-revolute-each, prismatic, "
+        "free or free-mean; or a mix such as "
+        "'lever-revolute(length=0.3):6,prismatic(speed=0.5):2', with lengths, speeds or"
+        " norms in brackets, 1 by default, and the number of joints after the colon.",
+        "unit-revolute",
+    ),
+    joints: int | None = option(
+        "N",
+        "Number of joints n, above m; by default of the mix, or 7.",
+        low=2,
+        high=MOST_JOINTS,
+    ),
     task_dimension: TaskDimension = 6,
-    locked: Locked = 1,
-    failure_probabilities: Probabilities = None,
-    never_fails: NeverFails = None,
     goal: Goal = "worst",
-    encoding: Annotated[
-        str | None,
-        typer.Option(
-            help="Eigenvalue constraints of max-min: two-stage, schur-complement, "
-            "shared-factor, principal-minors, factor-per-deletion or "
-            "positive-factor-per-deletion.",
-            show_default="two-stage; shared-factor for several locked joints; "
-            "positive-factor-per-deletion for unequal failures",
-        ),
-    ] = None,
-    from_residual_minima: Annotated[
-        bool,
-        typer.Option("--from-residual-minima", help="Start max-min from residual minima."),
-    ] = False,
+    encoding: str | None = option(
+        "NAME",
+        "Eigenvalue constraints of max-min: two-stage, schur-complement, shared-factor,"
+        " principal-minors, factor-per-deletion or positive-factor-per-deletion; by "
+        "default two-stage; shared-factor for several locked joints; "
+        "positive-factor-per-deletion for unequal failures.",
+    ),
+    from_residual_minima: bool = flag(
+        "--from-residual-minima", "Start max-min from residual minima."
+    ),
     starts: Starts = 100,
     seed: Seed = 0,
     workers: Workers = None,
     ipopt: Ipopt = None,
-    solver: Annotated[
-        str,
-        typer.Option(
-            help="ipopt; or fatrop, faster: residual, and max-min compiled, of unit-revolute "
-            "joints."
-        ),
-    ] = "ipopt",
+    solver: str = option(
+        "NAME",
+        "ipopt; or fatrop, faster: residual, and compiled max-min, of unit revolutes.",
+        "ipopt",
+    ),
     compiled: Compiled = False,
-    time_limit: Annotated[
-        float | None,
-        positive_option(
-            "SECONDS", "Time for a start, after which Ipopt stops it.", show_default="no limit"
-        ),
-    ] = None,
-    out: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", help="Write the best Jacobian and its measures as JSON."),
-    ] = None,
+    time_limit: float | None = option(
+        "SECONDS",
+        "Time for a start, after which Ipopt stops it; by default no limit.",
+        positive=True,
+    ),
+    out: Path | None = option("FILE", "Write the best Jacobian and its measures as JSON."),
     as_json: Json = False,
 ) -> None:
-    """Solve one formulation from random starts and measure the best answer."""
+    """Solve one formulation from random starts and measure the best answer.
+
+    Exit status 1, and no file, if no start was solved.
+    """
     from formulations.bounds.unequal_failures import assess_failures
     from formulations.joints.models import arm
     from formulations.measures.assessment import measure
@@ -101,12 +95,11 @@ def solve(
 
     stated = formulation_of(formulation)
     built = arm(model, 7 if joints is None and ":" not in model else joints, task_dimension)
-    failures = failure_model(failure_probabilities, never_fails, built.shape[1], locked)
-    if out is not None:
-        prepare_file(out)
+    unequal = failures.model(built.shape[1])
+    prepare_file(out)
     settings: dict[str, tuple[Any, Any]] = {
-        "locked": (locked, 1),
-        "failures": (failures, None),
+        "locked": (failures.locked, 1),
+        "failures": (unequal, None),
         "goal": (goal, "worst"),
         "encoding": (encoding, None),
         "from_residual_minima": (from_residual_minima, False),
@@ -126,34 +119,40 @@ def solve(
     )
     if not outcome.records:
         raise KeyboardInterrupt
-    shown = outcome.best
-    found = {
+    best = outcome.best
+    plain = {
         "formulation": formulation,
         "model": model,
         "verdict": outcome.verdict,
-        "score": shown.score,
+        "score": best.score,
         "starts": len(outcome.records),
         "reached_best": len(outcome.reached),
         "status_counts": outcome.status_counts,
         "seed": seed,
-        "start": shown.index,
-        "violation": shown.violation,
-        **measure(shown.jacobian, locked).to_dict(),
+        "start": best.index,
+        "violation": best.violation,
+        **measure(best.jacobian, failures.locked).to_dict(),
     }
-    if locked > 1:
-        found |= sharpest_bound(shown.jacobian, locked)
-    if failures is not None:
-        known = failure_probabilities is not None
-        unequal = assess_failures(shown.jacobian, failures, probabilities_known=known)
-        found |= {"goal": goal, **unequal}
-    found["jacobian"] = shown.jacobian.tolist()
-    show(found, as_json, lambda plain: _text({**plain, "verdict": outcome.summary}), out)
+    if failures.locked > 1:
+        plain |= sharpest_bound(best.jacobian, failures.locked)
+    if unequal is not None:
+        known = failures.probabilities_known
+        values = assess_failures(best.jacobian, unequal, probabilities_known=known)
+        plain |= {"goal": goal, **values}
+    plain["jacobian"] = best.jacobian.tolist()
+    solved = outcome.verdict == "solved"
+    summary = {**plain, "verdict": outcome.summary}
+    show(plain, as_json, lambda _: _text(summary), out if solved else None)
     if not outcome.complete:
         ended = f"{len(outcome.records)} of {starts} starts ended"
-        typer.echo(f"Interrupted: {ended}.", err=True)
-        raise typer.Exit(INTERRUPTED)
+        end(f"Interrupted: {ended}.", INTERRUPTED)
+    if not solved:
+        end(f"{outcome.verdict.capitalize()}: {_NO_ANSWER}.")
 
 
-def _text(found: dict[str, Any]) -> str:
-    rows = "\n".join("  ".join(f"{x: .9f}" for x in line) for line in found.pop("jacobian"))
-    return f"{as_text(found)}\n\njacobian\n{rows}"
+_NO_ANSWER = "the Jacobian shown is no answer, and nothing is written"
+
+
+def _text(plain: dict[str, Any]) -> str:
+    rows = rows_of(plain.pop("jacobian"), 9)
+    return f"{as_text(plain)}\n\njacobian\n{rows}"

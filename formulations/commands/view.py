@@ -3,33 +3,27 @@
 import os
 import sys
 import time
+from collections.abc import Mapping
+from dataclasses import replace
 from importlib.util import find_spec
-from typing import Annotated
 
-import typer
-
-from formulations.commands import robot_arguments as robot
-from formulations.commands.arguments import Json, Seed, Starts, whole_option
-from formulations.commands.output import INTERRUPTED, show
+from formulations.commands.arguments import Json, Seed, Starts, option
+from formulations.commands.output import INTERRUPTED, show, shown, warn
+from formulations.commands.robot_arguments import (
+    ArmOptions,
+    Configuration,
+    read_configuration,
+)
 from nlp.errors import MissingLibraryError
 
 
 def view(
-    file: robot.File,
-    tip: robot.Tip = None,
-    configuration: robot.Configuration = None,
-    host: Annotated[
-        str, typer.Option(metavar="HOST", help="Address of this machine to listen on.")
-    ] = "127.0.0.1",
-    port: Annotated[
-        int, whole_option(0, "PORT", "Port to listen on; 0 for any free one.", 65535)
-    ] = 8080,
-    length: robot.Length = None,
-    task: robot.TaskDirections = "all",
-    frame: robot.Frame = "base",
-    held: robot.Held = None,
-    base: robot.Base = None,
-    point: robot.Point = None,
+    robot: ArmOptions,
+    configuration: Configuration = None,
+    host: str = option("HOST", "Address of this machine to listen on.", "127.0.0.1"),
+    port: int = option(
+        "PORT", "Port to listen on; 0 for any free one.", 8080, low=0, high=65535
+    ),
     starts: Starts = 20,
     seed: Seed = 0,
     as_json: Json = False,
@@ -44,35 +38,35 @@ def view(
     if find_spec("viser") is None:  # before reading, whose extra is another one
         raise MissingLibraryError("viser", "viser yourdfpy")
     from formulations.robots.posture_search import Search
+    from formulations.robots.robot_arm import RobotArm
     from formulations.viewer.page import Address, Page
 
-    arm = robot.arm(file, tip, base, point, task, frame, length, held)
-    where = robot.read_configuration(configuration, arm.chain)
+    arm = robot.arm()
+    where = read_configuration(configuration, arm.chain)
     address = Address(host, port).free()
-    page = Page(
-        arm,
-        lambda locked: robot.arm(
-            *(file, tip, base, point, task, frame, length),
-            [*(held or []), *(f"{name}={value!r}" for name, value in locked.items())],
-        ),
-        file,
-        where,
-        address,
-        Search(starts=starts, seed=seed),
-    )
+
+    def lock(locked: Mapping[str, float]) -> RobotArm:
+        held = [*(robot.held or []), *(f"{name}={value!r}" for name, value in locked.items())]
+        return replace(robot, held=held).arm()
+
+    search = Search(starts=starts, seed=seed)
+    page = Page(arm, lock, robot.file, where, address, search)
     try:
-        for note in (*arm.chain.notes, *page.notes):
-            typer.echo(f"Note: {note}", err=True)
+        warn(*(f"Note: {note}" for note in (*arm.chain.notes, *page.notes)))
         if not address.local:
             allowed = f"whoever can reach {address.url} can use this page"
-            typer.echo(f"Note: there is no password: {allowed}.", err=True)
-        found = {"robot": arm.chain.robot, "tip": arm.chain.tip, "url": address.url}
-        show(found, as_json, lambda _: f"{arm.description}: {address.url} (Ctrl-C ends it)")
+            warn(f"Note: there is no password: {allowed}.")
+        plain = {"robot": arm.chain.robot, "tip": arm.chain.tip, "url": address.url}
+        show(
+            plain,
+            as_json,
+            lambda _: f"{shown(arm.description)}: {address.url} (Ctrl-C ends it)",
+        )
         sys.stdout.flush()
         while True:
             time.sleep(0.2)
     except KeyboardInterrupt:
         page.close()
-        typer.echo("Interrupted.", err=True)
+        warn("Interrupted.")
         # Without waiting for a search inside of a solver, or for the end of threads.
         os._exit(INTERRUPTED)

@@ -4,24 +4,18 @@ from __future__ import annotations
 
 from math import radians
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Literal
 
-import typer
-
-from formulations.commands import robot_arguments as robot
 from formulations.commands.arguments import (
+    FigureOptions,
     Json,
-    NoTitle,
+    JsonFile,
     Seed,
-    Size,
-    Style,
-    look,
-    positive_option,
-    refuse_unused,
-    whole_option,
+    option,
+    progress,
 )
-from formulations.commands.arguments import progress as show_progress
-from formulations.commands.output import as_text, show
+from formulations.commands.output import as_text, show, shown
+from formulations.commands.robot_arguments import ChainOptions, number, read_limits
 from nlp.errors import InputError
 
 if TYPE_CHECKING:
@@ -29,73 +23,49 @@ if TYPE_CHECKING:
     from formulations.workspaces.workspace import Workspace
     from nlp.arrays import FloatArray
 
-_CHOICES = ("limits", "lengths")
 # Voxels that the sum of the links is long, with an orientation that is held in space.
 _IN_SPACE = 12
 
 
 def workspace(
-    context: typer.Context,
-    file: robot.File,
-    tip: robot.Tip = None,
-    limits: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="JOINT=LOW:HIGH",
-            help="Artificial limits of a joint, radians or metres. May be repeated.",
-            show_default="the physical limits",
-        ),
-    ] = None,
-    orientation: Annotated[
-        str | None,
-        typer.Option(
-            metavar="ROLL,PITCH,YAW",
-            help="Hold the tip's link at this orientation: radians, fixed axes of the base; or "
-            "QX,QY,QZ,QW. For planar arms of four joints and others of seven.",
-            show_default="free",
-        ),
-    ] = None,
-    optimise: Annotated[
-        str | None,
-        typer.Option(
-            metavar="WHAT",
-            help="limits: choose the artificial limits that keep the most; lengths: link "
-            "lengths of equal sum, too.",
-            show_default=False,
-        ),
-    ] = None,
-    voxel: Annotated[
-        float | None,
-        positive_option(
-            "METRES",
-            "Edge of the grid's cells.",
-            show_default="a fiftieth of the sum of the links; a twelfth with --orientation, in "
-            "space",
-        ),
-    ] = None,
-    step: Annotated[
-        float,
-        positive_option(
-            "DEGREES", "Distance of the angles at which a joint may lock.", "--slice"
-        ),
-    ] = 5.0,
-    least_width: Annotated[
-        float,
-        positive_option("DEGREES", "Least width of limits that are chosen."),
-    ] = 10.0,
-    starts: Annotated[int, whole_option(1, "K", "Starts of the search on a grid.", 10**6)] = 4,
-    base: robot.Base = None,
-    point: robot.Point = None,
-    held: robot.Held = None,
+    robot: ChainOptions,
+    figure_options: FigureOptions,
+    limits: list[str] | None = option(
+        "JOINT=LOWER:UPPER",
+        "Artificial limits of a joint, radians or metres. May be repeated; by default "
+        "the physical limits.",
+    ),
+    orientation: str | None = option(
+        "ROLL,PITCH,YAW",
+        "Hold the tip's link at this orientation: radians, fixed axes of the base; or "
+        "QX,QY,QZ,QW. For planar arms of four joints and others of seven; by default "
+        "free.",
+    ),
+    optimise: Literal["limits", "lengths"] | None = option(
+        None,
+        "limits: choose the artificial limits that keep the most; lengths: link lengths"
+        " of equal sum, too.",
+    ),
+    voxel: float | None = option(
+        "METRES",
+        "Edge of the grid's cells; by default a fiftieth of the sum of the links; a "
+        "twelfth with --orientation, in space.",
+        positive=True,
+    ),
+    step: float = option(
+        "DEGREES",
+        "Distance of the angles at which a joint may lock.",
+        5.0,
+        "--slice",
+        positive=True,
+    ),
+    least_width: float = option(
+        "DEGREES", "Least width of limits that are chosen.", 10.0, positive=True
+    ),
+    starts: int = option("K", "Starts of the search on a grid.", 4, low=1, high=10**6),
     seed: Seed = 0,
-    figure: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", help="Draw the workspace: SVG, PNG or PDF."),
-    ] = None,
-    size: Size = None,
-    no_title: NoTitle = False,
-    style: Style = None,
-    out: robot.JsonFile = None,
+    figure: Path | None = option("FILE", "Draw the workspace: SVG, PNG or PDF."),
+    out: JsonFile = None,
     as_json: Json = False,
 ) -> None:
     """Measure the workspace that is kept whatever joint fails, or make it largest.
@@ -110,63 +80,57 @@ def workspace(
     from formulations.workspaces.best_limits import best_limits
     from formulations.workspaces.pose_sets import PoseSets
     from formulations.workspaces.workspace import check_limits, measured
-    from formulations.workspaces.workspace import workspace as found_workspace
+    from formulations.workspaces.workspace import workspace as workspace_of
     from nlp.files import prepare_file, write_bytes
 
-    if figure is None:
-        refuse_unused(context, ("size", "no_title", "style"), "no --figure")
-    if optimise is None:
-        refuse_unused(context, ("least_width", "starts", "seed"), "no --optimise")
-    elif optimise not in _CHOICES:
-        raise InputError("--optimise", optimise, "limits or lengths")
-    elif limits:
+    if limits and optimise is not None:
         raise InputError("--limits", " ".join(limits), "none with --optimise")
-    elif optimise == "lengths" and orientation is not None:
+    if optimise == "lengths" and orientation is not None:
         raise InputError("--optimise", optimise, "limits with --orientation")
-    turn = None if orientation is None else _turn(orientation)
-    arm = SerialArm.from_chain(robot.chain(file, tip, base, point, held))
-    chosen = _limits(limits or [], arm)
+    rotation = None if orientation is None else _rotation(orientation)
+    arm = SerialArm.from_chain(robot.chain())
+    chosen = _ranges(read_limits(limits), arm)
     check_limits(arm, chosen)
-    picture = kind_of(prepare_file(figure, "--figure", [file, style])) if figure else ""
-    looks = look(size, no_title, style)
-    if out is not None:
-        prepare_file(out, inputs=[file])
-    coarse = turn is not None and not arm.is_planar
+    inputs = [robot.file, figure_options.style]
+    form = kind_of(figure) if figure else ""
+    prepare_file(figure, "--figure", inputs)
+    look = figure_options.look()
+    prepare_file(out, inputs=[robot.file, figure])
+    coarse = rotation is not None and not arm.is_planar
     edge = voxel or float(sum(arm.links)) / (_IN_SPACE if coarse else 50)
     sets = None
-    if turn is not None:
-        sets = PoseSets(arm, turn, edge, radians(step), show_progress)
+    if rotation is not None:
+        sets = PoseSets(arm, rotation, edge, radians(step), progress)
     if optimise is not None:
-        width, both = radians(least_width), optimise == "lengths"
         arm, chosen = best_limits(
             arm,
             edge,
-            lengths=both,
-            least_width=width,
+            lengths=optimise == "lengths",
+            least_width=radians(least_width),
             starts=starts,
             seed=seed,
-            progress=show_progress,
+            progress=progress,
             sets=sets,
         )
     if sets is None:
-        found = found_workspace(arm, chosen, edge, radians(step), show_progress)
+        result = workspace_of(arm, chosen, edge, radians(step), progress)
     else:
-        found = measured(sets, chosen, show_progress)
-    show_progress("")
+        result = measured(sets, chosen, progress)
+    progress("")
     if figure is not None:
         from formulations.plot.workspace import draw
 
-        with looking(looks):
-            drawn = content(draw(found), picture)
+        with looking(look):
+            drawn = content(draw(result), form)
         write_bytes(figure, drawn)
-    show(found.to_dict(), as_json, lambda _: _text(found), out)
+    show(result.to_dict(), as_json, lambda _: _text(result), out)
 
 
-def _turn(text: str) -> FloatArray:
+def _rotation(text: str) -> FloatArray:
     import numpy as np
     from scipy.spatial.transform import Rotation
 
-    numbers = [robot.number("--orientation", one) for one in text.split(",")]
+    numbers = [number("--orientation", part) for part in text.split(",")]
     if len(numbers) == 3 and max(map(abs, numbers)) <= 100:
         return np.asarray(Rotation.from_euler("xyz", numbers).as_matrix())
     if len(numbers) == 4 and abs(np.linalg.norm(numbers) - 1) < 1e-6:
@@ -175,26 +139,15 @@ def _turn(text: str) -> FloatArray:
     raise InputError("--orientation", text, allowed)
 
 
-def _limits(settings: list[str], arm: SerialArm) -> Ranges:
+def _ranges(limits: dict[str, tuple[float, float]], arm: SerialArm) -> Ranges:
     from formulations.kinematics.chain import listed, nearest
 
-    names = [one.name for one in arm.steps]
-    found = dict(zip(names, arm.physical, strict=True))
-    given = set()
-    for setting in settings:
-        name, equals, both = (part.strip() for part in setting.partition("="))
-        low, colon, high = both.partition(":")
-        if not (name and equals and colon):
-            raise InputError("--limits", setting, "JOINT=LOW:HIGH, radians or metres")
-        if name not in found:
+    names = [step.name for step in arm.steps]
+    for name in limits:
+        if name not in names:
             allowed = f"one of {listed(names)}{nearest(name, names)}"
             raise InputError("--limits of joint", name, allowed)
-        if name in given:
-            raise InputError("--limits", f"{name} twice", "every joint once")
-        given.add(name)
-        ends = [robot.number(f"--limits of {name}", one) for one in (low, high)]
-        found[name] = (ends[0], ends[1])
-    return tuple(found.values())
+    return tuple((dict(zip(names, arm.physical, strict=True)) | limits).values())
 
 
 def _text(found: Workspace) -> str:
@@ -224,6 +177,6 @@ def _text(found: Workspace) -> str:
     lines = [as_text(kept), "", "joint: artificial limits"]
     for step, (low, high) in zip(found.arm.steps, found.limits, strict=True):
         whole = " (physical)" if (low, high) == (step.lower, step.upper) else ""
-        lines.append(f"  {step.name}: {low:.4f} to {high:.4f}{whole}")
+        lines.append(f"  {shown(step.name)}: {low:.4f} to {high:.4f}{whole}")
     lines.append("links: " + "  ".join(f"{one:.4f}" for one in found.arm.links))
     return "\n".join(lines)

@@ -1,12 +1,8 @@
 """Jacobians from files: CSV, NPY, NPZ or JSON."""
 
 import io
-import zipfile
-import zlib
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from tempfile import TemporaryDirectory
-from tokenize import TokenError
 from types import MappingProxyType
 from typing import Any
 
@@ -15,7 +11,7 @@ import numpy.typing as npt
 
 from formulations.measures import as_jacobian
 from nlp.arrays import FloatArray
-from nlp.errors import FileError, InputError
+from nlp.errors import FileError, InputError, printable
 from nlp.files import MOST_BYTES, load_json, read_bytes, real_in
 
 Named = tuple[str, FloatArray]
@@ -76,47 +72,21 @@ def _read_csv(path: Path, content: bytes) -> list[tuple[str, npt.ArrayLike]]:
     return [(path.name, rows)]
 
 
-def _read_npy(path: Path, content: bytes) -> list[tuple[str, npt.ArrayLike]]:
+def _read_numpy(path: Path, content: bytes) -> list[tuple[str, npt.ArrayLike]]:
     try:
-        # From version 2 on, NumPy would allocate what a damaged length of the header says.
-        if content[6] > 1 and int.from_bytes(content[8:12], "little") > len(content):
-            raise EOFError
-        # Mapped, not read: a header may promise more than the file, or any machine, has.
-        with np.errstate(over="ignore"):
-            matrix = np.load(path, mmap_mode="r", allow_pickle=False)
-    except (ValueError, IndexError, EOFError, OSError, OverflowError, TypeError, SyntaxError):
-        raise FileError("file", str(path), "an array as numpy.save writes it") from None
-    except (MemoryError, TokenError):  # of the header's text
-        raise FileError("file", str(path), "an array as numpy.save writes it") from None
-    if not isinstance(matrix, np.ndarray):
-        raise FileError("file", str(path), "an array as numpy.save writes it")
-    return [(path.name, matrix)]
-
-
-def _read_npz(path: Path, content: bytes) -> list[tuple[str, npt.ArrayLike]]:
-    allowed = f"arrays as numpy.savez writes them, of at most {MOST_BYTES // 10**6} MB"
-    try:
-        with zipfile.ZipFile(io.BytesIO(content)) as archive:
-            packed = archive.infolist()
-            if not packed or sum(one.file_size for one in packed) > MOST_BYTES:
-                raise FileError("file", str(path), allowed)
-            # Never more bytes than the size that was summed up.
-            arrays = [(one.filename.removesuffix(".npy"), archive.read(one)) for one in packed]
-    except (zipfile.BadZipFile, zlib.error, NotImplementedError, RuntimeError, EOFError):
-        raise FileError("file", str(path), allowed) from None
-    except (OSError, ValueError, MemoryError):
-        raise FileError("file", str(path), allowed) from None
-    found: list[tuple[str, npt.ArrayLike]] = []
-    with TemporaryDirectory() as folder:
-        for name, raw in arrays:
-            file = Path(folder) / "array.npy"
-            file.write_bytes(raw)
-            try:
-                [(_, mapped)] = _read_npy(file, raw)
-            except FileError:
-                raise FileError("file", str(path), allowed) from None
-            found.append((name if name.isprintable() else ascii(name), np.array(mapped)))
-    return found
+        with np.errstate(all="ignore"):
+            loaded = np.load(io.BytesIO(content), allow_pickle=False)
+        if isinstance(loaded, np.ndarray):
+            return [(path.name, loaded)]
+        packed = loaded.zip.infolist()
+        if packed and sum(one.file_size for one in packed) <= MOST_BYTES:
+            arrays = [(printable(name), loaded[name]) for name in loaded.files]
+            if all(isinstance(array, np.ndarray) for _, array in arrays):
+                return arrays
+    except Exception:  # NumPy and zipfile raise more kinds of them than they document
+        pass
+    size = f"of at most {MOST_BYTES // 10**6} MB"
+    raise FileError("file", str(path), f"arrays as NumPy saves them, without pickles, {size}")
 
 
 def _read_json(path: Path, raw: bytes) -> list[tuple[str, npt.ArrayLike]]:
@@ -149,6 +119,6 @@ def _name(described: Mapping[str, object]) -> str:
 
 _READERS: Mapping[str, Callable[[Path, bytes], list[tuple[str, npt.ArrayLike]]]] = (
     MappingProxyType(
-        {".csv": _read_csv, ".npy": _read_npy, ".npz": _read_npz, ".json": _read_json}
+        {".csv": _read_csv, ".npy": _read_numpy, ".npz": _read_numpy, ".json": _read_json}
     )
 )

@@ -17,7 +17,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Generic, TypeVar, get_origin, get_type_hints
 
-from nlp.errors import FileError
+from nlp.errors import FileError, printable
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -149,6 +149,7 @@ def written(cells: Sequence[Sequence[str]], heads: Sequence[str], style: str) ->
     """Return cells as a table in a style of tabulate, columns of numbers aligned right."""
     from tabulate import tabulate
 
+    cells = [[printable(cell) for cell in row] for row in cells]
     numeric = [all(map(_NUMBER.fullmatch, column)) for column in zip(*cells, strict=True)]
     sides = ["right" if one else "left" for one in numeric] or None
     return str(tabulate(cells, heads, tablefmt=style, colalign=sides, disable_numparse=True))

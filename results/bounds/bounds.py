@@ -138,7 +138,7 @@ class Run:
 
 
 def _existence(order: int) -> Run:
-    command = f"lockedjoint bound --quantity existence --order {order} --json"
+    command = f"lockedjoint bound existence --order {order} --json"
     return Run(command, lambda *_: existence_relaxation(order, task_dimension=6).to_dict())
 
 
@@ -150,7 +150,7 @@ def _global(quantity: str, preset: str, rigorous: bool = False) -> Run:
         bound = max_min_bound if quantity == "max-min" else residual_bound
         return bound(preset, **settings).to_dict()
 
-    command = f"lockedjoint bound --quantity {quantity} --preset {preset}"
+    command = f"lockedjoint bound {quantity} --preset {preset}"
     return Run(f"{command}{' --rigorous' * rigorous} --json", compute)
 
 
@@ -158,11 +158,11 @@ def _global(quantity: str, preset: str, rigorous: bool = False) -> Run:
 RUNS: Mapping[str, Run] = MappingProxyType(
     {
         "worst_case_7_6.json": Run(
-            "lockedjoint bound --trace 6 --json",
+            "lockedjoint bound worst-case --trace 6 --json",
             lambda *_: worst_case_bound(7, (6,), (6.0,)),
         ),
         "worst_case_7r_lever_arm_1.json": Run(
-            "lockedjoint bound --lever-arm 1 --json",
+            "lockedjoint bound worst-case --lever-arm 1 --json",
             lambda *_: worst_case_bound(7, (3, 3), (7.0, 7.0)),
         ),
         "existence_order_2.json": _existence(2),

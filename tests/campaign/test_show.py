@@ -195,7 +195,6 @@ def test_parquet_without_pyarrow_is_one_sentence(monkeypatch):
         (("--where", "joints = 3"), "a comparison of columns"),
         (("--group-by", "nothing"), "one of formulation"),
         (("--group-by", "formulation", "--optima"), "at most one of them"),
-        (("--to", "excel"), "one of csv, parquet, markdown, latex"),
         (("--to", "parquet"), "a file, for parquet"),
     ],
 )

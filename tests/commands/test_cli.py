@@ -9,6 +9,7 @@ import json
 import os
 import random
 import re
+import shlex
 import signal
 import subprocess
 import sys
@@ -18,12 +19,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 import typer.core
+import typer.main
 
 from formulations.__main__ import main
 from formulations.bounds.so3_moments import residual_bound
 from formulations.campaign.records import open_store
+from formulations.commands.app import GROUPS, app
 
 ROOT = Path(__file__).parents[2]
+COMMANDS = typer.main.get_command(app)
 
 
 PLANAR_ARM = "".join(
@@ -41,24 +45,37 @@ PLANAR_ARM = "".join(
 PLANAR = ("--joints", 3, "--task-dimension", 2, "--starts", 3)
 
 
-def test_help_names_every_command_and_option(lockedjoint, tmp_path):
+def test_help_groups_the_commands(lockedjoint, tmp_path):
     page = lockedjoint("--help", cwd=tmp_path)
     assert page.returncode == 0
-    for command in (
-        *("compare", "reproduce", "solve", "measure", "realise", "bound", "prove", "verify"),
-        *(
-            "campaign",
-            "show",
-            "join",
-            "measure-robot",
-            "posture",
-        ),
-        *("figure", "path", "workspace", "view"),
-    ):
-        assert command in page.stdout
-        one = lockedjoint.here(command, "--help", cwd=tmp_path)
-        assert one.returncode == 0
-        assert "--json" in one.stdout
+    lines = [line.strip() for line in page.stdout.splitlines()]
+    for heading, names in GROUPS.items():
+        section = lines[lines.index(f"{heading}:") :]
+        section = section[: section.index("")] if "" in section else section
+        assert set(names) <= {line.split()[0] for line in section}
+
+
+def _commands(group):
+    """Yield every command, those within groups too, with the words that lead to it."""
+    for name, command in group.commands.items():
+        yield (name,), command
+        for words, below in _commands(command) if hasattr(command, "commands") else ():
+            yield (name, *words), below
+
+
+@pytest.mark.parametrize(("words", "command"), [*_commands(COMMANDS)], ids=str)
+def test_every_command_has_help_examples_and_json(lockedjoint, tmp_path, words, command):
+    page = lockedjoint.here(*words, "--help", cwd=tmp_path)
+    assert page.returncode == 0
+    assert words == ("bound",) or "--json" in page.stdout
+    examples = re.findall("^    lockedjoint (.*)$", page.stdout, re.MULTILINE)
+    assert len(examples) == (2 if len(words) == 1 else 0)
+    for example in examples:
+        here, (name, *rest) = command, shlex.split(example)
+        assert name == words[0]
+        if rest and rest[0] in getattr(here, "commands", {}):
+            here = here.commands[rest.pop(0)]
+        here.make_context(name, rest)  # raises where an option or a value does not exist
 
 
 @pytest.mark.parametrize(
@@ -132,18 +149,47 @@ def test_solve_writes_what_measure_reads(lockedjoint, tmp_path):
     assert measured["worst_case_sigma"] == solved["worst_case_sigma"]
 
 
-def test_solve_says_infeasible_in_words(lockedjoint, tmp_path):
-    done = lockedjoint.here("solve", "isotropy", "--starts", 2, cwd=tmp_path)
-    assert done.returncode == 0
-    assert "proved infeasible" in done.stdout
-    assert "Infeasible_Problem_Detected 2" in done.stdout
+@pytest.mark.parametrize(
+    ("command", "said"),
+    [
+        ("solve residual --starts 1 --ipopt max_iter=1", "Not solved: "),
+        ("solve isotropy --starts 2", "Proved infeasible: "),
+        ("posture arm.urdf --task vx,vy --starts 1 --ipopt max_iter=1", "Not solved: "),
+    ],
+)
+def test_what_was_not_found_is_no_file_and_status_1(lockedjoint, tmp_path, command, said):
+    (tmp_path / "arm.urdf").write_text(PLANAR_ARM)
+    done = lockedjoint.here(*command.split(), "--out", "x.json", "--json", cwd=tmp_path)
+    assert done.returncode == 1
+    assert said in done.stderr
+    assert not (tmp_path / "x.json").exists()
+    counts = json.loads(done.stdout)["status_counts"]
+    assert counts in ({"Infeasible_Problem_Detected": 2}, {"Maximum_Iterations_Exceeded": 1})
 
 
-def test_solve_takes_ipopt_s_options(lockedjoint, tmp_path):
-    done = lockedjoint.here(
-        "solve", "residual", "--starts", 1, "--ipopt", "max_iter=1", "--json", cwd=tmp_path
+def test_names_from_files_do_not_reach_the_terminal_raw(lockedjoint, tmp_path):
+    """Colours, forged lines, and text that runs from right to left."""
+    wicked = "&#10;\u202e\u009b31mj1\u2028"
+    (tmp_path / "arm.urdf").write_text(PLANAR_ARM.replace("j1", wicked), encoding="utf-8")
+    (tmp_path / "c.toml").write_text(
+        'starts = 1\nformulations = ["residual"]\nmodels = ["free"]\njoints = [7]\n'
+        '"\u009b\\u001b[2J\\n" = 1\n',
+        encoding="utf-8",
     )
-    assert json.loads(done.stdout)["status_counts"] == {"Maximum_Iterations_Exceeded": 1}
+    for words in (
+        ("measure-robot", "arm.urdf", "--task", "vx,vy"),
+        ("measure-robot", "arm.urdf", "--tip", "\x1b[31m\nl\u202e"),
+        ("posture", "arm.urdf", "--task", "vx,vy", "--starts", 2),
+        ("workspace", "arm.urdf", "--voxel", 0.2, "--slice", 45),
+        ("campaign", "c.toml", "--store", "s.db"),
+        ("measure", "\x1b[31m.csv"),
+        ("--plugin", "\x1b[31m.py", "compare"),
+    ):
+        done = lockedjoint.here(*words, cwd=tmp_path)
+        said = done.stdout + done.stderr
+        assert all(one.isprintable() or one == "\n" for one in said), said
+        assert "\\x" in said or "\\u" in said
+        assert not any(line.startswith("\\u202e") for line in said.splitlines())
 
 
 def test_what_a_singular_jacobian_does_not_have_is_shown_as_missing(lockedjoint, tmp_path):
@@ -183,7 +229,7 @@ def test_solve_shows_the_bound_of_the_atlas(lockedjoint, tmp_path):
 
 
 def test_a_planar_bound_is_proved_or_undecided(lockedjoint, tmp_path):
-    planar = ("bound", "--quantity", "planar", "--joints", 4, "--json")
+    planar = ("bound", "planar", "--joints", 4, "--json")
     done = lockedjoint.here(*planar, "--level", 0.55, cwd=tmp_path)
     assert (done.returncode, json.loads(done.stdout)["proved"]) == (0, True)
     done = lockedjoint.here(*planar, "--manipulability", cwd=tmp_path)
@@ -284,22 +330,22 @@ def test_verify_tells_invalid_from_unreadable(lockedjoint, tmp_path):
 
 def test_bound_of_the_worst_case(lockedjoint, tmp_path):
     done = lockedjoint.here(
-        "bound", "--joints", 5, "--task-dimension", 3, "--json", cwd=tmp_path
+        "bound", "worst-case", "--joints", 5, "--task-dimension", 3, "--json", cwd=tmp_path
     )
     found = json.loads(done.stdout)
     assert found["kind"] == "numerical"
     assert found["singular_value_bound"] == pytest.approx(np.sqrt(2 / 5), abs=1e-6)
-    lever = lockedjoint.here("bound", "--lever-arm", 1, "--json", cwd=tmp_path)
+    lever = lockedjoint.here("bound", "worst-case", "--lever-arm", 1, "--json", cwd=tmp_path)
     found = json.loads(lever.stdout)
     assert found["singular_value_bound"] == pytest.approx(np.sqrt(1 / 3), abs=1e-6)
-    trace = lockedjoint.here("bound", "--trace", 6, "--json", cwd=tmp_path)
+    trace = lockedjoint.here("bound", "worst-case", "--trace", 6, "--json", cwd=tmp_path)
     found = json.loads(trace.stdout)
     assert found["singular_value_bound"] == pytest.approx(np.sqrt(1 / 7), abs=1e-6)
     assert "sharper" not in found
 
 
 def test_bound_without_options_is_that_of_7r_and_names_the_sharper_ones(lockedjoint, tmp_path):
-    found = json.loads(lockedjoint.here("bound", "--json", cwd=tmp_path).stdout)
+    found = json.loads(lockedjoint.here("bound", "worst-case", "--json", cwd=tmp_path).stdout)
     assert found["singular_value_bound"] == pytest.approx(np.sqrt(1 / 3), abs=1e-6)
     sharper = {(one["quantity"], one["model"]): one for one in found["sharper"]}
     record = json.loads((ROOT / "formulations/bounds/record.json").read_text("utf-8"))
@@ -314,12 +360,14 @@ def test_bound_without_options_is_that_of_7r_and_names_the_sharper_ones(lockedjo
     text = lockedjoint("bound", cwd=tmp_path).stdout
     assert "0.57735" in text
     assert "100·|bound − found|/bound" in text
-    eight = json.loads(lockedjoint.here("bound", "--joints", 8, "--json", cwd=tmp_path).stdout)
+    eight = json.loads(
+        lockedjoint.here("bound", "worst-case", "--joints", 8, "--json", cwd=tmp_path).stdout
+    )
     assert eight["sharper"] == []
 
 
 def test_bound_of_existence(lockedjoint, tmp_path):
-    arguments = ("bound", "--quantity", "existence", "--order", 2)
+    arguments = ("bound", "existence", "--order", 2)
     done = lockedjoint.here(*arguments, "--json", cwd=tmp_path)
     found = json.loads(done.stdout)
     assert (found["verdict"], found["classes"], found["free_moments"]) == ("feasible", 43, [])
@@ -329,14 +377,12 @@ def test_bound_of_existence(lockedjoint, tmp_path):
 
 
 def test_global_bounds(lockedjoint, tmp_path, monkeypatch):
-    eight = lockedjoint.here(
-        "bound", "--quantity", "max-min", "--joints", 8, "--json", cwd=tmp_path
-    )
+    eight = lockedjoint.here("bound", "max-min", "--joints", 8, "--json", cwd=tmp_path)
     found = json.loads(eight.stdout)
     assert found["kind"] == "closed form"
     assert found["bound"] == pytest.approx(np.sqrt(2 / 3), abs=1e-9)
     monkeypatch.setattr(residual_bound, "residual_preset", lambda _: residual_bound.DEGREE_4)
-    low = lockedjoint.here("bound", "--quantity", "residual", cwd=tmp_path)
+    low = lockedjoint.here("bound", "residual", cwd=tmp_path)
     assert low.returncode == 0, low.stderr
     assert "numerical" in low.stdout
     assert low.stderr == "", "progress is for terminals"
@@ -357,102 +403,9 @@ def test_reproduce_writes_every_row(lockedjoint, tmp_path):
 @pytest.mark.parametrize(
     "arguments",
     [
-        ("bound", "--joints", "6"),
-        ("bound", "--quantity", "nothing"),
-        ("bound", "--trace", "-1"),
-        ("bound", "--trace", "nan"),
-        ("bound", "--lever-arm", "1", "--task-dimension", "3"),
-        ("bound", "--quantity", "existence", "--trace", "3"),
-        ("bound", "--quantity", "existence", "--order", "4"),
-        ("bound", "--quantity", "existence", "--joints", "9"),
-        ("bound", "--solver", "NOTHING"),
-        ("bound", "--quantity", "residual", "--preset", "nothing"),
-        ("bound", "--quantity", "residual", "--joints", "12"),
-        ("bound", "--quantity", "residual", "--solver", "CLARABEL"),
-        ("bound", "--quantity", "residual", "--out", "bound.json"),
-        ("bound", "--quantity", "max-min", "--lever-arm", "1"),
-        ("bound", "--rigorous"),
-        ("bound", "--preset", "compact"),
-        ("bound", "--seed", "0"),
-        ("bound", "--order", "3"),
-        ("bound", "--quantity", "existence", "--preset", "compact"),
-        ("bound", "--quantity", "existence", "--solver", "NOTHING"),
-        ("bound", "--quantity", "residual", "--order", "3"),
-        ("bound", "--quantity", "max-min", "--task-dimension", "3"),
-        ("bound", "--quantity", "max-min", "--solver", "CLARABEL"),
-        ("bound", "--lever-arm", "1", "--trace", "3"),
-        ("prove", "--out", "{folder}"),
-        ("prove", "--joints", "6"),
-        ("prove", "--to", "lean"),
-        ("prove", "--to", "coq", "--joints", "8"),
-        ("prove", "--joints", "1001"),
-        ("prove", "--joints", "9", "--out", "{folder}"),
-        ("prove", "--out", "{file}/a.json"),
-        ("reproduce", "--starts", "0"),
-        ("reproduce", "--out", "{file}"),
-        ("verify", "{folder}"),
-        ("compare", "--starts", "0"),
-        ("compare", "--starts", "-4"),
-        ("compare", "--starts", "many"),
-        ("compare", "--seed", "1.5"),
-        ("compare", "--seed", "x"),
-        ("compare", "--seed", "-1"),
-        ("compare", "--joints", "6"),
-        ("compare", "--joints", "3", "--task-dimension", "3"),
-        ("compare", "--workers", "0"),
-        ("compare", "--out", "/proc/nowhere"),
-        ("compare", "--out", "{file}"),
-        ("compare", "--ipopt", "linear_solver=ma97"),
-        ("compare", "--ipopt", "linear_solver=none"),
-        ("compare", "--ipopt", "tolerance=1"),
-        ("compare", "--ipopt", "tol"),
-        ("compare", "--unknown"),
-        ("solve", "something"),
-        ("solve",),
-        ("solve", "max-min", "--locked", "2"),
-        ("solve", "max-min", "--model", "nothing"),
-        ("solve", "max-min", "--encoding", "nothing"),
-        ("solve", "max-min", "--out", "{file}/a.json"),
-        ("solve", "residual", "--task-dimension", "3"),
-        ("solve", "residual", "--never-fails", "1"),
-        ("solve", "max-min", "--goal", "expected"),
-        ("solve", "max-min", "--never-fails", "0", "--goal", "other"),
-        ("solve", "max-min", "--never-fails", "7"),
-        ("solve", "max-min", "--never-fails", "one"),
-        ("solve", "max-min", "--failure-probabilities", "0.1,0.2"),
-        ("solve", "max-min", "--failure-probabilities", "1"),
-        ("solve", "max-min", "--failure-probabilities", "nan"),
-        ("solve", "max-min", "--failure-probabilities", "0"),
-        ("measure", "missing.csv"),
-        ("measure", "{file}"),
-        ("measure", "{folder}"),
-        ("measure", "{nan}"),
-        ("measure", "{square}"),
-        ("nothing",),
-    ],
-)
-def test_bad_input_is_one_sentence_and_status_2(lockedjoint, tmp_path, arguments):
-    places = {"file": "file.csv", "folder": "folder", "nan": "nan.csv", "square": "square.csv"}
-    (tmp_path / "file.csv").touch()
-    (tmp_path / "folder").mkdir()
-    (tmp_path / "nan.csv").write_text("1,2,nan\n1,2,3\n")
-    (tmp_path / "square.csv").write_text("1,2\n3,4\n")
-    before = sorted(p.name for p in tmp_path.iterdir())
-    done = lockedjoint.here(*(text.format(**places) for text in arguments), cwd=tmp_path)
-    assert done.returncode == 2
-    assert done.stdout == ""
-    assert done.stderr.startswith("Error: ")
-    assert len(done.stderr.strip().splitlines()) == 1
-    assert "Traceback" not in done.stderr
-    assert sorted(p.name for p in tmp_path.iterdir()) == before, "nothing half-written"
-
-
-@pytest.mark.parametrize(
-    "arguments",
-    [
         ("compare", "--unknown"),
         ("compare", "--starts", "0"),
-        ("bound", "--quantity", "residual", "--solver", "CLARABEL"),
+        ("bound", "residual", "--solver", "CLARABEL"),
         ("solve", "max-min", "--out", "file.csv/a.json"),
         ("measure", "file.csv"),
     ],
@@ -543,8 +496,8 @@ def planted(tmp_path, monkeypatch, capsys):
 LONG = (
     "solve max-min --starts 100000 --workers 1 --out solve.json",
     "compare --starts 10000 --workers 2 --out compare",
-    "bound --quantity residual --preset compact --rigorous --out bound.json",
-    "bound --quantity existence --order 3",
+    "bound residual --preset compact --rigorous --out bound.json",
+    "bound existence --order 3",
     "campaign c.toml --store s.db",
     "path arm.urdf --waypoints w.csv --samples 400 --out path",
     "workspace arm.urdf --optimise lengths --voxel 0.02 --out workspace.json",

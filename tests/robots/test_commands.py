@@ -2,16 +2,15 @@
 
 import json
 import sys
-from importlib import import_module
-from inspect import signature
 from pathlib import Path
 
 import numpy as np
 import pytest
+import typer.main
 
 from formulations import measures
 from formulations.__main__ import main
-from formulations.commands.app import COMMANDS
+from formulations.commands.app import app
 
 ROOT = Path(__file__).parents[2]
 
@@ -217,7 +216,5 @@ def test_a_structural_failure_is_a_result(made, tmp_path, monkeypatch, capfd):
 
 
 def test_workers_are_all_cores_unless_given():
-    for command in COMMANDS:
-        function = getattr(import_module(f"formulations.commands.{command}"), command)
-        workers = signature(function).parameters.get("workers")
-        assert workers is None or workers.default is None
+    for command in typer.main.get_command(app).commands.values():
+        assert [p.default for p in command.params if p.name == "workers"] in ([], [None])
