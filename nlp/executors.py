@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import signal
 import threading
@@ -190,10 +191,14 @@ def dask_executor(address: str) -> Iterator[Executor]:
         from distributed import Client
     except ImportError:
         raise MissingLibraryError("distributed", "dask distributed") from None
+    failure = ""
     try:
         client = Client(address, timeout=_CONNECT_SECONDS, set_as_default=False)
     except (OSError, TypeError, ValueError) as reason:
-        raise WorkerError(f"No Dask scheduler answers at {address} ({reason}).") from None
+        failure = f"No Dask scheduler answers at {address} ({reason})."
+    if failure:
+        gc.collect()  # the half-made client ends now: while another begins it would wait for it
+        raise WorkerError(failure)
     try:
         yield client.get_executor(pure=False)
     finally:
