@@ -28,7 +28,7 @@ _ONE_THREAD = {
     for library in ("OMP", "OPENBLAS", "MKL", "BLIS", "VECLIB_MAXIMUM", "NUMEXPR")
 }
 _PER_CORE = 8  # worker processes; more would only exhaust the machine's memory
-_IDLE_SECONDS = 10.0  # after which a process without work ends
+_IDLE_SECONDS = 10.0  # after which processes without work end
 _CONNECT_SECONDS = 12.0  # after which a cluster that does not answer is given up
 
 
@@ -37,8 +37,9 @@ def default_workers() -> int:
     return int(cpu_count())
 
 
-# Pools of worker processes without work, by their number of processes.
-_idle: dict[int, list[ProcessPoolExecutor]] = {}
+# Pools of worker processes without work, by their number of processes, and what ends them. Not
+# loky's own time limit: it is a worker's, which may end just as work is sent to it.
+_idle: dict[int, list[tuple[ProcessPoolExecutor, threading.Timer]]] = {}
 _idle_lock = threading.Lock()
 if hasattr(os, "register_at_fork"):  # they serve the process that started them
     os.register_at_fork(after_in_child=_idle.clear)
@@ -65,9 +66,11 @@ class LocalExecutor(Executor):
         self.size = min(workers, _PER_CORE * default_workers())
         self.capacity = self.size + 1  # one waits, for whichever process is ready first
         self._under_way: set[object] = set()
+        self._processes: ProcessPoolExecutor | None = None
         with _idle_lock:
-            kept = _idle.get(self.size)
-            self._processes = kept.pop() if kept else None
+            if pools := _idle.get(self.size):
+                self._processes, timer = pools.pop()
+                timer.cancel()
 
     def submit(self, call: Callable[..., Any], /, *arguments: Any, **more: Any) -> Future[Any]:
         """Run a function in one of the processes.
@@ -99,8 +102,11 @@ class LocalExecutor(Executor):
         if self._under_way:
             self._end()
         elif self._processes is not None:
+            timer = threading.Timer(_IDLE_SECONDS, end_idle_processes, (self._processes,))
+            timer.daemon = True
             with _idle_lock:
-                _idle.setdefault(self.size, []).append(self._processes)
+                _idle.setdefault(self.size, []).append((self._processes, timer))
+            timer.start()
             self._processes = None
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:  # noqa: ARG002
@@ -113,7 +119,6 @@ class LocalExecutor(Executor):
                 if self._processes is None:
                     self._processes = ProcessPoolExecutor(
                         self.size,
-                        timeout=_IDLE_SECONDS,
                         initializer=_end_with_parent,
                         initargs=(os.getpid(),),
                         env=_ONE_THREAD,
@@ -129,12 +134,15 @@ class LocalExecutor(Executor):
             processes.shutdown(wait=True, kill_workers=True)
 
 
-def end_idle_processes() -> None:
+def end_idle_processes(these: ProcessPoolExecutor | None = None) -> None:
     """End the worker processes without work, for instance after a change of the environment."""
     with _idle_lock:
-        pools = [pool for kept in _idle.values() for pool in kept]
-        _idle.clear()
-    for pool in pools:
+        ended = [(pool, timer) for pools in _idle.values() for pool, timer in pools]
+        ended = [pair for pair in ended if these in (None, pair[0])]
+        for pools in _idle.values():
+            pools[:] = [pair for pair in pools if pair not in ended]
+    for pool, timer in ended:
+        timer.cancel()
         pool.shutdown(wait=True, kill_workers=True)
 
 

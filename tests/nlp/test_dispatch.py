@@ -16,6 +16,7 @@ import numpy as np
 import psutil
 import pytest
 
+from nlp import executors
 from nlp.dispatch import dispatch
 from nlp.errors import WorkerError
 from nlp.executors import LocalExecutor, end_idle_processes
@@ -116,6 +117,20 @@ def slow_parabola():
 def test_building_does_not_count_as_running(two):
     payload = packed(Task(slow_parabola, sample, {}, index_of))
     assert collect(dispatch(chunks(payload, 20), two, 0.2)) == (list(range(20)), {})
+
+
+def test_idle_processes_serve_the_next_call_and_then_end(monkeypatch):
+    monkeypatch.setattr(executors, "_IDLE_SECONDS", 1.0)
+    end_idle_processes()
+    workers = []
+    for _ in range(2):
+        with LocalExecutor(1) as executor:
+            workers.append(executor.submit(os.getpid).result())
+    assert workers[0] == workers[1]
+    deadline = time.monotonic() + 60
+    while psutil.pid_exists(workers[0]) and time.monotonic() < deadline:
+        time.sleep(0.1)
+    assert not psutil.pid_exists(workers[0])
 
 
 def test_no_more_processes_than_work():
