@@ -12,10 +12,10 @@ from typing import Any
 from formulations import comparison, reproduction
 from formulations.comparison import ComparisonRow
 from formulations.io import pages
+from formulations.io.files import write_text
 from formulations.io.provenance import read_header
 from formulations.io.study import Rows, Study
 from nlp.errors import FileError
-from nlp.files import write_text
 from results.atlas import atlas
 from results.benchmark import benchmark
 from results.bounds import bounds

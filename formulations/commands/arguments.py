@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeVar, get_type_hints
 
 import typer
 
+from formulations.io.files import real_in, whole_in
 from nlp.errors import LARGEST, InputError, SolverOptionError, printable, shown
-from nlp.files import real_in, whole_in
 
 if TYPE_CHECKING:
     from formulations.measures.unequal_failures import FailureModel

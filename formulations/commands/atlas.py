@@ -150,9 +150,9 @@ def submit(
         write_page,
     )
     from formulations.atlas.entry import RESOLUTION, Found
-    from formulations.io.jacobians import only_jacobian
+    from formulations.io.files import prepare_folder
     from formulations.io.provenance import provenance
-    from nlp.files import prepare_folder
+    from formulations.measures.read_jacobians import only_jacobian
 
     if not 0 < len(by) <= 200 or not by.isprintable():
         raise InputError("--by", by, "1 to 200 printable characters")
@@ -206,8 +206,8 @@ def improve(
     from formulations.atlas.entry import entry
     from formulations.atlas.improve import improve as improve_random
     from formulations.atlas.polished import check_polished, improve_polished
+    from formulations.io.files import prepare_folder
     from nlp.executors import default_workers
-    from nlp.files import prepare_folder
 
     asked = entry(name)
     if search != "random":

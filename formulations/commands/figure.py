@@ -52,12 +52,12 @@ def figure(
 
     Takes seconds; trade-off and optima about a minute.
     """
-    from formulations.io.jacobians import only_jacobian
+    from formulations.io.files import prepare_file, write_bytes, write_text
+    from formulations.measures.read_jacobians import only_jacobian
     from formulations.plot.figures import kind
     from formulations.plot.picture import Request
     from formulations.plot.style import content, figure_class, kind_of, looking
     from nlp.executors import default_workers
-    from nlp.files import prepare_file, write_bytes, write_text
 
     wanted, form = kind(name), kind_of(out)
     for given, value in (("jacobian", jacobian), ("store", store)):

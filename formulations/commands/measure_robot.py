@@ -39,9 +39,9 @@ def measure_robot(
     and how the answer depends on the characteristic length in which metres are measured.
     By default joints without limits are at 0.
     """
+    from formulations.io.files import prepare_file
     from formulations.robots.robot_assessment import measure_robot as measured
     from formulations.robots.robot_assessment import measure_robot_unequal
-    from nlp.files import prepare_file
 
     arm = robot.arm()
     models = failures.scenarios(arm.chain.names)

@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any, NoReturn
 
 import typer
 
+from formulations.io.files import write_text
 from nlp.errors import printable
-from nlp.files import write_text
 
 if TYPE_CHECKING:
     from formulations.io.study import Effort, Study

@@ -57,12 +57,12 @@ def path(
     leaving it. The search takes tens of seconds. The share that survives is measured by a test
     of its own, beside that of the minimum-norm trajectory and a ceiling by sampling.
     """
+    from formulations.io.files import prepare_file
     from formulations.kinematics.chain import narrowed
     from formulations.paths.search import PathSearch, plan_path
     from formulations.paths.waypoints import read_waypoints
     from formulations.robots.robot_arm import RobotArm
     from formulations.robots.task import TaskSpace
-    from nlp.files import prepare_file
 
     wanted = read_waypoints(waypoints)
     directions = task or ("all" if wanted.has_orientation else "position")
@@ -93,9 +93,9 @@ def path(
 
 
 def _write(plan: PathPlan, plain: dict[str, object], out: Path) -> None:
+    from formulations.io.files import write_bytes, write_text
     from formulations.plot.path import draw
     from formulations.plot.style import content
-    from nlp.files import write_bytes, write_text
 
     drawn = content(draw(plan), "svg")
     lines = io.StringIO()

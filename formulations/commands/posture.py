@@ -56,11 +56,11 @@ def posture(
     failure. `measure-robot --configuration FILE` reads what --out writes. Exit status 1, and no
     file, if no start converged.
     """
+    from formulations.io.files import prepare_file
     from formulations.robots.posture import best_posture
     from formulations.robots.posture_search import Search
     from formulations.unequal_max_min import checked_goal
     from nlp.executors import default_workers
-    from nlp.files import prepare_file
 
     arm = robot.arm()
     count, options = workers or default_workers(), ipopt_options(ipopt)

@@ -47,7 +47,7 @@ def show(
     """
     from formulations.campaign import tables
     from formulations.campaign.records import open_store
-    from nlp.files import prepare_file, write_bytes
+    from formulations.io.files import prepare_file, write_bytes
 
     if sum([records, optima, check, group_by is not None]) > 1:
         both = "more than one of --records, --optima, --check and --group-by"

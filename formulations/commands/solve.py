@@ -87,11 +87,11 @@ def solve(
     Exit status 1, and no file, if no start was solved.
     """
     from formulations.bounds.unequal_failures import assess_failures
+    from formulations.io.files import prepare_file
     from formulations.joints.models import arm
     from formulations.measures.assessment import measure
     from formulations.registry import formulation as formulation_of
     from formulations.solving.solve import solve as solve_from_many_starts
-    from nlp.files import prepare_file
 
     stated = formulation_of(formulation)
     built = arm(model, 7 if joints is None and ":" not in model else joints, task_dimension)

@@ -75,13 +75,13 @@ def workspace(
     The orientation of the tool is free without --orientation. The first command to try is with
     --optimise limits: within the physical limits alone, many arms keep nothing.
     """
+    from formulations.io.files import prepare_file, write_bytes
     from formulations.kinematics.serial_arm import SerialArm
     from formulations.plot.style import content, kind_of, looking
     from formulations.workspaces.best_limits import best_limits
     from formulations.workspaces.pose_sets import PoseSets
     from formulations.workspaces.workspace import check_limits, measured
     from formulations.workspaces.workspace import workspace as workspace_of
-    from nlp.files import prepare_file, write_bytes
 
     if limits and optimise is not None:
         raise InputError("--limits", " ".join(limits), "none with --optimise")
