@@ -194,4 +194,4 @@ if __name__ == "__main__":
     made.add_argument("--joints", type=int, nargs="+", default=SIZES, help="from 7 to 20")
     made.add_argument("--time-limit", type=float, default=TIME_LIMIT, help="seconds a peer")
     options = made.parse_args()
-    sys.exit(run(study(options.joints, options.time_limit), options))
+    sys.exit(run(study(options.joints, options.time_limit), options, options.out))
