@@ -141,18 +141,15 @@ bound worst-case --trace 1e308 -> trace
 bound worst-case --lever-arm 1e160
 bound worst-case --lever-arm 1 --task-dimension 3 -> --lever-arm
 bound worst-case --lever-arm 1 --trace 3 -> --lever-arm
-bound worst-case --solver NOTHING -> solver
 bound worst-case --rigorous
 bound two-point --joints 7 -> joints
 bound two-point --joints {tera} --task-dimension 2 -> --joints
-bound two-point --task-dimension 2 --solver NOTHING -> solver
 bound planar --joints 2 -> --level
 bound planar --joints 5 --locked 4 --level 1 -> locked
 bound planar --joints 15 -> --level
 bound existence --order 4
 bound existence --joints 9 -> joints
 bound existence --task-dimension {tera}
-bound existence --solver NOTHING -> solver
 bound residual --preset nothing -> preset
 bound residual --joints 12 -> joints
 bound residual --seed {e64}

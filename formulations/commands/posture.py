@@ -18,9 +18,8 @@ from formulations.commands.arguments import (
     option,
 )
 from formulations.commands.measure_robot import failures_text, robot_text
-from formulations.commands.output import INTERRUPTED, end, show, warn
+from formulations.commands.output import INTERRUPTED, as_table, end, show, warn
 from formulations.commands.robot_arguments import ArmOptions, PoseOptions
-from formulations.io.table import written
 
 if TYPE_CHECKING:
     from formulations.robots.pose_constrained_arm import LockedReach
@@ -120,15 +119,17 @@ def _held(found: Posture) -> dict[str, str]:
 
 def _after_failure(found: Sequence[LockedReach]) -> str:
     lines = [
-        (
-            one.joint,
-            f"{one.percent:.1f}",
-            ", ".join(f"{low:.2f} to {high:.2f}" for low, high in one.ranges) or "only here",
-        )
+        {
+            "locked": one.joint,
+            "% of range": one.percent,
+            "pose within reach where it locks at": ", ".join(
+                f"{low:.2f} to {high:.2f}" for low, high in one.ranges
+            )
+            or "only here",
+        }
         for one in found
     ]
-    heads = ("locked", "% of range", "pose within reach where it locks at")
-    return written(lines, heads, "plain")
+    return as_table(lines)
 
 
 def _source(found: Posture) -> str:

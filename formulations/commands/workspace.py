@@ -14,7 +14,7 @@ from formulations.commands.arguments import (
     option,
     progress,
 )
-from formulations.commands.output import as_text, show, shown
+from formulations.commands.output import as_text, show
 from formulations.commands.robot_arguments import ChainOptions, number, read_limits
 from nlp.errors import InputError
 
@@ -152,31 +152,8 @@ def _ranges(limits: dict[str, tuple[float, float]], arm: SerialArm) -> Ranges:
 
 def _text(found: Workspace) -> str:
     unit = "m²" if found.dimension == 2 else "m³"
-    values = found.to_dict()
-    kept: dict[str, object] = {
-        f"{values['quantity']} kept": f"{found.size:.6g} {unit}, error {found.error:.2g}",
-        "without failure": f"{found.before:.6g} {unit}",
-        "within physical limits": f"{found.physical:.6g} {unit}",
-        "method": str(values["method"]),
-    }
-    if found.sets.sampled:
-        kept["voxel"] = f"{found.sets.voxel:.4g} m, one random point in each"
-    else:
-        kept["voxel"] = (
-            f"{found.sets.voxel:.4g} m, of which all but a closed form over-estimates"
-        )
-    if found.passed:
-        # NaN where no voxel is that deep.
-        shares = ", ".join("–" if one != one else f"{100 * one:.0f} %" for one in found.passed)
-        kept["passed by depth"] = f"{shares} of voxels 0, 1, … layers below the surface"
-        kept["raw voxels"] = f"{found.raw:.6g} {unit}"
-    if found.critical:
-        kept["critical"] = (
-            f"{', '.join(found.critical)}: nothing is kept, because of where it may lock"
-        )
-    lines = [as_text(kept), "", "joint: artificial limits"]
-    for step, (low, high) in zip(found.arm.steps, found.limits, strict=True):
-        whole = " (physical)" if (low, high) == (step.lower, step.upper) else ""
-        lines.append(f"  {shown(step.name)}: {low:.4f} to {high:.4f}{whole}")
-    lines.append("links: " + "  ".join(f"{one:.4f}" for one in found.arm.links))
-    return "\n".join(lines)
+    values = {k: v for k, v in found.to_dict().items() if k != "limits"}
+    for step, ends in zip(found.arm.steps, found.limits, strict=True):
+        whole = " (physical)" if ends == (step.lower, step.upper) else ""
+        values[f"limits of {step.name}"] = "{:.4f} to {:.4f}".format(*ends) + whole
+    return as_text({"unit": unit, **values})
