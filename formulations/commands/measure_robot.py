@@ -8,11 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from formulations.commands.arguments import FailureOptions, Json, JsonFile
 from formulations.commands.output import as_table, as_text, show, warn
-from formulations.commands.robot_arguments import (
-    ArmOptions,
-    Configuration,
-    read_configuration,
-)
+from formulations.commands.robot_arguments import ArmOptions, Configuration, read_configuration
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

@@ -8,13 +8,7 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from formulations.commands.arguments import (
-    FigureOptions,
-    Json,
-    Seed,
-    option,
-    progress,
-)
+from formulations.commands.arguments import FigureOptions, Json, Seed, option, progress
 from formulations.commands.output import INTERRUPTED, as_table, as_text, end, say, show, warn
 from formulations.commands.robot_arguments import ChainOptions, read_limits
 

@@ -101,12 +101,7 @@ class Arrangement:
     def choose(self, robot: Manipulator) -> tuple[Choice, bool]:
         """Choose an arrangement or take the one given; return it and whether joints slid."""
         from formulations.io.files import write_text
-        from formulations.synthesis.choice import (
-            choose_arrangement,
-            evaluate,
-            given,
-            rank,
-        )
+        from formulations.synthesis.choice import choose_arrangement, evaluate, given, rank
         from formulations.synthesis.criteria import Sampling
         from formulations.synthesis.links import link_gap, slide_apart
         from formulations.synthesis.links import slide as shortened
