@@ -198,14 +198,12 @@ figure seven-axes --out a.txt -> file
 figure seven-axes --out valid.csv/a.svg
 figure seven-axes --out a.svg --data .
 figure seven-axes --out a.svg --jacobian missing.csv -> file
-figure seven-axes --out a.svg --jacobian nan.csv --starts 3
 figure seven-axes --out a.svg --pick 1
 figure seven-axes --out a.svg --store valid.db
 figure trade-off --out a.svg --jacobian valid.csv
 figure optima --out a.svg --jacobian valid.csv
 figure optima --out a.svg --store missing.db -> store
 figure optima --out a.svg --store valid.csv -> store
-figure optima --out a.svg --store valid.db --starts 3
 # robots
 measure-robot -> Missing argument 'ROBOT'
 measure-robot missing.urdf

@@ -14,14 +14,12 @@ from formulations.commands.arguments import (
     Workers,
     option,
     progress,
-    refuse_unused,
 )
 from formulations.commands.output import as_text, say
 from nlp.errors import InputError
 
 
 def figure(
-    context: typer.Context,
     look_options: FigureOptions,
     name: str = typer.Argument(
         metavar="NAME",
@@ -63,8 +61,6 @@ def figure(
     for given, value in (("jacobian", jacobian), ("store", store)):
         if value is not None and given not in wanted.takes:
             raise InputError(f"--{given}", str(value), f"none with {name}")
-        if value is not None:
-            refuse_unused(context, ("starts", "seed", "workers"), f"--{given}")
     if pick is not None and jacobian is None:
         raise InputError("--pick", pick, "none without --jacobian")
     figure_class()

@@ -76,11 +76,11 @@ def shown(value: object, digits: int = 9) -> str:
     return printable(str(value))
 
 
-def as_table(rows: Sequence[Mapping[str, object]]) -> str:
-    """Return one line per row, with six digits, headed by the names; empty without rows."""
+def as_table(rows: Sequence[Mapping[str, object]], digits: int = 6) -> str:
+    """Return one line per row, headed by the names; empty without rows."""
     from formulations.io.table import written
 
-    cells = [[shown(value, 6) for value in row.values()] for row in rows]
+    cells = [[shown(value, digits) for value in row.values()] for row in rows]
     heads = [name.replace("_", " ") for row in rows[:1] for name in row]
     return written(cells, heads, "plain") if rows else ""
 

@@ -178,7 +178,8 @@ def realise(
     chosen, slid = arrangement.choose(robot)
     deviation = from_jacobian.deviation(chosen.manipulator, matrix, reading.length)
     summary = forms.summary(chosen, deviation, matrix) | {"slid": slid}
-    lines = as_text(forms.summary_lines(summary))
+    signs = "".join("-" if flip else "+" for flip in chosen.flips)
+    lines = as_text(summary | {"signs": signs})
     note = forms.touching_note(summary)
     if note is not None:
         warn(f"Note: {note}.")
