@@ -267,16 +267,9 @@ def _on_record(quantity: str, model: str, joints: int) -> tuple[Bound, dict[str,
 def _free_levers(quantity: str, joints: int, lever_arms: str) -> dict[str, Any]:
     if joints < 7:
         raise InputError("--joints", joints, "at least 7 with free lever arms")
-    limit, values = _on_record(quantity, "lever-revolute", joints)
-    return {
-        "quantity": quantity,
-        "joints": joints,
-        "lever_arms": lever_arms,
-        "kind": limit.kind,
-        "bound": limit.value,
-        "best_known": values["best_known"],
-        "gap_percent": values["gap_percent"],
-    }
+    _, values = _on_record(quantity, "lever-revolute", joints)
+    value = values.pop("value")
+    return {**values, "joints": joints, "lever_arms": lever_arms, "bound": value}
 
 
 def _rounded_outward(plain: Mapping[str, Any]) -> str:

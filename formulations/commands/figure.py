@@ -1,6 +1,5 @@
 """``lockedjoint figure``: figures of what is computed."""
 
-import json
 from pathlib import Path
 
 import typer
@@ -15,7 +14,7 @@ from formulations.commands.arguments import (
     option,
     progress,
 )
-from formulations.commands.output import as_text, say
+from formulations.commands.output import as_text, show
 from nlp.errors import InputError
 
 
@@ -85,7 +84,4 @@ def figure(
     summary: dict[str, object] = {"figure": name, "file": str(out)}
     if jacobian is None and store is None:
         summary |= {"seed": seed, "starts": request.starts}
-    if as_json:
-        say(json.dumps(summary | {"rows": picture.rows()}, indent=1))
-    else:
-        say(as_text(summary))
+    show(summary | {"rows": picture.rows()}, as_json, lambda _: as_text(summary))

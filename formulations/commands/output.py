@@ -184,8 +184,7 @@ def run_study(
         if each is None:
             say(f"{table.terminal()}\n\n{note}")
         where = out if result.complete else out / INCOMPLETE
-        files = sorted(path.name for path in where.iterdir() if path.is_file())
-        say(f"Written to {where}: {', '.join(files)}")
+        say(f"Written to {where}: {', '.join(sorted(path.name for path in where.iterdir()))}")
     if not result.complete:
         done = f"what was done is in {out / INCOMPLETE}, the rest is missing"
         end(f"Interrupted: {done}.", INTERRUPTED)

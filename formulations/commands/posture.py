@@ -108,12 +108,12 @@ def _held(found: Posture) -> dict[str, str]:
             off += f" and {found.at.orientation_error:.1g} rad"
         lines["at"] = f"{', '.join(f'{x:g}' for x in pose.position)} m, off by {off}"
     if found.clearance is not None:
-        one = found.clearance
-        pair = " and ".join(one.closest.links)
-        lines["closest links"] = f"{one.closest.distance:.4g} m: {pair} ({one.pairs} pairs)"
-        if one.closest_left_out is not None:
-            pair, near = " and ".join(one.closest_left_out.links), one.closest_left_out.distance
-            lines["left out"] = f"{near:.4g} m: {pair}, the closest of {len(one.left_out)}"
+        for name, one in (
+            ("closest links", found.clearance.closest),
+            ("closest left out", found.clearance.closest_left_out),
+        ):
+            if one is not None:
+                lines[name] = f"{one.distance:.4g} m: {' and '.join(one.links)}"
     return lines
 
 

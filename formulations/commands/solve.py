@@ -119,15 +119,11 @@ def solve(
     )
     if not outcome.records:
         raise KeyboardInterrupt
-    best = outcome.best
+    best, hidden = outcome.best, ("records", "complete", "variant")
     plain = {
-        "formulation": formulation,
-        "model": model,
-        "verdict": outcome.verdict,
+        **{k: v for k, v in outcome.to_dict().items() if k not in hidden},
         "score": best.score,
         "starts": len(outcome.records),
-        "reached_best": len(outcome.reached),
-        "status_counts": outcome.status_counts,
         "seed": seed,
         "start": best.index,
         "violation": best.violation,

@@ -142,12 +142,12 @@ def _rotation(text: str) -> FloatArray:
 def _ranges(limits: dict[str, tuple[float, float]], arm: SerialArm) -> Ranges:
     from formulations.kinematics.chain import listed, nearest
 
-    names = [step.name for step in arm.steps]
+    ranges = {step.name: ends for step, ends in zip(arm.steps, arm.physical, strict=True)}
     for name in limits:
-        if name not in names:
-            allowed = f"one of {listed(names)}{nearest(name, names)}"
+        if name not in ranges:
+            allowed = f"one of {listed(list(ranges))}{nearest(name, list(ranges))}"
             raise InputError("--limits of joint", name, allowed)
-    return tuple((dict(zip(names, arm.physical, strict=True)) | limits).values())
+    return tuple((ranges | limits).values())
 
 
 def _text(found: Workspace) -> str:
