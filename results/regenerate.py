@@ -8,6 +8,7 @@ from types import MappingProxyType
 from typing import Any
 
 from formulations import comparison, reproduction
+from formulations.commands.output import INTERRUPTED
 from formulations.comparison import ComparisonRow
 from formulations.io import pages
 from formulations.io.files import write_text
@@ -20,7 +21,7 @@ from results.failures import failures
 from results.figures import figures
 from results.paths import paths
 from results.robots import robots
-from results.script import INTERRUPTED, parser, run
+from results.script import parser, run
 from results.workspaces import workspaces
 
 RESULTS = Path(__file__).parent

@@ -6,11 +6,11 @@ import traceback
 from pathlib import Path
 from typing import Any, NoReturn
 
+from formulations.commands.arguments import progress
+from formulations.commands.output import INTERRUPTED, QUESTIONED
 from formulations.io.study import INCOMPLETE, Effort, Study
 from nlp.errors import LockedJointError
 from nlp.executors import default_workers
-
-QUESTIONED, INTERRUPTED = 1, 130
 
 
 def declared(file: str, **stated: Any) -> Study:
@@ -60,9 +60,3 @@ def run(study: Study, options: argparse.Namespace, out: Path) -> int:
             said, status = f"Wrong: {result.complaint}.", QUESTIONED
     print(said, file=sys.stderr)
     return status
-
-
-def progress(sentence: str) -> None:
-    """Show what is being done, on a terminal."""
-    if sys.stderr.isatty():
-        print(f"\r\x1b[K{sentence[:78]}", end="", file=sys.stderr, flush=True)

@@ -85,10 +85,7 @@ def robot_text(found: RobotAssessment, above: Mapping[str, object], source: str)
 def failures_text(found: Mapping[str, Any]) -> str:
     """Return the measures of unequal failures, and those of each scenario."""
     least = {name: value for name, value in found.items() if name != "scenarios"}
-    parts = [as_text(least)]
-    for k, one in enumerate(found.get("scenarios", ()), 1):
-        parts.append(f"scenario {k}\n{as_text(one)}")
-    return "\n\n".join(parts)
+    return "\n\n".join(filter(None, (as_text(least), as_table(found.get("scenarios", ())))))
 
 
 def _structural(found: RobotAssessment) -> dict[str, str]:
