@@ -306,9 +306,6 @@ def _above(limit: float) -> str:
 
 def _existence_text(plain: Mapping[str, Any]) -> str:
     """Return the text of a relaxation of the existence question with its blocks as a table."""
-    skipped = ("blocks", "free_moments", "certificate")
-    summary = {k: v for k, v in plain.items() if k not in skipped}
+    summary = {k: v for k, v in plain.items() if not isinstance(v, (list, tuple))}
     summary["free_moments"] = len(plain["free_moments"])
-    for name, value in (plain["certificate"] or {}).items():
-        summary[f"checked_{name}"] = value
     return "\n\n".join(filter(None, (as_text(summary), as_table(plain["blocks"]))))
