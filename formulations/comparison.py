@@ -226,6 +226,22 @@ def cases(
     return tuple(Case(*parts, options=options, compiled=compiled) for parts in listed)
 
 
+def counted(outcome: Outcome) -> dict[str, Any]:
+    """Return the columns that any table of outcomes has: the arm, counts and times."""
+    records = outcome.records
+    return {
+        "model": outcome.case.model,
+        "joints": outcome.arm.shape[1],
+        "task_dimension": outcome.arm.shape[0],
+        "starts": len(records),
+        "solved": outcome.succeeded,
+        "reached_best": len(outcome.reached),
+        "distinct_optima": outcome.distinct_optima,
+        "iterations_median": float(np.median([one.status.iterations for one in records])),
+        "cpu_seconds_per_start": float(np.mean([one.cpu_seconds for one in records])),
+    }
+
+
 def row_of(outcome: Outcome, default: ComparisonRow | None = None) -> ComparisonRow:
     """Return an outcome of at least one record as a row.
 
@@ -236,27 +252,22 @@ def row_of(outcome: Outcome, default: ComparisonRow | None = None) -> Comparison
     default
         The row of the same formulation and model without a variant; None if this is it.
     """
-    case, records, built = outcome.case, outcome.records, outcome.arm
+    case, built = outcome.case, outcome.arm
     assert isinstance(built, Arm)
     m, n = built.shape
     best, shown = outcome.reached, outcome.best
     sigma, score = (shown.worst_case_sigma, shown.score) if best else (NAN, NAN)
     limit = measures.sigma_bound(m, n, built.largest_trace, case.locked)
-    seconds = sum(record.cpu_seconds for record in records)
+    seconds = sum(record.cpu_seconds for record in outcome.records)
     per_success = seconds / len(best) if best else NAN
     unit = default.cpu_seconds_per_success if default else per_success
     proved = case.formulation.bound(built, case.locked)
     checked = case.formulation.bound(built, case.locked, certified=False)
     return ComparisonRow(
+        **counted(outcome),
         formulation=case.formulation.NAME,
         variant=case.variant,
-        model=case.model,
-        joints=n,
-        task_dimension=m,
         verdict=outcome.verdict,
-        starts=len(records),
-        solved=outcome.succeeded,
-        reached_best=len(best),
         score=score,
         certified_bound=proved.value if proved else NAN,
         certified_gap_percent=proved.gap_percent(score) if proved else NAN,
@@ -269,9 +280,6 @@ def row_of(outcome: Outcome, default: ComparisonRow | None = None) -> Comparison
         condition_number=shown.condition_number,
         isotropy_defect=shown.isotropy_defect,
         violation=shown.violation,
-        distinct_optima=outcome.distinct_optima,
-        iterations_median=float(np.median([record.status.iterations for record in records])),
-        cpu_seconds_per_start=seconds / len(records),
         cpu_seconds_per_success=per_success,
         relative_cost=per_success / unit,
         status_counts=outcome.status_counts,

@@ -40,7 +40,7 @@ from formulations.robots.pose_constrained_arm import Pose as Pose
 from formulations.paths.search import plan_path as plan_path
 
 # Files: matrices, waypoints, a campaign's records.
-from formulations.io.jacobians import read_jacobians as read_jacobians
+from formulations.measures.read_jacobians import read_jacobians as read_jacobians
 from formulations.paths.waypoints import read_waypoints as read_waypoints
 from formulations.campaign.records import open_store as open_store
 

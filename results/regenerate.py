@@ -1,21 +1,18 @@
 """All results, or those of some studies, computed anew, and the page in front of them."""
 
-import argparse
 import sys
-import time
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
 from formulations import comparison, reproduction
+from formulations.commands.output import INTERRUPTED
 from formulations.comparison import ComparisonRow
 from formulations.io import pages
-from formulations.io.provenance import read_header
+from formulations.io.files import write_text
 from formulations.io.study import Rows, Study
-from nlp.errors import FileError
-from nlp.files import write_text
 from results.atlas import atlas
 from results.benchmark import benchmark
 from results.bounds import bounds
@@ -24,7 +21,7 @@ from results.failures import failures
 from results.figures import figures
 from results.paths import paths
 from results.robots import robots
-from results.script import INTERRUPTED, parser, run
+from results.script import parser, run
 from results.workspaces import workspaces
 
 RESULTS = Path(__file__).parent
@@ -60,62 +57,26 @@ _PICTURES: Mapping[str, tuple[str, ...]] = MappingProxyType(
 )
 
 
-def regenerate(names: Collection[str], options: argparse.Namespace) -> int:
-    """Run studies; one that fails does not stop the others. Return the exit status."""
-    made: set[str] = set()
-    status = 0
-    for name in names:
-        print(f"{name}: takes {STUDIES[name].takes}", file=sys.stderr)
-        started = time.perf_counter()
-        settings = argparse.Namespace(**{**vars(options), "out": options.out / name})
-        ended = run(STUDIES[name], settings)
-        print(f"{name}: {time.perf_counter() - started:.0f} s", file=sys.stderr)
-        status = max(status, ended)
-        if ended == INTERRUPTED:
-            break
-        if ended == 0:
-            made.add(name)
-        write_text(options.out / "README.md", front_page(options.out, options.seed, made))
-    return status
-
-
-def front_page(out: Path, seed: int, made: Collection[str]) -> str:
-    """Return the front page as Markdown.
-
-    Parameters
-    ----------
-    out
-        The folder of the studies' folders.
-    seed
-        That this run was given.
-    made
-        Names of the studies that this run computed.
-    """
-    values = {
-        **_values(read_all(out)),
-        "seed": seed,
-        "made": made,
-        "studies": STUDIES.values(),
-        "dates": {name: _date(study, out) for name, study in STUDIES.items()},
-        "findings": {name: finding_in(study, out) for name, study in STUDIES.items()},
-        "pictures": {
-            name: [file for file in files if (out / "figures" / f"{file}.svg").exists()]
-            for name, files in _PICTURES.items()
-        },
+def front_page(out: Path, seed: int) -> str:
+    """Return the page in front of the studies' folders in `out` as Markdown."""
+    findings = {k: study.finding(study.read(out / k)) for k, study in STUDIES.items()}
+    pictures = {
+        name: [file for file in files if (out / "figures" / f"{file}.svg").exists()]
+        for name, files in _PICTURES.items()
     }
-    return pages.page(_TEMPLATE, values)
+    shown = {"studies": STUDIES.values(), "findings": findings, "pictures": pictures}
+    return pages.page(_TEMPLATE, {**_values(read_all(out)), **shown, "seed": seed})
 
 
 def read_all(out: Path) -> Rows:
     """Return the rows of all studies in a folder, by the name of the table.
 
-    Tables of one name are joined. A table that is not there, or not of this version, has no
-    rows.
+    Tables of one name are joined. A table that is not there has no rows.
     """
     joined: dict[str, list[Any]] = {}
     for study in STUDIES.values():
-        for stem, rows in _read(study, out).items():
-            joined[stem] = [*joined.get(stem, ()), *rows]
+        for stem, rows in study.read(out / study.name).items():
+            joined.setdefault(stem, []).extend(rows)
     return joined
 
 
@@ -138,34 +99,13 @@ def plain(
     return next(same, None)
 
 
-def finding_in(study: Study, out: Path) -> str:
-    """Return what a study in a folder shows, or what makes it."""
-    tables = _read(study, out)
-    first = next(iter(tables.values()))
-    return study.finding(tables) if first else f"Not there; `{study.command}` makes it."
-
-
-def _read(study: Study, out: Path) -> Rows:
-    try:
-        return study.read(out / study.name)
-    except FileError:
-        return {stem: [] for stem in study.tables}
-
-
 def _values(tables: Rows) -> dict[str, Any]:
     named = partial(plain, tables["comparison"])
     return {**tables, "plain": named, "sharpest": bounds.sharpest}
 
 
-def _date(study: Study, out: Path) -> str:
-    page = out / study.name / study.page
-    if not page.is_file():
-        return ""
-    return read_header(page.read_text(encoding="utf-8")).get("date", "unknown date")
-
-
 def main() -> int:
-    """Run what the command line asks for."""
+    """Run what the command line asks for; a study that fails does not stop the others."""
     words = "Compute the results anew: what takes under ten minutes, all, or what is named."
     made = parser(words, RESULTS)
     made.add_argument("studies", nargs="*", metavar="STUDY", help=", ".join(STUDIES))
@@ -175,7 +115,13 @@ def main() -> int:
     if unknown:
         made.error(f"no study is called {unknown[0]}; allowed: {', '.join(STUDIES)}")
     usual = [name for name, study in STUDIES.items() if options.all or not study.long]
-    return regenerate(options.studies or usual, options)
+    status = 0
+    for name in options.studies or usual:
+        status = max(status, run(STUDIES[name], options, options.out / name))
+        if status == INTERRUPTED:
+            break
+        write_text(options.out / "README.md", front_page(options.out, options.seed))
+    return status
 
 
 if __name__ == "__main__":

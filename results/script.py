@@ -6,11 +6,11 @@ import traceback
 from pathlib import Path
 from typing import Any, NoReturn
 
+from formulations.commands.arguments import progress
+from formulations.commands.output import INTERRUPTED, QUESTIONED
 from formulations.io.study import INCOMPLETE, Effort, Study
 from nlp.errors import LockedJointError
 from nlp.executors import default_workers
-
-QUESTIONED, INTERRUPTED = 1, 130
 
 
 def declared(file: str, **stated: Any) -> Study:
@@ -26,8 +26,9 @@ def declared(file: str, **stated: Any) -> Study:
 
 def main(study: Study, file: str) -> NoReturn:
     """Run a study as its script says, into the script's own folder if no other is given."""
-    options = parser(f"{study.name}: {study.title}. Takes {study.takes}.", Path(file).parent)
-    sys.exit(run(study, options.parse_args()))
+    words = f"{study.name}: {study.title}. Takes {study.takes}."
+    options = parser(words, Path(file).parent).parse_args()
+    sys.exit(run(study, options, options.out))
 
 
 def parser(words: str, folder: Path) -> argparse.ArgumentParser:
@@ -40,32 +41,22 @@ def parser(words: str, folder: Path) -> argparse.ArgumentParser:
     return made
 
 
-def run(study: Study, options: argparse.Namespace) -> int:
+def run(study: Study, options: argparse.Namespace, out: Path) -> int:
     """Run a study and return the exit status: 1 if something is wrong, 130 after Ctrl-C."""
     effort = Effort(options.seed, options.starts, options.workers, progress)
+    print(f"{study.name}: takes {study.takes}", file=sys.stderr)
     try:
-        result = study.run(options.out, effort)
-    except LockedJointError as error:
-        return _say(f"{study.name}: {error}", QUESTIONED)
-    except Exception:  # other studies may still run
-        traceback.print_exc()
-        return QUESTIONED
-    progress("")
-    if not result.complete:
-        return _say(
-            f"Interrupted: what was done is in {options.out / INCOMPLETE}.", INTERRUPTED
-        )
-    if result.complaint:
-        return _say(f"Wrong: {result.complaint}.", QUESTIONED)
-    return _say(f"Written to {options.out}.", 0)
-
-
-def progress(sentence: str) -> None:
-    """Show what is being done, on a terminal."""
-    if sys.stderr.isatty():
-        print(f"\r\x1b[K{sentence[:78]}", end="", file=sys.stderr, flush=True)
-
-
-def _say(sentence: str, status: int) -> int:
-    print(sentence, file=sys.stderr)
+        result = study.run(out, effort)
+    except Exception as error:  # other studies may still run
+        if not isinstance(error, LockedJointError):
+            traceback.print_exc()
+        said, status = f"{study.name}: {error}", QUESTIONED
+    else:
+        progress("")
+        said, status = f"Written to {out}.", 0
+        if not result.complete:
+            said, status = f"Interrupted: what was done is in {out / INCOMPLETE}.", INTERRUPTED
+        elif result.complaint:
+            said, status = f"Wrong: {result.complaint}.", QUESTIONED
+    print(said, file=sys.stderr)
     return status

@@ -141,18 +141,15 @@ bound worst-case --trace 1e308 -> trace
 bound worst-case --lever-arm 1e160
 bound worst-case --lever-arm 1 --task-dimension 3 -> --lever-arm
 bound worst-case --lever-arm 1 --trace 3 -> --lever-arm
-bound worst-case --solver NOTHING -> solver
 bound worst-case --rigorous
 bound two-point --joints 7 -> joints
 bound two-point --joints {tera} --task-dimension 2 -> --joints
-bound two-point --task-dimension 2 --solver NOTHING -> solver
 bound planar --joints 2 -> --level
 bound planar --joints 5 --locked 4 --level 1 -> locked
 bound planar --joints 15 -> --level
 bound existence --order 4
 bound existence --joints 9 -> joints
 bound existence --task-dimension {tera}
-bound existence --solver NOTHING -> solver
 bound residual --preset nothing -> preset
 bound residual --joints 12 -> joints
 bound residual --seed {e64}
@@ -201,14 +198,12 @@ figure seven-axes --out a.txt -> file
 figure seven-axes --out valid.csv/a.svg
 figure seven-axes --out a.svg --data .
 figure seven-axes --out a.svg --jacobian missing.csv -> file
-figure seven-axes --out a.svg --jacobian nan.csv --starts 3
 figure seven-axes --out a.svg --pick 1
 figure seven-axes --out a.svg --store valid.db
 figure trade-off --out a.svg --jacobian valid.csv
 figure optima --out a.svg --jacobian valid.csv
 figure optima --out a.svg --store missing.db -> store
 figure optima --out a.svg --store valid.csv -> store
-figure optima --out a.svg --store valid.db --starts 3
 # robots
 measure-robot -> Missing argument 'ROBOT'
 measure-robot missing.urdf

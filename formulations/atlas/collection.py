@@ -12,10 +12,10 @@ import numpy as np
 from formulations import manipulability
 from formulations.atlas.entry import RESOLUTION, Entry, EntryPage, Found, entries, entry
 from formulations.atlas.local_optimality import local_optimality
+from formulations.io.files import load_json, read_bytes, real_in, write_text
 from formulations.measures.canonical import canonical_form
 from nlp.arrays import FloatArray
 from nlp.errors import FileError, InputError
-from nlp.files import load_json, read_bytes, real_in, write_text
 
 
 def folder() -> Path:

@@ -29,11 +29,11 @@ from typing import Any
 
 from formulations import registry
 from formulations.campaign.records import cell_of
+from formulations.io.files import read_bytes
 from formulations.joints import models
 from formulations.solving.case import Case
 from nlp.arrays import whole_number
 from nlp.errors import FileError, InputError, LockedJointError
-from nlp.files import read_bytes
 from nlp.options import check_options, refuse_files
 from nlp.solver import Solver
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import inspect
 import sys
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import MISSING, dataclass, fields, is_dataclass
 from pathlib import Path
@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeVar, get_type_hints
 
 import typer
 
+from formulations.io.files import real_in, whole_in
 from nlp.errors import LARGEST, InputError, SolverOptionError, printable, shown
-from nlp.files import real_in, whole_in
 
 if TYPE_CHECKING:
     from formulations.measures.unequal_failures import FailureModel
@@ -128,20 +128,6 @@ def progress(sentence: str) -> None:
     """Show what is being done, on a terminal's standard error."""
     if sys.stderr.isatty():
         typer.echo(f"\r\x1b[K{printable(sentence[:78], '')}", nl=False, err=True)
-
-
-def refuse_unused(context: typer.Context, names: Iterable[str], reason: str) -> None:
-    """Raise InputError for options that were given though they would do nothing.
-
-    `names` are those of the command's parameters, and the reason is with what they are not
-    used, such as ``--to axes``.
-    """
-    for name in names:
-        source = context.get_parameter_source(name)
-        if source is not None and source.name == "COMMANDLINE":
-            value = context.params[name]
-            given = "given" if value is True else str(value)
-            raise InputError(f"--{name.replace('_', '-')}", given, f"none with {reason}")
 
 
 Joints = Annotated[int, whole_option(2, "N", "Number of joints n, above m.", MOST_JOINTS)]

@@ -16,7 +16,6 @@ from formulations.commands.arguments import (
     flag,
     option,
     progress,
-    refuse_unused,
 )
 from formulations.commands.output import QUESTIONED, as_text, end, rows_of, show, shown
 from nlp.errors import InputError
@@ -51,8 +50,9 @@ def atlas(
     `conjectured`: at least 20 starts and a fifth of all end there; `open`: the rest.
     """
     if context.invoked_subcommand is not None:
-        reason = f"atlas itself: `atlas {context.invoked_subcommand}` takes its own, after it"
-        refuse_unused(context, context.params, reason)
+        for name, value in context.params.items():  # it would not be heeded
+            if value not in (None, False):
+                raise InputError(f"--{name}", value, f"after `{context.invoked_subcommand}`")
         return
     from formulations.atlas.collection import checked_folder, pages
     from formulations.atlas.entry import entries as known_entries
@@ -150,9 +150,9 @@ def submit(
         write_page,
     )
     from formulations.atlas.entry import RESOLUTION, Found
-    from formulations.io.jacobians import only_jacobian
+    from formulations.io.files import prepare_folder
     from formulations.io.provenance import provenance
-    from nlp.files import prepare_folder
+    from formulations.measures.read_jacobians import only_jacobian
 
     if not 0 < len(by) <= 200 or not by.isprintable():
         raise InputError("--by", by, "1 to 200 printable characters")
@@ -206,8 +206,8 @@ def improve(
     from formulations.atlas.entry import entry
     from formulations.atlas.improve import improve as improve_random
     from formulations.atlas.polished import check_polished, improve_polished
+    from formulations.io.files import prepare_folder
     from nlp.executors import default_workers
-    from nlp.files import prepare_folder
 
     asked = entry(name)
     if search != "random":

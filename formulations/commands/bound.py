@@ -18,7 +18,7 @@ from formulations.commands.arguments import (
     option,
     progress,
 )
-from formulations.commands.output import QUESTIONED, as_text, show, shown
+from formulations.commands.output import QUESTIONED, as_table, as_text, show
 from nlp.errors import InputError
 
 if TYPE_CHECKING:
@@ -26,7 +26,6 @@ if TYPE_CHECKING:
 
 app = typer.Typer(name="bound", rich_markup_mode=None)
 
-Solver = Annotated[str, typer.Option(metavar="NAME", help="Conic solver, by cvxpy's name.")]
 Rigorous = Annotated[
     bool,
     typer.Option(
@@ -56,7 +55,7 @@ def bound(context: typer.Context) -> None:
     optimally failure-tolerant 7R Jacobian exists is `lockedjoint prove`.
     """
     if context.invoked_subcommand is None:
-        worst_case(7, 6, None, None, "CLARABEL", False)
+        worst_case(7, 6, None, None, False)
 
 
 @app.command("worst-case")
@@ -73,7 +72,6 @@ def worst_case(
         "Revolute joints with |v| at most L; 1 by default with m = 6 and no --trace.",
         positive=True,
     ),
-    solver: Solver = "CLARABEL",
     as_json: Json = False,
 ) -> None:
     """Bound the worst case after one locked joint: equation (6), a semidefinite program."""
@@ -83,7 +81,7 @@ def worst_case(
         lever_arm = 1.0
     if lever_arm is None:
         free = float(task_dimension) if trace is None else trace
-        plain = worst_case_bound(joints, (task_dimension,), (free,), solver=solver)
+        plain = worst_case_bound(joints, (task_dimension,), (free,))
     elif task_dimension != 6 or trace is not None:
         allowed = "none with --trace or a --task-dimension other than 6"
         raise InputError("--lever-arm", lever_arm, allowed)
@@ -91,7 +89,7 @@ def worst_case(
         raise InputError("--lever-arm", lever_arm, "1e-100 to 1e100")
     else:
         traces = joints * lever_arm**2, float(joints)
-        plain = worst_case_bound(joints, (3, 3), traces, solver=solver)
+        plain = worst_case_bound(joints, (3, 3), traces)
     if lever_arm == 1.0:
         plain = {**plain, "sharper": _sharper(joints)}
     _show(plain, as_json, _worst_case_text, decided=plain["singular_value_bound"] is not None)
@@ -101,13 +99,12 @@ def worst_case(
 def two_point(
     joints: Joints = 7,
     task_dimension: TaskDimension = 6,
-    solver: Solver = "CLARABEL",
     as_json: Json = False,
 ) -> None:
     """Bound the worst case after two locked joints, from pairs of columns, ‖J‖_F² = n."""
     from formulations.bounds.two_point import two_point_bound
 
-    limit = two_point_bound(task_dimension, joints, solver=solver, progress=progress)
+    limit = two_point_bound(task_dimension, joints, progress=progress)
     _show(limit.to_dict(), as_json)
 
 
@@ -150,15 +147,12 @@ def existence(
     joints: Joints = 7,
     task_dimension: TaskDimension = 6,
     order: int = option("K", "Order of the relaxation, 1 to 3.", 3, low=1, high=3),
-    solver: Solver = "CLARABEL",
     as_json: Json = False,
 ) -> None:
     """Relax by moments whether an optimally failure-tolerant Jacobian of revolutes exists."""
     from formulations.existence.relaxation import existence_relaxation
 
-    plain = existence_relaxation(
-        order, joints, task_dimension=task_dimension, solver=solver
-    ).to_dict()
+    plain = existence_relaxation(order, joints, task_dimension=task_dimension).to_dict()
     _show(plain, as_json, _existence_text, decided=plain["verdict"] != "undecided")
 
 
@@ -273,16 +267,9 @@ def _on_record(quantity: str, model: str, joints: int) -> tuple[Bound, dict[str,
 def _free_levers(quantity: str, joints: int, lever_arms: str) -> dict[str, Any]:
     if joints < 7:
         raise InputError("--joints", joints, "at least 7 with free lever arms")
-    limit, values = _on_record(quantity, "lever-revolute", joints)
-    return {
-        "quantity": quantity,
-        "joints": joints,
-        "lever_arms": lever_arms,
-        "kind": limit.kind,
-        "bound": limit.value,
-        "best_known": values["best_known"],
-        "gap_percent": values["gap_percent"],
-    }
+    _, values = _on_record(quantity, "lever-revolute", joints)
+    value = values.pop("value")
+    return {**values, "joints": joints, "lever_arms": lever_arms, "bound": value}
 
 
 def _rounded_outward(plain: Mapping[str, Any]) -> str:
@@ -295,45 +282,30 @@ def _rounded_outward(plain: Mapping[str, Any]) -> str:
 
 def _worst_case_text(plain: Mapping[str, Any]) -> str:
     """Return the text of the bound (6) with the sharper bounds on record as a table."""
-    from formulations.io.pages import outward
-    from formulations.io.table import written
-
     text = as_text({k: v for k, v in plain.items() if k not in ("multipliers", "sharper")})
     if not plain.get("sharper"):
         return text
     lines = [
-        (
-            f"{row['quantity']}, {row['model']}",
-            "none exists" if row["value"] is None else outward(row["value"], 7, lower=False),
-            row["kind"],
-            shown(row["best_known"]),
-            "–" if row["gap_percent"] is None else f"{row['gap_percent']:.2f}",
-        )
+        {
+            "on record, sharper": f"{row['quantity']}, {row['model']}",
+            "bound": "none exists" if row["value"] is None else _above(row["value"]),
+            "known by": row["kind"],
+            "best found": row["best_known"],
+            "gap %": row["gap_percent"],
+        }
         for row in plain["sharper"]
     ]
-    heads = ("on record, sharper", "bound", "known by", "best found", "gap %")
-    table = written(lines, heads, "pipe")
-    return f"{text}\n\n{table}\n\nThe gap is 100·|bound − found|/bound."
+    return f"{text}\n\n{as_table(lines)}\n\nThe gap is 100·|bound − found|/bound."
+
+
+def _above(limit: float) -> str:
+    from formulations.io.pages import outward
+
+    return outward(limit, 7, lower=False)
 
 
 def _existence_text(plain: Mapping[str, Any]) -> str:
     """Return the text of a relaxation of the existence question with its blocks as a table."""
-    from formulations.io.table import written
-
-    skipped = ("blocks", "free_moments", "certificate")
-    summary = {k: v for k, v in plain.items() if k not in skipped}
+    summary = {k: v for k, v in plain.items() if not isinstance(v, (list, tuple))}
     summary["free_moments"] = len(plain["free_moments"])
-    for name, value in (plain["certificate"] or {}).items():
-        summary[f"checked_{name}"] = value
-    names = ("charge", "dimension", "copies", "size")
-    lines = [
-        (
-            *(str(block[name]) for name in names),
-            "(" + ",".join(map(str, block["representation"])) + ")",
-            "–" if block["margin_alone"] is None else f"{block['margin_alone']:+.6f}",
-            "infeasible alone" if block["infeasible_alone"] else "",
-        )
-        for block in plain["blocks"]
-    ]
-    table = written(lines, (*names, "representation", "margin alone", ""), "plain")
-    return f"{as_text(summary)}\n\n{table}" if lines else as_text(summary)
+    return "\n\n".join(filter(None, (as_text(summary), as_table(plain["blocks"]))))

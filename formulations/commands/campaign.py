@@ -10,12 +10,7 @@ from typing import Annotated
 
 import typer
 
-from formulations.commands.arguments import (
-    Json,
-    Workers,
-    flag,
-    option,
-)
+from formulations.commands.arguments import Json, Workers, flag, option
 from formulations.commands.output import (
     INTERRUPTED,
     QUESTIONED,

@@ -1,6 +1,5 @@
 """``lockedjoint figure``: figures of what is computed."""
 
-import json
 from pathlib import Path
 
 import typer
@@ -14,14 +13,12 @@ from formulations.commands.arguments import (
     Workers,
     option,
     progress,
-    refuse_unused,
 )
-from formulations.commands.output import as_text, say
+from formulations.commands.output import as_text, show
 from nlp.errors import InputError
 
 
 def figure(
-    context: typer.Context,
     look_options: FigureOptions,
     name: str = typer.Argument(
         metavar="NAME",
@@ -52,19 +49,17 @@ def figure(
 
     Takes seconds; trade-off and optima about a minute.
     """
-    from formulations.io.jacobians import only_jacobian
+    from formulations.io.files import prepare_file, write_bytes, write_text
+    from formulations.measures.read_jacobians import only_jacobian
     from formulations.plot.figures import kind
     from formulations.plot.picture import Request
     from formulations.plot.style import content, figure_class, kind_of, looking
     from nlp.executors import default_workers
-    from nlp.files import prepare_file, write_bytes, write_text
 
     wanted, form = kind(name), kind_of(out)
     for given, value in (("jacobian", jacobian), ("store", store)):
         if value is not None and given not in wanted.takes:
             raise InputError(f"--{given}", str(value), f"none with {name}")
-        if value is not None:
-            refuse_unused(context, ("starts", "seed", "workers"), f"--{given}")
     if pick is not None and jacobian is None:
         raise InputError("--pick", pick, "none without --jacobian")
     figure_class()
@@ -89,7 +84,4 @@ def figure(
     summary: dict[str, object] = {"figure": name, "file": str(out)}
     if jacobian is None and store is None:
         summary |= {"seed": seed, "starts": request.starts}
-    if as_json:
-        say(json.dumps(summary | {"rows": picture.rows()}, indent=1))
-    else:
-        say(as_text(summary))
+    show(summary | {"rows": picture.rows()}, as_json, lambda _: as_text(summary))

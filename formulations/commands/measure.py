@@ -26,8 +26,8 @@ def measure(
     never fail also the expected dexterity and the probability-weighted worst case.
     """
     from formulations.bounds.unequal_failures import assess_failures
-    from formulations.io.jacobians import read_jacobians
     from formulations.measures.assessment import measure as measured
+    from formulations.measures.read_jacobians import read_jacobians
 
     rows = []
     for name, matrix in read_jacobians(file):

@@ -7,18 +7,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from formulations.commands.arguments import FailureOptions, Json, JsonFile
-from formulations.commands.output import as_text, show, warn
-from formulations.commands.robot_arguments import (
-    ArmOptions,
-    Configuration,
-    read_configuration,
-)
-from formulations.io.table import written
+from formulations.commands.output import as_table, as_text, show, warn
+from formulations.commands.robot_arguments import ArmOptions, Configuration, read_configuration
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from formulations.robots.robot_assessment import Failure, RobotAssessment
+    from formulations.robots.robot_assessment import AtLength, Failure, RobotAssessment
 
 # A singular value up to this is rounding.
 _ROUNDING = 1e-12
@@ -39,9 +34,9 @@ def measure_robot(
     and how the answer depends on the characteristic length in which metres are measured.
     By default joints without limits are at 0.
     """
+    from formulations.io.files import prepare_file
     from formulations.robots.robot_assessment import measure_robot as measured
     from formulations.robots.robot_assessment import measure_robot_unequal
-    from nlp.files import prepare_file
 
     arm = robot.arm()
     models = failures.scenarios(arm.chain.names)
@@ -72,23 +67,16 @@ def robot_text(found: RobotAssessment, above: Mapping[str, object], source: str)
     source
         Where the configuration is from, in words.
     """
+    hidden = ("failures", "structural", "by_length", "best_length", "jacobian", "notes")
     values = {
         **above,
-        "robot": f"{found.robot}, from {found.base} to {found.tip}",
-        "task": ", ".join(found.task) + (f" ({found.frame})" if found.frame == "tip" else ""),
-        **({"locked_at": _positions(found.locked_at)} if found.locked_at else {}),
-        **({"cannot move": _positions(found.immobile)} if found.immobile else {}),
-        "configuration": f"{_positions(found.configuration)} ({source})",
-        "at their limits": ", ".join(found.at_limits) or "none",
-        "characteristic length": f"{found.characteristic_length:.6g} m",
-        "worst-case sigma": _sigma(found.worst_case_sigma),
-        "worst failure": _worst(found),
+        **{k: v for k, v in vars(found).items() if k not in hidden and v not in ({}, "")},
+        "at_limits": ", ".join(found.at_limits) or "none",
+        "configuration is": source,
+        **_rounded(found),
+        "percent_of_reachable": f"{found.percent_of_reachable:.2f}",
+        "worst_case_direction": _direction(found.worst_case_direction),
         **_structural(found),
-        "worst direction": _direction(found.worst_case_direction),
-        "bound": f"{found.sigma_bound:.9g}, reached to {found.percent_of_bound:.2f} %",
-        "reachable": f"{found.reachable_sigma:.9g}, reached to "
-        f"{found.percent_of_reachable:.2f} %",
-        "singular values": found.singular_values,
     }
     parts = [as_text(values), _failures(found.failures), _lengths(found)]
     return "\n\n".join(part for part in parts if part)
@@ -97,16 +85,7 @@ def robot_text(found: RobotAssessment, above: Mapping[str, object], source: str)
 def failures_text(found: Mapping[str, Any]) -> str:
     """Return the measures of unequal failures, and those of each scenario."""
     least = {name: value for name, value in found.items() if name != "scenarios"}
-    parts = [as_text(least)]
-    for k, one in enumerate(found.get("scenarios", ()), 1):
-        parts.append(f"scenario {k}\n{as_text(one)}")
-    return "\n\n".join(parts)
-
-
-def _worst(found: RobotAssessment) -> str:
-    joints = " and ".join(found.worst_case_joints)
-    others = found.equally_bad - 1
-    return f"{joints} ({others} more leave as little)" if others else joints
+    return "\n\n".join(filter(None, (as_text(least), as_table(found.get("scenarios", ())))))
 
 
 def _structural(found: RobotAssessment) -> dict[str, str]:
@@ -123,38 +102,26 @@ def _sigma(value: float) -> str:
 
 def _failures(failures: Sequence[Failure]) -> str:
     lines = [
-        (" and ".join(one.joints), _sigma(one.sigma), _direction(one.direction))
+        {"locked": one.joints, "sigma left": _sigma(one.sigma), **_direction(one.direction)}
         for one in failures[:_SHOWN]
     ]
-    shown = written(lines, ("locked", "sigma left", "worst direction"), "plain")
-    if len(failures) > _SHOWN:
-        shown += f"\n… and {len(failures) - _SHOWN} failures that leave more"
-    return shown
+    more = f"\n… and {len(failures) - _SHOWN} failures that leave more"
+    return as_table(lines) + (more if len(failures) > _SHOWN else "")
 
 
 def _lengths(found: RobotAssessment) -> str:
     if not found.by_length:
         return "The characteristic length is only a unit here: percentages do not depend on it."
-    best = [found.best_length] if found.best_length else []
-    lines = [
-        (
-            f"{one.length:.4g}",
-            _sigma(one.worst_case_sigma),
-            f"{one.percent_of_bound:.2f}",
-            " and ".join(one.worst_case_joints),
-        )
-        for one in (*found.by_length, *best)
-    ]
-    heads = ("length (m)", "sigma", "% of bound", "worst failure")
-    shown = written(lines, heads, "plain").split("\n")
-    if best:
-        shown.insert(-1, "best for this configuration:")
-    return "\n".join(shown)
+    best = "" if found.best_length is None else f", the best {found.best_length.length:.4g} m"
+    lines = [vars(one) | _rounded(one) for one in found.by_length]
+    return f"by length{best}\n{as_table(lines)}"
 
 
-def _positions(values: Mapping[str, float]) -> str:
-    return ", ".join(f"{name}={value:.6g}" for name, value in values.items())
+def _rounded(found: RobotAssessment | AtLength) -> dict[str, object]:
+    """Return the worst case and its share of the bound, without digits that are rounding."""
+    percent = f"{found.percent_of_bound:.2f}"
+    return {"worst_case_sigma": _sigma(found.worst_case_sigma), "percent_of_bound": percent}
 
 
-def _direction(values: Mapping[str, float]) -> str:
-    return "  ".join(f"{name} {value:+.3f}" for name, value in values.items())
+def _direction(values: Mapping[str, float]) -> dict[str, str]:
+    return {name: f"{value:+.3f}" for name, value in values.items()}

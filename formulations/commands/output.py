@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any, NoReturn
 
 import typer
 
+from formulations.io.files import write_text
 from nlp.errors import printable
-from nlp.files import write_text
 
 if TYPE_CHECKING:
     from formulations.io.study import Effort, Study
@@ -45,14 +45,14 @@ def end(sentence: str, status: int = QUESTIONED) -> NoReturn:
 
 def as_text(values: Mapping[str, object]) -> str:
     """Return one line per value, names aligned."""
-    width = max(len(name) for name in values)
-    return "\n".join(
-        f"{name.replace('_', ' '):<{width}}  {shown(value)}" for name, value in values.items()
-    )
+    names = [printable(name).replace("_", " ") for name in values]
+    width = max(map(len, names))
+    lines = zip(names, values.values(), strict=True)
+    return "\n".join(f"{name:<{width}}  {shown(value)}" for name, value in lines)
 
 
-def shown(value: object) -> str:
-    """Return a value as a reader wants it: yes or no, nine digits, entries side by side.
+def shown(value: object, digits: int = 9) -> str:
+    """Return a value as a reader wants it: yes or no, so many digits, entries side by side.
 
     Entries that are lists of their own, such as sets of joints, are told apart: ``0, 1  0, 2``.
     """
@@ -61,15 +61,28 @@ def shown(value: object) -> str:
     if isinstance(value, bool):
         return "yes" if value else "no"
     if isinstance(value, float):
-        return f"{value:.9g}"
+        return f"{value:.{digits}g}"
     if isinstance(value, Mapping):
-        return ", ".join(f"{name} {shown(entry)}" for name, entry in value.items())
+        return ", ".join(
+            f"{printable(name)} {shown(entry, digits)}" for name, entry in value.items()
+        )
     if isinstance(value, (list, tuple)):
+        inner = [shown(one, digits) for one in value]
+        nested = [isinstance(one, (list, tuple)) for one in value]
         return "  ".join(
-            ", ".join(map(shown, one)) if isinstance(one, (list, tuple)) else shown(one)
-            for one in value
+            text.replace("  ", ", ") if listed else text
+            for text, listed in zip(inner, nested, strict=True)
         )
     return printable(str(value))
+
+
+def as_table(rows: Sequence[Mapping[str, object]], digits: int = 6) -> str:
+    """Return one line per row, headed by the names; empty without rows."""
+    from formulations.io.table import written
+
+    cells = [[shown(value, digits) for value in row.values()] for row in rows]
+    heads = [name.replace("_", " ") for row in rows[:1] for name in row]
+    return written(cells, heads, "plain") if rows else ""
 
 
 def rows_of(matrix: Sequence[Sequence[float]], digits: int) -> str:
@@ -171,8 +184,7 @@ def run_study(
         if each is None:
             say(f"{table.terminal()}\n\n{note}")
         where = out if result.complete else out / INCOMPLETE
-        files = sorted(path.name for path in where.iterdir() if path.is_file())
-        say(f"Written to {where}: {', '.join(files)}")
+        say(f"Written to {where}: {', '.join(sorted(path.name for path in where.iterdir()))}")
     if not result.complete:
         done = f"what was done is in {out / INCOMPLETE}, the rest is missing"
         end(f"Interrupted: {done}.", INTERRUPTED)

@@ -8,16 +8,9 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from formulations.commands.arguments import (
-    FigureOptions,
-    Json,
-    Seed,
-    option,
-    progress,
-)
-from formulations.commands.output import INTERRUPTED, as_text, end, say, show, warn
+from formulations.commands.arguments import FigureOptions, Json, Seed, option, progress
+from formulations.commands.output import INTERRUPTED, as_table, as_text, end, say, show, warn
 from formulations.commands.robot_arguments import ChainOptions, read_limits
-from formulations.io.table import written
 
 if TYPE_CHECKING:
     from formulations.paths.plan import PathPlan
@@ -57,12 +50,12 @@ def path(
     leaving it. The search takes tens of seconds. The share that survives is measured by a test
     of its own, beside that of the minimum-norm trajectory and a ceiling by sampling.
     """
+    from formulations.io.files import prepare_file
     from formulations.kinematics.chain import narrowed
     from formulations.paths.search import PathSearch, plan_path
     from formulations.paths.waypoints import read_waypoints
     from formulations.robots.robot_arm import RobotArm
     from formulations.robots.task import TaskSpace
-    from nlp.files import prepare_file
 
     wanted = read_waypoints(waypoints)
     directions = task or ("all" if wanted.has_orientation else "position")
@@ -93,9 +86,9 @@ def path(
 
 
 def _write(plan: PathPlan, plain: dict[str, object], out: Path) -> None:
+    from formulations.io.files import write_bytes, write_text
     from formulations.plot.path import draw
     from formulations.plot.style import content
-    from nlp.files import write_bytes, write_text
 
     drawn = content(draw(plan), "svg")
     lines = io.StringIO()
@@ -106,46 +99,5 @@ def _write(plan: PathPlan, plain: dict[str, object], out: Path) -> None:
 
 
 def _text(found: PathPlan) -> str:
-    base = found.minimum_norm
-    missing = "none completes the path"
-    values = {
-        "survives": f"{found.planned.share:.1f} % of all failures",
-        "minimum norm": missing if base is None else f"{base.share:.1f} %",
-        "ceiling": f"{found.ceiling:.1f} % (by sampling {found.nodes} configurations)",
-        "least sigma": float(found.planned.sigma.min()),
-        "least sigma, minimum norm": base and float(base.sigma.min()),
-        "largest speed": f"{100 * found.speed:.0f} % of its limit",
-        "off the path between samples": f"{1000 * found.deviation:.2g} mm",
-    }
-    rows = []
-    for line in found.joint_rows():
-        ends, unrecoverable = line["others_end"], line["unrecoverable_until"]
-        rows.append(
-            [
-                str(line["joint"]),
-                *(
-                    _percent(line[name])
-                    for name in ("percent", "minimum_norm_percent", "ceiling_percent")
-                ),
-                "–" if unrecoverable is None else f"until {unrecoverable:.3g} s",
-                "–" if not isinstance(ends, list) else f"{ends[0]:.3g} to {ends[1]:.3g} s",
-            ]
-        )
-    heads = [
-        "joint",
-        "survives %",
-        "minimum norm %",
-        "ceiling %",
-        "unrecoverable",
-        "others end",
-    ]
-    table = written(rows, heads, "pipe")
-    ending = (
-        "Unrecoverable: its ranges at later samples have no position in common; no trajectory "
-        "survives."
-    )
-    return f"{as_text(values)}\n\n{table}\n\n{ending}"
-
-
-def _percent(value: object) -> str:
-    return f"{value:.1f}" if isinstance(value, float) else "–"
+    values = {k: v for k, v in found.to_dict().items() if not isinstance(v, (dict, list))}
+    return f"{as_text(values)}\n\n{as_table(found.joint_rows())}"

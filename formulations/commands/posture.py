@@ -18,9 +18,8 @@ from formulations.commands.arguments import (
     option,
 )
 from formulations.commands.measure_robot import failures_text, robot_text
-from formulations.commands.output import INTERRUPTED, end, show, warn
+from formulations.commands.output import INTERRUPTED, as_table, end, show, warn
 from formulations.commands.robot_arguments import ArmOptions, PoseOptions
-from formulations.io.table import written
 
 if TYPE_CHECKING:
     from formulations.robots.pose_constrained_arm import LockedReach
@@ -56,11 +55,11 @@ def posture(
     failure. `measure-robot --configuration FILE` reads what --out writes. Exit status 1, and no
     file, if no start converged.
     """
+    from formulations.io.files import prepare_file
     from formulations.robots.posture import best_posture
     from formulations.robots.posture_search import Search
     from formulations.unequal_max_min import checked_goal
     from nlp.executors import default_workers
-    from nlp.files import prepare_file
 
     arm = robot.arm()
     count, options = workers or default_workers(), ipopt_options(ipopt)
@@ -109,26 +108,28 @@ def _held(found: Posture) -> dict[str, str]:
             off += f" and {found.at.orientation_error:.1g} rad"
         lines["at"] = f"{', '.join(f'{x:g}' for x in pose.position)} m, off by {off}"
     if found.clearance is not None:
-        one = found.clearance
-        pair = " and ".join(one.closest.links)
-        lines["closest links"] = f"{one.closest.distance:.4g} m: {pair} ({one.pairs} pairs)"
-        if one.closest_left_out is not None:
-            pair, near = " and ".join(one.closest_left_out.links), one.closest_left_out.distance
-            lines["left out"] = f"{near:.4g} m: {pair}, the closest of {len(one.left_out)}"
+        for name, one in (
+            ("closest links", found.clearance.closest),
+            ("closest left out", found.clearance.closest_left_out),
+        ):
+            if one is not None:
+                lines[name] = f"{one.distance:.4g} m: {' and '.join(one.links)}"
     return lines
 
 
 def _after_failure(found: Sequence[LockedReach]) -> str:
     lines = [
-        (
-            one.joint,
-            f"{one.percent:.1f}",
-            ", ".join(f"{low:.2f} to {high:.2f}" for low, high in one.ranges) or "only here",
-        )
+        {
+            "locked": one.joint,
+            "% of range": one.percent,
+            "pose within reach where it locks at": ", ".join(
+                f"{low:.2f} to {high:.2f}" for low, high in one.ranges
+            )
+            or "only here",
+        }
         for one in found
     ]
-    heads = ("locked", "% of range", "pose within reach where it locks at")
-    return written(lines, heads, "plain")
+    return as_table(lines)
 
 
 def _source(found: Posture) -> str:

@@ -37,7 +37,7 @@ def prove(
     Check the file with `lockedjoint verify`, a data file with Coq (docs/nonexistence.md).
     """
     from formulations.existence.rings import exact_jacobian
-    from nlp.files import prepare_file, write_text
+    from formulations.io.files import prepare_file, write_text
 
     if to == "coq" and joints != 7:
         raise InputError("--joints", joints, "7 with --to coq; others need no data file")
@@ -62,7 +62,7 @@ def _prove_nonexistence(out: Path, to: str, as_json: bool) -> None:
     """Derive and write the certificate for seven joints."""
     from formulations.existence.coq_data import coq_data
     from formulations.existence.derive import derive
-    from nlp.files import write_text
+    from formulations.io.files import write_text
 
     certificate = derive()
     if to == "coq":

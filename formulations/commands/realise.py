@@ -100,16 +100,11 @@ class Arrangement:
 
     def choose(self, robot: Manipulator) -> tuple[Choice, bool]:
         """Choose an arrangement or take the one given; return it and whether joints slid."""
-        from formulations.synthesis.choice import (
-            choose_arrangement,
-            evaluate,
-            given,
-            rank,
-        )
+        from formulations.io.files import write_text
+        from formulations.synthesis.choice import choose_arrangement, evaluate, given, rank
         from formulations.synthesis.criteria import Sampling
         from formulations.synthesis.links import link_gap, slide_apart
         from formulations.synthesis.links import slide as shortened
-        from nlp.files import write_text
 
         sampling = Sampling(self.seed, self.samples, self.radius)
         if self.is_given:
@@ -164,10 +159,10 @@ def realise(
     standard error.
     """
     from formulations.commands import realise_forms as forms
-    from formulations.io.jacobians import only_jacobian
+    from formulations.io.files import prepare_file, write_bytes
+    from formulations.measures.read_jacobians import only_jacobian
     from formulations.plot.style import looking
     from formulations.synthesis import from_jacobian
-    from nlp.files import prepare_file, write_bytes
 
     if as_json and to == "figure":
         raise InputError("--json", "given", "none with --to figure")
@@ -183,7 +178,8 @@ def realise(
     chosen, slid = arrangement.choose(robot)
     deviation = from_jacobian.deviation(chosen.manipulator, matrix, reading.length)
     summary = forms.summary(chosen, deviation, matrix) | {"slid": slid}
-    lines = as_text(forms.summary_lines(summary))
+    signs = "".join("-" if flip else "+" for flip in chosen.flips)
+    lines = as_text(summary | {"signs": signs})
     note = forms.touching_note(summary)
     if note is not None:
         warn(f"Note: {note}.")

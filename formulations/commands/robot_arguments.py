@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from formulations.commands.arguments import option
+from formulations.io.files import load_json, read_bytes, real_in
 from nlp.errors import FileError, InputError
-from nlp.files import load_json, read_bytes, real_in
 
 if TYPE_CHECKING:
     from formulations.kinematics.chain import Chain

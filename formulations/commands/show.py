@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
+from importlib.util import find_spec
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -13,7 +14,7 @@ import typer
 from formulations.commands.arguments import Json, flag, option
 from formulations.commands.output import named, refuse_damage, say
 from formulations.commands.output import show as show_values
-from nlp.errors import InputError, printable
+from nlp.errors import InputError, MissingLibraryError, printable
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -47,7 +48,7 @@ def show(
     """
     from formulations.campaign import tables
     from formulations.campaign.records import open_store
-    from nlp.files import prepare_file, write_bytes
+    from formulations.io.files import prepare_file, write_bytes
 
     if sum([records, optima, check, group_by is not None]) > 1:
         both = "more than one of --records, --optima, --check and --group-by"
@@ -100,17 +101,12 @@ def as_parquet(table: pd.DataFrame) -> bytes:
 
     Raises
     ------
-    InputError
+    MissingLibraryError
         If pyarrow is not installed.
     """
-    from nlp.errors import how_to_install
-
-    try:
-        return table.to_parquet(engine="pyarrow", index=False)
-    except ImportError:
-        command = how_to_install("pyarrow")
-        allowed = f"csv, markdown or latex; or first run: {command}"
-        raise InputError("--to", "parquet", allowed) from None
+    if find_spec("pyarrow") is None:
+        raise MissingLibraryError("pyarrow")
+    return table.to_parquet(engine="pyarrow", index=False)
 
 
 def _to_read(table: pd.DataFrame, style: str, underscore: str = "_") -> str:

@@ -87,11 +87,11 @@ def solve(
     Exit status 1, and no file, if no start was solved.
     """
     from formulations.bounds.unequal_failures import assess_failures
+    from formulations.io.files import prepare_file
     from formulations.joints.models import arm
     from formulations.measures.assessment import measure
     from formulations.registry import formulation as formulation_of
     from formulations.solving.solve import solve as solve_from_many_starts
-    from nlp.files import prepare_file
 
     stated = formulation_of(formulation)
     built = arm(model, 7 if joints is None and ":" not in model else joints, task_dimension)
@@ -119,15 +119,11 @@ def solve(
     )
     if not outcome.records:
         raise KeyboardInterrupt
-    best = outcome.best
+    best, hidden = outcome.best, ("records", "complete", "variant")
     plain = {
-        "formulation": formulation,
-        "model": model,
-        "verdict": outcome.verdict,
+        **{k: v for k, v in outcome.to_dict().items() if k not in hidden},
         "score": best.score,
         "starts": len(outcome.records),
-        "reached_best": len(outcome.reached),
-        "status_counts": outcome.status_counts,
         "seed": seed,
         "start": best.index,
         "violation": best.violation,

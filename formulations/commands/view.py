@@ -9,11 +9,7 @@ from importlib.util import find_spec
 
 from formulations.commands.arguments import Json, Seed, Starts, option
 from formulations.commands.output import INTERRUPTED, show, shown, warn
-from formulations.commands.robot_arguments import (
-    ArmOptions,
-    Configuration,
-    read_configuration,
-)
+from formulations.commands.robot_arguments import ArmOptions, Configuration, read_configuration
 from nlp.errors import MissingLibraryError
 
 

@@ -14,7 +14,7 @@ from formulations.commands.arguments import (
     option,
     progress,
 )
-from formulations.commands.output import as_text, show, shown
+from formulations.commands.output import as_text, show
 from formulations.commands.robot_arguments import ChainOptions, number, read_limits
 from nlp.errors import InputError
 
@@ -75,13 +75,13 @@ def workspace(
     The orientation of the tool is free without --orientation. The first command to try is with
     --optimise limits: within the physical limits alone, many arms keep nothing.
     """
+    from formulations.io.files import prepare_file, write_bytes
     from formulations.kinematics.serial_arm import SerialArm
     from formulations.plot.style import content, kind_of, looking
     from formulations.workspaces.best_limits import best_limits
     from formulations.workspaces.pose_sets import PoseSets
     from formulations.workspaces.workspace import check_limits, measured
     from formulations.workspaces.workspace import workspace as workspace_of
-    from nlp.files import prepare_file, write_bytes
 
     if limits and optimise is not None:
         raise InputError("--limits", " ".join(limits), "none with --optimise")
@@ -142,41 +142,18 @@ def _rotation(text: str) -> FloatArray:
 def _ranges(limits: dict[str, tuple[float, float]], arm: SerialArm) -> Ranges:
     from formulations.kinematics.chain import listed, nearest
 
-    names = [step.name for step in arm.steps]
+    ranges = {step.name: ends for step, ends in zip(arm.steps, arm.physical, strict=True)}
     for name in limits:
-        if name not in names:
-            allowed = f"one of {listed(names)}{nearest(name, names)}"
+        if name not in ranges:
+            allowed = f"one of {listed(list(ranges))}{nearest(name, list(ranges))}"
             raise InputError("--limits of joint", name, allowed)
-    return tuple((dict(zip(names, arm.physical, strict=True)) | limits).values())
+    return tuple((ranges | limits).values())
 
 
 def _text(found: Workspace) -> str:
     unit = "m²" if found.dimension == 2 else "m³"
-    values = found.to_dict()
-    kept: dict[str, object] = {
-        f"{values['quantity']} kept": f"{found.size:.6g} {unit}, error {found.error:.2g}",
-        "without failure": f"{found.before:.6g} {unit}",
-        "within physical limits": f"{found.physical:.6g} {unit}",
-        "method": str(values["method"]),
-    }
-    if found.sets.sampled:
-        kept["voxel"] = f"{found.sets.voxel:.4g} m, one random point in each"
-    else:
-        kept["voxel"] = (
-            f"{found.sets.voxel:.4g} m, of which all but a closed form over-estimates"
-        )
-    if found.passed:
-        # NaN where no voxel is that deep.
-        shares = ", ".join("–" if one != one else f"{100 * one:.0f} %" for one in found.passed)
-        kept["passed by depth"] = f"{shares} of voxels 0, 1, … layers below the surface"
-        kept["raw voxels"] = f"{found.raw:.6g} {unit}"
-    if found.critical:
-        kept["critical"] = (
-            f"{', '.join(found.critical)}: nothing is kept, because of where it may lock"
-        )
-    lines = [as_text(kept), "", "joint: artificial limits"]
-    for step, (low, high) in zip(found.arm.steps, found.limits, strict=True):
-        whole = " (physical)" if (low, high) == (step.lower, step.upper) else ""
-        lines.append(f"  {shown(step.name)}: {low:.4f} to {high:.4f}{whole}")
-    lines.append("links: " + "  ".join(f"{one:.4f}" for one in found.arm.links))
-    return "\n".join(lines)
+    values = {k: v for k, v in found.to_dict().items() if k != "limits"}
+    for step, ends in zip(found.arm.steps, found.limits, strict=True):
+        whole = " (physical)" if ends == (step.lower, step.upper) else ""
+        values[f"limits of {step.name}"] = "{:.4f} to {:.4f}".format(*ends) + whole
+    return as_text({"unit": unit, **values})

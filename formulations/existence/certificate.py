@@ -18,8 +18,8 @@ from math import lcm
 from pathlib import Path
 from typing import Any, ClassVar, Literal, TypeAlias, get_args
 
+from formulations.io.files import write_text
 from nlp.errors import LockedJointError
-from nlp.files import write_text
 
 JOINTS = 7
 TERM_FACTORS = 3

@@ -1,1 +1,1 @@
-"""Reading and writing: Jacobians, tables, provenance."""
+"""Reading and writing: files, tables, provenance, studies and their pages."""

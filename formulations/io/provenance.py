@@ -37,18 +37,6 @@ def versions(packages: Sequence[str]) -> str:
     return ", ".join(f"{name} {_version(name)}" for name in packages)
 
 
-def read_header(page: str) -> dict[str, str]:
-    """Return the entries of the first list of a page that `header` headed; empty if none."""
-    entries: dict[str, str] = {}
-    for line in page.splitlines():
-        name, colon, value = line.removeprefix("- ").partition(": ")
-        if line.startswith("- ") and colon:
-            entries[name] = value
-        elif entries:
-            break
-    return entries
-
-
 def _version(name: str) -> str:
     try:
         return version(name)

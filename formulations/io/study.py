@@ -13,9 +13,9 @@ from pathlib import Path
 from typing import Any
 
 from formulations.io import pages
+from formulations.io.files import prepare_file, prepare_folder, write_text
 from formulations.io.table import Table, read_rows
 from nlp.errors import FileError
-from nlp.files import prepare_file, prepare_folder, write_text
 
 #: Within the folder of a result: what is being computed.
 INCOMPLETE = "incomplete"

@@ -72,16 +72,9 @@ class Column:
         return str(_stored(value))
 
 
-def column(
-    heading: str = "",
-    form: str | Callable[[Any], str] = ".3g",
-    *,
-    scale: float = 1.0,
-    empty: str | None = None,
-    brief: bool = False,
-) -> Mapping[str, Column]:
+def column(*heading_and_form: Any, **settings: Any) -> Mapping[str, Column]:
     """Return the metadata of a dataclass field that is shown as a `Column` says; see there."""
-    return {"column": Column(heading, form, scale, empty, brief)}
+    return {"column": Column(*heading_and_form, **settings)}
 
 
 #: Metadata of a dataclass field that is in the CSV and the JSON only.

@@ -10,12 +10,12 @@ from dataclasses import fields, is_dataclass, replace
 from importlib.metadata import entry_points
 from itertools import groupby
 
+from formulations.io.files import real_in
 from formulations.joints.arm import Arm
 from formulations.joints.joint import MOST_JOINTS, MOST_VARIABLES, Joint
 from formulations.joints.kinds import FreeColumn, LeverRevolute, Prismatic, UnitRevolute
 from nlp.arrays import whole_number
 from nlp.errors import InputError
-from nlp.files import real_in
 
 # What makes a joint of a task dimension, by the name of its kind.
 MODELS: dict[str, Callable[[int], Joint]] = {

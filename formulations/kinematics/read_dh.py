@@ -8,10 +8,10 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
+from formulations.io.files import real_in
 from formulations.kinematics.tree import Limit, RobotTree, TreeJoint
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
-from nlp.files import real_in
 
 # More rows are refused.
 _MOST = 10_000

@@ -13,8 +13,8 @@ from typing import NoReturn, TypeVar
 from xml.etree.ElementTree import Element, TreeBuilder
 from xml.parsers import expat
 
+from formulations.io.files import read_bytes, real_in
 from nlp.errors import FileError, InputError, MissingLibraryError
-from nlp.files import read_bytes, real_in
 
 # In bytes; 150 000 links take 30 MB, and robots that exist less than 1 MB.
 LARGEST_FILE = 50_000_000

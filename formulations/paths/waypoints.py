@@ -11,11 +11,11 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
+from formulations.io.files import load_json, read_bytes
 from formulations.kinematics.chain import LARGEST
 from formulations.kinematics.link_chain import IntArray
 from nlp.arrays import FloatArray
 from nlp.errors import FileError, InputError, shown
-from nlp.files import load_json, read_bytes
 
 POSITION = ("x", "y", "z")
 ANGLES = ("roll", "pitch", "yaw")

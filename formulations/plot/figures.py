@@ -9,6 +9,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
+from formulations.io.files import prepare_file, write_bytes
 from formulations.measures.assessment import Assessment, measure
 from formulations.paths.plan import PathPlan
 from formulations.plot import (
@@ -29,7 +30,6 @@ from formulations.solving.record import Record
 from formulations.synthesis.manipulator import Manipulator
 from formulations.workspaces.workspace import Workspace
 from nlp.errors import InputError
-from nlp.files import prepare_file, write_bytes
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -17,20 +17,7 @@ import casadi as ca
 import numpy as np
 
 from formulations import measures
-from formulations.reproduction import reference
-from formulations.reproduction.row import (
-    ROUNDING,
-    ReproductionRow,
-    Verdict,
-    claim,
-    compared,
-    farthest,
-    holds,
-    shown,
-    shown_error,
-    shown_range,
-    within,
-)
+from formulations.reproduction import reference, row
 from formulations.reproduction.searches import search
 from nlp.arrays import FloatArray
 from nlp.problem import Constraint, Problem
@@ -39,42 +26,46 @@ from nlp.problem import Constraint, Problem
 FOUND = 1e-12
 
 
-def rows(seed: int = 0) -> Iterator[ReproductionRow]:
+def rows(seed: int = 0) -> Iterator[row.ReproductionRow]:
     """Rows of eqs. (18)–(20) and of the claims around them."""
     yield from positional_rows()
     yield from canonical_rows(seed)
     yield rotation_row(seed)
 
 
-def positional_rows(matrix: FloatArray = reference.POSITIONAL_4R) -> Iterator[ReproductionRow]:
+def positional_rows(
+    matrix: FloatArray = reference.POSITIONAL_4R,
+) -> Iterator[row.ReproductionRow]:
     """Rows of eqs. (18) and (19); `matrix` is Vᵀ, shape (4, 4)."""
     error = float(np.max(np.abs(matrix @ matrix.T - np.eye(4))))
-    yield within("(18)", "VᵀV = I", "orthogonal", error)
+    yield row.within("(18)", "VᵀV = I", "orthogonal", error)
     jacobian = matrix[:3]
     unit = jacobian / np.linalg.norm(jacobian, axis=0)
     cosines = (unit.T @ unit)[np.triu_indices(4, 1)]
     quantity, paper = "cosines between the columns", "span space symmetrically"
     note = "all −1/3: the corners of a regular tetrahedron"
-    yield compared("(18)", quantity, paper, -1 / 3, cosines, note)
+    yield row.compared("(18)", quantity, paper, -1 / 3, cosines, note)
     sigmas, expected = measures.locked_singular_values(jacobian), reference.POSITIONAL_4R_SIGMA
-    yield compared("(19)", "fσ_3 for f = 1, …, 4", f"1/2 = {shown(expected)}", expected, sigmas)
+    yield row.compared(
+        "(19)", "fσ_3 for f = 1, …, 4", f"1/2 = {row.shown(expected)}", expected, sigmas
+    )
 
 
 def canonical_rows(
     seed: int = 0, jacobian: FloatArray = reference.CANONICAL_6X7
-) -> Iterator[ReproductionRow]:
+) -> Iterator[row.ReproductionRow]:
     """Rows of eq. (20) and of the claims around it."""
     values = measures.singular_values(jacobian)
-    yield compared("(20)", "singular values", "σ = 1, isotropic", 1, values)
+    yield row.compared("(20)", "singular values", "σ = 1, isotropic", 1, values)
     shares = measures.null_space_contributions(jacobian)
     quantity, paper = "N_i, i = 1, …, 7", "equal, so 1/7"
-    yield compared("(20)", quantity, paper, 1 / 7, shares, show=shown_range)
+    yield row.compared("(20)", quantity, paper, 1 / 7, shares, show=row.shown_range)
     sigmas, expected = measures.locked_singular_values(jacobian), np.sqrt(1 / 7)
-    quantity, paper = "fσ_6 for f = 1, …, 7", f"√(1/7) = {shown(expected)}"
+    quantity, paper = "fσ_6 for f = 1, …, 7", f"√(1/7) = {row.shown(expected)}"
     note = "eq. (6) with equality"
-    yield compared("(20)", quantity, paper, expected, sigmas, note, show=shown_range)
+    yield row.compared("(20)", quantity, paper, expected, sigmas, note, show=row.shown_range)
     yield _simplex_row(jacobian)
-    yield compared(
+    yield row.compared(
         "(20)",
         "m = 1, …, 8, n = m + 1, …, 16: worst case over √((n−m)/n)",
         "a manipulator of any dimension",
@@ -85,49 +76,49 @@ def canonical_rows(
             for n in range(m + 1, 17)
         ],
         "the paper prints n = m + 1 only; our construction for n > m + 1: harmonic frames",
-        show=farthest(1),
+        show=row.farthest(1),
     )
     yield _screw_row(jacobian)
     yield _premultiplied_row(jacobian, seed)
 
 
-def _simplex_row(jacobian: FloatArray) -> ReproductionRow:
+def _simplex_row(jacobian: FloatArray) -> row.ReproductionRow:
     m, n = jacobian.shape
     error = float(np.max(np.abs(jacobian - reference.simplex_jacobian(m))))
     shares = [
         measures.worst_case_sigma(reference.simplex_jacobian(k)) / np.sqrt(1 / (k + 1))
         for k in range(1, 13)
     ]
-    return claim(
+    return row.claim(
         "(20)",
         "the same pattern for m = 1, …, 12, n = m + 1: worst case over √((n−m)/n)",
         "a task space of any dimension",
-        farthest(1)(shares),
-        error <= ROUNDING and max(abs(s - 1) for s in shares) <= ROUNDING,
-        f"regular simplex; for m = {m}, n = {n} the print {shown_error(error)}",
+        row.farthest(1)(shares),
+        error <= row.ROUNDING and max(abs(s - 1) for s in shares) <= row.ROUNDING,
+        f"regular simplex; for m = {m}, n = {n} the print {row.shown_error(error)}",
     )
 
 
-def _screw_row(jacobian: FloatArray) -> ReproductionRow:
+def _screw_row(jacobian: FloatArray) -> row.ReproductionRow:
     velocity, axis = jacobian[:3], jacobian[3:]
     pitch = np.abs(np.sum(velocity * axis, axis=0))
     turning = np.linalg.norm(axis, axis=0)
-    revolute = (turning > ROUNDING) & (pitch <= ROUNDING)
-    screws, sliding = np.sum(pitch > ROUNDING), np.sum(turning <= ROUNDING)
+    revolute = (turning > row.ROUNDING) & (pitch <= row.ROUNDING)
+    screws, sliding = np.sum(pitch > row.ROUNDING), np.sum(turning <= row.ROUNDING)
     quantity = "columns of (20) that a revolute joint can contribute"
     paper, ours = "none: arbitrary screws", np.sum(revolute)
     note = f"{screws} columns are screws with v·ω ≠ 0, {sliding} have ω = 0"
-    return claim("after (20)", quantity, paper, ours, not np.any(revolute), note)
+    return row.claim("after (20)", quantity, paper, ours, not np.any(revolute), note)
 
 
-def _premultiplied_row(jacobian: FloatArray, seed: int) -> ReproductionRow:
+def _premultiplied_row(jacobian: FloatArray, seed: int) -> row.ReproductionRow:
     rng = np.random.default_rng(seed)
     before = measures.locked_singular_values(jacobian)
     turns = np.linalg.qr(rng.standard_normal((100, 6, 6)))[0]
     after = [measures.locked_singular_values(turn @ jacobian) for turn in turns]
     change = float(np.max(np.abs(np.array(after) - before)))
     quantity = "change of fσ_6 under UJ, U orthogonal"
-    return within("after (20)", quantity, "none", change, "100 random U")
+    return row.within("after (20)", quantity, "none", change, "100 random U")
 
 
 def rotation(jacobian: FloatArray = reference.CANONICAL_6X7) -> Problem:
@@ -164,19 +155,19 @@ def violation(jacobian: FloatArray) -> float:
 
 def rotation_row(
     seed: int = 0, starts: int = 40, jacobian: FloatArray = reference.CANONICAL_6X7
-) -> ReproductionRow:
+) -> row.ReproductionRow:
     """Row of the attempt to rotate (20) into a Jacobian of revolute joints."""
     found = search(lambda: rotation(jacobian), random_rotation, starts, seed)
     feasible = [solution for solution in found if solution.violation <= 1e-7]
     sums = np.array([violation(solution.outputs["jacobian"]) for solution in feasible])
     least = float(np.min(sums, initial=np.inf))
     same = int(np.sum(sums <= least + 1e-6))
-    verdict = Verdict.IMPROVED if least <= FOUND else holds(bool(np.isfinite(least)))
-    return ReproductionRow(
+    verdict = row.Verdict.IMPROVED if least <= FOUND else row.holds(bool(np.isfinite(least)))
+    return row.ReproductionRow(
         "after (20)",
         "least violation of v·ω = 0, |v| = |ω| = 1 over all UJ, sum of squares",
         "no U identified",
-        shown(least),
+        row.shown(least),
         verdict,
         f"columns scaled to norm² 2; {same} of {starts} random U end at this value, none "
         "lower; a numerical search, not a proof",

@@ -5,24 +5,14 @@ from collections.abc import Iterator
 import numpy as np
 
 from formulations import measures
-from formulations.reproduction import reference
-from formulations.reproduction.row import (
-    ROUNDING,
-    ReproductionRow,
-    claim,
-    compared,
-    farthest,
-    shown,
-    shown_error,
-    within,
-)
+from formulations.reproduction import reference, row
 from nlp.arrays import FloatArray
 
 SHAPES = ((2, 3), (2, 4), (3, 4), (3, 7), (6, 7), (6, 8), (6, 12))
 _PER_SHAPE = 100
 
 
-def rows(seed: int = 0) -> Iterator[ReproductionRow]:
+def rows(seed: int = 0) -> Iterator[row.ReproductionRow]:
     """Rows of Section 2, on random Jacobians of several shapes."""
     rng = np.random.default_rng(seed)
     general = [rng.standard_normal(shape) for shape in SHAPES for _ in range(_PER_SHAPE)]
@@ -30,36 +20,38 @@ def rows(seed: int = 0) -> Iterator[ReproductionRow]:
     count = f"{len(general)} random Jacobians, m from 2 to 6, n from 3 to 12"
     yield _bound_row("isotropic J", isotropic, count)
     yield _bound_row("any J, with σ² = tr JJᵀ/m", general, count + "; beyond the paper")
-    yield compared(
+    yield row.compared(
         "(6)",
         "worst case over its bound, optimally failure-tolerant J",
         "1",
         1,
         [_share_of_bound(reference.harmonic_jacobian(m, n)) for m, n in SHAPES],
         "harmonic frames: isotropic with columns of equal norm, one of each shape",
-        show=farthest(1),
+        show=row.farthest(1),
     )
     yield _equal_norms_row(isotropic)
     yield from _contribution_rows(general)
 
 
-def _bound_row(which: str, matrices: list[FloatArray], note: str) -> ReproductionRow:
+def _bound_row(which: str, matrices: list[FloatArray], note: str) -> row.ReproductionRow:
     largest = max(_share_of_bound(matrix) for matrix in matrices)
     quantity = f"largest worst case over its bound, {which}"
-    return claim("(6)", quantity, "at most 1", shown(largest), largest <= 1 + ROUNDING, note)
+    return row.claim(
+        "(6)", quantity, "at most 1", row.shown(largest), largest <= 1 + row.ROUNDING, note
+    )
 
 
-def _equal_norms_row(matrices: list[FloatArray]) -> ReproductionRow:
+def _equal_norms_row(matrices: list[FloatArray]) -> row.ReproductionRow:
     squares = np.concatenate([measures.locked_singular_values(j) ** 2 for j in matrices])
     left = np.concatenate([np.maximum(1 - np.sum(j**2, axis=0), 0) for j in matrices])
     error = float(np.max(np.abs(squares - left)))
     quantity = "equality in (6) for all f is the same as columns of equal norm"
-    ours = f"fσ_m² = σ² − ‖j_f‖² {shown_error(error)}"
+    ours = f"fσ_m² = σ² − ‖j_f‖² {row.shown_error(error)}"
     note = "random isotropic J with σ = 1; the squares ‖j_f‖² add up to mσ²"
-    return claim("Sec. 2", quantity, "equivalent", ours, error <= ROUNDING, note)
+    return row.claim("Sec. 2", quantity, "equivalent", ours, error <= row.ROUNDING, note)
 
 
-def _contribution_rows(matrices: list[FloatArray]) -> Iterator[ReproductionRow]:
+def _contribution_rows(matrices: list[FloatArray]) -> Iterator[row.ReproductionRow]:
     """R_i and N_i from the two parts of V, without the functions of `measures`."""
     squares = [np.split(np.linalg.svd(j)[2] ** 2, [len(j)]) for j in matrices]
     tops = np.concatenate([np.sum(top, axis=0) for top, _ in squares])
@@ -67,9 +59,11 @@ def _contribution_rows(matrices: list[FloatArray]) -> Iterator[ReproductionRow]:
     known = np.concatenate([measures.range_contributions(j) for j in matrices])
     quantity, paper = "R_i from the upper m rows of Vᵀ", "‖j_i‖² of the orthonormal rows"
     note = "Vᵀ partitioned after row m, against the measure computed from J"
-    yield within("(7)–(9)", quantity, paper, float(np.max(np.abs(tops - known))), note)
+    yield row.within("(7)–(9)", quantity, paper, float(np.max(np.abs(tops - known))), note)
     note = "R_i from the upper, N_i from the lower rows of Vᵀ, the one farthest from 1"
-    yield compared("(10)–(11)", "R_i + N_i", "1", 1, tops + bottoms, note, show=farthest(1))
+    yield row.compared(
+        "(10)–(11)", "R_i + N_i", "1", 1, tops + bottoms, note, show=row.farthest(1)
+    )
 
 
 def _share_of_bound(matrix: FloatArray) -> float:

@@ -10,20 +10,12 @@ from formulations import measures, residual
 from formulations.joints.arm import Arm
 from formulations.joints.kinds import UnitRevolute
 from formulations.measures.canonical import group_equivalent
-from formulations.reproduction import reference
+from formulations.reproduction import reference, row
 from formulations.reproduction.printed import (
     aligned,
     nearest_unit_revolute,
     product_slack,
     singular_value_slack,
-)
-from formulations.reproduction.row import (
-    ReproductionRow,
-    claim,
-    compared,
-    farthest,
-    shown,
-    shown_range,
 )
 from formulations.reproduction.searches import search
 from formulations.reproduction.solution_family import (
@@ -47,7 +39,7 @@ _FAMILIES = "entire families"
 
 def rows(
     seed: int = 0, starts: int = 50, printed: FloatArray = reference.OPTIMAL_8R
-) -> Iterator[ReproductionRow]:
+) -> Iterator[row.ReproductionRow]:
     """Rows of eqs. (47)–(49), of 'it immediately converges', and of the families."""
     found = solutions(8, seed, starts)
     angles = [polished(solution) for solution in found]
@@ -55,7 +47,7 @@ def rows(
         start = solve_near(ARM, ARM.variables(nearest_unit_revolute(printed)))
     except InputError as reason:
         quantity = "an exactly isotropic matrix next to the printed one"
-        yield claim("(47)", quantity, "exists", "none", False, str(reason))
+        yield row.claim("(47)", quantity, "exists", "none", False, str(reason))
         return
     yield from _printed_rows(printed)
     yield _exact_row(printed, start)
@@ -86,28 +78,28 @@ def polished(solution: Solution) -> FloatArray:
         return solution.variables
 
 
-def _printed_rows(printed: FloatArray) -> Iterator[ReproductionRow]:
+def _printed_rows(printed: FloatArray) -> Iterator[row.ReproductionRow]:
     deviation = float(np.max(np.abs(printed @ printed.T - 8 / 3 * np.eye(6))))
     slack = product_slack(printed)
     quantity = "singular values of the printed matrix"
-    paper = f"√(8/3) = {shown(reference.SIGMA_8R)}"
-    ours = shown_range(measures.singular_values(printed))
+    paper = f"√(8/3) = {row.shown(reference.SIGMA_8R)}"
+    ours = row.shown_range(measures.singular_values(printed))
     note = f"largest entry of JJᵀ − (8/3)I {deviation:.1e}; rounded entries allow {slack:.1e}"
-    yield claim("(47)", quantity, paper, ours, deviation <= slack, note)
+    yield row.claim("(47)", quantity, paper, ours, deviation <= slack, note)
     sigmas, expected = measures.locked_singular_values(printed), reference.WORST_CASE_8R
     slack = singular_value_slack(printed)
-    quantity, paper = "fσ_6 of the printed matrix", f"√(2/3) = {shown(expected)}"
+    quantity, paper = "fσ_6 of the printed matrix", f"√(2/3) = {row.shown(expected)}"
     note = f"rounded entries allow {slack:.1e}"
-    yield compared("(47)", quantity, paper, expected, sigmas, note, slack, shown_range)
+    yield row.compared("(47)", quantity, paper, expected, sigmas, note, slack, row.shown_range)
 
 
-def _exact_row(printed: FloatArray, angles: FloatArray) -> ReproductionRow:
+def _exact_row(printed: FloatArray, angles: FloatArray) -> row.ReproductionRow:
     exact = ARM.jacobian(angles)
     moved = float(np.max(np.abs(aligned(exact, printed) - printed)))
     tolerant = measures.is_optimally_failure_tolerant(exact, _TOLERANCE)
     slope = least_slope(ARM, angles)
     slack = product_slack(printed) / slope
-    return claim(
+    return row.claim(
         "(47)",
         "distance of the printed matrix to an exactly isotropic one, any entry",
         "isotropic as designed",
@@ -118,33 +110,36 @@ def _exact_row(printed: FloatArray, angles: FloatArray) -> ReproductionRow:
     )
 
 
-def _value_rows(matrices: list[FloatArray]) -> Iterator[ReproductionRow]:
+def _value_rows(matrices: list[FloatArray]) -> Iterator[row.ReproductionRow]:
     note = f"own solutions, polished; the value farthest from the paper's, to {_TOLERANCE:.0e}"
-    expected, paper = reference.SIGMA_8R, f"√(8/3) = {shown(reference.SIGMA_8R)}"
-    values, show = [measures.singular_values(j) for j in matrices], farthest(expected)
+    expected, paper = reference.SIGMA_8R, f"√(8/3) = {row.shown(reference.SIGMA_8R)}"
+    values, show = [measures.singular_values(j) for j in matrices], row.farthest(expected)
     quantity = "singular values"
-    yield compared("(48)", quantity, paper, expected, values, note, _TOLERANCE, show)
-    expected, paper = reference.WORST_CASE_8R, f"√(2/3) = {shown(reference.WORST_CASE_8R)}"
-    values, show = [measures.locked_singular_values(j) for j in matrices], farthest(expected)
+    yield row.compared("(48)", quantity, paper, expected, values, note, _TOLERANCE, show)
+    expected, paper = reference.WORST_CASE_8R, f"√(2/3) = {row.shown(reference.WORST_CASE_8R)}"
+    values, show = (
+        [measures.locked_singular_values(j) for j in matrices],
+        row.farthest(expected),
+    )
     quantity = "fσ_6 for f = 1, …, 8"
-    yield compared("(49)", quantity, paper, expected, values, note, _TOLERANCE, show)
+    yield row.compared("(49)", quantity, paper, expected, values, note, _TOLERANCE, show)
 
 
 def _convergence_row(
     joints: int, found: list[Solution], equation: str, paper: str
-) -> ReproductionRow:
+) -> row.ReproductionRow:
     matrices = [solution.outputs["jacobian"] for solution in found]
     tolerant = sum(measures.is_optimally_failure_tolerant(j, _CONVERGED) for j in matrices)
     median = int(np.median([solution.status.iterations for solution in found]))
     quantity = f"{joints}R: random starts that end at an optimally failure-tolerant J"
     note = f"to {_CONVERGED:.0e}, agrees if most do; {median} iterations in the median"
     ours, most = f"{tolerant} of {len(found)}", 2 * tolerant > len(found)
-    return claim(equation, quantity, paper, ours, most, note)
+    return row.claim(equation, quantity, paper, ours, most, note)
 
 
 def family_rows(
     start: FloatArray, optima: list[FloatArray], steps: int = 20
-) -> Iterator[ReproductionRow]:
+) -> Iterator[row.ReproductionRow]:
     """Rows of the family that the solution next to (47) belongs to, and of other optima's.
 
     Parameters
@@ -158,7 +153,7 @@ def family_rows(
     """
     size = local_dimension(ARM, start)
     filled = fills_tangent_space(ARM, start)
-    yield claim(
+    yield row.claim(
         "after (46)",
         "dimension of the family of 8R optima around (47)",
         _FAMILIES,
@@ -177,21 +172,21 @@ def family_rows(
         "by rank; 18 independent equations leave two dimensions, a third where their "
         "derivatives are dependent"
     )
-    yield claim("after (46)", quantity, _FAMILIES, ours, min(sizes) >= 1, note)
+    yield row.claim("after (46)", quantity, _FAMILIES, ours, min(sizes) >= 1, note)
 
 
-def _curve_row(start: FloatArray, steps: int) -> ReproductionRow:
+def _curve_row(start: FloatArray, steps: int) -> row.ReproductionRow:
     matrices = [ARM.jacobian(point) for point in trace_family(ARM, start, steps)]
     classes = len(group_equivalent(matrices, tolerance=_DISTINCT))
     tolerant = all(measures.is_optimally_failure_tolerant(j, _TOLERANCE) for j in matrices)
     sigmas = [measures.worst_case_sigma(matrix) for matrix in matrices]
-    return claim(
+    return row.claim(
         "after (46)",
         f"distinct Jacobians among {len(matrices)} along a curve of 8R optima from (47)",
         _FAMILIES,
         classes,
         tolerant and classes == len(matrices),
         f"each optimally failure tolerant to {_TOLERANCE:.0e}; fσ_6 farthest from √(2/3): "
-        f"{farthest(reference.WORST_CASE_8R)(sigmas)}; inner products of any two differ by "
+        f"{row.farthest(reference.WORST_CASE_8R)(sigmas)}; inner products of any two differ by "
         f"more than {_DISTINCT:.0e}",
     )

@@ -14,8 +14,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from nlp.arrays import FloatArray, whole_number
-from nlp.errors import InputError
+from nlp.arrays import FloatArray
 
 
 def _read_only(rows: npt.ArrayLike) -> FloatArray:
@@ -30,7 +29,7 @@ def simplex_jacobian(task_dimension: int) -> FloatArray:
     The pattern of eqs. (12), (18) and (20): columns to the corners of a regular simplex,
     rows orthonormal, upper triangular but for the last column.
     """
-    m = whole_number("task dimension", task_dimension, 1)
+    m = task_dimension
     matrix = np.zeros((m, m + 1))
     for i in range(m):
         left = m - i
@@ -47,8 +46,7 @@ def harmonic_jacobian(task_dimension: int, joints: int) -> FloatArray:
     √(2/n) sin(2πki/n) for k = 1, 2, …, and for odd m the constant row √(1/n) besides. Rows
     are orthonormal, every column has norm² m/n; for n = m + 1 it is the simplex, turned.
     """
-    m = whole_number("task dimension", task_dimension, 1)
-    n = whole_number("joints", joints, m + 1)
+    m, n = task_dimension, joints
     turns = 2 * np.pi * np.arange(n) / n
     waves = [wave(k * turns) for k in range(1, m // 2 + 1) for wave in (np.cos, np.sin)]
     rows = [np.sqrt(2 / n) * wave for wave in waves]
@@ -65,8 +63,6 @@ def planar_4r(alpha: float) -> FloatArray:
     alpha
         The family's parameter α, in radians.
     """
-    if not np.isfinite(alpha):
-        raise InputError("alpha", alpha, "a finite angle in radians")
     c, s = np.cos(alpha), np.sin(alpha)
     rows = [[1, 0, c, -s], [0, 1, s, c], [1, 0, -c, s], [0, 1, -s, -c]]
     return _read_only(np.sqrt(1 / 2) * np.array(rows))

@@ -17,7 +17,7 @@ from formulations.existence.theorem import excludes
 from formulations.joints.arm import Arm
 from formulations.joints.kinds import UnitRevolute
 from formulations.measures.canonical import group_equivalent
-from formulations.reproduction import reference
+from formulations.reproduction import reference, row
 from formulations.reproduction.printed import (
     ENTRY_SLACK,
     aligned,
@@ -25,18 +25,6 @@ from formulations.reproduction.printed import (
     defect_slack,
     nearest_unit_revolute,
     singular_value_slack,
-)
-from formulations.reproduction.row import (
-    ReproductionRow,
-    Verdict,
-    claim,
-    compared,
-    holds,
-    improvement,
-    printed_digits,
-    shown,
-    shown_error,
-    to_last_digit,
 )
 from formulations.reproduction.searches import optima, search
 from nlp.arrays import FloatArray
@@ -71,53 +59,54 @@ def rows(
     printed: FloatArray = reference.NEARLY_OPTIMAL_7R,
     singular_values: tuple[Decimal, ...] = reference.SINGULAR_VALUES_7R,
     minimum: Decimal = reference.RESIDUAL_MINIMUM_7R,
-) -> Iterator[ReproductionRow]:
+) -> Iterator[row.ReproductionRow]:
     """Rows of fᵀf = 0.056827 and of eqs. (44) and (45)."""
     found = minima(seed, starts)
     values = np.array([measures.residual_sum_of_squares(matrix) for matrix in found])
     least = float(values.min())
     note = f"{starts} random starts, the Appendix's equations (f_17 corrected)"
-    yield to_last_digit("before (44)", "least fᵀf of a 7R", minimum, least, note=note)
+    yield row.to_last_digit("before (44)", "least fᵀf of a 7R", minimum, least, note=note)
     reached = int(np.sum(values <= least + 1e-9))
     quantity, ours = "random starts that end at this value", f"{reached} of {starts}"
     paper = "all of several thousand"
-    yield claim("before (44)", quantity, paper, ours, reached == starts)
+    yield row.claim("before (44)", quantity, paper, ours, reached == starts)
     yield _columns_row(printed)
     yield _printed_minimum_row(printed, least, minimum)
     yield _same_manipulator_row(printed, found[0])
     yield from _singular_value_rows(printed, found, singular_values)
 
 
-def _columns_row(printed: FloatArray) -> ReproductionRow:
+def _columns_row(printed: FloatArray) -> row.ReproductionRow:
     error = column_error(printed)
     # |v|² moves by at most 2h(|v_x| + |v_y| + |v_z|) + 3h², h the error of an entry.
     slack = 2 * ENTRY_SLACK * np.sqrt(3) + 3 * ENTRY_SLACK**2
     ours = f"off by at most {error:.1e}"
     note = f"rounded entries allow {slack:.1e}"
     quantity = "columns of rotational joints: |v| = |ω| = 1, v·ω = 0"
-    return claim("(44)", quantity, "by (21)", ours, bool(error <= slack), note)
+    return row.claim("(44)", quantity, "by (21)", ours, bool(error <= slack), note)
 
 
 def _printed_minimum_row(
     printed: FloatArray, least: float, minimum: Decimal
-) -> ReproductionRow:
+) -> row.ReproductionRow:
     as_printed = measures.residual_sum_of_squares(printed)
     defect = measures.isotropy_defect(printed)
     best_frame = least_sum_of_squares(printed)
     slack = defect_slack(printed, defect)
     near = max(abs(defect - least), abs(best_frame - defect)) <= slack
-    verdict = printed_digits(minimum, as_printed)
-    if verdict is not Verdict.AGREES and near:
-        verdict = Verdict.ROUNDED
-    return ReproductionRow(
+    verdict = row.printed_digits(minimum, as_printed)
+    if verdict is not row.Verdict.AGREES and near:
+        verdict = row.Verdict.ROUNDED
+    return row.ReproductionRow(
         "(44)",
         "fᵀf of the printed matrix",
         str(minimum),
-        f"{shown(best_frame)} in its best frame, {shown(as_printed)} in the printed one",
+        f"{row.shown(best_frame)} in its best frame, {row.shown(as_printed)} in the printed "
+        "one",
         verdict,
         "fᵀf depends on the frame, and (44) was turned to make its first column simple; "
-        f"½‖JJᵀ − (T/6)I‖², which does not, is {shown(defect)}, and rounded entries allow "
-        f"it to be {slack:.1e} from the minimum {shown(least)}",
+        f"½‖JJᵀ − (T/6)I‖², which does not, is {row.shown(defect)}, and rounded entries allow "
+        f"it to be {slack:.1e} from the minimum {row.shown(least)}",
     )
 
 
@@ -142,11 +131,11 @@ def least_sum_of_squares(jacobian: FloatArray, starts: int = 5, seed: int = 0) -
     return min(solution.objective for solution in found)
 
 
-def _same_manipulator_row(printed: FloatArray, ours: FloatArray) -> ReproductionRow:
+def _same_manipulator_row(printed: FloatArray, ours: FloatArray) -> row.ReproductionRow:
     exact = refined(printed)
     same = len(group_equivalent([exact, ours], tolerance=1e-5)) == 1
     moved = float(np.max(np.abs(aligned(exact, printed) - printed)))
-    return claim(
+    return row.claim(
         "(44)",
         "the same manipulator Jacobian as ours, refined from the print",
         "a typical Jacobian",
@@ -159,25 +148,25 @@ def _same_manipulator_row(printed: FloatArray, ours: FloatArray) -> Reproduction
 
 def _singular_value_rows(
     printed: FloatArray, found: list[FloatArray], singular_values: tuple[Decimal, ...]
-) -> Iterator[ReproductionRow]:
+) -> Iterator[row.ReproductionRow]:
     spectra = np.array([measures.singular_values(matrix) for matrix in found])
     exact, from_print = spectra[0], measures.singular_values(printed)
     slack = singular_value_slack(printed)
     note = f"of the printed matrix (44); rounded entries allow {slack:.1e} from the exact ones"
     paper = ", ".join(str(value) for value in singular_values)
-    yield compared("(44)", "singular values", paper, exact, from_print, note, slack)
+    yield row.compared("(44)", "singular values", paper, exact, from_print, note, slack)
     for k, paper_value in enumerate(singular_values):
-        row = to_last_digit("(45)", f"σ_{k + 1}", paper_value, exact[k], from_print[k])
-        if row.verdict is Verdict.ROUNDED:
-            row = replace(row, note=_rounding_note(exact[k], from_print[k]))
-        yield row
+        line = row.to_last_digit("(45)", f"σ_{k + 1}", paper_value, exact[k], from_print[k])
+        if line.verdict is row.Verdict.ROUNDED:
+            line = replace(line, note=_rounding_note(exact[k], from_print[k]))
+        yield line
     spread = float(np.max(np.ptp(spectra, axis=0)))
     classes = len(group_equivalent(found, tolerance=1e-5))
     quantity, note = "the same for all solutions", "modulo frame, phase, order and signs"
-    ours = f"spread {shown_error(spread, 1e-6)}; distinct Jacobians: {classes}"
-    yield claim("(45)", quantity, "common to all", ours, spread <= 1e-6, note)
+    ours = f"spread {row.shown_error(spread, 1e-6)}; distinct Jacobians: {classes}"
+    yield row.claim("(45)", quantity, "common to all", ours, spread <= 1e-6, note)
     sigma = float(np.sqrt(7 / 3))
-    yield to_last_digit("after (45)", "σ = √(n/3)", reference.ISOTROPIC_SIGMA_7R, sigma)
+    yield row.to_last_digit("after (45)", "σ = √(n/3)", reference.ISOTROPIC_SIGMA_7R, sigma)
 
 
 def _rounding_note(exact: float, from_print: float) -> str:
@@ -192,56 +181,60 @@ def worst_case_rows(
     starts: int = 20,
     printed: FloatArray = reference.NEARLY_OPTIMAL_7R,
     worst_case: Decimal = reference.WORST_CASE_7R,
-) -> Iterator[ReproductionRow]:
+) -> Iterator[row.ReproductionRow]:
     """Rows of eq. (46), of its improvement, and of the search for an optimal 7R."""
     exact = refined(printed)
     value, from_print = (measures.worst_case_sigma(matrix) for matrix in (exact, printed))
     quantity = "smallest singular value after the worst failure"
-    note = f"{shown(from_print)} is that of the rounded matrix (44)"
-    yield to_last_digit("(46)", quantity, worst_case, value, from_print, note)
+    note = f"{row.shown(from_print)} is that of the rounded matrix (44)"
+    yield row.to_last_digit("(46)", quantity, worst_case, value, from_print, note)
     yield _worst_joint_row(printed, exact)
-    yield to_last_digit("after (46)", "optimum √(1/3)", reference.OPTIMAL_SIGMA_7R, _OPTIMUM)
+    yield row.to_last_digit(
+        "after (46)", "optimum √(1/3)", reference.OPTIMAL_SIGMA_7R, _OPTIMUM
+    )
     poorer, percent = measures.gap_percent(value, _OPTIMUM), reference.POORER_PERCENT_7R
     quantity = "percent by which (46) is poorer than the optimum"
-    row = to_last_digit("after (46)", quantity, percent, poorer)
-    yield replace(row, paper=f"approximately {percent}")
+    line = row.to_last_digit("after (46)", quantity, percent, poorer)
+    yield replace(line, paper=f"approximately {percent}")
     yield _improvement_row(exact, seed, starts)
     yield _existence_row(seed, starts)
 
 
-def _worst_joint_row(printed: FloatArray, exact: FloatArray) -> ReproductionRow:
+def _worst_joint_row(printed: FloatArray, exact: FloatArray) -> row.ReproductionRow:
     from_print = measures.worst_case(printed).joints[0] + 1
     sigmas = measures.locked_singular_values(exact)
     worst = np.flatnonzero(sigmas <= sigmas.min() + _TIE) + 1
     expected = reference.WORST_JOINT_7R
-    verdict = holds(expected in worst)
-    if verdict is Verdict.AGREES and worst.size > 1:
-        verdict = Verdict.ROUNDED if from_print == expected else Verdict.MISMATCH
+    verdict = row.holds(expected in worst)
+    if verdict is row.Verdict.AGREES and worst.size > 1:
+        verdict = row.Verdict.ROUNDED if from_print == expected else row.Verdict.MISMATCH
     ours = "joints " + ", ".join(map(str, worst)) + " alike"
     note = f"in the rounded matrix joint {from_print} is worst; exactly, these all are"
-    return ReproductionRow("(46)", "the worst joint", f"joint {expected}", ours, verdict, note)
+    return row.ReproductionRow(
+        "(46)", "the worst joint", f"joint {expected}", ours, verdict, note
+    )
 
 
-def _improvement_row(exact: FloatArray, seed: int, starts: int) -> ReproductionRow:
+def _improvement_row(exact: FloatArray, seed: int, starts: int) -> row.ReproductionRow:
     build, sample = partial(max_min.build, ARM), max_min.ResidualMinimum(ARM)
     found = optima(search(build, sample, starts, seed))
     sigmas = np.array([measures.worst_case_sigma(matrix) for matrix in found])
     best, before = float(sigmas.max()), measures.worst_case_sigma(exact)
     reached = int(np.sum(sigmas >= best - 1e-6))
     gaps = [measures.gap_percent(sigma, _OPTIMUM) for sigma in (before, best)]
-    return ReproductionRow(
+    return row.ReproductionRow(
         "after (46)",
         "worst case if (5) is optimised explicitly",
         f"slightly better than {reference.WORST_CASE_7R}",
-        shown(best),
-        improvement(before, best, 1e-6),
+        row.shown(best),
+        row.improvement(before, best, 1e-6),
         f"max-min, {reached} of {starts} starts from residual minima reach it: "
-        f"{100 * (best / before - 1):.4f} % better than {shown(before)}, and "
+        f"{100 * (best / before - 1):.4f} % better than {row.shown(before)}, and "
         f"{gaps[1]:.4f} % instead of {gaps[0]:.4f} % below √(1/3)",
     )
 
 
-def _existence_row(seed: int, starts: int) -> ReproductionRow:
+def _existence_row(seed: int, starts: int) -> row.ReproductionRow:
     build = partial(isotropy.build, ARM)
     found = search(build, ARM.sample, starts, seed)
     tolerant = any(
@@ -251,20 +244,20 @@ def _existence_row(seed: int, starts: int) -> ReproductionRow:
     least = min(solution.violation for solution in found)
     infeasible = sum(solution.status.return_status == INFEASIBLE for solution in found)
     proved = excludes(len(ARM.joints))
-    return ReproductionRow(
+    return row.ReproductionRow(
         "Sec. 5",
         "optimally failure-tolerant 7R of rotational joints",
         "not found",
         "found" if tolerant else "proved not to exist" if proved else "not found",
         _existence_verdict(tolerant, proved),
         f"isotropy as constraints: {infeasible} of {starts} starts end as {INFEASIBLE}, least "
-        f"violation {shown(least)}; the certificate that none exists "
+        f"violation {row.shown(least)}; the certificate that none exists "
         + ("was verified in this run" if proved else "does not speak of this arm"),
     )
 
 
-def _existence_verdict(found: bool, proved: bool) -> Verdict:
+def _existence_verdict(found: bool, proved: bool) -> row.Verdict:
     """Return IMPROVED where the open question is answered, one way and not both."""
     if found and proved:
-        return Verdict.MISMATCH
-    return Verdict.IMPROVED if found or proved else Verdict.AGREES
+        return row.Verdict.MISMATCH
+    return row.Verdict.IMPROVED if found or proved else row.Verdict.AGREES

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from html import escape
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -211,7 +212,7 @@ class Manipulator(LinkChain):
         """Return the rows that the task needs, (…, m, n): of `full_jacobian` times `speeds`."""
         return self.full_jacobian(displacements)[..., self.task.rows, :] * self.speeds
 
-    def to_dict(self) -> dict[str, object]:
+    def to_dict(self) -> dict[str, Any]:
         """Return the axes joint by joint, and the end effector, as plain values."""
         names = ("joint", "column", "kind", "speed", "direction", "point")
         values = (self.speeds.tolist(), self.directions.tolist(), self.points.tolist())

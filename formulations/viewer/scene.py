@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from formulations.io.files import read_bytes
 from formulations.kinematics.forward import Kinematics
 from formulations.kinematics.read_xml import is_urdf
 from formulations.robots.robot_arm import RobotArm
 from formulations.viewer.picture import NO_ARROW, RobotPicture
 from nlp.arrays import FloatArray
-from nlp.files import read_bytes
 
 if TYPE_CHECKING:
     from viser import ViserServer

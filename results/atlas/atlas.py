@@ -5,10 +5,10 @@ from pathlib import Path
 
 from formulations.atlas.collection import pages, problem_of
 from formulations.atlas.row import AtlasRow, row_of
+from formulations.io.files import write_bytes
 from formulations.io.study import Effort
 from formulations.max_min import NAME as MAX_MIN
 from formulations.plot.style import content
-from nlp.files import write_bytes
 from results.atlas.figure import gallery, heat_map
 from results.script import declared, main
 

@@ -11,11 +11,11 @@ from statistics import median
 from typing import TYPE_CHECKING
 
 from formulations.io import pages
+from formulations.io.files import write_bytes
 from formulations.io.pages import groups
 from formulations.io.study import Effort, Study
 from formulations.plot.style import BLUE, GREY, INK, ORANGE, SMALL, VERMILION, content, styled
 from formulations.solving.outcome import REACHED_BEST
-from nlp.files import write_bytes
 from results.benchmark.measurement import NEAR, BenchmarkRow, measure
 from results.benchmark.peers import CLASSICAL, DEFAULT, FAST, PEERS
 from results.script import declared, parser, run
@@ -194,4 +194,4 @@ if __name__ == "__main__":
     made.add_argument("--joints", type=int, nargs="+", default=SIZES, help="from 7 to 20")
     made.add_argument("--time-limit", type=float, default=TIME_LIMIT, help="seconds a peer")
     options = made.parse_args()
-    sys.exit(run(study(options.joints, options.time_limit), options))
+    sys.exit(run(study(options.joints, options.time_limit), options, options.out))

@@ -36,26 +36,19 @@ def _functions() -> ctypes.CDLL:
     return library
 
 
+def _prepare(arm: Arm, name: str, *settings: float) -> Run:
+    solve = getattr(_functions(), name)
+
+    def one(start: FloatArray) -> FloatArray:
+        out = np.empty(arm.shape)
+        solve(arm.shape[1], *settings, start.copy(), out)
+        return out
+
+    return one
+
+
 def _residual(arm: Arm, exact: bool) -> Run:
-    solve = _functions().levenberg_marquardt
-
-    def one(start: FloatArray) -> FloatArray:
-        out = np.empty(arm.shape)
-        solve(arm.shape[1], exact, _MOST, _GRADIENT, start.copy(), out)
-        return out
-
-    return one
-
-
-def _max_min(arm: Arm) -> Run:
-    solve = _functions().max_min
-
-    def one(start: FloatArray) -> FloatArray:
-        out = np.empty(arm.shape)
-        solve(arm.shape[1], _MOST, start.copy(), out)
-        return out
-
-    return one
+    return _prepare(arm, "levenberg_marquardt", exact, _MOST, _GRADIENT)
 
 
 PEERS = (
@@ -71,7 +64,7 @@ PEERS = (
     Peer(
         "floor: hand-written C, reduced statement",
         max_min.NAME,
-        _max_min,
+        lambda arm: _prepare(arm, "max_min", _MOST),
         "-O3, Gauss–Newton, then an interior point method",
     ),
 )

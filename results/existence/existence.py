@@ -11,9 +11,9 @@ from formulations.existence.exact_jacobian import ExactJacobian, verify_existenc
 from formulations.existence.reading import read, read_either
 from formulations.existence.rings import exact_jacobian
 from formulations.existence.verify import TheoremReport, verify
+from formulations.io.files import write_text
 from formulations.io.study import Effort
 from formulations.io.table import column
-from nlp.files import write_text
 from results.script import declared, main
 
 CERTIFICATE = "certificate.json"

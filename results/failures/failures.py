@@ -9,7 +9,7 @@ import numpy as np
 from formulations import max_min, measures
 from formulations.bounds import unequal_failures
 from formulations.bounds.certified import sharpest_worst_case
-from formulations.comparison import solve_case
+from formulations.comparison import counted, solve_case
 from formulations.io.study import Effort, write_json
 from formulations.io.table import Table, column
 from formulations.joints.arm import Arm
@@ -145,32 +145,23 @@ def compute(effort: Effort, folder: Path) -> Iterator[FailureRow]:
 
 def row_of(outcome: Outcome) -> FailureRow:
     """Return an outcome of at least one record as a row, measured from the Jacobian alone."""
-    case, records = outcome.case, outcome.records
-    best, jacobian = outcome.reached, outcome.best.jacobian
-    (m, n), k, settings = case.arm.shape, case.locked, case.settings
-    failures = settings["failures"] or FailureModel.equally_likely(n, k)
-    value = score(jacobian, failures, settings["goal"]) if best else float("nan")
+    case, jacobian = outcome.case, outcome.best.jacobian
+    k, settings = case.locked, case.settings
+    failures = settings["failures"] or FailureModel.equally_likely(case.arm.shape[1], k)
+    value = score(jacobian, failures, settings["goal"]) if outcome.reached else float("nan")
     bound = _bound(case, jacobian)
     return FailureRow(
-        model=case.model,
-        task_dimension=m,
-        joints=n,
+        **counted(outcome),
         locked=k,
         failing=case.variant,
         goal=settings["goal"],
         encoding=settings["encoding"],
         starts_from="residual minima" if settings["from_residual_minima"] else "random",
-        starts=len(records),
-        solved=outcome.succeeded,
-        reached_best=len(best),
         score=value,
         bound=bound,
         gap_percent=measures.gap_percent(value, bound),
         worst_case_sigma=possible_worst_case_sigma(jacobian, failures),
         expected_sigma=expected_sigma(jacobian, failures),
-        distinct_optima=outcome.distinct_optima,
-        iterations_median=float(np.median([one.status.iterations for one in records])),
-        cpu_seconds_per_start=float(np.mean([one.cpu_seconds for one in records])),
     )
 
 

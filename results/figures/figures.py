@@ -4,11 +4,11 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+from formulations.io.files import write_bytes, write_text
 from formulations.io.study import Effort
 from formulations.plot.figures import FIGURES
 from formulations.plot.picture import Request
 from formulations.plot.style import content
-from nlp.files import write_bytes, write_text
 from results.script import declared, main
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from formulations.io.files import write_bytes
 from formulations.io.study import Effort, write_json
 from formulations.io.table import HIDDEN, column, read_rows
 from formulations.kinematics.forward import Kinematics
@@ -18,7 +19,6 @@ from formulations.paths.waypoints import ToolPath
 from formulations.plot.path import draw
 from formulations.plot.style import content
 from formulations.robots.robot_arm import RobotArm
-from nlp.files import write_bytes
 from results.robots.survey import ARMS, SurveyArm
 from results.script import declared, main
 

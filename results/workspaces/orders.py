@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from formulations import measures
+from formulations.io.files import write_bytes
 from formulations.io.study import Effort
 from formulations.io.table import HIDDEN, column
 from formulations.joints.arm import Arm
@@ -21,7 +22,6 @@ from formulations.synthesis.criteria import COARSE, CRITERIA, Sampling, kept_bal
 from formulations.synthesis.family import every, family
 from formulations.synthesis.from_jacobian import realise
 from nlp.arrays import FloatArray
-from nlp.files import write_bytes
 from nlp.starts import generator
 
 if TYPE_CHECKING:

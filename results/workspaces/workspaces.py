@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from formulations.io.files import write_bytes
 from formulations.io.study import Effort
 from formulations.io.table import HIDDEN, column
 from formulations.kinematics.chain_between import chain_between
@@ -17,7 +18,6 @@ from formulations.plot.style import content
 from formulations.plot.workspace import draw
 from formulations.workspaces.best_limits import STARTS, best_limits
 from formulations.workspaces.workspace import Workspace, measured, workspace
-from nlp.files import write_bytes
 from results.robots.survey import SurveyArm
 from results.script import declared, main
 from results.workspaces.orders import SETTINGS, OrderRow, orders

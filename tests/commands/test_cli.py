@@ -372,8 +372,8 @@ def test_bound_of_existence(lockedjoint, tmp_path):
     found = json.loads(done.stdout)
     assert (found["verdict"], found["classes"], found["free_moments"]) == ("feasible", 43, [])
     text = lockedjoint.here(*arguments, cwd=tmp_path).stdout
-    assert "classes                      43" in text
-    assert "(4,2,1)" in text
+    assert ["classes", "43"] in [line.split() for line in text.splitlines()]
+    assert "4  2  1" in text
 
 
 def test_global_bounds(lockedjoint, tmp_path, monkeypatch):

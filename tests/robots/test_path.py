@@ -305,7 +305,7 @@ def test_the_command_writes_what_it_says(lockedjoint, made, arm, tmp_path):
     words = ("path", "robot.urdf", "--waypoints", "w.csv", "--samples", 6, "--tracks", 8)
     done = lockedjoint.here(*words, "--out", "here", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
-    for said in ("survives", "minimum norm", "ceiling", "Written to here", "| j6 "):
+    for said in ("percent", "minimum norm", "ceiling", "Written to here", "j6 "):
         assert said in done.stdout
     found = json.loads((tmp_path / "here/path.json").read_text())
     with (tmp_path / "here/path.csv").open() as file:

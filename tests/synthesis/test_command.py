@@ -55,15 +55,15 @@ def test_tables_and_counts(realise, folder):
         "planar.json", "--count", "--order", "2,0,1", "--signs", "+-+", cwd=folder
     )
     lines = dict(line.split("  ", 1) for line in counted.stdout.splitlines())
-    assert lines["distinct manipulators"].strip() == "4"
-    assert lines["orders and signs"].strip() == "48"
+    assert lines["distinct"].strip() == "4"
+    assert lines["arrangements"].strip() == "48"
     assert lines["signs"].strip() == "+-+"
 
 
 def test_figures_and_files(realise, folder):
     done = realise("planar.json", "--to", "figure", "--out", "arm.png", cwd=folder)
     assert done.returncode == 0, done.stderr
-    assert "distinct manipulators" in done.stdout
+    assert "distinct" in done.stdout
     assert (folder / "arm.png").read_bytes().startswith(b"\x89PNG")
     slid = realise("seven.npy", "--slide", "length", "--to", "figure", cwd=folder)
     assert slid.stdout.startswith("<?xml")

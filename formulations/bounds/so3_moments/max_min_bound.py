@@ -38,9 +38,9 @@ from formulations.bounds.so3_moments.worst_case_conditions import (
     condition_families,
 )
 from formulations.existence.certificate import CertificateError
+from formulations.io.files import prepare_file, write_text
 from nlp.arrays import Rng, one_blas_thread
 from nlp.errors import InputError
-from nlp.files import prepare_file, write_text
 from nlp.starts import seed_of
 
 LOCALISED, NULL_VECTOR = "localised", "null-vector"

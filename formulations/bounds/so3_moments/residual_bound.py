@@ -32,9 +32,9 @@ from formulations.bounds.so3_moments.row_sectors import (
 )
 from formulations.bounds.so3_moments.sampled_blocks import SectorBlocks, sector_families
 from formulations.bounds.so3_moments.wigner import random_rotations, residual_values
+from formulations.io.files import prepare_file, write_text
 from nlp.arrays import Rng, one_blas_thread
 from nlp.errors import InputError
-from nlp.files import prepare_file, write_text
 from nlp.starts import seed_of
 
 # With rows of degree 6; total spin 1 is needed.

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from formulations.io.files import MOST_BYTES, load_json, read_bytes, real_in
 from formulations.measures import as_jacobian
 from nlp.arrays import FloatArray
 from nlp.errors import FileError, InputError, printable
-from nlp.files import MOST_BYTES, load_json, read_bytes, real_in
 
 Named = tuple[str, FloatArray]
 

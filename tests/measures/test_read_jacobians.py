@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from formulations.io.jacobians import read_jacobians
+from formulations.measures.read_jacobians import read_jacobians
 from nlp.errors import InputError
 
 MATRIX = np.random.default_rng(0).normal(size=(2, 4))
@@ -57,7 +57,7 @@ def test_an_npz_that_is_no_matrix_or_a_bomb_is_refused(tmp_path, monkeypatch):
     for name, array in bad.items():
         np.savez(tmp_path / f"{name}.npz", array)
     np.savez_compressed(tmp_path / "bomb.npz", np.zeros((2, 4000)))
-    monkeypatch.setattr("formulations.io.jacobians.MOST_BYTES", 50_000)
+    monkeypatch.setattr("formulations.measures.read_jacobians.MOST_BYTES", 50_000)
     (tmp_path / "cut.npz").write_bytes((tmp_path / "bomb.npz").read_bytes()[:-30])
     for name in (*bad, "bomb", "cut"):
         with pytest.raises(InputError, match=name):

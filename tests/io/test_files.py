@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
+from formulations.io.files import prepare_file, prepare_folder, write_text
 from nlp.errors import FileError
-from nlp.files import prepare_file, prepare_folder, write_text
 
 
 def test_replaces_and_leaves_nothing_else(tmp_path):
@@ -114,7 +114,7 @@ def test_two_outputs_may_not_be_one(tmp_path):
 
 
 def test_standard_output_is_not_replaced(tmp_path):
-    code = "from pathlib import Path; import nlp.files as f; f.prepare_file(Path('{}'))"
+    code = "from formulations.io.files import *; prepare_file(Path('{}'))"
     for name in ("out.txt", "/dev/stdout"):
         with (tmp_path / "out.txt").open("w") as file:
             words = [sys.executable, "-c", code.format(name)]
