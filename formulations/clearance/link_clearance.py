@@ -29,7 +29,6 @@ import numpy as np
 from formulations.clearance.bodies import Bodies, bodies_of
 from formulations.clearance.capsules import (
     Capsule,
-    between_segments,
     capsule_around,
     gap_squared,
 )
@@ -39,6 +38,7 @@ from formulations.kinematics.forward import Kinematics
 from formulations.kinematics.inverse import BoolArray
 from formulations.kinematics.read_urdf import urdf_tree
 from formulations.kinematics.read_xml import from_file, is_urdf, xml_root
+from formulations.kinematics.segments import segment_distance
 from formulations.kinematics.tree import RobotTree
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
@@ -156,7 +156,7 @@ class LinkClearance:
         ends = np.stack([placed(link, link.capsule.end) for link in self.links])
         radii = np.array([link.capsule.radius for link in self.links])
         first, second = (list(side) for side in zip(*self.pairs, strict=True))
-        gap = between_segments(starts[first], ends[first], starts[second], ends[second])
+        gap = segment_distance(starts[first], ends[first], starts[second], ends[second], axis=1)
         return np.asarray(gap - (radii[first] + radii[second])[:, None])
 
     def is_kept(self, configurations: FloatArray) -> BoolArray:

@@ -137,8 +137,8 @@ class Kinematics:
         return np.concatenate([missing, vector])[self.rows]
 
 
-def tip_jacobian(chain: Chain, positions: ca.SX) -> tuple[ca.SX, ca.SX]:
-    """Jacobian of the tip's point, and the orientation of its link.
+def tip_kinematics(chain: Chain, positions: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
+    """Jacobian and position of the tip's point, and the orientation of its link.
 
     Parameters
     ----------
@@ -152,6 +152,8 @@ def tip_jacobian(chain: Chain, positions: ca.SX) -> tuple[ca.SX, ca.SX]:
     casadi.SX
         Columns (v; ω) as in eq. (21), along the axes of the base, shape (6, n): metres
         or radians per radian or metre.
+    casadi.SX
+        Position, shape (3, 1).
     casadi.SX
         Rotation from the tip's axes to those of the base, shape (3, 3).
     """
@@ -169,16 +171,7 @@ def tip_jacobian(chain: Chain, positions: ca.SX) -> tuple[ca.SX, ca.SX]:
         else:
             column = ca.vertcat(ca.cross(axis, origin - start), axis)
         matrix[:, motion.variable] += motion.multiplier * column
-    return matrix, orientation
-
-
-def tip_pose(chain: Chain, positions: ca.SX) -> tuple[ca.SX, ca.SX]:
-    """Position (3, 1) and rotation (3, 3) of the tip, symbolically."""
-    orientation, origin = ca.SX.eye(3), ca.SX.zeros(3)
-    for motion in chain.motions:
-        orientation, origin = displaced(orientation, origin, motion, positions)
-    orientation, origin = _moved(orientation, origin, chain.end)
-    return origin, orientation
+    return matrix, origin, orientation
 
 
 def displaced(

@@ -59,6 +59,11 @@ class LinkChain:
         tip = _rotated(orientation, self.end_effector) + shift
         return LinkChain(directions, points, self.prismatic, tip), orientation
 
+    def chosen(self, which: BoolArray | IntArray) -> LinkChain:
+        """Return some of many chains, by the first dimension."""
+        axes = (one[which] for one in (self.directions, self.points, self.prismatic))
+        return LinkChain(*axes, self.end_effector)
+
     def velocities(self) -> FloatArray:
         """Return the Jacobian (v; ω), reference point the end effector, shape (…, 6, n)."""
         prismatic = self.prismatic[..., None]

@@ -168,10 +168,11 @@ class SerialArm:
         prismatic = np.array([[step.prismatic for step in self.steps]])
         return LinkChain(axes[None, ..., 0], origins[None, ..., 0], prismatic, tip[:, 0])
 
-    def positions(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return tips (k, 3) in the frame of joint 1, and Jacobians (k, 3, n), for q (k, n)."""
-        tip, _, matrix = self.kinematics.forward(np.ascontiguousarray(q.T))
-        return tip.T, np.ascontiguousarray(np.moveaxis(matrix, -1, 0))
+    def opened(self, lower: FloatArray, upper: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return limits (…, n) without ends where a joint makes a full turn."""
+        continuous = np.array([one.continuous for one in self.steps])
+        full = continuous & (upper - lower >= _TURN - 1e-9)
+        return np.where(full, -np.inf, lower), np.where(full, np.inf, upper)
 
     def reaches(
         self, points: FloatArray, lower: FloatArray, upper: FloatArray, seed: int = 0
@@ -192,15 +193,12 @@ class SerialArm:
         """
         rng = np.random.default_rng(seed)
         size = float(np.sum(self.links))
-        continuous = np.array([one.continuous for one in self.steps])
         left = np.arange(len(points))
         for _ in range(_RESTARTS):
             if not len(left):
                 break
-            low, high, target = lower[left], upper[left], points[left].T
-            q = rng.uniform(low, high)
-            full = continuous & (high - low >= _TURN - 1e-9)  # has no ends to stop at
-            low, high = np.where(full, -np.inf, low), np.where(full, np.inf, high)
+            q, target = rng.uniform(lower[left], upper[left]), points[left].T
+            low, high = self.opened(lower[left], upper[left])
             _, found = damped_least_squares(
                 partial(self._missing, target),
                 *(q.T, low.T, high.T),

@@ -131,18 +131,12 @@ class PoseSets(FailureSets):
             if not len(left):
                 break
             start = rng.uniform(lower[left], upper[left])
-            low, high = self._open(lower[left], upper[left])
+            low, high = self.arm.opened(lower[left], upper[left])
             _, reached = solve_pose(self._poses(points[left]), start, low, high)
             left = left[~reached]
         found = np.ones(len(points), dtype=bool)
         found[left] = False
         return found
-
-    def _open(self, lower: FloatArray, upper: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Limits without ends where a joint makes a full turn."""
-        endless = np.array([one.continuous for one in self.arm.steps])
-        full = endless & (upper - lower >= _TURN - 1e-9)
-        return np.where(full, -np.inf, lower), np.where(full, np.inf, upper)
 
     def _poses(self, points: FloatArray) -> SelfMotionPoses:
         turn = np.broadcast_to(self._turn, (len(points), 3, 3))
@@ -153,7 +147,7 @@ class PoseSets(FailureSets):
     ) -> list[tuple[npt.NDArray[np.intp], FloatArray]]:
         """Curves of points, as pairs of which points they are of and the curves."""
         lower, upper = (np.array(one) for one in zip(*self.arm.physical, strict=True))
-        low, high = self._open(lower, upper)
+        low, high = self.arm.opened(lower, upper)
         turns = np.isinf(low)
         found: list[tuple[npt.NDArray[np.intp], FloatArray]] = []
         reached_once = np.zeros(len(points), dtype=bool)
@@ -168,8 +162,8 @@ class PoseSets(FailureSets):
             new = ~_on_known(left, q, found, turns, len(points))
             left, q = left[new], q[new]
             if len(left):
-                curves = arcs(self._poses(points[left]), q, low, high, _STEP, _STEPS)
-                found.append((left, curves.points))
+                curves, _, _ = arcs(self._poses(points[left]), q, low, high, _STEP, _STEPS)
+                found.append((left, curves))
         return found
 
     def _mark(

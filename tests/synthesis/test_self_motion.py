@@ -51,8 +51,8 @@ def test_curves_hold_the_pose_and_close(optimum):
     none = np.full(7, np.inf)
     q, found = solve_pose(poses, np.zeros((2, 7)), -none, none)
     assert found.all()
-    curves = arcs(poses, q, -none, none, steps=150)
-    for own, points in zip(tip, curves.points, strict=True):
+    curves, _, _ = arcs(poses, q, -none, none, steps=150)
+    for own, points in zip(tip, curves, strict=True):
         points = points[~np.isnan(points[:, 0])]
         held = arm.pose(points)
         assert held[:, :3, 3] == pytest.approx(np.tile(own, (len(points), 1)), abs=6e-3)
@@ -70,8 +70,8 @@ def test_curves_end_at_limits():
     low, high = np.array([-0.4, -3.0, -3.0]), np.array([1.3, 3.0, 3.0])
     q, found = solve_pose(poses, np.array([[0.8, -1.0, 0.5]]), low, high)
     assert found.all()
-    curves = arcs(poses, q, low, high)
-    ends = curves.points[0][~np.isnan(curves.points[0, :, 0])]
+    (points,), _, _ = arcs(poses, q, low, high)
+    ends = points[~np.isnan(points[:, 0])]
     assert np.all((ends >= low - 1e-12) & (ends <= high + 1e-12))
     for end in (ends[0], ends[-1]):
         assert min(np.abs(end - low).min(), np.abs(end - high).min()) < 1e-9
@@ -91,8 +91,8 @@ def test_planar_curves_sweep_what_two_links_reach(lengths):
     swept = np.zeros((12, len(angles)), dtype=bool)
     for _ in range(7):  # both curves of a point, if it has two
         q, found = solve_pose(poses, rng.uniform(-3, 3, (12, 3)), -none, none)
-        curves = arcs(poses, q, -none, none, steps=120)
-        low, high = curves.least[:, :1], curves.most[:, :1]
+        _, least, most = arcs(poses, q, -none, none, steps=120)
+        low, high = least[:, :1], most[:, :1]
         shift = 2 * np.pi * np.ceil((low - angles) / (2 * np.pi))
         swept |= (angles + shift <= high) & found[:, None]
     elbow = points[:, None, :2] - one * np.stack([np.cos(angles), np.sin(angles)], axis=-1)
