@@ -35,7 +35,7 @@ from formulations.clearance.capsules import (
 from formulations.clearance.shapes import Geometry, Shape, coal_library, read_shapes, solid
 from formulations.kinematics.chain import Chain
 from formulations.kinematics.forward import Kinematics
-from formulations.kinematics.inverse import BoolArray
+from formulations.kinematics.link_chain import BoolArray
 from formulations.kinematics.read_urdf import urdf_tree
 from formulations.kinematics.read_xml import from_file, is_urdf, xml_root
 from formulations.kinematics.segments import segment_distance

@@ -61,8 +61,8 @@ class LinkChain:
 
     def chosen(self, which: BoolArray | IntArray) -> LinkChain:
         """Return some of many chains, by the first dimension."""
-        axes = (one[which] for one in (self.directions, self.points, self.prismatic))
-        return LinkChain(*axes, self.end_effector)
+        directions, points = self.directions[which], self.points[which]
+        return LinkChain(directions, points, self.prismatic[which], self.end_effector)
 
     def velocities(self) -> FloatArray:
         """Return the Jacobian (v; ω), reference point the end effector, shape (…, 6, n)."""

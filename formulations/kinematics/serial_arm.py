@@ -11,8 +11,8 @@ import numpy.typing as npt
 
 from formulations.kinematics.chain import Chain, ChainJoint, Motion, frozen
 from formulations.kinematics.forward import Kinematics
-from formulations.kinematics.inverse import IntArray, damped_least_squares
-from formulations.kinematics.link_chain import LinkChain
+from formulations.kinematics.inverse import damped_least_squares
+from formulations.kinematics.link_chain import IntArray, LinkChain
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
 
@@ -29,17 +29,13 @@ _RESTARTS, _STEPS, _REACHED = 24, 80, 1e-4
 
 
 @dataclass(frozen=True, eq=False)
-class Step:
-    """A joint: its placement A in the frame of the previous one, its kind and its limits.
+class Step(ChainJoint):
+    """A joint, and its placement A in the frame of the previous one.
 
     It turns about, or moves along, the z axis of its frame.
     """
 
-    name: str
-    placement: FloatArray
-    prismatic: bool
-    lower: float
-    upper: float
+    placement: FloatArray = field(default_factory=lambda: np.eye(4))
 
     @property
     def continuous(self) -> bool:
@@ -86,7 +82,7 @@ class SerialArm:
             orientation = _to_axis(np.array(motion.axis))
             low, high = _physical(joint.name, joint.prismatic, joint.lower, joint.upper)
             placement = before @ np.array(motion.placement) @ orientation
-            steps.append(Step(joint.name, placement, motion.prismatic, low, high))
+            steps.append(Step(joint.name, motion.prismatic, low, high, placement=placement))
             before = orientation.T
         end = before @ np.array(chain.end)
         return cls(tuple(steps), end[:3, 3], end[:3, :3])
@@ -99,7 +95,7 @@ class SerialArm:
         for k, (low, high) in enumerate(ranges):
             placement = np.eye(4)
             placement[0, 3] = lengths[k - 1] if k else 0.0
-            steps.append(Step(f"joint_{k + 1}", placement, False, low, high))
+            steps.append(Step(f"joint_{k + 1}", False, low, high, placement=placement))
         return cls(tuple(steps), np.array([lengths[-1], 0.0, 0.0]))
 
     @property
@@ -146,14 +142,13 @@ class SerialArm:
     @cached_property
     def kinematics(self) -> Kinematics:
         """Of the tip's position in the frame of joint 1."""
-        motions, joints = [], []
+        motions = []
         for k, step in enumerate(self.steps):
             placement = step.placement if k else np.eye(4)
             motions.append(Motion(frozen(placement), _Z, step.prismatic, k, 1.0, 0.0))
-            joints.append(ChainJoint(step.name, step.prismatic, step.lower, step.upper))
         end = np.eye(4)
         end[:3, :3], end[:3, 3] = self.tip_orientation, self.tip
-        chain = Chain("arm", "base", "tip", tuple(joints), tuple(motions), frozen(end))
+        chain = Chain("arm", "base", "tip", self.steps, tuple(motions), frozen(end))
         return Kinematics(chain, range(3))
 
     @cached_property

@@ -22,7 +22,8 @@ from scipy.spatial.transform import Rotation
 from formulations.clearance.link_clearance import LinkClearance
 from formulations.kinematics.chain import LARGEST
 from formulations.kinematics.forward import Kinematics, tip_kinematics
-from formulations.kinematics.inverse import BoolArray, solve_ik
+from formulations.kinematics.inverse import solve_ik
+from formulations.kinematics.link_chain import BoolArray
 from formulations.kinematics.serial_arm import Ranges
 from formulations.kinematics.tree import RobotError
 from formulations.robots.robot_arm import RobotArm
