@@ -4,15 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property, partial
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
 
 from formulations.kinematics.chain import Chain, ChainJoint, Motion, frozen
 from formulations.kinematics.forward import Kinematics
-from formulations.kinematics.inverse import damped_least_squares
-from formulations.kinematics.link_chain import IntArray, LinkChain
+from formulations.kinematics.link_chain import LinkChain
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
 
@@ -23,9 +22,6 @@ _TURN = 2 * np.pi
 _Z = (0.0, 0.0, 1.0)
 # Links and distances from an axis below this are none, in metres.
 _TINY = 1e-6
-# Inverse kinematics: random starts, steps of each, and what counts as reached, as a share of
-# the sum of the links.
-_RESTARTS, _STEPS, _REACHED = 24, 80, 1e-4
 
 
 @dataclass(frozen=True, eq=False)
@@ -168,49 +164,6 @@ class SerialArm:
         continuous = np.array([one.continuous for one in self.steps])
         full = continuous & (upper - lower >= _TURN - 1e-9)
         return np.where(full, -np.inf, lower), np.where(full, np.inf, upper)
-
-    def reaches(
-        self, points: FloatArray, lower: FloatArray, upper: FloatArray, seed: int = 0
-    ) -> Bits:
-        """Return for which points inverse kinematics finds a configuration within limits.
-
-        Damped least squares for all points at once, from random configurations. A point that
-        is not reached may still be reachable.
-
-        Parameters
-        ----------
-        points
-            Targets in the frame of joint 1, shape (k, 3).
-        lower, upper
-            Limits for each of them, shape (k, n); equal ones are a locked joint.
-        seed
-            Of the random configurations.
-        """
-        rng = np.random.default_rng(seed)
-        size = float(np.sum(self.links))
-        left = np.arange(len(points))
-        for _ in range(_RESTARTS):
-            if not len(left):
-                break
-            q, target = rng.uniform(lower[left], upper[left]), points[left].T
-            low, high = self.opened(lower[left], upper[left])
-            _, found = damped_least_squares(
-                partial(self._missing, target),
-                *(q.T, low.T, high.T),
-                reached=_REACHED * size,
-                damping=1e-6 * size**2,
-                steps=_STEPS,
-            )
-            left = left[~found]
-        reached = np.ones(len(points), dtype=bool)
-        reached[left] = False
-        return reached
-
-    def _missing(
-        self, targets: FloatArray, which: IntArray, q: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
-        tip, _, matrix = self.kinematics.forward(q)
-        return targets[:, which] - tip, matrix
 
 
 def _physical(name: str, prismatic: bool, low: float, high: float) -> tuple[float, float]:

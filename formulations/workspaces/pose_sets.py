@@ -123,20 +123,10 @@ class PoseSets(FailureSets):
         drawn = rng.integers(len(own), size=count)
         return own[drawn], drawn
 
-    def reaches(self, points: FloatArray, lower: FloatArray, upper: FloatArray) -> Bits:
-        """Return for which points inverse kinematics finds a configuration within limits."""
-        rng = np.random.default_rng(0)
-        left = np.arange(len(points))
-        for _ in range(3 * ROUNDS):
-            if not len(left):
-                break
-            start = rng.uniform(lower[left], upper[left])
-            low, high = self.arm.opened(lower[left], upper[left])
-            _, reached = solve_pose(self._poses(points[left]), start, low, high)
-            left = left[~reached]
-        found = np.ones(len(points), dtype=bool)
-        found[left] = False
-        return found
+    def _solved(
+        self, points: FloatArray, start: FloatArray, lower: FloatArray, upper: FloatArray
+    ) -> Bits:
+        return solve_pose(self._poses(points), start, lower, upper)[1]
 
     def _poses(self, points: FloatArray) -> SelfMotionPoses:
         turn = np.broadcast_to(self._turn, (len(points), 3, 3))
