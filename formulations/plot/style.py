@@ -188,25 +188,11 @@ def without_frame(axes: Axes, *shown: str) -> None:
 
 
 def beside(
-    axes: Axes, point: tuple[float, float], text: str, by: tuple[float, float], **style: Any
+    axes: Axes, point: tuple[float, float], text: str, by: tuple[float, float], colour: str
 ) -> None:
-    """Write text beside a point of the data, on the side that it is moved to.
-
-    Parameters
-    ----------
-    axes, point, text
-        Where, and what.
-    by
-        How far the text is moved to the right and up, in points.
-    style
-        Other properties of the text, as Matplotlib names them.
-    """
-    right, up = by
-    aligned: dict[str, Any] = {
-        "ha": "right" if right < 0 else "left",
-        "va": "bottom" if up > 0 else "top" if up < 0 else "center",
-    }
-    axes.annotate(text, point, xytext=by, textcoords="offset points", **{**aligned, **style})
+    """Write text above or below a point of the data, moved right and up by so many points."""
+    where: dict[str, Any] = {"xytext": by, "textcoords": "offset points"}
+    axes.annotate(text, point, va="bottom" if by[1] > 0 else "top", color=colour, **where)
 
 
 def kind_of(path: Path) -> str:

@@ -212,14 +212,14 @@ class Page:
             slider = gui.add_slider(joint.name, low, high, step, value)
             box = gui.add_checkbox(f"lock {joint.name}", initial_value=False)
             slider.on_update(self._slid)
-            box.on_update(partial(self._turn_lock, joint.name))
+            box.on_update(partial(self._toggle, joint.name))
             self._sliders[joint.name], self._locks[joint.name] = slider, box
 
     def _slid(self, _: Any) -> None:
         if not self._quiet:
             self.draw()
 
-    def _turn_lock(self, name: str, _: Any) -> None:
+    def _toggle(self, name: str, _: Any) -> None:
         self._sliders[name].disabled = self._locks[name].value
         self.draw()
 

@@ -187,7 +187,7 @@ def test_shapes_that_are_turned_and_shifted_are_where_pinocchio_has_them(made, t
         theirs = {}
         for one, place in zip(geometry.geometryObjects, places.oMg, strict=True):
             theirs.setdefault(one.name[:2], []).append(place.homogeneous)
-        bodies, origins = found.bodies.frames(q[:, None])
+        bodies, origins = found.frames(q[:, None])
         assert len(found.links) == 6
         for link in found.links:
             body = np.eye(4)
