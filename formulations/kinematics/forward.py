@@ -12,7 +12,7 @@ import casadi as ca
 import numpy as np
 
 from formulations.kinematics.chain import Chain, Motion, Transform
-from formulations.kinematics.link_chain import HALF_TURN, rotation_vectors
+from formulations.kinematics.link_chain import rotation_vectors
 from nlp.arrays import FloatArray
 
 
@@ -121,20 +121,11 @@ class Kinematics:
         missing = position - origin
         if not self.angular:
             return np.asarray(missing[self.rows])
-        # R·Rᵀ of the wanted and the present rotation; its axis times the sine of its angle.
+        # R·Rᵀ of the wanted and the present rotation.
         product = np.einsum(
             "ikb,jkb->ijb", np.broadcast_to(rotation, orientation.shape), orientation
         )
-        vector = np.stack([product[2, 1], product[0, 2], product[1, 0]])
-        vector -= np.stack([product[1, 2], product[2, 0], product[0, 1]])
-        sine = np.sqrt(np.sum(vector**2, axis=0)) / 2
-        cosine = (product[0, 0] + product[1, 1] + product[2, 2] - 1) / 2
-        angle = np.arctan2(sine, cosine)
-        vector *= angle / np.maximum(sine, 1e-12) / 2
-        back = np.flatnonzero((sine < HALF_TURN) & (cosine < 0))
-        if back.size:
-            vector[:, back] = rotation_vectors(np.moveaxis(product[..., back], 2, 0)).T
-        return np.concatenate([missing, vector])[self.rows]
+        return np.concatenate([missing, rotation_vectors(product)])[self.rows]
 
 
 def tip_kinematics(chain: Chain, positions: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:

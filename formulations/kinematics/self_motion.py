@@ -65,7 +65,8 @@ class SelfMotionPoses:
         """Return what is missing to the poses, (k, m), and the Jacobians there, (k, m, n)."""
         moved, orientation = self.chain.moved(q)
         across = self.orientation @ np.swapaxes(orientation, -1, -2)
-        missing = np.concatenate([self.tip - moved.end_effector, rotation_vectors(across)], 1)
+        turned = rotation_vectors(np.moveaxis(across, 0, -1)).T
+        missing = np.concatenate([self.tip - moved.end_effector, turned], axis=1)
         return missing[:, self.rows], moved.velocities()[:, self.rows]
 
 

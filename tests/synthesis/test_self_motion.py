@@ -37,10 +37,14 @@ def test_rotation_vectors_up_to_half_a_turn():
     near = np.pi - 10.0 ** rng.uniform(-9, -1, 100)
     vectors *= np.concatenate([rng.uniform(0, np.pi, 100), near])[:, None]
     turns = Rotation.from_rotvec(vectors).as_matrix()
-    np.testing.assert_allclose(rotation_vectors(turns), vectors, atol=1e-12)
+    np.testing.assert_allclose(
+        rotation_vectors(np.moveaxis(turns, 0, -1)).T, vectors, atol=1e-12
+    )
     exact = np.array([np.diag(one) for one in ([1.0, -1, -1], [-1.0, 1, -1], [-1.0, -1, 1])])
-    np.testing.assert_array_equal(rotation_vectors(exact), np.pi * np.eye(3))
-    assert not rotation_vectors(np.eye(3)[None]).any()
+    np.testing.assert_array_equal(
+        rotation_vectors(np.moveaxis(exact, 0, -1)), np.pi * np.eye(3)
+    )
+    assert not rotation_vectors(np.eye(3)[..., None]).any()
 
 
 def test_curves_hold_the_pose_and_close(optimum):
@@ -183,5 +187,4 @@ def test_ranking_by_what_is_kept(tmp_path, monkeypatch):
 def test_a_coarse_sample_makes_the_shortlist():
     found = rank(realise(reference.PLANAR_3R), "kept", Sampling(0, 20, 0.3), shortlist=3)
     assert found.values.shape == (3,)
-    assert len(found.coarse) >= 4
-    assert "the 3 best by a sample of 8" in found.method
+    assert "the 3 best by a sample of 8 of all 4 distinct" in found.method
