@@ -27,11 +27,7 @@ import casadi as ca
 import numpy as np
 
 from formulations.clearance.bodies import Bodies, bodies_of
-from formulations.clearance.capsules import (
-    Capsule,
-    capsule_around,
-    gap_squared,
-)
+from formulations.clearance.capsules import Capsule, capsule_around, gap_squared
 from formulations.clearance.shapes import Geometry, Shape, coal_library, read_shapes, solid
 from formulations.kinematics.chain import Chain
 from formulations.kinematics.forward import Kinematics, displaced

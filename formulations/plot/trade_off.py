@@ -11,15 +11,7 @@ import pandas as pd
 from formulations import measures, registry, residual
 from formulations.joints.models import arm
 from formulations.plot.picture import NothingFoundError, Picture, Request
-from formulations.plot.style import (
-    BLUE,
-    GREY,
-    INK,
-    VERMILION,
-    beside,
-    styled,
-    without_frame,
-)
+from formulations.plot.style import BLUE, GREY, INK, VERMILION, beside, styled, without_frame
 from formulations.solving.trade_off_curve import trade_off_curve
 from nlp.arrays import FloatArray
 
