@@ -70,7 +70,7 @@ def test_the_wheel_holds_the_packages_and_nothing_else(built):
     atlas = {name for name in names if name.startswith("formulations/atlas/entries/")}
     assert f"formulations/atlas/entries/{next(iter(entries()))}.json" in atlas
     assert "formulations/atlas/entries/LICENSE" in atlas
-    for kind in ("*.v", "*.j2", "entries/*.json", "bounds/record.json"):
+    for kind in ("*.v", "*.j2", "*.mplstyle", "entries/*.json", "bounds/record.json"):
         assert any(Path(name).match(kind) for name in names), kind
 
 

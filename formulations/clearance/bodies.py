@@ -5,67 +5,18 @@ Joints that do not move the tip stay: at zero, or at the limit nearest to it.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from functools import cached_property
+from typing import TypeAlias
 
-import casadi as ca
 import numpy as np
 
 from formulations.kinematics.chain import Chain, Motion
 from formulations.kinematics.chain_between import displacement, driven_joint, motion_of
-from formulations.kinematics.forward import displaced
 from formulations.kinematics.tree import MOVING, RobotTree
 from nlp.arrays import FloatArray
 
-
-@dataclass(frozen=True, eq=False)
-class Bodies:
-    """The bodies of a robot. Body 0 holds the root and does not move.
-
-    Attributes
-    ----------
-    size
-        Number of the chain's free joints.
-    moving
-        Of bodies 1, 2, …, parents first: the number of the body before each one's joint, and
-        the joint's motion.
-    """
-
-    size: int
-    moving: tuple[tuple[int, Motion], ...]
-
-    def parent(self, body: int) -> int:
-        """Return the number of the body before a body's joint; -1 for body 0."""
-        return self.moving[body - 1][0] if body else -1
-
-    def placed(self, positions: ca.SX) -> tuple[list[ca.SX], list[ca.SX]]:
-        """Rotation (3, 3) and origin (3, 1) of each body, from symbols of the positions."""
-        rotations, origins = [ca.SX.eye(3)], [ca.SX.zeros(3)]
-        for parent, motion in self.moving:
-            rotation, origin = displaced(rotations[parent], origins[parent], motion, positions)
-            rotations.append(rotation)
-            origins.append(origin)
-        return rotations, origins
-
-    def frames(self, configurations: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Rotations (bodies, 3, 3, B) and origins (bodies, 3, B) at configurations (n, B)."""
-        rotations, origins = (np.array(one) for one in self._kinematics(configurations))
-        count = len(self.moving) + 1
-        # CasADi's vectors are column by column.
-        rotations = rotations.reshape(count, 3, 3, -1).transpose(0, 2, 1, 3)
-        return rotations, origins.reshape(count, 3, -1)
-
-    @cached_property
-    def _kinematics(self) -> ca.Function:
-        q = ca.SX.sym("q", self.size)
-        rotations, origins = self.placed(q)
-        return ca.Function(
-            "bodies", [q], [ca.vertcat(*map(ca.vec, rotations)), ca.vertcat(*origins)]
-        )
-
-    def __getstate__(self) -> dict[str, object]:
-        """Travel to other processes without what CasADi made."""
-        return {k: v for k, v in self.__dict__.items() if not k.startswith("_")}
+#: Of bodies 1, 2, …, parents first: the number of the body before each one's joint, and the
+#: joint's motion. Body 0 holds the root and does not move.
+Bodies: TypeAlias = tuple[tuple[int, Motion], ...]
 
 
 def bodies_of(
@@ -106,4 +57,4 @@ def bodies_of(
                 value = multiplier * fixed.get(driver.name, still) + offset
                 pose = pose @ displacement(joint, value)
         places[joint.child] = (body, pose)
-    return Bodies(len(chain.joints), tuple(moving)), places
+    return tuple(moving), places

@@ -1,7 +1,6 @@
-"""Capsules around links, and the distances of the segments that they are made of.
+"""Capsules around links, and the distance of two of their segments in CasADi.
 
-The distance of two segments is there twice, by different formulas: in CasADi for the nonlinear
-program, and in NumPy for the check.
+It is for the nonlinear program; the check is by another formula, `segment_distance` in NumPy.
 """
 
 from __future__ import annotations
@@ -117,29 +116,3 @@ def gap_squared(a: ca.SX, b: ca.SX, c: ca.SX, d: ca.SX) -> ca.SX:
 
 def _within(share: ca.SX) -> ca.SX:
     return ca.fmin(ca.fmax(share, 0), 1)
-
-
-def between_segments(a: FloatArray, b: FloatArray, c: FloatArray, d: FloatArray) -> FloatArray:
-    """Distances of segments a–b and c–d, each (k, 3, B): least of five candidates.
-
-    An end of one to the other segment, four times; or both inner points of the common
-    perpendicular.
-    """
-
-    def to_segment(point: FloatArray, start: FloatArray, end: FloatArray) -> FloatArray:
-        along = end - start
-        square = np.sum(along**2, axis=1)
-        share = np.sum((point - start) * along, axis=1) / np.where(square > 0, square, 1.0)
-        nearest = start + np.clip(share, 0, 1)[:, None] * along
-        return np.asarray(np.sqrt(np.sum((point - nearest) ** 2, axis=1)))
-
-    ends = [to_segment(*three) for three in ((a, c, d), (b, c, d), (c, a, b), (d, a, b))]
-    u, v, w = b - a, d - c, c - a
-    normal = np.cross(u, v, axis=1)
-    square = np.sum(normal**2, axis=1)
-    safe = np.where(square > 0, square, 1.0)
-    s = np.sum(np.cross(w, v, axis=1) * normal, axis=1) / safe
-    t = np.sum(np.cross(w, u, axis=1) * normal, axis=1) / safe
-    inside = (square > 0) & (s >= 0) & (s <= 1) & (t >= 0) & (t <= 1)
-    straight = np.abs(np.sum(w * normal, axis=1)) / np.sqrt(safe)
-    return np.asarray(np.minimum.reduce([*ends, np.where(inside, straight, np.inf)]))

@@ -27,18 +27,14 @@ import casadi as ca
 import numpy as np
 
 from formulations.clearance.bodies import Bodies, bodies_of
-from formulations.clearance.capsules import (
-    Capsule,
-    between_segments,
-    capsule_around,
-    gap_squared,
-)
+from formulations.clearance.capsules import Capsule, capsule_around, gap_squared
 from formulations.clearance.shapes import Geometry, Shape, coal_library, read_shapes, solid
 from formulations.kinematics.chain import Chain
-from formulations.kinematics.forward import Kinematics
-from formulations.kinematics.inverse import BoolArray
+from formulations.kinematics.forward import Kinematics, displaced
+from formulations.kinematics.link_chain import BoolArray
 from formulations.kinematics.read_urdf import urdf_tree
 from formulations.kinematics.read_xml import from_file, is_urdf, xml_root
+from formulations.kinematics.segments import segment_distance
 from formulations.kinematics.tree import RobotTree
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
@@ -102,8 +98,8 @@ class LinkClearance:
     ----------
     least
         What they keep at least, in metres.
-    bodies
-        Of the whole robot.
+    bodies, size
+        Of the whole robot, and the number of the chain's free joints that move them.
     links
         Links with geometry.
     pairs
@@ -114,6 +110,7 @@ class LinkClearance:
 
     least: float
     bodies: Bodies
+    size: int
     links: tuple[Link, ...]
     pairs: tuple[tuple[int, int], ...]
     left_out: tuple[tuple[int, int], ...] = ()
@@ -126,6 +123,30 @@ class LinkClearance:
     def names(self, pair: tuple[int, int]) -> tuple[str, str]:
         """Names of the two links of a pair."""
         return self.links[pair[0]].name, self.links[pair[1]].name
+
+    def frames(self, configurations: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Rotations (bodies, 3, 3, B) and origins (bodies, 3, B) at configurations (n, B)."""
+        rotations, origins = (np.array(one) for one in self._kinematics(configurations))
+        count = len(self.bodies) + 1
+        # CasADi's vectors are column by column.
+        rotations = rotations.reshape(count, 3, 3, -1).transpose(0, 2, 1, 3)
+        return rotations, origins.reshape(count, 3, -1)
+
+    def _placed(self, positions: ca.SX) -> tuple[list[ca.SX], list[ca.SX]]:
+        """Rotation (3, 3) and origin (3, 1) of each body, from symbols of the positions."""
+        rotations, origins = [ca.SX.eye(3)], [ca.SX.zeros(3)]
+        for parent, motion in self.bodies:
+            rotation, origin = displaced(rotations[parent], origins[parent], motion, positions)
+            rotations.append(rotation)
+            origins.append(origin)
+        return rotations, origins
+
+    @cached_property
+    def _kinematics(self) -> ca.Function:
+        q = ca.SX.sym("q", self.size)
+        rotations, origins = self._placed(q)
+        stacked = [ca.vertcat(*map(ca.vec, rotations)), ca.vertcat(*origins)]
+        return ca.Function("bodies", [q], stacked)
 
     def distances(self, configurations: FloatArray) -> FloatArray:
         """Distance of the two capsules of each pair, in metres.
@@ -146,7 +167,7 @@ class LinkClearance:
         return np.concatenate([self._distances(one) for one in parts], axis=1)
 
     def _distances(self, configurations: FloatArray) -> FloatArray:
-        rotations, origins = self.bodies.frames(configurations)
+        rotations, origins = self.frames(configurations)
 
         def placed(link: Link, point: FloatArray) -> FloatArray:
             moved = np.einsum("ijb,j->ib", rotations[link.body], point)
@@ -156,7 +177,7 @@ class LinkClearance:
         ends = np.stack([placed(link, link.capsule.end) for link in self.links])
         radii = np.array([link.capsule.radius for link in self.links])
         first, second = (list(side) for side in zip(*self.pairs, strict=True))
-        gap = between_segments(starts[first], ends[first], starts[second], ends[second])
+        gap = segment_distance(starts[first], ends[first], starts[second], ends[second], axis=1)
         return np.asarray(gap - (radii[first] + radii[second])[:, None])
 
     def is_kept(self, configurations: FloatArray) -> BoolArray:
@@ -183,7 +204,7 @@ class LinkClearance:
         casadi.SX
             Shape (pairs, 1): at least 1 where the pair keeps the distance.
         """
-        rotations, origins = self.bodies.placed(positions)
+        rotations, origins = self._placed(positions)
         points = [
             [
                 origins[link.body] + rotations[link.body] @ ca.DM(point)
@@ -201,7 +222,7 @@ class LinkClearance:
     def closest(self, configuration: FloatArray, pairs: Sequence[tuple[int, int]]) -> Closest:
         """Return the nearest of some pairs by the geometry itself, as coal measures it."""
         coal = coal_library()
-        rotations, origins = self.bodies.frames(configuration[:, None])
+        rotations, origins = self.frames(configuration[:, None])
         placed = []
         for link, own in zip(self.links, self._geometry, strict=True):
             body = np.eye(4)
@@ -225,7 +246,7 @@ class LinkClearance:
         return [[solid(shape) for shape in link.shapes] for link in self.links]
 
     def __getstate__(self) -> dict[str, object]:
-        """Travel to other processes without what coal made."""
+        """Travel to other processes without what coal and CasADi made."""
         return {k: v for k, v in self.__dict__.items() if not k.startswith("_")}
 
 
@@ -261,17 +282,20 @@ def read_clearance(path: str | os.PathLike[str], chain: Chain, least: float) -> 
         for name, (shapes, source) in geometry.items()
         if shapes
     )
+    parents = _parents(bodies)
     pairs = tuple(
         (i, j)
         for (i, one), (j, other) in combinations(enumerate(links), 2)
         if one.body != other.body
-        and bodies.parent(one.body) != other.body
-        and bodies.parent(other.body) != one.body
+        and parents[one.body] != other.body
+        and parents[other.body] != one.body
     )
     if not pairs:
         allowed = "a robot with geometry on two links that are not adjacent"
         raise InputError("clearance", f"of {chain.robot}", allowed)
-    return _without_contacts(LinkClearance(least, bodies, links, pairs), chain)
+    return _without_contacts(
+        LinkClearance(least, bodies, len(chain.joints), links, pairs), chain
+    )
 
 
 def _read(path: Path, content: bytes) -> tuple[RobotTree, Geometry]:
@@ -283,12 +307,12 @@ def _without_contacts(whole: LinkClearance, chain: Chain) -> LinkClearance:
     """Leave out pairs whose capsules are always in contact, or in wrists always too near."""
     low, high = Kinematics(chain).ranges
     drawn = np.random.default_rng(1995).uniform(low, high, (len(low), _SAMPLES))
-    largest, bodies = np.max(whole.distances(drawn), axis=1), whole.bodies
+    largest, parents = np.max(whole.distances(drawn), axis=1), _parents(whole.bodies)
     kept: list[tuple[int, int]] = []
     out: list[tuple[int, int]] = []
     for pair, gap in zip(whole.pairs, largest.tolist(), strict=True):
         one, other = (whole.links[i].body for i in pair)
-        wrist = one == _two_before(bodies, other) or other == _two_before(bodies, one)
+        wrist = one == parents[parents[other]] or other == parents[parents[one]]
         (out if gap < (whole.least if wrist else 0.0) else kept).append(pair)
     if not kept:
         allowed = "a robot with two links that are not always in contact"
@@ -296,7 +320,6 @@ def _without_contacts(whole: LinkClearance, chain: Chain) -> LinkClearance:
     return replace(whole, pairs=tuple(kept), left_out=tuple(out))
 
 
-def _two_before(bodies: Bodies, body: int) -> int:
-    """Return the number of the body two joints before a body; -1 if there is none."""
-    before = bodies.parent(body)
-    return bodies.parent(before) if before >= 0 else -1
+def _parents(bodies: Bodies) -> dict[int, int]:
+    """Return the body before each one's joint, by number; -1, where there is none."""
+    return {-1: -1, 0: -1} | {k + 1: parent for k, (parent, _) in enumerate(bodies)}

@@ -12,7 +12,7 @@ import casadi as ca
 import numpy as np
 
 from formulations.kinematics.chain import Chain, Motion, Transform
-from formulations.kinematics.link_chain import HALF_TURN, rotation_vectors
+from formulations.kinematics.link_chain import rotation_vectors
 from nlp.arrays import FloatArray
 
 
@@ -121,24 +121,15 @@ class Kinematics:
         missing = position - origin
         if not self.angular:
             return np.asarray(missing[self.rows])
-        # R·Rᵀ of the wanted and the present rotation; its axis times the sine of its angle.
+        # R·Rᵀ of the wanted and the present rotation.
         product = np.einsum(
             "ikb,jkb->ijb", np.broadcast_to(rotation, orientation.shape), orientation
         )
-        vector = np.stack([product[2, 1], product[0, 2], product[1, 0]])
-        vector -= np.stack([product[1, 2], product[2, 0], product[0, 1]])
-        sine = np.sqrt(np.sum(vector**2, axis=0)) / 2
-        cosine = (product[0, 0] + product[1, 1] + product[2, 2] - 1) / 2
-        angle = np.arctan2(sine, cosine)
-        vector *= angle / np.maximum(sine, 1e-12) / 2
-        back = np.flatnonzero((sine < HALF_TURN) & (cosine < 0))
-        if back.size:
-            vector[:, back] = rotation_vectors(np.moveaxis(product[..., back], 2, 0)).T
-        return np.concatenate([missing, vector])[self.rows]
+        return np.concatenate([missing, rotation_vectors(product)])[self.rows]
 
 
-def tip_jacobian(chain: Chain, positions: ca.SX) -> tuple[ca.SX, ca.SX]:
-    """Jacobian of the tip's point, and the orientation of its link.
+def tip_kinematics(chain: Chain, positions: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
+    """Jacobian and position of the tip's point, and the orientation of its link.
 
     Parameters
     ----------
@@ -152,6 +143,8 @@ def tip_jacobian(chain: Chain, positions: ca.SX) -> tuple[ca.SX, ca.SX]:
     casadi.SX
         Columns (v; ω) as in eq. (21), along the axes of the base, shape (6, n): metres
         or radians per radian or metre.
+    casadi.SX
+        Position, shape (3, 1).
     casadi.SX
         Rotation from the tip's axes to those of the base, shape (3, 3).
     """
@@ -169,16 +162,7 @@ def tip_jacobian(chain: Chain, positions: ca.SX) -> tuple[ca.SX, ca.SX]:
         else:
             column = ca.vertcat(ca.cross(axis, origin - start), axis)
         matrix[:, motion.variable] += motion.multiplier * column
-    return matrix, orientation
-
-
-def tip_pose(chain: Chain, positions: ca.SX) -> tuple[ca.SX, ca.SX]:
-    """Position (3, 1) and rotation (3, 3) of the tip, symbolically."""
-    orientation, origin = ca.SX.eye(3), ca.SX.zeros(3)
-    for motion in chain.motions:
-        orientation, origin = displaced(orientation, origin, motion, positions)
-    orientation, origin = _moved(orientation, origin, chain.end)
-    return origin, orientation
+    return matrix, origin, orientation
 
 
 def displaced(

@@ -11,13 +11,11 @@ from collections.abc import Callable
 from typing import TypeAlias
 
 import numpy as np
-import numpy.typing as npt
 
 from formulations.kinematics.forward import Kinematics
+from formulations.kinematics.link_chain import BoolArray, IntArray
 from nlp.arrays import FloatArray
 
-BoolArray = npt.NDArray[np.bool_]
-IntArray = npt.NDArray[np.int64]
 #: What is missing to targets, shape (m, B), and the Jacobians, (m, n, B): of B of the targets,
 #: by number, at their configurations, shape (n, B).
 Residual: TypeAlias = Callable[[IntArray, FloatArray], tuple[FloatArray, FloatArray]]
@@ -145,7 +143,7 @@ def solve_ik(
     return q, done
 
 
-def _some(pose: FloatArray, which: npt.NDArray[np.intp]) -> FloatArray:
+def _some(pose: FloatArray, which: IntArray) -> FloatArray:
     return pose if pose.shape[-1] == 1 else pose[..., which]
 
 

@@ -15,7 +15,7 @@ import numpy.typing as npt
 from nlp.arrays import FloatArray
 
 # The axis of a rotation near half a turn, where its sine is less than this, is found otherwise.
-HALF_TURN = 1e-3
+_HALF_TURN = 1e-3
 BoolArray = npt.NDArray[np.bool_]
 IntArray = npt.NDArray[np.int64]
 
@@ -59,6 +59,11 @@ class LinkChain:
         tip = _rotated(orientation, self.end_effector) + shift
         return LinkChain(directions, points, self.prismatic, tip), orientation
 
+    def chosen(self, which: BoolArray | IntArray) -> LinkChain:
+        """Return some of many chains, by the first dimension."""
+        directions, points = self.directions[which], self.points[which]
+        return LinkChain(directions, points, self.prismatic[which], self.end_effector)
+
     def velocities(self) -> FloatArray:
         """Return the Jacobian (v; ω), reference point the end effector, shape (…, 6, n)."""
         prismatic = self.prismatic[..., None]
@@ -80,34 +85,28 @@ def rotation(axis: FloatArray, angle: FloatArray) -> FloatArray:
 
 
 def rotation_vectors(orientation: FloatArray) -> FloatArray:
-    """Return the vectors (k, 3) about which rotations (k, 3, 3) turn, as long as the angle.
+    """Return the vectors (3, k) about which rotations (3, 3, k) turn, as long as the angle.
 
     The axis is that of R - Rᵀ, which vanishes at half a turn. Near there it is found from
     (R + Rᵀ)/2 = cos φ I + (1 - cos φ) a aᵀ, and R - Rᵀ gives only its sign.
     """
-    twice = np.stack(
-        [
-            orientation[:, 2, 1] - orientation[:, 1, 2],
-            orientation[:, 0, 2] - orientation[:, 2, 0],
-            orientation[:, 1, 0] - orientation[:, 0, 1],
-        ],
-        axis=1,
-    )
-    sine = np.linalg.norm(twice, axis=1) / 2
-    cosine = (np.trace(orientation, axis1=1, axis2=2) - 1) / 2
+    twice = np.stack([orientation[2, 1], orientation[0, 2], orientation[1, 0]])
+    twice -= np.stack([orientation[1, 2], orientation[2, 0], orientation[0, 1]])
+    sine = np.sqrt(np.sum(twice**2, axis=0)) / 2
+    cosine = (orientation[0, 0] + orientation[1, 1] + orientation[2, 2] - 1) / 2
     angle = np.arctan2(sine, cosine)
-    found = twice / 2 * (angle / np.maximum(sine, 1e-300))[:, None]
-    back = np.flatnonzero((sine < HALF_TURN) & (cosine < 0))
+    vectors = twice * (angle / np.maximum(sine, 1e-12) / 2)
+    back = np.flatnonzero((sine < _HALF_TURN) & (cosine < 0))
     if back.size:
-        some = orientation[back]
+        some = np.moveaxis(orientation[..., back], 2, 0)
         square = (some + np.swapaxes(some, 1, 2)) / 2
         square -= cosine[back, None, None] * np.eye(3)
         largest = np.argmax(np.einsum("kii->ki", square), axis=1)
-        axis = square[np.arange(len(back)), largest]
-        axis /= np.linalg.norm(axis, axis=1)[:, None]
-        axis *= np.where(np.sum(axis * twice[back], axis=1) < 0, -1.0, 1.0)[:, None]
-        found[back] = axis * angle[back, None]
-    return np.asarray(found)
+        axis = square[np.arange(len(back)), largest].T
+        axis /= np.linalg.norm(axis, axis=0)
+        axis *= np.where(np.sum(axis * twice[:, back], axis=0) < 0, -1.0, 1.0)
+        vectors[:, back] = axis * angle[back]
+    return np.asarray(vectors)
 
 
 def _rotated(orientation: FloatArray, vector: FloatArray) -> FloatArray:

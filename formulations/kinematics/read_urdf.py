@@ -27,13 +27,7 @@ from formulations.kinematics.read_xml import (
     refuse_xacro,
     xml_root,
 )
-from formulations.kinematics.tree import (
-    MOVING,
-    Limit,
-    Mimic,
-    RobotTree,
-    TreeJoint,
-)
+from formulations.kinematics.tree import MOVING, Limit, Mimic, RobotTree, TreeJoint
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
 

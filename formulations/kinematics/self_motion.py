@@ -58,19 +58,15 @@ class SelfMotionPoses:
     def __getitem__(self, which: BoolArray | IntArray) -> SelfMotionPoses:
         chain = self.chain
         if len(chain.prismatic) == len(self):
-            chain = LinkChain(
-                chain.directions[which],
-                chain.points[which],
-                chain.prismatic[which],
-                chain.end_effector,
-            )
+            chain = chain.chosen(which)
         return SelfMotionPoses(chain, self.rows, self.tip[which], self.orientation[which])
 
     def residual(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return what is missing to the poses, (k, m), and the Jacobians there, (k, m, n)."""
         moved, orientation = self.chain.moved(q)
         across = self.orientation @ np.swapaxes(orientation, -1, -2)
-        missing = np.concatenate([self.tip - moved.end_effector, rotation_vectors(across)], 1)
+        turned = rotation_vectors(np.moveaxis(across, 0, -1)).T
+        missing = np.concatenate([self.tip - moved.end_effector, turned], axis=1)
         return missing[:, self.rows], moved.velocities()[:, self.rows]
 
 
@@ -101,24 +97,6 @@ def solve_pose(
     return q.T, found
 
 
-@dataclass(frozen=True, eq=False)
-class Arcs:
-    """Curves of configurations that hold poses, one for each.
-
-    Attributes
-    ----------
-    points
-        In order along each, shape (k, 2·steps + 1, n), the start in the middle; NaN beyond
-        the ends.
-    least, most
-        Between which values each joint sweeps, shape (k, n). Turns are counted.
-    """
-
-    points: FloatArray
-    least: FloatArray
-    most: FloatArray
-
-
 def arcs(
     poses: SelfMotionPoses,
     start: FloatArray,
@@ -127,7 +105,7 @@ def arcs(
     step: float = STEP,
     steps: int = STEPS,
     enough: float = np.inf,
-) -> Arcs:
+) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Follow the self-motion from configurations of the poses, in both directions.
 
     An arc ends where it closes, at a limit, or where it is lost.
@@ -140,6 +118,16 @@ def arcs(
         Length of a tangent, and how many at most in each direction.
     enough
         An arc also ends when every joint has swept all values from −enough to enough.
+
+    Returns
+    -------
+    numpy.ndarray
+        Configurations in order along each curve, shape (k, 2·steps + 1, n), the start in the
+        middle; NaN beyond the ends.
+    numpy.ndarray
+        The least values that each joint sweeps, shape (k, n). Turns are counted.
+    numpy.ndarray
+        The largest ones.
     """
     count, n = start.shape
     points = np.full((count, 2 * steps + 1, n), np.nan)
@@ -183,7 +171,7 @@ def arcs(
             here, left, tangent = here[~ended], left[~ended], tangent[~ended]
             tangent = tangent / np.linalg.norm(tangent, axis=1, keepdims=True)
             q = here + step * tangent
-    return Arcs(points, least, most)
+    return points, least, most
 
 
 def covered(
@@ -224,18 +212,16 @@ def kept(chain: LinkChain, rows: list[int], offsets: FloatArray, half: float) ->
     found = np.zeros(pairs.shape[1], dtype=bool)
     for at in range(0, len(found), _CHUNK):
         arm, point = pairs[:, at : at + _CHUNK]
-        own = LinkChain(
-            chain.directions[arm], chain.points[arm], chain.prismatic[arm], chain.end_effector
-        )
         orientation = np.broadcast_to(np.eye(3), (len(arm), 3, 3))
-        poses = SelfMotionPoses(own, rows, chain.end_effector + offsets[point], orientation)
+        poses = SelfMotionPoses(
+            chain.chosen(arm), rows, chain.end_effector + offsets[point], orientation
+        )
         q, reached = solve_pose(poses, np.zeros((len(arm), n)), -limits, limits)
         if not reached.any():
             continue
-        curves = arcs(poses[reached], q[reached], -none, none, enough=half)
-        found[at + np.flatnonzero(reached)] = covered(
-            curves.least, curves.most, half, chain.prismatic[arm][reached]
-        )
+        _, least, most = arcs(poses[reached], q[reached], -none, none, enough=half)
+        swept = covered(least, most, half, chain.prismatic[arm][reached])
+        found[at + np.flatnonzero(reached)] = swept
     return found.reshape(arms, len(offsets))
 
 

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property, partial
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
 
 from formulations.kinematics.chain import Chain, ChainJoint, Motion, frozen
 from formulations.kinematics.forward import Kinematics
-from formulations.kinematics.inverse import IntArray, damped_least_squares
 from formulations.kinematics.link_chain import LinkChain
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
@@ -23,23 +22,16 @@ _TURN = 2 * np.pi
 _Z = (0.0, 0.0, 1.0)
 # Links and distances from an axis below this are none, in metres.
 _TINY = 1e-6
-# Inverse kinematics: random starts, steps of each, and what counts as reached, as a share of
-# the sum of the links.
-_RESTARTS, _STEPS, _REACHED = 24, 80, 1e-4
 
 
 @dataclass(frozen=True, eq=False)
-class Step:
-    """A joint: its placement A in the frame of the previous one, its kind and its limits.
+class Step(ChainJoint):
+    """A joint, and its placement A in the frame of the previous one.
 
     It turns about, or moves along, the z axis of its frame.
     """
 
-    name: str
-    placement: FloatArray
-    prismatic: bool
-    lower: float
-    upper: float
+    placement: FloatArray = field(default_factory=lambda: np.eye(4))
 
     @property
     def continuous(self) -> bool:
@@ -86,7 +78,7 @@ class SerialArm:
             orientation = _to_axis(np.array(motion.axis))
             low, high = _physical(joint.name, joint.prismatic, joint.lower, joint.upper)
             placement = before @ np.array(motion.placement) @ orientation
-            steps.append(Step(joint.name, placement, motion.prismatic, low, high))
+            steps.append(Step(joint.name, motion.prismatic, low, high, placement=placement))
             before = orientation.T
         end = before @ np.array(chain.end)
         return cls(tuple(steps), end[:3, 3], end[:3, :3])
@@ -99,7 +91,7 @@ class SerialArm:
         for k, (low, high) in enumerate(ranges):
             placement = np.eye(4)
             placement[0, 3] = lengths[k - 1] if k else 0.0
-            steps.append(Step(f"joint_{k + 1}", placement, False, low, high))
+            steps.append(Step(f"joint_{k + 1}", False, low, high, placement=placement))
         return cls(tuple(steps), np.array([lengths[-1], 0.0, 0.0]))
 
     @property
@@ -146,14 +138,13 @@ class SerialArm:
     @cached_property
     def kinematics(self) -> Kinematics:
         """Of the tip's position in the frame of joint 1."""
-        motions, joints = [], []
+        motions = []
         for k, step in enumerate(self.steps):
             placement = step.placement if k else np.eye(4)
             motions.append(Motion(frozen(placement), _Z, step.prismatic, k, 1.0, 0.0))
-            joints.append(ChainJoint(step.name, step.prismatic, step.lower, step.upper))
         end = np.eye(4)
         end[:3, :3], end[:3, 3] = self.tip_orientation, self.tip
-        chain = Chain("arm", "base", "tip", tuple(joints), tuple(motions), frozen(end))
+        chain = Chain("arm", "base", "tip", self.steps, tuple(motions), frozen(end))
         return Kinematics(chain, range(3))
 
     @cached_property
@@ -168,56 +159,11 @@ class SerialArm:
         prismatic = np.array([[step.prismatic for step in self.steps]])
         return LinkChain(axes[None, ..., 0], origins[None, ..., 0], prismatic, tip[:, 0])
 
-    def positions(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return tips (k, 3) in the frame of joint 1, and Jacobians (k, 3, n), for q (k, n)."""
-        tip, _, matrix = self.kinematics.forward(np.ascontiguousarray(q.T))
-        return tip.T, np.ascontiguousarray(np.moveaxis(matrix, -1, 0))
-
-    def reaches(
-        self, points: FloatArray, lower: FloatArray, upper: FloatArray, seed: int = 0
-    ) -> Bits:
-        """Return for which points inverse kinematics finds a configuration within limits.
-
-        Damped least squares for all points at once, from random configurations. A point that
-        is not reached may still be reachable.
-
-        Parameters
-        ----------
-        points
-            Targets in the frame of joint 1, shape (k, 3).
-        lower, upper
-            Limits for each of them, shape (k, n); equal ones are a locked joint.
-        seed
-            Of the random configurations.
-        """
-        rng = np.random.default_rng(seed)
-        size = float(np.sum(self.links))
+    def opened(self, lower: FloatArray, upper: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return limits (…, n) without ends where a joint makes a full turn."""
         continuous = np.array([one.continuous for one in self.steps])
-        left = np.arange(len(points))
-        for _ in range(_RESTARTS):
-            if not len(left):
-                break
-            low, high, target = lower[left], upper[left], points[left].T
-            q = rng.uniform(low, high)
-            full = continuous & (high - low >= _TURN - 1e-9)  # has no ends to stop at
-            low, high = np.where(full, -np.inf, low), np.where(full, np.inf, high)
-            _, found = damped_least_squares(
-                partial(self._missing, target),
-                *(q.T, low.T, high.T),
-                reached=_REACHED * size,
-                damping=1e-6 * size**2,
-                steps=_STEPS,
-            )
-            left = left[~found]
-        reached = np.ones(len(points), dtype=bool)
-        reached[left] = False
-        return reached
-
-    def _missing(
-        self, targets: FloatArray, which: IntArray, q: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
-        tip, _, matrix = self.kinematics.forward(q)
-        return targets[:, which] - tip, matrix
+        full = continuous & (upper - lower >= _TURN - 1e-9)
+        return np.where(full, -np.inf, lower), np.where(full, np.inf, upper)
 
 
 def _physical(name: str, prismatic: bool, low: float, high: float) -> tuple[float, float]:

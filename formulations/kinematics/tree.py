@@ -155,7 +155,7 @@ class RobotTree:
             shown = ", ".join(roots[:4])
             raise RobotError("robot", f"in pieces that start at {shown}", "one connected tree")
         try:
-            TopologicalSorter(self._parents).prepare()
+            _ = self.parents_first
         except CycleError as error:
             cycle = set(error.args[1])
             shown = ", ".join([link for link in self.links if link in cycle][:4])
@@ -163,14 +163,10 @@ class RobotTree:
             raise RobotError("robot", f"cyclic (through {shown})", allowed) from None
 
     @property
-    def _parents(self) -> dict[str, list[str]]:
-        return {joint.child: [joint.parent] for joint in self.joints}
-
-    @property
     def parents_first(self) -> tuple[TreeJoint, ...]:
         """The joints, each after the one before it."""
         above = {joint.child: joint for joint in self.joints}
-        order = TopologicalSorter(self._parents).static_order()
+        order = TopologicalSorter({k: [v.parent] for k, v in above.items()}).static_order()
         return tuple(above[link] for link in order if link in above)
 
     @property

@@ -12,8 +12,7 @@ from itertools import pairwise
 import numpy as np
 
 from formulations.kinematics.forward import Kinematics
-from formulations.kinematics.inverse import BoolArray
-from formulations.kinematics.link_chain import IntArray
+from formulations.kinematics.link_chain import BoolArray, IntArray
 from formulations.paths.survival import JUMP, survivors
 from formulations.paths.waypoints import Poses, place_name
 from nlp.arrays import FloatArray

@@ -7,8 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from formulations.kinematics.inverse import BoolArray
-from formulations.kinematics.link_chain import IntArray
+from formulations.kinematics.link_chain import BoolArray, IntArray
 from formulations.paths.waypoints import Poses
 from nlp.arrays import FloatArray
 

@@ -12,7 +12,7 @@ import casadi as ca
 import numpy as np
 
 from formulations.kinematics.chain import Chain
-from formulations.kinematics.forward import Kinematics, tip_pose
+from formulations.kinematics.forward import Kinematics, tip_kinematics
 from formulations.paths.nodes import Nodes
 from formulations.paths.plan import Trajectory
 from formulations.paths.survival import JUMP
@@ -50,7 +50,7 @@ def transcription(
     """
     count, size = target.shape
     symbols = ca.SX.sym("q", size)
-    pose = ca.Function("pose", [symbols], [*tip_pose(chain, symbols)])
+    pose = ca.Function("pose", [symbols], [*tip_kinematics(chain, symbols)[1:]])
     q = ca.SX.sym("q", size, count)
     off = []
     for k in range(count):

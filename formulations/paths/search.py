@@ -23,7 +23,8 @@ import numpy as np
 
 from formulations import measures
 from formulations.kinematics.forward import Kinematics
-from formulations.kinematics.inverse import BoolArray, solve_ik
+from formulations.kinematics.inverse import solve_ik
+from formulations.kinematics.link_chain import BoolArray
 from formulations.paths.nodes import Nodes
 from formulations.paths.plan import PathPlan, Trajectory
 from formulations.paths.polish import polished

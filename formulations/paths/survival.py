@@ -56,7 +56,7 @@ def follow(
     joint
         The joint of each that is locked, shape (B,); none if left out.
     centre
-        See `Kinematics.reach`.
+        See `solve_ik`.
 
     Returns
     -------

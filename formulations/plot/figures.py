@@ -167,13 +167,5 @@ _figure.register(RobotAssessment, singular_values.bars)
 _figure.register(Manipulator, manipulator.figure)
 _figure.register(PathPlan, path.draw)
 _figure.register(Workspace, workspace.draw)
-
-
-@_figure.register(Record)
-def _(value: Record) -> Figure:
-    return singular_values.bars(measure(value.jacobian))
-
-
-@_figure.register(Outcome)
-def _(value: Outcome) -> Figure:
-    return optima.draw(optima.ends(value.case.name, value))
+_figure.register(Record, lambda value: singular_values.bars(measure(value.jacobian)))
+_figure.register(Outcome, lambda value: optima.draw(optima.ends(value.case.name, value)))

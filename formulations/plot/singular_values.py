@@ -160,8 +160,8 @@ def _draw(upper: Axes, lower: Axes, title: str, matrix: FloatArray) -> None:
         BOUND, f"trace {BOUND}"
     )
     highest, least = max(bound for _, bound in known), float(np.min(smallest))
-    beside(lower, (left, highest), text, (0, 4), color=INK)
-    beside(lower, (left, least), f"worst case {least:.4f}", (0, -4), color=VERMILION)
+    beside(lower, (left, highest), text, (0, 4), INK)
+    beside(lower, (left, least), f"worst case {least:.4f}", (0, -4), VERMILION)
     upper.set_title(title)
     upper.tick_params(labelbottom=False)
     lower.set_xticks(places, ["before", *(str(f) for f in range(len(smallest)))])

@@ -24,44 +24,14 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 FORMATS = ("svg", "png", "pdf")
-# Okabe and Ito's colours, which colour-blind readers can distinguish, and greys.
+# Okabe and Ito's colours, which colour-blind readers can distinguish, and greys: those of the
+# style sheet, too.
 ORANGE, BLUE, VERMILION = "#E69F00", "#0072B2", "#D55E00"
 INK, GREY, PALE, PAPER = "#333333", "#7A8087", "#C8CDD2", "#F5F7F9"
 # Of small print; sizes follow `font.size`, so that a style file sets all of them at once.
 SMALL = "small"
 
-# The font comes with Matplotlib, so that files are the same everywhere.
-_SETTINGS: Mapping[str, object] = MappingProxyType(
-    {
-        "font.family": "sans-serif",
-        "font.sans-serif": ["DejaVu Sans", "Verdana", "Arial", "sans-serif"],
-        "font.size": 9.5,
-        "text.color": INK,
-        "axes.edgecolor": GREY,
-        "axes.labelcolor": INK,
-        "axes.linewidth": 0.6,
-        "axes.spines.top": False,
-        "axes.spines.right": False,
-        "axes.titlelocation": "left",
-        "axes.titlesize": "large",
-        "axes.titlecolor": INK,
-        "xtick.color": GREY,
-        "ytick.color": GREY,
-        "xtick.labelcolor": INK,
-        "ytick.labelcolor": INK,
-        "xtick.labelsize": SMALL,
-        "ytick.labelsize": SMALL,
-        "xtick.major.width": 0.6,
-        "ytick.major.width": 0.6,
-        "xtick.major.size": 3.0,
-        "ytick.major.size": 3.0,
-        "figure.titlesize": "large",
-        "legend.fontsize": SMALL,
-        "legend.frameon": False,
-        "figure.constrained_layout.use": True,
-    }
-)
-
+_SHEET = Path(__file__).with_name("figures.mplstyle")
 # PDF files carry their fonts as TrueType, which publishers ask for; SVG files their text as
 # text.
 _WRITING: Mapping[str, object] = MappingProxyType(
@@ -176,7 +146,7 @@ def _style(more: Mapping[str, object] = MappingProxyType({})) -> AbstractContext
     """Matplotlib's settings: ours over its own, the user's style over ours, and more."""
     from matplotlib import style
 
-    return style.context(["default", {**_SETTINGS, **_LOOK.get().settings, **more}])
+    return style.context(["default", _SHEET, {**_LOOK.get().settings, **more}])
 
 
 @contextmanager
@@ -218,25 +188,11 @@ def without_frame(axes: Axes, *shown: str) -> None:
 
 
 def beside(
-    axes: Axes, point: tuple[float, float], text: str, by: tuple[float, float], **style: Any
+    axes: Axes, point: tuple[float, float], text: str, by: tuple[float, float], colour: str
 ) -> None:
-    """Write text beside a point of the data, on the side that it is moved to.
-
-    Parameters
-    ----------
-    axes, point, text
-        Where, and what.
-    by
-        How far the text is moved to the right and up, in points.
-    style
-        Other properties of the text, as Matplotlib names them.
-    """
-    right, up = by
-    aligned: dict[str, Any] = {
-        "ha": "right" if right < 0 else "left",
-        "va": "bottom" if up > 0 else "top" if up < 0 else "center",
-    }
-    axes.annotate(text, point, xytext=by, textcoords="offset points", **{**aligned, **style})
+    """Write text above or below a point of the data, moved right and up by so many points."""
+    where: dict[str, Any] = {"xytext": by, "textcoords": "offset points"}
+    axes.annotate(text, point, va="bottom" if by[1] > 0 else "top", color=colour, **where)
 
 
 def kind_of(path: Path) -> str:

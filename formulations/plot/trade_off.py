@@ -11,15 +11,7 @@ import pandas as pd
 from formulations import measures, registry, residual
 from formulations.joints.models import arm
 from formulations.plot.picture import NothingFoundError, Picture, Request
-from formulations.plot.style import (
-    BLUE,
-    GREY,
-    INK,
-    VERMILION,
-    beside,
-    styled,
-    without_frame,
-)
+from formulations.plot.style import BLUE, GREY, INK, VERMILION, beside, styled, without_frame
 from formulations.solving.trade_off_curve import trade_off_curve
 from nlp.arrays import FloatArray
 
@@ -89,5 +81,5 @@ def _draw(axes: Axes, model: str, table: pd.DataFrame) -> None:
     axes.plot(x[[0, -1]], y[[0, -1]], "o", ms=6, color=colour, mec="white", mew=1)
     first = {"isotropy": "exactly isotropic", "residual": "residual minimum"}
     start = first[str(table["statement"].iloc[0])]
-    beside(axes, (x[0], y[0]), f"{start} {y[0]:.5f}", (9, -4), color=colour)
-    beside(axes, (x[-1], y[-1]), f"max-min {y[-1]:.5f}", side, color=colour)
+    beside(axes, (x[0], y[0]), f"{start} {y[0]:.5f}", (9, -4), colour)
+    beside(axes, (x[-1], y[-1]), f"max-min {y[-1]:.5f}", side, colour)

@@ -7,14 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from formulations.kinematics.serial_arm import Bits
-from formulations.plot.style import (
-    BLUE,
-    ORANGE,
-    PALE,
-    PAPER,
-    SMALL,
-    styled,
-)
+from formulations.plot.style import BLUE, ORANGE, PALE, PAPER, SMALL, styled
 from formulations.workspaces.workspace import Workspace
 
 if TYPE_CHECKING:

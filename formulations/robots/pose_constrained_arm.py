@@ -21,8 +21,9 @@ from scipy.spatial.transform import Rotation
 
 from formulations.clearance.link_clearance import LinkClearance
 from formulations.kinematics.chain import LARGEST
-from formulations.kinematics.forward import Kinematics, tip_pose
-from formulations.kinematics.inverse import BoolArray, solve_ik
+from formulations.kinematics.forward import Kinematics, tip_kinematics
+from formulations.kinematics.inverse import solve_ik
+from formulations.kinematics.link_chain import BoolArray
 from formulations.kinematics.serial_arm import Ranges
 from formulations.kinematics.tree import RobotError
 from formulations.robots.robot_arm import RobotArm
@@ -177,7 +178,7 @@ class PoseConstrainedArm(RobotArm):
         """Return the pose, and the distances of pairs of links that come near each other."""
         blocks: tuple[Constraint, ...] = ()
         if self.pose is not None:
-            blocks = self.pose.constraints(*tip_pose(self.chain, variables))
+            blocks = self.pose.constraints(*tip_kinematics(self.chain, variables)[1:])
         if self.clearance is not None and self._near:
             excess = self.clearance.excess(variables, self._near)
             blocks += (Constraint("clearance", excess, 1.0, np.inf),)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from types import MappingProxyType
 from typing import Any
 
@@ -116,40 +117,25 @@ def searched(arm: RobotArm, search: Search) -> Outcome:
         seed=search.seed,
         workers=search.workers,
         progress=search.progress,
-        sample=_PromisingStart(arm, search),
-        polish=_CarefulPolish(arm, search.locked) if near else None,
+        sample=partial(_promising_start, arm, search),
+        polish=partial(_careful_polish, arm, search.locked) if near else None,
     )
 
 
-@dataclass(frozen=True)
-class _PromisingStart:
-    """Draws configurations at random; returns the one with the best worst case."""
+def _promising_start(arm: RobotArm, search: Search, rng: np.random.Generator) -> FloatArray:
+    """Draw configurations at random; return the one with the best worst case."""
 
-    arm: RobotArm
-    search: Search
-
-    def __call__(self, rng: np.random.Generator) -> FloatArray:
-        drawn = [self.arm.sample(rng) for _ in range(DRAWS)]
-        return max(drawn, key=lambda point: self._score(self.arm.jacobian(point)))
-
-    def _score(self, jacobian: FloatArray) -> float:
-        search = self.search
+    def score(point: FloatArray) -> float:
+        jacobian = arm.jacobian(point)
         if search.failures is None:
             return measures.worst_case_sigma(jacobian, search.locked)
         return unequal_max_min.score(jacobian, search.failures, search.goal)
 
+    return max((arm.sample(rng) for _ in range(DRAWS)), key=score)
 
-@dataclass(frozen=True)
-class _CarefulPolish:
-    """Returns the polished point if it is not worse, and whether that converged."""
 
-    arm: RobotArm
-    locked: int
-
-    def __call__(self, point: FloatArray) -> tuple[FloatArray, bool]:
-        polished, converged = Polish(self.arm, self.locked)(point)
-        before, after = (
-            measures.worst_case_sigma(self.arm.jacobian(q), self.locked)
-            for q in (point, polished)
-        )
-        return (polished, converged) if after >= before * (1 - _SAME) else (point, False)
+def _careful_polish(arm: RobotArm, locked: int, point: FloatArray) -> tuple[FloatArray, bool]:
+    """Return the polished point if it is not worse, and whether that converged."""
+    moved, converged = Polish(arm, locked)(point)
+    before, after = (measures.worst_case_sigma(arm.jacobian(q), locked) for q in (point, moved))
+    return (moved, converged) if after >= before * (1 - _SAME) else (point, False)

@@ -28,7 +28,7 @@ from formulations import measures
 from formulations.joints.joint import check_length
 from formulations.kinematics.chain import LARGEST, Chain
 from formulations.kinematics.chain_between import chain_between
-from formulations.kinematics.forward import tip_jacobian
+from formulations.kinematics.forward import tip_kinematics
 from formulations.kinematics.read_robot import read_robot
 from formulations.robots.task import TaskSpace
 from nlp.arrays import FloatArray, as_floats, finite_vector
@@ -274,7 +274,7 @@ class RobotArm:
         return self.length is None and self.task.linear and not slides_only
 
     def _symbolic_metric(self, variables: ca.SX) -> ca.SX:
-        full, rotation = tip_jacobian(self.chain, variables)
+        full, _, rotation = tip_kinematics(self.chain, variables)
         if self.task.frame == "base":
             return full
         return ca.vertcat(rotation.T @ full[:3, :], rotation.T @ full[3:, :])

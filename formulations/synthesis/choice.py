@@ -97,16 +97,12 @@ class Ranking:
         Those that were judged in full.
     values
         Their values, shape (N,).
-    coarse
-        Values of all arrangements by the coarse sample, from which these were chosen; empty
-        if there was none.
     """
 
     criterion: str
     method: str
     arrangements: Arrangements
     values: FloatArray
-    coarse: FloatArray
 
     def table(self) -> pd.DataFrame:
         """Return a row for each: its rank, columns from base to tip, signs, and value."""
@@ -165,7 +161,6 @@ def rank(
         sampling.check(shortlist, manipulator.joints)
 
     by_itself = wanted.self_motion and sampling.samples > COARSE
-    coarse = np.array([])
     if count(manipulator) <= EXHAUSTIVE:
         candidates = distinct(every(manipulator), symmetries(manipulator))
         method = f"all {len(candidates)} distinct arrangements"
@@ -174,7 +169,6 @@ def rank(
             progress(f"{first.name} of {method}")
             few = replace(sampling, samples=COARSE) if by_itself else sampling
             costs = _costs(first, manipulator, candidates, few)
-            coarse = -costs if by_itself else coarse
             candidates = candidates[np.argsort(costs, kind="stable")[:shortlist]]
             words = f"best by a sample of {COARSE}" if by_itself else "shortest"
             method = f"the {shortlist} {words} of {method}"
@@ -193,7 +187,7 @@ def rank(
     costs = _costs(wanted, manipulator, candidates, sampling)
     order = np.argsort(costs, kind="stable")
     values = wanted.sign * costs[order]
-    return Ranking(name, method, candidates[order], values, coarse)
+    return Ranking(name, method, candidates[order], values)
 
 
 def _costs(

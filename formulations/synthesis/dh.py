@@ -140,7 +140,10 @@ def common_normals(chain: LinkChain) -> Normals:
     scale = float(np.max(np.linalg.norm(points - tip, axis=-1))) or 1.0
     start, end, across = (np.empty(directions.shape) for _ in range(3))
     here = points[..., 0, :]
-    before = _any_orthogonal(directions[..., 0, :])
+    first = directions[..., 0, :]
+    flat = np.where(np.abs(first[..., :1]) < 0.9, [1.0, 0.0, 0.0], [0.0, 1.0, 0.0])
+    before = flat - _dot(flat, first) * first
+    before = before / np.linalg.norm(before, axis=-1, keepdims=True)
     for k in range(n):
         axis, point = directions[..., k, :], points[..., k, :]
         if k == n - 1:
@@ -183,12 +186,6 @@ def _through(
 def _nearest(target: FloatArray, axis: FloatArray, point: FloatArray) -> FloatArray:
     """Point of the axis nearest to a target."""
     return np.asarray(point + _dot(target - point, axis) * axis)
-
-
-def _any_orthogonal(axis: FloatArray) -> FloatArray:
-    flat = np.where(np.abs(axis[..., :1]) < 0.9, [1.0, 0.0, 0.0], [0.0, 1.0, 0.0])
-    across = flat - _dot(flat, axis) * axis
-    return np.asarray(across / np.linalg.norm(across, axis=-1, keepdims=True))
 
 
 def _dot(a: FloatArray, b: FloatArray) -> FloatArray:

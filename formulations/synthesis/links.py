@@ -11,6 +11,7 @@ from itertools import combinations
 
 import numpy as np
 
+from formulations.kinematics.segments import segment_distance
 from formulations.synthesis.manipulator import Manipulator
 from nlp.arrays import FloatArray
 
@@ -174,27 +175,6 @@ def slide_apart(manipulator: Manipulator, seed: int = 0) -> Manipulator:
     return slid if gained else manipulator
 
 
-def segment_distance(
-    start: FloatArray, end: FloatArray, other_start: FloatArray, other_end: FloatArray
-) -> FloatArray:
-    """Distance between two segments, shape (…): of interiors, or of an end and a segment."""
-    u, v, gap = end - start, other_end - other_start, other_start - start
-    cross = np.cross(u, v)
-    square = np.sum(cross**2, axis=-1)
-    size = np.sum(u**2, axis=-1) * np.sum(v**2, axis=-1)
-    skew = square > 1e-20 * size
-    safe = np.where(skew, square, 1.0)
-    s = np.sum(np.cross(gap, v) * cross, axis=-1) / safe
-    t = np.sum(np.cross(gap, u) * cross, axis=-1) / safe
-    inside = skew & (s >= 0) & (s <= 1) & (t >= 0) & (t <= 1)
-    between = np.abs(np.sum(gap * cross, axis=-1)) / np.sqrt(safe)
-    ends = np.minimum(
-        np.minimum(_to(start, other_start, other_end), _to(end, other_start, other_end)),
-        np.minimum(_to(other_start, start, end), _to(other_end, start, end)),
-    )
-    return np.asarray(np.where(inside, between, ends))
-
-
 def slide(manipulator: Manipulator) -> Manipulator:
     """Return the manipulator with its joints slid along their axes, to the least total length.
 
@@ -235,12 +215,3 @@ def _pieces(
     ends = np.concatenate([points[..., 1:, :], tip], axis=-2)
     lengths = np.linalg.norm(ends - points, axis=-1)
     return ends, lengths, (ends - points) / np.where(lengths > 0, lengths, 1)[..., None]
-
-
-def _to(point: FloatArray, start: FloatArray, end: FloatArray) -> FloatArray:
-    """Distance from a point to a segment."""
-    span = end - start
-    square = np.sum(span**2, axis=-1, keepdims=True)
-    part = np.sum((point - start) * span, axis=-1, keepdims=True)
-    part = part / np.where(square > 0, square, 1)
-    return np.asarray(np.linalg.norm(point - start - np.clip(part, 0, 1) * span, axis=-1))

@@ -57,17 +57,11 @@ class Address:
         InputError
             If there is no such host here, or the port is in use or not allowed.
         """
+        family = socket.AF_INET6 if ":" in self.host else socket.AF_INET
+        where = (self.host or " ", self.port)  # without a name it would be every address
         try:
-            family, kind, _, _, where = socket.getaddrinfo(
-                self.host, self.port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
-            )[0]
-            with socket.socket(family, kind) as tried:
-                tried.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-                tried.bind(where)
-                tried.listen(1)
+            with socket.create_server(where, family=family) as tried:
                 return Address(self.host, int(tried.getsockname()[1]))
-        except socket.gaierror:
-            why = None
         except (OSError, UnicodeError) as error:
             why = _WHY.get(getattr(error, "errno", 0))
         if why:
@@ -218,14 +212,14 @@ class Page:
             slider = gui.add_slider(joint.name, low, high, step, value)
             box = gui.add_checkbox(f"lock {joint.name}", initial_value=False)
             slider.on_update(self._slid)
-            box.on_update(partial(self._turn_lock, joint.name))
+            box.on_update(partial(self._toggle, joint.name))
             self._sliders[joint.name], self._locks[joint.name] = slider, box
 
     def _slid(self, _: Any) -> None:
         if not self._quiet:
             self.draw()
 
-    def _turn_lock(self, name: str, _: Any) -> None:
+    def _toggle(self, name: str, _: Any) -> None:
         self._sliders[name].disabled = self._locks[name].value
         self.draw()
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from functools import partial
+from logging.handlers import BufferingHandler
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -28,6 +29,8 @@ _LINEAR, _ROTATIONAL = (200, 0, 0), (110, 50, 160)
 _FREE, _LOCKED, _SKELETON = (0, 114, 178), (213, 30, 30), (90, 90, 90)
 # From where the robot is seen, in parts of its size.
 _EYE = np.array([1.0, -0.85, 0.5])
+# Warnings of a library that are kept.
+_MOST_WARNINGS = 1_000_000
 
 
 class Scene:
@@ -86,7 +89,8 @@ class Scene:
         import yourdfpy
         from viser.extras import ViserUrdf
 
-        log, heard = logging.getLogger("yourdfpy"), _Heard()
+        log, heard = logging.getLogger("yourdfpy"), BufferingHandler(_MOST_WARNINGS)
+        heard.setLevel(logging.WARNING)
         before, log.propagate = log.propagate, False
         log.addHandler(heard)
         found = partial(yourdfpy.filename_handler_magic, dir=self._file.parent)
@@ -98,10 +102,9 @@ class Scene:
             self._model = self._drawn_urdf = None
             self.notes.append(f"Shapes of {self._file} are not drawn: {error}")
         else:
-            missing = len(heard.sentences)
-            if missing:
-                first = heard.sentences[0]
-                self.notes.append(f"{missing} shapes of {self._file} are not drawn: {first}")
+            if missing := heard.buffer:
+                shown = f"{len(missing)} shapes of {self._file}"
+                self.notes.append(f"{shown} are not drawn: {missing[0].getMessage()}")
         finally:
             log.removeHandler(heard)
             log.propagate = before
@@ -167,18 +170,6 @@ class Scene:
                 head_length=6 * width,
                 visible=visible,
             )
-
-
-class _Heard(logging.Handler):
-    """Keeps what a library warns of."""
-
-    def __init__(self) -> None:
-        super().__init__(logging.WARNING)
-        self.sentences: list[str] = []
-
-    def emit(self, record: logging.LogRecord) -> None:
-        """Keep one sentence."""
-        self.sentences.append(record.getMessage())
 
 
 def _sphere() -> tuple[FloatArray, npt.NDArray[np.int64]]:

@@ -18,6 +18,8 @@ from nlp.errors import InputError
 #: Default distance of the positions at which a joint may lock, in radians.
 SLICE = np.deg2rad(5.0)
 _TINY = 1e-9
+# Random starts of the inverse kinematics of a point.
+_RESTARTS = 24
 _LEAST_SLICE = np.deg2rad(0.0999)
 
 
@@ -59,8 +61,33 @@ class FailureSets(ABC):
         """Return points drawn from voxels, shape (count, 3), and which voxel each is in."""
 
     @abstractmethod
+    def _solved(
+        self, points: FloatArray, start: FloatArray, lower: FloatArray, upper: FloatArray
+    ) -> Bits:
+        """Return which points inverse kinematics reaches from one start each, (k, n)."""
+
     def reaches(self, points: FloatArray, lower: FloatArray, upper: FloatArray) -> Bits:
-        """Return for which points inverse kinematics finds a configuration within limits."""
+        """Return for which points inverse kinematics finds a configuration within limits.
+
+        From random configurations. A point that is not reached may still be reachable.
+
+        Parameters
+        ----------
+        points
+            Targets in the frame of joint 1, shape (k, 3).
+        lower, upper
+            Limits for each of them, shape (k, n); equal ones are a locked joint.
+        """
+        rng = np.random.default_rng(0)
+        reached = np.zeros(len(points), dtype=bool)
+        for _ in range(_RESTARTS):
+            left = np.flatnonzero(~reached)
+            if not len(left):
+                break
+            start = rng.uniform(lower[left], upper[left])
+            ends = self.arm.opened(lower[left], upper[left])
+            reached[left] = self._solved(points[left], start, *ends)
+        return reached
 
     def after(self, limits: Ranges) -> Bits:
         """Voxels that are reached after every failure within limits."""

@@ -123,26 +123,10 @@ class PoseSets(FailureSets):
         drawn = rng.integers(len(own), size=count)
         return own[drawn], drawn
 
-    def reaches(self, points: FloatArray, lower: FloatArray, upper: FloatArray) -> Bits:
-        """Return for which points inverse kinematics finds a configuration within limits."""
-        rng = np.random.default_rng(0)
-        left = np.arange(len(points))
-        for _ in range(3 * ROUNDS):
-            if not len(left):
-                break
-            start = rng.uniform(lower[left], upper[left])
-            low, high = self._open(lower[left], upper[left])
-            _, reached = solve_pose(self._poses(points[left]), start, low, high)
-            left = left[~reached]
-        found = np.ones(len(points), dtype=bool)
-        found[left] = False
-        return found
-
-    def _open(self, lower: FloatArray, upper: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Limits without ends where a joint makes a full turn."""
-        endless = np.array([one.continuous for one in self.arm.steps])
-        full = endless & (upper - lower >= _TURN - 1e-9)
-        return np.where(full, -np.inf, lower), np.where(full, np.inf, upper)
+    def _solved(
+        self, points: FloatArray, start: FloatArray, lower: FloatArray, upper: FloatArray
+    ) -> Bits:
+        return solve_pose(self._poses(points), start, lower, upper)[1]
 
     def _poses(self, points: FloatArray) -> SelfMotionPoses:
         turn = np.broadcast_to(self._turn, (len(points), 3, 3))
@@ -153,7 +137,7 @@ class PoseSets(FailureSets):
     ) -> list[tuple[npt.NDArray[np.intp], FloatArray]]:
         """Curves of points, as pairs of which points they are of and the curves."""
         lower, upper = (np.array(one) for one in zip(*self.arm.physical, strict=True))
-        low, high = self._open(lower, upper)
+        low, high = self.arm.opened(lower, upper)
         turns = np.isinf(low)
         found: list[tuple[npt.NDArray[np.intp], FloatArray]] = []
         reached_once = np.zeros(len(points), dtype=bool)
@@ -168,8 +152,8 @@ class PoseSets(FailureSets):
             new = ~_on_known(left, q, found, turns, len(points))
             left, q = left[new], q[new]
             if len(left):
-                curves = arcs(self._poses(points[left]), q, low, high, _STEP, _STEPS)
-                found.append((left, curves.points))
+                curves, _, _ = arcs(self._poses(points[left]), q, low, high, _STEP, _STEPS)
+                found.append((left, curves))
         return found
 
     def _mark(

@@ -22,6 +22,8 @@ import numpy as np
 import numpy.typing as npt
 from scipy import ndimage
 
+from formulations.kinematics.inverse import damped_least_squares
+from formulations.kinematics.link_chain import IntArray
 from formulations.kinematics.serial_arm import Bits, Ranges, SerialArm, moved, moved_back
 from formulations.workspaces.failure_sets import SLICE, FailureSets, check_step
 from nlp.arrays import FloatArray
@@ -30,6 +32,9 @@ from nlp.errors import InputError
 _TURN = 2 * np.pi
 _TINY = 1e-9
 _MOST_CELLS = 5_000_000
+# Inverse kinematics: steps from a start, and what counts as reached, as a share of the sum of
+# the links.
+_STEPS, _REACHED = 80, 1e-4
 
 
 @dataclass(frozen=True)
@@ -145,16 +150,29 @@ class ReachableSets(FailureSets):
             found[:, 2] = self.arm.at_zero.end_effector[2]
         return found, drawn
 
-    def reaches(self, points: FloatArray, lower: FloatArray, upper: FloatArray) -> Bits:
-        """Return for which points inverse kinematics finds a configuration within limits."""
-        return self.arm.reaches(points, lower, upper)
+    def _solved(
+        self, points: FloatArray, start: FloatArray, lower: FloatArray, upper: FloatArray
+    ) -> Bits:
+        size = float(np.sum(self.arm.links))
+
+        def missing(which: IntArray, q: FloatArray) -> tuple[FloatArray, FloatArray]:
+            tip, _, matrix = self.arm.kinematics.forward(q)
+            return points.T[:, which] - tip, matrix
+
+        return damped_least_squares(
+            *(missing, start.T, lower.T, upper.T),
+            reached=_REACHED * size,
+            damping=1e-6 * size**2,
+            steps=_STEPS,
+        )[1]
 
     def _prepare(self) -> None:
         """Make the grids, cropped to what is reached at all, and the maps between them."""
         arm = self.arm
         if arm.is_planar:
-            # Heights of the links along the axes do not matter.
-            steps = [replace(one, placement=_flat(one.placement)) for one in arm.steps]
+            level = np.ones((4, 4))
+            level[2, 3] = 0.0  # heights of the links along the axes do not matter
+            steps = [replace(one, placement=one.placement * level) for one in arm.steps]
             self._flat = SerialArm(tuple(steps), arm.tip * (1, 1, 0))
         else:
             self._flat = arm
@@ -267,12 +285,6 @@ class ReachableSets(FailureSets):
 
     def _base(self, reach: _Reach) -> Bits:
         return self._mapped(reach, 0, self._base_map).reshape(self.shape)
-
-
-def _flat(placement: FloatArray) -> FloatArray:
-    found = placement.copy()
-    found[2, 3] = 0.0
-    return found
 
 
 def _shifted(cells: Bits, by: int) -> Bits:

@@ -8,11 +8,12 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from formulations.clearance.capsules import between_segments, capsule_around, gap_squared
+from formulations.clearance.capsules import capsule_around, gap_squared
 from formulations.clearance.link_clearance import read_clearance
 from formulations.clearance.shapes import Shape
 from formulations.kinematics.chain_between import chain_between
 from formulations.kinematics.read_urdf import read_urdf
+from formulations.kinematics.segments import segment_distance
 from formulations.kinematics.tree import RobotError
 from formulations.robots.pose_constrained_arm import Pose, PoseConstrainedArm
 from formulations.robots.posture import best_posture
@@ -108,7 +109,7 @@ def test_distances_of_segments_three_times():
     d[50:60] = c[50:60]  # a point
     symbols = [ca.SX.sym(name, 3) for name in "abcd"]
     stated = ca.Function("gap", symbols, [ca.sqrt(gap_squared(*symbols))])
-    ours = between_segments(*(one[:, :, None] for one in (a, b, c, d)))[:, 0]
+    ours = segment_distance(*(one[:, :, None] for one in (a, b, c, d)), axis=1)[:, 0]
     for k in range(300):
         assert float(stated(a[k], b[k], c[k], d[k])) == pytest.approx(ours[k], abs=1e-4)
         theirs = coal.distance(
@@ -186,7 +187,7 @@ def test_shapes_that_are_turned_and_shifted_are_where_pinocchio_has_them(made, t
         theirs = {}
         for one, place in zip(geometry.geometryObjects, places.oMg, strict=True):
             theirs.setdefault(one.name[:2], []).append(place.homogeneous)
-        bodies, origins = found.bodies.frames(q[:, None])
+        bodies, origins = found.frames(q[:, None])
         assert len(found.links) == 6
         for link in found.links:
             body = np.eye(4)

@@ -156,14 +156,14 @@ def test_positions_are_those_of_the_chain(spatial, made):
     chain = chain_between(made.tree(spatial), "l6")
     arm, judge = SerialArm.from_chain(chain), RobotArm(chain, TaskSpace(("vx", "vy", "vz")))
     q = np.random.default_rng(0).uniform(-0.1, 0.1, (4, 5))
-    _, ours = arm.positions(q)
+    _, _, ours = arm.kinematics.forward(q.T)
     turn = arm.steps[0].placement[:3, :3]
     theirs = np.array([judge.metric_jacobian(one)[:3] for one in q])
-    assert turn @ ours == pytest.approx(theirs, abs=1e-12)
+    assert turn @ np.moveaxis(ours, 2, 0) == pytest.approx(theirs, abs=1e-12)
     # The derivative of the position is the Jacobian.
     by = 1e-6 * np.eye(5)[3]
-    moved = (arm.positions(q + by)[0] - arm.positions(q - by)[0]) / 2e-6
-    assert moved == pytest.approx(ours[:, :, 3], abs=1e-8)
+    after, before = (arm.kinematics.forward(one.T)[0] for one in (q + by, q - by))
+    assert (after - before) / 2e-6 == pytest.approx(ours[:, 3], abs=1e-8)
 
 
 def test_the_reachable_set_holds_every_position_and_is_found_by_inverse_kinematics(
@@ -174,7 +174,7 @@ def test_the_reachable_set_holds_every_position_and_is_found_by_inverse_kinemati
     sets = ReachableSets(arm, 0.04, np.deg2rad(20))
     low, high = np.transpose(limits)
     q = np.random.default_rng(0).uniform(low, high, (3000, 5))
-    place = np.rint(arm.positions(q)[0] / 0.04).astype(int) - sets.corner
+    place = np.rint(arm.kinematics.forward(q.T)[0].T / 0.04).astype(int) - sets.corner
     voxels = sets.before(limits)
     assert voxels[tuple(place.T)].mean() > 0.99
     kept = voxels & sets.after(limits)

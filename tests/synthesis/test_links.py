@@ -8,13 +8,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import minimize
 
+from formulations.kinematics.segments import segment_distance
 from formulations.synthesis.from_jacobian import realise
 from formulations.synthesis.links import (
     LINK_RADIUS,
     clearance,
     link_gap,
     link_lengths,
-    segment_distance,
     slide,
     slide_apart,
 )
