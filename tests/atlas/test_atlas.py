@@ -29,9 +29,8 @@ from formulations.atlas.exact_value import (
     proves_worst_case,
     square_root_above,
 )
-from formulations.atlas.improve import improve
+from formulations.atlas.improve import SEARCHES, improve
 from formulations.atlas.local_optimality import local_optimality
-from formulations.atlas.polished import SEARCHES, improve_polished
 from formulations.joints import models
 from nlp.errors import FileError, InputError
 from results.atlas.figure import gallery, heat_map
@@ -235,12 +234,12 @@ def test_a_search_goes_on_where_it_stopped():
 
 @pytest.mark.parametrize("name", ["free-mean_2x7_k3", "unit-revolute_6x8_k2"])
 def test_hops_start_at_the_best_and_are_no_random_starts(name, monkeypatch):
-    monkeypatch.setattr("formulations.atlas.polished._STARTS", 2)
+    monkeypatch.setattr("formulations.atlas.improve._STARTS", 2)
     page = page_of(entry(name))
     near = page.jacobian + 1e-4 * page.jacobian[:, ::-1] * (page.entry.task_dimension == 2)
     near *= np.sqrt(page.entry.arm.largest_trace / measures.trace(near))
     worse = improved(page.entry, near, replace(page.found, by="me"), None)
-    better = next(improve_polished(page.entry, worse, 1e-6, "hops"))
+    better = next(improve(page.entry, worse, 1e-6, "hops"))
     assert float(better.value) == pytest.approx(float(page.value), abs=1e-7)
     assert better.found.seeds == page.found.seeds + 1
     assert better.found.starts == page.found.starts
@@ -273,12 +272,12 @@ def test_two_entries_are_diagonals_of_a_cube_and_its_axes_twice(diagonals, lengt
 def test_symmetric_starts_find_an_entry_anew():
     asked = entry("unit-revolute_6x10_k3")
     best = float(page_of(asked).value)
-    page = next(improve_polished(asked, None, 1e-6, "symmetric"))
+    page = next(improve(asked, None, 1e-6, "symmetric"))
     assert page.found.starts == page.found.reached_best == 0
     assert "symmetric under a map of order" in page.found.statement
     # Of 840 random starts one ends there.
     assert float(page.value) == pytest.approx(best, rel=1e-2)
-    again = next(improve_polished(asked, page_of(asked), 1e-6, "symmetric"))
+    again = next(improve(asked, page_of(asked), 1e-6, "symmetric"))
     assert float(again.value) >= best
     assert again.found.seeds == page_of(asked).found.seeds + 1
 
@@ -288,11 +287,11 @@ def test_searches_are_refused_where_they_cannot_begin():
         asked = entry(name)
         for search in SEARCHES:
             with pytest.raises(InputError, match="free-mean or unit-revolute"):
-                next(improve_polished(asked, page_of(asked), 1.0, search))
+                next(improve(asked, page_of(asked), 1.0, search))
     with pytest.raises(InputError, match="no Jacobian"):
-        next(improve_polished(entry("free-mean_2x5_k2"), None, 1.0, "hops"))
+        next(improve(entry("free-mean_2x5_k2"), None, 1.0, "hops"))
     with pytest.raises(InputError, match="random, hops or symmetric"):
-        next(improve_polished(entry("free-mean_2x5_k2"), None, 1.0, "best"))
+        next(improve(entry("free-mean_2x5_k2"), None, 1.0, "best"))
 
 
 def test_commands(lockedjoint, tmp_path):
