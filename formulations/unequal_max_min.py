@@ -31,7 +31,7 @@ from formulations import measures
 from formulations.encodings.factors import ENCODINGS, Encoding
 from formulations.joints.joint import ColumnModel
 from formulations.measures import unequal_failures
-from formulations.measures.locked_joints import check_sets
+from formulations.measures.jacobian import check_sets
 from formulations.measures.unequal_failures import (
     Scenarios,
     largest_weights,
