@@ -11,12 +11,7 @@ from typing import Any
 import numpy as np
 
 from formulations import isotropy, manipulability, max_min, registry
-from formulations.atlas.exact_value import (
-    certified_manipulability,
-    certified_worst_case,
-    proves_manipulability,
-    proves_worst_case,
-)
+from formulations.atlas import exact_value
 from formulations.bounds.certified import Bound, sharpest
 from formulations.joints import models
 from formulations.joints.arm import Arm
@@ -75,9 +70,8 @@ class Entry:
         InputError
             If it is not of the model, or nothing can be proved.
         """
-        ratio = self.formulation == manipulability.NAME
-        prove = certified_manipulability if ratio else certified_worst_case
-        return prove(self.arm, jacobian, self.locked)
+        relative = self.formulation == manipulability.NAME
+        return exact_value.proved_value(self.arm, jacobian, self.locked, relative)
 
     def proves(self, jacobian: FloatArray, value: str) -> bool:
         """Whether a Jacobian's measure is proved not to be below a decimal number above 0.
@@ -89,9 +83,8 @@ class Entry:
         InputError
             If it is not of the model, or singular.
         """
-        ratio = self.formulation == manipulability.NAME
-        decide = proves_manipulability if ratio else proves_worst_case
-        return decide(self.arm, jacobian, value, self.locked)
+        relative = self.formulation == manipulability.NAME
+        return exact_value.proves(self.arm, jacobian, value, self.locked, relative)
 
     def holds(self, jacobian: FloatArray) -> bool:
         """Whether a Jacobian, shape (m, n), is one of those that the entry asks for."""

@@ -22,11 +22,10 @@ from formulations.atlas.collection import (
 )
 from formulations.atlas.entry import Found, entries, entry
 from formulations.atlas.exact_value import (
-    certified_worst_case,
     distance_from_model,
     exceeds,
-    proves_manipulability,
-    proves_worst_case,
+    proved_value,
+    proves,
     square_root_above,
 )
 from formulations.atlas.improve import SEARCHES, improve
@@ -50,7 +49,7 @@ def test_the_proved_value_is_just_below_the_measured_one(model, seed):
     for locked in (1, 2):
         measured = measures.worst_case_sigma(jacobian, locked)
         if measured > 1e-6:
-            proved = float(certified_worst_case(arm, jacobian, locked))
+            proved = float(proved_value(arm, jacobian, locked))
             assert measured - 1e-7 <= proved <= measured + 1e-15
 
 
@@ -58,14 +57,11 @@ def test_the_proved_value_is_just_below_the_measured_one(model, seed):
 def test_a_value_is_proved_up_to_the_last_digits(model, seed, measure):
     """Whatever rounding the value was found with: the decision is made in whole numbers."""
     arm, jacobian = drawn(model, seed, 8)
-    prove, found = (
-        (proves_worst_case, measures.worst_case_sigma(jacobian))
-        if measure
-        else (proves_manipulability, manipulability.score(jacobian))
-    )
+    relative = measure is None
+    found = manipulability.score(jacobian) if relative else measure(jacobian)
     if found > 1e-3:
-        assert prove(arm, jacobian, f"{found - 1e-13:.15f}")
-        assert not prove(arm, jacobian, f"{found + 1e-13:.15f}")
+        assert proves(arm, jacobian, f"{found - 1e-13:.15f}", relative=relative)
+        assert not proves(arm, jacobian, f"{found + 1e-13:.15f}", relative=relative)
 
 
 def test_definiteness_is_decided_exactly():
