@@ -43,8 +43,8 @@ from formulations.bounds.so3_moments.wigner import jacobians_of
 from formulations.bounds.so3_moments.worst_case_conditions import (
     CUBIC,
     QUARTIC,
-    SpectralDistance,
     WorstCaseConditions,
+    spectral_distance,
     spectral_limit,
 )
 from nlp.errors import InputError
@@ -126,8 +126,8 @@ def test_the_condition_on_the_spectrum_holds_at_each_own_worst_case(attained, so
     for where in configurations(attained[0], so3):
         t = worst_case(where)
         for pair in (*CUBIC, *QUARTIC[::5]):
-            distance = SpectralDistance(spectral_limit(t, *pair), *pair)
-            assert distance(where) > -1e-9
+            limit = spectral_limit(t, *pair)
+            assert spectral_distance(limit, *pair, where) > -1e-9
 
 
 @pytest.mark.parametrize(("beta", "gamma"), [(0.1, 0.0), (0.25, 0.0), (0.4, -0.1), (0.0, 0.2)])
