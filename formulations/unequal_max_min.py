@@ -111,6 +111,14 @@ def build(
     levels = state(jacobian, failures, attained, encoding)
     least, largest = arm.bounds
     lower = np.concatenate([least, levels.lower, *(one.lower for one in levels.encoded)])
+
+    def complete_start(point: FloatArray) -> FloatArray:
+        numeric = arm.jacobian(point)
+        own, squares = levels.start(numeric)
+        pairs = zip(levels.encoded, squares, strict=True)
+        starts = (one.complete_start(numeric, float(t)) for one, t in pairs)
+        return np.concatenate([point, own, *starts])
+
     return Problem(
         name=f"max-min, {goal}",
         variables=ca.vertcat(variables, levels.symbols, *(e.variables for e in levels.encoded)),
@@ -124,7 +132,7 @@ def build(
         lower=lower,
         upper=np.append(largest, np.full(lower.size - largest.size, np.inf)),
         outputs={"jacobian": jacobian},
-        complete_start=_start_completer(arm, levels),
+        complete_start=complete_start,
         options={"ipopt": OPTIONS},
     )
 
@@ -168,13 +176,8 @@ def attained_score(
     Raises
     ------
     InputError
-        If k exceeds the redundancy, or no configuration has a score above zero.
+        If no configuration has a score above zero.
     """
-    m, n = arm.shape
-    locked = scenarios(failures)[0].locked
-    if locked > n - m:
-        allowed = f"at most the degree of redundancy, {n - m}"
-        raise InputError("locked joints", locked, allowed)
     rng = np.random.default_rng(1995)
     best = 0.0
     for _ in range(_SAMPLES):
@@ -237,18 +240,6 @@ def _expected(jacobian: ca.SX, failures: Scenarios, attained: float, encoding: s
     rows = Constraint("scenario", means - least, 0.0, np.inf)
     unknowns = ca.vertcat(symbols, least)
     return _Levels(unknowns, np.zeros(len(sets) + 1), least, encoded, start, (rows,))
-
-
-def _start_completer(arm: ColumnModel, levels: _Levels) -> Callable[[FloatArray], FloatArray]:
-    def complete_start(point: FloatArray) -> FloatArray:
-        numeric = arm.jacobian(point)
-        own, squares = levels.start(numeric)
-        pairs = zip(levels.encoded, squares, strict=True)
-        return np.concatenate(
-            [point, own, *(one.complete_start(numeric, float(t)) for one, t in pairs)]
-        )
-
-    return complete_start
 
 
 def _by_weight(failures: Scenarios) -> Mapping[float, Sets]:
