@@ -97,10 +97,10 @@ def _found(given: Mapping[str, Any]) -> Found:
 
 def pages(where: Path | None = None) -> Iterator[EntryPage]:
     """Read all entries that a folder holds, in the order of `entries`."""
-    for name in entries():
-        path = (where or folder()) / f"{name}.json"
-        if path.is_file():
-            yield read_page(path)
+    for asked in entries().values():
+        page = page_of(asked, where)
+        if page is not None:
+            yield page
 
 
 def page_of(asked: Entry, where: Path | None = None) -> EntryPage | None:

@@ -217,25 +217,21 @@ def entry(name: str) -> Entry:
 
 
 def _entries() -> Iterator[Entry]:
-    # Model, m, the numbers of joints, and the most joints that lock at once.
-    for model, m, joints, most in (
-        ("free-mean", 2, range(3, 13), 4),
-        ("free-mean", 3, range(4, 13), 3),
-        ("free-mean", 6, range(7, 13), 2),
-        ("unit-revolute", 6, range(7, 17), 3),
-        ("lever-revolute", 6, range(7, 13), 2),
-    ):
-        for n in joints:
-            yield from (Entry(model, m, n, k) for k in range(1, min(most, n - m) + 1))
-    yield Entry("lever-revolute", 6, 7, 1, isotropy.NAME)
-    for model, m, joints, most in (
-        ("free-mean", 2, range(3, 9), 3),
-        ("free-mean", 3, range(4, 9), 2),
-        ("unit-revolute", 6, range(7, 12), 2),
+    # Formulation, model, m, the numbers of joints, and the most joints that lock at once.
+    for formulation, model, m, joints, most in (
+        (max_min.NAME, "free-mean", 2, range(3, 13), 4),
+        (max_min.NAME, "free-mean", 3, range(4, 13), 3),
+        (max_min.NAME, "free-mean", 6, range(7, 13), 2),
+        (max_min.NAME, "unit-revolute", 6, range(7, 17), 3),
+        (max_min.NAME, "lever-revolute", 6, range(7, 13), 2),
+        (isotropy.NAME, "lever-revolute", 6, range(7, 8), 1),
+        (manipulability.NAME, "free-mean", 2, range(3, 9), 3),
+        (manipulability.NAME, "free-mean", 3, range(4, 9), 2),
+        (manipulability.NAME, "unit-revolute", 6, range(7, 12), 2),
     ):
         for n in joints:
             for k in range(1, min(most, n - m) + 1):
-                yield Entry(model, m, n, k, manipulability.NAME)
+                yield Entry(model, m, n, k, formulation)
     for n in range(7, 11):
         for prismatic in (1, 2):
             mix = f"unit-revolute:{n - prismatic},prismatic:{prismatic}"
