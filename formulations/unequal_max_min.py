@@ -76,7 +76,7 @@ def build(
     goal: Goal = "worst",
     encoding: str | None = None,
 ) -> Problem:
-    """State the problem for an arm.
+    """State the problem for an arm, of settings that `max_min.check` has seen.
 
     Parameters
     ----------
@@ -93,17 +93,10 @@ def build(
     Raises
     ------
     InputError
-        If a name is unknown, the model is of another number of joints, k exceeds the
-        redundancy, or no configuration that was tried has a score above zero.
+        If the model is of another number of joints, or no configuration that was tried has a
+        score above zero.
     """
-    if encoding is None:
-        encoding = default_encoding(failures, goal)
-    if encoding not in ENCODINGS:
-        raise InputError("encoding", encoding, "one of " + ", ".join(ENCODINGS))
-    m, n = arm.shape
-    failures = scenarios(failures)
-    for one in failures:
-        check_locked(n - m, len(one.fallible), one.locked)
+    encoding = encoding or default_encoding(failures, goal)
     attained = attained_score(arm, failures, goal)
     variables = arm.symbols()
     jacobian = arm.matrix(variables)
@@ -144,7 +137,6 @@ def default_encoding(failures: Scenarios, goal: Goal = "worst") -> str:
     optimum, which stalls it: on planar 4R with one joint twice as likely to fail 20 instead
     of 8 of 20 starts reach the best with one positive factor per deletion.
     """
-    checked_goal(goal)
     models, groups = scenarios(failures), list(_by_weight(failures).values())
     alike = len(groups) == 1 and len(groups[0]) == comb(models[0].joints, models[0].locked)
     return "shared-factor" if goal == "worst" and alike else "positive-factor-per-deletion"
