@@ -106,10 +106,8 @@ def search_certificate(
         joints,
         bound,
         constant,
-        tuple(parts["sectors"]),
-        excluded,
-        tuple(parts["scaled"]),
-        tuple(parts["krylov"]),
+        excluded=excluded,
+        **{name: tuple(squares) for name, squares in parts.items()},
     )
 
 
