@@ -24,7 +24,7 @@ from formulations import measures
 from formulations.bounds.certified import Bound, planar_on_record, sharpest
 from formulations.encodings.columns import inverse
 from formulations.joints.joint import ColumnModel
-from formulations.measures.locked_joints import check_sets
+from formulations.measures.jacobian import check_sets
 from formulations.unequal_max_min import MOST_SETS, check_locked
 from nlp.arrays import FloatArray
 from nlp.options import OptionValue

@@ -19,8 +19,8 @@ shared-factor, principal-minors, factor-per-deletion, positive-factor-per-deleti
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
-from functools import lru_cache
+from dataclasses import replace
+from functools import lru_cache, partial
 from types import MappingProxyType
 from typing import Any
 
@@ -188,7 +188,7 @@ def sampler(
     arm: ColumnModel, from_residual_minima: bool = False, **_: object
 ) -> Callable[[np.random.Generator], FloatArray]:
     """Return what draws starts: at random, or residual minima reached from there."""
-    return ResidualMinimum(arm) if from_residual_minima else arm.sample
+    return partial(residual_minimum, arm) if from_residual_minima else arm.sample
 
 
 def _residual_stage(arm: ColumnModel) -> Stage:
@@ -211,21 +211,9 @@ def _residual_stage(arm: ColumnModel) -> Stage:
     return Stage(before, _ITERATIONS, is_answer)
 
 
-@dataclass(frozen=True)
-class ResidualMinimum:
-    """Draws starts for `build` that are residual minima reached from random starts.
-
-    Attributes
-    ----------
-    arm
-        The joints.
-    """
-
-    arm: ColumnModel
-
-    def __call__(self, rng: np.random.Generator) -> FloatArray:
-        """Draw variables of the arm at random and minimise the residual from there."""
-        return _residual_solver(self.arm).solve(self.arm.sample(rng)).variables
+def residual_minimum(arm: ColumnModel, rng: np.random.Generator) -> FloatArray:
+    """Return the residual minimum that is reached from variables drawn at random."""
+    return _residual_solver(arm).solve(arm.sample(rng)).variables
 
 
 @lru_cache(maxsize=4)

@@ -31,7 +31,7 @@ from formulations import measures
 from formulations.encodings.factors import ENCODINGS, Encoding
 from formulations.joints.joint import ColumnModel
 from formulations.measures import unequal_failures
-from formulations.measures.locked_joints import check_sets
+from formulations.measures.jacobian import check_sets
 from formulations.measures.unequal_failures import (
     Scenarios,
     largest_weights,
@@ -76,7 +76,7 @@ def build(
     goal: Goal = "worst",
     encoding: str | None = None,
 ) -> Problem:
-    """State the problem for an arm.
+    """State the problem for an arm, of settings that `max_min.check` has seen.
 
     Parameters
     ----------
@@ -93,17 +93,10 @@ def build(
     Raises
     ------
     InputError
-        If a name is unknown, the model is of another number of joints, k exceeds the
-        redundancy, or no configuration that was tried has a score above zero.
+        If the model is of another number of joints, or no configuration that was tried has a
+        score above zero.
     """
-    if encoding is None:
-        encoding = default_encoding(failures, goal)
-    if encoding not in ENCODINGS:
-        raise InputError("encoding", encoding, "one of " + ", ".join(ENCODINGS))
-    m, n = arm.shape
-    failures = scenarios(failures)
-    for one in failures:
-        check_locked(n - m, len(one.fallible), one.locked)
+    encoding = encoding or default_encoding(failures, goal)
     attained = attained_score(arm, failures, goal)
     variables = arm.symbols()
     jacobian = arm.matrix(variables)
@@ -111,6 +104,14 @@ def build(
     levels = state(jacobian, failures, attained, encoding)
     least, largest = arm.bounds
     lower = np.concatenate([least, levels.lower, *(one.lower for one in levels.encoded)])
+
+    def complete_start(point: FloatArray) -> FloatArray:
+        numeric = arm.jacobian(point)
+        own, squares = levels.start(numeric)
+        pairs = zip(levels.encoded, squares, strict=True)
+        starts = (one.complete_start(numeric, float(t)) for one, t in pairs)
+        return np.concatenate([point, own, *starts])
+
     return Problem(
         name=f"max-min, {goal}",
         variables=ca.vertcat(variables, levels.symbols, *(e.variables for e in levels.encoded)),
@@ -124,7 +125,7 @@ def build(
         lower=lower,
         upper=np.append(largest, np.full(lower.size - largest.size, np.inf)),
         outputs={"jacobian": jacobian},
-        complete_start=_start_completer(arm, levels),
+        complete_start=complete_start,
         options={"ipopt": OPTIONS},
     )
 
@@ -136,7 +137,6 @@ def default_encoding(failures: Scenarios, goal: Goal = "worst") -> str:
     optimum, which stalls it: on planar 4R with one joint twice as likely to fail 20 instead
     of 8 of 20 starts reach the best with one positive factor per deletion.
     """
-    checked_goal(goal)
     models, groups = scenarios(failures), list(_by_weight(failures).values())
     alike = len(groups) == 1 and len(groups[0]) == comb(models[0].joints, models[0].locked)
     return "shared-factor" if goal == "worst" and alike else "positive-factor-per-deletion"
@@ -168,13 +168,8 @@ def attained_score(
     Raises
     ------
     InputError
-        If k exceeds the redundancy, or no configuration has a score above zero.
+        If no configuration has a score above zero.
     """
-    m, n = arm.shape
-    locked = scenarios(failures)[0].locked
-    if locked > n - m:
-        allowed = f"at most the degree of redundancy, {n - m}"
-        raise InputError("locked joints", locked, allowed)
     rng = np.random.default_rng(1995)
     best = 0.0
     for _ in range(_SAMPLES):
@@ -237,18 +232,6 @@ def _expected(jacobian: ca.SX, failures: Scenarios, attained: float, encoding: s
     rows = Constraint("scenario", means - least, 0.0, np.inf)
     unknowns = ca.vertcat(symbols, least)
     return _Levels(unknowns, np.zeros(len(sets) + 1), least, encoded, start, (rows,))
-
-
-def _start_completer(arm: ColumnModel, levels: _Levels) -> Callable[[FloatArray], FloatArray]:
-    def complete_start(point: FloatArray) -> FloatArray:
-        numeric = arm.jacobian(point)
-        own, squares = levels.start(numeric)
-        pairs = zip(levels.encoded, squares, strict=True)
-        return np.concatenate(
-            [point, own, *(one.complete_start(numeric, float(t)) for one, t in pairs)]
-        )
-
-    return complete_start
 
 
 def _by_weight(failures: Scenarios) -> Mapping[float, Sets]:

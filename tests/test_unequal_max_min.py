@@ -135,15 +135,15 @@ def test_scenarios_against_brute_force(goal):
 
 
 @pytest.mark.parametrize(
-    ("arguments", "allowed"),
+    ("one", "failures", "settings", "allowed"),
     [
-        ((UNIT_7R, FailureModel.equally_likely(6)), "7 of them"),
-        ((UNIT_7R, FailureModel.equally_likely(7, 2)), "degree of redundancy, 1"),
-        ((UNIT_7R, FailureModel.equally_likely(7), "best"), "worst, expected"),
-        ((UNIT_7R, FailureModel.equally_likely(7), "worst", "other"), "shared-factor"),
-        ((arm("prismatic", 7), FailureModel.equally_likely(7)), "keep full rank"),
+        (UNIT_7R, FailureModel.equally_likely(6), {}, "7 of them"),
+        (UNIT_7R, FailureModel.equally_likely(7, 2), {}, "degree of redundancy, 1"),
+        (UNIT_7R, FailureModel.equally_likely(7), {"goal": "best"}, "worst, expected"),
+        (UNIT_7R, FailureModel.equally_likely(7), {"encoding": "other"}, "shared-factor"),
+        (arm("prismatic", 7), FailureModel.equally_likely(7), {}, "keep full rank"),
     ],
 )
-def test_refuses_what_cannot_be(arguments, allowed):
+def test_refuses_what_cannot_be(one, failures, settings, allowed):
     with pytest.raises(InputError, match=allowed):
-        unequal_max_min.build(*arguments)
+        max_min.build(one, failures.locked, failures=failures, **settings)

@@ -53,14 +53,14 @@ def read_page(path: Path) -> EntryPage:
     content = load_json(read_bytes(path), path)
     try:
         asked = entry(content["entry"])
-        if {name: content[name] for name in vars(asked)} != vars(asked):
-            raise ValueError
-        if path.stem != asked.name:  # else it would be shown in the place of another
+        stated = {name: content[name] for name in vars(asked)}
+        # With another name it would be shown in the place of another.
+        if stated != vars(asked) or path.stem != asked.name:
             raise ValueError
         jacobian = np.array(content["jacobian"], dtype=np.float64)
-        if jacobian.shape != (asked.task_dimension, asked.joints):
-            raise ValueError
-        if not np.isfinite(jacobian).all():
+        fits = jacobian.shape == (asked.task_dimension, asked.joints)
+        family = content["family"]
+        if not fits or not np.isfinite(jacobian).all() or type(family) not in (int, type(None)):
             raise ValueError
         history = tuple(
             {"value": _value(one["value"]), "found": vars(_found(one["found"]))}
@@ -70,7 +70,7 @@ def read_page(path: Path) -> EntryPage:
             asked,
             jacobian,
             _value(content["value"]),
-            _whole_or_none(content["family"]),
+            family,
             _found(content["found"]),
             history,
         )
@@ -97,10 +97,10 @@ def _found(given: Mapping[str, Any]) -> Found:
 
 def pages(where: Path | None = None) -> Iterator[EntryPage]:
     """Read all entries that a folder holds, in the order of `entries`."""
-    for name in entries():
-        path = (where or folder()) / f"{name}.json"
-        if path.is_file():
-            yield read_page(path)
+    for asked in entries().values():
+        page = page_of(asked, where)
+        if page is not None:
+            yield page
 
 
 def page_of(asked: Entry, where: Path | None = None) -> EntryPage | None:
@@ -176,12 +176,6 @@ def _family(asked: Entry, jacobian: FloatArray) -> int | None:
     if asked.formulation == manipulability.NAME:
         return None
     return local_optimality(asked, jacobian).family
-
-
-def _whole_or_none(value: object) -> int | None:
-    if value is not None and type(value) is not int:
-        raise TypeError
-    return value
 
 
 def write_page(page: EntryPage, where: Path) -> Path:

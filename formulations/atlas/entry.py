@@ -11,12 +11,7 @@ from typing import Any
 import numpy as np
 
 from formulations import isotropy, manipulability, max_min, registry
-from formulations.atlas.exact_value import (
-    certified_manipulability,
-    certified_worst_case,
-    proves_manipulability,
-    proves_worst_case,
-)
+from formulations.atlas import exact_value
 from formulations.bounds.certified import Bound, sharpest
 from formulations.joints import models
 from formulations.joints.arm import Arm
@@ -75,9 +70,8 @@ class Entry:
         InputError
             If it is not of the model, or nothing can be proved.
         """
-        ratio = self.formulation == manipulability.NAME
-        prove = certified_manipulability if ratio else certified_worst_case
-        return prove(self.arm, jacobian, self.locked)
+        relative = self.formulation == manipulability.NAME
+        return exact_value.proved_value(self.arm, jacobian, self.locked, relative)
 
     def proves(self, jacobian: FloatArray, value: str) -> bool:
         """Whether a Jacobian's measure is proved not to be below a decimal number above 0.
@@ -89,9 +83,8 @@ class Entry:
         InputError
             If it is not of the model, or singular.
         """
-        ratio = self.formulation == manipulability.NAME
-        decide = proves_manipulability if ratio else proves_worst_case
-        return decide(self.arm, jacobian, value, self.locked)
+        relative = self.formulation == manipulability.NAME
+        return exact_value.proves(self.arm, jacobian, value, self.locked, relative)
 
     def holds(self, jacobian: FloatArray) -> bool:
         """Whether a Jacobian, shape (m, n), is one of those that the entry asks for."""
@@ -224,25 +217,21 @@ def entry(name: str) -> Entry:
 
 
 def _entries() -> Iterator[Entry]:
-    # Model, m, the numbers of joints, and the most joints that lock at once.
-    for model, m, joints, most in (
-        ("free-mean", 2, range(3, 13), 4),
-        ("free-mean", 3, range(4, 13), 3),
-        ("free-mean", 6, range(7, 13), 2),
-        ("unit-revolute", 6, range(7, 17), 3),
-        ("lever-revolute", 6, range(7, 13), 2),
-    ):
-        for n in joints:
-            yield from (Entry(model, m, n, k) for k in range(1, min(most, n - m) + 1))
-    yield Entry("lever-revolute", 6, 7, 1, isotropy.NAME)
-    for model, m, joints, most in (
-        ("free-mean", 2, range(3, 9), 3),
-        ("free-mean", 3, range(4, 9), 2),
-        ("unit-revolute", 6, range(7, 12), 2),
+    # Formulation, model, m, the numbers of joints, and the most joints that lock at once.
+    for formulation, model, m, joints, most in (
+        (max_min.NAME, "free-mean", 2, range(3, 13), 4),
+        (max_min.NAME, "free-mean", 3, range(4, 13), 3),
+        (max_min.NAME, "free-mean", 6, range(7, 13), 2),
+        (max_min.NAME, "unit-revolute", 6, range(7, 17), 3),
+        (max_min.NAME, "lever-revolute", 6, range(7, 13), 2),
+        (isotropy.NAME, "lever-revolute", 6, range(7, 8), 1),
+        (manipulability.NAME, "free-mean", 2, range(3, 9), 3),
+        (manipulability.NAME, "free-mean", 3, range(4, 9), 2),
+        (manipulability.NAME, "unit-revolute", 6, range(7, 12), 2),
     ):
         for n in joints:
             for k in range(1, min(most, n - m) + 1):
-                yield Entry(model, m, n, k, manipulability.NAME)
+                yield Entry(model, m, n, k, formulation)
     for n in range(7, 11):
         for prismatic in (1, 2):
             mix = f"unit-revolute:{n - prismatic},prismatic:{prismatic}"

@@ -33,7 +33,9 @@ _SCALE = 1 << _BITS
 _DIGITS = 15
 
 
-def certified_worst_case(arm: Arm, jacobian: FloatArray, locked: int = 1) -> str:
+def proved_value(
+    arm: Arm, jacobian: FloatArray, locked: int = 1, relative: bool = False
+) -> str:
     """Return a decimal number that the worst case of the arm's Jacobian J* is not below.
 
     Parameters
@@ -44,46 +46,44 @@ def certified_worst_case(arm: Arm, jacobian: FloatArray, locked: int = 1) -> str
         The numbers of the file, shape (m, n).
     locked
         How many joints lock at once.
+    relative
+        Prove the least relative manipulability instead.
 
     Raises
     ------
     InputError
         If the numbers are too far from the arm's Jacobians, or nothing can be proved of them.
     """
-    columns, distance = _rounded(arm, jacobian)
-    found = measures.worst_case_sigma(jacobian, locked)
-    return _decimal(_proved_sigma(columns, found, locked) - distance)
-
-
-def certified_manipulability(arm: Arm, jacobian: FloatArray, locked: int = 1) -> str:
-    """Return a decimal number that the least relative manipulability of J* is not below.
-
-    Its square r² is det(C_F̄C_F̄ᵀ)/det(CCᵀ), a principal minor of order k of the projection onto
-    the null space. That of J* differs by at most δ/σ_min(C), and a minor by k times that. The
-    parameters are those of `certified_worst_case`.
-    """
+    if not relative:
+        columns, distance = _rounded(arm, jacobian)
+        found = measures.worst_case_sigma(jacobian, locked)
+        return _decimal(_proved_sigma(columns, found, locked) - distance)
     square = _proved_square(arm, jacobian, locked)
     if square <= 0:
         raise InputError("jacobian", "singular after a failure", "one that can be proved")
     return _decimal(Fraction(isqrt((square * _SCALE**2).__floor__()), _SCALE))
 
 
-def proves_worst_case(arm: Arm, jacobian: FloatArray, value: str, locked: int = 1) -> bool:
-    """Whether the worst case of J* is proved not to be below a decimal number above 0.
+def proves(
+    arm: Arm, jacobian: FloatArray, value: str, locked: int = 1, relative: bool = False
+) -> bool:
+    """Whether the same measure of J* is proved not to be below a decimal number above 0.
 
-    What `certified_worst_case` returns depends on the rounding of the number it begins with, in
-    the last digit; this does not.
+    What `proved_value` returns depends on the rounding of the number it begins with, in the
+    last digit; the answer here is the same on every machine.
     """
+    if relative:
+        return Fraction(value) ** 2 <= _proved_square(arm, jacobian, locked)
     columns, distance = _rounded(arm, jacobian)
     return exceeds(columns, Fraction(value) + distance, locked)
 
 
-def proves_manipulability(arm: Arm, jacobian: FloatArray, value: str, locked: int = 1) -> bool:
-    """Whether the least relative manipulability of J* is proved not to be below a number."""
-    return Fraction(value) ** 2 <= _proved_square(arm, jacobian, locked)
-
-
 def _proved_square(arm: Arm, jacobian: FloatArray, locked: int) -> Fraction:
+    """Return what the squared relative manipulability r² of J* is not below.
+
+    r² = det(C_F̄C_F̄ᵀ)/det(CCᵀ) is a principal minor of order k of the projection onto the null
+    space. That of J* differs by at most δ/σ_min(C), and a minor by k times that.
+    """
     columns, distance = _rounded(arm, jacobian)
     least = float(np.linalg.svd(jacobian, compute_uv=False)[-1])
     sigma = _proved_sigma(columns, least, 0)

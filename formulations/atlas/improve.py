@@ -1,8 +1,24 @@
-"""The search for an entry's best Jacobian: seeds of random starts, until enough agree."""
+"""The search for an entry's best Jacobian, seed after seed.
 
-from collections.abc import Callable, Iterator
+Random
+    starts, solved, until enough of them reached the best.
+Hops
+    move all variables of the best Jacobian a little, or draw one to three joints anew. From a
+    better one the search goes on. The first of 20 begins at the best itself.
+Symmetric
+    starts are Jacobians that a map of finite order carries into themselves: few variables, and
+    most of the best Jacobians known where several joints lock are near one. Where the best of
+    them is not far below the best known, the symmetry is dropped for the last steps.
+
+The last two improve their starts by `Polish`. These are no random starts: they are not counted
+among them, and say nothing about their share.
+"""
+
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
+from functools import partial
 from time import process_time
+from typing import TypeAlias
 
 import numpy as np
 
@@ -10,18 +26,34 @@ from formulations import max_min, registry
 from formulations.atlas.collection import improved, pages
 from formulations.atlas.entry import ENOUGH, RESOLUTION, Entry, EntryPage, Found
 from formulations.io.provenance import provenance
-from formulations.measures import trace
+from formulations.joints.arm import Arm
+from formulations.joints.symmetric import SymmetricArm
+from formulations.measures import trace, worst_case_sigma
 from formulations.solving.case import Case
-from formulations.solving.outcome import REACHED_BEST, Outcome
+from formulations.solving.outcome import REACHED_BEST
+from formulations.solving.polish import Polish
 from formulations.solving.solve import run
+from nlp.arrays import FloatArray
+from nlp.errors import InputError
 
+SEARCHES = ("hops", "symmetric")
 _STARTS = 20
+# A symmetric optimum goes on without its symmetry from this share of the best known.
+_NEAR = 0.95
+# How far it is then moved: from a saddle nothing comes down by itself.
+_PUSH = 1e-4
+# Where a failure leaves less there is nothing to climb from.
+_SINGULAR = 1e-6
+# What a seed led to: a Jacobian or None, what is new of how it was found, and the processor
+# time of its starts where that is known.
+_Seed: TypeAlias = tuple[FloatArray | None, Mapping[str, object], float | None]
 
 
 def improve(
     asked: Entry,
     known: EntryPage | None,
     minutes: float,
+    search: str = "random",
     *,
     workers: int = 1,
     progress: Callable[[str], None] = lambda _: None,
@@ -35,31 +67,67 @@ def improve(
     known
         Its page so far: the search goes on with the first seed that it did not use.
     minutes
-        Processor time after which no further seed is begun. The search also ends when
+        Processor time after which no further seed is begun. A random search also ends when
         `ENOUGH` starts reached the best.
+    search
+        ``"random"`` or one of `SEARCHES`.
     workers
-        Processes.
+        Processes of a random search; the others run in one.
     progress
         Is called with what is being done.
+
+    Raises
+    ------
+    InputError
+        As `check_search` does, or if there is no Jacobian on record to hop from.
     """
-    case, page = _case_of(asked), inherited(asked, known)
-    if page is not None and page is not known:
-        yield page
-    spent = 0.0
-    while spent < 60 * minutes and not (page and page.found.reached_best >= ENOUGH):
-        seed = page.found.seeds if page else 0
+    check_search(asked, search)
+    page, random = known, search == "random"
+    if random:
+        page = inherited(asked, known)
+        if page is not None and page is not known:
+            yield page
+        one_seed: Callable[[EntryPage | None, int], _Seed]
+        one_seed = partial(_random, _case_of(asked), workers)
+    else:
+        one_seed = partial(_hops if search == "hops" else _symmetric, asked)
+    spent, seed = 0.0, -1
+    while spent < 60 * minutes and not (random and page and page.found.reached_best >= ENOUGH):
+        seed = page.found.seeds if page else seed + 1
         so_far = f", best {page.value}" if page else ""
         progress(f"{asked.name}: seed {seed}{so_far}")
         begun = process_time()
-        outcome = run(case, starts=_STARTS, seed=seed, workers=workers)
-        used = sum(record.cpu_seconds for record in outcome.records)
-        spent += max(used, process_time() - begun)
-        if not outcome.complete:
-            raise KeyboardInterrupt
-        page = _joined(asked, page, outcome, used)
-        if page is None:
+        jacobian, news, cpu_seconds = one_seed(page, seed)
+        elapsed = process_time() - begun
+        used = elapsed if cpu_seconds is None else cpu_seconds
+        spent += max(used, elapsed)
+        found = replace(_continued(_found(page), used), **news)  # type: ignore[arg-type]
+        if jacobian is not None:
+            page = improved(asked, jacobian, found, page)
+        elif page is not None:
+            page = replace(page, found=found)
+        elif random:
             return
-        yield page
+        if page is not None:
+            yield page
+
+
+def check_search(asked: Entry, search: str) -> None:
+    """Refuse a search that `improve` does not know, or not for this entry.
+
+    Raises
+    ------
+    InputError
+        If the search is unknown, or one of `SEARCHES` for an entry that is not of max-min or
+        whose joints have more than bounds.
+    """
+    if search == "random":
+        return
+    if search not in SEARCHES:
+        raise InputError("--search", search, "random, " + " or ".join(SEARCHES))
+    if asked.formulation != max_min.NAME or asked.model not in ("free-mean", "unit-revolute"):
+        allowed = "an entry of max-min with the model free-mean or unit-revolute"
+        raise InputError(f"--search {search}", asked.name, allowed)
 
 
 def inherited(asked: Entry, known: EntryPage | None) -> EntryPage | None:
@@ -78,7 +146,7 @@ def inherited(asked: Entry, known: EntryPage | None) -> EntryPage | None:
         for jacobian in (other.jacobian, scale * other.jacobian):
             if not asked.holds(jacobian):
                 continue
-            now, before = provenance(), page.found if page else Found("", "")
+            now, before = provenance(), _found(page)
             found = Found(
                 f"lockedjoint, from {other.entry.name}",
                 now["date"],
@@ -102,7 +170,11 @@ def _case_of(asked: Entry) -> Case:
     return Case(registry.formulation(asked.formulation), asked.arm, settings)
 
 
-def continued(before: Found, cpu_seconds: float) -> Found:
+def _found(page: EntryPage | None) -> Found:
+    return page.found if page else Found("lockedjoint", "")
+
+
+def _continued(before: Found, cpu_seconds: float) -> Found:
     """Return how a Jacobian was found, after one more seed, here and now."""
     now = provenance()
     return replace(
@@ -115,32 +187,101 @@ def continued(before: Found, cpu_seconds: float) -> Found:
     )
 
 
-def _joined(
-    asked: Entry, page: EntryPage | None, outcome: Outcome, cpu_seconds: float
-) -> EntryPage | None:
-    """Return the page with the starts of one more seed; None if nothing was ever found."""
-    before = page.found if page else Found("lockedjoint", "")
-    reached = outcome.reached
+def _random(case: Case, workers: int, page: EntryPage | None, seed: int) -> _Seed:
+    outcome = run(case, starts=_STARTS, seed=seed, workers=workers)
+    if not outcome.complete:
+        raise KeyboardInterrupt
+    before, reached = _found(page), outcome.reached
     best = max((record.score for record in reached), default=0.0)
     value = float(page.value) if page else 0.0
     count = sum(abs(one.score - max(best, value)) <= REACHED_BEST for one in reached)
     kept = before.reached_best if value >= best - REACHED_BEST else 0
-    found = replace(
-        continued(before, cpu_seconds),
-        by=before.by if value > best + RESOLUTION else "lockedjoint",
+    news = {
+        "by": before.by if value > best + RESOLUTION else "lockedjoint",
         # Of a Jacobian that these starts did not reach, how it was found stays on record.
-        statement=before.statement
+        "statement": before.statement
         if before.statement and value > best + REACHED_BEST
-        else _statement(outcome.case),
-        starts=before.starts + len(outcome.records),
-        reached_best=kept + count,
-    )
-    if reached and best > 0:
-        return improved(asked, outcome.best.jacobian, found, page)
-    return replace(page, found=found) if page else None
+        else _statement(case),
+        "starts": before.starts + len(outcome.records),
+        "reached_best": kept + count,
+    }
+    used = sum(record.cpu_seconds for record in outcome.records)
+    return outcome.best.jacobian if reached and best > 0 else None, news, used
 
 
 def _statement(case: Case) -> str:
     words = [case.formulation.NAME, str(case.settings.get("encoding", ""))]
     words.append("from residual minima" if case.settings.get("from_residual_minima") else "")
     return ", ".join(filter(None, words))
+
+
+def _hops(asked: Entry, page: EntryPage | None, seed: int) -> _Seed:
+    if page is None:
+        raise InputError("--search", "hops", f"symmetric: {asked.name} has no Jacobian yet")
+    arm, best = asked.arm, page.jacobian
+    value = worst_case_sigma(best, asked.locked)
+    for number in range(_STARTS):
+        start = arm.variables(best)
+        if number:  # the first one is the best itself: its last digits
+            start = _moved(start, arm, np.random.default_rng((seed, number)))
+        jacobian = _polished(asked, arm, start)
+        score = worst_case_sigma(jacobian, asked.locked)
+        if score > value:
+            best, value = jacobian, score
+    return best, _news(asked, page, best, "hops from the best"), None
+
+
+def _symmetric(asked: Entry, page: EntryPage | None, seed: int) -> _Seed:
+    best, value, words = None, float(page.value) if page else 0.0, ""
+    for number in range(_STARTS):
+        rng = np.random.default_rng((seed, number))
+        symmetric = SymmetricArm.drawn(asked.arm, rng)
+        start = symmetric.sample(rng)
+        if worst_case_sigma(symmetric.jacobian(start), asked.locked) < _SINGULAR:
+            continue
+        jacobian = _polished(asked, symmetric, start)
+        if worst_case_sigma(jacobian, asked.locked) < _NEAR * value:
+            continue
+        start = asked.arm.variables(jacobian)
+        start = start + _PUSH * rng.normal(size=start.size)
+        jacobian = _polished(asked, asked.arm, start)
+        score = worst_case_sigma(jacobian, asked.locked)
+        if score > value:
+            best, value = jacobian, score
+            words = f"from one symmetric under a map of order {symmetric.order}"
+    return best, _news(asked, page, best, words), None
+
+
+def _polished(asked: Entry, arm: Arm | SymmetricArm, start: FloatArray) -> FloatArray:
+    scaled = asked.model == "free-mean"
+    sets = arm.distinct_sets(asked.locked) if isinstance(arm, SymmetricArm) else None
+    point, _ = Polish(arm, asked.locked, scaled, sets)(start)
+    jacobian = arm.jacobian(point)
+    size = np.sqrt(asked.arm.largest_trace / trace(jacobian)) if scaled else 1.0
+    return np.asarray(size * jacobian)
+
+
+def _moved(best: FloatArray, arm: Arm, rng: np.random.Generator) -> FloatArray:
+    """Return variables near the best, or with some joints drawn anew."""
+    if rng.random() < 0.6:
+        size = 10.0 ** rng.uniform(-2.0, -0.3)
+        moved = best + size * rng.normal(size=best.size)
+    else:
+        moved = best.reshape(arm.shape[1], -1).copy()
+        which = rng.choice(arm.shape[1], rng.integers(1, 4), replace=False)
+        moved[which] = arm.sample(rng).reshape(moved.shape)[which]
+    return np.asarray(np.clip(moved.ravel(), *arm.bounds))
+
+
+def _news(
+    asked: Entry, page: EntryPage | None, jacobian: FloatArray | None, words: str
+) -> Mapping[str, object]:
+    """Return what is new of how the best was found, nothing if it is not better."""
+    if jacobian is None:
+        return {}
+    gain = worst_case_sigma(jacobian, asked.locked) - (float(page.value) if page else 0.0)
+    if gain <= RESOLUTION:
+        return {}
+    reached = _found(page).reached_best if gain <= REACHED_BEST else 0
+    statement = f"{max_min.NAME}, {words}, polished"
+    return {"by": "lockedjoint", "statement": statement, "reached_best": reached}

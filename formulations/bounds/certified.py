@@ -170,11 +170,10 @@ def sharpest_worst_case_of(jacobian: ArrayLike, locked: int = 1) -> Bound:
 def planar_on_record(shape: tuple[int, int], locked: int, measure: str) -> Bound | None:
     """Return what branch and bound proved of planar J with ‖J‖_F² = n, or None."""
     m, n = shape
-    sought = {"joints": n, "locked": locked, "measure": measure, "proved": True}
-    for one in _stored("planar.json") if m == 2 else ():
-        if sought.items() <= one.items():
-            return Bound(float(one["level"]), "rigorous (branch and bound)")
-    return None
+    known = _stored("planar.json", joints=n, locked=locked, measure=measure, proved=True)
+    if m != 2 or not known:
+        return None
+    return Bound(float(known[0]["level"]), "rigorous (branch and bound)")
 
 
 def _two_point(arm: Arm, locked: int) -> Bound | None:
@@ -183,14 +182,14 @@ def _two_point(arm: Arm, locked: int) -> Bound | None:
     On record is what holds for two of n joints; of n + 1 joints three may lock, and so on.
     """
     m, n = arm.shape
-    for one in _stored("two_point.json") if locked > 1 else ():
-        if (one["task_dimension"], one["joints"]) == (m, n - locked + 2):
-            limit = one["trace_limit"]
-            for joints in range(n - locked + 3, n + 1):
-                limit = with_one_more_locked(m, joints, limit)
-            t = arm.largest_trace / m * (1 - m / limit)
-            return Bound(nextafter(sqrt(t), inf), "numerical (two-point)")
-    return None
+    known = _stored("two_point.json", task_dimension=m, joints=n - locked + 2)
+    if locked < 2 or not known:
+        return None
+    limit = known[0]["trace_limit"]
+    for joints in range(n - locked + 3, n + 1):
+        limit = with_one_more_locked(m, joints, limit)
+    t = arm.largest_trace / m * (1 - m / limit)
+    return Bound(nextafter(sqrt(t), inf), "numerical (two-point)")
 
 
 def _by_kinds_of_rows(arm: Arm, locked: int) -> Bound | None:
@@ -262,8 +261,7 @@ def has_no_isotropic(arm: Arm) -> bool:
 def _on_record(quantity: str, arm: Arm, kind: str) -> Bound | None:
     if set(arm.joints) != {UnitRevolute()}:
         return None
-    sought = {"quantity": quantity, "kind": kind, "joints": len(arm.joints)}
-    known = [one for one in _stored("record.json") if sought.items() <= one.items()]
+    known = _stored("record.json", quantity=quantity, kind=kind, joints=len(arm.joints))
     known.sort(key=lambda one: float(one["bound"]), reverse=quantity == "residual")
     return Bound(known[0]["bound"], f"{kind} ({known[0]['preset']})") if known else None
 
@@ -280,11 +278,15 @@ def best_known(quantity: str, model: str, joints: int) -> float | None:
     model, joints
         Column model, a name in `formulations.joints.models.MODELS`, and number of joints n.
     """
-    sought = {"quantity": quantity, "model": model, "joints": joints}
-    found = (one for one in _stored("best_known.json") if sought.items() <= one.items())
-    return next((float(one["value"]) for one in found), None)
+    known = _stored("best_known.json", quantity=quantity, model=model, joints=joints)
+    return float(known[0]["value"]) if known else None
+
+
+def _stored(name: str, **sought: object) -> list[dict[str, Any]]:
+    """Return the rows of a data file that have these values."""
+    return [one for one in _rows(name) if sought.items() <= one.items()]
 
 
 @lru_cache
-def _stored(name: str) -> tuple[dict[str, Any], ...]:
+def _rows(name: str) -> tuple[dict[str, Any], ...]:
     return tuple(json.loads((files("formulations.bounds") / name).read_text("utf-8")))

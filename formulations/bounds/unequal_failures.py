@@ -144,7 +144,7 @@ def _norms(norms_squared: Sequence[float], failures: FailureModel) -> FloatArray
 
 
 def assess_failures(
-    jacobian: npt.ArrayLike, failures: FailureModel, *, probabilities_known: bool = True
+    jacobian: npt.ArrayLike, failures: Scenarios, *, probabilities_known: bool = True
 ) -> dict[str, Any]:
     """Return the measures of unequal failures and their bounds, as plain values by name.
 
@@ -153,7 +153,8 @@ def assess_failures(
     jacobian
         Shape (m, n), n > m.
     failures
-        Which joints may fail, how likely, and how many at once.
+        Which joints may fail, how likely, and how many at once; or several such models, of
+        which any may hold.
     probabilities_known
         Whether the probabilities mean anything beyond their ratios.
 
@@ -167,12 +168,21 @@ def assess_failures(
         k joints fail), each with its ``…_bound`` for columns of J's norms, of which the last
         is not sharp; ``overall_expected_sigma``, the mean of σ over up to k failures, none
         included, more counted as zero, and ``covered_probability``, that of up to k, both
-        None without probabilities.
+        None without probabilities. For several models ``scenarios``, a list of all this for
+        each, and before it the least of ``possible_worst_sigma``, ``weighted_worst_sigma`` and
+        ``expected_sigma`` over them, each with the least of the bounds, and the joints of the
+        least weighted worst case.
     """
     matrix = measures.as_jacobian(jacobian)
+    known = probabilities_known
+    models = scenarios(failures)
+    if len(models) > 1:
+        return _least_of(
+            [assess_failures(matrix, one, probabilities_known=known) for one in models]
+        )
+    (failures,) = models
     weighted, joints = weighted_worst_case(matrix, failures)
     m, norms = matrix.shape[0], np.sum(matrix**2, axis=0).tolist()
-    known = probabilities_known
     return {
         "failure_probabilities": list(failures.probabilities) if known else None,
         "never_failing_joints": [i for i, p in enumerate(failures.probabilities) if p == 0],
@@ -188,23 +198,7 @@ def assess_failures(
     }
 
 
-def assess_scenarios(
-    jacobian: npt.ArrayLike, failures: Scenarios, *, probabilities_known: bool = True
-) -> dict[str, Any]:
-    """Return the measures of `assess_failures` over one failure model or several.
-
-    For several, of which any may hold: ``scenarios``, a list of what `assess_failures` returns,
-    and before it the least of ``possible_worst_sigma``, ``weighted_worst_sigma`` and
-    ``expected_sigma`` over them, each with the least of the bounds, and the joints of the least
-    weighted worst case.
-    """
-    models = scenarios(failures)
-    each = [
-        assess_failures(jacobian, one, probabilities_known=probabilities_known)
-        for one in models
-    ]
-    if len(models) == 1:
-        return each[0]
+def _least_of(each: Sequence[dict[str, Any]]) -> dict[str, Any]:
     least: dict[str, Any] = {
         f"{name}_{kind}": min(one[f"{name}_{kind}"] for one in each)
         for name in ("possible_worst", "weighted_worst", "expected")

@@ -204,26 +204,21 @@ def improve(
     """
     from formulations.atlas.collection import page_of, write_page
     from formulations.atlas.entry import entry
-    from formulations.atlas.improve import improve as improve_random
-    from formulations.atlas.polished import check_polished, improve_polished
+    from formulations.atlas.improve import check_search
+    from formulations.atlas.improve import improve as improve_entry
     from formulations.io.files import prepare_folder
     from nlp.executors import default_workers
 
     asked = entry(name)
-    if search != "random":
-        check_polished(asked, search)
+    check_search(asked, search)
     prepare_folder(out)
     known = page_of(asked, out) or page_of(asked)
     before = known.value if known else None
     page = known
-    steps = (
-        improve_polished(asked, known, minutes, search, progress=progress)
-        if search != "random"
-        else improve_random(
-            asked, known, minutes, workers=workers or default_workers(), progress=progress
-        )
-    )
-    for page in steps:
+    workers = workers or default_workers()
+    for page in improve_entry(
+        asked, known, minutes, search, workers=workers, progress=progress
+    ):
         write_page(page, out)
     progress("")
     if page is None:

@@ -126,11 +126,6 @@ class Frame:
         terms = [(term, Fraction(1)) for m in products for term in (m, m.conjugate())]
         return collected([*terms, (ONE, -4 * self.projector(i, j))])
 
-    def equations(self) -> Iterator[Equation]:
-        """Give all equations, every entry (i, j) with i ≤ j."""
-        for kind in self._kinds:
-            yield from self._at(kind, self.joints)
-
     def averaged(self, multiple: Multiple) -> Polynomial:
         """Return a multiple of an equation as a combination of classes."""
         return class_sums(times(multiple.monomial, self.polynomial(multiple.equation)))

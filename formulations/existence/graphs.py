@@ -84,19 +84,15 @@ def canonical(monomial: Monomial, *, swap_colours: bool = True) -> Monomial:
 def classes(joints: int, order: int, *, loops: bool = False) -> tuple[Monomial, ...]:
     """Return one monomial for each class with up to `order` edges of each of both colours.
 
-    That is order k of the moment relaxation. With `loops` diagonal entries W_ii occur.
+    That is order k of the moment relaxation. They are in the order of the number of edges, 1
+    first. With `loops` diagonal entries W_ii occur.
     """
     found = {
         canonical(graph)
         for edges in range(order + 1)
         for graph in coloured_graphs(joints, edges, edges, loops)
     }
-    return tuple(sorted(found, key=by_degree))
-
-
-def by_degree(graph: Monomial) -> tuple[int, Monomial]:
-    """Order classes: number of edges, then any fixed order; 1 comes first."""
-    return graph.degree, graph
+    return tuple(sorted(found, key=lambda graph: (graph.degree, graph)))
 
 
 @cache

@@ -21,6 +21,7 @@ from formulations.existence.certificate import (
     shown,
 )
 from formulations.existence.exact_jacobian import ExactJacobian
+from formulations.io.files import read_bytes
 from nlp.errors import FileError
 
 FILE_BYTES = 2_000_000
@@ -67,31 +68,19 @@ def loaded(path: Path | str, most: int = FILE_BYTES) -> Any:
     FileError, CertificateError
         As `read` does.
     """
-    try:
-        with Path(path).open("rb") as file:
-            content = file.read(most + 1)
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or error
-        raise FileError(
-            shown(str(path)), f"not readable ({reason})", "a readable file"
-        ) from error
-    if len(content) > most:
-        raise FileError(shown(str(path)), "too large", f"a file of at most {most} bytes")
+    content = read_bytes(Path(path), most=most)
     if sum(map(content.count, (b",", b"[", b"{"))) > MOST_VALUES:
-        raise FileError(shown(str(path)), "too complex", f"at most {MOST_VALUES} values")
+        raise FileError("file", str(path), f"a file of at most {MOST_VALUES} values")
     try:
         text = content.decode("utf-8")
         return json.loads(text, object_pairs_hook=_distinct_keys, parse_int=_short_integer)
-    except UnicodeDecodeError as error:
-        raise FileError(shown(str(path)), "not in UTF-8", "a JSON text in UTF-8") from error
+    except UnicodeDecodeError:
+        why = "it is not in UTF-8"
     except json.JSONDecodeError as error:
-        raise FileError(
-            shown(str(path)), f"not JSON ({error})", "a complete JSON text"
-        ) from error
-    except RecursionError as error:
-        raise FileError(
-            shown(str(path)), "nested too deeply", "a certificate in JSON"
-        ) from error
+        why = f"not JSON: {error}"
+    except RecursionError:
+        why = "nested too deeply"
+    raise FileError("file", str(path), f"a certificate in JSON ({why})")
 
 
 def _rational(value: Any) -> Fraction:

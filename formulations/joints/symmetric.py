@@ -91,7 +91,8 @@ class SymmetricArm(FreeVariables):
         for part in ca.vertsplit(variables, len(joint.parameters)):
             columns.append(joint.column(part))
             if len(columns) + self.order <= self.shape[1] + 1:
-                columns.extend(_images(symmetry, columns[-1], self.order))
+                for _ in range(self.order - 1):
+                    columns.append(symmetry @ columns[-1])
         return ca.horzcat(*columns)
 
     def constraints(self, variables: ca.SX) -> tuple[Constraint, ...]:
@@ -113,23 +114,18 @@ class SymmetricArm(FreeVariables):
         sets = list(combinations(range(self.shape[1]), locked))
         if self.shape[1] % self.order:
             return sets
-        return [one for one in sets if one == min(self._images_of(one))]
-
-    def _images_of(self, joints: tuple[int, ...]) -> Iterator[tuple[int, ...]]:
         p = self.order
-        for turn in range(p):
-            yield tuple(sorted(i - i % p + (i + turn) % p for i in joints))
+
+        def images(joints: tuple[int, ...]) -> Iterator[tuple[int, ...]]:
+            for turn in range(p):
+                yield tuple(sorted(i - i % p + (i + turn) % p for i in joints))
+
+        return [one for one in sets if one == min(images(one))]
 
     @property
     def _orbits(self) -> int:
         whole, rest = divmod(self.shape[1], self.order)
         return whole + rest
-
-
-def _images(symmetry: ca.DM, column: ca.SX, order: int) -> Iterator[ca.SX]:
-    for _ in range(order - 1):
-        column = symmetry @ column
-        yield column
 
 
 def _drawn_map(joint: Joint, parts: int, rng: np.random.Generator) -> FloatArray:

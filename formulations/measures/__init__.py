@@ -6,27 +6,23 @@ Jacobians are arrays of shape (m, n) with n > m; joints are counted from 0.
 
 from formulations.measures.jacobian import (
     as_jacobian,
+    averaged_spectrum,
     condition_number,
+    eigenvalue_bound,
+    gap_percent,
     is_optimally_failure_tolerant,
     isotropy_defect,
+    locked_sets,
+    locked_singular_values,
     manipulability,
     null_space_contributions,
     range_contributions,
-    residual_sum_of_squares,
-    singular_values,
-    trace,
-)
-from formulations.measures.locked_joints import (
-    locked_sets,
-    locked_singular_values,
     relative_manipulability,
     remaining_singular_values,
-)
-from formulations.measures.trace_bound import (
-    averaged_spectrum,
-    eigenvalue_bound,
-    gap_percent,
+    residual_sum_of_squares,
     sigma_bound,
+    singular_values,
+    trace,
 )
 from formulations.measures.worst_failure import (
     WorstCase,

@@ -1,13 +1,21 @@
-"""A Jacobian before a failure: singular values, joints' shares, isotropy (eqs. 3–4, 9–11)."""
+"""A Jacobian before and after failures: singular values, shares, isotropy (eqs. 3–6, 9–11)."""
+
+from collections.abc import Collection
+from itertools import combinations
+from math import comb
 
 import numpy as np
 import numpy.typing as npt
 
-from nlp.arrays import FloatArray, as_floats
+from nlp.arrays import FloatArray, as_floats, whole_number
 from nlp.errors import InputError
 
 # The fourth powers of larger entries are too near the largest floating-point number.
 LARGEST_ENTRY = 1e70
+# More sets of locked joints than this are refused: each takes a singular value decomposition.
+MOST_SETS = 100_000
+# Entries of J that are decomposed at once.
+_CHUNK = 1_000_000
 
 
 def as_jacobian(jacobian: npt.ArrayLike, name: str = "jacobian") -> FloatArray:
@@ -105,3 +113,148 @@ def is_optimally_failure_tolerant(jacobian: npt.ArrayLike, tolerance: float = 1e
 def _deviation(matrix: FloatArray) -> FloatArray:
     gram = matrix @ matrix.T
     return np.asarray(gram - np.trace(gram) / gram.shape[0] * np.eye(gram.shape[0]))
+
+
+def locked_sets(matrix: FloatArray, locked: int) -> list[tuple[int, ...]]:
+    """Return every set of `locked` joints in lexicographic order; InputError if too many."""
+    n = matrix.shape[1]
+    if whole_number("locked joints", locked, 1) >= n:
+        raise InputError("locked joints", locked, f"fewer than the {n} joints")
+    check_sets(n, locked)
+    return list(combinations(range(n), locked))
+
+
+def check_sets(joints: int, locked: int, most: int = MOST_SETS) -> None:
+    """Raise InputError if more than `most` sets of `locked` joints can be chosen."""
+    sets = comb(joints, locked)
+    if sets > most:
+        allowed = f"numbers with at most {most} sets of joints that lock at once"
+        count = sets if sets < 10**15 else "over 10**15"
+        shown = f"{locked} of {joints}, which are {count} sets"
+        raise InputError("locked joints", shown, allowed)
+
+
+def locked_singular_values(jacobian: npt.ArrayLike, locked: int = 1) -> FloatArray:
+    """Smallest singular value after each set of `locked` joints locks (eq. 5).
+
+    Returns
+    -------
+    numpy.ndarray
+        Shape (C(n, locked),), sets in lexicographic order; zero where fewer than m
+        columns are left.
+    """
+    matrix = as_jacobian(jacobian)
+    sets = locked_sets(matrix, locked)
+    if matrix.shape[1] - locked < matrix.shape[0]:
+        return np.zeros(len(sets))
+    return remaining_singular_values(matrix, sets)[:, -1]
+
+
+def remaining_singular_values(
+    matrix: FloatArray, sets: Collection[tuple[int, ...]]
+) -> FloatArray:
+    """Singular values of J without the columns of each set, shape (sets, m), descending.
+
+    All sets have one size, which leaves at least m columns.
+    """
+    size = max(1, _CHUNK // matrix.size)  # memory stays bounded, however many sets there are
+    ordered = list(sets)
+    parts = [
+        np.linalg.svd(
+            np.array([np.delete(matrix, one, axis=1) for one in ordered[k : k + size]]),
+            compute_uv=False,
+        )
+        for k in range(0, len(ordered), size)
+    ]
+    return np.concatenate(parts)
+
+
+def relative_manipulability(jacobian: npt.ArrayLike, locked: int = 1) -> FloatArray:
+    """Manipulability after each set of joints locks, over that before; NaN if rank was lost."""
+    matrix = as_jacobian(jacobian)
+    sets, before = locked_sets(matrix, locked), singular_values(matrix)
+    if numerical_rank(before, matrix) < matrix.shape[0]:
+        return np.full(len(sets), np.nan)
+    if locked > matrix.shape[1] - matrix.shape[0]:
+        return np.zeros(len(sets))
+    return np.asarray(np.prod(remaining_singular_values(matrix, sets) / before, axis=1))
+
+
+def sigma_bound(task_dimension: int, joints: int, trace: float, locked: int = 1) -> float:
+    """Upper bound on the worst case after any `locked` joints lock (eq. 6, for every J).
+
+    For one joint it is √(T(n − m)/(mn)), T = ‖J‖_F²; with T = mσ² this is σ√((n − m)/n). It
+    is the root of `eigenvalue_bound`.
+    """
+    return float(np.sqrt(eigenvalue_bound(task_dimension, joints, trace, locked)))
+
+
+def eigenvalue_bound(task_dimension: int, joints: int, trace: float, locked: int = 1) -> float:
+    """Upper bound on t, the least eigenvalue of J_F̄J_F̄ᵀ over all sets F of `locked` joints.
+
+    For one joint t ≤ T(n − m)/(mn), the square of eq. (6). It needs no isotropy: summing the
+    rank-one downdate condition j_fᵀ(JJᵀ − tI)⁻¹j_f ≤ 1 over f gives
+    tr((JJᵀ − tI)⁻¹) ≤ (n − m)/t, and convexity the rest. For k joints t ≤ (T/m)y with y the
+    least entry of `averaged_spectrum` of the identity, derived in
+    docs/several_failures.md; zero where fewer than m joints are left.
+
+    Parameters
+    ----------
+    task_dimension, joints
+        m and n, n > m.
+    trace
+        T = ‖J‖_F², in the squared units of J.
+    locked
+        How many joints lock at once, k.
+
+    Raises
+    ------
+    InputError
+        If a number is out of range.
+    """
+    m = whole_number("task dimension", task_dimension, 1)
+    n = whole_number("joints", joints, m + 1)
+    k = whole_number("locked joints", locked, 1)
+    if not (np.isfinite(trace) and trace >= 0):
+        raise InputError("trace", trace, "a finite number of at least 0")
+    if k > n - m:
+        return 0.0
+    if k == 1:
+        return trace * (n - m) / (m * n)
+    return float(trace / m * averaged_spectrum(np.ones(m), n, k)[0])
+
+
+def averaged_spectrum(eigenvalues: npt.ArrayLike, joints: int, locked: int = 1) -> FloatArray:
+    """Roots of the mean of det(xI − J_F̄J_F̄ᵀ) over all sets F of `locked` joints, ascending.
+
+    They depend on the eigenvalues λ of JJᵀ alone. Averaged over one of n columns the
+    characteristic polynomial is that of Λ − rrᵀ/n, r_i = √λ_i; further columns likewise.
+
+    Parameters
+    ----------
+    eigenvalues
+        Those of JJᵀ, shape (m,), at least 0.
+    joints
+        Number n of columns, above m.
+    locked
+        How many joints lock at once, at most n − m.
+    """
+    values = as_floats("eigenvalues", eigenvalues)
+    n = whole_number("joints", joints, values.size + 1)
+    if whole_number("locked joints", locked, 1) > n - values.size:
+        raise InputError("locked joints", locked, f"at most {n - values.size}")
+    for removed in range(locked):
+        roots = np.sqrt(np.maximum(values, 0.0))
+        rest = np.diag(values) - np.outer(roots, roots) / (n - removed)
+        values = np.asarray(np.linalg.eigvalsh(rest), dtype=np.float64)
+    return np.maximum(values, 0.0)
+
+
+def gap_percent(found: float, bound: float) -> float:
+    """100·|bound − found|/bound: how far a value is from its bound, in percent of the bound.
+
+    NaN where the bound is 0 and the value is not, as a percentage says nothing there.
+    """
+    if bound == 0:
+        return 0.0 if found == 0 else float("nan")
+    return 100.0 * abs(bound - found) / abs(bound)

@@ -5,8 +5,12 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from formulations.measures.jacobian import LARGEST_ENTRY, as_jacobian
-from formulations.measures.locked_joints import locked_sets, locked_singular_values
+from formulations.measures.jacobian import (
+    LARGEST_ENTRY,
+    as_jacobian,
+    locked_sets,
+    locked_singular_values,
+)
 from nlp.arrays import FloatArray, as_floats
 from nlp.errors import InputError
 

@@ -216,7 +216,7 @@ def _worst_joint_row(printed: FloatArray, exact: FloatArray) -> row.Reproduction
 
 
 def _improvement_row(exact: FloatArray, seed: int, starts: int) -> row.ReproductionRow:
-    build, sample = partial(max_min.build, ARM), max_min.ResidualMinimum(ARM)
+    build, sample = partial(max_min.build, ARM), partial(max_min.residual_minimum, ARM)
     found = optima(search(build, sample, starts, seed))
     sigmas = np.array([measures.worst_case_sigma(matrix) for matrix in found])
     best, before = float(sigmas.max()), measures.worst_case_sigma(exact)

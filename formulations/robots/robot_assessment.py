@@ -10,7 +10,7 @@ from scipy.optimize import minimize_scalar
 
 from formulations import max_min, measures
 from formulations.bounds.certified import best_known
-from formulations.bounds.unequal_failures import assess_scenarios
+from formulations.bounds.unequal_failures import assess_failures
 from formulations.measures.unequal_failures import Scenarios
 from formulations.robots.robot_arm import RobotArm
 from formulations.robots.structural import StructuralFailure, structural_failures
@@ -216,8 +216,8 @@ def at_length(arm: RobotArm, configuration: FloatArray, length: float, locked: i
 def measure_robot_unequal(
     arm: RobotArm, jacobian: npt.ArrayLike, failures: Scenarios, probabilities_known: bool
 ) -> dict[str, Any]:
-    """Return what `assess_scenarios` says of a robot's Jacobian, with the joints' names."""
-    found = assess_scenarios(jacobian, failures, probabilities_known=probabilities_known)
+    """Return what `assess_failures` says of a robot's Jacobian, with the joints' names."""
+    found = assess_failures(jacobian, failures, probabilities_known=probabilities_known)
     for one in (found, *found.get("scenarios", ())):
         for key in {"never_failing_joints", "weighted_worst_joints"} & set(one):
             one[key] = [arm.chain.names[k] for k in one[key]]

@@ -22,16 +22,14 @@ from formulations.atlas.collection import (
 )
 from formulations.atlas.entry import Found, entries, entry
 from formulations.atlas.exact_value import (
-    certified_worst_case,
     distance_from_model,
     exceeds,
-    proves_manipulability,
-    proves_worst_case,
+    proved_value,
+    proves,
     square_root_above,
 )
-from formulations.atlas.improve import improve
+from formulations.atlas.improve import SEARCHES, improve
 from formulations.atlas.local_optimality import local_optimality
-from formulations.atlas.polished import SEARCHES, improve_polished
 from formulations.joints import models
 from nlp.errors import FileError, InputError
 from results.atlas.figure import gallery, heat_map
@@ -51,7 +49,7 @@ def test_the_proved_value_is_just_below_the_measured_one(model, seed):
     for locked in (1, 2):
         measured = measures.worst_case_sigma(jacobian, locked)
         if measured > 1e-6:
-            proved = float(certified_worst_case(arm, jacobian, locked))
+            proved = float(proved_value(arm, jacobian, locked))
             assert measured - 1e-7 <= proved <= measured + 1e-15
 
 
@@ -59,14 +57,11 @@ def test_the_proved_value_is_just_below_the_measured_one(model, seed):
 def test_a_value_is_proved_up_to_the_last_digits(model, seed, measure):
     """Whatever rounding the value was found with: the decision is made in whole numbers."""
     arm, jacobian = drawn(model, seed, 8)
-    prove, found = (
-        (proves_worst_case, measures.worst_case_sigma(jacobian))
-        if measure
-        else (proves_manipulability, manipulability.score(jacobian))
-    )
+    relative = measure is None
+    found = manipulability.score(jacobian) if relative else measure(jacobian)
     if found > 1e-3:
-        assert prove(arm, jacobian, f"{found - 1e-13:.15f}")
-        assert not prove(arm, jacobian, f"{found + 1e-13:.15f}")
+        assert proves(arm, jacobian, f"{found - 1e-13:.15f}", relative=relative)
+        assert not proves(arm, jacobian, f"{found + 1e-13:.15f}", relative=relative)
 
 
 def test_definiteness_is_decided_exactly():
@@ -235,12 +230,12 @@ def test_a_search_goes_on_where_it_stopped():
 
 @pytest.mark.parametrize("name", ["free-mean_2x7_k3", "unit-revolute_6x8_k2"])
 def test_hops_start_at_the_best_and_are_no_random_starts(name, monkeypatch):
-    monkeypatch.setattr("formulations.atlas.polished._STARTS", 2)
+    monkeypatch.setattr("formulations.atlas.improve._STARTS", 2)
     page = page_of(entry(name))
     near = page.jacobian + 1e-4 * page.jacobian[:, ::-1] * (page.entry.task_dimension == 2)
     near *= np.sqrt(page.entry.arm.largest_trace / measures.trace(near))
     worse = improved(page.entry, near, replace(page.found, by="me"), None)
-    better = next(improve_polished(page.entry, worse, 1e-6, "hops"))
+    better = next(improve(page.entry, worse, 1e-6, "hops"))
     assert float(better.value) == pytest.approx(float(page.value), abs=1e-7)
     assert better.found.seeds == page.found.seeds + 1
     assert better.found.starts == page.found.starts
@@ -273,12 +268,12 @@ def test_two_entries_are_diagonals_of_a_cube_and_its_axes_twice(diagonals, lengt
 def test_symmetric_starts_find_an_entry_anew():
     asked = entry("unit-revolute_6x10_k3")
     best = float(page_of(asked).value)
-    page = next(improve_polished(asked, None, 1e-6, "symmetric"))
+    page = next(improve(asked, None, 1e-6, "symmetric"))
     assert page.found.starts == page.found.reached_best == 0
     assert "symmetric under a map of order" in page.found.statement
     # Of 840 random starts one ends there.
     assert float(page.value) == pytest.approx(best, rel=1e-2)
-    again = next(improve_polished(asked, page_of(asked), 1e-6, "symmetric"))
+    again = next(improve(asked, page_of(asked), 1e-6, "symmetric"))
     assert float(again.value) >= best
     assert again.found.seeds == page_of(asked).found.seeds + 1
 
@@ -288,11 +283,11 @@ def test_searches_are_refused_where_they_cannot_begin():
         asked = entry(name)
         for search in SEARCHES:
             with pytest.raises(InputError, match="free-mean or unit-revolute"):
-                next(improve_polished(asked, page_of(asked), 1.0, search))
+                next(improve(asked, page_of(asked), 1.0, search))
     with pytest.raises(InputError, match="no Jacobian"):
-        next(improve_polished(entry("free-mean_2x5_k2"), None, 1.0, "hops"))
+        next(improve(entry("free-mean_2x5_k2"), None, 1.0, "hops"))
     with pytest.raises(InputError, match="random, hops or symmetric"):
-        next(improve_polished(entry("free-mean_2x5_k2"), None, 1.0, "best"))
+        next(improve(entry("free-mean_2x5_k2"), None, 1.0, "best"))
 
 
 def test_commands(lockedjoint, tmp_path):

@@ -181,7 +181,7 @@ def test_the_bounds_are_for_the_arms_for_which_they_are_proved(monkeypatch):
     assert bound("isotropy", other).kind == "closed form"
     assert bound("isotropy", arm("lever-revolute", 8)).kind == "closed form"
     assert bound("isotropy", arm("lever-revolute", 7), locked=2).value == 0
-    monkeypatch.setattr(certified, "_stored", lambda _: ())
+    monkeypatch.setattr(certified, "_rows", lambda _: ())
     plain = Bound(measures.sigma_bound(6, 7, 14), "closed form")
     assert bound("isotropy", arm("lever-revolute", 7)) == plain
 

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 from functools import partial
-from itertools import permutations
+from itertools import chain, permutations
 
 import numpy as np
 import pytest
@@ -34,7 +34,8 @@ def multiples_of_equations(multisets, frame, charge):
         every[c] = [monomial.conjugate() for monomial in every[c]]
     place = {row: k for k, row in enumerate(every[charge])}
     vectors = []
-    for equation in frame.equations():
+    places = (frame._at(kind, frame.joints) for kind in frame._kinds)
+    for equation in chain(*places):
         terms, own = frame.polynomial(equation), CHARGE[equation.kind]
         conjugate = {term.conjugate(): value for term, value in terms.items()}
         for polynomial, sign in ((terms, 1), (conjugate, -1)):

@@ -151,7 +151,7 @@ def test_denominators_without_a_small_common_multiple(document, tmp_path):
         (b'{"joints": 7,', "not JSON"),
         (b"\xff\xfe{}", "not in UTF-8"),
         (b"[" * 100_000, "nested too deeply"),
-        (b" " * (FILE_BYTES + 1), "too large"),
+        (b" " * (FILE_BYTES + 1), "of at most"),
     ],
 )
 def test_unreadable_files(content, sentence, tmp_path):
@@ -161,7 +161,7 @@ def test_unreadable_files(content, sentence, tmp_path):
 
 
 def test_missing_file_folder_and_impossible_name(tmp_path):
-    assert "No such file" in refusal(tmp_path / "none.json", FileError)
+    assert "no such file" in refusal(tmp_path / "none.json", FileError)
     assert "directory" in refusal(tmp_path, FileError)
     assert "null" in refusal(tmp_path / "a\0b", FileError)
 

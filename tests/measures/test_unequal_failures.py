@@ -12,7 +12,6 @@ from hypothesis import strategies as st
 from formulations import measures
 from formulations.bounds.unequal_failures import (
     assess_failures,
-    assess_scenarios,
     expected_bound,
     fallible_bound,
 )
@@ -180,7 +179,7 @@ def test_scenarios_are_the_least_over_the_models(case, seed):
     jacobian, model = case
     order = np.random.default_rng(seed).permutation(model.joints)
     other = FailureModel(tuple(model.probabilities[k] for k in order), model.locked)
-    found = assess_scenarios(jacobian, (model, other))
+    found = assess_failures(jacobian, (model, other))
     for key, measure in (
         ("expected_sigma", unequal_failures.expected_sigma),
         ("possible_worst_sigma", unequal_failures.possible_worst_case_sigma),

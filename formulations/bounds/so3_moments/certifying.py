@@ -22,9 +22,11 @@ from formulations.bounds.so3_moments.certificate import (
 )
 from formulations.bounds.so3_moments.global_bound import Evidence
 from formulations.bounds.so3_moments.localisers import POWERS, KrylovLocaliser, ScaledBlocks
+from formulations.bounds.so3_moments.moment_program import MomentProgram
 from formulations.bounds.so3_moments.relaxation import (
     Progress,
     SolvedRelaxation,
+    refined_multipliers,
     semidefinite_root,
 )
 from formulations.bounds.so3_moments.row_sectors import RowSector
@@ -32,6 +34,7 @@ from formulations.bounds.so3_moments.sampled_blocks import BlockFamily, RowBlock
 from formulations.bounds.so3_moments.symmetric_rows import AdaptedRows
 from formulations.bounds.so3_moments.verification import VerifiedBound, verify_bound
 from formulations.bounds.so3_moments.young_basis import Shapes, first_tableau
+from formulations.existence.certificate import CertificateError
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
 
@@ -48,20 +51,31 @@ _Frames: TypeAlias = Mapping[tuple[Shapes, int], tuple[tuple[int, ...], FloatArr
 
 def verify_search(
     solved: SolvedRelaxation,
-    multipliers: Sequence[FloatArray],
-    certificate: BoundCertificate,
+    identity: MomentProgram,
+    joints: int,
+    bound: float,
     progress: Progress,
-) -> tuple[VerifiedBound, Evidence]:
+    excluded: float | None = None,
+) -> tuple[BoundCertificate, VerifiedBound, Evidence]:
     """Write the certificate of a search to a file, verify it from there, and say how it went.
 
-    CertificateError if it does not prove what it states.
+    The certificate states `bound`, and its constant is the dual value of the program
+    `identity`. CertificateError if it does not prove what it states.
     """
+    multipliers = refined_multipliers(solved.program, solved.multipliers)
+    constant = identity.dual_value(multipliers)
+    if excluded is not None and constant <= 0:
+        raise CertificateError(f"σ² ≥ {excluded} is not excluded: there is no certificate.")
+    certificate = search_certificate(
+        solved.families, multipliers, constant, bound, joints, excluded
+    )
     with TemporaryDirectory() as folder:
         path = Path(folder) / "bound.json"
         path.write_text(certificate.to_json(), encoding="utf-8")
         verified = verify_bound(read_any(path), progress=progress)
     check = {"constant": certificate.constant, "verified": verified.bound, **verified.check}
-    return verified, solved.evidence(_HOW_CHECKED, check, multipliers, phase="verification")
+    evidence = solved.evidence(_HOW_CHECKED, check, multipliers, phase="verification")
+    return certificate, verified, evidence
 
 
 def search_certificate(
@@ -92,10 +106,8 @@ def search_certificate(
         joints,
         bound,
         constant,
-        tuple(parts["sectors"]),
-        excluded,
-        tuple(parts["scaled"]),
-        tuple(parts["krylov"]),
+        excluded=excluded,
+        **{name: tuple(squares) for name, squares in parts.items()},
     )
 
 

@@ -43,7 +43,7 @@ from formulations.bounds.so3_moments.wigner import (
     wigner_matrices,
 )
 from formulations.existence.tableaux import partitions
-from nlp.arrays import FloatArray, whole_number
+from nlp.arrays import FloatArray
 from nlp.errors import LockedJointError
 
 # Coefficients by (degree, weight of the frame rotation, phase charge).
@@ -51,9 +51,7 @@ Character: TypeAlias = Mapping[tuple[int, int, int], int]
 
 
 def invariant_dimension(joints: int, degree: int) -> int:
-    """Return dim V for so many joints and d = `degree`; InputError unless both are positive."""
-    whole_number("joints", joints, 1)
-    whole_number("degree", degree, 1)
+    """Return dim V for so many joints and d = `degree`, both positive."""
     total = Fraction(0)
     for conjugated in (False, True):
         cycles = {length: _cycle(length, degree, conjugated) for length in range(1, joints + 1)}

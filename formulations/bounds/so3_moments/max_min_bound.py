@@ -15,7 +15,7 @@ import numpy as np
 
 from formulations.bounds.certified import best_known
 from formulations.bounds.closed_form import root_above
-from formulations.bounds.so3_moments.certifying import search_certificate, verify_search
+from formulations.bounds.so3_moments.certifying import verify_search
 from formulations.bounds.so3_moments.enclosed_squares import require_extended_precision
 from formulations.bounds.so3_moments.global_bound import Evidence, GlobalBound, Kind
 from formulations.bounds.so3_moments.moment_program import MomentProgram, margin_program
@@ -25,7 +25,6 @@ from formulations.bounds.so3_moments.relaxation import (
     Progress,
     SolvedRelaxation,
     check_joints,
-    refined_multipliers,
     silent,
     solve_relaxation,
 )
@@ -37,7 +36,6 @@ from formulations.bounds.so3_moments.worst_case_conditions import (
     WorstCaseConditions,
     condition_families,
 )
-from formulations.existence.certificate import CertificateError
 from formulations.io.files import prepare_file, write_text
 from nlp.arrays import Rng, one_blas_thread
 from nlp.errors import InputError
@@ -204,18 +202,14 @@ def prove_exclusion(
         If t is not excluded; no certificate is written then.
     """
     require_extended_precision()
-    if out is not None:
-        prepare_file(out)
+    prepare_file(out)
     families = condition_families(conditions, joints, t)
     solved = solve_exclusion(families, joints, np.random.default_rng(rng), progress)
-    multipliers = refined_multipliers(solved.program, solved.multipliers)
-    # 0 − constant = Σ ⟨X, B(x)⟩ but for rounding.
-    constant = without_objective(solved).dual_value(multipliers)
-    if constant <= 0:
-        raise CertificateError(f"σ² ≥ {t} is not excluded: there is no certificate.")
     bound = root_above(Fraction(t))
-    certificate = search_certificate(families, multipliers, constant, bound, joints, t)
-    _, evidence = verify_search(solved, multipliers, certificate, progress)
+    # 0 − constant = Σ ⟨X, B(x)⟩ but for rounding.
+    certificate, _, evidence = verify_search(
+        solved, without_objective(solved), joints, bound, progress, t
+    )
     if out is not None:
         write_text(out, certificate.to_json())
     return bound, evidence

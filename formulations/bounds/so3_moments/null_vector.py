@@ -14,6 +14,7 @@ only the sign of all together.
 """
 
 from dataclasses import dataclass
+from functools import partial
 from math import sqrt
 
 import numpy as np
@@ -24,7 +25,7 @@ from formulations.bounds.so3_moments.row_sectors import UnsignedSector
 from formulations.bounds.so3_moments.sampled_blocks import BlockFamily, sector_families
 from formulations.bounds.so3_moments.wigner import jacobians_of
 from formulations.bounds.so3_moments.worst_case_conditions import (
-    ResidualDistance,
+    residual_distance,
     spectral_families,
 )
 from nlp.arrays import FloatArray
@@ -141,7 +142,7 @@ def unsigned_families(conditions: UnsignedConditions, t: float) -> list[BlockFam
     d of an eigenvalue from its mean, ρ ≥ (3/5)d²; so λ_max ≤ n/3 + √(5ρ_max/3).
     """
     limit = largest_residual(JOINTS, t)
-    distance = ResidualDistance(limit, 5 * JOINTS / 3)
+    distance = partial(residual_distance, limit, 5 * JOINTS / 3)
     deviation = null_vector_deviation(t)
     nearest = deviation * (JOINTS / 3 + sqrt(5 * limit / 3)) + 1e-12
 

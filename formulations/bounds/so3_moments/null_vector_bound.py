@@ -16,6 +16,7 @@ in which all numbers of the program have ordinary sizes.
 import time
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from scipy.linalg import qr
@@ -52,9 +53,9 @@ from formulations.bounds.so3_moments.wigner import (
 from formulations.bounds.so3_moments.worst_case_conditions import (
     MAXIMISED,
     QUARTIC,
-    SpectralDistance,
     WorstCaseConditions,
     condition_families,
+    spectral_distance,
     spectral_families,
     spectral_limit,
 )
@@ -105,7 +106,7 @@ def exclude_with_signs(
     """
     clock = [time.perf_counter()]
     generator = np.random.default_rng(rng)
-    distance = SpectralDistance(spectral_limit(t, MAXIMISED), MAXIMISED)
+    distance = partial(spectral_distance, spectral_limit(t, MAXIMISED), MAXIMISED, 0.0)
     plain: tuple[list[BlockFamily], ...] = (
         [*sector_families(signed.plain, JOINTS)],
         [*sector_families(unsigned.plain, JOINTS)],

@@ -13,14 +13,13 @@ from pathlib import Path
 import numpy as np
 
 from formulations.bounds.certified import best_known
-from formulations.bounds.so3_moments.certifying import search_certificate, verify_search
+from formulations.bounds.so3_moments.certifying import verify_search
 from formulations.bounds.so3_moments.enclosed_squares import require_extended_precision
 from formulations.bounds.so3_moments.global_bound import Evidence, GlobalBound, Kind
 from formulations.bounds.so3_moments.relaxation import (
     FRESH,
     Progress,
     check_joints,
-    refined_multipliers,
     silent,
     solve_relaxation,
 )
@@ -153,14 +152,12 @@ def _proved(
     out: Path | None,
 ) -> tuple[float, Evidence]:
     require_extended_precision()
-    if out is not None:
-        prepare_file(out)
+    prepare_file(out)
     joints = families[0].joints
     solved = solve_relaxation(families, joints, rng, gap=_RIGOROUS_GAP, progress=progress)
-    multipliers = refined_multipliers(solved.program, solved.multipliers)
-    constant = solved.program.dual_value(multipliers)
-    certificate = search_certificate(families, multipliers, constant, _NOTHING, joints)
-    verified, evidence = verify_search(solved, multipliers, certificate, progress)
+    certificate, verified, evidence = verify_search(
+        solved, solved.program, joints, _NOTHING, progress
+    )
     surely = verified.bound - _SHARE * verified.check["defect"]
     stated = floor(surely * 10**_DIGITS) / 10**_DIGITS
     if out is not None:

@@ -81,8 +81,8 @@ class UnsignedSector:
     """The products with one behaviour under all symmetries, column signs not among them.
 
     Where the signs of the columns are fixed, m of any parity may occur at any joint. If
-    `locked`, joint 0 is, and only the others are permuted. InputError unless the numbers are
-    non-negative and c ≡ d (mod 2).
+    `locked`, joint 0 is, and only the others are permuted. The numbers are non-negative, and
+    c ≡ d (mod 2).
     """
 
     charge: int
@@ -90,12 +90,6 @@ class UnsignedSector:
     degree: int
     locked: bool = False
     odd: ClassVar[int] = 0  # no joints are set apart by their parity
-
-    def __post_init__(self) -> None:
-        values = (self.charge, self.spin, self.degree)
-        if min(values) < 0 or (self.charge - self.degree) % 2:
-            allowed = "non-negative integers with c ≡ d modulo 2"
-            raise InputError("unsigned sector (c, L, d)", values, allowed)
 
     def places(self, joints: int) -> tuple[range, ...]:
         """Return the groups of joints: the locked one if any, the others."""

@@ -149,31 +149,21 @@ def _plain_rows(
             reachable = range(max(0, rows.spin - left), rows.spin + left + 1)
             spin, m = labels[q]
             factor = wigner[spin][:, order[assignment[q]], :, spin + m]
-            grown = _coupled_with(known[assignment[:q]], factor, spin, reachable)
-            known[assignment[: q + 1]] = grown
+            products = {
+                before: values[:, :, :, None] * factor[:, None, :]
+                for before, values in known[assignment[:q]].items()
+            }
+            known[assignment[: q + 1]] = recoupled(products, spin, reachable)
         values = known[assignment][rows.spin]
         found.append(np.concatenate([values.real, values.imag], axis=-1))
     return np.concatenate(found).reshape(rows.length, -1, 2 * (2 * rows.spin + 1))
 
 
-def _coupled_with(
-    coupled: Coupled, factor: ComplexArray, spin: int, reachable: range
-) -> Coupled:
-    """Return what coupling one more joint gives, in the order of `coupled_tensors`.
-
-    `factor` holds the functions of the joint, (configurations, 2·spin+1); `reachable` the total
-    spins that are still of use.
-    """
-    products = {
-        before: values[:, :, :, None] * factor[:, None, :] for before, values in coupled.items()
-    }
-    return recoupled(products, spin, reachable)
-
-
 def recoupled(products: Coupled, spin: int, reachable: range) -> Coupled:
     """Return products of spins l and `spin`, (ways, configurations, 2l+1, 2·spin+1), coupled.
 
-    For each total spin so far `products` holds one array; `reachable` as in `_coupled_with`.
+    For each total spin so far `products` holds one array; `reachable` are the total spins that
+    are still of use. The order is that of `coupled_tensors`.
     """
     grown: dict[int, list[ComplexArray]] = {}
     for before, values in products.items():

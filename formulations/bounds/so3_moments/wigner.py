@@ -53,13 +53,12 @@ def wigner_matrices(rotations: FloatArray, largest: int) -> list[ComplexArray]:
     D^{l+1} is a block of D^l ⊗ D^1 in the coupled basis.
     """
     extended = rotations.dtype == np.longdouble
-    tables = extended_coupling if extended else coupling
     spherical = _SPHERICAL if extended else _SPHERICAL.astype(complex)
     one = spherical.conj().T @ rotations @ spherical / 2
     found = [np.ones((*rotations.shape[:-2], 1, 1), dtype=one.dtype), one]
     for spin in range(1, largest):
         size = 3 * (2 * spin + 1)
-        table = tables(spin, 1, spin + 1).reshape(size, -1)
+        table = coupling(spin, 1, spin + 1, extended=extended).reshape(size, -1)
         products = found[spin][..., :, None, :, None] * one[..., None, :, None, :]
         together = products.reshape(*rotations.shape[:-2], size, size)
         found.append(table.T @ (together @ table))
@@ -67,28 +66,19 @@ def wigner_matrices(rotations: FloatArray, largest: int) -> list[ComplexArray]:
 
 
 @cache
-def coupling(first: int, second: int, total: int) -> FloatArray:
+def coupling(first: int, second: int, total: int, *, extended: bool = False) -> FloatArray:
     """Return ⟨first a, second b | total M⟩, shape (2·first+1, 2·second+1, 2·total+1).
 
-    Each entry is the root of an exact rational, to within two units in the last place.
+    Each entry is the root of an exact rational, to within two units in the last place of
+    double precision, or of extended precision.
     """
-    return _table(first, second, total, float)
-
-
-@cache
-def extended_coupling(first: int, second: int, total: int) -> FloatArray:
-    """Return the same in extended precision, to within two units in its last place."""
-    return _table(first, second, total, np.longdouble)
-
-
-def _table(first: int, second: int, total: int, kind: type) -> FloatArray:
     shape = (2 * first + 1, 2 * second + 1, 2 * total + 1)
-    table: FloatArray = np.zeros(shape, dtype=kind)
+    table: FloatArray = np.zeros(shape, dtype=np.longdouble if extended else float)
     if abs(first - second) <= total <= first + second:
         for a in range(-first, first + 1):
             for b in range(max(-second, -total - a), min(second, total - a) + 1):
                 square, sign = _coefficient(first, a, second, b, total)
-                root = sqrt(square) if kind is float else _extended_root(square)
+                root = _extended_root(square) if extended else sqrt(square)
                 table[first + a, second + b, total + a + b] = copysign(1.0, sign) * root
     table.flags.writeable = False
     return table
@@ -144,7 +134,7 @@ def coupled_tensors(spins: tuple[int, ...], total: int) -> FloatArray:
         grown: dict[int, list[FloatArray]] = {}
         for reached, tensors in partial.items():
             for target in range(abs(reached - spin), min(reached + spin, total + rest) + 1):
-                table = extended_coupling(reached, spin, target)
+                table = coupling(reached, spin, target, extended=True)
                 grown.setdefault(target, []).extend(
                     np.tensordot(tensor, table, axes=1) for tensor in tensors
                 )

@@ -11,7 +11,7 @@ same with the other distances; and localisers of J_f J_fᵀ − tI.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, partial
 from itertools import product
 from math import sqrt
 
@@ -76,23 +76,16 @@ _MORE_SQUARES = (RowSector(0, 2, 3, 6), RowSector(0, 0, 4, 6))
 SIGNED = replace(CONDITIONS, plain=without_repetition([*CONDITIONS.plain, *_MORE_SQUARES]))
 
 
-@dataclass(frozen=True)
-class ResidualDistance:
-    """The function g(x) = (limit − ρ(x))/unit of rotations (configurations, n, 3, 3)."""
-
-    limit: float
-    unit: float
-
-    def __call__(self, rotations: FloatArray) -> FloatArray:
-        """Return g, (configurations,), in the precision of the rotations."""
-        return np.asarray((self.limit - residual_values(rotations)) / self.unit)
+def residual_distance(limit: float, unit: float, rotations: FloatArray) -> FloatArray:
+    """Return (limit − ρ(x))/unit at rotations (configurations, n, 3, 3), in their precision."""
+    return np.asarray((limit - residual_values(rotations)) / unit)
 
 
 def condition_families(
     conditions: WorstCaseConditions, joints: int, t: float
 ) -> list[BlockFamily]:
     """Return the blocks that are positive semidefinite wherever the worst case is σ² ≥ t."""
-    distance = ResidualDistance(largest_residual(joints, t), mean_residual(joints))
+    distance = partial(residual_distance, largest_residual(joints, t), mean_residual(joints))
     krylov = [KrylovLocaliser(sector, joints, t) for sector in conditions.krylov]
     return [
         *sector_families(conditions.plain, joints),
@@ -130,23 +123,17 @@ def spectral_limit(t: float, cubic: float, quartic: float = 0.0, joints: int = 7
     return float(6 * (constant + max(missing, 0.0)) + limit * pole) + 1e-9
 
 
-@dataclass(frozen=True)
-class SpectralDistance:
-    """The function α + β tr E³ + γ tr E⁴ − ρ of rotations (configurations, n, 3, 3)."""
-
-    limit: float
-    cubic: float
-    quartic: float = 0.0
-
-    def __call__(self, rotations: FloatArray) -> FloatArray:
-        """Return its values, (configurations,)."""
-        jacobians = jacobians_of(rotations)
-        defect = jacobians @ jacobians.swapaxes(1, 2) - jacobians.shape[2] / 3 * np.eye(6)
-        square = defect @ defect
-        cube = np.sum(square * defect, axis=(1, 2))
-        residual = 0.5 * np.trace(square, axis1=1, axis2=2)
-        fourth = np.sum(square**2, axis=(1, 2))
-        return np.asarray(self.limit + self.cubic * cube + self.quartic * fourth - residual)
+def spectral_distance(
+    limit: float, cubic: float, quartic: float, rotations: FloatArray
+) -> FloatArray:
+    """Return α + β tr E³ + γ tr E⁴ − ρ at rotations (configurations, n, 3, 3)."""
+    jacobians = jacobians_of(rotations)
+    defect = jacobians @ jacobians.swapaxes(1, 2) - jacobians.shape[2] / 3 * np.eye(6)
+    square = defect @ defect
+    cube = np.sum(square * defect, axis=(1, 2))
+    residual = 0.5 * np.trace(square, axis1=1, axis2=2)
+    fourth = np.sum(square**2, axis=(1, 2))
+    return np.asarray(limit + cubic * cube + quartic * fourth - residual)
 
 
 def spectral_families(
@@ -156,5 +143,5 @@ def spectral_families(
 ) -> list[BlockFamily]:
     """Return the blocks of the sectors, each multiplied by α + β tr E³ + γ tr E⁴ − ρ."""
     blocks = sector_families(sectors, 7)
-    distances = [SpectralDistance(spectral_limit(t, *pair), *pair) for pair in slopes]
+    distances = [partial(spectral_distance, spectral_limit(t, *pair), *pair) for pair in slopes]
     return [ScaledBlocks(one, distance) for distance in distances for one in blocks]

@@ -1,4 +1,5 @@
 from fractions import Fraction
+from functools import partial
 from itertools import permutations, product
 from math import nextafter, sqrt
 from typing import Any
@@ -25,7 +26,7 @@ from formulations.bounds.so3_moments.row_sectors import RowSector
 from formulations.bounds.so3_moments.sampled_blocks import SectorBlocks
 from formulations.bounds.so3_moments.verification import degree_of
 from formulations.bounds.so3_moments.wigner import jacobians_of, random_rotations
-from formulations.bounds.so3_moments.worst_case_conditions import ResidualDistance
+from formulations.bounds.so3_moments.worst_case_conditions import residual_distance
 
 LIMIT = 0.3
 
@@ -156,7 +157,7 @@ def test_a_wrong_bisection_is_noticed(count, monkeypatch):
 KINDS = {
     "plain": lambda: SectorBlocks(RowSector(2, 0, 1, 4), 4),
     "scaled": lambda: ScaledBlocks(
-        SectorBlocks(RowSector(2, 0, 1, 4), 4), ResidualDistance(0.1, 8.0)
+        SectorBlocks(RowSector(2, 0, 1, 4), 4), partial(residual_distance, 0.1, 8.0)
     ),
     "krylov": lambda: KrylovLocaliser(RowSector(0, 0, 0, 4, 0), 4, LIMIT),
     "krylov, odd joints": lambda: KrylovLocaliser(RowSector(2, 0, 1, 4, 0), 4, LIMIT),
@@ -180,7 +181,7 @@ def enclosed_condition(family, roots, rotations):
     if isinstance(family, ScaledBlocks):
         inner = enclosed_condition(family.family, roots, rotations)
         distance: Any = family.factor
-        return enclosed_scaled(distance.limit, distance.unit, inner, rotations)
+        return enclosed_scaled(*distance.args, inner, rotations)
     if isinstance(family, KrylovLocaliser):
         return enclosed_krylov_sum(family, enclosed(family, roots), rotations)
     together = zip(family.blocks, roots, strict=True)
@@ -281,7 +282,7 @@ PLAIN, LOCKED = RowSector(2, 0, 0, 2), RowSector(0, 0, 0, 2, 0)
     [
         (SectorBlocks(PLAIN, 4), degree_of([PLAIN])),
         (
-            ScaledBlocks(SectorBlocks(PLAIN, 4), ResidualDistance(0.1, 8.0)),
+            ScaledBlocks(SectorBlocks(PLAIN, 4), partial(residual_distance, 0.1, 8.0)),
             degree_of([], [PLAIN]),
         ),
         (KrylovLocaliser(LOCKED, 4, LIMIT), degree_of([], [], [LOCKED])),
