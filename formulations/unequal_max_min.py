@@ -32,11 +32,7 @@ from formulations.encodings.factors import ENCODINGS, Encoding
 from formulations.joints.joint import ColumnModel
 from formulations.measures import unequal_failures
 from formulations.measures.jacobian import check_sets
-from formulations.measures.unequal_failures import (
-    Scenarios,
-    largest_weights,
-    scenarios,
-)
+from formulations.measures.unequal_failures import Scenarios, largest_weights, scenarios
 from nlp.arrays import FloatArray, whole_number
 from nlp.errors import InputError
 from nlp.options import OptionValue
@@ -71,10 +67,7 @@ class _Levels:
 
 
 def build(
-    arm: ColumnModel,
-    failures: Scenarios,
-    goal: Goal = "worst",
-    encoding: str | None = None,
+    arm: ColumnModel, failures: Scenarios, goal: Goal = "worst", encoding: str | None = None
 ) -> Problem:
     """State the problem for an arm, of settings that `max_min.check` has seen.
 

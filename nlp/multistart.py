@@ -65,7 +65,6 @@ def multistart(
     judge: Callable[[Run], T] | None = None,
     figure: Callable[[T], float] | None = None,
     better: Callable[[float, float], float] = np.fmin,
-    time_limit: float | None = None,
 ) -> MultistartResult[T]:
     """Solve one problem from many starts.
 
@@ -93,9 +92,6 @@ def multistart(
         Shown before a progress bar on a terminal or in a notebook; no bar without it.
     figure, better
         Of a result, a number, NaN for none; of two, the better one. The bar shows the best.
-    time_limit
-        Seconds that Ipopt may run from a start, above 0; the start then ends with the status
-        ``Maximum_WallTime_Exceeded``. No limit by default.
 
     Returns
     -------
@@ -121,8 +117,7 @@ def multistart(
     count = whole_number("starts", starts, 1)
     number = seed_of(seed, rng)
     workers = whole_number("workers", workers, 1)
-    settings = _limited(options or {}, solver, time_limit)
-    task: Task[T] = Task(build, sample, settings, judge or _unjudged, solver, compiled)
+    task: Task[T] = Task(build, sample, options or {}, judge or _unjudged, solver, compiled)
     if workers == 1 and executor is None:
         batches = _in_this_process(task, number, count)
     else:
@@ -150,20 +145,6 @@ def multistart(
     finished.sort(key=lambda start: start.index)
     results = tuple(start.result for start in finished)
     return MultistartResult(results, complete=len(results) == count and not interrupted)
-
-
-def _limited(
-    options: Mapping[str, object], solver: str, time_limit: float | None
-) -> Mapping[str, object]:
-    if time_limit is None:
-        return options
-    allowed = "left out, or seconds above 0 with Ipopt and without its option max_wall_time"
-    number = isinstance(time_limit, int | float) and not isinstance(time_limit, bool)
-    if not number or not 0 < time_limit < math.inf:
-        raise InputError("time limit", time_limit, allowed)
-    if solver != "ipopt" or "max_wall_time" in options:
-        raise InputError("time limit", f"{time_limit:g} s", allowed)
-    return {**options, "max_wall_time": float(time_limit)}
 
 
 def _in_this_process(

@@ -67,12 +67,7 @@ def read_page(path: Path) -> EntryPage:
             for one in content["history"]
         )
         return EntryPage(
-            asked,
-            jacobian,
-            _value(content["value"]),
-            family,
-            _found(content["found"]),
-            history,
+            asked, jacobian, _value(content["value"]), family, _found(content["found"]), history
         )
     except (KeyError, TypeError, ValueError, InputError):
         raise FileError("file", str(path), "an entry of the atlas, as it is written") from None

@@ -97,9 +97,7 @@ def worst_case(
 
 @app.command("two-point")
 def two_point(
-    joints: Joints = 7,
-    task_dimension: TaskDimension = 6,
-    as_json: Json = False,
+    joints: Joints = 7, task_dimension: TaskDimension = 6, as_json: Json = False
 ) -> None:
     """Bound the worst case after two locked joints, from pairs of columns, ‖J‖_F² = n."""
     from formulations.bounds.two_point import two_point_bound

@@ -64,10 +64,7 @@ def compare(
 
 
 def reproduce(
-    starts: Starts = 100,
-    seed: Seed = 0,
-    out: Out = Path("reproduction"),
-    as_json: Json = False,
+    starts: Starts = 100, seed: Seed = 0, out: Out = Path("reproduction"), as_json: Json = False
 ) -> None:
     """Recompute every numbered example and claim of the paper.
 

@@ -23,8 +23,7 @@ if TYPE_CHECKING:
 def show(
     store: Annotated[Path, typer.Argument(metavar="DB", help="Store of a campaign.")],
     where: list[str] | None = option(
-        "CONDITION",
-        "Only records with this, such as 'joints == 7'. May be repeated.",
+        "CONDITION", "Only records with this, such as 'joints == 7'. May be repeated."
     ),
     group_by: str | None = option(
         "SETTING,...", "Settings that make groups; by default all that differ."

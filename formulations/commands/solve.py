@@ -104,6 +104,7 @@ def solve(
         "encoding": (encoding, None),
         "from_residual_minima": (from_residual_minima, False),
     }
+    limit = {} if time_limit is None else {"max_wall_time": time_limit}
     outcome = solve_from_many_starts(
         stated,
         built,
@@ -112,9 +113,8 @@ def solve(
         workers=workers,
         **{name: value for name, (value, default) in settings.items() if value != default},
         solver=solver,
-        options=ipopt_options(ipopt),
+        options=ipopt_options(ipopt) | limit,
         compiled=compiled,
-        time_limit=time_limit,
         progress=True,
     )
     if not outcome.records:

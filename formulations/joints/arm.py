@@ -225,9 +225,7 @@ def _jacobian_function(arm: FreeVariables) -> ca.Function:
 
 
 @lru_cache(maxsize=64)
-def _extent_functions(
-    arm: Arm,
-) -> tuple[tuple[str, ca.Function, FloatArray, FloatArray], ...]:
+def _extent_functions(arm: Arm) -> tuple[tuple[str, ca.Function, FloatArray, FloatArray], ...]:
     """Return name, numeric function and bounds of each of the joints' own constraints."""
     symbols = arm.symbols()
     return tuple(

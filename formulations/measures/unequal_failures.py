@@ -59,11 +59,7 @@ class FailureModel:
 
     @classmethod
     def equally_likely(
-        cls,
-        joints: int,
-        locked: int = 1,
-        never: Collection[int] = (),
-        probability: float = 0.5,
+        cls, joints: int, locked: int = 1, never: Collection[int] = (), probability: float = 0.5
     ) -> FailureModel:
         """Return the model of `joints` alike joints, less those that never fail.
 

@@ -77,11 +77,7 @@ def follow(
 
 
 def survivors(
-    kinematics: Kinematics,
-    nodes: FloatArray,
-    samples: IntArray,
-    poses: Poses,
-    seed: int = 0,
+    kinematics: Kinematics, nodes: FloatArray, samples: IntArray, poses: Poses, seed: int = 0
 ) -> IntArray:
     """Lock each joint at each of many configurations and finish the path.
 

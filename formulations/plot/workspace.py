@@ -14,11 +14,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_LEGEND = {
-    "physical limits": PALE,
-    "artificial limits": BLUE,
-    "kept after any failure": ORANGE,
-}
+_LEGEND = {"physical limits": PALE, "artificial limits": BLUE, "kept after any failure": ORANGE}
 
 
 def draw(workspace: Workspace) -> Figure:

@@ -72,10 +72,7 @@ def planar_4r(alpha: float) -> FloatArray:
 
 #: Eq. (12): planar 3R.
 PLANAR_3R: Final = _read_only(
-    [
-        [-np.sqrt(2 / 3), np.sqrt(1 / 6), np.sqrt(1 / 6)],
-        [0, -np.sqrt(1 / 2), np.sqrt(1 / 2)],
-    ]
+    [[-np.sqrt(2 / 3), np.sqrt(1 / 6), np.sqrt(1 / 6)], [0, -np.sqrt(1 / 2), np.sqrt(1 / 2)]]
 )
 #: Eq. (13): its null space.
 PLANAR_3R_NULL_SPACE: Final = _read_only(np.full(3, np.sqrt(1 / 3)))

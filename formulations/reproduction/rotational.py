@@ -132,9 +132,7 @@ def _dependent_angles_row(arm: Arm, point: FloatArray) -> row.ReproductionRow:
 
 
 def appendix_rows(
-    seed: int = 0,
-    printed: Forms = _AS_PRINTED,
-    corrected: Forms = appendix.closed_forms,
+    seed: int = 0, printed: Forms = _AS_PRINTED, corrected: Forms = appendix.closed_forms
 ) -> Iterator[row.ReproductionRow]:
     """One row per closed form, compared at random configurations of a 7R."""
     arm = Arm.of(UnitRevolute(), 7)

@@ -39,7 +39,6 @@ def solve(
     solver: str = "ipopt",
     options: Mapping[str, object] | None = None,
     compiled: bool = False,
-    time_limit: float | None = None,
     progress: bool = False,
     **settings: Any,
 ) -> Outcome:
@@ -65,8 +64,9 @@ def solve(
     workers, executor
         Where to run; see `nlp.multistart.multistart`. By default one process per processor
         core.
-    solver, options, compiled, time_limit
-        Of the solver; see `nlp.multistart.multistart`. Options go over the problem's own.
+    solver, options, compiled
+        Of the solver; see `nlp.multistart.multistart`. Options go over the problem's own;
+        Ipopt's ``max_wall_time`` limits the seconds of a start.
     progress
         Whether to show a bar.
     **settings
@@ -102,7 +102,6 @@ def solve(
         seed=seed_of(seed, rng),
         workers=default_workers() if workers is None else workers,
         executor=executor,
-        time_limit=time_limit,
         progress=progress,
     )
 
@@ -137,7 +136,6 @@ def run(
     seed: int = 0,
     workers: int = 1,
     executor: Executor | None = None,
-    time_limit: float | None = None,
     progress: bool = False,
     sample: Sampler | None = None,
     polish: Polish | None = None,
@@ -150,7 +148,7 @@ def run(
     ----------
     case
         What to solve.
-    starts, seed, workers, executor, time_limit
+    starts, seed, workers, executor
         See `nlp.multistart.multistart`.
     progress
         Whether to show a bar.
@@ -170,7 +168,6 @@ def run(
         options=case.options,
         solver=case.solver,
         compiled=case.compiled,
-        time_limit=time_limit,
         label=case.name if progress else None,
         judge=_JudgeRun(case, polish),
         figure=lambda record: record.score,

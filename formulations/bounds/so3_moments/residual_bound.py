@@ -146,10 +146,7 @@ def _checked(
 
 
 def _proved(
-    families: list[SectorBlocks],
-    rng: np.random.Generator,
-    progress: Progress,
-    out: Path | None,
+    families: list[SectorBlocks], rng: np.random.Generator, progress: Progress, out: Path | None
 ) -> tuple[float, Evidence]:
     require_extended_precision()
     prepare_file(out)

@@ -57,11 +57,7 @@ class RowBlocks:
         return max((spin for rows in self.rows for spin in rows.spins), default=0)
 
     def mean_squares(
-        self,
-        wigner: Sequence[ComplexArray],
-        orders: Sequence[Sequence[int]],
-        *,
-        share: int = 1,
+        self, wigner: Sequence[ComplexArray], orders: Sequence[Sequence[int]], *, share: int = 1
     ) -> list[FloatArray]:
         """Return the mean of rows · rowsᵀ of each block, (configurations, size, size).
 

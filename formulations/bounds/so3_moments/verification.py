@@ -79,10 +79,7 @@ class VerifiedBound:
 
 @one_blas_thread()
 def verify_bound(
-    certificate: BoundCertificate,
-    *,
-    rng: Rng = 0,
-    progress: Progress = lambda _: None,
+    certificate: BoundCertificate, *, rng: Rng = 0, progress: Progress = lambda _: None
 ) -> VerifiedBound:
     """Prove the bound that a certificate states.
 
