@@ -75,7 +75,7 @@ def load_plugin(path: Path) -> None:
         register(module)
 
 
-def formulation(name: str | Formulation) -> Formulation:
+def formulation_of(name: str | Formulation) -> Formulation:
     """Return a formulation by its name, or itself; InputError if there is none."""
     if isinstance(name, str):
         return _named(name)
@@ -85,7 +85,7 @@ def formulation(name: str | Formulation) -> Formulation:
 
 @overload
 def bound(
-    name: str | Formulation,
+    formulation: str | Formulation,
     arm: ColumnModel,
     locked: int = 1,
     kind: Literal["certified", "numerical"] = "certified",
@@ -94,7 +94,7 @@ def bound(
 
 @overload
 def bound(
-    name: str | Formulation,
+    formulation: str | Formulation,
     arm: ColumnModel,
     locked: int = 1,
     *,
@@ -104,7 +104,7 @@ def bound(
 
 
 def bound(
-    name: str | Formulation,
+    formulation: str | Formulation,
     arm: ColumnModel,
     locked: int = 1,
     kind: str = "certified",
@@ -114,7 +114,7 @@ def bound(
 
     Parameters
     ----------
-    name
+    formulation
         The formulation.
     arm
         The joints.
@@ -142,7 +142,7 @@ def bound(
     LockedJointError
         If it is to be computed and that fails; see the functions named above.
     """
-    statement = formulation(name)
+    statement = formulation_of(formulation)
     if kind in ("relaxation", "rigorous"):
         compute = getattr(statement, "compute_bound", None)
         if compute is None:

@@ -59,7 +59,7 @@ class Entry:
     @property
     def bound(self) -> Bound:
         """The sharpest upper bound on the worst case: proved if there is such a one."""
-        bound = registry.formulation(self.formulation).bound
+        bound = registry.formulation_of(self.formulation).bound
         return sharpest(bound(self.arm, self.locked, proved) for proved in (True, False))
 
     def proved_value(self, jacobian: FloatArray) -> str:
@@ -90,7 +90,7 @@ class Entry:
         """Whether a Jacobian, shape (m, n), is one of those that the entry asks for."""
         if jacobian.shape != (self.task_dimension, self.joints):
             return False
-        stated = registry.formulation(self.formulation)
+        stated = registry.formulation_of(self.formulation)
         locked = {"locked": self.locked} if "locked" in stated.SETTINGS else {}
         return self.arm.admits(jacobian) and bool(np.isfinite(stated.score(jacobian, **locked)))
 

@@ -167,7 +167,7 @@ def _case_of(asked: Entry) -> Case:
         tight = asked.joints - asked.task_dimension == asked.locked
         settings["encoding"] = "shared-factor" if tight else "principal-minors"
         settings["from_residual_minima"] = tight and asked.task_dimension == 6
-    return Case(registry.formulation(asked.formulation), asked.arm, settings)
+    return Case(registry.formulation_of(asked.formulation), asked.arm, settings)
 
 
 def _found(page: EntryPage | None) -> Found:

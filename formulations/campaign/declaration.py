@@ -87,7 +87,7 @@ def declaration(content: Mapping[str, Any]) -> Declaration:
             raise InputError("campaign file", f"without {key}", allowed)
     for key, kind in _LISTS.items():
         _check_list(key, content.get(key, [kind()]), kind)
-    formulations = [registry.formulation(name) for name in content["formulations"]]
+    formulations = [registry.formulation_of(name) for name in content["formulations"]]
     settings = {name: default for one in formulations for name, default in one.SETTINGS.items()}
     plurals = {"encodings": "encoding"}
     known = ("starts", "seed", *_LISTS, "solver", "compiled", "options", *plurals, *settings)
@@ -127,7 +127,7 @@ def _cases(
 ) -> Iterator[Case]:
     sizes = list(product(content["joints"], content.get("task_dimensions", [6])))
     for name, model in product(content["formulations"], content["models"]):
-        formulation = registry.formulation(name)
+        formulation = registry.formulation_of(name)
         taken = [setting for setting in grid if setting in formulation.SETTINGS]
         for (n, m), values in product(sizes, product(*(grid[setting] for setting in taken))):
             settings = dict(zip(taken, values, strict=True))

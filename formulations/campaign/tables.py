@@ -164,7 +164,7 @@ def _row(keys: Sequence[str], group: pd.DataFrame) -> dict[str, object]:
 def _cost(records: pd.DataFrame) -> pd.Series[float]:
     """Return what is to be small; NaN for records that do not pass the gate of `Record`."""
     names = records["formulation"].unique()
-    minimised = {name: registry.formulation(name).SENSE == "minimise" for name in names}
+    minimised = {name: registry.formulation_of(name).SENSE == "minimise" for name in names}
     sign = np.where(records["formulation"].map(minimised).astype(bool), 1.0, -1.0)
     trusted = records["status"].isin((SUCCESS, ACCEPTABLE)) & (records["valid"] == 1)
     trusted &= records["violation"] <= FEASIBLE

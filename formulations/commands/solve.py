@@ -90,7 +90,7 @@ def solve(
     from formulations.io.files import prepare_file
     from formulations.joints.models import arm
     from formulations.measures.assessment import measure
-    from formulations.registry import formulation as formulation_of
+    from formulations.registry import formulation_of
     from formulations.solving.solve import solve as solve_from_many_starts
 
     stated = formulation_of(formulation)

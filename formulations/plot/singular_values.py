@@ -20,7 +20,7 @@ from formulations.measures.assessment import Assessment
 from formulations.plot.picture import Picture, Request, best
 from formulations.plot.style import BLUE, INK, PALE, VERMILION, beside, styled, without_frame
 from formulations.registry import bound as bound_on
-from formulations.registry import formulation
+from formulations.registry import formulation_of
 from formulations.robots.robot_assessment import RobotAssessment
 from formulations.solving.case import Case
 from nlp.arrays import FloatArray
@@ -116,7 +116,7 @@ def _jacobians(request: Request) -> Sequence[tuple[str, FloatArray]]:
     return [
         (
             f"{title},\nunit revolute 7R",
-            best(Case(formulation(name), Arm.of(UnitRevolute(), 7)), request),
+            best(Case(formulation_of(name), Arm.of(UnitRevolute(), 7)), request),
         )
         for name, title in TITLES.items()
     ]

@@ -80,7 +80,7 @@ class Search:
     @property
     def stated(self) -> Formulation:
         """The formulation."""
-        return registry.formulation(self.formulation)
+        return registry.formulation_of(self.formulation)
 
     def case(self, arm: RobotArm) -> Case:
         """Return what is solved for an arm.

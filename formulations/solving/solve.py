@@ -89,7 +89,7 @@ def solve(
         If worker processes die or hang.
     """
     case = Case(
-        registry.formulation(formulation),
+        registry.formulation_of(formulation),
         arm_of(arm, joints, task_dimension),
         {name: value for name, value in settings.items() if value is not None},
         options=options or {},

@@ -16,7 +16,7 @@ from threadpoolctl import threadpool_limits
 from formulations.io.table import HIDDEN, column
 from formulations.joints.arm import Arm
 from formulations.joints.models import arm
-from formulations.registry import formulation
+from formulations.registry import formulation_of
 from formulations.solving.outcome import REACHED_BEST
 from nlp.arrays import FloatArray
 from nlp.starts import generator
@@ -192,7 +192,7 @@ def measure(
                     f"{trial.peer.formulation} {joints}R, start {first}: {trial.peer.name}"
                 )
                 _run_round(trial, built, points[first : first + batch], batch, time_limit)
-    statement = formulation(peers[0].formulation)
+    statement = formulation_of(peers[0].formulation)
     known = [score for trial in trials for score in trial.scores if np.isfinite(score)]
     best = (min if statement.SENSE == "minimise" else max)(known, default=NAN)
     default = _per(trials[0].seconds, _within(trials[0].scores, best, REACHED_BEST))
@@ -218,7 +218,7 @@ def _run_round(
     done = 0
     trial.times.append(0.0)
     trial.rounds.append([])
-    score = formulation(trial.peer.formulation).score
+    score = formulation_of(trial.peer.formulation).score
     while trial.run and done < len(points) and trial.seconds < time_limit:
         count = _chunk(trial, len(points) - done, time_limit)
         given = points[done : done + count]
