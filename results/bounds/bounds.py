@@ -126,7 +126,7 @@ def row_of(plain: Mapping[str, Any], source: Source) -> BoundRow | RelaxationRow
 
 
 @dataclass(frozen=True)
-class Run:
+class BoundRun:
     """A bound: the command that prints it, and what computes it.
 
     The command prints besides what is on record. A rigorous bound writes its certificate to
@@ -137,12 +137,12 @@ class Run:
     compute: Callable[[Effort, Path], Mapping[str, Any]]
 
 
-def _existence(order: int) -> Run:
+def _existence(order: int) -> BoundRun:
     command = f"lockedjoint bound existence --order {order} --json"
-    return Run(command, lambda *_: existence_relaxation(order, task_dimension=6).to_dict())
+    return BoundRun(command, lambda *_: existence_relaxation(order, task_dimension=6).to_dict())
 
 
-def _global(quantity: str, preset: str, rigorous: bool = False) -> Run:
+def _global(quantity: str, preset: str, rigorous: bool = False) -> BoundRun:
     def compute(effort: Effort, certificate: Path) -> Mapping[str, Any]:
         settings: dict[str, Any] = {"rng": effort.seed, "progress": effort.progress}
         if rigorous:
@@ -151,17 +151,17 @@ def _global(quantity: str, preset: str, rigorous: bool = False) -> Run:
         return bound(preset, **settings).to_dict()
 
     command = f"lockedjoint bound {quantity} --preset {preset}"
-    return Run(f"{command}{' --rigorous' * rigorous} --json", compute)
+    return BoundRun(f"{command}{' --rigorous' * rigorous} --json", compute)
 
 
 #: By the file that they go to.
-RUNS: Mapping[str, Run] = MappingProxyType(
+RUNS: Mapping[str, BoundRun] = MappingProxyType(
     {
-        "worst_case_7_6.json": Run(
+        "worst_case_7_6.json": BoundRun(
             "lockedjoint bound worst-case --trace 6 --json",
             lambda *_: worst_case_bound(7, (6,), (6.0,)),
         ),
-        "worst_case_7r_lever_arm_1.json": Run(
+        "worst_case_7r_lever_arm_1.json": BoundRun(
             "lockedjoint bound worst-case --lever-arm 1 --json",
             lambda *_: worst_case_bound(7, (3, 3), (7.0, 7.0)),
         ),
