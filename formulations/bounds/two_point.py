@@ -27,8 +27,8 @@ import cvxpy as cp
 import numpy as np
 from numpy.polynomial import chebyshev
 
+from formulations.conic import check_solver, run
 from nlp.arrays import FloatArray, whole_number
-from nlp.conic import check_solver, run
 
 DEGREE = 3  # of φ, as Chebyshev polynomials of 2d − 1; h has twice the degree
 ZONAL = 4  # l = 0 … ZONAL

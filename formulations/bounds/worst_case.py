@@ -22,8 +22,8 @@ import cvxpy as cp
 import numpy as np
 
 from formulations.bounds.closed_form import block_trace_bound
+from formulations.conic import run
 from nlp.arrays import FloatArray, finite_or_none, whole_number
-from nlp.conic import run
 from nlp.errors import InputError
 
 Facts: TypeAlias = Sequence[tuple[FloatArray, float]]

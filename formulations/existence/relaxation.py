@@ -26,6 +26,7 @@ from typing import Any, Literal
 import cvxpy as cp
 import numpy as np
 
+from formulations.conic import check_solver, run
 from formulations.existence.equations import Frame
 from formulations.existence.moments import (
     LinearMoments,
@@ -35,7 +36,6 @@ from formulations.existence.moments import (
 )
 from formulations.existence.tableaux import standard_tableaux
 from nlp.arrays import FloatArray, finite_or_none, one_blas_thread, whole_number
-from nlp.conic import check_solver, run
 from nlp.errors import InputError
 
 # Relative rounding of the blocks, which are products of bases with errors of about 1e-12.
