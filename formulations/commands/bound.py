@@ -212,14 +212,12 @@ def isotropy(joints: Joints = 7, as_json: Json = False) -> None:
 
 
 def _computed(quantity: str, joints: int, rigorous: bool, **options: Any) -> dict[str, Any]:
-    """Return the bound on unit revolute joints, computed now."""
-    from formulations.joints.arm import Arm
-    from formulations.joints.kinds import UnitRevolute
-    from formulations.registry import bound as computed_bound
+    """Return the bound on unit revolute joints, computed now; also of six, which are no arm."""
+    from formulations.bounds.so3_moments.max_min_bound import max_min_bound
+    from formulations.bounds.so3_moments.residual_bound import residual_bound
 
-    arm = Arm.of(UnitRevolute(), joints)
-    kind: Literal["rigorous", "relaxation"] = "rigorous" if rigorous else "relaxation"
-    limit = computed_bound(quantity, arm, kind=kind, progress=progress, **options)
+    compute = residual_bound if quantity == "residual" else max_min_bound
+    limit = compute(joints=joints, rigorous=rigorous, progress=progress, **options)
     return dict(limit.to_dict())
 
 
