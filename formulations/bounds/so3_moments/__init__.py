@@ -14,7 +14,7 @@ for seven joints, in results/bounds and docs/bounds.md:
 =====================================  ================================================
 
 In reading order, first products of Wigner functions, sorted by the representations of all
-symmetries: `wigner`, `row_sectors`, `symmetric_rows` by `young_basis`; then
+symmetries: `wigner`, `row_sectors`, `symmetric_rows` by `young_basis`; then::
 
     sampled_blocks       moment matrices of these rows, evaluated at configurations
     localisers           blocks that are positive semidefinite where a condition holds
@@ -24,7 +24,7 @@ symmetries: `wigner`, `row_sectors`, `symmetric_rows` by `young_basis`; then
     max_min_bound        an upper bound on the worst case, by `worst_case_conditions`
     null_vector_bound    with the signs of the columns fixed by the `null_vector`
 
-and the proofs:
+and the proofs::
 
     certificate          the file of a rigorous bound, written and strictly read
     verification         the proof from that file, without solver and relaxation: sums with
