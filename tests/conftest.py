@@ -50,6 +50,7 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
     np.random.seed(seed)
 
 
+@pytest.hookimpl(tryfirst=True)  # before pytest-xdist reads the groups
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Give the tests of one file to one worker, and all that are marked to another."""
     for item in items:
