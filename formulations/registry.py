@@ -21,6 +21,8 @@ from formulations.joints.joint import ColumnModel
 from nlp.errors import FileError, InputError
 
 _OURS: tuple[Formulation, ...] = (residual, max_min, isotropy, manipulability)
+# The options of a bound that is computed now.
+_COMPUTED = ("preset", "seed", "rng", "progress", "out")
 FORMULATIONS: dict[str, Formulation] = {module.NAME: module for module in _OURS}
 
 
@@ -150,6 +152,9 @@ def bound(
                 other.NAME for other in FORMULATIONS.values() if hasattr(other, "compute_bound")
             )
             raise InputError("formulation", statement.NAME, f"one of {others} for this kind")
+        for name in options:
+            if name not in _COMPUTED:
+                raise InputError("option", name, "one of " + ", ".join(_COMPUTED))
         computed: GlobalBound = compute(arm, locked, kind == "rigorous", **options)
         return computed
     if kind not in ("certified", "numerical"):

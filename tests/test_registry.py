@@ -151,3 +151,8 @@ def test_what_no_kind_knows_is_refused(arguments, options, message):
     name, model, *locked = arguments
     with pytest.raises(lj.InputError, match=message):
         lj.bound(name, lj.arm(model, 8), *locked, **options)
+
+
+def test_a_bound_that_is_computed_refuses_options_that_it_does_not_have():
+    with pytest.raises(InputError, match="option is nonsense; allowed: one of preset"):
+        lj.bound("residual", lj.arm("unit-revolute", 7), kind="relaxation", nonsense=1)
