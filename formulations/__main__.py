@@ -7,8 +7,8 @@ import sys
 import threading
 from types import FrameType
 
-USAGE_ERROR = 2
-BROKEN_PIPE = 1
+_USAGE_ERROR = 2
+_BROKEN_PIPE = 1
 INTERRUPTED = 130
 
 
@@ -70,10 +70,10 @@ def _run() -> int:
     except LockedJointError as error:
         return _fail(str(error), error.exit_status)
     except typer.TyperException as error:
-        return _fail(error.format_message().replace("Value error, ", ""), USAGE_ERROR)
+        return _fail(error.format_message().replace("Value error, ", ""), _USAGE_ERROR)
     except BrokenPipeError:  # whoever reads the output has ended; nor can the rest be flushed
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return BROKEN_PIPE
+        return _BROKEN_PIPE
     return 0
 
 

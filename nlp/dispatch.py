@@ -24,7 +24,7 @@ from nlp.executors import default_workers
 from nlp.starts import Chunk, FailedStart, FinishedStart, Outcomes, RunChunk
 
 # How often a start may end its worker, as the only start under way, before it is given up.
-ATTEMPTS = 2
+_ATTEMPTS = 2
 
 _PULSE = 0.5  # seconds between two looks at the executor
 
@@ -58,7 +58,7 @@ def dispatch(
     only as workers ask, so memory does not grow with their number.
 
     When a worker ends, whatever was under way runs again, one start at a time and nothing
-    beside it, so that the start to blame is known. After `ATTEMPTS` of these it has failed.
+    beside it, so that the start to blame is known. After `_ATTEMPTS` of these it has failed.
 
     Parameters
     ----------
@@ -130,7 +130,7 @@ def _landed(
         seconds = time.monotonic() - trial.began
         if len(chunk.indices) > 1:
             again += [_Trial(replace(chunk, indices=(k,)), alone=True) for k in chunk.indices]
-        elif trial.failures + trial.alone < ATTEMPTS:
+        elif trial.failures + trial.alone < _ATTEMPTS:
             again.append(_Trial(chunk, failures=trial.failures + trial.alone, alone=True))
         else:
             late = time_limit is not None and seconds >= time_limit

@@ -58,7 +58,7 @@ class MissingLibraryError(InputError):
     """
 
     def __init__(self, library: str, package: str = "") -> None:
-        super().__init__(library, "missing", how_to_install(package or library))
+        super().__init__(library, "missing", _how_to_install(package or library))
         self.package = package
 
     def __str__(self) -> str:
@@ -90,7 +90,7 @@ class WorkerError(LockedJointError):
     exit_status: ClassVar[int] = 1
 
 
-def how_to_install(package: str) -> str:
+def _how_to_install(package: str) -> str:
     """Return the command that installs a package into the environment that runs."""
     return f"{sys.executable} -m pip install {package}"
 

@@ -30,8 +30,8 @@ from numpy.polynomial import chebyshev
 from formulations.conic import check_solver, run
 from nlp.arrays import FloatArray, whole_number
 
-DEGREE = 3  # of φ, as Chebyshev polynomials of 2d − 1; h has twice the degree
-ZONAL = 4  # l = 0 … ZONAL
+_DEGREE = 3  # of φ, as Chebyshev polynomials of 2d − 1; h has twice the degree
+_ZONAL = 4  # l = 0 … ZONAL
 ROUNDS = 5
 
 
@@ -139,7 +139,7 @@ def _grid(levels: FloatArray, steps: int) -> FloatArray:
 def _zonal(m: int, x: FloatArray) -> FloatArray:
     """Return P_l(x), l = 0 … ZONAL: Gegenbauer polynomials of degree 2l with P_l(1) = 1."""
     values = [np.ones_like(x), x]
-    for degree in range(1, 2 * ZONAL):
+    for degree in range(1, 2 * _ZONAL):
         below, last = values[-2:]
         step = (2 * degree + m - 2) * x * last - degree * below
         values.append(step / (degree + m - 2))
@@ -151,7 +151,7 @@ def _basis(d: FloatArray, degree: int) -> FloatArray:
 
 
 def _kernel(m: int, points: FloatArray, blocks: list[FloatArray]) -> FloatArray:
-    first, second = _basis(points[:, 0], DEGREE), _basis(points[:, 1], DEGREE)
+    first, second = _basis(points[:, 0], _DEGREE), _basis(points[:, 1], _DEGREE)
     zonal = _zonal(m, points[:, 2])
     return np.asarray(
         sum(
@@ -164,7 +164,7 @@ def _kernel(m: int, points: FloatArray, blocks: list[FloatArray]) -> FloatArray:
 def _excess(
     m: int, points: FloatArray, blocks: list[FloatArray], lift: FloatArray
 ) -> FloatArray:
-    height = _basis(points[:, 0], 2 * DEGREE) + _basis(points[:, 1], 2 * DEGREE)
+    height = _basis(points[:, 0], 2 * _DEGREE) + _basis(points[:, 1], 2 * _DEGREE)
     return _kernel(m, points, blocks) - height @ lift
 
 
@@ -172,13 +172,13 @@ def _solve(
     m: int, n: int, points: FloatArray, solver: str
 ) -> tuple[list[FloatArray], FloatArray, str]:
     """Return F_l, the coefficients of h, and the solver's status; no F_l if it failed."""
-    size = DEGREE + 1
-    variables = [cp.Variable((size, size), PSD=True) for _ in range(ZONAL + 1)]
-    lift, limit = cp.Variable(2 * DEGREE + 1), cp.Variable()
+    size = _DEGREE + 1
+    variables = [cp.Variable((size, size), PSD=True) for _ in range(_ZONAL + 1)]
+    lift, limit = cp.Variable(2 * _DEGREE + 1), cp.Variable()
     flat = cp.hstack([cp.vec(one, order="C") for one in variables])
 
     def rows(points: FloatArray) -> FloatArray:
-        first, second = _basis(points[:, 0], DEGREE), _basis(points[:, 1], DEGREE)
+        first, second = _basis(points[:, 0], _DEGREE), _basis(points[:, 1], _DEGREE)
         outer = first[:, :, None] * second[:, None, :]
         outer = 0.5 * (outer + outer.transpose(0, 2, 1))
         parts = _zonal(m, points[:, 2])[:, :, None] * outer.reshape(len(points), 1, -1)
@@ -186,11 +186,11 @@ def _solve(
 
     d = 0.5 - 0.5 * np.cos(np.linspace(0.0, np.pi, 160))
     same = np.stack([d, d, np.ones_like(d)], axis=1)
-    height = _basis(points[:, 0], 2 * DEGREE) + _basis(points[:, 1], 2 * DEGREE)
+    height = _basis(points[:, 0], 2 * _DEGREE) + _basis(points[:, 1], 2 * _DEGREE)
     # h is scaled by n, which leaves coefficients of one size.
     conditions = [
         rows(points) @ flat <= height @ lift / n,
-        rows(same) @ flat + (2 * (n - 1) / n) * (_basis(d, 2 * DEGREE) @ lift) + d <= limit,
+        rows(same) @ flat + (2 * (n - 1) / n) * (_basis(d, 2 * _DEGREE) @ lift) + d <= limit,
     ]
     problem = cp.Problem(cp.Minimize(limit), conditions)
     status = run(problem, solver)
@@ -209,6 +209,6 @@ def _checked(
     violation = max(float(_excess(m, judge, projected, lift).max()), 0.0)
     d = np.linspace(0.0, 1.0, 20001)
     same = np.stack([d, d, np.ones_like(d)], axis=1)
-    height = 2 * (n - 1) * (_basis(d, 2 * DEGREE) @ lift)
+    height = 2 * (n - 1) * (_basis(d, 2 * _DEGREE) @ lift)
     limit = float((_kernel(m, same, projected) + height + d).max()) + (n - 1) * violation
     return TwoPointBound(m, n, n * limit * (1 + 1e-9), violation, status)

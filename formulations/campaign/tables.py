@@ -30,7 +30,7 @@ SETTINGS = ("formulation", "model", "joints", "task_dimension", *ALWAYS, *_HOW)
 # Where optima come in families, every start has its own: only so many of a level are listed.
 LISTED = 10
 # Where starts end anywhere, every one has its own level: only the best are listed.
-LEVELS = 100
+_LEVELS = 100
 
 
 def frame(store: Store, where: str = "", columns: Sequence[str] | None = None) -> pd.DataFrame:
@@ -201,7 +201,7 @@ def optima(store: Store, where: str = "") -> pd.DataFrame:
     -------
     DataFrame
         What names the problem, then: ``level``, 1 for the best value of the score, 2 for the
-        next, up to `LEVELS`; ``score``, ``worst_case_sigma``; ``classes``, how many optima
+        next, up to `_LEVELS`; ``score``, ``worst_case_sigma``; ``classes``, how many optima
         the level has, of which the `LISTED` most reached are listed, and of which no more
         than `formulations.measures.canonical.MOST` are distinguished; ``reached``, starts
         that ended at this one; ``of_starts``, starts that ended at any optimum;
@@ -226,7 +226,7 @@ def _optima(group: pd.DataFrame) -> Iterator[dict[str, object]]:
     _, model, joints, task_dimension, locked = (group[name].iloc[0] for name in _PROBLEM)
     symmetry = _symmetry(models.arm(model, int(joints), int(task_dimension)))
     levels = (group["cost"].diff() > REACHED_BEST).cumsum() + 1
-    for level, members in group[levels <= LEVELS].groupby(levels):
+    for level, members in group[levels <= _LEVELS].groupby(levels):
         classes = Classes(symmetry)
         for text, score in zip(members["jacobian"], members["score"], strict=True):
             classes.add(np.array(json.loads(text)), score)

@@ -18,7 +18,7 @@ GROUPS = {
     "Results": ("reproduce", "figure"),
 }
 # Two for each command, which are the end of its help.
-EXAMPLES = """
+_EXAMPLES = """
 compare
 compare --joints 4 --task-dimension 2 --starts 20 --out planar
 solve max-min --joints 8 --out best.json
@@ -87,7 +87,7 @@ app = typer.Typer(
 for _name in (name for names in GROUPS.values() for name in names):
     _python_name = _name.replace("-", "_")
     _module = import_module(f"formulations.commands.{_FILES.get(_name, _python_name)}")
-    _lines = [line for line in EXAMPLES.splitlines() if line.partition(" ")[0] == _name]
+    _lines = [line for line in _EXAMPLES.splitlines() if line.partition(" ")[0] == _name]
     _epilog = "\n".join(["\b\nExamples:", *(f"  lockedjoint {line}" for line in _lines)])
     if hasattr(_module, "app"):  # a command with commands of its own
         app.add_typer(_module.app, epilog=_epilog)

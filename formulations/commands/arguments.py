@@ -29,7 +29,7 @@ T = TypeVar("T")
 MOST_STARTS = 10**9
 # More joints and task dimensions than any statement or bound is computed for.
 MOST_JOINTS = 1000
-MOST_DIMENSIONS = 100
+_MOST_DIMENSIONS = 100
 
 
 def expanded(command: Callable[..., None]) -> Callable[..., None]:
@@ -116,7 +116,7 @@ def _positive(text: str) -> float:
     return number
 
 
-def whole_option(
+def _whole_option(
     lowest: int, metavar: str, words: str, highest: int = LARGEST, **settings: Any
 ) -> Any:
     """Return an option that takes whole numbers, for `Annotated`."""
@@ -130,18 +130,18 @@ def progress(sentence: str) -> None:
         typer.echo(f"\r\x1b[K{printable(sentence[:78], '')}", nl=False, err=True)
 
 
-Joints = Annotated[int, whole_option(2, "N", "Number of joints n, above m.", MOST_JOINTS)]
+Joints = Annotated[int, _whole_option(2, "N", "Number of joints n, above m.", MOST_JOINTS)]
 TaskDimension = Annotated[
-    int, whole_option(1, "M", "Number of task dimensions m.", MOST_DIMENSIONS)
+    int, _whole_option(1, "M", "Number of task dimensions m.", _MOST_DIMENSIONS)
 ]
-Starts = Annotated[int, whole_option(1, "K", "Random starts of each row.", MOST_STARTS)]
-Seed = Annotated[int, whole_option(0, "S", "Random seed; reproducible across machines.")]
+Starts = Annotated[int, _whole_option(1, "K", "Random starts of each row.", MOST_STARTS)]
+Seed = Annotated[int, _whole_option(0, "S", "Random seed; reproducible across machines.")]
 Workers = Annotated[
-    int | None, whole_option(1, "W", "Worker processes.", show_default="all cores")
+    int | None, _whole_option(1, "W", "Worker processes.", show_default="all cores")
 ]
-Locked = Annotated[int, whole_option(1, "K", "How many joints lock at once.")]
+Locked = Annotated[int, _whole_option(1, "K", "How many joints lock at once.")]
 Pick = Annotated[
-    int | None, whole_option(0, "K", "Which Jacobian of the file, counted from 0.")
+    int | None, _whole_option(0, "K", "Which Jacobian of the file, counted from 0.")
 ]
 Out = Annotated[
     Path, typer.Option(metavar="DIR", help="Folder for the files; made if missing.")

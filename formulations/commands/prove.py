@@ -12,7 +12,7 @@ from formulations.commands.arguments import Json, option, progress
 from formulations.commands.output import show
 from nlp.errors import InputError
 
-MOST_SAMPLES = 1_000_000
+_MOST_SAMPLES = 1_000_000
 
 
 def prove(
@@ -102,7 +102,7 @@ def verify(
         "random matrices that violate every equation.",
         0,
         low=0,
-        high=MOST_SAMPLES,
+        high=_MOST_SAMPLES,
     ),
     as_json: Json = False,
 ) -> None:

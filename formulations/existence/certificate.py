@@ -22,10 +22,10 @@ from formulations.io.files import write_text
 from nlp.errors import LockedJointError
 
 JOINTS = 7
-TERM_FACTORS = 3
-MONOMIAL_FACTORS = 5
+_TERM_FACTORS = 3
+_MONOMIAL_FACTORS = 5
 SQUARES, TERMS, MULTIPLIERS = 4, 200, 1000
-COMMON_DENOMINATOR = 10**60
+_COMMON_DENOMINATOR = 10**60
 
 Pairs: TypeAlias = tuple[tuple[int, int], ...]
 Kind: TypeAlias = Literal["row-sum", "square", "tight-frame"]
@@ -46,7 +46,7 @@ class Term:
     wbar: Pairs
 
     def __post_init__(self) -> None:
-        _require_monomial(self.coefficient, self.w, self.wbar, TERM_FACTORS)
+        _require_monomial(self.coefficient, self.w, self.wbar, _TERM_FACTORS)
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,7 +57,7 @@ class Square:
     terms: tuple[Term, ...]
 
     def __post_init__(self) -> None:
-        require_rational("weight", self.weight)
+        _require_rational("weight", self.weight)
         require(self.weight > 0, f"weight {self.weight} is not positive")
         _require_length("terms", self.terms, TERMS)
 
@@ -77,7 +77,7 @@ class Multiplier:
         indices = 1 if self.kind == "row-sum" else 2
         require(len(self.place) == indices, f"a {self.kind} equation has {indices} indices")
         _require_joints(self.place)
-        _require_monomial(self.coefficient, self.w, self.wbar, MONOMIAL_FACTORS)
+        _require_monomial(self.coefficient, self.w, self.wbar, _MONOMIAL_FACTORS)
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,7 +94,7 @@ class Certificate:
         require(
             self.joints == JOINTS, f"joints is {self.joints}, but the theorem is about {JOINTS}"
         )
-        require_rational("constant", self.constant)
+        _require_rational("constant", self.constant)
         require(self.constant > 0, f"constant {self.constant} is not positive")
         _require_length("squares", self.squares, SQUARES)
         _require_length("multipliers", self.multipliers, MULTIPLIERS)
@@ -106,7 +106,7 @@ class Certificate:
         numbers += [term.coefficient for square in self.squares for term in square.terms]
         numbers += [multiplier.coefficient for multiplier in self.multipliers]
         common = lcm(*(number.denominator for number in numbers))
-        require(common <= COMMON_DENOMINATOR, "the denominators have no small multiple")
+        require(common <= _COMMON_DENOMINATOR, "the denominators have no small multiple")
 
     def write(self, path: Path | str) -> None:
         """Write the JSON file, whole or not at all.
@@ -159,7 +159,7 @@ def require(condition: bool, otherwise: str) -> None:
         raise CertificateError(f"{otherwise}.")
 
 
-def require_rational(name: str, number: object) -> None:
+def _require_rational(name: str, number: object) -> None:
     """Refuse what is no Fraction."""
     require(isinstance(number, Fraction), f"{name} {number} is not a Fraction")
 
@@ -170,7 +170,7 @@ def _require_length(name: str, items: tuple[object, ...], most: int) -> None:
 
 
 def _require_monomial(coefficient: Fraction, w: Pairs, wbar: Pairs, factors: int) -> None:
-    require_rational("coefficient", coefficient)
+    _require_rational("coefficient", coefficient)
     require(coefficient != 0, "a coefficient is zero")
     count = len(w) + len(wbar)
     require(count <= factors, f"a monomial of {count} factors is longer than {factors}")

@@ -25,9 +25,9 @@ from formulations.io.files import read_bytes
 from nlp.errors import FileError
 
 FILE_BYTES = 2_000_000
-MOST_VALUES = 500_000
+_MOST_VALUES = 500_000
 DIGITS = 40
-RATIONAL = re.compile(rf"-?(0|[1-9][0-9]{{0,{DIGITS - 1}}})(/[1-9][0-9]{{0,{DIGITS - 1}}})?")
+_RATIONAL = re.compile(rf"-?(0|[1-9][0-9]{{0,{DIGITS - 1}}})(/[1-9][0-9]{{0,{DIGITS - 1}}})?")
 
 Record = TypeVar("Record")
 Reader: TypeAlias = Callable[[Any], Record]
@@ -69,8 +69,8 @@ def loaded(path: Path | str, most: int = FILE_BYTES) -> Any:
         As `read` does.
     """
     content = read_bytes(Path(path), most=most)
-    if sum(map(content.count, (b",", b"[", b"{"))) > MOST_VALUES:
-        raise FileError("file", str(path), f"a file of at most {MOST_VALUES} values")
+    if sum(map(content.count, (b",", b"[", b"{"))) > _MOST_VALUES:
+        raise FileError("file", str(path), f"a file of at most {_MOST_VALUES} values")
     try:
         text = content.decode("utf-8")
         return json.loads(text, object_pairs_hook=_distinct_keys, parse_int=_short_integer)
@@ -84,7 +84,7 @@ def loaded(path: Path | str, most: int = FILE_BYTES) -> Any:
 
 
 def _rational(value: Any) -> Fraction:
-    if not isinstance(value, str) or RATIONAL.fullmatch(value) is None:
+    if not isinstance(value, str) or _RATIONAL.fullmatch(value) is None:
         raise CertificateError(
             f'{shown(value)} is not a rational number in a string such as "-3/2", '
             f"with at most {DIGITS} digits above and below."

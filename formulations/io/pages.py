@@ -16,7 +16,7 @@ from formulations.io.table import Table, written
 # Below this an isotropy defect, or a residual, is the solver's tolerance and not a number.
 NOTHING = 1e-6
 # A gap below this, in percent, is none.
-CLOSED = 1e-4
+_CLOSED = 1e-4
 
 
 def page(template: Path, values: Mapping[str, object]) -> str:
@@ -108,5 +108,5 @@ def _environment(folder: Path) -> Environment:
     )
     made.filters.update({one.__name__: one for one in own}, form=format)
     made.tests["nan"] = isnan
-    made.globals.update(CLOSED=CLOSED, NOTHING=NOTHING, header=header, versions=versions)
+    made.globals.update(CLOSED=_CLOSED, NOTHING=NOTHING, header=header, versions=versions)
     return made

@@ -20,7 +20,7 @@ from nlp.arrays import FloatArray
 #: Length of a tangent, in radians and units of length.
 STEP = 0.15
 #: Tangents in each direction, at most.
-STEPS = 170
+_STEPS = 170
 #: Steps of Newton's method from a start, and the residual that counts as reached.
 NEWTON, REACHED = 40, 1e-6
 # On a curve, the residual after a tangent is of second order; above this the curve is lost.
@@ -103,7 +103,7 @@ def arcs(
     lower: FloatArray,
     upper: FloatArray,
     step: float = STEP,
-    steps: int = STEPS,
+    steps: int = _STEPS,
     enough: float = np.inf,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Follow the self-motion from configurations of the poses, in both directions.

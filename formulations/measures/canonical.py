@@ -71,7 +71,7 @@ def inner_products(matrix: FloatArray, symmetry: Symmetry) -> npt.NDArray[np.com
     return np.array([z.conj().T @ z, z.T @ z])
 
 
-def mirror_image(matrix: FloatArray) -> FloatArray:
+def _mirror_image(matrix: FloatArray) -> FloatArray:
     """(v, −ω): the mirror image of a spatial arm, signs aside."""
     return np.vstack([matrix[:3], -matrix[3:]])
 
@@ -217,8 +217,8 @@ def _checked(jacobian: npt.ArrayLike, symmetry: Symmetry | None) -> tuple[FloatA
 
 def _arranged(matrix: FloatArray, symmetry: Symmetry) -> FloatArray:
     """J with joints, signs, phase and mirror image in canonical order; frame untouched."""
-    order = canonical_order(matrix, symmetry)
-    arranged = mirror_image(matrix) if order.mirrored else matrix
+    order = _canonical_order(matrix, symmetry)
+    arranged = _mirror_image(matrix) if order.mirrored else matrix
     arranged = np.asarray(arranged[:, list(order.joints)] * np.array(order.signs))
     if order.phase is None:
         return arranged
@@ -262,11 +262,11 @@ class Order:
     phase: float | None
 
 
-def canonical_order(matrix: FloatArray, symmetry: Symmetry) -> Order:
+def _canonical_order(matrix: FloatArray, symmetry: Symmetry) -> Order:
     """Order the joints so that their inner products, read in turn, are largest."""
     mirrors = (False,) if symmetry is Symmetry.FRAME else (False, True)
     kernels = {
-        m: inner_products(mirror_image(matrix) if m else matrix, symmetry) for m in mirrors
+        m: inner_products(_mirror_image(matrix) if m else matrix, symmetry) for m in mirrors
     }
     scale = float(np.sum(matrix**2)) / matrix.shape[1] or 1.0
     phased = symmetry is Symmetry.UNIT_REVOLUTE

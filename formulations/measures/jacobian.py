@@ -65,7 +65,7 @@ def manipulability(jacobian: npt.ArrayLike) -> float:
         return float(np.prod(singular_values(jacobian)))
 
 
-def numerical_rank(values: FloatArray, matrix: FloatArray) -> int:
+def _numerical_rank(values: FloatArray, matrix: FloatArray) -> int:
     """Return the number of singular values that are more than rounding."""
     return int(np.sum(values > values[0] * max(matrix.shape) * np.finfo(float).eps))
 
@@ -74,7 +74,7 @@ def range_contributions(jacobian: npt.ArrayLike) -> FloatArray:
     """R_i, each joint's share in the range of Jᵀ, shape (n,) (eq. 9)."""
     matrix = as_jacobian(jacobian)
     _, values, rows = np.linalg.svd(matrix, full_matrices=False)
-    return np.asarray(np.sum(rows[: numerical_rank(values, matrix)] ** 2, axis=0))
+    return np.asarray(np.sum(rows[: _numerical_rank(values, matrix)] ** 2, axis=0))
 
 
 def null_space_contributions(jacobian: npt.ArrayLike) -> FloatArray:
@@ -173,7 +173,7 @@ def relative_manipulability(jacobian: npt.ArrayLike, locked: int = 1) -> FloatAr
     """Manipulability after each set of joints locks, over that before; NaN if rank was lost."""
     matrix = as_jacobian(jacobian)
     sets, before = locked_sets(matrix, locked), singular_values(matrix)
-    if numerical_rank(before, matrix) < matrix.shape[0]:
+    if _numerical_rank(before, matrix) < matrix.shape[0]:
         return np.full(len(sets), np.nan)
     if locked > matrix.shape[1] - matrix.shape[0]:
         return np.zeros(len(sets))

@@ -167,7 +167,7 @@ def expected_sigma(jacobian: npt.ArrayLike, failures: Scenarios) -> float:
     """Mean of σ_F over the sets F of k joints, given that exactly k joints fail."""
     return min(
         float(
-            np.dot(list(one.shares().values()), list(possible_sigmas(jacobian, one).values()))
+            np.dot(list(one.shares().values()), list(_possible_sigmas(jacobian, one).values()))
         )
         for one in scenarios(failures)
     )
@@ -179,7 +179,7 @@ def weighted_worst_case(
     """Least σ_F/w_F and the joints, counted from 0, that realise it."""
     found = []
     for one in scenarios(failures):
-        sigmas, weights = possible_sigmas(jacobian, one), one.weights()
+        sigmas, weights = _possible_sigmas(jacobian, one), one.weights()
         worst = min(sigmas, key=lambda joints: sigmas[joints] / weights[joints])
         found.append((sigmas[worst] / weights[worst], worst))
     return min(found, key=lambda pair: pair[0])
@@ -187,7 +187,7 @@ def weighted_worst_case(
 
 def possible_worst_case_sigma(jacobian: npt.ArrayLike, failures: Scenarios) -> float:
     """Least σ_F over the failures that can happen, however unlikely (eq. 5 for those)."""
-    return min(min(possible_sigmas(jacobian, one).values()) for one in scenarios(failures))
+    return min(min(_possible_sigmas(jacobian, one).values()) for one in scenarios(failures))
 
 
 def overall_expected_sigma(jacobian: npt.ArrayLike, failures: FailureModel) -> float:
@@ -199,7 +199,7 @@ def overall_expected_sigma(jacobian: npt.ArrayLike, failures: FailureModel) -> f
     matrix = _matching(jacobian, failures)
     total = _probability_of((), failures) * float(measures.singular_values(matrix)[-1])
     for count in range(1, failures.locked + 1):
-        sigmas = possible_sigmas(matrix, FailureModel(failures.probabilities, count))
+        sigmas = _possible_sigmas(matrix, FailureModel(failures.probabilities, count))
         total += sum(_probability_of(joints, failures) * s for joints, s in sigmas.items())
     return float(total)
 
@@ -211,7 +211,7 @@ def covered_probability(failures: FailureModel) -> float:
     return float(sum(_probability_of(joints, failures) for joints in covered))
 
 
-def possible_sigmas(
+def _possible_sigmas(
     jacobian: npt.ArrayLike, failures: FailureModel
 ) -> dict[tuple[int, ...], float]:
     """σ_F of each set F that can fail, in lexicographic order.

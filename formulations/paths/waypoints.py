@@ -17,10 +17,10 @@ from formulations.kinematics.link_chain import IntArray
 from nlp.arrays import FloatArray
 from nlp.errors import FileError, InputError, shown
 
-POSITION = ("x", "y", "z")
-ANGLES = ("roll", "pitch", "yaw")
-QUATERNION = ("qx", "qy", "qz", "qw")
-TIME = "t"
+_POSITION = ("x", "y", "z")
+_ANGLES = ("roll", "pitch", "yaw")
+_QUATERNION = ("qx", "qy", "qz", "qw")
+_TIME = "t"
 _ALLOWED = (
     "columns x,y,z and, for poses, roll,pitch,yaw (radians) or qx,qy,qz,qw; t (seconds) may "
     "come besides; without a header three, six or seven numbers"
@@ -30,7 +30,8 @@ _POSE = (
     "JSON file with such a list or object"
 )
 _WITHOUT_HEADER = {
-    len(names): names for names in (POSITION, (*POSITION, *ANGLES), (*POSITION, *QUATERNION))
+    len(names): names
+    for names in (_POSITION, (*_POSITION, *_ANGLES), (*_POSITION, *_QUATERNION))
 }
 _MOST = 1000
 # How far from 1 the length of a quaternion may be.
@@ -180,7 +181,7 @@ def read_waypoints(path: Path) -> ToolPath:
     if not lines:
         raise FileError("waypoints", str(path), "a file with waypoints, which is not empty")
     names = [cell.strip().lower() for cell in lines[0]]
-    if set(names) & {*POSITION, *ANGLES, *QUATERNION, TIME}:
+    if set(names) & {*_POSITION, *_ANGLES, *_QUATERNION, _TIME}:
         return ToolPath(*_columns(names, lines[1:]))
     return ToolPath(*_columns(None, lines))
 
@@ -234,9 +235,9 @@ def _columns(
         if width not in _WITHOUT_HEADER:
             raise InputError("waypoint 1", f"of {width} numbers", _ALLOWED)
         head = _WITHOUT_HEADER[width]
-    extra = set(head) - {TIME, *POSITION}
-    known = not extra or extra in (set(ANGLES), set(QUATERNION))
-    if not (set(POSITION) <= set(head) and known and len(set(head)) == len(head)):
+    extra = set(head) - {_TIME, *_POSITION}
+    known = not extra or extra in (set(_ANGLES), set(_QUATERNION))
+    if not (set(_POSITION) <= set(head) and known and len(set(head)) == len(head)):
         raise InputError("columns of the waypoints", ",".join(map(str, head)), _ALLOWED)
     table = np.array([_numbers(k, head, one) for k, one in enumerate(waypoints)])
     columns = dict(zip(head, table.reshape(-1, len(head)).T, strict=True))
@@ -244,11 +245,11 @@ def _columns(
     def stacked(names: Sequence[str]) -> FloatArray:
         return np.stack([columns[name] for name in names], axis=1)
 
-    quaternions = stacked(QUATERNION) if set(QUATERNION) <= extra else None
-    if set(ANGLES) <= extra:
+    quaternions = stacked(_QUATERNION) if set(_QUATERNION) <= extra else None
+    if set(_ANGLES) <= extra:
         # Fixed axes x, y, z in turn, as URDF has them.
-        quaternions = Rotation.from_euler("xyz", stacked(ANGLES)).as_quat()
-    return stacked(POSITION), quaternions, columns.get(TIME)
+        quaternions = Rotation.from_euler("xyz", stacked(_ANGLES)).as_quat()
+    return stacked(_POSITION), quaternions, columns.get(_TIME)
 
 
 def _numbers(k: int, head: Sequence[str], waypoint: object) -> list[float]:

@@ -38,8 +38,8 @@ AXIS_REACH, BODY_REACH = 0.42, 0.06
 # Names of axes stand this far out, in parts of the half length.
 NAME = 1.14
 # Columns are drawn to this part of their length, inside most arms.
-COLUMN_SHARE = 0.3
-PIECES = 48
+_COLUMN_SHARE = 0.3
+_PIECES = 48
 # Layers: links lie one above the other from here.
 FLOOR, LINES, LINKS, JOINTS, LETTERS = 0, 5, 10, 40, 60
 
@@ -199,7 +199,7 @@ class _Strokes:
         from matplotlib.collections import LineCollection
 
         for point, half in zip(self._joints, self._half, strict=True):
-            line = point + np.linspace(-1, 1, PIECES + 1)[:, None] * half
+            line = point + np.linspace(-1, 1, _PIECES + 1)[:, None] * half
             middle = (line[:-1] + line[1:]) / 2 - self._tip
             hidden = (np.hypot(*middle.T[:2]) < self._ball) & (middle[:, 2] < 0)
             shades = [(AXIS, 0.35 if behind else 1.0) for behind in hidden]
@@ -262,7 +262,7 @@ class _Strokes:
         """Draw the velocities that the joints give the end effector, shortened alike."""
         start = self._tip[:2]
         for name, column in zip(names, self._arm.full_jacobian()[:3].T, strict=True):
-            shift = COLUMN_SHARE * self._view.project(column)[:2]
+            shift = _COLUMN_SHARE * self._view.project(column)[:2]
             size = float(np.linalg.norm(shift))
             if size == 0:
                 continue

@@ -29,18 +29,18 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 WIDTH, ROW = 8.4, 0.9
-BINS = 240
+_BINS = 240
 # Starts this close to one another are at one optimum, as far as numbers are printed.
 SAME = 1e-5
 # More optima than this, and than this share of the starts, are a continuum.
 FEW, SCATTERED = 3, 0.2
 UNIT, LEVER = "unit lever arms", "free lever arms"
 # Of a store: settings that every label names, and the length of a line above a histogram.
-ALWAYS_NAMED = ("formulation", "model", "joints")
-LONGEST = 42
+_ALWAYS_NAMED = ("formulation", "model", "joints")
+_LONGEST = 42
 # What is shown of a start, and the columns of the table in their order.
-SHOWN = ("start", "status", "worst_case_sigma", "isotropy_defect")
-COLUMNS = ("problem", "label", *SHOWN[:2], "counted", *SHOWN[2:])
+_SHOWN = ("start", "status", "worst_case_sigma", "isotropy_defect")
+COLUMNS = ("problem", "label", *_SHOWN[:2], "counted", *_SHOWN[2:])
 PROBLEMS = (
     (f"residual, {UNIT}", Case(residual, arm("unit-revolute", 7))),
     (f"max-min, {UNIT}", Case(max_min, arm("unit-revolute", 7))),
@@ -123,37 +123,37 @@ def stored(path: Path) -> pd.DataFrame:
         If it is no store of a campaign, or holds no records yet.
     """
     with open_store(path) as store:
-        records = frame(store, columns=[*SHOWN[1:], "valid", "violation"])
+        records = frame(store, columns=[*_SHOWN[1:], "valid", "violation"])
     if records.empty:
         raise FileError("--store", str(path), "a store with records")
-    named = differing(records, SETTINGS, ALWAYS_NAMED, ALWAYS_NAMED)
+    named = differing(records, SETTINGS, _ALWAYS_NAMED, _ALWAYS_NAMED)
     labels = records[list(SETTINGS)].apply(_label, axis=1, named=named)
     # The gate, `Record.trusted`, in the words of the store.
     feasible = (records["valid"] == 1) & (records["violation"] <= FEASIBLE)
     counted = records["status"].isin([SUCCESS, ACCEPTABLE]) & feasible
     counted &= np.isfinite(records["worst_case_sigma"])
-    table = records[list(SHOWN)].assign(label=labels, counted=counted)
+    table = records[list(_SHOWN)].assign(label=labels, counted=counted)
     return table.assign(problem=labels.str.split().str.join(" "))[list(COLUMNS)]
 
 
 def _label(settings: pd.Series, named: list[str]) -> str:
     first = f"{settings['formulation']}, {settings['joints']} × {settings['model']}"
     rest = [f"{name.replace('_', ' ')} {settings[name]}" for name in named if settings[name]]
-    lines = [line if len(line) <= LONGEST else f"{line[: LONGEST - 1]}…" for line in rest]
+    lines = [line if len(line) <= _LONGEST else f"{line[: _LONGEST - 1]}…" for line in rest]
     return "\n".join([first, *lines])
 
 
 def _edges(sigmas: pd.Series) -> FloatArray:
     low, high = float(sigmas.min()), float(sigmas.max())
     room = max(0.03 * (high - low), 1e-3)
-    return np.linspace(max(0.0, low - room), high + room, BINS + 1)
+    return np.linspace(max(0.0, low - room), high + room, _BINS + 1)
 
 
 def _draw(axes: Axes, table: pd.DataFrame, edges: FloatArray) -> None:
     sigmas = table.loc[table["counted"], "worst_case_sigma"]
     # All starts of one optimum in one bin: their last digits may lie on both sides of an edge.
     optima = levels(sigmas)
-    counts = np.zeros(BINS)
+    counts = np.zeros(_BINS)
     if optima:
         values, reached = zip(*optima, strict=True)
         counts, _ = np.histogram(values, edges, weights=reached)

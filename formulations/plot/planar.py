@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 # Half the width of a panel, in radii of the circle that joints sit on.
 ROOM = 1.22
 # Fig. 3 shows the members nearest to these, in degrees, by the number of locked joints.
-ALPHAS = {2: (45.0, 135.0, 225.0, 315.0), 1: (20.0, 110.0, 200.0, 290.0)}
+_ALPHAS = {2: (45.0, 135.0, 225.0, 315.0), 1: (20.0, 110.0, 200.0, 290.0)}
 
 
 def figure_1(request: Request) -> Picture:
@@ -73,7 +73,7 @@ def figure_3(request: Request) -> Picture:
             "sigma_two_locked": measures.worst_case_sigma(matrix, 2),
             "jacobian": matrix.tolist(),
         }
-        for locked, wanted in ALPHAS.items()
+        for locked, wanted in _ALPHAS.items()
         for matrix in nearest(optima(4, request, locked), wanted)
     ]
     table = pd.DataFrame(rows)

@@ -30,16 +30,16 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 HEIGHT, MARGIN, STEP = 4.8, 1.0, 0.37
-TITLES = {residual.NAME: "Residual minimum", max_min.NAME: "Max-min optimum"}
+_TITLES = {residual.NAME: "Residual minimum", max_min.NAME: "Max-min optimum"}
 # Half the length of the stroke that is a singular value, joints being 1 apart.
 HALF = 0.3
-CERTIFIED = "certified bound"
+_CERTIFIED = "certified bound"
 # Bounds closer than this are one line.
 SAME = 1e-4
-DASHED = (0, (4, 3))
+_DASHED = (0, (4, 3))
 # Bars at most, and the least width of the figure for each, in inches.
 MOST_BARS, BAR = 60, 0.19
-BOUND = "bound (6)"
+_BOUND = "bound (6)"
 
 
 def make(request: Request) -> Picture:
@@ -81,7 +81,7 @@ def bars(value: Assessment | RobotAssessment) -> Figure:
         is_worst = np.array(list(sigmas.values())) <= worst * (1 + 1e-6)
         colours = np.where(is_worst, VERMILION, PALE).tolist()
         axes.bar(range(len(sigmas)), list(sigmas.values()), 0.7, color=colours)
-        axes.axhline(bound, color=INK, lw=0.6, ls=DASHED, label=f"trace {BOUND} {bound:.4f}")
+        axes.axhline(bound, color=INK, lw=0.6, ls=_DASHED, label=f"trace {_BOUND} {bound:.4f}")
         axes.plot([], [], "s", color=VERMILION, label=f"worst case {worst:.4f}")
         figure.legend(loc="outside lower center", ncols=2)
         what = "joint that locks" if value.locked == 1 else "joints that lock"
@@ -102,11 +102,11 @@ def bounds(matrix: FloatArray) -> list[tuple[str, float]]:
     """
     m, n = matrix.shape
     plain = measures.sigma_bound(m, n, measures.trace(matrix))
-    known = [(BOUND, plain)]
+    known = [(_BOUND, plain)]
     if m == 6 and (arm := Arm.of(UnitRevolute(), n)).admits(matrix):
         certified = bound_on(max_min, arm).value
         if certified < plain - SAME:
-            known.append((CERTIFIED, certified))
+            known.append((_CERTIFIED, certified))
     return known
 
 
@@ -118,7 +118,7 @@ def _jacobians(request: Request) -> Sequence[tuple[str, FloatArray]]:
             f"{title},\nunit revolute 7R",
             best(Case(formulation_of(name), Arm.of(UnitRevolute(), 7)), request),
         )
-        for name, title in TITLES.items()
+        for name, title in _TITLES.items()
     ]
 
 
@@ -154,10 +154,10 @@ def _draw(upper: Axes, lower: Axes, title: str, matrix: FloatArray) -> None:
     known = bounds(matrix)
     left, right = after[0] - HALF, after[-1] + HALF
     for name, bound in known:
-        dashes = "-" if name == CERTIFIED else DASHED
+        dashes = "-" if name == _CERTIFIED else _DASHED
         lower.hlines(bound, left, right, color=INK, lw=0.6, ls=dashes)
     text = "\n".join(f"{name} {bound:.4f}" for name, bound in known).replace(
-        BOUND, f"trace {BOUND}"
+        _BOUND, f"trace {_BOUND}"
     )
     highest, least = max(bound for _, bound in known), float(np.min(smallest))
     beside(lower, (left, highest), text, (0, 4), INK)

@@ -23,7 +23,7 @@ from nlp.arrays import FloatArray
 from nlp.problem import Constraint, Problem
 
 # A sum of squares below this would be a revolute Jacobian.
-FOUND = 1e-12
+_FOUND = 1e-12
 
 
 def rows(seed: int = 0) -> Iterator[row.ReproductionRow]:
@@ -162,7 +162,7 @@ def rotation_row(
     sums = np.array([violation(solution.outputs["jacobian"]) for solution in feasible])
     least = float(np.min(sums, initial=np.inf))
     same = int(np.sum(sums <= least + 1e-6))
-    verdict = row.Verdict.IMPROVED if least <= FOUND else row.holds(bool(np.isfinite(least)))
+    verdict = row.Verdict.IMPROVED if least <= _FOUND else row.holds(bool(np.isfinite(least)))
     return row.ReproductionRow(
         "after (20)",
         "least violation of v·ω = 0, |v| = |ω| = 1 over all UJ, sum of squares",

@@ -144,7 +144,7 @@ def _double_failure_rows(
     def worst(alpha: float) -> float:
         return measures.worst_case_sigma(family(alpha)[:2], locked=2)
 
-    found = best_parameters(worst)
+    found = _best_parameters(worst)
     expected = reference.PLANAR_4R_DOUBLE_FAILURE
     verdict = (
         row.equal(expected, found, 1e-6) if len(found) == len(expected) else row.holds(False)
@@ -180,7 +180,7 @@ def _double_failure_rows(
     )
 
 
-def best_parameters(objective: Callable[[float], float]) -> FloatArray:
+def _best_parameters(objective: Callable[[float], float]) -> FloatArray:
     """Return all α in [0, 2π) that maximise a periodic function, ascending.
 
     None where the function has no peaks.

@@ -19,7 +19,7 @@ from formulations.reproduction.solution_family import symmetry_directions
 from nlp.arrays import FloatArray
 
 Forms = Callable[[ca.SX], ca.SX]
-ROW_NAMES = ("v_x", "v_y", "v_z", "ω_x", "ω_y", "ω_z")
+_ROW_NAMES = ("v_x", "v_y", "v_z", "ω_x", "ω_y", "ω_z")
 _CONFIGURATIONS = 50
 _AS_PRINTED: Forms = partial(appendix.closed_forms, as_printed=True)
 
@@ -149,7 +149,7 @@ def appendix_rows(
 
 def _closed_form_row(k: int, print_error: float, corrected_error: float) -> row.ReproductionRow:
     i, j = pairs(6)[k]
-    entry = f"{ROW_NAMES[i]}ᵀ{ROW_NAMES[j]}" + (" − n/3" if i == j else "")
+    entry = f"{_ROW_NAMES[i]}ᵀ{_ROW_NAMES[j]}" + (" − n/3" if i == j else "")
     verdict = row.misprint(print_error, corrected_error)
     note = "printed with the opposite sign; 7/3 stands for n/3" if i == j else ""
     equation, quantity = f"({23 + k})", f"f_{k + 1} = {entry}, closed form"

@@ -91,7 +91,7 @@ def _printed_minimum_row(
 ) -> row.ReproductionRow:
     as_printed = measures.residual_sum_of_squares(printed)
     defect = measures.isotropy_defect(printed)
-    best_frame = least_sum_of_squares(printed)
+    best_frame = _least_sum_of_squares(printed)
     slack = defect_slack(printed, defect)
     near = max(abs(defect - least), abs(best_frame - defect)) <= slack
     verdict = row.printed_digits(minimum, as_printed)
@@ -110,7 +110,7 @@ def _printed_minimum_row(
     )
 
 
-def least_sum_of_squares(jacobian: FloatArray, starts: int = 5, seed: int = 0) -> float:
+def _least_sum_of_squares(jacobian: FloatArray, starts: int = 5, seed: int = 0) -> float:
     """Return the least fᵀf of diag(R, R) P J over rotations R of the frame and phases P.
 
     The paper's sum of squares depends on the frame; J has shape (6, n).

@@ -25,7 +25,7 @@ from nlp.options import CheckedOptions, OptionValue, check_options
 
 # A start is the best of so many random configurations: a robot has many poor optima, and
 # near-singular postures from which max-min hardly moves.
-DRAWS = 64
+_DRAWS = 64
 # Max-min on robots: an adaptive barrier loses fewer starts; for joints to be designed it is the
 # other way round. The others but one are Ipopt's defaults, which the problem's options change.
 OPTIONS: Mapping[str, OptionValue] = MappingProxyType(
@@ -131,7 +131,7 @@ def _promising_start(arm: RobotArm, search: Search, rng: np.random.Generator) ->
             return measures.worst_case_sigma(jacobian, search.locked)
         return unequal_max_min.score(jacobian, search.failures, search.goal)
 
-    return max((arm.sample(rng) for _ in range(DRAWS)), key=score)
+    return max((arm.sample(rng) for _ in range(_DRAWS)), key=score)
 
 
 def _careful_polish(arm: RobotArm, locked: int, point: FloatArray) -> tuple[FloatArray, bool]:

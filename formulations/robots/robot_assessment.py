@@ -92,8 +92,7 @@ class RobotAssessment:
     sigma_bound, percent_of_bound
         The bound (6) at the same ‖J‖_F, and the worst case in percent of it.
     reachable_sigma, percent_of_reachable
-        The same with the best value that such joints are known to reach; see
-        `reachable_sigma`.
+        The same with the best value that such joints are known to reach.
     singular_values
         Of the whole J.
     failures
@@ -168,7 +167,7 @@ def measure_robot(
     values = measures.singular_values(matrix)
     worst = failures[0]
     bound = measures.sigma_bound(*arm.shape, measures.trace(matrix))
-    best = reachable_sigma(arm, matrix)
+    best = _reachable_sigma(arm, matrix)
     shown = _SHOWN if arm.depends_on_length else ()
     return RobotAssessment(
         robot=chain.robot,
@@ -232,7 +231,7 @@ def best_7r() -> float:
     return best_known(max_min.NAME, "lever-revolute", 7) or float("nan")
 
 
-def reachable_sigma(arm: RobotArm, jacobian: FloatArray) -> float:
+def _reachable_sigma(arm: RobotArm, jacobian: FloatArray) -> float:
     """Return the best that could be reached with this number of joints and this ‖J‖_F.
 
     For 7R in six dimensions that is `best_7r`·√(‖J‖_F²/14). At the default characteristic

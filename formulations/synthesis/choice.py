@@ -36,8 +36,8 @@ if TYPE_CHECKING:
     import pandas as pd
 
 # All arrangements are tried up to this number: 8! orders fit, and 6!·2⁶ with flips.
-EXHAUSTIVE = 50_000
-SHORTLIST = 200
+_EXHAUSTIVE = 50_000
+_SHORTLIST = 200
 # Random arrangements that the local search starts from.
 STARTS = 32
 # Values closer than this, relative, are a tie.
@@ -123,7 +123,7 @@ def rank(
     manipulator: Manipulator,
     name: str,
     sampling: Sampling | None = None,
-    shortlist: int = SHORTLIST,
+    shortlist: int = _SHORTLIST,
     progress: Callable[[str], None] = lambda _: None,
 ) -> Ranking:
     """Return arrangements of a manipulator's joints by one criterion, the best first.
@@ -153,7 +153,7 @@ def rank(
         shortlist is not at least 1.
     """
     wanted, sampling = criterion(name), sampling or Sampling()
-    shortlist = whole_number("shortlist", shortlist, 1, EXHAUSTIVE)
+    shortlist = whole_number("shortlist", shortlist, 1, _EXHAUSTIVE)
     if wanted.self_motion and not one_more_joint(manipulator.joints, manipulator.task):
         allowed = "another one: it needs positions, and one joint more than the task has rows"
         raise InputError("criterion", name, allowed)
@@ -161,7 +161,7 @@ def rank(
         sampling.check(shortlist, manipulator.joints)
 
     by_itself = wanted.self_motion and sampling.samples > COARSE
-    if count(manipulator) <= EXHAUSTIVE:
+    if count(manipulator) <= _EXHAUSTIVE:
         candidates = distinct(every(manipulator), symmetries(manipulator))
         method = f"all {len(candidates)} distinct arrangements"
         if wanted.sampled and len(candidates) > shortlist:
@@ -208,7 +208,7 @@ def choose_arrangement(
     manipulator: Manipulator,
     name: str,
     sampling: Sampling | None = None,
-    shortlist: int = SHORTLIST,
+    shortlist: int = _SHORTLIST,
     ranking: Ranking | None = None,
 ) -> Choice:
     """Return the best arrangement of a manipulator's joints by one criterion.

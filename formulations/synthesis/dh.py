@@ -10,7 +10,7 @@ from formulations.synthesis.manipulator import Manipulator, kind_names
 from nlp.arrays import FloatArray
 
 # Axes whose directions differ by less count as parallel: their common normal is not unique.
-PARALLEL = 1e-9
+_PARALLEL = 1e-9
 
 
 class Convention(StrEnum):
@@ -152,7 +152,7 @@ def common_normals(chain: LinkChain) -> Normals:
             other, place = directions[..., k + 1, :], points[..., k + 1, :]
             parallel = _through(here, _nearest(here, other, place), before, scale)
             skew = _skew(axis, point, other, place, scale)
-            skewed = np.linalg.norm(np.cross(axis, other), axis=-1)[..., None] > PARALLEL
+            skewed = np.linalg.norm(np.cross(axis, other), axis=-1)[..., None] > _PARALLEL
             feet = [np.where(skewed, a, b) for a, b in zip(skew, parallel, strict=True)]
         start[..., k, :], end[..., k, :], across[..., k, :] = feet
         here, before = end[..., k, :], across[..., k, :]
@@ -164,12 +164,12 @@ def _skew(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Feet and direction of the common normal of axes that are not parallel."""
     cross = np.cross(axis, other)
-    square = np.maximum(_dot(cross, cross), PARALLEL**2)
+    square = np.maximum(_dot(cross, cross), _PARALLEL**2)
     between = place - point
     first = _dot(np.cross(between, other), cross) / square
     second = _dot(np.cross(between, axis), cross) / square
     along = cross / np.sqrt(square)
-    forward = np.where(_dot(between, along) < -PARALLEL * scale, -1.0, 1.0)
+    forward = np.where(_dot(between, along) < -_PARALLEL * scale, -1.0, 1.0)
     return point + first * axis, place + second * other, forward * along
 
 
@@ -179,7 +179,7 @@ def _through(
     """Feet and direction of a normal whose feet are known."""
     between = end - start
     length = np.linalg.norm(between, axis=-1, keepdims=True)
-    apart = length > PARALLEL * scale
+    apart = length > _PARALLEL * scale
     return start, end, np.where(apart, between / np.where(apart, length, 1.0), otherwise)
 
 

@@ -15,9 +15,9 @@ from formulations.kinematics.segments import segment_distance
 from formulations.synthesis.manipulator import Manipulator
 from nlp.arrays import FloatArray
 
-SWEEPS = 200
+_SWEEPS = 200
 # Joints closer than this, relative to the arm's length, are in one place.
-TOUCHING = 1e-6
+_TOUCHING = 1e-6
 # Radius of a link's body, in parts of the manipulator's size.
 LINK_RADIUS = 0.012
 # Cut from both ends of a body that collides, in parts of the size; and the largest share of the
@@ -46,7 +46,7 @@ def clearance(points: FloatArray, end_effector: FloatArray) -> FloatArray:
     total = lengths.sum(axis=-1)
     smallest = np.full(points.shape[:-2], np.inf)
     for i, j in combinations(range(points.shape[-2]), 2):
-        apart = lengths[..., i + 1 : j].sum(axis=-1) > TOUCHING * total
+        apart = lengths[..., i + 1 : j].sum(axis=-1) > _TOUCHING * total
         segments = (points[..., i, :], ends[..., i, :], points[..., j, :], ends[..., j, :])
         distance = np.where(apart, segment_distance(*segments), np.inf)
         smallest = np.minimum(smallest, distance)
@@ -132,7 +132,7 @@ def _distances(
             points[..., j, :] + cut * units[..., j, :],
             ends[..., j, :],
         )
-        bodies = np.minimum(lengths[..., i], lengths[..., j]) > TOUCHING * total
+        bodies = np.minimum(lengths[..., i], lengths[..., j]) > _TOUCHING * total
         distances[..., k] = np.where(bodies, distance, np.inf)
     return pairs, distances
 
@@ -184,7 +184,7 @@ def slide(manipulator: Manipulator) -> Manipulator:
     """
     axes, points = manipulator.directions, manipulator.points.copy()
     n = manipulator.joints
-    for _ in range(SWEEPS):
+    for _ in range(_SWEEPS):
         before = points.copy()
         for i in range(n):
             after = manipulator.end_effector if i == n - 1 else points[i + 1]

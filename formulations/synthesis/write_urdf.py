@@ -24,9 +24,9 @@ from formulations.synthesis.manipulator import Manipulator
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
 
-JOINT_COLOUR = "0.00 0.45 0.70 1"
-LINK_COLOUR = "0.90 0.62 0.00 1"
-TIP_COLOUR = "0.84 0.37 0.00 1"
+_JOINT_COLOUR = "0.00 0.45 0.70 1"
+_LINK_COLOUR = "0.90 0.62 0.00 1"
+_TIP_COLOUR = "0.84 0.37 0.00 1"
 # Sizes of bodies, in parts of the manipulator's size.
 JOINT_RADIUS, JOINT_LENGTH, TIP_RADIUS = 0.022, 0.09, 0.02
 # Kilograms: of every link and of the tip.
@@ -100,7 +100,11 @@ def urdf(manipulator: Manipulator, name: str = "lockedjoint") -> str:
     for i in np.flatnonzero(manipulator.speeds != 1).tolist():
         unit = f" joint{i} moves {manipulator.speeds[i]:.9g} m per unit of the Jacobian. "
         robot.append(Tree.Comment(unit))
-    for label, colour in (("joint", JOINT_COLOUR), ("link", LINK_COLOUR), ("tip", TIP_COLOUR)):
+    for label, colour in (
+        ("joint", _JOINT_COLOUR),
+        ("link", _LINK_COLOUR),
+        ("tip", _TIP_COLOUR),
+    ):
         Tree.SubElement(Tree.SubElement(robot, "material", name=label), "color", rgba=colour)
     places = np.vstack([np.zeros(3), manipulator.points, manipulator.end_effector])
     starts, stops = free_parts(manipulator)

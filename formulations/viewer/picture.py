@@ -105,8 +105,8 @@ def picture(
         origins=origins[..., 0],
         axes=axes[..., 0],
         tip=tip[:, 0],
-        before=semi_axes(_along_base(arm, matrix, rotated)[rows]),
-        after=semi_axes(_along_base(arm, after, rotated)[rows]),
+        before=_semi_axes(_along_base(arm, matrix, rotated)[rows]),
+        after=_semi_axes(_along_base(arm, after, rotated)[rows]),
         locked=tuple(names[k] for k in indices),
         failed=tuple(names[k] for k in failed),
         direction=direction,
@@ -118,7 +118,7 @@ def picture(
     )
 
 
-def semi_axes(matrix: FloatArray) -> FloatArray:
+def _semi_axes(matrix: FloatArray) -> FloatArray:
     """Return the semi-axes of {A·x : |x| ≤ 1} as columns, longest first; A has shape (3, k)."""
     left, values, _ = np.linalg.svd(matrix)
     lengths = np.zeros(3)

@@ -20,11 +20,11 @@ from nlp.errors import InputError
 
 #: A joint's artificial limits are at least this far apart, in radians, when they are chosen: a
 #: joint that does not move is no joint.
-LEAST_WIDTH = np.deg2rad(10.0)
+_LEAST_WIDTH = np.deg2rad(10.0)
 #: Starts of the search on a grid.
 STARTS = 4
 #: Generations of the search in closed form.
-GENERATIONS = 60
+_GENERATIONS = 60
 # The grid on which limits are compared is coarser, by this, than that of the answer.
 _COARSER = 2.0
 _DRAWS = 100
@@ -41,9 +41,9 @@ def best_limits(
     voxel: float,
     *,
     lengths: bool = False,
-    least_width: float = LEAST_WIDTH,
+    least_width: float = _LEAST_WIDTH,
     starts: int = STARTS,
-    generations: int = GENERATIONS,
+    generations: int = _GENERATIONS,
     seed: int = 0,
     progress: Progress = lambda _: None,
     sets: PoseSets | None = None,

@@ -24,7 +24,7 @@ import numpy as np
 from formulations.kinematics.serial_arm import Ranges, SerialArm
 from nlp.arrays import FloatArray
 
-RINGS = 60
+_RINGS = 60
 _TURN = 2 * np.pi
 _TINY = 1e-300
 
@@ -62,7 +62,7 @@ class Planar3R:
             high.append(near + alone)
         return max(low), min(high)
 
-    def area(self, rings: int = RINGS) -> float:
+    def area(self, rings: int = _RINGS) -> float:
         """Area of the failure-tolerant workspace: a quadrature over ρ.
 
         Parameters
@@ -82,8 +82,8 @@ class Planar3R:
 
     def area_with_error(self) -> tuple[float, float]:
         """Area, and how much it differs from that of a quarter as many rings."""
-        fine = self.area(8 * RINGS)
-        return fine, abs(fine - self.area(2 * RINGS))
+        fine = self.area(8 * _RINGS)
+        return fine, abs(fine - self.area(2 * _RINGS))
 
     def angles(self, rho: FloatArray) -> FloatArray:
         """Total range of the bearing at each ρ, in radians; 0 to 2π."""
@@ -104,7 +104,7 @@ class Planar3R:
         total = sum(self.lengths)
         if low >= high:
             return float(10 + (low - high) / total)
-        rho = np.linspace(low, high, RINGS)
+        rho = np.linspace(low, high, _RINGS)
         least, largest = self._bearings(rho)
         return float(np.min(least - largest))
 

@@ -24,9 +24,9 @@ from nlp.arrays import FloatArray
 from nlp.errors import InputError
 
 #: Points that inverse kinematics checks.
-SAMPLE = 400
+_SAMPLE = 400
 #: The same with a fixed orientation, where they only check what was found.
-SAMPLE_OF_POSES = 60
+_SAMPLE_OF_POSES = 60
 # Depths below the surface, in voxels, for which the share that passes is given.
 _DEPTHS = 4
 Progress = Callable[[str], None]
@@ -169,7 +169,7 @@ def _share(
     sets: FailureSets, limits: Ranges, voxels: Bits
 ) -> tuple[float, float, tuple[float, ...]]:
     """Return what share of the voxels counts, the error of the size, and `Workspace.passed`."""
-    sample = SAMPLE_OF_POSES if sets.sampled else SAMPLE
+    sample = _SAMPLE_OF_POSES if sets.sampled else _SAMPLE
     passed, depths = verified(sets, limits, voxels, sample)
     groups = [passed[depths == k] for k in range(_DEPTHS - 1)] + [passed[depths >= _DEPTHS - 1]]
     by_depth = tuple(float(np.mean(one)) if len(one) else float("nan") for one in groups)
@@ -185,7 +185,7 @@ def _share(
 
 
 def verified(
-    sets: FailureSets, limits: Ranges, voxels: Bits, sample: int = SAMPLE
+    sets: FailureSets, limits: Ranges, voxels: Bits, sample: int = _SAMPLE
 ) -> tuple[Bits, npt.NDArray[np.intp]]:
     """Check a random sample of points in voxels by inverse kinematics.
 

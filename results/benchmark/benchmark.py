@@ -96,7 +96,7 @@ def _fastest(
     return min(chosen, key=lambda row: row.cpu_seconds_per_success).rounds if chosen else ()
 
 
-TARGETS = (
+_TARGETS = (
     Target("default ≥ 2 × trf", "residual", _TRF, DEFAULT, 2),
     Target("fast path ≥ 15 × trf", "residual", _TRF, FAST, 15, only=7),
     Target("fast path ≥ 1 × JAX", "residual", _JAX, FAST, 1),
@@ -110,7 +110,7 @@ TARGETS = (
 
 def targets(rows: Sequence[BenchmarkRow]) -> str:
     """Return which targets are met at every size, as a Markdown table."""
-    return pages.aligned(pages.block(_TEMPLATE, "targets", {"rows": rows, "goals": TARGETS}))
+    return pages.aligned(pages.block(_TEMPLATE, "targets", {"rows": rows, "goals": _TARGETS}))
 
 
 def growth(rows: Sequence[BenchmarkRow]) -> str:
@@ -184,7 +184,7 @@ def study(sizes: Sequence[int] = SIZES, time_limit: float = TIME_LIMIT) -> Study
             "time_limit": time_limit,
             "reach": REACHED_BEST,
             "near": NEAR,
-            "goals": TARGETS,
+            "goals": _TARGETS,
         },
     )
 

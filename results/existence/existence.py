@@ -16,7 +16,7 @@ from formulations.io.study import Effort
 from formulations.io.table import column
 from results.script import declared, main
 
-CERTIFICATE = "certificate.json"
+_CERTIFICATE = "certificate.json"
 _WRONG = "not proved"
 # Of matrices that violate every equation, at which the identity is evaluated as well.
 _SAMPLES = 1
@@ -77,9 +77,9 @@ def optimal_row(certificate: ExactJacobian, file: str) -> OptimalRow:
 def compute(effort: Effort, folder: Path) -> Iterator[Fact | OptimalRow]:
     """Derive the certificates, then verify them from their files."""
     effort.progress("certificate: derivation")
-    write_text(folder / CERTIFICATE, derive().to_json())
+    write_text(folder / _CERTIFICATE, derive().to_json())
     effort.progress("certificate: verification")
-    certificate = read(folder / CERTIFICATE)
+    certificate = read(folder / _CERTIFICATE)
     report = verify(certificate)
     wrong = any(defects(certificate, samples=_SAMPLES))
     yield from facts(certificate, report, _WRONG if wrong else "proved")

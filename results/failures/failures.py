@@ -26,7 +26,7 @@ from nlp.arrays import FloatArray
 from results.script import declared, main
 
 STARTS = 100
-ALIKE = "all alike"
+_ALIKE = "all alike"
 
 
 # Model, m, n, k. The planar 4R with two failures is the paper's α = π/4 (after eq. 17).
@@ -58,7 +58,7 @@ def several() -> tuple[Case, ...]:
         minima = tight and model == "unit-revolute"
         for encoding in ("shared-factor",) if tight else ("shared-factor", "principal-minors"):
             settings = {"encoding": encoding, "from_residual_minima": minima, "locked": k}
-            cases.append(Case(max_min, arm(model, n, m), settings, ALIKE))
+            cases.append(Case(max_min, arm(model, n, m), settings, _ALIKE))
     return tuple(cases)
 
 

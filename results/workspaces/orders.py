@@ -89,7 +89,7 @@ def orders(effort: Effort, folder: Path) -> Iterator[OrderRow]:
         row, typical = ranked(point, effort)
         rows.append(row)
         spread.append(typical)
-    rows = [replace(row, front="yes" if not_dominated(row, rows) else "no") for row in rows]
+    rows = [replace(row, front="yes" if _not_dominated(row, rows) else "no") for row in rows]
     write_bytes(folder / "orders.svg", content(_figure(rows, spread), "svg"))
     yield from rows
 
@@ -102,7 +102,7 @@ def drawn(arm: Arm, seed: int, count: int = _DRAWN) -> TradeOffPoint:
     return TradeOffPoint("random", float("inf"), float(defect), float(sigma), best)
 
 
-def not_dominated(row: OrderRow, rows: Sequence[OrderRow]) -> bool:
+def _not_dominated(row: OrderRow, rows: Sequence[OrderRow]) -> bool:
     """Whether no other Jacobian has a larger worst case here and keeps as much elsewhere.
 
     By the values as they were found: what two Jacobians keep may differ by less than its error.
@@ -126,7 +126,7 @@ def ranked(point: TradeOffPoint, effort: Effort) -> tuple[OrderRow, FloatArray]:
     ball = kept_ball(first, family(arm, finalists[[best]]))
     share = values[best] / ball
     guarded = (share * FINAL_POINTS + 1) / (FINAL_POINTS + 2)
-    typical = typical_values(point, effort)
+    typical = _typical_values(point, effort)
     row = OrderRow(
         statement=point.statement,
         isotropy_defect=point.isotropy_defect,
@@ -142,7 +142,7 @@ def ranked(point: TradeOffPoint, effort: Effort) -> tuple[OrderRow, FloatArray]:
     return row, typical
 
 
-def typical_values(point: TradeOffPoint, effort: Effort) -> FloatArray:
+def _typical_values(point: TradeOffPoint, effort: Effort) -> FloatArray:
     """What random orders of a Jacobian keep, shape (40,)."""
     arm = realise(point.jacobian)
     orders = every(arm)

@@ -23,7 +23,7 @@ from results.script import declared, main
 from results.workspaces.orders import SETTINGS, OrderRow, orders
 
 #: Artificial limits of the planar 3R arm whose area is known, 0.355811.
-KNOWN: Ranges = tuple((-one, one) for one in np.deg2rad([20.0, 90.0, 90.0]).tolist())
+_KNOWN: Ranges = tuple((-one, one) for one in np.deg2rad([20.0, 90.0, 90.0]).tolist())
 _AS_GIVEN, _PHYSICAL = "as given", "physical limits"
 _LIMITS, _LENGTHS = "best limits", "best limits and lengths"
 # Arms in space whose link lengths are chosen, too.
@@ -107,7 +107,7 @@ def _planar(effort: Effort) -> Iterator[Judged]:
         name = f"planar {count}R"
         for choice in (_AS_GIVEN, _LIMITS, _LENGTHS):
             effort.progress(f"{name}, {choice}")
-            arm, limits = given, KNOWN if count == 3 else (*KNOWN, KNOWN[-1])
+            arm, limits = given, _KNOWN if count == 3 else (*_KNOWN, _KNOWN[-1])
             if choice != _AS_GIVEN:
                 arm, limits = best_limits(
                     given,

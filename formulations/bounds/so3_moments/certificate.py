@@ -42,7 +42,7 @@ from formulations.existence.tableaux import partitions
 from nlp.arrays import FloatArray
 from nlp.errors import LockedJointError, shown
 
-FORMAT = "lockedjoint bound 2"
+_FORMAT = "lockedjoint bound 2"
 FILE_BYTES = 20_000_000
 # Smaller entries are 0, so that no product underflows.
 _SMALLEST = 1e-30
@@ -144,7 +144,7 @@ class BoundCertificate:
             parts["excluded"] = self.excluded
             parts["scaled"] = _sectors_fields(self.scaled)
             parts["krylov"] = _sectors_fields(self.krylov)
-        return json.dumps({"format": FORMAT, **head, **claim, **parts}) + "\n"
+        return json.dumps({"format": _FORMAT, **head, **claim, **parts}) + "\n"
 
 
 def _sectors_fields(sectors: Sequence[SectorSquares]) -> list[dict[str, Any]]:
@@ -192,8 +192,8 @@ def _certificate(value: Any) -> BoundCertificate:
     parts = fields_of(
         value, "format", "quantity", "joints", "bound", "constant", *more, "sectors"
     )
-    if parts["format"] != FORMAT:
-        raise CertificateError(f"format: {shown(parts['format'])} is not {FORMAT!r}.")
+    if parts["format"] != _FORMAT:
+        raise CertificateError(f"format: {shown(parts['format'])} is not {_FORMAT!r}.")
     joints = at("joints", partial(_whole, allowed=_JOINTS[quantity]), parts["joints"])
     bound, constant = (at(name, _number, parts[name]) for name in ("bound", "constant"))
     read = partial(_sectors, parts, joints)

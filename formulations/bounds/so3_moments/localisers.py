@@ -31,8 +31,8 @@ from nlp.arrays import FloatArray
 from nlp.errors import InputError
 
 # Degree of r_0, r_1 and r_2 in J, less that of r_0.
-LOWERED = (0, 2, 4)
-POWERS = len(LOWERED)
+_LOWERED = (0, 2, 4)
+POWERS = len(_LOWERED)
 # Columns of a block, and a vector w_a for each.
 Selection: TypeAlias = tuple[NDArray[np.intp], NDArray[np.intp]]
 
@@ -122,7 +122,7 @@ class KrylovLocaliser(FormLocaliser):
             products = left.swapaxes(1, 2) @ left, vectors.swapaxes(1, 2) @ vectors
             return np.asarray(products[0] - limit * products[1])
 
-        super().__init__(sector, joints, Form(values, LOWERED))
+        super().__init__(sector, joints, Form(values, _LOWERED))
         self.limit = limit
 
 
@@ -130,7 +130,7 @@ def selection(
     columns: Iterable[tuple[range, Sequence[Label]]],
     size: int,
     degree: int,
-    lowered: tuple[int, ...] = LOWERED,
+    lowered: tuple[int, ...] = _LOWERED,
 ) -> Selection:
     """Return which column of a block, and which vector w_a, makes each row of a localiser.
 

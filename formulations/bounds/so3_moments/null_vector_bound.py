@@ -79,14 +79,14 @@ _HOW_CHECKED = (
     "multipliers made positive semidefinite, largest difference subtracted"
 )
 #: Sectors of the first space that are multiplied by conditions on the spectrum.
-SIGNED_SPECTRAL = (*degree_sectors(3, range(4)), *degree_sectors(2, range(3)))
+_SIGNED_SPECTRAL = (*degree_sectors(3, range(4)), *degree_sectors(2, range(3)))
 
 
 def exclude_with_signs(
     t: float,
     signed: WorstCaseConditions,
     unsigned: UnsignedConditions = UNSIGNED,
-    signed_spectral: Sequence[RowSector] = SIGNED_SPECTRAL,
+    signed_spectral: Sequence[RowSector] = _SIGNED_SPECTRAL,
     *,
     rng: Rng = 0,
     progress: Progress = silent,
@@ -143,7 +143,7 @@ def exclude_with_signs(
         penalised_program(program, _PENALTY),
         gap=_GAP,
         accuracy=_ACCURACY,
-        stop=lambda found: excludes_t(program, [_PENALTY * x for x in found[:-1]]),
+        stop=lambda found: _excludes_t(program, [_PENALTY * x for x in found[:-1]]),
         progress=progress,
     )
     if outcome.multipliers is not None:
@@ -168,7 +168,7 @@ def exclude_with_signs(
     return -bound, evidence
 
 
-def excludes_t(program: MomentProgram, multipliers: Sequence[FloatArray]) -> bool:
+def _excludes_t(program: MomentProgram, multipliers: Sequence[FloatArray]) -> bool:
     """Whether multipliers exclude t by more than their residual."""
     margin = program.dual_value(multipliers)
     if margin < _LEAST_MARGIN:

@@ -103,7 +103,7 @@ def verify_bound(
     require_extended_precision()
     held = (certificate.sectors, certificate.scaled, certificate.krylov)
     degree = degree_of(*([sector for sector, _ in some] for some in held))
-    candidates, points = candidate_points(certificate.joints, degree, rng)
+    candidates, points = _candidate_points(certificate.joints, degree, rng)
     check = identity_defect(
         list(_summands(certificate)),
         certificate.constant,
@@ -148,7 +148,7 @@ def degree_of(
     return max(degrees)
 
 
-def candidate_points(joints: int, degree: int, rng: Rng = 0) -> tuple[FloatArray, int]:
+def _candidate_points(joints: int, degree: int, rng: Rng = 0) -> tuple[FloatArray, int]:
     """Return candidates for the points, in extended precision, and how many to keep."""
     dimension = _dimension(joints, degree)
     generator = np.random.default_rng(rng)
