@@ -14,7 +14,7 @@ import pandas as pd
 
 from formulations import isotropy, max_min, residual
 from formulations.campaign.records import open_store
-from formulations.campaign.tables import SETTINGS, differing, frame
+from formulations.campaign.tables import SETTINGS, differing, frame, trusted
 from formulations.joints.models import arm
 from formulations.plot.picture import NothingFoundError, Picture, Request, solved
 from formulations.plot.style import BLUE, PALE, SMALL, styled, without_frame
@@ -22,7 +22,6 @@ from formulations.solving.case import Case
 from formulations.solving.outcome import Outcome
 from nlp.arrays import FloatArray
 from nlp.errors import FileError
-from nlp.solution import ACCEPTABLE, FEASIBLE, SUCCESS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -128,10 +127,7 @@ def stored(path: Path) -> pd.DataFrame:
         raise FileError("--store", str(path), "a store with records")
     named = differing(records, SETTINGS, _ALWAYS_NAMED, _ALWAYS_NAMED)
     labels = records[list(SETTINGS)].apply(_label, axis=1, named=named)
-    # The gate, `Record.trusted`, in the words of the store.
-    feasible = (records["valid"] == 1) & (records["violation"] <= FEASIBLE)
-    counted = records["status"].isin([SUCCESS, ACCEPTABLE]) & feasible
-    counted &= np.isfinite(records["worst_case_sigma"])
+    counted = trusted(records) & np.isfinite(records["worst_case_sigma"])
     table = records[list(_SHOWN)].assign(label=labels, counted=counted)
     return table.assign(problem=labels.str.split().str.join(" "))[list(COLUMNS)]
 
