@@ -259,7 +259,7 @@ def test_more_postures_than_are_evaluated_at_once(monkeypatch):
     [
         (np.zeros(6), r"configurations is an array of shape \(6,\); allowed: shape \(N, 7\)"),
         (np.zeros((2, 2, 7)), "an array of shape"),
-        (np.full((1, 7), np.nan), "NaN or infinity"),
+        (np.full((1, 7), np.nan), "Jacobian 0 is not finite"),
         ([["a"] * 7], "real numbers"),
     ],
 )
