@@ -1,5 +1,7 @@
 """Robots made for the tests, as URDF text; the fixture `made` is this module."""
 
+from functools import lru_cache
+
 import numpy as np
 import pinocchio as pin
 
@@ -7,6 +9,7 @@ from formulations.kinematics.chain_between import chain_between
 from formulations.kinematics.read_urdf import parse_urdf
 from formulations.robots.robot_arm import RobotArm
 from formulations.robots.task import TaskSpace
+from results.robots.survey import ARMS
 
 
 def joint(
@@ -98,3 +101,25 @@ def of_pinocchio(model, chain, point):
     base = model.getFrameId(chain.base) if model.existFrame(chain.base) else 0
     turn = data.oMf[base].rotation
     return np.kron(np.eye(2), turn.T) @ full[:, places[: len(chain.names)]]
+
+
+@lru_cache
+def real(name, task="all"):
+    """The arm of the survey whose name begins so."""
+    return next(one for one in ARMS if one.name.startswith(name) and one.task == task)
+
+
+def by_pinocchio(model, declared, configuration):
+    """From a posture to ℓ and σ without any of our kinematics, scaling or measures."""
+    chain = declared.arm().chain
+    assert chain.names == tuple(configuration)
+    matrix = of_pinocchio(model, chain, configuration.values())
+    slides = np.array(chain.prismatic)
+    turning = matrix[:, ~slides]
+    length = np.sqrt(np.sum(turning[:3] ** 2) / np.sum(turning[3:] ** 2))
+    matrix[:3] /= length
+    matrix[:, slides] *= length
+    rows = matrix[:3] if declared.task == "position" else matrix
+    left = [np.delete(rows, f, axis=1) for f in range(len(slides))]
+    sigma = min(np.linalg.svd(one, compute_uv=False)[-1] for one in left)
+    return length, sigma

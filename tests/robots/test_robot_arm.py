@@ -281,8 +281,5 @@ def test_worst_cases_without_a_length(made):
 def test_unknown_or_repeated_directions(text):
     with pytest.raises(InputError, match="task is"):
         TaskSpace.parse(text)
-
-
-def test_unknown_frame():
     with pytest.raises(InputError, match="frame is tool"):
         TaskSpace.parse("all", "tool")
