@@ -1,4 +1,4 @@
-"""Robots made for the tests, as URDF text; the fixture `made` is this module."""
+"""Robots made for the tests, mostly as URDF text; the fixture `made` is this module."""
 
 from functools import lru_cache
 
@@ -123,3 +123,13 @@ def by_pinocchio(model, declared, configuration):
     left = [np.delete(rows, f, axis=1) for f in range(len(slides))]
     sigma = min(np.linalg.svd(one, compute_uv=False)[-1] for one in left)
     return length, sigma
+
+
+def random_revolute(seed, joints=7, levers=1.0):
+    """Columns of revolute joints; lever arms of one length, or random ones."""
+    rng = np.random.default_rng(seed)
+    spin = rng.standard_normal((3, joints))
+    spin /= np.linalg.norm(spin, axis=0)
+    velocity = np.cross(spin, rng.standard_normal((3, joints)), axis=0)
+    velocity *= levers / np.linalg.norm(velocity, axis=0)
+    return np.vstack([velocity, spin])

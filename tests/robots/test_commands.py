@@ -2,7 +2,6 @@
 
 import json
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,8 +10,6 @@ import typer.main
 from formulations import measures
 from formulations.__main__ import main
 from formulations.commands.app import app
-
-ROOT = Path(__file__).parents[2]
 
 
 @pytest.fixture
