@@ -133,3 +133,10 @@ def random_revolute(seed, joints=7, levers=1.0):
     velocity = np.cross(spin, rng.standard_normal((3, joints)), axis=0)
     velocity *= levers / np.linalg.norm(velocity, axis=0)
     return np.vstack([velocity, spin])
+
+
+# An MJCF file of three joints; an equality has a place.
+SMALL = """<mujoco><worldbody><body name="a"><joint name="a" axis="0 1 0" type="hinge"/>
+<body name="b" pos="0 0 1"><joint name="b" axis="0 1 0"/><body name="c" pos="0 0 1">
+<joint name="c" axis="0 1 0"/><body name="d" pos="0 0 1"/></body></body></body></worldbody>
+<equality></equality></mujoco>"""
