@@ -6,7 +6,8 @@ import numpy as np
 import pinocchio as pin
 
 from formulations.kinematics.chain_between import chain_between
-from formulations.kinematics.read_urdf import parse_urdf
+from formulations.kinematics.read_urdf import urdf_tree
+from formulations.kinematics.read_xml import xml_root
 from formulations.robots.robot_arm import RobotArm
 from formulations.robots.task import TaskSpace
 from results.robots.survey import ARMS
@@ -67,7 +68,7 @@ def offset_arm(joints=7):
 
 
 def tree(text):
-    return parse_urdf(text.encode())
+    return urdf_tree(xml_root(text.encode()))
 
 
 def arm(text, tip=None, task="all", frame="base", length=None, **more):

@@ -17,7 +17,6 @@ from formulations.commands.app import app
 from formulations.kinematics.chain_between import chain_between
 from formulations.kinematics.read_dh import dh_tree
 from formulations.kinematics.read_robot import read_robot
-from formulations.kinematics.read_urdf import read_urdf
 from formulations.robots.robot_arm import RobotArm
 from formulations.robots.task import TaskSpace
 from nlp.errors import FileError, InputError
@@ -41,7 +40,7 @@ def test_a_model_of_yourdfpy_is_its_file(made, tmp_path):
     path.write_text(made.offset_arm())
     ours = RobotArm.read(str(path))
     theirs = RobotArm.read(yourdfpy.URDF.load(str(path)), "l7")
-    assert theirs == ours == RobotArm(chain_between(read_urdf(path), "l7"))
+    assert theirs == ours == RobotArm(chain_between(read_robot(path), "l7"))
     assert RobotArm.read(read_robot(path)) == ours
 
 

@@ -7,7 +7,9 @@ import pytest
 
 from formulations.kinematics import read_xml as reading
 from formulations.kinematics.chain_between import chain_between
-from formulations.kinematics.read_urdf import parse_urdf, read_urdf
+from formulations.kinematics.read_robot import read_robot
+from formulations.kinematics.read_urdf import urdf_tree
+from formulations.kinematics.read_xml import xml_root
 from formulations.kinematics.tree import RobotTree, TreeJoint
 from nlp.errors import FileError, InputError
 
@@ -20,7 +22,7 @@ def test_reads_kinematics_and_nothing_else(made):
             )
         ]
     ).replace("</robot>", '<gazebo:thing/><transmission name="t"/></robot>')
-    robot = parse_urdf(text.replace('<link name="tip"/>', LINK_WITH_BAD_MESH).encode())
+    robot = urdf_tree(xml_root(text.replace('<link name="tip"/>', LINK_WITH_BAD_MESH).encode()))
     assert (robot.root, robot.leaves) == ("base", ("tip",))
     (joint,) = robot.joints
     turned = [[0, -1, 0, 1], [1, 0, 0, 2], [0, 0, 1, 3], [0, 0, 0, 1]]
@@ -34,7 +36,7 @@ def test_what_does_not_bear_on_kinematics_may_be_wrong(made):
     limit = 'lower="-1" upper="1" effort="x" velocity="2"'
     text = made.urdf([made.joint("a", "0", "1", limit=limit)])
     text = text.replace("<origin", '<dynamics damping="x"/><!-- x --><origin k="x"')
-    (joint,) = parse_urdf(text.encode()).joints
+    (joint,) = urdf_tree(xml_root(text.encode())).joints
     assert (joint.limit.lower, joint.limit.upper, joint.limit.velocity) == (-1, 1, 2)
 
 
@@ -89,7 +91,7 @@ def test_a_wrong_number_is_named(tag, attribute, text):
     links = '<link name="0"/><link name="1"/>'
     robot = f'<robot>{links}<joint name="a" type="revolute">{joint}</joint></robot>'
     with pytest.raises(InputError) as caught:
-        parse_urdf(robot.encode())
+        urdf_tree(xml_root(robot.encode()))
     assert caught.value.argument == f"{attribute} of <{tag}> of joint a"
     assert caught.value.value == text
 
@@ -103,11 +105,11 @@ def test_a_name_is_a_path(made, tmp_path, monkeypatch):
             return "arm.urdf"
 
     for path in ("arm.urdf", tmp_path / "arm.urdf", Somewhere()):
-        assert len(read_urdf(path).joints) == 7
+        assert len(read_robot(path).joints) == 7
     with pytest.raises(FileError, match="no such file"):
-        read_urdf("none.urdf")
+        read_robot("none.urdf")
     with pytest.raises(FileError, match="null"):
-        read_urdf("a\0b")
+        read_robot("a\0b")
 
 
 def test_a_file_that_is_too_large(made, tmp_path, monkeypatch):
@@ -115,7 +117,7 @@ def test_a_file_that_is_too_large(made, tmp_path, monkeypatch):
     path.write_text(made.offset_arm())
     monkeypatch.setattr(reading, "LARGEST_FILE", 100)
     with pytest.raises(FileError, match="at most 100 bytes"):
-        read_urdf(path)
+        read_robot(path)
 
 
 def test_messages_stay_short(made):
