@@ -21,6 +21,7 @@ from pathlib import Path
 from tempfile import TemporaryFile
 from time import process_time
 from timeit import timeit
+from types import ModuleType
 from typing import Any
 from unittest.mock import patch
 
@@ -187,3 +188,11 @@ class CommandLine:
 def lockedjoint() -> CommandLine:
     """Return what runs the command line: ``lockedjoint("solve", "residual", cwd=folder)``."""
     return CommandLine()
+
+
+@pytest.fixture(scope="session")
+def made() -> ModuleType:
+    """Return what makes robots for the tests."""
+    from tests import made_robots  # not earlier: it imports NumPy
+
+    return made_robots

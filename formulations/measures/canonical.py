@@ -4,7 +4,7 @@ Two Jacobians are the same manipulator Jacobian when they differ by a rotation o
 of the task frame, the order of the joints and the signs of their axes; for unit revolute
 joints also by a common phase, (v, ω) → (cosθ v − sinθ ω, sinθ v + cosθ ω), and by the mirror
 image (v, −ω). All of it acts on the joints' inner products only by relabelling, signs, phase
-and conjugation. `invariants` do not depend on these and change by no more than the inner
+and conjugation. `invariants` do not depend on these and change by at most 5/3 of what the inner
 products do: Jacobians of one class have equal numbers, and others belong to other classes.
 
 For the representative the joints are named one by one, such that the inner products with those
@@ -118,7 +118,8 @@ def invariants(jacobian: FloatArray, symmetry: Symmetry) -> FloatArray:
     For each kind of inner product: all moduli, sorted; for each joint, the root mean square
     and the largest of those with the others, sorted over joints; and for each three joints
     the product in a cycle, in which signs and phase cancel. None of them changes by more than
-    the inner products do.
+    5/3 of what the inner products do: abc/(3s²), s the largest modulus, by 1 with a, b and c
+    and by 2/3 with s, the others by 1.
     """
     products = inner_products(jacobian, symmetry)
     one, two, three = _triples(jacobian.shape[1])

@@ -252,3 +252,10 @@ def test_mimicry_of_mimicry_and_of_multiplier_zero(made):
     chain = chain_between(made.tree(made.urdf(joints)), "4")
     driven = [(motion.multiplier, motion.offset) for motion in chain.motions]
     assert driven == [(1.0, 0.0), (2.0, 0.1), (-6.0, pytest.approx(0.1))]
+
+
+def test_speeds_are_read_and_narrowed_by_mimics(made):
+    mimic = '<mimic joint="j1" multiplier="4"/>'
+    joints = made.serial(["0 0 0.3"] * 7, j2={"mimic": mimic}, j3={"kind": "continuous"})
+    chain = chain_between(made.tree(made.urdf(joints)), "l7")
+    assert [one.velocity for one in chain.joints] == [1, 0.25, np.inf, 1, 1, 1]
