@@ -158,8 +158,7 @@ bound max-min --preset compact -> preset
 bound max-min --rigorous --out . -> --out
 bound max-min --rigorous --preset null-vector -> null-vector
 bound max-min --joints 8 --rigorous
-bound max-min --free-levers --out a.json
-bound isotropy --joints 6
+bound record --joints 6 -> joints
 atlas --entries missing verify -> --entries
 # proofs
 prove --out .
