@@ -27,7 +27,7 @@ app = typer.Typer(name="atlas", rich_markup_mode=None)
 
 Folder = Annotated[
     Path | None,
-    typer.Option("--entries", metavar="DIR", help="Folder of entries, if not the package's."),
+    option("DIR", "Folder of entries; by default that of the package.", ..., "--entries"),
 ]
 Name = Annotated[str, typer.Argument(metavar="ENTRY", help="A name that `atlas` lists.")]
 
@@ -43,7 +43,7 @@ def atlas(
     entries: Folder = None,
     as_json: Json = False,
 ) -> None:
-    """List the best worst case known of every kind of arm, proved, beside the sharpest bound.
+    """List the best worst case known of every kind of arm, beside the sharpest bound.
 
     Each entry is a Jacobian in a text file. Its worst case is proved from below in rational
     arithmetic from the file's numbers alone. `optimal`: a proved bound is attained;
@@ -59,9 +59,9 @@ def atlas(
     from formulations.atlas.row import AtlasRow, row_of
     from formulations.io.table import Table
 
-    models = list(dict.fromkeys(one.model for one in known_entries().values()))
+    models = list(dict.fromkeys(entry.model for entry in known_entries().values()))
     if model is not None and model not in models:
-        plain = [one for one in models if ":" not in one]
+        plain = [name for name in models if ":" not in name]
         allowed = f"{', '.join(plain)} or a mix such as {models[len(plain)]}"
         raise InputError("--model", model, allowed)
     wanted = {
@@ -92,16 +92,16 @@ def show_entry(name: Name, entries: Folder = None, as_json: Json = False) -> Non
         "mark": page.mark,
     }
 
-    def text(found: dict[str, Any]) -> str:
-        flat = {k: v for k, v in found.items() if k not in ("jacobian", "found", "history")}
-        flat |= {f"found {k}": v for k, v in found["found"].items() if v != ""}
-        flat["history"] = [f"{one['value']} ({one['found']['date']})" for one in page.history]
-        return f"{as_text(flat)}\n\n{rows_of(found['jacobian'], 15)}"
+    def text(values: dict[str, Any]) -> str:
+        flat = {k: v for k, v in values.items() if k not in ("jacobian", "found", "history")}
+        flat |= {f"found {k}": v for k, v in values["found"].items() if v != ""}
+        flat["history"] = [f"{old['value']} ({old['found']['date']})" for old in page.history]
+        return f"{as_text(flat)}\n\n{rows_of(values['jacobian'], 15)}"
 
     show(values, as_json, text)
 
 
-@app.command()
+@app.command("verify")
 def verify(entries: Folder = None, as_json: Json = False) -> None:
     """Recompute every entry from its file alone, with nothing of the solvers.
 
@@ -126,7 +126,7 @@ def verify(entries: Folder = None, as_json: Json = False) -> None:
         raise typer.Exit(QUESTIONED)
 
 
-@app.command()
+@app.command("submit")
 def submit(
     file: JacobianFile,
     locked: Locked = 1,
@@ -162,8 +162,8 @@ def submit(
     known = page_of(asked, where)
     if out is not None:
         prepare_folder(out)
-    found = Found(by, provenance()["date"], versions=provenance()["versions"])
-    new = improved(asked, jacobian, found, None)
+    finding = Found(by, provenance()["date"], versions=provenance()["versions"])
+    new = improved(asked, jacobian, finding, None)
     gain = float(new.value) - float(known.value) if known else None
     better = gain is None or gain >= RESOLUTION
     values: dict[str, Any] = {
@@ -175,23 +175,26 @@ def submit(
         "bound": asked.bound.to_dict(),
     }
     if better and out is not None:
-        page = improved(asked, jacobian, found, known)
+        page = improved(asked, jacobian, finding, known)
         values["file"] = str(write_page(page, out))
     show(values, as_json)
 
 
-@app.command()
+@app.command("improve")
 def improve(
     name: Name,
     minutes: float = option(
-        "M", "Processor time after which no seed is begun.", 10.0, positive=True
+        "MINUTES",
+        "Processor time after which no other 20 starts are begun.",
+        10.0,
+        positive=True,
     ),
     out: Path = option("DIR", "Folder of the entry; it goes on from there.", Path("atlas")),
     search: str = option(
         "SEARCH",
         "random: from random starts; hops: from the best known to those near it; "
-        "symmetric: from Jacobians with a symmetry. The last two run in one process, "
-        "for max-min with the models free-mean and unit-revolute.",
+        "symmetric: from Jacobians with a symmetry. The last two run in one process, and "
+        "are for max-min with the models free-mean and unit-revolute.",
         "random",
     ),
     workers: Workers = None,

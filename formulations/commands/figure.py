@@ -26,15 +26,15 @@ def figure(
         "optimum. singular-values: before and after each failure. trade-off: isotropy "
         "against worst case. optima: where random starts end.",
     ),
-    out: Path = option("FILE", "Its name ends in .svg, .png or .pdf.", ...),
-    data: Path | None = option("FILE", "Write the numbers shown there, as CSV."),
+    out: Path = option("FILE", "The figure's file; its name ends in .svg, .png or .pdf.", ...),
+    data: Path | None = option("FILE", "Write the numbers that are shown there, as CSV."),
     jacobian: Path | None = option(
         "FILE",
-        "seven-axes, singular-values: show this one (CSV, NPY, NPZ or JSON); by default it is "
-        "solved for.",
+        "Of seven-axes and singular-values: the Jacobian to show (CSV, NPY, NPZ or JSON); by "
+        "default it is solved for.",
     ),
     pick: Pick = None,
-    store: Path | None = option("DB", "optima: show the starts of this campaign."),
+    store: Path | None = option("DB", "Of optima: show the starts of this campaign."),
     starts: int | None = option(
         "K",
         "Random starts of each problem; by default 5, figure-3 100, optima 50.",

@@ -19,7 +19,6 @@ from nlp.errors import printable
 
 if TYPE_CHECKING:
     from formulations.io.study import Effort, Study
-    from nlp.arrays import FloatArray
 
 QUESTIONED = 1
 INTERRUPTED = 130
@@ -67,12 +66,12 @@ def shown(value: object, digits: int = 9) -> str:
             f"{printable(name)} {shown(entry, digits)}" for name, entry in value.items()
         )
     if isinstance(value, (list, tuple)):
-        inner = [shown(one, digits) for one in value]
-        nested = [isinstance(one, (list, tuple)) for one in value]
-        return "  ".join(
-            text.replace("  ", ", ") if listed else text
-            for text, listed in zip(inner, nested, strict=True)
-        )
+        parts = []
+        for entry in value:
+            text = shown(entry, digits)
+            listed = isinstance(entry, (list, tuple))
+            parts.append(text.replace("  ", ", ") if listed else text)
+        return "  ".join(parts)
     return printable(str(value))
 
 
@@ -90,38 +89,24 @@ def rows_of(matrix: Sequence[Sequence[float]], digits: int) -> str:
     return "\n".join("  ".join(f"{x: .{digits}f}" for x in row) for row in matrix)
 
 
-def sharpest_bound(jacobian: FloatArray, locked: int) -> dict[str, Any]:
-    """Return the least bound known of all J of this shape and norm, and its kind."""
-    from formulations import measures
-    from formulations.bounds.certified import sharpest_worst_case_of
-
-    bound = sharpest_worst_case_of(jacobian, locked)
-    found = measures.worst_case_sigma(jacobian, locked)
-    return {
-        "sharpest_bound": bound.value,
-        "sharpest_bound_kind": bound.kind,
-        "gap_to_sharpest_percent": bound.gap_percent(found),
-    }
-
-
 def show(
-    found: Any, as_json: bool, text: Callable[[Any], str] = as_text, out: Path | None = None
+    values: Any, as_json: bool, text: Callable[[Any], str] = as_text, out: Path | None = None
 ) -> None:
-    """Print what was found as JSON or as a text; write the JSON to `out` if it is given.
+    """Print values as JSON or as a text; write the JSON to `out` if it is given.
 
     JSON has no word for what is not finite: there it is null.
     """
-    content = json.dumps(_finite(found), indent=1, allow_nan=False)
+    content = json.dumps(_finite(values), indent=1, allow_nan=False)
     if out is not None:
         write_text(out, content + "\n")
-    say(content if as_json else text(found))
+    say(content if as_json else text(values))
 
 
 def _finite(value: Any) -> Any:
     if isinstance(value, Mapping):
-        return {name: _finite(one) for name, one in value.items()}
+        return {name: _finite(entry) for name, entry in value.items()}
     if isinstance(value, (list, tuple)):
-        return [_finite(one) for one in value]
+        return [_finite(entry) for entry in value]
     return None if isinstance(value, float) and not isfinite(value) else value
 
 

@@ -36,10 +36,18 @@ def path(
         "JOINT=LOWER:UPPER", "Narrower limits of a joint, radians or metres. May be repeated."
     ),
     duration: float = option(
-        "SECONDS", "For the whole path, if no t is given.", 10.0, positive=True
+        "SECONDS", "Of the whole path, if no t is given.", 10.0, positive=True
     ),
-    samples: int = option("N", "Samples of the path.", 60, low=3, high=2000),
-    tracks: int = option("K", "Candidate tracks.", 80, low=8, high=10_000),
+    samples: int = option(
+        "N", "Samples of the path at which failures are tried.", 60, low=3, high=2000
+    ),
+    tracks: int = option(
+        "K",
+        "Candidate trajectories of the joints, which the search combines.",
+        80,
+        low=8,
+        high=10_000,
+    ),
     seed: Seed = 0,
     out: Path | None = option("DIR", "Write path.csv, path.json and path.svg there."),
     as_json: Json = False,
@@ -98,6 +106,6 @@ def _write(plan: PathPlan, plain: dict[str, object], out: Path) -> None:
     write_bytes(out / "path.svg", drawn)
 
 
-def _text(found: PathPlan) -> str:
-    values = {k: v for k, v in found.to_dict().items() if not isinstance(v, (dict, list))}
-    return f"{as_text(values)}\n\n{as_table(found.joint_rows())}"
+def _text(plan: PathPlan) -> str:
+    values = {k: v for k, v in plan.to_dict().items() if not isinstance(v, (dict, list))}
+    return f"{as_text(values)}\n\n{as_table(plan.joint_rows())}"

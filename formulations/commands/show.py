@@ -26,14 +26,18 @@ def show(
         "CONDITION", "Only records with this, such as 'joints == 7'. May be repeated."
     ),
     group_by: str | None = option(
-        "SETTING,...", "Settings that make groups; by default all that differ."
+        "SETTING,...",
+        "Settings that make groups, such as joints,model; by default all that differ.",
     ),
     records: bool = flag("--records", "Show the records themselves."),
     optima: bool = flag(
-        "--optima", "Show the optima: how many starts reached each, canonical form."
+        "--optima",
+        "Show the distinct optima, how many starts reached each, and their canonical form.",
     ),
-    to: Literal["csv", "parquet", "markdown", "latex"] = option(None, "Format.", "markdown"),
-    out: Path | None = option("FILE", "Write there instead of here."),
+    to: Literal["csv", "parquet", "markdown", "latex"] = option(
+        None, "Format of the table; parquet needs pyarrow.", "markdown"
+    ),
+    out: Path | None = option("FILE", "Write there instead of printing."),
     check: bool = flag("--check", "Verify the whole store and show nothing of it."),
     as_json: Json = False,
 ) -> None:

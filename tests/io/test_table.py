@@ -84,13 +84,6 @@ def test_the_terminal_shows_the_brief_columns():
     assert "3 of 9" in first
 
 
-def test_latex_has_the_columns_to_read():
-    text = Table(Row, ROWS[:1]).latex()
-    assert r"\toprule" in text
-    assert "best" in text
-    assert "12.35" in text
-
-
 def test_json_has_null_for_nan():
     plain = Table(Row, ROWS).plain()
     assert plain[1]["value"] is None
