@@ -23,9 +23,14 @@ from typing import Any, Literal, TypeAlias, get_args
 
 import numpy as np
 
-from formulations.bounds.so3_moments.localisers import KrylovLocaliser, selection
+from formulations.bounds.so3_moments.localisers import KrylovLocaliser
 from formulations.bounds.so3_moments.row_sectors import LabelSet, RowSector
-from formulations.bounds.so3_moments.sampled_blocks import SectorBlocks
+from formulations.bounds.so3_moments.sampled_blocks import (
+    RowBlocks,
+    SectorBlocks,
+    Selection,
+    selection,
+)
 from formulations.bounds.so3_moments.symmetric_rows import PermutedRows
 from formulations.bounds.so3_moments.young_basis import Shapes, tableau_contents
 from formulations.existence.certificate import CertificateError
@@ -95,10 +100,11 @@ class BlockSquares:
         """Number of columns of all U."""
         return self.columns[-1].stop
 
-    def selection(self, degree: int) -> tuple[Any, Any]:
-        """Return which column, and which power of M, makes each row of a Krylov localiser."""
+    def selection(self, family: RowBlocks) -> Selection:
+        """Return which column, and which power of M, makes each row of the factor."""
         labels = (sum(one.labels, ()) for one in self.rows)
-        return selection(zip(self.columns, labels, strict=True), self.size, degree)
+        columns = zip(self.columns, labels, strict=True)
+        return selection(columns, self.size, family.sector.degree, family.lowered)
 
     def to_dict(self) -> dict[str, Any]:
         """Return its fields in the file."""
@@ -234,13 +240,15 @@ def _sector(value: Any, joints: int, limits: Mapping[str, int]) -> SectorSquares
         sector = RowSector(**numbers)
     except LockedJointError as error:
         raise CertificateError(str(error)) from None
-    family = (SectorBlocks if sector.locked is None else KrylovLocaliser)(sector, joints)
+    family: RowBlocks = SectorBlocks(sector, joints)
+    if sector.locked is not None:
+        family = KrylovLocaliser(sector, joints)
     # Compared as texts: 1.0 and True would be equal to 1 as well.
     rows = {repr(entry.parts): entry for entry in family.rows}
     places = sector.places(joints)
     shapes = {repr(one): one for one in product(*(partitions(len(group)) for group in places))}
     # A shape has at most two blocks: even and odd under conjugation.
-    read_block = partial(_block, sector=sector, rows=rows, shapes=shapes)
+    read_block = partial(_block, family=family, rows=rows, shapes=shapes)
     read_blocks = _short_list(read_block, 2 * len(shapes))
     blocks = at("blocks", read_blocks, parts["blocks"])
     seen = Counter(block.shapes for block in blocks)
@@ -251,7 +259,7 @@ def _sector(value: Any, joints: int, limits: Mapping[str, int]) -> SectorSquares
 
 def _block(
     value: Any,
-    sector: RowSector,
+    family: RowBlocks,
     rows: Mapping[str, PermutedRows],
     shapes: Mapping[str, Shapes],
 ) -> BlockSquares:
@@ -265,9 +273,7 @@ def _block(
     if not together:
         raise CertificateError("rows: there are none.")
     block = BlockSquares(found, together, np.zeros((0, 0)))
-    height = block.size
-    if sector.locked is not None:
-        height = len(block.selection(sector.degree)[0])
+    height = len(block.selection(family)[0])
     squares = at("squares", partial(_whole, allowed=range(1, height + 1)), parts["squares"])
     factor = at("factor", partial(_matrix, shape=(height, squares)), parts["factor"])
     return BlockSquares(found, together, factor)

@@ -27,7 +27,7 @@ from formulations.bounds.so3_moments.certificate import (
     read_any,
 )
 from formulations.bounds.so3_moments.certifying import search_certificate
-from formulations.bounds.so3_moments.enclosed_localisers import enclosed_residuals
+from formulations.bounds.so3_moments.enclosed_sums import enclosed_residuals
 from formulations.bounds.so3_moments.max_min_bound import (
     EXCLUDED,
     prove_exclusion,
