@@ -117,16 +117,19 @@ def fractions(row):
     return [Fraction(x) for x in row.tolist()]
 
 
-def test_the_residual_is_enclosed_at_an_exact_jacobian():
-    rotations, rows = extended(3, 1, 7), exact_jacobian(3, 7)
+@pytest.mark.parametrize("seed", range(4))
+def test_the_residual_is_enclosed_at_an_exact_jacobian(seed):
+    rotations, rows = extended(seed, 1, 7), exact_jacobian(seed, 7)
     shift = Fraction(7, 3)
     exact = sum(
         (dot(a, b) - (shift if i == k else 0)) ** 2
         for i, a in enumerate(rows)
         for k, b in enumerate(rows)
     )
-    found = exactly(residual_values(rotations)[0])
-    assert abs(found - exact / 2) < enclosed_residuals(rotations).errors[0]
+    found = enclosed_residuals(rotations)
+    (value,), (error,) = found.values, found.errors
+    assert abs(Fraction(value) - exact / 2) < error < 1e-14 * value
+    assert abs(exactly(residual_values(rotations)[0]) - exact / 2) < error
 
 
 @pytest.mark.parametrize("t", [0.32, 0.3279, 0.3284, nextafter(1 / 3, 0), 1 / 3 - 1e-9])
