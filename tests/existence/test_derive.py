@@ -5,7 +5,6 @@ import pytest
 
 from formulations.existence.derive import (
     TABLEAU,
-    cancelling_weights,
     sign,
     squared_polynomials,
     symmetrised,
@@ -26,13 +25,6 @@ def test_weights_and_constant(derived):
     assert derived.constant == Fraction(33248, 1029)
     assert len(derived.multipliers) == 351
     assert max(m.coefficient.denominator for m in derived.multipliers) <= 8820
-
-
-def test_every_number_is_rational(derived):
-    numbers = [derived.constant, *(square.weight for square in derived.squares)]
-    numbers += [term.coefficient for square in derived.squares for term in square.terms]
-    numbers += [multiplier.coefficient for multiplier in derived.multipliers]
-    assert {type(number) for number in numbers} == {Fraction}
 
 
 def test_symmetrised_monomials_have_48_and_96_terms_of_coefficient_one():
@@ -58,18 +50,6 @@ def test_squares_have_the_type_of_their_tableau():
             orders = [dict(zip(four, images, strict=True)) for images in permutations(four)]
             images = [tuple(order.get(k, k) for k in range(7)) for order in orders]
             assert not combined((Fraction(1), moved(polynomial, image)) for image in images)
-
-
-def test_tau_is_bounded_from_both_sides_the_wrong_way_round(seven):
-    p, q = (seven.divide(class_sums(hermitian_product(p, p)))[1] for p in squared_polynomials())
-    assert p.keys() == q.keys() == {ONE, TRIANGLE}
-    assert p[TRIANGLE] < 0 < q[TRIANGLE]
-    upper = -TRIANGLES * p[ONE] / p[TRIANGLE]
-    lower = -TRIANGLES * q[ONE] / q[TRIANGLE]
-    assert upper == Fraction(28427, 36015)
-    assert lower == Fraction(163688, 194481)
-    assert upper < lower
-    assert cancelling_weights(p, q) == (108, 25)
 
 
 @pytest.mark.parametrize(

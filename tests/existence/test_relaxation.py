@@ -185,11 +185,8 @@ def test_a_solver_that_returns_nothing_decides_nothing(monkeypatch):
 
 def test_the_result_is_plain_json(order_3):
     shown = json.loads(json.dumps(order_3.to_dict(), allow_nan=False))
-    assert shown["kind"] == "numerical"
-    assert (shown["classes"], shown["equations"], shown["rank"]) == (760, 2430, 757)
-    assert len(shown["free_moments"]) == 2
-    assert shown["largest_block"] == 7
-    assert shown["verdict"] == "infeasible"
+    assert (shown["kind"], shown["verdict"]) == ("numerical", "infeasible")
+    assert (shown["classes"], len(shown["free_moments"]), shown["largest_block"]) == (760, 2, 7)
     assert sum(block["infeasible_alone"] for block in shown["blocks"]) == 3
 
 

@@ -22,19 +22,17 @@ from formulations.bounds.so3_moments.certificate import (
     BoundCertificate,
     CertifiedQuantity,
 )
-from formulations.bounds.so3_moments.enclosed_localisers import (
-    enclosed_krylov_sum,
+from formulations.bounds.so3_moments.enclosed_squares import (
+    SAFETY,
+    gamma,
+    require_extended_precision,
+)
+from formulations.bounds.so3_moments.enclosed_sums import (
+    EnclosedSum,
     enclosed_powers,
     enclosed_residuals,
     enclosed_scaled,
-)
-from formulations.bounds.so3_moments.enclosed_squares import (
-    SAFETY,
-    EnclosedSum,
-    enclosed_block,
-    enclosed_sums,
-    gamma,
-    require_extended_precision,
+    enclosed_sum,
 )
 from formulations.bounds.so3_moments.invariants import invariant_basis, invariant_dimension
 from formulations.bounds.so3_moments.localisers import KrylovLocaliser
@@ -219,7 +217,7 @@ def _summands(certificate: BoundCertificate) -> Iterator[Summand]:
     """Give the sums of the file, each a function of the rotations."""
     joints, t = certificate.joints, certificate.excluded
     for sector, blocks in certificate.sectors:
-        yield partial(_squares, SectorBlocks(sector, joints), blocks)
+        yield partial(_sum, SectorBlocks(sector, joints), blocks)
     if t is None:
         return
     # Where the worst case is σ² ≥ t, ρ is below this limit.
@@ -227,14 +225,16 @@ def _summands(certificate: BoundCertificate) -> Iterator[Summand]:
     for sector, blocks in certificate.scaled:
         yield partial(_scaled, limit, unit, SectorBlocks(sector, joints), blocks)
     for sector, blocks in certificate.krylov:
-        yield partial(_krylov, KrylovLocaliser(sector, joints, t), blocks)
+        yield partial(_sum, KrylovLocaliser(sector, joints, t), blocks)
 
 
-def _squares(
-    family: SectorBlocks, blocks: Sequence[BlockSquares], rotations: FloatArray
+def _sum(
+    family: SectorBlocks | KrylovLocaliser,
+    blocks: Sequence[BlockSquares],
+    rotations: FloatArray,
 ) -> EnclosedSum:
-    enclosed = [enclosed_block(family, _adapted(family, one), one.factor) for one in blocks]
-    return enclosed_sums(family, enclosed, rotations)
+    powers = [enclosed_powers(family, _adapted(family, one), one.factor) for one in blocks]
+    return enclosed_sum(family, powers, rotations)
 
 
 def _scaled(
@@ -244,14 +244,7 @@ def _scaled(
     blocks: Sequence[BlockSquares],
     rotations: FloatArray,
 ) -> EnclosedSum:
-    return enclosed_scaled(limit, unit, _squares(family, blocks, rotations), rotations)
-
-
-def _krylov(
-    family: KrylovLocaliser, blocks: Sequence[BlockSquares], rotations: FloatArray
-) -> EnclosedSum:
-    powers = [enclosed_powers(family, _adapted(family, one), one.factor) for one in blocks]
-    return enclosed_krylov_sum(family, powers, rotations)
+    return enclosed_scaled(limit, unit, _sum(family, blocks, rotations), rotations)
 
 
 def _adapted(family: RowBlocks, squares: BlockSquares) -> AdaptedRows:

@@ -12,7 +12,7 @@ from itertools import permutations
 import numpy as np
 from scipy.linalg import expm
 
-from formulations.bounds.so3_moments.localisers import POWERS, KrylovLocaliser, ScaledBlocks
+from formulations.bounds.so3_moments.localisers import KrylovLocaliser, ScaledBlocks
 from formulations.bounds.so3_moments.sampled_blocks import SectorBlocks
 from formulations.bounds.so3_moments.wigner import jacobians_of
 
@@ -106,7 +106,7 @@ def averaged_krylov_sum(family, rotations, multipliers):
                 weights = [
                     _spread(root[selection[1] == power], selection[0][selection[1] == power],
                             block.size)
-                    for power in range(POWERS)
+                    for power in range(len(family.lowered))
                 ]  # fmt: skip
                 found[number] += _sum(
                     jacobian, family.limit, some, block, weights, plain, family.sector.spin
