@@ -6,7 +6,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import singledispatch
 from pathlib import Path
-from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from formulations.io.files import prepare_file, write_bytes
@@ -46,24 +45,22 @@ class Kind:
     starts
         Default number of random starts of each problem.
     takes
-        What may be shown instead: ``jacobian``, ``store``.
+        What may be shown instead: ``jacobian`` or ``store``; empty if nothing.
     """
 
     make: Callable[[Request], Picture]
     starts: int
-    takes: frozenset[str] = frozenset()
+    takes: str = ""
 
 
-FIGURES: Mapping[str, Kind] = MappingProxyType(
-    {
-        "figure-1": Kind(planar.figure_1, 5),
-        "figure-3": Kind(planar.figure_3, 100),
-        "seven-axes": Kind(seven_axes.make, 5, frozenset({"jacobian"})),
-        "singular-values": Kind(singular_values.make, 5, frozenset({"jacobian"})),
-        "trade-off": Kind(trade_off.make, 5),
-        "optima": Kind(optima.make, 50, frozenset({"store"})),
-    }
-)
+FIGURES: Mapping[str, Kind] = {
+    "figure-1": Kind(planar.figure_1, 5),
+    "figure-3": Kind(planar.figure_3, 100),
+    "seven-axes": Kind(seven_axes.make, 5, "jacobian"),
+    "singular-values": Kind(singular_values.make, 5, "jacobian"),
+    "trade-off": Kind(trade_off.make, 5),
+    "optima": Kind(optima.make, 50, "store"),
+}
 
 
 def kind(name: str) -> Kind:

@@ -6,55 +6,45 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from formulations.plot.style import BLUE, GREY, PALE, styled, without_frame
+from formulations.plot.style import BLUE, GREY, PALE, styled
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from formulations.paths.plan import PathPlan
 
-_WIDTH, _HEIGHT = 6.5, 4.6
-
 
 def draw(plan: PathPlan) -> Figure:
     """Draw σ and the survivors along a path, beside those of the minimum-norm trajectory."""
     times, count = plan.times, len(plan.joints)
-    with styled(_WIDTH, _HEIGHT) as figure:
-        above, middle, below = figure.subplots(
-            3, 1, sharex=True, height_ratios=[2, 2, 0.35 * count]
-        )
-        for axes, heading in (
-            (above, "worst-case σ"),
-            (middle, "number of joints that may lock"),
+    with styled(6.5, 4.6) as figure:
+        from matplotlib.colors import ListedColormap
+
+        ratios = [2, 2, 0.35 * count]
+        above, middle, below = figure.subplots(3, 1, sharex=True, height_ratios=ratios)
+        for trajectory, colour, name in (
+            (plan.minimum_norm, GREY, "minimum norm"),
+            (plan.planned, BLUE, "planned"),
         ):
-            for trajectory, colour, name in (
-                (plan.minimum_norm, GREY, "minimum norm"),
-                (plan.planned, BLUE, "planned"),
-            ):
-                if trajectory is not None:
-                    sigma = axes is above
-                    values = trajectory.sigma if sigma else trajectory.survives.sum(axis=1)
-                    axes.plot(times, values, color=colour, lw=1.5, label=name)
-            axes.set_title(heading)
-            axes.set_ylim(bottom=0)
-            without_frame(axes, "left", "bottom")
+            if trajectory is not None:
+                above.plot(times, trajectory.sigma, color=colour, lw=1.5, label=name)
+                middle.plot(times, trajectory.survives.sum(axis=1), color=colour, lw=1.5)
+        above.set_title("worst-case σ")
+        above.set_ylim(bottom=0)
         # Beside the heading, where no line is.
-        corner = {"loc": "lower right", "bbox_to_anchor": (1, 1), "borderpad": 0}
-        above.legend(ncols=2, **corner)
+        above.legend(ncols=2, loc="lower right", bbox_to_anchor=(1, 1), borderpad=0)
+        middle.set_title("number of joints that may lock")
         middle.set_ylim(0, count + 0.3)
         middle.set_yticks(range(0, count + 1, 1 if count < 6 else 2))
-        # A bar for each joint and each time at which it may lock.
+        # A cell for each joint and each sample, and white between the joints.
         edges = np.concatenate([times[:1], (times[1:] + times[:-1]) / 2, times[-1:]])
-        for f in range(count):
-            below.barh(f, edges[-1] - edges[0], left=edges[0], height=0.6, color=PALE)
-            may_lock = plan.planned.survives[:, f]
-            spans = zip(edges[:-1][may_lock], np.diff(edges)[may_lock], strict=True)
-            below.broken_barh(list(spans), (f - 0.3, 0.6), color=BLUE)
+        rows, colours = np.arange(count + 1) - 0.5, ListedColormap([PALE, BLUE])
+        below.pcolormesh(edges, rows, plan.planned.survives.T, cmap=colours, vmin=0, vmax=1)
+        below.hlines(rows, edges[0], edges[-1], color="white", lw=4)
         below.set_yticks(range(count), plan.joints)
         below.invert_yaxis()
         below.set_title("when each joint may lock (blue), on the planned trajectory")
         below.set_xlabel("time (s)")
-        without_frame(below, "left", "bottom")
         for value in plan.times[np.abs(plan.places - np.round(plan.places)) < 1e-9]:
             below.axvline(value, color=GREY, lw=0.5, ls=":")
         return figure

@@ -37,11 +37,12 @@ def draw(workspace: Workspace) -> Figure:
         workspace.voxels,
     ]
     flat = workspace.dimension == 2
-    with styled(4.6 if flat else 7.4, 4.6 if flat else 4.0) as figure:
+    with styled(*((4.6, 4.6) if flat else (7.4, 4.0))) as figure:
+        from matplotlib.patches import Patch
+
         unit = "m²" if flat else "m³"
-        share = 100 * workspace.size / workspace.physical if workspace.physical else 0.0
-        title = f"{workspace.size:.3g} {unit} kept, {share:.0f} % of what is reached"
-        figure.suptitle(title)
+        share = f"{100 * workspace.share:.0f} % of what is reached"
+        figure.suptitle(f"{workspace.size:.3g} {unit} kept, {share}")
         if flat:
             _section(figure.subplots(), workspace, layers, (0, 1))
         else:
@@ -54,8 +55,6 @@ def draw(workspace: Workspace) -> Figure:
             for axes, axis, place in ((left, 1, across), (right, 2, level)):
                 height = (place + sets.corner[axis]) * sets.voxel
                 axes.set_title(f"{'xyz'[axis]} = {height:.2f} m", fontsize=SMALL)
-        from matplotlib.patches import Patch
-
         patches = [Patch(color=colour, label=name) for name, colour in _LEGEND.items()]
         columns = 2 if flat else 3  # as many as there is room for
         figure.legend(handles=patches, loc="outside lower center", ncols=columns)
@@ -72,14 +71,7 @@ def _section(
     first, second = ((sets.corner[k] - 0.5) * sets.voxel for k in shown)
     rows, columns = level.shape
     extent = (first, first + rows * sets.voxel, second, second + columns * sets.voxel)
-    axes.imshow(
-        level.T,
-        origin="lower",
-        extent=extent,
-        interpolation="nearest",
-        cmap=ListedColormap([PAPER, *_LEGEND.values()]),
-        vmin=0,
-        vmax=3,
-    )
+    colours = ListedColormap([PAPER, *_LEGEND.values()])
+    axes.imshow(level.T, origin="lower", extent=extent, cmap=colours, vmin=0, vmax=3)
     axes.set_xlabel(f"{'xyz'[shown[0]]} (m)")
     axes.set_ylabel(f"{'xyz'[shown[1]]} (m)")

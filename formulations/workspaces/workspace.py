@@ -87,6 +87,11 @@ class Workspace:
             return "self-motion"
         return "closed form" if closed_form(self.arm, self.limits) else "grid"
 
+    @property
+    def share(self) -> float:
+        """What is kept of what is reached within the physical limits, 0 to 1."""
+        return self.size / self.physical if self.physical else 0.0
+
     def to_dict(self) -> dict[str, object]:
         """Return the result as plain values."""
         names = [one.name for one in self.arm.steps]
@@ -97,7 +102,7 @@ class Workspace:
             "method": self.method,
             "without_failure": self.before,
             "without_failure_and_artificial_limits": self.physical,
-            "share_kept": self.size / self.physical if self.physical else 0.0,
+            "share_kept": self.share,
             "critical": list(self.critical),
             "limits": {k: list(v) for k, v in zip(names, self.limits, strict=True)},
             "links": dict(zip(names, self.arm.links.tolist(), strict=True)),
