@@ -12,7 +12,8 @@ pink = pytest.importorskip("pink", reason="install pin-pink")
 pin = pytest.importorskip("pinocchio", reason="install pin")
 
 URDF = """<robot name="arm"><link name="l0"/><link name="l1"/><link name="l2"/><link name="l3"/>
-<joint name="a" type="continuous"><parent link="l0"/><child link="l1"/><axis xyz="0 0 1"/></joint>
+<joint name="a" type="continuous"><parent link="l0"/><child link="l1"/>
+<axis xyz="0 0 1"/></joint>
 <joint name="b" type="continuous"><parent link="l1"/><child link="l2"/>
 <origin xyz="0.4 0 0.1"/><axis xyz="0 0 1"/></joint>
 <joint name="c" type="continuous"><parent link="l2"/><child link="l3"/>
