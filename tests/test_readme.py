@@ -36,7 +36,10 @@ def comparison():
 @pytest.mark.parametrize(
     ("line", "key"),
     [
-        ("least residual, unit lever arms: the paper's eq. (46)", ("residual", "unit-revolute")),
+        (
+            "least residual, unit lever arms: the paper's eq. (46)",
+            ("residual", "unit-revolute"),
+        ),
         ("max-min, unit lever arms", ("max-min", "unit-revolute")),
         ("max-min, free lever arms of the same mean square", ("max-min", "lever-revolute")),
         ("exactly isotropic, free lever arms", ("isotropy", "lever-revolute")),
