@@ -4,6 +4,7 @@ from functools import lru_cache
 
 import numpy as np
 import pinocchio as pin
+import roboticstoolbox as rtb
 
 from formulations.kinematics.chain_between import chain_between
 from formulations.kinematics.read_urdf import urdf_tree
@@ -134,6 +135,21 @@ def random_revolute(seed, joints=7, levers=1.0):
     velocity = np.cross(spin, rng.standard_normal((3, joints)), axis=0)
     velocity *= levers / np.linalg.norm(velocity, axis=0)
     return np.vstack([velocity, spin])
+
+
+def toolbox_robot(convention, rows):
+    """An arm in roboticstoolbox, of rows (kind, d, a, alpha, theta); fixed ones turn, too."""
+    revolute, prismatic = {
+        "standard": (rtb.RevoluteDH, rtb.PrismaticDH),
+        "modified": (rtb.RevoluteMDH, rtb.PrismaticMDH),
+    }[convention]
+    links = [
+        prismatic(theta=theta, a=a, alpha=alpha, offset=d)
+        if kind == "prismatic"
+        else revolute(d=d, a=a, alpha=alpha, offset=theta)
+        for kind, d, a, alpha, theta in rows
+    ]
+    return rtb.DHRobot(links)
 
 
 # An MJCF file of three joints; an equality has a place.

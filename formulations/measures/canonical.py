@@ -26,6 +26,8 @@ from nlp.errors import InputError
 
 # Largest difference of inner products, relative to ‖J‖_F²/n, within a class.
 TOLERANCE = 1e-3
+# v·ω and |v|² − |ω|² of a column up to this are 0.
+_SQUARE = 1e-6
 # Classes that are distinguished: where optima come in families every start has its own.
 MOST = 1000
 
@@ -43,16 +45,16 @@ class Symmetry(Enum):
     UNIT_REVOLUTE = "unit-revolute"
 
 
-def symmetry_of(jacobian: npt.ArrayLike, tolerance: float = 1e-6) -> Symmetry:
+def symmetry_of(jacobian: npt.ArrayLike) -> Symmetry:
     """Return the largest symmetry that the columns allow: by their shape, from J alone."""
     matrix = as_jacobian(jacobian)
     if matrix.shape[0] != 6:
         return Symmetry.FRAME
     velocity, axis = matrix[:3], matrix[3:]
-    if np.max(np.abs(np.sum(velocity * axis, axis=0))) > tolerance:
+    if np.max(np.abs(np.sum(velocity * axis, axis=0))) > _SQUARE:
         return Symmetry.FRAME
     gap = np.sum(velocity**2, axis=0) - np.sum(axis**2, axis=0)
-    return Symmetry.UNIT_REVOLUTE if np.max(np.abs(gap)) <= tolerance else Symmetry.REVOLUTE
+    return Symmetry.UNIT_REVOLUTE if np.max(np.abs(gap)) <= _SQUARE else Symmetry.REVOLUTE
 
 
 def inner_products(matrix: FloatArray, symmetry: Symmetry) -> npt.NDArray[np.complex128]:

@@ -10,7 +10,6 @@ import mujoco
 import numpy as np
 import pinocchio as pin
 import pytest
-import roboticstoolbox as rtb
 import yourdfpy
 
 from formulations.commands.app import app
@@ -21,7 +20,7 @@ from formulations.robots.robot_arm import RobotArm
 from formulations.robots.task import TaskSpace
 from nlp.errors import FileError, InputError
 from results.robots.survey import ARMS
-from tests.made_robots import SMALL
+from tests.made_robots import SMALL, toolbox_robot
 
 EXACT = 1e-12
 POINTS = 20
@@ -149,28 +148,12 @@ def table(convention, degrees=False):
     return "\n".join(lines).encode()
 
 
-def of_toolbox(convention):
-    """The same arm in roboticstoolbox; the fixed row is a joint that stays at 0."""
-    makers = {
-        "standard": (rtb.RevoluteDH, rtb.PrismaticDH),
-        "modified": (rtb.RevoluteMDH, rtb.PrismaticMDH),
-    }
-    turning, sliding = makers[convention]
-    links = [
-        sliding(theta=theta, a=a, alpha=alpha, offset=d)
-        if kind == "prismatic"
-        else turning(d=d, a=a, alpha=alpha, offset=theta)
-        for kind, d, a, alpha, theta in ROWS
-    ]
-    return rtb.DHRobot(links)
-
-
 @pytest.mark.parametrize("convention", ["standard", "modified"])
 @pytest.mark.parametrize("degrees", [False, True])
 def test_tables_agree_with_the_toolbox(convention, degrees):
     arm = RobotArm.read(dh_tree(table(convention, degrees)), task="position", length=1.0)
     assert arm.chain.prismatic == (False, True, False, False, False)
-    theirs = of_toolbox(convention)
+    theirs = toolbox_robot(convention, ROWS)
     for point in drawn(arm):
         full = theirs.jacob0(np.insert(point, 3, 0.0))
         ours = arm.metric_jacobian(point)

@@ -29,13 +29,6 @@ def tiago():
     return best_posture(real("TIAGo,").arm(), Search(starts=8))
 
 
-def test_the_worst_case_by_pinocchio_alone(made, model_of):
-    found, declared = tiago().assessment, real("TIAGo,")
-    length, sigma = made.by_pinocchio(model_of(declared), declared, found.configuration)
-    assert length == pytest.approx(found.characteristic_length)
-    assert sigma == pytest.approx(found.worst_case_sigma, abs=1e-9)
-
-
 @pytest.mark.parametrize("declared", ARMS, ids=lambda one: f"{one.name}, {one.task}")
 def test_the_postures_on_record_by_pinocchio_alone(declared, made, model_of):
     """Every row of results/robots is as good as it says, within the limits."""
