@@ -139,8 +139,8 @@ class ToolPath:
     def _lengths(self) -> FloatArray:
         lengths = np.linalg.norm(np.diff(self.positions, axis=0), axis=1)
         if self.quaternions is not None:
-            turns = Rotation.from_quat(self.quaternions)
-            lengths = lengths + _METRES_PER_RADIAN * (turns[1:] * turns[:-1].inv()).magnitude()
+            poses = Rotation.from_quat(self.quaternions)
+            lengths = lengths + _METRES_PER_RADIAN * (poses[1:] * poses[:-1].inv()).magnitude()
         return np.asarray(lengths)
 
 

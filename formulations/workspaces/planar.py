@@ -53,11 +53,11 @@ class Planar3R:
         """
         first, second, third = self.lengths
         low, high = [], []
-        for one, other, alone, limits in (
-            (first, second, third, self.limits[1]),
-            (second, third, first, self.limits[2]),
+        for bent, alone, limits in (
+            ((first, second), third, self.limits[1]),
+            ((second, third), first, self.limits[2]),
         ):
-            near, far = _distances(one, other, limits)
+            near, far = _distances(*bent, limits)
             low.append(max(abs(near - alone), abs(far - alone)))
             high.append(near + alone)
         return max(low), min(high)
@@ -194,7 +194,7 @@ def at_zero(arm: SerialArm) -> tuple[FloatArray, FloatArray, FloatArray]:
     return lengths, bent, np.sign(arm.at_zero.directions[0, :, 2])
 
 
-def _distances(one: float, other: float, limits: tuple[float, float]) -> tuple[float, float]:
+def _distances(a: float, b: float, limits: tuple[float, float]) -> tuple[float, float]:
     """Least and largest distance between the ends of two links, over the joint's range."""
     low, high = _within_a_turn(*limits)
     cosines = [np.cos(low), np.cos(high)]
@@ -202,7 +202,7 @@ def _distances(one: float, other: float, limits: tuple[float, float]) -> tuple[f
         cosines.append(1.0)
     if (np.pi - low) % _TURN <= high - low:
         cosines.append(-1.0)
-    squares = [one**2 + other**2 + 2 * one * other * cosine for cosine in cosines]
+    squares = [a**2 + b**2 + 2 * a * b * cosine for cosine in cosines]
     return float(np.sqrt(max(min(squares), 0.0))), float(np.sqrt(max(squares)))
 
 
@@ -210,10 +210,10 @@ def _within_a_turn(low: float, high: float) -> tuple[float, float]:
     return (low, high) if high - low < _TURN else (-np.pi, np.pi)
 
 
-def _angle(one: float, other: float, distance: FloatArray) -> FloatArray:
+def _angle(a: float, b: float, distance: FloatArray) -> FloatArray:
     """Angle of the joint between two links at which their ends are so far apart, 0 to π."""
     with np.errstate(divide="ignore", invalid="ignore"):
-        cosine = (distance**2 - one**2 - other**2) / (2 * one * other)
+        cosine = (distance**2 - a**2 - b**2) / (2 * a * b)
     return np.asarray(np.arccos(np.clip(np.nan_to_num(cosine), -1, 1)))
 
 

@@ -41,7 +41,7 @@ class PoseSets(FailureSets):
     ----------
     arm
         The arm: four joints if it is planar, seven otherwise.
-    turn
+    rotation
         Orientation of the tool in the frame of the base, shape (3, 3).
     voxel, step
         See `FailureSets`.
@@ -62,13 +62,13 @@ class PoseSets(FailureSets):
     def __init__(
         self,
         arm: SerialArm,
-        turn: FloatArray,
+        rotation: FloatArray,
         voxel: float,
         step: float = SLICE,
         progress: Callable[[str], None] = lambda _: None,
         seed: int = 0,
     ) -> None:
-        self._rotation = arm.steps[0].placement[:3, :3].T @ turn @ arm.orientation.T
+        self._rotation = arm.steps[0].placement[:3, :3].T @ rotation @ arm.orientation.T
         self.corner, self.shape = _grid_of(arm, self._rotation, voxel, step)
         self.arm, self.voxel, self.step = arm, voxel, step
         self.dimension = wide = len(self.shape)
@@ -174,7 +174,7 @@ def _on_known(
     own: npt.NDArray[np.intp],
     q: FloatArray,
     known: list[tuple[npt.NDArray[np.intp], FloatArray]],
-    turns: Bits,
+    endless: Bits,
     count: int,
 ) -> Bits:
     """Return which configurations are on a curve of their point that is there already."""
@@ -184,7 +184,7 @@ def _on_known(
         place[which] = np.arange(len(which))
         there = np.flatnonzero(place[own] >= 0)
         away = curves[place[own[there]]] - q[there, None]
-        away -= np.where(turns, _TURN * np.round(away / _TURN), 0.0)
+        away -= np.where(endless, _TURN * np.round(away / _TURN), 0.0)
         near = np.nansum(away**2, axis=2) + np.where(np.isnan(away[:, :, 0]), np.inf, 0.0)
         on_known[there] |= near.min(axis=1) < (0.8 * _STEP) ** 2
     return on_known
