@@ -117,10 +117,10 @@ def workspace(
         result = measured(sets, chosen, progress)
     progress("")
     if figure is not None:
-        from formulations.plot.workspace import draw
+        from formulations.plot.robots import draw_workspace
 
         with looking(look):
-            drawn = content(draw(result), form)
+            drawn = content(draw_workspace(result), form)
         write_bytes(figure, drawn)
     show(result.to_dict(), as_json, lambda _: _text(result), out)
 

@@ -14,12 +14,11 @@ from formulations.paths.plan import PathPlan
 from formulations.plot import (
     manipulator,
     optima,
-    path,
     planar,
+    robots,
     seven_axes,
     singular_values,
     trade_off,
-    workspace,
 )
 from formulations.plot.picture import Picture, Request
 from formulations.plot.style import Look, content, figure_class, kind_of, looking, read_look
@@ -162,7 +161,7 @@ def _figure(value: object) -> Figure:
 _figure.register(Assessment, singular_values.bars)
 _figure.register(RobotAssessment, singular_values.bars)
 _figure.register(Manipulator, manipulator.figure)
-_figure.register(PathPlan, path.draw)
-_figure.register(Workspace, workspace.draw)
+_figure.register(PathPlan, robots.draw_path)
+_figure.register(Workspace, robots.draw_workspace)
 _figure.register(Record, lambda value: singular_values.bars(measure(value.jacobian)))
 _figure.register(Outcome, lambda value: optima.draw(optima.ends(value.case.name, value)))

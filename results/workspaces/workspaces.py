@@ -14,8 +14,8 @@ from formulations.io.table import HIDDEN, column
 from formulations.kinematics.chain_between import chain_between
 from formulations.kinematics.read_robot import read_robot
 from formulations.kinematics.serial_arm import Ranges, SerialArm
+from formulations.plot.robots import draw_workspace
 from formulations.plot.style import content
-from formulations.plot.workspace import draw
 from formulations.workspaces.best_limits import STARTS, best_limits
 from formulations.workspaces.workspace import Workspace, measured, workspace
 from results.robots.survey import SurveyArm
@@ -92,7 +92,7 @@ def compute(effort: Effort, folder: Path) -> Iterator[WorkspaceRow | OrderRow]:
     for arm, choice, kept in chain(_planar(effort), _spatial(effort)):
         row = row_of(arm, choice, kept)
         if row.figure:
-            write_bytes(folder / row.figure, content(draw(kept), "svg"))
+            write_bytes(folder / row.figure, content(draw_workspace(kept), "svg"))
         yield row
     yield from orders(effort, folder)
 
