@@ -12,7 +12,7 @@ from fractions import Fraction
 from functools import lru_cache
 from math import nextafter, sqrt
 
-from formulations.bounds.closed_form import root_below
+from formulations.bounds.closed_form import first_double, root_below
 
 
 @lru_cache
@@ -104,10 +104,5 @@ def _least(
     excludes: Callable[[float, float, int], bool], residual: float, joints: int
 ) -> float:
     """Return the least singular value that bisection finds to be excluded."""
-    low, high = 0.0, nextafter(sqrt((joints - 6) / 3), 2.0 * joints)
-    while low < (middle := 0.5 * (low + high)) < high:
-        if excludes(residual, middle, joints):
-            high = middle
-        else:
-            low = middle
-    return high
+    top = nextafter(sqrt((joints - 6) / 3), 2.0 * joints)
+    return first_double(lambda sigma: not excludes(residual, sigma, joints), 0.0, top)
