@@ -230,9 +230,9 @@ def _adapted(family: RowBlocks, squares: BlockSquares) -> AdaptedRows:
     """Return the rows of a block in all tableaux, see `projected_tableaux`."""
     numbers = {entry.parts: number for number, entry in enumerate(family.rows)}
     parts = []
-    for one, columns in zip(squares.rows, squares.columns, strict=True):
-        number = numbers[one.labels]
+    for (labels, pivots), columns in zip(squares.rows.items(), squares.columns, strict=True):
+        number = numbers[labels]
         entry = family.rows[number]
-        bases = projected_tableaux(one.pivots, entry.exchanges, entry.places, squares.shapes)
+        bases = projected_tableaux(pivots, entry.exchanges, entry.places, squares.shapes)
         parts.append((number, columns, bases))
     return AdaptedRows(squares.shapes, tuple(parts), squares.size, len(parts[0][2]))
