@@ -110,9 +110,7 @@ def with_one_more_locked(task_dimension: int, joints: int, limit: float) -> floa
     trace is at most `limit`, above m; weighted by 1 − G_ff, these n conditions add up to
     (n − m − s)(`limit` − m − s) ≥ s + s²/m (docs/several_failures.md).
     """
-    m = whole_number("task dimension", task_dimension, 1)
-    more = whole_number("joints", joints, m + 1) - m
-    rest = positive("limit", limit) - m
+    m, more, rest = task_dimension, joints - task_dimension, limit - task_dimension
     middle = more + rest + 1
     root = math.sqrt(middle**2 - 4 * (1 - 1 / m) * more * rest)
     return m + 2 * more * rest / (middle + root)
@@ -207,6 +205,11 @@ def root_below(square: Fraction, scale: int = 10**20) -> Fraction:
     """Return a rational number not above the square root, and close to it."""
     root = math.isqrt(square.numerator * scale**2 // square.denominator)
     return Fraction(root, scale)
+
+
+def rational_root_above(square: Fraction, scale: int = 10**20) -> Fraction:
+    """Return a rational number above the square root, and close to it."""
+    return root_below(square, scale) + Fraction(1, scale)
 
 
 def root_above(square: Fraction) -> float:
