@@ -5,7 +5,6 @@ import pytest
 
 from formulations.existence.derive import (
     TABLEAU,
-    sign,
     squared_polynomials,
     symmetrised,
 )
@@ -60,12 +59,6 @@ def test_which_second_squares_would_do(seven, factor, contradicts):
     other = combined([(Fraction(factor - 3), p1), (Fraction(1), q)])
     p, r = (seven.divide(class_sums(hermitian_product(s, s)))[1] for s in (p1, other))
     assert (p[ONE] / p[TRIANGLE] > r[ONE] / r[TRIANGLE]) is contradicts
-
-
-def test_signs_of_permutations():
-    assert sign((0, 1, 2)) == 1
-    assert sign((1, 0, 2)) == -1
-    assert sign((1, 2, 0)) == 1
 
 
 def test_an_entry_alone_has_no_part_of_the_type():

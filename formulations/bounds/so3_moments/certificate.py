@@ -57,21 +57,14 @@ CertifiedQuantity: TypeAlias = Literal["residual", "max-min"]
 
 
 @dataclass(frozen=True, eq=False)
-class BlockRows:
-    """The rows of a block with one set of labels, in the first tableau."""
-
-    labels: LabelSet
-    #: Numbers i of plain rows: the columns of U are P e_i.
-    pivots: tuple[int, ...]
-
-
-@dataclass(frozen=True, eq=False)
 class BlockSquares:
     """The squares of one block, or those that multiply a localiser."""
 
     #: Shapes of the permutations of the joints in each group.
     shapes: Shapes
-    rows: tuple[BlockRows, ...]
+    #: For each set of labels the numbers i of plain rows: the columns of U are P e_i, in the
+    #: first tableau.
+    rows: Mapping[LabelSet, tuple[int, ...]]
     #: L, shape (columns of all U, squares), one U after another. Of Krylov vectors: first for
     #: r_0 all columns, then for r_1 and r_2 those of low enough degree, see `selection`.
     factor: FloatArray
@@ -79,7 +72,7 @@ class BlockSquares:
     @property
     def columns(self) -> list[range]:
         """Numbers of the columns of each U among all of them."""
-        ends = accumulate(len(one.pivots) for one in self.rows)
+        ends = accumulate(map(len, self.rows.values()))
         return [range(a, b) for a, b in pairwise([0, *ends])]
 
     @property
@@ -89,7 +82,7 @@ class BlockSquares:
 
     def selection(self, family: RowBlocks) -> Selection:
         """Return which column, and which power of M, makes each row of the factor."""
-        labels = (sum(one.labels, ()) for one in self.rows)
+        labels = (sum(one, ()) for one in self.rows)
         columns = zip(self.columns, labels, strict=True)
         return selection(columns, self.size, family.sector.degree, family.lowered)
 
@@ -97,7 +90,7 @@ class BlockSquares:
         """Return its fields in the file."""
         return {
             "shapes": self.shapes,
-            "rows": [{"labels": one.labels, "pivots": one.pivots} for one in self.rows],
+            "rows": [{"labels": one, "pivots": own} for one, own in self.rows.items()],
             "squares": self.factor.shape[1],
             "factor": b64encode(_without_tiny(self.factor).astype("<f8").tobytes()).decode(),
         }
@@ -238,16 +231,18 @@ def _block(
     if found not in shapes:
         named.refuse("they are none of this sector")
     tableaux = len(tableau_contents(found))
-    together = tuple(
-        _rows(one, rows, tableaux) for one in listed.items(range(1, len(rows) + 1))
-    )
-    _require_distinct(listed, [one.labels for one in together])
-    height = len(BlockSquares(found, together, np.zeros((0, 0))).selection(family)[0])
+    parts = listed.items(range(1, len(rows) + 1))
+    read = [_rows(one, rows, tableaux) for one in parts]
+    _require_distinct(listed, [labels for labels, _ in read])
+    pivots = dict(read)
+    height = len(BlockSquares(found, pivots, np.zeros((0, 0))).selection(family)[0])
     squares = count.whole(range(1, height + 1))
-    return BlockSquares(found, together, _matrix(factor, (height, squares)))
+    return BlockSquares(found, pivots, _matrix(factor, (height, squares)))
 
 
-def _rows(part: Part, rows: Mapping[LabelSet, PermutedRows], tableaux: int) -> BlockRows:
+def _rows(
+    part: Part, rows: Mapping[LabelSet, PermutedRows], tableaux: int
+) -> tuple[LabelSet, tuple[int, ...]]:
     labels, listed = part.fields("labels", "pivots")
     entry = rows.get(tuple(one.pairs() for one in labels.items()))
     if entry is None:
@@ -256,7 +251,7 @@ def _rows(part: Part, rows: Mapping[LabelSet, PermutedRows], tableaux: int) -> B
     items = listed.items(range(1, entry.length // tableaux + 1))
     pivots = tuple(pivot.whole(range(entry.length)) for pivot in items)
     _require_distinct(listed, pivots)
-    return BlockRows(entry.parts, pivots)
+    return entry.parts, pivots
 
 
 def _require_distinct(part: Part, values: Sequence[object]) -> None:

@@ -14,7 +14,6 @@ import numpy as np
 import scipy.linalg
 
 from formulations.bounds.so3_moments.certificate import (
-    BlockRows,
     BlockSquares,
     BoundCertificate,
     SectorSquares,
@@ -157,10 +156,7 @@ def _block_squares(
         pivots, inverse = frames[block.shapes, number]
         change = changes.setdefault(number, np.zeros((len(pivots), block.size)))
         change[:, place.start : place.stop] += inverse @ coefficients[start]
-    rows = tuple(
-        BlockRows(family.rows[number].parts, frames[block.shapes, number][0])
-        for number in changes
-    )
+    rows = {family.rows[n].parts: frames[block.shapes, n][0] for n in changes}
     change = np.vstack(list(changes.values()))
     # The rows of the factor of a localiser are those of r_0, r_1 and r_2.
     chosen, powers = family.selection(block)

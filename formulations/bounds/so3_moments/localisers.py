@@ -19,7 +19,6 @@ from formulations.bounds.so3_moments.row_sectors import RowSector, UnsignedSecto
 from formulations.bounds.so3_moments.sampled_blocks import BlockFamily, RowBlocks, choices_first
 from formulations.bounds.so3_moments.wigner import jacobians_of, wigner_matrices
 from nlp.arrays import FloatArray
-from nlp.errors import InputError
 
 # Degree of r_0, r_1 and r_2 in J, less that of r_0.
 _LOWERED = (0, 2, 4)
@@ -64,8 +63,6 @@ class FormLocaliser(RowBlocks):
     """
 
     def __init__(self, sector: RowSector | UnsignedSector, joints: int, form: Form) -> None:
-        if sector.locked is None or sector.locked is False:
-            raise InputError("sector", sector, "one with a locked joint")
         super().__init__(sector, joints)
         self.form, self.lowered = form, form.lowered
 

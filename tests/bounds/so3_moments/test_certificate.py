@@ -118,7 +118,7 @@ def test_other_factors_and_orders_prove_the_same(certificate):
         q = np.linalg.qr(rng.standard_normal((squares, squares)))[0]
         parts = [block.factor[place.start : place.stop] @ q for place in block.columns]
         factor = np.vstack(parts[::-1])
-        return replace(block, rows=block.rows[::-1], factor=factor)
+        return replace(block, rows=dict(reversed(block.rows.items())), factor=factor)
 
     other = replace(
         certificate,

@@ -28,9 +28,7 @@ from formulations.bounds.so3_moments.relaxation import refined_multipliers, resi
 from formulations.bounds.so3_moments.row_sectors import RowSector, degree_sectors
 from formulations.bounds.so3_moments.sampled_blocks import SectorBlocks, sector_families
 from formulations.bounds.so3_moments.symmetric_rows import PermutedRows
-from formulations.bounds.so3_moments.verification import identity_defect
 from formulations.bounds.so3_moments.wigner import random_rotations, wigner_matrices
-from nlp.errors import InputError
 
 
 @pytest.mark.parametrize(
@@ -99,11 +97,6 @@ def test_rounding_is_bounded_by_the_absolute_values_of_the_left_inverse():
     rounding = gamma(64) * np.linalg.norm(np.abs(left_inverse) @ values)
     bound = InvariantBasis(left_inverse, 0.0, 1.0).largest_value(values, np.zeros(64))
     assert rounding < bound < 1.1 * rounding
-
-
-def test_rotations_in_double_precision_are_refused():
-    with pytest.raises(InputError, match="extended precision"):
-        identity_defect([], 0.0, configurations(1, 5).astype(float), 8)
 
 
 def test_another_dimension_or_too_few_points_are_no_basis():

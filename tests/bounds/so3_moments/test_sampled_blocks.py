@@ -90,8 +90,3 @@ def test_degrees_of_labels():
 def test_sectors_that_do_not_exist_are_refused(sector):
     with pytest.raises(InputError):
         RowSector(*sector)
-
-
-def test_without_a_locked_joint_there_is_no_localiser():
-    with pytest.raises(InputError):
-        KrylovLocaliser(RowSector(0, 0, 0, 4), 7)
