@@ -18,7 +18,7 @@ from formulations.plot.style import BLUE, GREY, INK, ORANGE, SMALL, VERMILION, c
 from formulations.solving.outcome import REACHED_BEST
 from results.benchmark.measurement import NEAR, BenchmarkRow, measure
 from results.benchmark.peers import CLASSICAL, DEFAULT, FAST, PEERS
-from results.script import declared, parser, run
+from results.script import parser, run, study_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -29,8 +29,6 @@ _TEMPLATE = Path(__file__).with_suffix(".md.j2")
 
 _FLOOR = "floor"  # whichever is less
 _TRF, _JAX, _SLSQP = "scipy least_squares trf", "JAX", "scipy SLSQP"
-
-
 # By how a peer's name begins: this library's default and fast path, others of it, the floor.
 # All else is grey.
 _COLOURS = {
@@ -70,8 +68,8 @@ class Target:
         above, below = (
             _fastest(rows, self.formulation, joints, name) for name in (self.above, self.below)
         )
-        found = [a / b for a, b in zip(above, below, strict=False) if not isnan(a / b)]
-        return [min(found), median(found), max(found)] if found else []
+        rounds = [a / b for a, b in zip(above, below, strict=False) if not isnan(a / b)]
+        return [min(rounds), median(rounds), max(rounds)] if rounds else []
 
     def verdict(self, ratios: Sequence[float], joints: int) -> str:
         """Return whether the median meets the target, in words."""
@@ -172,7 +170,7 @@ def study(sizes: Sequence[int] = SIZES, time_limit: float = TIME_LIMIT) -> Study
                 rows += measured
         write_bytes(folder / "cost.svg", content(drawn(rows), "svg"))
 
-    return declared(
+    return study_of(
         __file__,
         title="processor time per start and per success, beside other solvers, 7R to 20R",
         page="benchmark.md",
