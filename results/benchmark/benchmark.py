@@ -10,7 +10,6 @@ from pathlib import Path
 from statistics import median
 from typing import TYPE_CHECKING
 
-from formulations.io import pages
 from formulations.io.files import write_bytes
 from formulations.io.pages import groups
 from formulations.io.study import Effort, Study
@@ -25,8 +24,6 @@ if TYPE_CHECKING:
 
 STARTS, TIME_LIMIT = 99, 20.0
 SIZES = (7, 8, 9, 12, 16, 20)
-_TEMPLATE = Path(__file__).with_suffix(".md.j2")
-
 _FLOOR = "floor"  # whichever is less
 _TRF, _JAX, _SLSQP = "scipy least_squares trf", "JAX", "scipy SLSQP"
 # By how a peer's name begins: this library's default and fast path, others of it, the floor.
@@ -104,16 +101,6 @@ _TARGETS = (
     Target("fast path ≥ 10 × SLSQP", "max-min", _SLSQP, FAST, 10),
     Target("fast path ≤ 5 × floor", "max-min", FAST, _FLOOR, 5, at_most=True),
 )
-
-
-def targets(rows: Sequence[BenchmarkRow]) -> str:
-    """Return which targets are met at every size, as a Markdown table."""
-    return pages.aligned(pages.block(_TEMPLATE, "targets", {"rows": rows, "goals": _TARGETS}))
-
-
-def growth(rows: Sequence[BenchmarkRow]) -> str:
-    """Return CPU ms per success by number of joints, as a Markdown table."""
-    return pages.aligned(pages.block(_TEMPLATE, "growth", {"rows": rows}))
 
 
 def drawn(rows: Sequence[BenchmarkRow]) -> Figure:
