@@ -60,7 +60,7 @@ def solve(
     compiled: cli.Compiled = False,
     time_limit: float | None = option(
         "SECONDS",
-        "Time for each start, after which cli.Ipopt stops it; by default no limit.",
+        "Time for each start, after which Ipopt stops it; by default no limit.",
         positive=True,
     ),
     out: Path | None = option("FILE", "Write the best Jacobian and its measures as JSON."),
