@@ -7,7 +7,6 @@ of that class, and `expanded` makes it the options of the command line.
 from __future__ import annotations
 
 import inspect
-import sys
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import MISSING, dataclass, fields, is_dataclass
@@ -17,7 +16,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar, get_type_hin
 import typer
 
 from formulations.io.files import real_in, whole_in
-from nlp.errors import LARGEST, InputError, SolverOptionError, printable, shown
+from nlp.errors import LARGEST, InputError, SolverOptionError, shown
 
 if TYPE_CHECKING:
     from formulations.measures.unequal_failures import FailureModel
@@ -115,12 +114,6 @@ def _positive(text: str) -> float:
     if not 0 < number < float("inf"):
         raise typer.BadParameter(f"{shown(text)} given; allowed: a finite number above 0.")
     return number
-
-
-def progress(sentence: str) -> None:
-    """Show what is being done, on a terminal's standard error."""
-    if sys.stderr.isatty():
-        typer.echo(f"\r\x1b[K{printable(sentence[:78], '')}", nl=False, err=True)
 
 
 Joints = Annotated[

@@ -7,17 +7,17 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from formulations.commands.arguments import (
-    JacobianFile,
-    Json,
-    Locked,
-    Pick,
-    Workers,
-    flag,
-    option,
+from formulations.commands import arguments as cli
+from formulations.commands.arguments import flag, option
+from formulations.commands.output import (
+    QUESTIONED,
+    as_text,
+    end,
     progress,
+    rows_of,
+    show,
+    shown,
 )
-from formulations.commands.output import QUESTIONED, as_text, end, rows_of, show, shown
 from nlp.errors import InputError
 
 if TYPE_CHECKING:
@@ -41,7 +41,7 @@ def atlas(
     locked: int | None = option("K", "Only this number of joints that lock at once.", low=1),
     mark: Literal["optimal", "conjectured", "open"] | None = option(None, "Only this mark."),
     entries: Folder = None,
-    as_json: Json = False,
+    as_json: cli.Json = False,
 ) -> None:
     """List the best worst case known of every kind of arm, beside the sharpest bound.
 
@@ -81,7 +81,7 @@ def atlas(
 
 
 @app.command("show")
-def show_entry(name: Name, entries: Folder = None, as_json: Json = False) -> None:
+def show_entry(name: Name, entries: Folder = None, as_json: cli.Json = False) -> None:
     """Show all that the atlas has on an entry, its Jacobian and its history included."""
     page = _known(name, entries)
     bound = page.entry.bound
@@ -102,7 +102,7 @@ def show_entry(name: Name, entries: Folder = None, as_json: Json = False) -> Non
 
 
 @app.command("verify")
-def verify(entries: Folder = None, as_json: Json = False) -> None:
+def verify(entries: Folder = None, as_json: cli.Json = False) -> None:
     """Recompute every entry from its file alone, with nothing of the solvers.
 
     Checks that the Jacobian is one of its model, proves its worst case in rational arithmetic,
@@ -118,7 +118,6 @@ def verify(entries: Folder = None, as_json: Json = False) -> None:
         count += 1
         if problem := problem_of(page):
             problems[page.entry.name] = problem
-    progress("")
     lines = [shown(f"{name}: {problem}.") for name, problem in problems.items()]
     verdict = f"{count - len(problems)} of {count} entries are right."
     show({"entries": count, "wrong": problems}, as_json, lambda _: "\n".join([*lines, verdict]))
@@ -128,14 +127,14 @@ def verify(entries: Folder = None, as_json: Json = False) -> None:
 
 @app.command("submit")
 def submit(
-    file: JacobianFile,
-    locked: Locked = 1,
+    file: cli.JacobianFile,
+    locked: cli.Locked = 1,
     isotropic: bool = flag("--isotropic", "For the entry of isotropic Jacobians."),
     by: str = option("NAME", "Who or what found it.", "unnamed"),
     out: Path | None = option("DIR", "Write the entry there if it is an improvement."),
-    pick: Pick = None,
+    pick: cli.Pick = None,
     entries: Folder = None,
-    as_json: Json = False,
+    as_json: cli.Json = False,
 ) -> None:
     """Compare a Jacobian with the atlas: its entry, its proved worst case, and what it gains.
 
@@ -197,8 +196,8 @@ def improve(
         "are for max-min with the models free-mean and unit-revolute.",
         "random",
     ),
-    workers: Workers = None,
-    as_json: Json = False,
+    workers: cli.Workers = None,
+    as_json: cli.Json = False,
 ) -> None:
     """Search for a better Jacobian of an entry, 20 starts at a time.
 
@@ -223,7 +222,6 @@ def improve(
         asked, known, minutes, search, workers=workers, progress=progress
     ):
         write_page(page, out)
-    progress("")
     if page is None:
         end(f"No start led to a Jacobian of the entry {name}.")
     values = {

@@ -9,16 +9,9 @@ from typing import Annotated, Any, Literal
 
 import typer
 
-from formulations.commands.arguments import (
-    Joints,
-    Json,
-    Seed,
-    TaskDimension,
-    flag,
-    option,
-    progress,
-)
-from formulations.commands.output import QUESTIONED, as_table, as_text, say, show
+from formulations.commands import arguments as cli
+from formulations.commands.arguments import flag, option
+from formulations.commands.output import QUESTIONED, as_table, as_text, progress, say, show
 from nlp.errors import InputError
 
 app = typer.Typer(name="bound", rich_markup_mode=None)
@@ -62,7 +55,7 @@ def bound(context: typer.Context) -> None:
 
 
 @app.command("record")
-def record(joints: Joints = 7, as_json: Json = False) -> None:
+def record(joints: cli.Joints = 7, as_json: cli.Json = False) -> None:
     """List the bounds on record for revolute joints, and the best values known.
 
     Of unit-revolute joints, whose lever arms |v| are 1, and of lever-revolute ones, whose lever
@@ -91,8 +84,8 @@ _GAP = "The gap is 100·|bound − best known|/bound."
 
 @app.command("worst-case")
 def worst_case(
-    joints: Joints = 7,
-    task_dimension: TaskDimension = 6,
+    joints: cli.Joints = 7,
+    task_dimension: cli.TaskDimension = 6,
     trace: float | None = option(
         "T",
         "Any columns with ‖J‖_F² at most T; m by default, except with m = 6, see --lever-arm.",
@@ -103,7 +96,7 @@ def worst_case(
         "Revolute joints with |v| at most L; 1 by default with m = 6 and no --trace.",
         positive=True,
     ),
-    as_json: Json = False,
+    as_json: cli.Json = False,
 ) -> None:
     """Bound the worst case after one locked joint: equation (6), a semidefinite program."""
     from formulations.bounds.worst_case import worst_case_bound
@@ -128,7 +121,7 @@ def worst_case(
 
 @app.command("two-point")
 def two_point(
-    joints: Joints = 7, task_dimension: TaskDimension = 6, as_json: Json = False
+    joints: cli.Joints = 7, task_dimension: cli.TaskDimension = 6, as_json: cli.Json = False
 ) -> None:
     """Bound the worst case after two locked joints, of columns with ‖J‖_F² = n.
 
@@ -142,7 +135,7 @@ def two_point(
 
 @app.command("planar")
 def planar(
-    joints: Joints = 7,
+    joints: cli.Joints = 7,
     locked: int = option("K", "Joints that lock at once.", 2, low=1),
     level: float | None = option(
         "X",
@@ -153,7 +146,7 @@ def planar(
     manipulability: bool = flag(
         "--manipulability", "Of the least relative manipulability, not of the worst case."
     ),
-    as_json: Json = False,
+    as_json: cli.Json = False,
 ) -> None:
     """Prove that no Jacobian of two rows is better than --level, by branch and bound."""
     from formulations.atlas.collection import page_of
@@ -169,17 +162,16 @@ def planar(
             raise InputError("--level", "none", allowed)
         level = 1.001 * float(page.value)
     limit = planar_bound(joints, locked, level, measure, progress=progress)
-    progress("")
     plain = limit.to_dict()
     _show(plain, as_json, decided=plain["proved"])
 
 
 @app.command("existence")
 def existence(
-    joints: Joints = 7,
-    task_dimension: TaskDimension = 6,
+    joints: cli.Joints = 7,
+    task_dimension: cli.TaskDimension = 6,
     order: int = option("K", "Order of the relaxation, 1 to 3.", 3, low=1, high=3),
-    as_json: Json = False,
+    as_json: cli.Json = False,
 ) -> None:
     """Relax by moments whether an optimally failure-tolerant Jacobian of revolutes exists."""
     from formulations.existence.relaxation import existence_relaxation
@@ -194,8 +186,8 @@ def residual(
     preset: str = option("NAME", "compact (half a minute) or tight (1.5 minutes).", "compact"),
     rigorous: Rigorous = False,
     out: CertificateFile = None,
-    seed: Seed = 0,
-    as_json: Json = False,
+    seed: cli.Seed = 0,
+    as_json: cli.Json = False,
 ) -> None:
     """Bound the residual ½‖JJᵀ − (n/3)I‖² of unit revolute joints from below, globally."""
     from formulations.bounds.so3_moments.residual_bound import residual_bound
@@ -214,8 +206,8 @@ def max_min(
     ),
     rigorous: Rigorous = False,
     out: CertificateFile = None,
-    seed: Seed = 0,
-    as_json: Json = False,
+    seed: cli.Seed = 0,
+    as_json: cli.Json = False,
 ) -> None:
     """Bound the worst case of unit revolute joints after one locked joint, globally."""
     from formulations.bounds.so3_moments.max_min_bound import max_min_bound

@@ -6,13 +6,8 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from formulations.commands.arguments import (
-    FailureOptions,
-    JacobianFile,
-    Json,
-    JsonFile,
-    option,
-)
+from formulations.commands import arguments as cli
+from formulations.commands.arguments import option
 from formulations.commands.output import as_table, as_text, show, warn
 from formulations.commands.robot_arguments import ArmOptions, Configuration, read_configuration
 
@@ -29,15 +24,15 @@ _SHOWN = 12
 
 
 def measure(
-    file: JacobianFile,
-    failures: FailureOptions,
+    file: cli.JacobianFile,
+    failures: cli.FailureOptions,
     tolerance: float = option(
         "TOL",
         "Relative tolerance of the verdict 'optimally failure tolerant'.",
         1e-6,
         positive=True,
     ),
-    as_json: Json = False,
+    as_json: cli.Json = False,
 ) -> None:
     """Measure the failure tolerance of a Jacobian.
 
@@ -60,7 +55,7 @@ def measure(
 
 
 def jacobian_values(
-    jacobian: FloatArray, failures: FailureOptions, tolerance: float = 1e-6
+    jacobian: FloatArray, failures: cli.FailureOptions, tolerance: float = 1e-6
 ) -> dict[str, Any]:
     """Return what `measure` shows of a Jacobian, by name."""
     from formulations.bounds.certified import sharpest_worst_case_of
@@ -85,10 +80,10 @@ def jacobian_values(
 
 def measure_robot(
     robot: ArmOptions,
-    failures: FailureOptions,
+    failures: cli.FailureOptions,
     configuration: Configuration = None,
-    out: JsonFile = None,
-    as_json: Json = False,
+    out: cli.JsonFile = None,
+    as_json: cli.Json = False,
 ) -> None:
     """Measure how failure tolerant a robot is at a configuration.
 

@@ -7,6 +7,7 @@ that files brought.
 from __future__ import annotations
 
 import json
+import sys
 from collections.abc import Callable, Mapping, Sequence
 from math import isfinite
 from pathlib import Path
@@ -25,13 +26,21 @@ INTERRUPTED = 130
 _MOST_NAMED = 5
 
 
+def progress(sentence: str) -> None:
+    """Show what is being done, on a terminal's standard error, until something is printed."""
+    if sys.stderr.isatty():
+        typer.echo(f"\r\x1b[K{printable(sentence[:78], '')}", nl=False, err=True)
+
+
 def say(text: str, nl: bool = True) -> None:
     """Print a text of one or more lines."""
+    progress("")
     typer.echo(printable(text, "\n"), nl=nl)
 
 
 def warn(*sentences: str) -> None:
     """Print sentences on standard error, a line each."""
+    progress("")
     for sentence in sentences:
         typer.echo(printable(sentence), err=True)
 
@@ -129,7 +138,7 @@ def refuse_damage(damaged: Mapping[Path, Sequence[tuple[object, object]]]) -> No
 def run_study(
     study: Study,
     out: Path,
-    as_json: bool,
+    as_json: bool = False,
     *,
     effort: Effort,
     each: Callable[[Any], object] | None = None,

@@ -8,8 +8,17 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from formulations.commands.arguments import FigureOptions, Json, Seed, option, progress
-from formulations.commands.output import INTERRUPTED, as_table, as_text, end, say, show, warn
+from formulations.commands.arguments import FigureOptions, Json, Seed, option
+from formulations.commands.output import (
+    INTERRUPTED,
+    as_table,
+    as_text,
+    end,
+    progress,
+    say,
+    show,
+    warn,
+)
 from formulations.commands.robot_arguments import ChainOptions, read_limits
 
 if TYPE_CHECKING:
@@ -78,7 +87,6 @@ def path(
     look = figure.look()
     search = PathSearch(samples, duration, tracks, seed=seed, progress=progress)
     plan = plan_path(arm, wanted, search)
-    progress("")
     warn(*(f"Note: {note}" for note in chain.notes))
     plain = {"robot": chain.robot, "tip": chain.tip, "seed": seed, **plan.to_dict()}
     if out is not None:

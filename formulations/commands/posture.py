@@ -5,18 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from formulations.commands.arguments import (
-    FailureOptions,
-    Goal,
-    Ipopt,
-    Json,
-    JsonFile,
-    Seed,
-    Starts,
-    Workers,
-    ipopt_options,
-    option,
-)
+from formulations.commands import arguments as cli
+from formulations.commands.arguments import option
 from formulations.commands.measure import failures_text, robot_text
 from formulations.commands.output import INTERRUPTED, as_table, end, show, warn
 from formulations.commands.robot_arguments import ArmOptions, PoseOptions
@@ -29,23 +19,23 @@ if TYPE_CHECKING:
 def posture(
     robot: ArmOptions,
     pose: PoseOptions,
-    failures: FailureOptions,
+    failures: cli.FailureOptions,
     formulation: str = option(
         "NAME", "residual, max-min, isotropy or manipulability.", "max-min"
     ),
-    goal: Goal = "worst",
+    goal: cli.Goal = "worst",
     clearance: float | None = option(
         "METRES",
         "Distance that the links keep from each other; by default they may touch. Needs "
         "coal, and reads the meshes that the URDF file names.",
         positive=True,
     ),
-    starts: Starts = 100,
-    seed: Seed = 0,
-    workers: Workers = None,
-    ipopt: Ipopt = None,
-    out: JsonFile = None,
-    as_json: Json = False,
+    starts: cli.Starts = 100,
+    seed: cli.Seed = 0,
+    workers: cli.Workers = None,
+    ipopt: cli.Ipopt = None,
+    out: cli.JsonFile = None,
+    as_json: cli.Json = False,
 ) -> None:
     """Find the most failure-tolerant posture of a robot within its joints' limits.
 
@@ -61,7 +51,7 @@ def posture(
     from nlp.executors import default_workers
 
     arm = robot.arm()
-    count, options = workers or default_workers(), ipopt_options(ipopt)
+    count, options = workers or default_workers(), cli.ipopt_options(ipopt)
     search = Search(
         *(formulation, failures.locked, starts, seed, count, options, True),
         failures=failures.scenarios(arm.chain.names),

@@ -8,8 +8,8 @@ from typing import Annotated, Any, Literal
 
 import typer
 
-from formulations.commands.arguments import Json, option, progress
-from formulations.commands.output import show
+from formulations.commands.arguments import Json, option
+from formulations.commands.output import progress, show
 from nlp.errors import InputError
 
 _MOST_SAMPLES = 1_000_000
@@ -170,7 +170,6 @@ def _bound(certificate: Any) -> dict[str, Any]:
     from formulations.bounds.so3_moments.verification import verify_bound
 
     report = verify_bound(certificate, progress=progress)
-    progress("")
     claim = {
         "residual": f"½‖JJᵀ − (n/3)I‖_F² ≥ {report.claimed}",
         "max-min": f"worst case after one locked joint σ ≤ {report.claimed}",

@@ -9,17 +9,9 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import typer
 
-from formulations.commands.arguments import (
-    FigureOptions,
-    JacobianFile,
-    Json,
-    Pick,
-    Seed,
-    flag,
-    option,
-    progress,
-)
-from formulations.commands.output import as_table, as_text, say, shown, warn
+from formulations.commands import arguments as cli
+from formulations.commands.arguments import flag, option
+from formulations.commands.output import as_table, as_text, progress, say, shown, warn
 from nlp.errors import InputError
 
 if TYPE_CHECKING:
@@ -81,7 +73,7 @@ class Arrangement:
         "to the least total length (length). By default as-needed; never with a "
         "criterion other than clearance.",
     )
-    seed: Seed = 0
+    seed: cli.Seed = 0
     samples: int = option("K", "How many displacements criteria sample.", 100, low=1)
     shortlist: int = option(
         "K",
@@ -119,7 +111,6 @@ class Arrangement:
         else:
             name = self.criterion or "clearance"
             ranked = rank(robot, name, sampling, self.shortlist, progress)
-            progress("")
             chosen = choose_arrangement(robot, name, sampling, self.shortlist, ranked)
             if self.ranking is not None:
                 write_text(
@@ -138,10 +129,10 @@ class Arrangement:
 
 
 def realise(
-    file: JacobianFile,
+    file: cli.JacobianFile,
     reading: Reading,
     arrangement: Arrangement,
-    figure: FigureOptions,
+    figure: cli.FigureOptions,
     to: Literal["axes", "dh", "urdf", "figure"] = option(None, "What is written.", "axes"),
     out: Path | None = option(
         "FILE",
@@ -152,8 +143,8 @@ def realise(
         "--count", "Only print how many manipulators there are, and what is chosen."
     ),
     convention: Literal["standard", "modified"] = option(None, "Of --to dh.", "standard"),
-    pick: Pick = None,
-    as_json: Json = False,
+    pick: cli.Pick = None,
+    as_json: cli.Json = False,
 ) -> None:
     """Realise a Jacobian as a manipulator.
 

@@ -5,21 +5,8 @@ from typing import Annotated, Any
 
 import typer
 
-from formulations.commands.arguments import (
-    MOST_JOINTS,
-    Compiled,
-    FailureOptions,
-    Goal,
-    Ipopt,
-    Json,
-    Seed,
-    Starts,
-    TaskDimension,
-    Workers,
-    flag,
-    ipopt_options,
-    option,
-)
+from formulations.commands import arguments as cli
+from formulations.commands.arguments import flag, option
 from formulations.commands.measure import jacobian_values
 from formulations.commands.output import INTERRUPTED, as_text, end, rows_of, show
 
@@ -33,7 +20,7 @@ def solve(
             metavar="FORMULATION", help="residual, max-min, isotropy or manipulability."
         ),
     ],
-    failures: FailureOptions,
+    failures: cli.FailureOptions,
     model: str = option(
         "MODEL",
         "Column model: unit-revolute, lever-revolute, lever-revolute-each, prismatic, "
@@ -46,10 +33,10 @@ def solve(
         "N",
         "Number of joints n, above m; by default of the mix, or 7.",
         low=2,
-        high=MOST_JOINTS,
+        high=cli.MOST_JOINTS,
     ),
-    task_dimension: TaskDimension = 6,
-    goal: Goal = "worst",
+    task_dimension: cli.TaskDimension = 6,
+    goal: cli.Goal = "worst",
     encoding: str | None = option(
         "NAME",
         "Eigenvalue constraints of max-min: two-stage, schur-complement, shared-factor,"
@@ -60,24 +47,24 @@ def solve(
     from_residual_minima: bool = flag(
         "--from-residual-minima", "Start max-min from residual minima."
     ),
-    starts: Starts = 100,
-    seed: Seed = 0,
-    workers: Workers = None,
-    ipopt: Ipopt = None,
+    starts: cli.Starts = 100,
+    seed: cli.Seed = 0,
+    workers: cli.Workers = None,
+    ipopt: cli.Ipopt = None,
     solver: str = option(
         "NAME",
         "ipopt; or fatrop, which is faster: for residual, and for max-min with --compiled, "
         "of unit-revolute joints.",
         "ipopt",
     ),
-    compiled: Compiled = False,
+    compiled: cli.Compiled = False,
     time_limit: float | None = option(
         "SECONDS",
         "Time for each start, after which Ipopt stops it; by default no limit.",
         positive=True,
     ),
     out: Path | None = option("FILE", "Write the best Jacobian and its measures as JSON."),
-    as_json: Json = False,
+    as_json: cli.Json = False,
 ) -> None:
     """Solve one formulation from random starts and measure the best answer.
 
@@ -108,7 +95,7 @@ def solve(
         workers=workers,
         **settings,
         solver=solver,
-        options=ipopt_options(ipopt) | limit,
+        options=cli.ipopt_options(ipopt) | limit,
         compiled=compiled,
         progress=True,
     )

@@ -6,14 +6,8 @@ from math import radians
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from formulations.commands.arguments import (
-    FigureOptions,
-    Json,
-    Seed,
-    option,
-    progress,
-)
-from formulations.commands.output import as_text, show
+from formulations.commands.arguments import FigureOptions, Json, Seed, option
+from formulations.commands.output import as_text, progress, show
 from formulations.commands.robot_arguments import ChainOptions, number, read_limits
 from nlp.errors import InputError
 
@@ -115,7 +109,6 @@ def workspace(
         result = workspace_of(arm, chosen, edge, radians(step), progress)
     else:
         result = measured(sets, chosen, progress)
-    progress("")
     if figure is not None:
         from formulations.plot.robots import draw_workspace
 
