@@ -225,10 +225,7 @@ def test_starts_of_a_store_that_failed_are_counted_apart(tmp_path, monkeypatch):
     with pytest.raises(InputError):
         optima.stored(tmp_path / "missing.db")
     rows = pd.concat(
-        [
-            rows_of("a", [True, True, False], [0.5, 0.5, 0.1]),
-            rows_of("b", [False], [np.nan]),
-        ]
+        [rows_of("a", [True, True, False], [0.5, 0.5, 0.1]), rows_of("b", [False], [np.nan])]
     )
     monkeypatch.setattr(optima, "stored", lambda _: rows)
     said = texts(optima.make(Request(starts=1, store=tmp_path)).figure)
