@@ -87,8 +87,8 @@ def best_limits(
     if sets is None:
         check_grid(arm, voxel, SLICE)
         if planar := closed_form(arm, arm.physical):
-            how = lengths, least_width, generations, seed, progress
-            return _best_planar(arm, planar.lengths, *how)
+            given = planar.lengths
+            return _best_planar(arm, given, lengths, least_width, generations, seed, progress)
         search = _Pattern(
             ReachableSets(arm, _COARSER * voxel, 2 * SLICE), least_width, progress
         )
@@ -192,19 +192,19 @@ class _Pattern:
 
 def _best_planar(
     arm: SerialArm,
-    own: tuple[float, float, float],
+    given: tuple[float, float, float],
     lengths: bool,
     least_width: float,
     generations: int,
     seed: int,
     progress: Progress,
 ) -> tuple[SerialArm, Ranges]:
-    """Choose the limits, and the lengths if asked for, of a planar 3R arm."""
+    """Choose the limits of a planar 3R arm of given lengths, or the lengths, too."""
     total = float(np.sum(arm.links))
 
     def stated(x: FloatArray) -> Planar3R:
         half, second, wide2, third, wide3 = x[:5].tolist()
-        links = own
+        links = given
         if lengths:  # of two cuts of the sum, in any order
             low, high = sorted(x[5:7].tolist())
             links = (low * total, (high - low) * total, (1 - high) * total)
