@@ -11,7 +11,7 @@ from scipy import optimize
 
 from formulations.kinematics.serial_arm import Ranges, SerialArm
 from formulations.workspaces.failure_sets import SLICE, FailureSets
-from formulations.workspaces.planar import Planar3R, at_zero, closed_form
+from formulations.workspaces.planar import Planar3R, closed_form, links_at_zero
 from formulations.workspaces.pose_sets import PoseSets
 from formulations.workspaces.reachable_sets import ReachableSets, check_grid
 from formulations.workspaces.workspace import Progress
@@ -243,7 +243,7 @@ def _best_planar(
 
 def _in_joints(arm: SerialArm, planar: Planar3R) -> Ranges:
     """Return limits of the closed form as those of the arm's own joints."""
-    _, bent, signs = at_zero(arm)
+    _, bent, signs = links_at_zero(arm)
     ranges: list[tuple[float, float]] = []
     for joint, (low, high) in enumerate(planar.limits):
         half = (high - low) / 2
