@@ -122,9 +122,13 @@ def by_pinocchio(model, declared, configuration):
     matrix[:3] /= length
     matrix[:, slides] *= length
     rows = matrix[:3] if declared.task == "position" else matrix
-    left = [np.delete(rows, f, axis=1) for f in range(len(slides))]
-    sigma = min(np.linalg.svd(one, compute_uv=False)[-1] for one in left)
-    return length, sigma
+    return length, min(sigmas_left(rows))
+
+
+def sigmas_left(matrix):
+    """The least singular value without each column, one after the other."""
+    left = [np.delete(matrix, f, axis=1) for f in range(matrix.shape[1])]
+    return np.array([np.linalg.svd(one, compute_uv=False)[-1] for one in left])
 
 
 def random_revolute(seed, joints=7, levers=1.0):

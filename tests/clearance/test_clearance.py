@@ -21,12 +21,12 @@ from formulations.robots.posture_search import Search
 from formulations.robots.robot_arm import RobotArm
 from formulations.robots.task import TaskSpace
 from nlp.errors import InputError
-from results.robots.survey import ARMS
+from tests.made_robots import real
 
 
 @lru_cache
 def panda():
-    declared = next(one for one in ARMS if one.name == "Franka Panda")
+    declared = real("Franka")
     arm = declared.arm()
     return declared, arm, read_clearance(declared.path, arm.chain, 0.02)
 
@@ -240,16 +240,8 @@ def test_links_keep_the_distance_that_is_asked_for(made, tmp_path):
     held = PoseConstrainedArm(arm.chain, arm.task, None, pose)
     points = held.configurations
     apart = read_clearance(path, arm.chain, asked).is_kept(points)
-    left = [arm_sigma(arm, q) for q in points[:, apart].T]
-    assert max(left) <= kept.assessment.worst_case_sigma + 1e-6
-
-
-def arm_sigma(arm, q):
-    matrix = arm.jacobian(q)
-    return min(
-        np.linalg.svd(np.delete(matrix, f, axis=1), compute_uv=False)[-1]
-        for f in range(arm.size)
-    )
+    left = [made.sigmas_left(arm.jacobian(q)) for q in points[:, apart].T]
+    assert np.max(np.min(left, axis=1)) <= kept.assessment.worst_case_sigma + 1e-6
 
 
 def test_what_no_posture_keeps_is_refused_with_the_best_seen(made, tmp_path):

@@ -20,9 +20,13 @@ from results.robots.survey import ARMS
 SEEDS = st.integers(0, 2**32 - 1)
 
 
+def declared_as(name):
+    return next(one for one in ARMS if one.name.startswith(name))
+
+
 @lru_cache
 def real(name):
-    return next(one.arm() for one in ARMS if one.name.startswith(name))
+    return declared_as(name).arm()
 
 
 @pytest.mark.parametrize("declared", ARMS, ids=lambda one: f"{one.name}, {one.task}")
@@ -38,7 +42,7 @@ def test_real_arms_agree_with_pinocchio(declared, model_of, made):
 
 @pytest.mark.parametrize("name", ["Franka", "KUKA", "TIAGo,", "PR2"])
 def test_limits_are_those_that_pinocchio_reads(name):
-    declared = next(one for one in ARMS if one.name.startswith(name))
+    declared = declared_as(name)
     chain = declared.arm().chain
     model = pin.buildModelFromUrdf(str(declared.path))
     for joint in chain.joints:
@@ -68,7 +72,7 @@ def test_symbolic_and_numeric_jacobians_are_the_same(task, length, frame):
 @settings(max_examples=20, deadline=None)
 def test_columns_are_derivatives_of_the_pose(seed):
     """Without any formula of a Jacobian: finite differences of pinocchio's poses."""
-    declared = next(one for one in ARMS if one.name.startswith("TIAGo,"))
+    declared = declared_as("TIAGo,")
     arm, (model, data) = real("TIAGo,"), tiago_in_pinocchio()
     point, h = arm.sample(np.random.default_rng(seed)), 1e-6
 
@@ -90,7 +94,7 @@ def test_columns_are_derivatives_of_the_pose(seed):
 
 @lru_cache
 def tiago_in_pinocchio():
-    declared = next(one for one in ARMS if one.name.startswith("TIAGo,"))
+    declared = declared_as("TIAGo,")
     model = pin.buildModelFromUrdf(str(declared.path))
     return model, model.createData()
 
