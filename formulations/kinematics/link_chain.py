@@ -1,8 +1,9 @@
 """Chains of joints, moved by the product of exponentials in NumPy.
 
 Arrays broadcast over leading dimensions, so that many different chains move at once through
-many displacements; one robot's chain moves faster by `forward.Kinematics`. Displacements q are radians for revolute joints, the unit of length for
-prismatic ones; q = 0 is the configuration in which axes are given.
+many displacements; one robot's chain moves faster by `forward.Kinematics`. Displacements q
+are radians for revolute joints, the unit of length for prismatic ones; q = 0 is the
+configuration in which axes are given.
 """
 
 from __future__ import annotations
