@@ -237,8 +237,8 @@ def counted(outcome: Outcome) -> dict[str, Any]:
         "solved": outcome.succeeded,
         "reached_best": len(outcome.reached),
         "distinct_optima": outcome.distinct_optima,
-        "iterations_median": float(np.median([one.status.iterations for one in records])),
-        "cpu_seconds_per_start": float(np.mean([one.cpu_seconds for one in records])),
+        "iterations_median": float(np.median([start.status.iterations for start in records])),
+        "cpu_seconds_per_start": float(np.mean([start.cpu_seconds for start in records])),
     }
 
 

@@ -59,9 +59,9 @@ def build(arm: ColumnModel) -> Problem:
         "isotropy", residuals(arm, variables)[independent_rows(arm)], 0.0, 0.0
     )
     norms = ca.vertcat(*(ca.sumsqr(jacobian[:, f]) for f in range(n)))
-    left = mean_eigenvalue(arm, variables) - norms
+    remaining = mean_eigenvalue(arm, variables) - norms
     constraints = (isotropic, *_not_implied(arm, variables))
-    fixed = [constant_where_isotropic(arm, variables, left[f]) for f in range(n)]
+    fixed = [constant_where_isotropic(arm, variables, remaining[f]) for f in range(n)]
     known = [value for value in fixed if value is not None]
     feasibility = Problem(
         name=NAME,
@@ -84,7 +84,7 @@ def build(arm: ColumnModel) -> Problem:
         squares = np.sum(matrix**2, axis=0)
         return np.append(point, squares.sum() / m - squares.max())
 
-    epigraph = Constraint("worst case", left - level, 0.0, np.inf)
+    epigraph = Constraint("worst case", remaining - level, 0.0, np.inf)
     return replace(
         feasibility,
         variables=ca.vertcat(variables, level),
@@ -120,10 +120,10 @@ def bound(arm: ColumnModel, locked: int = 1, certified: bool = True) -> Bound | 
 def _not_implied(arm: ColumnModel, variables: ca.SX) -> tuple[Constraint, ...]:
     """Return the joints' own constraints, less the bounds that isotropy alone meets.
 
-    Isotropy fixes some of them outright (the mean of |v|² is 1 for revolute joints); kept,
+    Isotropy fixes some of them outright (the mean of |v|² is 1 for revolute joints); stated,
     such a row repeats the equations and leaves Ipopt without a strict interior.
     """
-    kept = []
+    needed = []
     for constraint in arm.constraints(variables):
         low, high = np.asarray(constraint.lower), np.asarray(constraint.upper)
         rows = []
@@ -135,5 +135,5 @@ def _not_implied(arm: ColumnModel, variables: ca.SX) -> tuple[Constraint, ...]:
                 rows.append(k)
         if rows:
             expression = constraint.expression[rows]
-            kept.append(Constraint(constraint.name, expression, low[rows], high[rows]))
-    return tuple(kept)
+            needed.append(Constraint(constraint.name, expression, low[rows], high[rows]))
+    return tuple(needed)

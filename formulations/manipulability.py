@@ -55,9 +55,9 @@ def build(arm: ColumnModel, locked: int = 1) -> Problem:
     check(arm, locked)
     variables, level = arm.symbols(), ca.SX.sym("t")
     jacobian = arm.matrix(variables)
-    left = ca.SX.eye(n) - jacobian.T @ (inverse(jacobian @ jacobian.T) @ jacobian)
+    projection = ca.SX.eye(n) - jacobian.T @ (inverse(jacobian @ jacobian.T) @ jacobian)
     sets = [list(joints) for joints in combinations(range(n), locked)]
-    rows = ca.vertcat(*(ca.det(left[joints, joints]) for joints in sets))
+    rows = ca.vertcat(*(ca.det(projection[joints, joints]) for joints in sets))
     lower, upper = arm.bounds
 
     def complete_start(point: FloatArray) -> FloatArray:

@@ -79,10 +79,15 @@ def load_plugin(path: Path) -> None:
 
 def formulation_of(name: str | Formulation) -> Formulation:
     """Return a formulation by its name, or itself; InputError if there is none."""
-    if isinstance(name, str):
-        return _named(name)
-    check_formulation(name)
-    return name
+    if not isinstance(name, str):
+        check_formulation(name)
+        return name
+    if name not in FORMULATIONS:
+        for entry in entry_points(group="lockedjoint.formulations"):
+            register(entry.load())
+    if name not in FORMULATIONS:
+        raise InputError("formulation", name, "one of " + ", ".join(FORMULATIONS))
+    return FORMULATIONS[name]
 
 
 @overload
@@ -170,12 +175,3 @@ def bound(
         allowed = f"one with a {kind} bound of its own: {others or 'none for this arm'}"
         raise InputError("formulation", statement.NAME, allowed)
     return known
-
-
-def _named(name: str) -> Formulation:
-    if name not in FORMULATIONS:
-        for entry in entry_points(group="lockedjoint.formulations"):
-            register(entry.load())
-    if name not in FORMULATIONS:
-        raise InputError("formulation", name, "one of " + ", ".join(FORMULATIONS))
-    return FORMULATIONS[name]

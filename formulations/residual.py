@@ -63,7 +63,6 @@ ROWS: Mapping[str, Callable[[ColumnModel, ca.SX], ca.SX]] = MappingProxyType(
     {"derived": residuals, "appendix": appendix.residuals}
 )
 
-
 _HESSIANS = ("exact", "gauss-newton")
 
 
@@ -127,7 +126,7 @@ def build(
 
 
 def _unit_revolute(arm: ColumnModel) -> bool:
-    return isinstance(arm, Arm) and all(isinstance(one, UnitRevolute) for one in arm.joints)
+    return isinstance(arm, Arm) and all(isinstance(joint, UnitRevolute) for joint in arm.joints)
 
 
 def _derivatives(

@@ -96,24 +96,26 @@ def build(
     state = _worst if goal == "worst" else _expected
     levels = state(jacobian, failures, attained, encoding)
     least, largest = arm.bounds
-    lower = np.concatenate([least, levels.lower, *(one.lower for one in levels.encoded)])
+    lower = np.concatenate([least, levels.lower, *(part.lower for part in levels.encoded)])
 
     def complete_start(point: FloatArray) -> FloatArray:
         numeric = arm.jacobian(point)
         own, squares = levels.start(numeric)
         pairs = zip(levels.encoded, squares, strict=True)
-        starts = (one.complete_start(numeric, float(t)) for one, t in pairs)
+        starts = (part.complete_start(numeric, float(t)) for part, t in pairs)
         return np.concatenate([point, own, *starts])
 
     return Problem(
         name=f"max-min, {goal}",
-        variables=ca.vertcat(variables, levels.symbols, *(e.variables for e in levels.encoded)),
+        variables=ca.vertcat(
+            variables, levels.symbols, *(part.variables for part in levels.encoded)
+        ),
         objective=levels.objective,
         sense="maximise",
         constraints=(
             *arm.constraints(variables),
             *levels.constraints,
-            *(constraint for one in levels.encoded for constraint in one.constraints),
+            *(constraint for part in levels.encoded for constraint in part.constraints),
         ),
         lower=lower,
         upper=np.append(largest, np.full(lower.size - largest.size, np.inf)),
@@ -204,7 +206,7 @@ def _expected(jacobian: ca.SX, failures: Scenarios, attained: float, encoding: s
     models = scenarios(failures)
     sets = list(largest_weights(failures))
     symbols, least = ca.SX.sym("s", len(sets)), ca.SX.sym("e")
-    shares = np.array([[one.shares().get(joints, 0.0) for joints in sets] for one in models])
+    shares = np.array([[model.shares().get(s, 0.0) for s in sets] for model in models])
     means = ca.DM(shares) @ symbols
     pivot = _NEARLY_SINGULAR * attained
     encoded = tuple(
@@ -215,10 +217,11 @@ def _expected(jacobian: ca.SX, failures: Scenarios, attained: float, encoding: s
     several = len(models) > 1
 
     def start(numeric: FloatArray) -> tuple[FloatArray, FloatArray]:
-        found = measures.remaining_singular_values(numeric, sets)[:, -1]
+        sigmas = measures.remaining_singular_values(numeric, sets)[:, -1]
         reach = np.sqrt(_LEVEL_SHARE) * measures.singular_values(numeric)[-1]
-        left = np.clip(found, min(0.1 * attained, reach), reach)
-        return np.append(left, np.min(shares @ left)) if several else left, left**2
+        sigmas = np.clip(sigmas, min(0.1 * attained, reach), reach)
+        level = np.append(sigmas, np.min(shares @ sigmas)) if several else sigmas
+        return level, sigmas**2
 
     if not several:
         return _Levels(symbols, np.zeros(len(sets)), means[0], encoded, start)

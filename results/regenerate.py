@@ -25,7 +25,7 @@ from results.script import parser, run
 from results.workspaces import workspaces
 
 RESULTS = Path(__file__).parent
-_TEMPLATE = RESULTS / "README.md.j2"
+TEMPLATE = RESULTS / "README.md.j2"
 #: In the order in which they run: where a new one is listed.
 STUDIES: Mapping[str, Study] = MappingProxyType(
     {
@@ -65,7 +65,7 @@ def front_page(out: Path, seed: int) -> str:
         for name, files in _PICTURES.items()
     }
     shown = {"studies": STUDIES.values(), "findings": findings, "pictures": pictures}
-    return pages.page(_TEMPLATE, {**_values(read_all(out)), **shown, "seed": seed})
+    return pages.page(TEMPLATE, {**values(read_all(out)), **shown, "seed": seed})
 
 
 def read_all(out: Path) -> Rows:
@@ -80,16 +80,6 @@ def read_all(out: Path) -> Rows:
     return joined
 
 
-def learned(tables: Rows) -> str:
-    """Return what was learned that the paper did not know, as a Markdown list."""
-    return pages.bullets(pages.block(_TEMPLATE, "learned", _values(tables)))
-
-
-def formulation_table(tables: Rows) -> str:
-    """Return the formulations on 7R and 8R as a Markdown table; what is missing is dashes."""
-    return pages.aligned(pages.block(_TEMPLATE, "formulations", _values(tables)))
-
-
 def plain(
     rows: Sequence[ComparisonRow], formulation: str, model: str, joints: int
 ) -> ComparisonRow | None:
@@ -99,7 +89,8 @@ def plain(
     return next(same, None)
 
 
-def _values(tables: Rows) -> dict[str, Any]:
+def values(tables: Rows) -> dict[str, Any]:
+    """Return what the template of the front page needs besides findings and pictures."""
     named = partial(plain, tables["comparison"])
     return {**tables, "plain": named, "sharpest": bounds.sharpest}
 

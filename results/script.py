@@ -6,14 +6,15 @@ import traceback
 from pathlib import Path
 from typing import Any, NoReturn
 
-from formulations.commands.arguments import progress
-from formulations.commands.output import INTERRUPTED, QUESTIONED
-from formulations.io.study import INCOMPLETE, Effort, Study
+import typer
+
+from formulations.commands.output import QUESTIONED, progress, run_study
+from formulations.io.study import Effort, Study
 from nlp.errors import LockedJointError
 from nlp.executors import default_workers
 
 
-def declared(file: str, **stated: Any) -> Study:
+def study_of(file: str, **stated: Any) -> Study:
     """Return the study of a script, which names it, its template and its command."""
     path = Path(file)
     return Study(
@@ -46,17 +47,12 @@ def run(study: Study, options: argparse.Namespace, out: Path) -> int:
     effort = Effort(options.seed, options.starts, options.workers, progress)
     print(f"{study.name}: takes {study.takes}", file=sys.stderr)
     try:
-        result = study.run(out, effort)
+        run_study(study, out, effort=effort, each=lambda _: None)
+    except typer.Exit as ended:
+        return ended.exit_code
     except Exception as error:  # other studies may still run
         if not isinstance(error, LockedJointError):
             traceback.print_exc()
-        said, status = f"{study.name}: {error}", QUESTIONED
-    else:
-        progress("")
-        said, status = f"Written to {out}.", 0
-        if not result.complete:
-            said, status = f"Interrupted: what was done is in {out / INCOMPLETE}.", INTERRUPTED
-        elif result.complaint:
-            said, status = f"Wrong: {result.complaint}.", QUESTIONED
-    print(said, file=sys.stderr)
-    return status
+        print(f"{study.name}: {error}", file=sys.stderr)
+        return QUESTIONED
+    return 0

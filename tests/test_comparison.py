@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from formulations import comparison, isotropy, max_min, measures, residual
+from formulations import comparison, isotropy, measures, residual
 from formulations.comparison import ComparisonRow, cases, row_of, study
 from formulations.io.study import Effort
 from formulations.io.table import Table
@@ -34,17 +34,6 @@ def seven():
 @pytest.fixture(scope="module")
 def rows(seven):
     return {(row.formulation, row.variant, row.model): row for row in map(row_of, seven)}
-
-
-def test_each_formulation_is_there_on_both_models(rows):
-    plain = {(formulation, model) for formulation, variant, model in rows if not variant}
-    assert plain == {
-        (formulation, model)
-        for formulation in ("residual", "max-min", "isotropy")
-        for model in ("unit-revolute", "lever-revolute")
-    }
-    assert ("max-min", "one factor per failure", "unit-revolute") in rows
-    assert ("max-min", "from residual minima", "unit-revolute") in rows
 
 
 def test_unit_revolute_7r(rows):
@@ -197,14 +186,6 @@ def test_files_say_what_the_rows_say(seven, run_already, tmp_path):
     run_already.run(tmp_path, Effort())
     with (tmp_path / "comparison.csv").open(encoding="utf-8") as file:
         lines = list(csv.DictReader(file))
-    required = {
-        *("formulation", "model", "joints", "task_dimension", "starts", "solved"),
-        *("reached_best", "score", "worst_case_sigma", "sigma_bound", "gap_percent"),
-        *("condition_number", "isotropy_defect", "distinct_optima", "iterations_median"),
-        *("cpu_seconds_per_start", "status_counts", "certified_bound", "certificate"),
-    }
-    assert required <= set(lines[0])
-    assert len(lines) == len(seven)
     entries = json.loads((tmp_path / "jacobians.json").read_text())
     for line, entry, one in zip(lines, entries, seven, strict=True):
         jacobian = np.array(entry["jacobian"])
@@ -215,29 +196,29 @@ def test_files_say_what_the_rows_say(seven, run_already, tmp_path):
     page = (tmp_path / "comparison.md").read_text(encoding="utf-8")
     for text in ("seed: 0", "casadi", "infeasible", "one factor per failure", "0.571483"):
         assert text in page
-    # The table first, then what was found.
-    assert page.index("| problem") < page.index("Max-min on 7 unit-revolute joints reaches")
 
 
-def test_the_table_has_six_columns_to_read(rows):
-    table = Table(ComparisonRow, list(rows.values()))
-    heads = ["problem", "reached best", "score", "proved bound", "gap %", "CPU ms per success"]
+def test_the_table_has_six_columns_to_read_and_no_negative_zero(rows):
+    [row] = [row for row in rows.values() if row.problem == "max-min, unit-revolute"]
+    infeasible = rows["isotropy", "", "unit-revolute"]
+    table = Table(ComparisonRow, [row, infeasible, replace(row, certified_gap_percent=-1e-9)])
     for text in (table.markdown(), table.terminal()):
-        first, _, *lines = text.splitlines()
-        assert [cell.strip() for cell in first.strip("|").split("|")] == heads
-        [line] = [one for one in lines if "isotropy, unit-revolute" in one]
-        assert "proved infeasible" in line
-        [line] = [one for one in lines if "max-min, unit-revolute  " in one]
-        cells = [cell.strip() for cell in line.strip("|").split("|")]
-        bound, score = float(cells[3]), float(cells[2])
-        assert float(cells[4]) == pytest.approx(100 * (bound - score) / bound, abs=0.01)
-
-
-def test_the_table_shows_no_negative_zero():
-    one = row_of(outcome(max_min, "free", 3, 2, starts=2))
-    table = Table(ComparisonRow, [replace(one, certified_gap_percent=-1e-9)])
-    assert " 0.00 |" in table.markdown()
-    assert "-0.00" not in table.markdown() + table.terminal()
+        cells = [
+            [cell.strip() for cell in line.strip("|").split("|")] for line in text.splitlines()
+        ]
+        heads = (
+            "problem",
+            "reached best",
+            "score",
+            "proved bound",
+            "gap %",
+            "CPU ms per success",
+        )
+        assert tuple(cells[0]) == heads
+        bound, score = float(cells[2][3]), float(cells[2][2])
+        assert float(cells[2][4]) == pytest.approx(100 * (bound - score) / bound, abs=0.01)
+        assert "proved infeasible" in cells[3]
+        assert cells[4][4] == "0.00"
 
 
 @pytest.mark.parametrize(
@@ -256,9 +237,3 @@ def test_the_table_shows_no_negative_zero():
 def test_refuses_unknown_names_and_settings(make, allowed):
     with pytest.raises(InputError, match=allowed):
         make()
-
-
-def test_mixed_arms_by_name():
-    mixed = arm("lever-revolute:6,prismatic:2", 8)
-    assert [type(joint).__name__ for joint in mixed.joints].count("Prismatic") == 2
-    assert mixed.shape == (6, 8)

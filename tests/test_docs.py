@@ -36,20 +36,6 @@ RUN = [
     DOCS / "howto" / "add_a_formulation.md",
     DOCS / "howto" / "choose_a_solver.md",
 ]
-# Blocks of the README, the start and the how-tos that are no cells, by what they contain, and
-# where they run: cells run above or when the site is built, each in `.ci/run`.
-FENCED = re.compile(r"^ *```(?:bash|console|python)\n(.*?)^ *```$", re.MULTILINE | re.DOTALL)
-ELSEWHERE = {
-    "lockedjoint compare": ".ci/run, from the wheel, with fewer starts",
-    "python -m pytest": ".ci/run, word for word",
-    "import lockedjoint as lj": "tests/test_readme.py",
-    "-m sphinx": ".ci/run",
-    "pip install '.[figures]'": ".ci/run, with the lowest versions",
-    "lockedjoint --plugin": "tests/test_plugin.py, with files of its own",
-    "dask scheduler": "wants several machines; the page's cells start a cluster of two",
-    "ssh -N -L": "wants several machines",
-    "DASK_DISTRIBUTED": "wants several machines",
-}
 
 
 def name(page):
@@ -131,14 +117,6 @@ def test_the_cells_run_in_plain_python(page, tmp_path):
     assert done.returncode == 0, done.stderr
 
 
-@pytest.mark.parametrize(
-    "page", [PAGES[0], DOCS / "start.md", *sorted((DOCS / "howto").glob("*.md"))], ids=name
-)
-def test_every_block_is_run_somewhere(page):
-    for block in FENCED.findall(page.read_text("utf-8")):
-        assert any(part in block for part in ELSEWHERE), block
-
-
 LIBRARY = (DOCS / "reference" / "library.md").read_text("utf-8")
 ENTRY = re.compile(
     r"```\{py:\w+\} lockedjoint\.([\w.]+)(?:\((.*?)\))?\n"
@@ -164,9 +142,3 @@ def test_the_curated_reference_is_true(entry):
     known = inspect.signature(found).parameters
     given = [word.strip() for word in parameters.split(",") if word.strip(" *")]
     assert [word for word in given if word not in known] == []
-
-
-@pytest.mark.parametrize("page", [p for p in PAGES if cells(p)], ids=name)
-def test_every_page_with_code_offers_its_notebook(page):
-    link = f"{{nb-download}}`This page as a notebook <{page.stem}.ipynb>`"
-    assert page.parent.name == "reference" or link in page.read_text("utf-8")

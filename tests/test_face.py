@@ -61,11 +61,6 @@ def test_the_version_is_that_of_the_package():
     assert lj.__version__ == version("lockedjoint")
 
 
-def test_unknown_names_are_refused():
-    with pytest.raises(AttributeError, match="no attribute 'nothing'"):
-        _ = lj.nothing
-
-
 def test_solve_in_two_lines():
     outcome = lj.solve("max-min", "free", 3, 2, starts=4, workers=1)
     assert outcome.verdict == "solved"

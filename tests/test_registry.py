@@ -145,14 +145,10 @@ def test_a_bound_is_computed_by_its_kind():
         (("max-min", "unit-revolute", 2), {"kind": "rigorous"}, "1 for a relaxation"),
         (("max-min", "unit-revolute"), {"kind": "best"}, "certified, numerical, relaxation or"),
         (("max-min", "unit-revolute"), {"preset": "tight"}, "none for the kind certified"),
+        (("residual", "unit-revolute"), {"kind": "relaxation", "own": 1}, "one of preset"),
     ],
 )
 def test_what_no_kind_knows_is_refused(arguments, options, message):
     name, model, *locked = arguments
     with pytest.raises(lj.InputError, match=message):
         lj.bound(name, lj.arm(model, 8), *locked, **options)
-
-
-def test_a_bound_that_is_computed_refuses_options_that_it_does_not_have():
-    with pytest.raises(InputError, match="option is nonsense; allowed: one of preset"):
-        lj.bound("residual", lj.arm("unit-revolute", 7), kind="relaxation", nonsense=1)

@@ -17,7 +17,7 @@ GROUPS = {
     "Many starts": ("campaign", "show", "join", "atlas"),
     "Results": ("reproduce", "figure"),
 }
-# Two for each command, which are the end of its help.
+# Of each command and of those within groups: the end of its help.
 _EXAMPLES = """
 compare
 compare --joints 4 --task-dimension 2 --starts 20 --out planar
@@ -27,7 +27,13 @@ measure best.json
 measure best.json --locked 2 --json
 realise best.json --to urdf --out arm.urdf
 realise best.json --criterion neighbourhood --to figure --out arm.svg
+bound
+bound record --joints 8
 bound worst-case --joints 8
+bound two-point --joints 9
+bound planar --joints 7 --locked 3 --level 0.97
+bound existence --order 2
+bound residual --preset tight
 bound max-min --rigorous --out bound.json
 prove --out certificate.json
 prove --joints 9
@@ -49,36 +55,50 @@ show study.db
 show study.db --where 'joints == 8' --to csv --out table.csv
 join all.db one.db two.db
 join copy.db study.db
+atlas
 atlas --joints 7 --mark open
+atlas show unit-revolute_6x7_k1
+atlas verify
 atlas submit best.json --by 'A. Name' --out entries
+atlas improve free-mean_2x7_k3 --minutes 30
 reproduce
 reproduce --starts 20 --out here
 figure trade-off --out trade-off.svg
 figure optima --store study.db --out optima.pdf --size 8.5x6 --no-title
 """
 # A command is the function of its name in the file of its name, except for these.
-_FILES = {"compare": "reproduce", "verify": "prove", "join": "campaign"}
+_FILES = {"compare": "reproduce", "measure-robot": "measure", "verify": "prove"}
+_FILES |= {"join": "campaign"}
 
 
-class _Grouped(TyperGroup):
-    """A group whose help lists its commands under the headings of `GROUPS`."""
+class _Listing(TyperGroup):
+    """A group whose help lists its commands with their first sentences, under headings."""
 
     def list_commands(self, ctx: Any) -> list[str]:
         """Return the names of the commands in the order of the help."""
         del ctx
-        return [name for names in GROUPS.values() for name in names]
+        return list(self.commands)
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
-        """Write the names and first sentences of the commands, a section a group."""
-        for heading, names in GROUPS.items():
+        """Write the names and first sentences of the commands, a section a heading."""
+        headings = GROUPS if ctx.parent is None else {"Commands": tuple(self.commands)}
+        for heading, names in headings.items():
             with formatter.section(heading):
-                commands = [self.get_command(ctx, name) for name in names]
-                formatter.write_dl([(c.name, c.get_short_help_str(80)) for c in commands if c])
+                listed = [self.commands[name] for name in names]
+                formatter.write_dl(
+                    [(command.name, command.get_short_help_str(96)) for command in listed]
+                )
+
+
+def _examples(words: str) -> str:
+    """Return the end of a command's help, of a group's those of its commands, too."""
+    lines = [line for line in _EXAMPLES.splitlines() if f"{line} ".startswith(f"{words} ")]
+    return "\n".join(["\b\nExamples:", *(f"  lockedjoint {line}" for line in lines)])
 
 
 app = typer.Typer(
     name="lockedjoint",
-    cls=_Grouped,
+    cls=_Listing,
     add_completion=True,
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
@@ -87,12 +107,12 @@ app = typer.Typer(
 for _name in (name for names in GROUPS.values() for name in names):
     _python_name = _name.replace("-", "_")
     _module = import_module(f"formulations.commands.{_FILES.get(_name, _python_name)}")
-    _lines = [line for line in _EXAMPLES.splitlines() if line.partition(" ")[0] == _name]
-    _epilog = "\n".join(["\b\nExamples:", *(f"  lockedjoint {line}" for line in _lines)])
     if hasattr(_module, "app"):  # a command with commands of its own
-        app.add_typer(_module.app, epilog=_epilog)
+        app.add_typer(_module.app, cls=_Listing, epilog=_examples(_name))
+        for _own in _module.app.registered_commands:
+            _own.epilog = _examples(f"{_name} {_own.name}")
     else:
-        app.command(_name, epilog=_epilog)(expanded(getattr(_module, _python_name)))
+        app.command(_name, epilog=_examples(_name))(expanded(getattr(_module, _python_name)))
 
 
 def _print_version(wanted: bool) -> None:

@@ -7,17 +7,16 @@ of that class, and `expanded` makes it the options of the command line.
 from __future__ import annotations
 
 import inspect
-import sys
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import MISSING, dataclass, fields, is_dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, TypeVar, get_type_hints
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar, get_type_hints
 
 import typer
 
 from formulations.io.files import real_in, whole_in
-from nlp.errors import LARGEST, InputError, SolverOptionError, printable, shown
+from nlp.errors import LARGEST, InputError, SolverOptionError, shown
 
 if TYPE_CHECKING:
     from formulations.measures.unequal_failures import FailureModel
@@ -37,24 +36,25 @@ def expanded(command: Callable[..., None]) -> Callable[..., None]:
     hints = get_type_hints(command, include_extras=True)
     groups: dict[str, Any] = {k: kind for k, kind in hints.items() if is_dataclass(kind)}
     parameters: list[inspect.Parameter] = []
-    for name, one in inspect.signature(command).parameters.items():
+    for name, given in inspect.signature(command).parameters.items():
         if name in groups:
             types = get_type_hints(groups[name], include_extras=True)
             for field in fields(groups[name]):
-                default = one.empty if field.default is MISSING else field.default
-                made = inspect.Parameter(field.name, one.KEYWORD_ONLY, default=default)
+                default = given.empty if field.default is MISSING else field.default
+                made = inspect.Parameter(field.name, given.KEYWORD_ONLY, default=default)
                 parameters.append(made.replace(annotation=types[field.name]))
         else:
-            parameters.append(one.replace(kind=one.KEYWORD_ONLY, annotation=hints[name]))
+            parameters.append(given.replace(kind=given.KEYWORD_ONLY, annotation=hints[name]))
 
     def run(**values: Any) -> None:
         for name, kind in groups.items():
-            values[name] = kind(**{one.name: values.pop(one.name) for one in fields(kind)})
+            own = {field.name: values.pop(field.name) for field in fields(kind)}
+            values[name] = kind(**own)
         command(**values)
 
     run.__name__, run.__doc__ = command.__name__, command.__doc__
     run.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
-    run.__annotations__ = {one.name: one.annotation for one in parameters}
+    run.__annotations__ = {made.name: made.annotation for made in parameters}
     return run
 
 
@@ -67,14 +67,14 @@ def option(
     high: int = LARGEST,
     positive: bool = False,
 ) -> Any:
-    """Return an option, as the default of a command's parameter or of a dataclass' field.
+    """Return an option: the default of a parameter or of a field, or within `Annotated`.
 
     Parameters
     ----------
     metavar, words
         What the help shows for its value, and says; without a `metavar` its choices.
     default
-        What it is if it is not given; ``...`` where it must be.
+        What it is if it is not given; ``...`` where it must be, and within `Annotated`.
     names
         Its name on the command line, if it is not the parameter's.
     low, high
@@ -82,7 +82,7 @@ def option(
     positive
         Whether it is a finite number above 0.
     """
-    parser = _positive if positive else None if low is None else whole(low, high)
+    parser = _positive if positive else None if low is None else _whole(low, high)
     return typer.Option(default, *names, metavar=metavar, help=words, parser=parser)
 
 
@@ -91,7 +91,7 @@ def flag(name: str, words: str) -> Any:
     return typer.Option(False, name, help=words)
 
 
-def whole(lowest: int, highest: int = LARGEST) -> Callable[[str], int]:
+def _whole(lowest: int, highest: int) -> Callable[[str], int]:
     """Return a parser of whole numbers from `lowest` to `highest`."""
 
     def whole_number(text: str) -> int:
@@ -116,63 +116,38 @@ def _positive(text: str) -> float:
     return number
 
 
-def _whole_option(
-    lowest: int, metavar: str, words: str, highest: int = LARGEST, **settings: Any
-) -> Any:
-    """Return an option that takes whole numbers, for `Annotated`."""
-    parser = whole(lowest, highest)
-    return typer.Option(parser=parser, metavar=metavar, help=words, **settings)
-
-
-def progress(sentence: str) -> None:
-    """Show what is being done, on a terminal's standard error."""
-    if sys.stderr.isatty():
-        typer.echo(f"\r\x1b[K{printable(sentence[:78], '')}", nl=False, err=True)
-
-
-Joints = Annotated[int, _whole_option(2, "N", "Number of joints n, above m.", MOST_JOINTS)]
+Joints = Annotated[
+    int, option("N", "Number of joints n, above m.", ..., low=2, high=MOST_JOINTS)
+]
 TaskDimension = Annotated[
-    int, _whole_option(1, "M", "Number of task dimensions m.", _MOST_DIMENSIONS)
+    int, option("M", "Number of task dimensions m.", ..., low=1, high=_MOST_DIMENSIONS)
 ]
-Starts = Annotated[int, _whole_option(1, "K", "Random starts of each row.", MOST_STARTS)]
-Seed = Annotated[int, _whole_option(0, "S", "Random seed; reproducible across machines.")]
+Starts = Annotated[
+    int, option("K", "Random starts of each problem.", ..., low=1, high=MOST_STARTS)
+]
+Seed = Annotated[int, option("S", "Random seed; reproducible across machines.", ..., low=0)]
 Workers = Annotated[
-    int | None, _whole_option(1, "W", "Worker processes.", show_default="all cores")
+    int | None, option("W", "Worker processes; by default one per core.", ..., low=1)
 ]
-Locked = Annotated[int, _whole_option(1, "K", "How many joints lock at once.")]
+Locked = Annotated[int, option("K", "How many joints lock at once.", ..., low=1)]
 Pick = Annotated[
-    int | None, _whole_option(0, "K", "Which Jacobian of the file, counted from 0.")
+    int | None,
+    option("K", "Which Jacobian of a file that has several, counted from 0.", ..., low=0),
 ]
-Out = Annotated[
-    Path, typer.Option(metavar="DIR", help="Folder for the files; made if missing.")
-]
+Out = Annotated[Path, option("DIR", "Folder for the files; made if missing.", ...)]
 JsonFile = Annotated[
-    Path | None,
-    typer.Option("--out", metavar="FILE", help="Write the JSON there, Jacobian included."),
+    Path | None, option("FILE", "Write the JSON there, Jacobian included.", ..., "--out")
 ]
 JacobianFile = Annotated[
     Path, typer.Argument(metavar="FILE", help="CSV, NPY, NPZ or JSON; one column per joint.")
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print JSON instead of text.")]
-Size = Annotated[
-    str | None,
-    typer.Option(
-        metavar="WxH",
-        help="Width and height of the figure in cm, such as 16x10; in inches 6.3x4in.",
-    ),
-]
-NoTitle = Annotated[
-    bool, typer.Option("--no-title", help="Leave out the title of the whole figure.")
-]
-Style = Annotated[
-    Path | None,
-    typer.Option(metavar="FILE", help="A matplotlib style file, over this project's style."),
-]
 Ipopt = Annotated[
     list[str] | None,
-    typer.Option(
-        metavar="NAME=VALUE",
-        help="An Ipopt option, over the formulation's own; may be repeated.",
+    option(
+        "NAME=VALUE",
+        "An Ipopt option, such as max_iter=500, over the formulation's own. May be repeated.",
+        ...,
     ),
 ]
 Compiled = Annotated[
@@ -182,10 +157,12 @@ Compiled = Annotated[
     ),
 ]
 Goal = Annotated[
-    str,
-    typer.Option(
-        help="What max-min maximises where failures are unequal: worst, the least dexterity "
-        "over each failure's relative probability, or expected."
+    Literal["worst", "expected"],
+    option(
+        None,
+        "What max-min maximises where failures are unequal: the least dexterity over each"
+        " failure's relative probability (worst), or the expected dexterity.",
+        ...,
     ),
 ]
 
@@ -194,9 +171,11 @@ Goal = Annotated[
 class FigureOptions:
     """How a figure looks."""
 
-    size: Size = None
-    no_title: NoTitle = False
-    style: Style = None
+    size: str | None = option(
+        "WxH", "Width and height of the figure in cm, such as 16x10; in inches 6.3x4in."
+    )
+    no_title: bool = flag("--no-title", "Leave out the title of the whole figure.")
+    style: Path | None = option("FILE", "A matplotlib style file, over this project's style.")
 
     def look(self) -> Look:
         """Return it read; InputError if the size or the style file is not allowed."""

@@ -7,17 +7,17 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from formulations.commands.arguments import (
-    JacobianFile,
-    Json,
-    Locked,
-    Pick,
-    Workers,
-    flag,
-    option,
+from formulations.commands import arguments as cli
+from formulations.commands.arguments import flag, option
+from formulations.commands.output import (
+    QUESTIONED,
+    as_text,
+    end,
     progress,
+    rows_of,
+    show,
+    shown,
 )
-from formulations.commands.output import QUESTIONED, as_text, end, rows_of, show, shown
 from nlp.errors import InputError
 
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ app = typer.Typer(name="atlas", rich_markup_mode=None)
 
 Folder = Annotated[
     Path | None,
-    typer.Option("--entries", metavar="DIR", help="Folder of entries, if not the package's."),
+    option("DIR", "Folder of entries; by default that of the package.", ..., "--entries"),
 ]
 Name = Annotated[str, typer.Argument(metavar="ENTRY", help="A name that `atlas` lists.")]
 
@@ -41,9 +41,9 @@ def atlas(
     locked: int | None = option("K", "Only this number of joints that lock at once.", low=1),
     mark: Literal["optimal", "conjectured", "open"] | None = option(None, "Only this mark."),
     entries: Folder = None,
-    as_json: Json = False,
+    as_json: cli.Json = False,
 ) -> None:
-    """List the best worst case known of every kind of arm, proved, beside the sharpest bound.
+    """List the best worst case known of every kind of arm, beside the sharpest bound.
 
     Each entry is a Jacobian in a text file. Its worst case is proved from below in rational
     arithmetic from the file's numbers alone. `optimal`: a proved bound is attained;
@@ -59,9 +59,9 @@ def atlas(
     from formulations.atlas.row import AtlasRow, row_of
     from formulations.io.table import Table
 
-    models = list(dict.fromkeys(one.model for one in known_entries().values()))
+    models = list(dict.fromkeys(entry.model for entry in known_entries().values()))
     if model is not None and model not in models:
-        plain = [one for one in models if ":" not in one]
+        plain = [name for name in models if ":" not in name]
         allowed = f"{', '.join(plain)} or a mix such as {models[len(plain)]}"
         raise InputError("--model", model, allowed)
     wanted = {
@@ -81,7 +81,7 @@ def atlas(
 
 
 @app.command("show")
-def show_entry(name: Name, entries: Folder = None, as_json: Json = False) -> None:
+def show_entry(name: Name, entries: Folder = None, as_json: cli.Json = False) -> None:
     """Show all that the atlas has on an entry, its Jacobian and its history included."""
     page = _known(name, entries)
     bound = page.entry.bound
@@ -92,17 +92,17 @@ def show_entry(name: Name, entries: Folder = None, as_json: Json = False) -> Non
         "mark": page.mark,
     }
 
-    def text(found: dict[str, Any]) -> str:
-        flat = {k: v for k, v in found.items() if k not in ("jacobian", "found", "history")}
-        flat |= {f"found {k}": v for k, v in found["found"].items() if v != ""}
-        flat["history"] = [f"{one['value']} ({one['found']['date']})" for one in page.history]
-        return f"{as_text(flat)}\n\n{rows_of(found['jacobian'], 15)}"
+    def text(values: dict[str, Any]) -> str:
+        flat = {k: v for k, v in values.items() if k not in ("jacobian", "found", "history")}
+        flat |= {f"found {k}": v for k, v in values["found"].items() if v != ""}
+        flat["history"] = [f"{old['value']} ({old['found']['date']})" for old in page.history]
+        return f"{as_text(flat)}\n\n{rows_of(values['jacobian'], 15)}"
 
     show(values, as_json, text)
 
 
-@app.command()
-def verify(entries: Folder = None, as_json: Json = False) -> None:
+@app.command("verify")
+def verify(entries: Folder = None, as_json: cli.Json = False) -> None:
     """Recompute every entry from its file alone, with nothing of the solvers.
 
     Checks that the Jacobian is one of its model, proves its worst case in rational arithmetic,
@@ -118,7 +118,6 @@ def verify(entries: Folder = None, as_json: Json = False) -> None:
         count += 1
         if problem := problem_of(page):
             problems[page.entry.name] = problem
-    progress("")
     lines = [shown(f"{name}: {problem}.") for name, problem in problems.items()]
     verdict = f"{count - len(problems)} of {count} entries are right."
     show({"entries": count, "wrong": problems}, as_json, lambda _: "\n".join([*lines, verdict]))
@@ -126,16 +125,16 @@ def verify(entries: Folder = None, as_json: Json = False) -> None:
         raise typer.Exit(QUESTIONED)
 
 
-@app.command()
+@app.command("submit")
 def submit(
-    file: JacobianFile,
-    locked: Locked = 1,
+    file: cli.JacobianFile,
+    locked: cli.Locked = 1,
     isotropic: bool = flag("--isotropic", "For the entry of isotropic Jacobians."),
     by: str = option("NAME", "Who or what found it.", "unnamed"),
     out: Path | None = option("DIR", "Write the entry there if it is an improvement."),
-    pick: Pick = None,
+    pick: cli.Pick = None,
     entries: Folder = None,
-    as_json: Json = False,
+    as_json: cli.Json = False,
 ) -> None:
     """Compare a Jacobian with the atlas: its entry, its proved worst case, and what it gains.
 
@@ -162,8 +161,8 @@ def submit(
     known = page_of(asked, where)
     if out is not None:
         prepare_folder(out)
-    found = Found(by, provenance()["date"], versions=provenance()["versions"])
-    new = improved(asked, jacobian, found, None)
+    finding = Found(by, provenance()["date"], versions=provenance()["versions"])
+    new = improved(asked, jacobian, finding, None)
     gain = float(new.value) - float(known.value) if known else None
     better = gain is None or gain >= RESOLUTION
     values: dict[str, Any] = {
@@ -175,27 +174,30 @@ def submit(
         "bound": asked.bound.to_dict(),
     }
     if better and out is not None:
-        page = improved(asked, jacobian, found, known)
+        page = improved(asked, jacobian, finding, known)
         values["file"] = str(write_page(page, out))
     show(values, as_json)
 
 
-@app.command()
+@app.command("improve")
 def improve(
     name: Name,
     minutes: float = option(
-        "M", "Processor time after which no seed is begun.", 10.0, positive=True
+        "MINUTES",
+        "Processor time after which no other 20 starts are begun.",
+        10.0,
+        positive=True,
     ),
     out: Path = option("DIR", "Folder of the entry; it goes on from there.", Path("atlas")),
     search: str = option(
         "SEARCH",
         "random: from random starts; hops: from the best known to those near it; "
-        "symmetric: from Jacobians with a symmetry. The last two run in one process, "
-        "for max-min with the models free-mean and unit-revolute.",
+        "symmetric: from Jacobians with a symmetry. The last two run in one process, and "
+        "are for max-min with the models free-mean and unit-revolute.",
         "random",
     ),
-    workers: Workers = None,
-    as_json: Json = False,
+    workers: cli.Workers = None,
+    as_json: cli.Json = False,
 ) -> None:
     """Search for a better Jacobian of an entry, 20 starts at a time.
 
@@ -220,7 +222,6 @@ def improve(
         asked, known, minutes, search, workers=workers, progress=progress
     ):
         write_page(page, out)
-    progress("")
     if page is None:
         end(f"No start led to a Jacobian of the entry {name}.")
     values = {

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import logging
-from concurrent.futures import Executor
-from contextlib import AbstractContextManager, ExitStack, suppress
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from formulations.commands.arguments import Json, Workers, flag, option
+from formulations.commands.executors import chosen_executor
 from formulations.commands.output import (
     INTERRUPTED,
     QUESTIONED,
@@ -35,7 +34,8 @@ def campaign(
     store: Path = option("DB", "Store of the records; made if missing.", ...),
     workers: Workers = None,
     scheduler: str | None = option(
-        "ADDRESS", "Run on the Dask cluster with this scheduler instead."
+        "ADDRESS",
+        "Run on the Dask cluster with this scheduler, such as tcp://host:8786, instead.",
     ),
     mpi: bool = flag(
         "--mpi",
@@ -44,13 +44,13 @@ def campaign(
     ),
     time_limit: float = option(
         "SECONDS",
-        "Time for a start, from when it begins, after which its worker ends itself.",
+        "Time for each start, after which its worker ends itself.",
         600.0,
         positive=True,
     ),
     chunk: int = option(
         "K",
-        "Starts that a worker is sent at once; more of them on a large cluster.",
+        "Starts that a worker is sent at once, at least 10; more on a large cluster.",
         20,
         low=10,
     ),
@@ -73,7 +73,7 @@ def campaign(
         raise InputError("--workers", workers, "none with --scheduler or --mpi")
     declared = read(file)
     with (
-        _executor(workers, scheduler, mpi) as executor,
+        chosen_executor(workers, scheduler, mpi) as executor,
         open_store(store, writable=True, salvage=True) as study,
     ):
         capacity = None if scheduler is None else _AT_THE_SCHEDULER
@@ -122,39 +122,17 @@ def join(
     from formulations.campaign.records import TIMES, open_store
 
     joined: list[dict[str, object]] = []
-    with ExitStack() as opened:
-        sources = [opened.enter_context(open_store(other, salvage=True)) for other in others]
-        study = opened.enter_context(open_store(store, writable=True, salvage=True))
+    with ExitStack() as stack:
+        sources = [stack.enter_context(open_store(other, salvage=True)) for other in others]
+        study = stack.enter_context(open_store(store, writable=True, salvage=True))
         for source in sources:
             added, known = study.join(source, TIMES)
             row = {"store": str(source.path), "added": added, "already_there": known}
-            joined.append({**row, "damaged": [named(*one) for one in source.damaged]})
+            joined.append({**row, "damaged": [named(*record) for record in source.damaged]})
             if not as_json:
                 text = f"{added} records of {source.path} are new, {known} were there already."
                 say(text)
         if as_json:
-            left = [named(*one) for one in study.damaged]
-            show({"store": str(store), "joined": joined, "damaged": left}, as_json)
-        refuse_damage({one.path: one.damaged for one in (*sources, study)})
-
-
-def _executor(
-    workers: int | None, scheduler: str | None, mpi: bool
-) -> AbstractContextManager[Executor]:
-    from nlp.errors import MissingLibraryError
-    from nlp.executors import LocalExecutor, dask_executor, default_workers
-
-    if scheduler is not None:
-        with suppress(ImportError):
-            import distributed  # noqa: F401  # it sets its own levels
-        for part in ("distributed", "distributed.client", "tornado"):
-            logging.getLogger(part).setLevel(logging.CRITICAL)  # our own errors say what ended
-        return dask_executor(scheduler)
-    if mpi:
-        try:
-            from mpi4py.futures import MPIPoolExecutor
-        except ImportError:
-            raise MissingLibraryError("mpi4py") from None
-        executor: Executor = MPIPoolExecutor()
-        return executor
-    return LocalExecutor(workers or default_workers())
+            damaged = [named(*record) for record in study.damaged]
+            show({"store": str(store), "joined": joined, "damaged": damaged}, as_json)
+        refuse_damage({each.path: each.damaged for each in (*sources, study)})

@@ -4,46 +4,38 @@ from pathlib import Path
 
 import typer
 
-from formulations.commands.arguments import (
-    MOST_STARTS,
-    FigureOptions,
-    Json,
-    Pick,
-    Seed,
-    Workers,
-    option,
-    progress,
-)
-from formulations.commands.output import as_text, show
+from formulations.commands import arguments as cli
+from formulations.commands.arguments import option
+from formulations.commands.output import as_text, progress, show
 from nlp.errors import InputError
 
 
 def figure(
-    look_options: FigureOptions,
+    look_options: cli.FigureOptions,
     name: str = typer.Argument(
         metavar="NAME",
         help="figure-1, figure-3: of the paper, from computed robots. seven-axes: the 7R "
         "optimum. singular-values: before and after each failure. trade-off: isotropy "
         "against worst case. optima: where random starts end.",
     ),
-    out: Path = option("FILE", "Its name ends in .svg, .png or .pdf.", ...),
-    data: Path | None = option("FILE", "Write the numbers shown there, as CSV."),
+    out: Path = option("FILE", "The figure's file; its name ends in .svg, .png or .pdf.", ...),
+    data: Path | None = option("FILE", "Write the numbers that are shown there, as CSV."),
     jacobian: Path | None = option(
         "FILE",
-        "seven-axes, singular-values: show this one (CSV, NPY, NPZ or JSON); by default it is "
-        "solved for.",
+        "Of seven-axes and singular-values: the Jacobian to show (CSV, NPY, NPZ or JSON); by "
+        "default it is solved for.",
     ),
-    pick: Pick = None,
-    store: Path | None = option("DB", "optima: show the starts of this campaign."),
+    pick: cli.Pick = None,
+    store: Path | None = option("DB", "Of optima: show the starts of this campaign."),
     starts: int | None = option(
         "K",
         "Random starts of each problem; by default 5, figure-3 100, optima 50.",
         low=1,
-        high=MOST_STARTS,
+        high=cli.MOST_STARTS,
     ),
-    seed: Seed = 0,
-    workers: Workers = None,
-    as_json: Json = False,
+    seed: cli.Seed = 0,
+    workers: cli.Workers = None,
+    as_json: cli.Json = False,
 ) -> None:
     """Draw a figure of results that are computed anew, or of data that are given.
 
@@ -58,7 +50,7 @@ def figure(
 
     wanted, form = kind(name), kind_of(out)
     for given, value in (("jacobian", jacobian), ("store", store)):
-        if value is not None and given not in wanted.takes:
+        if value is not None and given != wanted.takes:
             raise InputError(f"--{given}", str(value), f"none with {name}")
     if pick is not None and jacobian is None:
         raise InputError("--pick", pick, "none without --jacobian")
@@ -76,7 +68,6 @@ def figure(
     )
     with looking(look):
         picture = wanted.make(request)
-        progress("")
         drawn = content(picture.figure, form)
     write_bytes(out, drawn)
     if data is not None:

@@ -7,6 +7,7 @@ that files brought.
 from __future__ import annotations
 
 import json
+import sys
 from collections.abc import Callable, Mapping, Sequence
 from math import isfinite
 from pathlib import Path
@@ -19,20 +20,27 @@ from nlp.errors import printable
 
 if TYPE_CHECKING:
     from formulations.io.study import Effort, Study
-    from nlp.arrays import FloatArray
 
 QUESTIONED = 1
 INTERRUPTED = 130
 _MOST_NAMED = 5
 
 
+def progress(sentence: str) -> None:
+    """Show what is being done, on a terminal's standard error, until something is printed."""
+    if sys.stderr.isatty():
+        typer.echo(f"\r\x1b[K{printable(sentence[:78], '')}", nl=False, err=True)
+
+
 def say(text: str, nl: bool = True) -> None:
     """Print a text of one or more lines."""
+    progress("")
     typer.echo(printable(text, "\n"), nl=nl)
 
 
 def warn(*sentences: str) -> None:
     """Print sentences on standard error, a line each."""
+    progress("")
     for sentence in sentences:
         typer.echo(printable(sentence), err=True)
 
@@ -67,12 +75,12 @@ def shown(value: object, digits: int = 9) -> str:
             f"{printable(name)} {shown(entry, digits)}" for name, entry in value.items()
         )
     if isinstance(value, (list, tuple)):
-        inner = [shown(one, digits) for one in value]
-        nested = [isinstance(one, (list, tuple)) for one in value]
-        return "  ".join(
-            text.replace("  ", ", ") if listed else text
-            for text, listed in zip(inner, nested, strict=True)
-        )
+        parts = []
+        for entry in value:
+            text = shown(entry, digits)
+            listed = isinstance(entry, (list, tuple))
+            parts.append(text.replace("  ", ", ") if listed else text)
+        return "  ".join(parts)
     return printable(str(value))
 
 
@@ -90,38 +98,24 @@ def rows_of(matrix: Sequence[Sequence[float]], digits: int) -> str:
     return "\n".join("  ".join(f"{x: .{digits}f}" for x in row) for row in matrix)
 
 
-def sharpest_bound(jacobian: FloatArray, locked: int) -> dict[str, Any]:
-    """Return the least bound known of all J of this shape and norm, and its kind."""
-    from formulations import measures
-    from formulations.bounds.certified import sharpest_worst_case_of
-
-    bound = sharpest_worst_case_of(jacobian, locked)
-    found = measures.worst_case_sigma(jacobian, locked)
-    return {
-        "sharpest_bound": bound.value,
-        "sharpest_bound_kind": bound.kind,
-        "gap_to_sharpest_percent": bound.gap_percent(found),
-    }
-
-
 def show(
-    found: Any, as_json: bool, text: Callable[[Any], str] = as_text, out: Path | None = None
+    values: Any, as_json: bool, text: Callable[[Any], str] = as_text, out: Path | None = None
 ) -> None:
-    """Print what was found as JSON or as a text; write the JSON to `out` if it is given.
+    """Print values as JSON or as a text; write the JSON to `out` if it is given.
 
     JSON has no word for what is not finite: there it is null.
     """
-    content = json.dumps(_finite(found), indent=1, allow_nan=False)
+    content = json.dumps(_finite(values), indent=1, allow_nan=False)
     if out is not None:
         write_text(out, content + "\n")
-    say(content if as_json else text(found))
+    say(content if as_json else text(values))
 
 
 def _finite(value: Any) -> Any:
     if isinstance(value, Mapping):
-        return {name: _finite(one) for name, one in value.items()}
+        return {name: _finite(entry) for name, entry in value.items()}
     if isinstance(value, (list, tuple)):
-        return [_finite(one) for one in value]
+        return [_finite(entry) for entry in value]
     return None if isinstance(value, float) and not isfinite(value) else value
 
 
@@ -144,7 +138,7 @@ def refuse_damage(damaged: Mapping[Path, Sequence[tuple[object, object]]]) -> No
 def run_study(
     study: Study,
     out: Path,
-    as_json: bool,
+    as_json: bool = False,
     *,
     effort: Effort,
     each: Callable[[Any], object] | None = None,

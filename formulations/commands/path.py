@@ -8,8 +8,17 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from formulations.commands.arguments import FigureOptions, Json, Seed, option, progress
-from formulations.commands.output import INTERRUPTED, as_table, as_text, end, say, show, warn
+from formulations.commands.arguments import FigureOptions, Json, Seed, option
+from formulations.commands.output import (
+    INTERRUPTED,
+    as_table,
+    as_text,
+    end,
+    progress,
+    say,
+    show,
+    warn,
+)
 from formulations.commands.robot_arguments import ChainOptions, read_limits
 
 if TYPE_CHECKING:
@@ -36,10 +45,18 @@ def path(
         "JOINT=LOWER:UPPER", "Narrower limits of a joint, radians or metres. May be repeated."
     ),
     duration: float = option(
-        "SECONDS", "For the whole path, if no t is given.", 10.0, positive=True
+        "SECONDS", "Of the whole path, if no t is given.", 10.0, positive=True
     ),
-    samples: int = option("N", "Samples of the path.", 60, low=3, high=2000),
-    tracks: int = option("K", "Candidate tracks.", 80, low=8, high=10_000),
+    samples: int = option(
+        "N", "Samples of the path at which failures are tried.", 60, low=3, high=2000
+    ),
+    tracks: int = option(
+        "K",
+        "Candidate trajectories of the joints, which the search combines.",
+        80,
+        low=8,
+        high=10_000,
+    ),
     seed: Seed = 0,
     out: Path | None = option("DIR", "Write path.csv, path.json and path.svg there."),
     as_json: Json = False,
@@ -70,7 +87,6 @@ def path(
     look = figure.look()
     search = PathSearch(samples, duration, tracks, seed=seed, progress=progress)
     plan = plan_path(arm, wanted, search)
-    progress("")
     warn(*(f"Note: {note}" for note in chain.notes))
     plain = {"robot": chain.robot, "tip": chain.tip, "seed": seed, **plan.to_dict()}
     if out is not None:
@@ -87,10 +103,10 @@ def path(
 
 def _write(plan: PathPlan, plain: dict[str, object], out: Path) -> None:
     from formulations.io.files import write_bytes, write_text
-    from formulations.plot.path import draw
+    from formulations.plot.robots import draw_path
     from formulations.plot.style import content
 
-    drawn = content(draw(plan), "svg")
+    drawn = content(draw_path(plan), "svg")
     lines = io.StringIO()
     csv.writer(lines, lineterminator="\n").writerows(plan.csv_lines())
     write_text(out / "path.json", json.dumps(plain, indent=1) + "\n")
@@ -98,6 +114,6 @@ def _write(plan: PathPlan, plain: dict[str, object], out: Path) -> None:
     write_bytes(out / "path.svg", drawn)
 
 
-def _text(found: PathPlan) -> str:
-    values = {k: v for k, v in found.to_dict().items() if not isinstance(v, (dict, list))}
-    return f"{as_text(values)}\n\n{as_table(found.joint_rows())}"
+def _text(plan: PathPlan) -> str:
+    values = {k: v for k, v in plan.to_dict().items() if not isinstance(v, (dict, list))}
+    return f"{as_text(values)}\n\n{as_table(plan.joint_rows())}"

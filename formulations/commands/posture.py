@@ -5,19 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from formulations.commands.arguments import (
-    FailureOptions,
-    Goal,
-    Ipopt,
-    Json,
-    JsonFile,
-    Seed,
-    Starts,
-    Workers,
-    ipopt_options,
-    option,
-)
-from formulations.commands.measure_robot import failures_text, robot_text
+from formulations.commands import arguments as cli
+from formulations.commands.arguments import option
+from formulations.commands.measure import failures_text, robot_text
 from formulations.commands.output import INTERRUPTED, as_table, end, show, warn
 from formulations.commands.robot_arguments import ArmOptions, PoseOptions
 
@@ -29,23 +19,23 @@ if TYPE_CHECKING:
 def posture(
     robot: ArmOptions,
     pose: PoseOptions,
-    failures: FailureOptions,
+    failures: cli.FailureOptions,
     formulation: str = option(
         "NAME", "residual, max-min, isotropy or manipulability.", "max-min"
     ),
-    goal: Goal = "worst",
+    goal: cli.Goal = "worst",
     clearance: float | None = option(
         "METRES",
-        "Distance that the links keep from each other. Needs coal; reads the meshes "
-        "that the URDF file names; by default they may touch.",
+        "Distance that the links keep from each other; by default they may touch. Needs "
+        "coal, and reads the meshes that the URDF file names.",
         positive=True,
     ),
-    starts: Starts = 100,
-    seed: Seed = 0,
-    workers: Workers = None,
-    ipopt: Ipopt = None,
-    out: JsonFile = None,
-    as_json: Json = False,
+    starts: cli.Starts = 100,
+    seed: cli.Seed = 0,
+    workers: cli.Workers = None,
+    ipopt: cli.Ipopt = None,
+    out: cli.JsonFile = None,
+    as_json: cli.Json = False,
 ) -> None:
     """Find the most failure-tolerant posture of a robot within its joints' limits.
 
@@ -58,16 +48,15 @@ def posture(
     from formulations.io.files import prepare_file
     from formulations.robots.posture import best_posture
     from formulations.robots.posture_search import Search
-    from formulations.unequal_max_min import checked_goal
     from nlp.executors import default_workers
 
     arm = robot.arm()
-    count, options = workers or default_workers(), ipopt_options(ipopt)
+    count, options = workers or default_workers(), cli.ipopt_options(ipopt)
     search = Search(
         *(formulation, failures.locked, starts, seed, count, options, True),
         failures=failures.scenarios(arm.chain.names),
         probabilities_known=failures.probabilities_known,
-        goal=checked_goal(goal),
+        goal=goal,
     )
     wanted = pose.pose()
     apart = None
@@ -84,7 +73,7 @@ def posture(
         "starts": f"{best.starts} (seed {seed}), best reached by {best.reached_best}",
         "status counts": best.status_counts,
         "midway sigma": best.mid_range_sigma,
-        **_held(best),
+        **_pose_and_clearance(best),
     }
     if not best.starts:
         how = {"formulation": formulation, "starts": "none: every posture is as bad"}
@@ -99,40 +88,33 @@ def posture(
         end("Not solved: no start converged, and nothing is written.")
 
 
-def _held(found: Posture) -> dict[str, str]:
-    """Return what the pose and the clearance came to, in words."""
+def _pose_and_clearance(posture: Posture) -> dict[str, str]:
     lines = {}
-    if found.at is not None:
-        pose, off = found.at.pose, f"{found.at.position_error:.1g} m"
+    if posture.at is not None:
+        pose, off = posture.at.pose, f"{posture.at.position_error:.1g} m"
         if pose.quaternion is not None:
-            off += f" and {found.at.orientation_error:.1g} rad"
+            off += f" and {posture.at.orientation_error:.1g} rad"
         lines["at"] = f"{', '.join(f'{x:g}' for x in pose.position)} m, off by {off}"
-    if found.clearance is not None:
-        for name, one in (
-            ("closest links", found.clearance.closest),
-            ("closest left out", found.clearance.closest_left_out),
+    if posture.clearance is not None:
+        for name, pair in (
+            ("closest links", posture.clearance.closest),
+            ("closest left out", posture.clearance.closest_left_out),
         ):
-            if one is not None:
-                lines[name] = f"{one.distance:.4g} m: {' and '.join(one.links)}"
+            if pair is not None:
+                lines[name] = f"{pair.distance:.4g} m: {' and '.join(pair.links)}"
     return lines
 
 
-def _after_failure(found: Sequence[LockedReach]) -> str:
-    lines = [
-        {
-            "locked": one.joint,
-            "% of range": one.percent,
-            "pose within reach where it locks at": ", ".join(
-                f"{low:.2f} to {high:.2f}" for low, high in one.ranges
-            )
-            or "only here",
-        }
-        for one in found
-    ]
+def _after_failure(failures: Sequence[LockedReach]) -> str:
+    lines = []
+    for failure in failures:
+        ranges = ", ".join(f"{low:.2f} to {high:.2f}" for low, high in failure.ranges)
+        line = {"locked": failure.joint, "% of range": failure.percent}
+        lines.append(line | {"pose within reach where it locks at": ranges or "only here"})
     return as_table(lines)
 
 
-def _source(found: Posture) -> str:
-    if not found.starts:
+def _source(posture: Posture) -> str:
+    if not posture.starts:
         return "midway between the limits"
-    return "the best found" if found.reached_best else "the best seen; no start converged"
+    return "the best found" if posture.reached_best else "the best seen; no start converged"

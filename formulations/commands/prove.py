@@ -8,8 +8,8 @@ from typing import Annotated, Any, Literal
 
 import typer
 
-from formulations.commands.arguments import Json, option, progress
-from formulations.commands.output import show
+from formulations.commands.arguments import Json, option
+from formulations.commands.output import progress, show
 from nlp.errors import InputError
 
 _MOST_SAMPLES = 1_000_000
@@ -27,7 +27,7 @@ def prove(
     ),
     as_json: Json = False,
 ) -> None:
-    """Prove that an optimally failure-tolerant nR Jacobian exists, or for n = 7 that none does.
+    """Prove that an optimally failure-tolerant nR Jacobian exists, or that none does.
 
     Seven joints: derives, in exact rational arithmetic and from the definitions alone,
     polynomials whose weighted squares would sum to a negative constant if such a Jacobian
@@ -69,7 +69,7 @@ def _prove_nonexistence(out: Path, to: str, as_json: bool) -> None:
         write_text(out, coq_data(certificate))
     else:
         certificate.write(out)
-    found: dict[str, Any] = {
+    values: dict[str, Any] = {
         "file": str(out),
         "joints": certificate.joints,
         "constant": f"-{certificate.constant}",
@@ -77,14 +77,14 @@ def _prove_nonexistence(out: Path, to: str, as_json: bool) -> None:
         "terms": [len(square.terms) for square in certificate.squares],
         "multipliers": len(certificate.multipliers),
     }
-    squares = " + ".join(f"{weight} |p{k}|²" for k, weight in enumerate(found["weights"], 1))
+    squares = " + ".join(f"{weight} |p{k}|²" for k, weight in enumerate(values["weights"], 1))
     text = (
         f"For every optimally failure-tolerant 7R Jacobian, averaged over joint orders,\n\n"
-        f"    {squares} = {found['constant']} < 0,\n\n"
-        f"so there is none. The identity has {found['multipliers']} multipliers of the "
+        f"    {squares} = {values['constant']} < 0,\n\n"
+        f"so there is none. The identity has {values['multipliers']} multipliers of the "
         f"equations;\nall of it is in {out}."
     )
-    show(found, as_json, lambda _: text)
+    show(values, as_json, lambda _: text)
 
 
 def verify(
@@ -106,7 +106,7 @@ def verify(
     ),
     as_json: Json = False,
 ) -> None:
-    """Verify that an optimally failure-tolerant Jacobian exists, that none does, or a bound.
+    """Verify a certificate of existence, of nonexistence or of a bound.
 
     Existence and nonexistence: expands the polynomials, or multiplies out the columns, in
     exact arithmetic. A bound of `lockedjoint bound --rigorous --out`: evaluates its sums with
@@ -170,7 +170,6 @@ def _bound(certificate: Any) -> dict[str, Any]:
     from formulations.bounds.so3_moments.verification import verify_bound
 
     report = verify_bound(certificate, progress=progress)
-    progress("")
     claim = {
         "residual": f"½‖JJᵀ − (n/3)I‖_F² ≥ {report.claimed}",
         "max-min": f"worst case after one locked joint σ ≤ {report.claimed}",

@@ -1,32 +1,27 @@
-"""``lockedjoint realise``: from a Jacobian to a robot."""
+"""``lockedjoint realise``: from a Jacobian to a robot; axes, table, URDF or figure."""
 
 from __future__ import annotations
 
 import json
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import typer
 
-from formulations.commands.arguments import (
-    FigureOptions,
-    JacobianFile,
-    Json,
-    Pick,
-    Seed,
-    flag,
-    option,
-    progress,
-)
-from formulations.commands.output import as_text, say, warn
+from formulations.commands import arguments as cli
+from formulations.commands.arguments import flag, option
+from formulations.commands.output import as_table, as_text, progress, say, shown, warn
 from nlp.errors import InputError
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from formulations.synthesis.choice import Choice
     from formulations.synthesis.manipulator import Manipulator
+    from nlp.arrays import FloatArray
 
-Slide = Literal["as-needed", "never", "length"]
+_DIGITS = 9
 
 
 @dataclass(frozen=True)
@@ -56,9 +51,10 @@ class Arrangement:
 
     criterion: str | None = option(
         "NAME",
-        "Choose order and signs by: total-length, largest-link, dh-length, clearance, "
-        "reach, neighbourhood, neighbourhood-before, workspace, workspace-before, kept;"
-        " by default clearance, without --order and --signs.",
+        "What the order and the signs are best at: total-length, largest-link, dh-length, "
+        "clearance, reach, neighbourhood, neighbourhood-before, workspace, "
+        "workspace-before or kept, see docs/realise.md. By default clearance; not with "
+        "--order or --signs.",
     )
     ranking: Path | None = option(
         "FILE", "CSV file for the orders and signs that were compared, the best first."
@@ -71,14 +67,14 @@ class Arrangement:
         "One per joint, from base to tip. Minus: the axis the other way round; in "
         "planar and positional tasks on the other side of the end effector.",
     )
-    slide: Slide | None = option(
+    slide: Literal["as-needed", "never", "length"] | None = option(
         None,
         "Slide joints along their axes: apart where links touch (as-needed), never, or "
-        "to the least total length (length); by default as-needed; never with a "
+        "to the least total length (length). By default as-needed; never with a "
         "criterion other than clearance.",
     )
-    seed: Seed = 0
-    samples: int = option("K", "Displacements that criteria sample.", 100, low=1)
+    seed: cli.Seed = 0
+    samples: int = option("K", "How many displacements criteria sample.", 100, low=1)
     shortlist: int = option(
         "K",
         "How many arms are judged by criteria that sample: the shortest, or those that "
@@ -88,7 +84,8 @@ class Arrangement:
     )
     radius: float = option(
         "R",
-        "Radius of the neighbourhood; of kept the half-width of artificial limits.",
+        "Radius of the neighbourhood, radians and metres; for kept the half-width of the "
+        "artificial limits.",
         0.2,
         positive=True,
     )
@@ -114,7 +111,6 @@ class Arrangement:
         else:
             name = self.criterion or "clearance"
             ranked = rank(robot, name, sampling, self.shortlist, progress)
-            progress("")
             chosen = choose_arrangement(robot, name, sampling, self.shortlist, ranked)
             if self.ranking is not None:
                 write_text(
@@ -133,10 +129,10 @@ class Arrangement:
 
 
 def realise(
-    file: JacobianFile,
+    file: cli.JacobianFile,
     reading: Reading,
     arrangement: Arrangement,
-    figure: FigureOptions,
+    figure: cli.FigureOptions,
     to: Literal["axes", "dh", "urdf", "figure"] = option(None, "What is written.", "axes"),
     out: Path | None = option(
         "FILE",
@@ -147,8 +143,8 @@ def realise(
         "--count", "Only print how many manipulators there are, and what is chosen."
     ),
     convention: Literal["standard", "modified"] = option(None, "Of --to dh.", "standard"),
-    pick: Pick = None,
-    as_json: Json = False,
+    pick: cli.Pick = None,
+    as_json: cli.Json = False,
 ) -> None:
     """Realise a Jacobian as a manipulator.
 
@@ -158,7 +154,6 @@ def realise(
     (positional tasks) its direction is the one nearest to z. Links that touch are named on
     standard error.
     """
-    from formulations.commands import realise_forms as forms
     from formulations.io.files import prepare_file, write_bytes
     from formulations.measures.read_jacobians import only_jacobian
     from formulations.plot.style import looking
@@ -177,22 +172,21 @@ def realise(
     robot = from_jacobian.realise(matrix, **vars(reading))
     chosen, slid = arrangement.choose(robot)
     deviation = from_jacobian.deviation(chosen.manipulator, matrix, reading.length)
-    summary = forms.summary(chosen, deviation, matrix) | {"slid": slid}
+    summary = _summary(chosen, deviation, matrix) | {"slid": slid}
     signs = "".join("-" if flip else "+" for flip in chosen.flips)
     lines = as_text(summary | {"signs": signs})
-    note = forms.touching_note(summary)
-    if note is not None:
-        warn(f"Note: {note}.")
+    if summary["touching"]:
+        warn(f"Note: {_touching(summary)}.")
     if count:
         say(json.dumps(summary, indent=1) if as_json else lines)
         return
     if as_json:
-        everything = summary | forms.as_plain(chosen.manipulator, convention)
+        everything = summary | _plain(chosen.manipulator, convention)
         content = f"{json.dumps(everything, indent=1)}\n".encode()
     else:
         form = "svg" if out is None else out.suffix.lower().removeprefix(".")
         with looking(look):
-            content = forms.write_down(chosen.manipulator, to, convention, form)
+            content = _written(chosen.manipulator, to, convention, form)
     if out is None:
         typer.echo(content, nl=False)
     else:
@@ -216,3 +210,86 @@ def _flips(text: str | None, joints: int) -> list[bool] | None:
     if len(text) != joints or set(text) - set("+-"):
         raise InputError("--signs", text, f"{joints} signs + or -, one per joint")
     return [sign == "-" for sign in text]
+
+
+def _summary(choice: Choice, deviation: float, jacobian: FloatArray) -> dict[str, Any]:
+    """Return how a manipulator was chosen, its failure tolerance, and which links touch.
+
+    The worst case is given of the robot, in metres, and of the Jacobian that it realises, in
+    that one's unit of length.
+    """
+    from formulations import measures
+    from formulations.synthesis.links import link_gap
+    from nlp.arrays import finite_or_none
+
+    clearance = link_gap(choice.manipulator)
+    return {
+        **choice.to_dict(),
+        "worst_case_sigma": measures.worst_case_sigma(choice.manipulator.jacobian()),
+        "worst_case_sigma_given": measures.worst_case_sigma(jacobian),
+        "speeds": choice.manipulator.speeds.tolist(),
+        "deviation": deviation,
+        "gap": finite_or_none(clearance.gap),
+        "touching": [list(pair) for pair in clearance.touching],
+    }
+
+
+def _touching(summary: Mapping[str, Any]) -> str:
+    """Return a sentence that names the links of a summary that touch."""
+    pairs = [f"{i} and {j}" for i, j in summary["touching"]]
+    named = ", ".join(pairs[:8]) + (f", … ({len(pairs)} pairs)" if len(pairs) > 8 else "")
+    return f"links {named} touch (counted from 0): bodies overlap by {-summary['gap']:.3g} m"
+
+
+def _written(manipulator: Manipulator, form: str, convention: str, kind: str) -> bytes:
+    """Return a manipulator as axes, Denavit–Hartenberg table, URDF or figure: a file's content.
+
+    InputError if there is no such kind of figure, or matplotlib is missing.
+    """
+    from formulations.plot.manipulator import figure as drawn
+    from formulations.plot.style import content
+    from formulations.synthesis.write_urdf import urdf
+
+    if form == "figure":
+        return content(drawn(manipulator), kind)
+    if form == "urdf":
+        return urdf(manipulator).encode()
+    text = _dh_text(manipulator, convention) if form == "dh" else _axes_text(manipulator)
+    return text.encode()
+
+
+def _plain(manipulator: Manipulator, convention: str) -> dict[str, object]:
+    """Return everything but the figure as plain values: axes, table and URDF."""
+    from formulations.synthesis.dh import Convention, denavit_hartenberg
+    from formulations.synthesis.write_urdf import urdf
+
+    table = denavit_hartenberg(manipulator, Convention(convention))
+    return {**manipulator.to_dict(), "dh": table.to_dict(), "urdf": urdf(manipulator)}
+
+
+def _axes_text(manipulator: Manipulator) -> str:
+    """Return the axes as a table: direction, and the point where the joint sits."""
+    axes = manipulator.to_dict()
+    joints, tip = as_table(axes["joints"], _DIGITS), shown(axes["end_effector"])
+    return f"{joints}\n\nend effector  {tip}\n"
+
+
+def _dh_text(manipulator: Manipulator, convention: str) -> str:
+    """Return the Denavit–Hartenberg table, and the base and tool transforms."""
+    from tabulate import tabulate
+
+    from formulations.synthesis.dh import Convention, denavit_hartenberg
+
+    table = denavit_hartenberg(manipulator, Convention(convention))
+    modified = convention == Convention.MODIFIED
+    before = {"a": "a before", "alpha": "alpha before"} if modified else {}
+    rows = [
+        {**{before.get(k, k): v for k, v in row.items()}, "speed": speed}
+        for row, speed in zip(table.rows(), manipulator.speeds.tolist(), strict=True)
+    ]
+    base, tool = (
+        tabulate(pose.tolist(), tablefmt="plain", floatfmt=f".{_DIGITS}g")
+        for pose in (table.base, table.tool)
+    )
+    parts = (as_table(rows, _DIGITS), f"base\n{base}", f"tool\n{tool}")
+    return "\n\n".join([f"{convention} convention", *parts]) + "\n"

@@ -5,19 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from formulations.commands.arguments import (
-    Compiled,
-    Ipopt,
-    Joints,
-    Json,
-    Out,
-    Seed,
-    Starts,
-    TaskDimension,
-    Workers,
-    ipopt_options,
-    option,
-)
+from formulations.commands import arguments as cli
+from formulations.commands.arguments import option
 from formulations.commands.output import run_study, say
 
 if TYPE_CHECKING:
@@ -25,20 +14,20 @@ if TYPE_CHECKING:
 
 
 def compare(
-    joints: Joints = 7,
-    task_dimension: TaskDimension = 6,
-    starts: Starts = 100,
-    seed: Seed = 0,
-    workers: Workers = None,
-    out: Out = Path("comparison"),
-    ipopt: Ipopt = None,
-    compiled: Compiled = False,
+    joints: cli.Joints = 7,
+    task_dimension: cli.TaskDimension = 6,
+    starts: cli.Starts = 100,
+    seed: cli.Seed = 0,
+    workers: cli.Workers = None,
+    out: cli.Out = Path("comparison"),
+    ipopt: cli.Ipopt = None,
+    compiled: cli.Compiled = False,
     model: list[str] | None = option(
         "MODEL",
         "A column model, see docs/howto/add_a_column_model.md. May be repeated; by default "
         "unit-revolute and lever-revolute in six dimensions.",
     ),
-    as_json: Json = False,
+    as_json: cli.Json = False,
 ) -> None:
     """Compare residual minimisation, max-min and isotropy from common random starts.
 
@@ -54,7 +43,7 @@ def compare(
     from nlp.executors import default_workers
 
     run_study(
-        study(joints, task_dimension, ipopt_options(ipopt), compiled, model or ()),
+        study(joints, task_dimension, cli.ipopt_options(ipopt), compiled, model or ()),
         out,
         as_json,
         effort=Effort(seed, starts, workers or default_workers(), bars=True),
@@ -64,7 +53,10 @@ def compare(
 
 
 def reproduce(
-    starts: Starts = 100, seed: Seed = 0, out: Out = Path("reproduction"), as_json: Json = False
+    starts: cli.Starts = 100,
+    seed: cli.Seed = 0,
+    out: cli.Out = Path("reproduction"),
+    as_json: cli.Json = False,
 ) -> None:
     """Recompute every numbered example and claim of the paper.
 

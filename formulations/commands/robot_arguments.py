@@ -45,10 +45,12 @@ class ChainOptions:
     ]
     tip: str | None = option(
         "LINK",
-        "Link that the Jacobian is of, anywhere on the robot; by default the last link,"
-        " if there is only one.",
+        "Link whose motion the Jacobian is of, anywhere on the robot; by default the last"
+        " link, if there is only one.",
     )
-    base: str | None = option("LINK", "Link that it is relative to; by default the root.")
+    base: str | None = option(
+        "LINK", "Link that the motion is relative to; by default the root."
+    )
     point: str | None = option(
         "X,Y,Z",
         "Point of the tip's link whose velocity is taken, in its frame, in metres; by "
@@ -56,8 +58,8 @@ class ChainOptions:
     )
     held: list[str] | None = option(
         "JOINT=VALUE",
-        "A joint that has locked already, and where, in radians or metres; no column of"
-        " its own. May be repeated.",
+        "A joint that has locked already, and where, in radians or metres; it has no"
+        " column in the Jacobian. May be repeated.",
     )
 
     def chain(self) -> Chain:
@@ -80,7 +82,7 @@ class ArmOptions(ChainOptions):
 
     length: float | None = option(
         "METRES",
-        "Characteristic length: all lengths are measured in it; by default root mean "
+        "Characteristic length: all lengths are measured in it; by default the root mean "
         "square of the revolute joints' lever arms.",
         positive=True,
     )
@@ -89,7 +91,7 @@ class ArmOptions(ChainOptions):
         "Task directions: all, position, orientation, or some of vx,vy,vz,wx,wy,wz.",
         "all",
     )
-    frame: str = option("FRAME", "Whose axes they are along: base or tip.", "base")
+    frame: str = option("FRAME", "Whose axes the directions are along: base or tip.", "base")
 
     def arm(self) -> RobotArm:
         """Read the robot and return the arm; InputError if anything is wrong with it."""

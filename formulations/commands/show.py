@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Callable, Mapping
 from importlib.util import find_spec
@@ -26,14 +27,18 @@ def show(
         "CONDITION", "Only records with this, such as 'joints == 7'. May be repeated."
     ),
     group_by: str | None = option(
-        "SETTING,...", "Settings that make groups; by default all that differ."
+        "SETTING,...",
+        "Settings that make groups, such as joints,model; by default all that differ.",
     ),
     records: bool = flag("--records", "Show the records themselves."),
     optima: bool = flag(
-        "--optima", "Show the optima: how many starts reached each, canonical form."
+        "--optima",
+        "Show the distinct optima, how many starts reached each, and their canonical form.",
     ),
-    to: Literal["csv", "parquet", "markdown", "latex"] = option(None, "Format.", "markdown"),
-    out: Path | None = option("FILE", "Write there instead of here."),
+    to: Literal["csv", "parquet", "markdown", "latex"] = option(
+        None, "Format of the table; parquet needs pyarrow.", "markdown"
+    ),
+    out: Path | None = option("FILE", "Write there instead of printing."),
     check: bool = flag("--check", "Verify the whole store and show nothing of it."),
     as_json: Json = False,
 ) -> None:
@@ -72,7 +77,7 @@ def show(
         else:
             by = None if group_by is None else [name.strip() for name in group_by.split(",")]
             table = tables.grouped(study, chosen, by)
-        content = table.to_json(orient="records", indent=1) if as_json else FORMATS[to](table)
+        content = _as_json(table) if as_json else FORMATS[to](table)
         if out is not None:
             write_bytes(out, content.encode() if isinstance(content, str) else content)
         elif isinstance(content, str):
@@ -93,6 +98,21 @@ def _check(store: Path, as_json: bool) -> None:
         text = f"{intact} records{' are' if study.damaged else ', all'} intact."
         show_values(values, as_json, lambda _: text)
         refuse_damage({store: study.damaged})
+
+
+# Columns that hold JSON as text, and those that hold 0 or 1.
+_NESTED = ("jacobian", "canonical_form", "options", "earlier")
+_TRUTH = ("valid", "ran_compiled")
+
+
+def _as_json(table: pd.DataFrame) -> str:
+    """Return the rows as JSON: every digit, matrices as lists, null for what is missing."""
+    rows = table.astype(object).where(table.notna(), None).to_dict(orient="records")
+    for row in rows:
+        row |= {name: json.loads(row[name]) for name in _NESTED if row.get(name)}
+        if "start" in row:  # in groups they are numbers of starts
+            row |= {name: bool(row[name]) for name in _TRUTH if row.get(name) in (0, 1)}
+    return json.dumps(rows, indent=1)
 
 
 def as_parquet(table: pd.DataFrame) -> bytes:

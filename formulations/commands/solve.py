@@ -5,29 +5,12 @@ from typing import Annotated, Any
 
 import typer
 
-from formulations.commands.arguments import (
-    MOST_JOINTS,
-    Compiled,
-    FailureOptions,
-    Goal,
-    Ipopt,
-    Json,
-    Seed,
-    Starts,
-    TaskDimension,
-    Workers,
-    flag,
-    ipopt_options,
-    option,
-)
-from formulations.commands.output import (
-    INTERRUPTED,
-    as_text,
-    end,
-    rows_of,
-    sharpest_bound,
-    show,
-)
+from formulations.commands import arguments as cli
+from formulations.commands.arguments import flag, option
+from formulations.commands.measure import jacobian_values
+from formulations.commands.output import INTERRUPTED, as_text, end, rows_of, show
+
+_NO_ANSWER = "the Jacobian shown is no answer, and nothing is written"
 
 
 def solve(
@@ -37,7 +20,7 @@ def solve(
             metavar="FORMULATION", help="residual, max-min, isotropy or manipulability."
         ),
     ],
-    failures: FailureOptions,
+    failures: cli.FailureOptions,
     model: str = option(
         "MODEL",
         "Column model: unit-revolute, lever-revolute, lever-revolute-each, prismatic, "
@@ -50,10 +33,10 @@ def solve(
         "N",
         "Number of joints n, above m; by default of the mix, or 7.",
         low=2,
-        high=MOST_JOINTS,
+        high=cli.MOST_JOINTS,
     ),
-    task_dimension: TaskDimension = 6,
-    goal: Goal = "worst",
+    task_dimension: cli.TaskDimension = 6,
+    goal: cli.Goal = "worst",
     encoding: str | None = option(
         "NAME",
         "Eigenvalue constraints of max-min: two-stage, schur-complement, shared-factor,"
@@ -64,45 +47,44 @@ def solve(
     from_residual_minima: bool = flag(
         "--from-residual-minima", "Start max-min from residual minima."
     ),
-    starts: Starts = 100,
-    seed: Seed = 0,
-    workers: Workers = None,
-    ipopt: Ipopt = None,
+    starts: cli.Starts = 100,
+    seed: cli.Seed = 0,
+    workers: cli.Workers = None,
+    ipopt: cli.Ipopt = None,
     solver: str = option(
         "NAME",
-        "ipopt; or fatrop, faster: residual, and compiled max-min, of unit revolutes.",
+        "ipopt; or fatrop, which is faster: for residual, and for max-min with --compiled, "
+        "of unit-revolute joints.",
         "ipopt",
     ),
-    compiled: Compiled = False,
+    compiled: cli.Compiled = False,
     time_limit: float | None = option(
         "SECONDS",
-        "Time for a start, after which Ipopt stops it; by default no limit.",
+        "Time for each start, after which Ipopt stops it; by default no limit.",
         positive=True,
     ),
     out: Path | None = option("FILE", "Write the best Jacobian and its measures as JSON."),
-    as_json: Json = False,
+    as_json: cli.Json = False,
 ) -> None:
     """Solve one formulation from random starts and measure the best answer.
 
     Exit status 1, and no file, if no start was solved.
     """
-    from formulations.bounds.unequal_failures import assess_failures
     from formulations.io.files import prepare_file
-    from formulations.joints.models import arm
-    from formulations.measures.assessment import measure
     from formulations.registry import formulation_of
+    from formulations.solving.solve import arm_of
     from formulations.solving.solve import solve as solve_from_many_starts
 
     stated = formulation_of(formulation)
-    built = arm(model, 7 if joints is None and ":" not in model else joints, task_dimension)
+    built = arm_of(model, joints, task_dimension)
     unequal = failures.model(built.shape[1])
     prepare_file(out)
-    settings: dict[str, tuple[Any, Any]] = {
-        "locked": (failures.locked, 1),
-        "failures": (unequal, None),
-        "goal": (goal, "worst"),
-        "encoding": (encoding, None),
-        "from_residual_minima": (from_residual_minima, False),
+    settings: dict[str, Any] = {
+        "locked": failures.locked if failures.locked > 1 else None,
+        "failures": unequal,
+        "goal": goal if goal != "worst" else None,
+        "encoding": encoding,
+        "from_residual_minima": from_residual_minima or None,
     }
     limit = {} if time_limit is None else {"max_wall_time": time_limit}
     outcome = solve_from_many_starts(
@@ -111,9 +93,9 @@ def solve(
         starts=starts,
         seed=seed,
         workers=workers,
-        **{name: value for name, (value, default) in settings.items() if value != default},
+        **settings,
         solver=solver,
-        options=ipopt_options(ipopt) | limit,
+        options=cli.ipopt_options(ipopt) | limit,
         compiled=compiled,
         progress=True,
     )
@@ -127,15 +109,10 @@ def solve(
         "seed": seed,
         "start": best.index,
         "violation": best.violation,
-        **measure(best.jacobian, failures.locked).to_dict(),
+        **({} if unequal is None else {"goal": goal}),
+        **jacobian_values(best.jacobian, failures),
+        "jacobian": best.jacobian.tolist(),
     }
-    if failures.locked > 1:
-        plain |= sharpest_bound(best.jacobian, failures.locked)
-    if unequal is not None:
-        known = failures.probabilities_known
-        values = assess_failures(best.jacobian, unequal, probabilities_known=known)
-        plain |= {"goal": goal, **values}
-    plain["jacobian"] = best.jacobian.tolist()
     solved = outcome.verdict == "solved"
     summary = {**plain, "verdict": outcome.summary}
     show(plain, as_json, lambda _: _text(summary), out if solved else None)
@@ -144,9 +121,6 @@ def solve(
         end(f"Interrupted: {ended}.", INTERRUPTED)
     if not solved:
         end(f"{outcome.verdict.capitalize()}: {_NO_ANSWER}.")
-
-
-_NO_ANSWER = "the Jacobian shown is no answer, and nothing is written"
 
 
 def _text(plain: dict[str, Any]) -> str:

@@ -6,8 +6,9 @@ import time
 from collections.abc import Mapping
 from dataclasses import replace
 from importlib.util import find_spec
+from typing import Annotated
 
-from formulations.commands.arguments import Json, Seed, Starts, option
+from formulations.commands.arguments import MOST_STARTS, Json, Seed, option
 from formulations.commands.output import INTERRUPTED, show, shown, warn
 from formulations.commands.robot_arguments import ArmOptions, Configuration, read_configuration
 from nlp.errors import MissingLibraryError
@@ -20,7 +21,9 @@ def view(
     port: int = option(
         "PORT", "Port to listen on; 0 for any free one.", 8080, low=0, high=65535
     ),
-    starts: Starts = 20,
+    starts: Annotated[
+        int, option("K", "Random starts of 'Best posture'.", ..., low=1, high=MOST_STARTS)
+    ] = 20,
     seed: Seed = 0,
     as_json: Json = False,
 ) -> None:

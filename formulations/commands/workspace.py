@@ -6,15 +6,8 @@ from math import radians
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from formulations.commands.arguments import (
-    FigureOptions,
-    Json,
-    JsonFile,
-    Seed,
-    option,
-    progress,
-)
-from formulations.commands.output import as_text, show
+from formulations.commands.arguments import FigureOptions, Json, Seed, option
+from formulations.commands.output import as_text, progress, show
 from formulations.commands.robot_arguments import ChainOptions, number, read_limits
 from nlp.errors import InputError
 
@@ -43,18 +36,18 @@ def workspace(
     ),
     optimise: Literal["limits", "lengths"] | None = option(
         None,
-        "limits: choose the artificial limits that keep the most; lengths: link lengths"
-        " of equal sum, too.",
+        "limits: choose the artificial limits that keep the most; lengths: also the link"
+        " lengths, with the same sum.",
     ),
     voxel: float | None = option(
         "METRES",
-        "Edge of the grid's cells; by default a fiftieth of the sum of the links; a "
-        "twelfth with --orientation, in space.",
+        "Edge of the grid's cells; by default a fiftieth of the sum of the links, or a "
+        "twelfth with --orientation in space.",
         positive=True,
     ),
     step: float = option(
         "DEGREES",
-        "Distance of the angles at which a joint may lock.",
+        "Step between the angles at which a joint may lock.",
         5.0,
         "--slice",
         positive=True,
@@ -62,10 +55,10 @@ def workspace(
     least_width: float = option(
         "DEGREES", "Least width of limits that are chosen.", 10.0, positive=True
     ),
-    starts: int = option("K", "Starts of the search on a grid.", 4, low=1, high=10**6),
+    starts: int = option("K", "Starts of the search for limits.", 4, low=1, high=10**6),
     seed: Seed = 0,
     figure: Path | None = option("FILE", "Draw the workspace: SVG, PNG or PDF."),
-    out: JsonFile = None,
+    out: Path | None = option("FILE", "Write the result there, as JSON."),
     as_json: Json = False,
 ) -> None:
     """Measure the workspace that is kept whatever joint fails, or make it largest.
@@ -116,12 +109,11 @@ def workspace(
         result = workspace_of(arm, chosen, edge, radians(step), progress)
     else:
         result = measured(sets, chosen, progress)
-    progress("")
     if figure is not None:
-        from formulations.plot.workspace import draw
+        from formulations.plot.robots import draw_workspace
 
         with looking(look):
-            drawn = content(draw(result), form)
+            drawn = content(draw_workspace(result), form)
         write_bytes(figure, drawn)
     show(result.to_dict(), as_json, lambda _: _text(result), out)
 
@@ -150,10 +142,10 @@ def _ranges(limits: dict[str, tuple[float, float]], arm: SerialArm) -> Ranges:
     return tuple((ranges | limits).values())
 
 
-def _text(found: Workspace) -> str:
-    unit = "m²" if found.dimension == 2 else "m³"
-    values = {k: v for k, v in found.to_dict().items() if k != "limits"}
-    for step, ends in zip(found.arm.steps, found.limits, strict=True):
+def _text(result: Workspace) -> str:
+    unit = "m²" if result.dimension == 2 else "m³"
+    values = {k: v for k, v in result.to_dict().items() if k != "limits"}
+    for step, ends in zip(result.arm.steps, result.limits, strict=True):
         whole = " (physical)" if ends == (step.lower, step.upper) else ""
         values[f"limits of {step.name}"] = "{:.4f} to {:.4f}".format(*ends) + whole
     return as_text({"unit": unit, **values})

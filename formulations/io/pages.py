@@ -106,7 +106,7 @@ def _environment(folder: Path) -> Environment:
         *(aligned, bullets, by, groups, known, listed, outward, prose),
         *(rounded_down, rounded_up, table),
     )
-    made.filters.update({one.__name__: one for one in own}, form=format)
+    made.filters.update({function.__name__: function for function in own}, form=format)
     made.tests["nan"] = isnan
     made.globals.update(CLOSED=_CLOSED, NOTHING=NOTHING, header=header, versions=versions)
     return made

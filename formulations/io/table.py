@@ -1,4 +1,4 @@
-"""Tables of rows: one definition of the columns for CSV, Markdown, LaTeX, terminal and JSON.
+"""Tables of rows: one definition of the columns for CSV, Markdown, terminal and JSON.
 
 A row is a frozen dataclass of texts, numbers and mappings. Its fields are the columns of the
 CSV file. How a field is shown is declared with the field, by the metadata that `column` returns
@@ -100,11 +100,11 @@ class Table(Generic[Line]):
         """Return all columns as a DataFrame; mappings as JSON."""
         import pandas as pd
 
-        names = [one.name for one in fields(self.kind)]
+        names = [column.name for column in fields(self.kind)]
         lines = [[_stored(getattr(row, name)) for name in names] for row in self.rows]
         frame = pd.DataFrame(lines, columns=names)
         types = get_type_hints(self.kind)
-        return frame.astype({one: "Int64" for one in names if types[one] == _WHOLE_OR_NONE})
+        return frame.astype({name: "Int64" for name in names if types[name] == _WHOLE_OR_NONE})
 
     def csv(self) -> str:
         """Return all columns, numbers with every digit, NaN as an empty cell."""
@@ -112,30 +112,24 @@ class Table(Generic[Line]):
 
     def plain(self) -> list[dict[str, Any]]:
         """Return the rows as plain values for JSON, None in place of NaN."""
-        names = [one.name for one in fields(self.kind)]
+        names = [column.name for column in fields(self.kind)]
         return [{name: _plain(getattr(row, name)) for name in names} for row in self.rows]
 
     def markdown(self) -> str:
         """Return the columns to read as a Markdown table."""
-        return self._written("pipe", lambda text: text.replace("|", "\\|"))
+        return self._written(lambda text: text.replace("|", "\\|"))
 
     def terminal(self) -> str:
         """Return the columns that fit on a screen, or all to read if none is marked brief."""
-        return self._written("pipe", brief=True)
+        return self._written(brief=True)
 
-    def latex(self) -> str:
-        """Return the columns to read as a LaTeX tabular with the rules of booktabs."""
-        return self._written("latex_booktabs")
-
-    def _written(
-        self, style: str, escape: Callable[[str], str] = str, brief: bool = False
-    ) -> str:
-        columns = {one.name: _column(one) for one in fields(self.kind)}
-        some = brief and any(one.brief for one in columns.values())
-        columns = {k: one for k, one in columns.items() if (one.brief if some else one.shown)}
-        cells = [[escape(one.cell(row, k)) for k, one in columns.items()] for row in self.rows]
-        heads = [one.heading or k.replace("_", " ") for k, one in columns.items()]
-        return written(cells, heads, style)
+    def _written(self, escape: Callable[[str], str] = str, brief: bool = False) -> str:
+        columns = {field.name: _column(field) for field in fields(self.kind)}
+        some = brief and any(column.brief for column in columns.values())
+        columns = {k: c for k, c in columns.items() if (c.brief if some else c.shown)}
+        cells = [[escape(c.cell(row, k)) for k, c in columns.items()] for row in self.rows]
+        heads = [c.heading or k.replace("_", " ") for k, c in columns.items()]
+        return written(cells, heads, "pipe")
 
 
 def written(cells: Sequence[Sequence[str]], heads: Sequence[str], style: str) -> str:
@@ -144,7 +138,7 @@ def written(cells: Sequence[Sequence[str]], heads: Sequence[str], style: str) ->
 
     cells = [[printable(cell) for cell in row] for row in cells]
     numeric = [all(map(_NUMBER.fullmatch, column)) for column in zip(*cells, strict=True)]
-    sides = ["right" if one else "left" for one in numeric] or None
+    sides = ["right" if number else "left" for number in numeric] or None
     return str(tabulate(cells, heads, tablefmt=style, colalign=sides, disable_numparse=True))
 
 
@@ -164,7 +158,7 @@ def read_rows(path: Path, kind: type[Line]) -> list[Line]:
         If the file cannot be read, a column is missing or a cell is not of its type.
     """
     types = get_type_hints(kind)
-    readers = {one.name: _reader(types[one.name]) for one in fields(kind)}
+    readers = {field.name: _reader(types[field.name]) for field in fields(kind)}
     try:
         with path.open(encoding="utf-8", newline="") as file:
             return [
@@ -178,9 +172,9 @@ def read_rows(path: Path, kind: type[Line]) -> list[Line]:
         raise FileError("table", str(path), allowed) from None
 
 
-def _column(one: Field[Any]) -> Column:
-    found: Column = one.metadata.get("column", Column())
-    return found
+def _column(field: Field[Any]) -> Column:
+    shown: Column = field.metadata.get("column", Column())
+    return shown
 
 
 _WHOLE_OR_NONE = int | None

@@ -57,7 +57,7 @@ class Outcome:
         if not trusted:
             return ()
         best = self._pick(trusted).score
-        return tuple(one for one in trusted if abs(one.score - best) <= REACHED_BEST)
+        return tuple(record for record in trusted if abs(record.score - best) <= REACHED_BEST)
 
     @cached_property
     def distinct_optima(self) -> int:
@@ -81,7 +81,7 @@ class Outcome:
         """
         if self.reached and self._alike:
             return max(self.reached, key=lambda record: record.worst_case_sigma)
-        feasible = [one for one in self.records if one.feasible]
+        feasible = [record for record in self.records if record.feasible]
         if self.reached or feasible:
             return self._pick(self.reached or feasible)
         return min(self.records, key=lambda record: np.nan_to_num(record.violation, nan=np.inf))

@@ -65,13 +65,13 @@ class Polish:
             "jac": lambda z: np.column_stack([last(z[:-1])[1], -np.ones(len(last.sets))]),
         }
         slope = np.append(np.zeros(len(point)), -1.0)
-        found, converged = point, False
+        best, converged = point, False
         for _ in range(_POLISHES):  # again where a line search failed, with a new Hessian
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore", RuntimeWarning)  # that it clips to the bounds
                 answer = minimize(
                     lambda z: -z[-1],
-                    np.append(found, float(np.min(last(found)[0]))),
+                    np.append(best, float(np.min(last(best)[0]))),
                     jac=lambda _: slope,
                     method="SLSQP",
                     bounds=Bounds(np.append(lower, -np.inf), np.append(upper, np.inf)),
@@ -80,10 +80,10 @@ class Polish:
                 )
             if not np.isfinite(answer.x).all():
                 break
-            found, converged = np.clip(answer.x[:-1], lower, upper), bool(answer.success)
+            best, converged = np.clip(answer.x[:-1], lower, upper), bool(answer.success)
             if converged:
                 break
-        return found, converged
+        return best, converged
 
 
 class _Remaining:
@@ -92,7 +92,7 @@ class _Remaining:
     def __init__(self, polish: Polish) -> None:
         m, n = polish.arm.shape
         self.sets = polish.sets or measures.locked_sets(np.zeros((m, n)), polish.locked)
-        self._left = np.array([np.delete(np.arange(n), one) for one in self.sets])
+        self._remaining = np.array([np.delete(np.arange(n), joints) for joints in self.sets])
         self._evaluation, self._shape = _with_slopes(polish.arm), (n, m, polish.arm.size)
         self._scaled = polish.scaled
         self._point, self._value = b"", (np.zeros(0), np.zeros((0, 0)))
@@ -101,10 +101,10 @@ class _Remaining:
         """Return log σ_F, shape (sets,), and derivatives, shape (sets, size)."""
         if point.tobytes() != self._point:
             matrix, slopes = self._evaluation(point)
-            u, values, v = np.linalg.svd(matrix[:, self._left].transpose(1, 0, 2))
+            u, values, v = np.linalg.svd(matrix[:, self._remaining].transpose(1, 0, 2))
             m = values.shape[1]
             sigma = np.maximum(values[:, -1], np.finfo(float).tiny)
-            moved = slopes.reshape(self._shape)[self._left]  # column, row, variable
+            moved = slopes.reshape(self._shape)[self._remaining]  # column, row, variable
             change = np.einsum("fi,fc,fcip->fp", u[:, :, -1], v[:, m - 1, :], moved)
             self._point = point.tobytes()
             self._value = np.log(sigma), change / sigma[:, None]

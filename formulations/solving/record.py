@@ -13,7 +13,7 @@ from nlp.arrays import FloatArray
 from nlp.solution import FEASIBLE, Solution, Status
 
 # Improves an arm's variables; says whether its own method converged.
-Polish: TypeAlias = Callable[[FloatArray], tuple[FloatArray, bool]]
+PolishMethod: TypeAlias = Callable[[FloatArray], tuple[FloatArray, bool]]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -115,7 +115,7 @@ def judge(
     seed: int = 0,
     index: int = 0,
     cpu_seconds: float = 0.0,
-    polish: Polish | None = None,
+    polish: PolishMethod | None = None,
 ) -> Record:
     """Measure a solution's Jacobian and check it against the arm and the formulation.
 

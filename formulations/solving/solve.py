@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -15,7 +15,7 @@ from formulations.joints.arm import Arm
 from formulations.joints.joint import ColumnModel, Joint
 from formulations.solving.case import Case
 from formulations.solving.outcome import Outcome
-from formulations.solving.record import Polish, Record, judge
+from formulations.solving.record import PolishMethod, Record, judge
 from nlp.arrays import FloatArray, Rng
 from nlp.errors import InputError
 from nlp.executors import default_workers
@@ -138,7 +138,7 @@ def run(
     executor: Executor | None = None,
     progress: bool = False,
     sample: Sampler | None = None,
-    polish: Polish | None = None,
+    polish: PolishMethod | None = None,
 ) -> Outcome:
     """Solve a case from all starts and judge what comes out.
 
@@ -169,27 +169,19 @@ def run(
         solver=case.solver,
         compiled=case.compiled,
         label=case.name if progress else None,
-        judge=_JudgeRun(case, polish),
+        judge=partial(_judge_run, case, polish),
         figure=lambda record: record.score,
         better=np.fmin if case.formulation.SENSE == "minimise" else np.fmax,
     )
     return Outcome(case, study.results, study.complete)
 
 
-@dataclass(frozen=True)
-class _JudgeRun:
-    """Judges a run where it was run; see `judge`."""
-
-    case: Case
-    polish: Polish | None = None
-
-    def __call__(self, run: Run) -> Record:
-        """Return the record of a run."""
-        return judge(
-            self.case,
-            run.solution,
-            seed=run.seed,
-            index=run.index,
-            cpu_seconds=run.cpu_seconds,
-            polish=self.polish,
-        )
+def _judge_run(case: Case, polish: PolishMethod | None, run: Run) -> Record:
+    return judge(
+        case,
+        run.solution,
+        seed=run.seed,
+        index=run.index,
+        cpu_seconds=run.cpu_seconds,
+        polish=polish,
+    )

@@ -103,17 +103,17 @@ def _between(
     last: TradeOffPoint,
     progress: Callable[[str], None],
 ) -> list[TradeOffPoint]:
-    """Solve from left to right, then once more from the right neighbours' optima."""
+    """Solve from the first limit on, then once more back, from the next points' optima."""
     curve: list[TradeOffPoint] = []
-    left, right = first, last
+    before, after = first, last
     for k, limit in enumerate(map(float, limits)):
         progress(f"trade-off {k + 1} of {len(limits)}")
-        starts = np.vstack([arm.variables(left.jacobian), drawn])
-        left = _better(*_solved(trade_off, arm, starts, limit), replace(left, limit=limit))
-        curve.append(left)
+        starts = np.vstack([arm.variables(before.jacobian), drawn])
+        before = _better(*_solved(trade_off, arm, starts, limit), replace(before, limit=limit))
+        curve.append(before)
     for k in reversed(range(len(curve))):
-        start = arm.variables(right.jacobian)[None]
-        right = curve[k] = _better(curve[k], *_solved(trade_off, arm, start, curve[k].limit))
+        start = arm.variables(after.jacobian)[None]
+        after = curve[k] = _better(curve[k], *_solved(trade_off, arm, start, curve[k].limit))
     # What a smaller limit allows is allowed by a larger one.
     for k in range(1, len(curve)):
         curve[k] = _better(curve[k], replace(curve[k - 1], limit=curve[k].limit))

@@ -10,7 +10,7 @@ from formulations.io.study import Effort
 from formulations.max_min import NAME as MAX_MIN
 from formulations.plot.style import content
 from results.atlas.figure import gallery, heat_map
-from results.script import declared, main
+from results.script import main, study_of
 
 _DRAWN = 8  # joints that an arm on the page has at most
 
@@ -40,7 +40,7 @@ def _is_arm(row: AtlasRow) -> bool:
     return row.model != "free-mean" or row.task_dimension < 6
 
 
-STUDY = declared(
+STUDY = study_of(
     __file__,
     title="the best Jacobian known of every kind of arm, beside the bounds",
     page="atlas.md",

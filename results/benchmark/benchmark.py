@@ -10,7 +10,6 @@ from pathlib import Path
 from statistics import median
 from typing import TYPE_CHECKING
 
-from formulations.io import pages
 from formulations.io.files import write_bytes
 from formulations.io.pages import groups
 from formulations.io.study import Effort, Study
@@ -18,19 +17,15 @@ from formulations.plot.style import BLUE, GREY, INK, ORANGE, SMALL, VERMILION, c
 from formulations.solving.outcome import REACHED_BEST
 from results.benchmark.measurement import NEAR, BenchmarkRow, measure
 from results.benchmark.peers import CLASSICAL, DEFAULT, FAST, PEERS
-from results.script import declared, parser, run
+from results.script import parser, run, study_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 STARTS, TIME_LIMIT = 99, 20.0
 SIZES = (7, 8, 9, 12, 16, 20)
-_TEMPLATE = Path(__file__).with_suffix(".md.j2")
-
 _FLOOR = "floor"  # whichever is less
 _TRF, _JAX, _SLSQP = "scipy least_squares trf", "JAX", "scipy SLSQP"
-
-
 # By how a peer's name begins: this library's default and fast path, others of it, the floor.
 # All else is grey.
 _COLOURS = {
@@ -70,8 +65,8 @@ class Target:
         above, below = (
             _fastest(rows, self.formulation, joints, name) for name in (self.above, self.below)
         )
-        found = [a / b for a, b in zip(above, below, strict=False) if not isnan(a / b)]
-        return [min(found), median(found), max(found)] if found else []
+        rounds = [a / b for a, b in zip(above, below, strict=False) if not isnan(a / b)]
+        return [min(rounds), median(rounds), max(rounds)] if rounds else []
 
     def verdict(self, ratios: Sequence[float], joints: int) -> str:
         """Return whether the median meets the target, in words."""
@@ -106,16 +101,6 @@ _TARGETS = (
     Target("fast path ≥ 10 × SLSQP", "max-min", _SLSQP, FAST, 10),
     Target("fast path ≤ 5 × floor", "max-min", FAST, _FLOOR, 5, at_most=True),
 )
-
-
-def targets(rows: Sequence[BenchmarkRow]) -> str:
-    """Return which targets are met at every size, as a Markdown table."""
-    return pages.aligned(pages.block(_TEMPLATE, "targets", {"rows": rows, "goals": _TARGETS}))
-
-
-def growth(rows: Sequence[BenchmarkRow]) -> str:
-    """Return CPU ms per success by number of joints, as a Markdown table."""
-    return pages.aligned(pages.block(_TEMPLATE, "growth", {"rows": rows}))
 
 
 def drawn(rows: Sequence[BenchmarkRow]) -> Figure:
@@ -172,7 +157,7 @@ def study(sizes: Sequence[int] = SIZES, time_limit: float = TIME_LIMIT) -> Study
                 rows += measured
         write_bytes(folder / "cost.svg", content(drawn(rows), "svg"))
 
-    return declared(
+    return study_of(
         __file__,
         title="processor time per start and per success, beside other solvers, 7R to 20R",
         page="benchmark.md",

@@ -5,23 +5,20 @@ reduced statement; where eq. (6) is attained already, the first stage is the ans
 """
 
 import ctypes
-from functools import partial
 from pathlib import Path
 
 import numpy as np
 
-from formulations import max_min, residual
 from formulations.joints.arm import Arm
 from nlp.arrays import FloatArray
 from nlp.compiled import shared_library
-from results.benchmark.measurement import NotRunError, Peer, Run
+from results.benchmark.measurement import NotRunError, Solve
 
 # -ffast-math without its flag that rounds subnormal numbers to 0 in the whole process.
 _FLAGS = (
     *("-O3", "-march=native", "-fno-math-errno", "-fno-trapping-math", "-fassociative-math"),
     *("-fno-signed-zeros", "-ffinite-math-only", "-fPIC", "-shared"),
 )
-_MOST, _GRADIENT = 2000, 1e-7
 
 
 def _functions() -> ctypes.CDLL:
@@ -36,35 +33,13 @@ def _functions() -> ctypes.CDLL:
     return library
 
 
-def _prepare(arm: Arm, name: str, *settings: float) -> Run:
-    solve = getattr(_functions(), name)
+def prepare(arm: Arm, function: str, *settings: float) -> Solve:
+    """Return what solves a start by a function of ``floor.c`` with these settings."""
+    compiled = getattr(_functions(), function)
 
-    def one(start: FloatArray) -> FloatArray:
+    def solve(start: FloatArray) -> FloatArray:
         out = np.empty(arm.shape)
-        solve(arm.shape[1], *settings, start.copy(), out)
+        compiled(arm.shape[1], *settings, start.copy(), out)
         return out
 
-    return one
-
-
-def _residual(arm: Arm, exact: bool) -> Run:
-    return _prepare(arm, "levenberg_marquardt", exact, _MOST, _GRADIENT)
-
-
-PEERS = (
-    *(
-        Peer(
-            f"floor: hand-written C, Levenberg–Marquardt, {name}",
-            residual.NAME,
-            partial(_residual, exact=exact),
-            f"-O3, gradient below {_GRADIENT:g}",
-        )
-        for name, exact in (("exact Hessian", True), ("Gauss–Newton", False))
-    ),
-    Peer(
-        "floor: hand-written C, reduced statement",
-        max_min.NAME,
-        lambda arm: _prepare(arm, "max_min", _MOST),
-        "-O3, Gauss–Newton, then an interior point method",
-    ),
-)
+    return solve

@@ -1,19 +1,18 @@
 """JAX on the residual: Levenberg–Marquardt and damped Newton, all starts of a batch at once."""
 
-from functools import partial
 from typing import Any
 
 import numpy as np
 
-from formulations import residual
 from formulations.joints.arm import Arm
 from results.benchmark import unit_revolute as hand
-from results.benchmark.measurement import Peer, Run
+from results.benchmark.measurement import Solve
 
-_STEPS, _GRADIENT = 300, 1e-7
+STEPS, GRADIENT = 300, 1e-7
 
 
-def _prepare(arm: Arm, batch: int, exact: bool) -> Run:
+def prepare(arm: Arm, batch: int, exact: bool) -> Solve:
+    """Return what solves a batch of starts, with the exact or the Gauss–Newton Hessian."""
     import jax
 
     jax.config.update("jax_enable_x64", True)
@@ -38,7 +37,7 @@ def _prepare(arm: Arm, batch: int, exact: bool) -> Run:
         return jnp.where(better, trial, x), damping, count + 1, jnp.max(jnp.abs(slope))
 
     def goes_on(state: Any) -> Any:
-        return (state[2] < _STEPS) & (state[3] > _GRADIENT)
+        return (state[2] < STEPS) & (state[3] > GRADIENT)
 
     def solve(start: Any) -> Any:
         return hand.jacobian(
@@ -50,15 +49,3 @@ def _prepare(arm: Arm, batch: int, exact: bool) -> Run:
     solve_all(np.array([arm.sample(rng) for _ in range(batch)])).block_until_ready()
 
     return lambda starts: np.asarray(solve_all(starts), dtype=np.float64)
-
-
-PEERS = tuple(
-    Peer(
-        f"JAX, batched {name}",
-        residual.NAME,
-        partial(_prepare, exact=exact),
-        f"float64, at most {_STEPS} steps, gradient below {_GRADIENT:g}",
-        batched=True,
-    )
-    for name, exact in (("Levenberg–Marquardt", False), ("Newton, damped", True))
-)

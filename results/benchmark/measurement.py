@@ -27,9 +27,9 @@ NAN = float("nan")
 # Peers take turns, so that any other load on the machine affects all of them alike. Each round
 # is a repetition with starts of its own; ratios are given with their spread over the rounds.
 ROUNDS = 3
-# From one start to its Jacobian, or from starts, shape (K, size of the arm), to Jacobians,
+# From a start to its Jacobian, or from starts, shape (K, size of the arm), to Jacobians,
 # shape (K, m, n).
-Run: TypeAlias = Callable[[FloatArray], FloatArray]
+Solve: TypeAlias = Callable[[FloatArray], FloatArray]
 
 
 class NotRunError(Exception):
@@ -59,16 +59,9 @@ class Peer:
 
     name: str
     formulation: str
-    prepare: Callable[..., Run]
+    prepare: Callable[..., Solve]
     settings: str = ""
     batched: bool = False
-
-    def runner(self, arm: Arm, batch: int) -> Run:
-        """Return what solves many starts: one after another, or as a batch."""
-        if self.batched:
-            return self.prepare(arm, batch)
-        solve = self.prepare(arm)
-        return lambda starts: np.array([solve(x) for x in starts]).reshape(-1, *arm.shape)
 
 
 @dataclass(frozen=True)
@@ -124,7 +117,7 @@ class _Trial:
     """A peer under measurement: by round, its processor time and the scores of its answers."""
 
     peer: Peer
-    run: Run | None = None
+    solve: Solve | None = None
     note: str = ""
     setup: float = NAN
     times: list[float] = field(default_factory=list)
@@ -139,13 +132,6 @@ class _Trial:
     def scores(self) -> list[float]:
         """Scores of all rounds."""
         return list(chain.from_iterable(self.rounds))
-
-    def solve(self, starts: FloatArray) -> FloatArray:
-        """Return the peer's Jacobians, without its warnings: only its answers count."""
-        assert self.run is not None
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            return self.run(starts)
 
 
 def measure(
@@ -180,18 +166,19 @@ def measure(
     with (
         tempfile.TemporaryDirectory() as cache,
         mock.patch.dict(os.environ, XDG_CACHE_HOME=cache),
+        warnings.catch_warnings(),
     ):
+        warnings.simplefilter("ignore")  # only the peers' answers count
         for peer in peers:
             progress(f"{peer.formulation} {joints}R, setting up: {peer.name}")
-            trials.append(_set_up(peer, built, batch, points[:1]))
-    # Only now, so that libraries of linear algebra that peers import are limited, too.
-    with threadpool_limits(1):
-        for first in range(0, starts, batch):
-            for trial in trials:
-                progress(
-                    f"{trial.peer.formulation} {joints}R, start {first}: {trial.peer.name}"
-                )
-                _run_round(trial, built, points[first : first + batch], batch, time_limit)
+            trials.append(_set_up(peer, built, np.resize(points, (batch, built.size))))
+        # Only now, so that libraries of linear algebra that peers import are limited, too.
+        with threadpool_limits(1):
+            for first in range(0, starts, batch):
+                for trial in trials:
+                    name = trial.peer.name
+                    progress(f"{trial.peer.formulation} {joints}R, start {first}: {name}")
+                    _run_round(trial, built, points[first : first + batch], batch, time_limit)
     statement = formulation_of(peers[0].formulation)
     known = [score for trial in trials for score in trial.scores if np.isfinite(score)]
     best = (min if statement.SENSE == "minimise" else max)(known, default=NAN)
@@ -199,50 +186,43 @@ def measure(
     return [_row(trial, joints, starts, best, default) for trial in trials]
 
 
-def _set_up(peer: Peer, built: Arm, batch: int, point: FloatArray) -> _Trial:
+def _set_up(peer: Peer, built: Arm, points: FloatArray) -> _Trial:
+    """Prepare a peer and let it solve once, which may compile more."""
     began = time.perf_counter()
     try:
-        run = peer.runner(built, batch)
+        solve = peer.prepare(built, len(points)) if peer.batched else peer.prepare(built)
     except ImportError as reason:
         return _Trial(peer, note=f"not installed: {reason.name}")
     except NotRunError as reason:
         return _Trial(peer, note=str(reason))
-    trial = _Trial(peer, run, setup=time.perf_counter() - began)
-    trial.solve(np.resize(point, (batch, point.shape[1])) if peer.batched else point)
+    trial = _Trial(peer, solve, setup=time.perf_counter() - began)
+    solve(points if peer.batched else points[0])
     return trial
 
 
 def _run_round(
     trial: _Trial, built: Arm, points: FloatArray, batch: int, time_limit: float
 ) -> None:
-    done = 0
+    """Let a peer solve from points, all at once if it is batched, until its time is up."""
     trial.times.append(0.0)
     trial.rounds.append([])
+    if trial.solve is None:
+        return
     score = formulation_of(trial.peer.formulation).score
-    while trial.run and done < len(points) and trial.seconds < time_limit:
-        count = _chunk(trial, len(points) - done, time_limit)
-        given = points[done : done + count]
-        if trial.peer.batched:  # compiled for one size of batch
-            given = np.resize(given, (batch, points.shape[1]))
+    # A batched peer is compiled for one size of batch.
+    batched = trial.peer.batched
+    tasks = [np.resize(points, (batch, built.size))] if batched else list(points)
+    for task in tasks:
+        if trial.seconds >= time_limit:
+            trial.note = f"stopped after {time_limit:g} s"
+            break
         began = time.process_time()
-        jacobians = trial.solve(given)
+        answer = trial.solve(task)
         trial.times[-1] += time.process_time() - began
         trial.rounds[-1] += [
-            score(matrix) if built.admits(matrix) else NAN for matrix in jacobians[:count]
+            score(matrix) if built.admits(matrix) else NAN
+            for matrix in (answer[: len(points)] if batched else [answer])
         ]
-        done += count
-    if trial.run and done < len(points):
-        trial.note = f"stopped after {time_limit:g} s"
-
-
-def _chunk(trial: _Trial, remaining: int, time_limit: float) -> int:
-    """Return how many starts to run before the time limit is checked again."""
-    if trial.peer.batched or np.isinf(time_limit):
-        return remaining
-    if not trial.scores:
-        return 1
-    each = trial.seconds / len(trial.scores)
-    return max(1, min(remaining, int((time_limit - trial.seconds) / max(each, 1e-9))))
 
 
 def _row(trial: _Trial, joints: int, asked: int, best: float, default: float) -> BenchmarkRow:

@@ -1,64 +1,121 @@
-"""All peers, this library first; a new one is one file and one line here."""
+"""All peers as a table, this library first; a new one is a function and a line here."""
 
 from collections.abc import Callable, Sequence
+from functools import partial
 
 from formulations import max_min, residual
 from formulations.formulation import Formulation
 from formulations.joints.arm import Arm
-from nlp.arrays import FloatArray
 from nlp.solver import Solver
 from results.benchmark import floor, jax_residual, pymanopt_residual, scipy_peers
-from results.benchmark.measurement import Peer
+from results.benchmark.measurement import Peer, Solve
 
 DEFAULT = "lockedjoint, Ipopt (default)"
 FAST = "lockedjoint, Fatrop, compiled (fast path)"
 CLASSICAL = "classical: one free factor per failure"
+# Most steps of the hand-written C, and the gradient at which it ends.
+_STEPS, _GRADIENT = 2000, 1e-7
 
 
 def own(
-    name: str,
-    formulation: Formulation,
-    settings: str,
-    solver: str = "ipopt",
-    compiled: bool = False,
-    **stated: object,
-) -> Peer:
-    """Return a formulation of this library by one of its solvers."""
+    formulation: Formulation, solver: str = "ipopt", compiled: bool = False, **stated: object
+) -> Callable[[Arm], Solve]:
+    """Return what prepares a formulation of this library for one of its solvers."""
 
-    def prepare(arm: Arm) -> Callable[[FloatArray], FloatArray]:
+    def prepare(arm: Arm) -> Solve:
         built = Solver(formulation.build(arm, **stated), name=solver, compiled=compiled)
         return lambda start: built.solve(start).outputs["jacobian"]
 
-    return Peer(name, formulation.NAME, prepare, settings)
-
-
-def _residual(name: str, solver: str, compiled: bool = False, exact: bool = False) -> Peer:
-    which = "exact Hessian" if exact else "exact Hessian at 7R, Gauss–Newton above"
-    hessian = "exact" if exact else None
-    words = f"{which}, default tolerances"
-    return own(name, residual, words, solver, compiled, hessian=hessian)
+    return prepare
 
 
 def _max_min(
     name: str, encoding: str = "two-stage", solver: str = "ipopt", compiled: bool = False
 ) -> Peer:
-    return own(name, max_min, f"encoding {encoding}", solver, compiled, encoding=encoding)
+    prepare = own(max_min, solver, compiled, encoding=encoding)
+    return Peer(name, "max-min", prepare, f"encoding {encoding}")
 
+
+def _floor(name: str, exact: bool) -> Peer:
+    function = "levenberg_marquardt", exact, _STEPS, _GRADIENT
+    return Peer(
+        f"floor: hand-written C, Levenberg–Marquardt, {name}",
+        "residual",
+        lambda arm: floor.prepare(arm, *function),
+        f"-O3, gradient below {_GRADIENT:g}",
+    )
+
+
+def _least_squares(method: str) -> Peer:
+    prepare = partial(scipy_peers.least_squares_residual, method=method)
+    words = "analytic Jacobian, default tolerances"
+    return Peer(f"scipy least_squares {method}", "residual", prepare, words)
+
+
+_EXACT = "exact Hessian, default tolerances"
+_CHOSEN = "exact Hessian at 7R, Gauss–Newton above, default tolerances"
+_FTOL = f"ftol {scipy_peers.TOLERANCE:g}"
+_JAX = f"float64, at most {jax_residual.STEPS} steps, gradient below {jax_residual.GRADIENT:g}"
 
 PEERS: Sequence[Peer] = (
-    _residual(DEFAULT, "ipopt"),
-    _residual("lockedjoint, Ipopt, exact Hessian", "ipopt", exact=True),
-    _residual(FAST, "fatrop", compiled=True),
-    _residual("lockedjoint, Fatrop, compiled, exact Hessian", "fatrop", True, True),
+    Peer(DEFAULT, "residual", own(residual), _CHOSEN),
+    Peer(
+        "lockedjoint, Ipopt, exact Hessian", "residual", own(residual, hessian="exact"), _EXACT
+    ),
+    Peer(FAST, "residual", own(residual, "fatrop", True), _CHOSEN),
+    Peer(
+        "lockedjoint, Fatrop, compiled, exact Hessian",
+        "residual",
+        own(residual, "fatrop", True, hessian="exact"),
+        _EXACT,
+    ),
+    _floor("exact Hessian", True),
+    _floor("Gauss–Newton", False),
+    _least_squares("trf"),
+    _least_squares("lm"),
+    Peer("scipy SLSQP", "residual", scipy_peers.slsqp_residual, f"analytic gradient, {_FTOL}"),
+    Peer(
+        "JAX, batched Levenberg–Marquardt",
+        "residual",
+        partial(jax_residual.prepare, exact=False),
+        _JAX,
+        batched=True,
+    ),
+    Peer(
+        "JAX, batched Newton, damped",
+        "residual",
+        partial(jax_residual.prepare, exact=True),
+        _JAX,
+        batched=True,
+    ),
+    Peer(
+        "pymanopt, trust regions on SO(3)ⁿ",
+        "residual",
+        pymanopt_residual.prepare,
+        "analytic gradient and Hessian, default tolerances",
+    ),
     _max_min(DEFAULT),
     _max_min(FAST, solver="fatrop", compiled=True),
     _max_min("lockedjoint, Schur complement, one stage", "schur-complement"),
     _max_min("lockedjoint, shared factor", "shared-factor"),
     _max_min(CLASSICAL, "factor-per-deletion"),
     _max_min("one positive factor per failure", "positive-factor-per-deletion"),
-    *floor.PEERS,
-    *scipy_peers.RESIDUAL,
-    *jax_residual.PEERS,
-    *pymanopt_residual.PEERS,
-    *scipy_peers.MAX_MIN,
+    Peer(
+        "floor: hand-written C, reduced statement",
+        "max-min",
+        lambda arm: floor.prepare(arm, "max_min", _STEPS),
+        "-O3, Gauss–Newton, then an interior point method",
+    ),
+    Peer(
+        "scipy SLSQP, eigenvalues as constraints",
+        "max-min",
+        scipy_peers.slsqp_max_min,
+        f"analytic derivatives, {_FTOL}, at most {scipy_peers.MOST} steps",
+    ),
+    Peer(
+        "Schatten smoothing, scipy L-BFGS",
+        "max-min",
+        scipy_peers.schatten_max_min,
+        f"p from {scipy_peers.POWERS[0]:g} to {scipy_peers.POWERS[-1]:g}",
+    ),
 )

@@ -2,14 +2,14 @@
 
 import numpy as np
 
-from formulations import residual
 from formulations.joints.arm import Arm
 from nlp.arrays import FloatArray
 from results.benchmark import unit_revolute as hand
-from results.benchmark.measurement import Peer, Run
+from results.benchmark.measurement import Solve
 
 
-def _prepare(arm: Arm) -> Run:
+def prepare(arm: Arm) -> Solve:
+    """Return what solves a start."""
     import pymanopt
     from pymanopt.manifolds import SpecialOrthogonalGroup
     from pymanopt.optimizers import TrustRegions
@@ -43,20 +43,10 @@ def _prepare(arm: Arm) -> Run:
     problem = pymanopt.Problem(manifold, on(cost), **derivatives)
     optimizer = TrustRegions(verbosity=0)
 
-    def one(start: FloatArray) -> FloatArray:
+    def solve(start: FloatArray) -> FloatArray:
         matrix = hand.jacobian(start)
         v, w = matrix[:3].T, matrix[3:].T
         point = np.stack([v, w, np.cross(v, w)], axis=2)
         return columns(optimizer.run(problem, initial_point=point).point)
 
-    return one
-
-
-PEERS = (
-    Peer(
-        "pymanopt, trust regions on SO(3)ⁿ",
-        residual.NAME,
-        _prepare,
-        "analytic gradient and Hessian, default tolerances",
-    ),
-)
+    return solve

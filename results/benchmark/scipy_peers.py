@@ -18,79 +18,80 @@ from functools import partial
 import numpy as np
 from scipy.optimize import least_squares, minimize
 
-from formulations import max_min, residual
 from formulations.joints.arm import Arm
 from nlp.arrays import FloatArray
 from results.benchmark import unit_revolute as hand
-from results.benchmark.measurement import NotRunError, Peer, Run
+from results.benchmark.measurement import NotRunError, Solve
 
-_POWERS = (4.0, 16.0, 64.0, 256.0, 1024.0, 4096.0)
-_MOST, _TOLERANCE = 500, 1e-10
-_FTOL = f"ftol {_TOLERANCE:g}"
+POWERS = (4.0, 16.0, 64.0, 256.0, 1024.0, 4096.0)
+MOST, TOLERANCE = 500, 1e-10
 
 
-def _least_squares(arm: Arm, method: str) -> Run:
+def least_squares_residual(arm: Arm, method: str) -> Solve:
+    """Return what solves a start by `scipy.optimize.least_squares`, ``trf`` or ``lm``."""
     if method == "lm" and arm.size > 21:
         raise NotRunError("lm needs at least as many residuals as unknowns")
 
-    def one(start: FloatArray) -> FloatArray:
-        found = least_squares(hand.residuals, start, hand.derivatives, method=method)
-        return np.asarray(hand.jacobian(found.x))
+    def solve(start: FloatArray) -> FloatArray:
+        answer = least_squares(hand.residuals, start, hand.derivatives, method=method)
+        return np.asarray(hand.jacobian(answer.x))
 
-    return one
+    return solve
 
 
-def _residual_slsqp(_: Arm) -> Run:
+def slsqp_residual(_: Arm) -> Solve:
+    """Return what solves a start by SLSQP without constraints."""
+
     def both(angles: FloatArray) -> tuple[float, FloatArray]:
         rows = hand.residuals(angles)
         return float(rows @ rows), 2 * rows @ hand.derivatives(angles)
 
-    def one(start: FloatArray) -> FloatArray:
-        options = {"ftol": _TOLERANCE, "maxiter": 1000}
-        found = minimize(both, start, jac=True, method="SLSQP", options=options)
-        return np.asarray(hand.jacobian(found.x))
+    def solve(start: FloatArray) -> FloatArray:
+        options = {"ftol": TOLERANCE, "maxiter": 1000}
+        answer = minimize(both, start, jac=True, method="SLSQP", options=options)
+        return np.asarray(hand.jacobian(answer.x))
 
-    return one
+    return solve
 
 
-def _max_min_slsqp(arm: Arm) -> Run:
+def slsqp_max_min(arm: Arm) -> Solve:
+    """Return what solves a start by SLSQP, eigenvalues as constraints."""
     downwards = np.append(np.zeros(arm.size), -1.0)
 
     def gaps(point: FloatArray) -> FloatArray:
         return np.asarray(hand.locked_eigenvalues(point[:-1])[0] - point[-1])
 
     def slopes(point: FloatArray) -> FloatArray:
-        found = hand.locked_eigenvalues(point[:-1])[1]
-        return np.asarray(np.column_stack([found, -np.ones(len(found))]))
+        rows = hand.locked_eigenvalues(point[:-1])[1]
+        return np.asarray(np.column_stack([rows, -np.ones(len(rows))]))
 
-    def one(start: FloatArray) -> FloatArray:
+    def solve(start: FloatArray) -> FloatArray:
         level = hand.locked_eigenvalues(start)[0].min()
-        found = minimize(
+        answer = minimize(
             lambda point: -point[-1],
             np.append(start, level),
             jac=lambda _: downwards,
             constraints={"type": "ineq", "fun": gaps, "jac": slopes},
             method="SLSQP",
-            options={"ftol": _TOLERANCE, "maxiter": _MOST},
+            options={"ftol": TOLERANCE, "maxiter": MOST},
         )
-        return np.asarray(hand.jacobian(found.x[:-1]))
+        return np.asarray(hand.jacobian(answer.x[:-1]))
 
-    return one
+    return solve
 
 
-def _schatten(_: Arm) -> Run:
+def schatten_max_min(_: Arm) -> Solve:
+    """Return what solves a start by L-BFGS on Schatten norms of growing power."""
     options = {"maxiter": 2000, "maxfun": 4000}
-    solve = partial(
-        minimize, _smoothed, jac=True, method="L-BFGS-B", tol=1e-12, options=options
-    )
+    step = partial(minimize, _smoothed, jac=True, method="L-BFGS-B", tol=1e-12, options=options)
 
-    def one(start: FloatArray) -> FloatArray:
+    def solve(start: FloatArray) -> FloatArray:
         x = start
-        for power in _POWERS:
-            x = solve(x, (power,)).x
+        for power in POWERS:
+            x = step(x, (power,)).x
         return np.asarray(hand.jacobian(x))
 
-    return one
+    return solve
 
 
 def _smoothed(angles: FloatArray, power: float) -> tuple[float, FloatArray]:
@@ -107,31 +108,3 @@ def _smoothed(angles: FloatArray, power: float) -> tuple[float, FloatArray]:
     slopes = -np.einsum("nak,nk,nbk->nab", vectors, weights, vectors)
     slope = 2 * (slopes.sum(axis=0) @ matrix - np.einsum("nab,bn->an", slopes, matrix))
     return float(top + np.log(total) / power), hand.chain(angles, slope)
-
-
-RESIDUAL = (
-    *(
-        Peer(
-            f"scipy least_squares {method}",
-            residual.NAME,
-            partial(_least_squares, method=method),
-            "analytic Jacobian, default tolerances",
-        )
-        for method in ("trf", "lm")
-    ),
-    Peer("scipy SLSQP", residual.NAME, _residual_slsqp, f"analytic gradient, {_FTOL}"),
-)
-MAX_MIN = (
-    Peer(
-        "scipy SLSQP, eigenvalues as constraints",
-        max_min.NAME,
-        _max_min_slsqp,
-        f"analytic derivatives, {_FTOL}, at most {_MOST} steps",
-    ),
-    Peer(
-        "Schatten smoothing, scipy L-BFGS",
-        max_min.NAME,
-        _schatten,
-        f"p from {_POWERS[0]:g} to {_POWERS[-1]:g}",
-    ),
-)

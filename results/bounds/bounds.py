@@ -15,7 +15,7 @@ from formulations.io.provenance import provenance, versions
 from formulations.io.study import Effort, write_json
 from formulations.io.table import HIDDEN, column
 from formulations.measures import gap_percent
-from results.script import declared, main
+from results.script import main, study_of
 
 #: The folder of the certificates, within that of the study.
 CERTIFICATES = "certificates"
@@ -108,9 +108,9 @@ class RelaxationRow(Source):
 
 def sharpest(rows: Sequence[BoundRow], quantity: str, kind: str) -> BoundRow | None:
     """Return the sharpest bound of a kind on seven unit revolute joints, if there is one."""
-    found = [row for row in rows if (row.quantity, row.kind, row.joints) == (quantity, kind, 7)]
+    same = [row for row in rows if (row.quantity, row.kind, row.joints) == (quantity, kind, 7)]
     pick = max if quantity == "residual" else min
-    return pick(found, key=lambda row: row.bound) if found else None
+    return pick(same, key=lambda row: row.bound, default=None)
 
 
 def _shown(row: BoundRow) -> str:
@@ -137,11 +137,6 @@ class BoundRun:
     compute: Callable[[Effort, Path], Mapping[str, Any]]
 
 
-def _existence(order: int) -> BoundRun:
-    command = f"lockedjoint bound existence --order {order} --json"
-    return BoundRun(command, lambda *_: existence_relaxation(order, task_dimension=6).to_dict())
-
-
 def _global(quantity: str, preset: str, rigorous: bool = False) -> BoundRun:
     def compute(effort: Effort, certificate: Path) -> Mapping[str, Any]:
         settings: dict[str, Any] = {"rng": effort.seed, "progress": effort.progress}
@@ -165,8 +160,13 @@ RUNS: Mapping[str, BoundRun] = MappingProxyType(
             "lockedjoint bound worst-case --lever-arm 1 --json",
             lambda *_: worst_case_bound(7, (3, 3), (7.0, 7.0)),
         ),
-        "existence_order_2.json": _existence(2),
-        "existence_order_3.json": _existence(3),
+        **{
+            f"existence_order_{order}.json": BoundRun(
+                f"lockedjoint bound existence --order {order} --json",
+                lambda *_, order=order: existence_relaxation(order, task_dimension=6).to_dict(),
+            )
+            for order in (2, 3)
+        },
         "residual_compact.json": _global("residual", "compact"),
         "residual_tight.json": _global("residual", "tight"),
         "residual_compact_rigorous.json": _global("residual", "compact", rigorous=True),
@@ -245,7 +245,7 @@ def _number(value: float | None) -> float:
     return NAN if value is None else float(value)
 
 
-STUDY = declared(
+STUDY = study_of(
     __file__,
     title="how good any answer could be: eq. (6), the residual, max-min, existence",
     page="README.md",

@@ -14,7 +14,7 @@ from formulations.existence.verify import TheoremReport, verify
 from formulations.io.files import write_text
 from formulations.io.study import Effort
 from formulations.io.table import column
-from results.script import declared, main
+from results.script import main, study_of
 
 _CERTIFICATE = "certificate.json"
 _WRONG = "not proved"
@@ -96,7 +96,7 @@ def _complain(rows: Sequence[object]) -> str:
     return "the identity does not hold at a random matrix" if wrong else ""
 
 
-STUDY = declared(
+STUDY = study_of(
     __file__,
     title="for which n optimally failure-tolerant nR Jacobians exist, in exact arithmetic",
     page="README.md",

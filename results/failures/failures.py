@@ -23,7 +23,7 @@ from formulations.solving.case import Case
 from formulations.solving.outcome import Outcome
 from formulations.unequal_max_min import Goal, score
 from nlp.arrays import FloatArray
-from results.script import declared, main
+from results.script import main, study_of
 
 STARTS = 100
 _ALIKE = "all alike"
@@ -178,7 +178,7 @@ def _bound(case: Case, jacobian: FloatArray) -> float:
     return bounds[case.settings["goal"]](case.arm.shape[0], norms, failures)
 
 
-STUDY = declared(
+STUDY = study_of(
     __file__,
     title="several joints locked at once, joints that never fail, unequal probabilities",
     page="failures.md",

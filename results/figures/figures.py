@@ -9,7 +9,7 @@ from formulations.io.study import Effort
 from formulations.plot.figures import FIGURES
 from formulations.plot.picture import Request
 from formulations.plot.style import content
-from results.script import declared, main
+from results.script import main, study_of
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ def compute(effort: Effort, folder: Path) -> Iterator[FigureRow]:
         yield FigureRow(name, *files, len(picture.table), starts, command)
 
 
-STUDY = declared(
+STUDY = study_of(
     __file__,
     title="Figs. 1 and 3 from computed robots, the 7R optimum, trade-off, optima",
     page="README.md",

@@ -16,11 +16,11 @@ from formulations.kinematics.forward import Kinematics
 from formulations.paths.plan import PathPlan
 from formulations.paths.search import PathSearch, check_reach, plan_path
 from formulations.paths.waypoints import ToolPath
-from formulations.plot.path import draw
+from formulations.plot.robots import draw_path
 from formulations.plot.style import content
 from formulations.robots.robot_arm import RobotArm
 from results.robots.survey import ARMS, SurveyArm
-from results.script import declared, main
+from results.script import main, study_of
 
 # Digits of the positions that are stored, radians or metres.
 _DIGITS = 7
@@ -51,20 +51,21 @@ class StudyPath:
     @property
     def robot(self) -> SurveyArm:
         """The arm in the survey."""
-        return next(one for one in ARMS if one.name == self.arm)
+        return next(arm for arm in ARMS if arm.name == self.arm)
 
     def stated(self) -> tuple[RobotArm, ToolPath]:
         """Return the arm and the path; poses for an arm of six task directions."""
         arm = self.robot.arm()
         home = np.array(json.loads(self.home)) if self.home else arm.chain.mid_range
         kinematics = Kinematics(arm.chain)
-        origin, turn, _ = kinematics.forward(home[:, None])
-        offsets = np.array([(*one, 0, 0, 0)[:6] for one in json.loads(self.waypoints)])
+        origin, rotation, _ = kinematics.forward(home[:, None])
+        offsets = np.array([(*place, 0, 0, 0)[:6] for place in json.loads(self.waypoints)])
         positions = origin[:, 0] + offsets[:, :3]
         if arm.shape[0] == 3:
             return arm, ToolPath(positions)
-        turns = Rotation.from_euler("xyz", offsets[:, 3:])
-        return arm, ToolPath(positions, (turns * Rotation.from_matrix(turn[..., 0])).as_quat())
+        home_rotation = Rotation.from_matrix(rotation[..., 0])
+        rotations = Rotation.from_euler("xyz", offsets[:, 3:]) * home_rotation
+        return arm, ToolPath(positions, rotations.as_quat())
 
 
 #: The paths of the study.
@@ -123,59 +124,59 @@ class PathRow:
 
 def compute(effort: Effort, folder: Path) -> Iterator[PathRow]:
     """Yield a row for each path; draw the first trajectory, and write them all."""
-    stated = [one.stated() for one in PATHS]
+    stated = [declared.stated() for declared in PATHS]
     for arm, path in stated:  # a waypoint out of reach is better known before all others
         check_reach(arm, path)
     entries: list[dict[str, object]] = []
-    for one, (arm, path) in zip(PATHS, stated, strict=True):
-        effort.progress(f"{one.arm}, {one.path}")
+    for declared, (arm, path) in zip(PATHS, stated, strict=True):
+        effort.progress(f"{declared.arm}, {declared.path}")
         search = PathSearch(tracks=effort.starts or PathSearch.tracks, seed=effort.seed)
         started = time.process_time()
         plan = plan_path(arm, path, search)
         cpu = time.process_time() - started
         if not entries:
-            write_bytes(folder / "path.svg", content(draw(plan), "svg"))
+            write_bytes(folder / "path.svg", content(draw_path(plan), "svg"))
         entry = {
-            "arm": one.arm,
-            "path": one.path,
+            "arm": declared.arm,
+            "path": declared.path,
             "times": np.round(plan.times, _DIGITS).tolist(),
             "configurations": np.round(plan.planned.configurations, _DIGITS).tolist(),
             "survivors": plan.planned.survives.sum(axis=1).tolist(),
         }
         entries.append(entry)
         write_json(folder / "trajectories.json", entries)
-        yield row_of(one, arm, plan, cpu)
+        yield row_of(declared, arm, plan, cpu)
 
 
-def row_of(one: StudyPath, arm: RobotArm, found: PathPlan, cpu: float) -> PathRow:
-    """Return what was found for a path as a row."""
-    base, planned, nan = found.minimum_norm, found.planned, float("nan")
+def row_of(declared: StudyPath, arm: RobotArm, plan: PathPlan, cpu: float) -> PathRow:
+    """Return the plan for a path as a row."""
+    base, planned, nan = plan.minimum_norm, plan.planned, float("nan")
     hopeless = [
         name
-        for name, last in zip(found.joints, found.unrecoverable_until, strict=True)
+        for name, last in zip(plan.joints, plan.unrecoverable_until, strict=True)
         if last >= 0
     ]
     return PathRow(
-        arm=one.arm,
-        package=one.robot.package,
-        path=one.path,
+        arm=declared.arm,
+        package=declared.robot.package,
+        path=declared.path,
         joints=arm.size,
         task_dimension=arm.shape[0],
         minimum_norm_percent=nan if base is None else base.share,
         percent=planned.share,
-        ceiling_percent=found.ceiling,
+        ceiling_percent=plan.ceiling,
         minimum_norm_sigma=nan if base is None else float(base.sigma.min()),
         least_sigma=float(planned.sigma.min()),
         hopeless=", ".join(hopeless),
-        polished="yes" if found.polished else "no",
-        largest_speed=found.speed,
-        deviation=found.deviation,
-        nodes=found.nodes,
+        polished="yes" if plan.polished else "no",
+        largest_speed=plan.speed,
+        deviation=plan.deviation,
+        nodes=plan.nodes,
         cpu_seconds=round(cpu, 1),
     )
 
 
-STUDY = declared(
+STUDY = study_of(
     __file__,
     title="trajectories along which joints may lock",
     page="paths.md",

@@ -10,7 +10,7 @@ from formulations.robots.posture import Posture, best_posture
 from formulations.robots.posture_search import Search
 from formulations.robots.robot_assessment import best_7r
 from results.robots.survey import ARMS, SurveyArm
-from results.script import declared, main
+from results.script import main, study_of
 
 STARTS = 200
 
@@ -85,35 +85,35 @@ def compute(effort: Effort, folder: Path) -> Iterator[RobotRow]:
         workers=effort.workers,
         progress=effort.bars,
     )
-    arms = [one.arm() for one in ARMS]  # a missing package is better known at once
+    arms = [robot.arm() for robot in ARMS]  # a missing package is better known at once
     entries = []
-    for one, arm in zip(ARMS, arms, strict=True):
-        effort.progress(f"{one.name}, {one.task}")
+    for robot, arm in zip(ARMS, arms, strict=True):
+        effort.progress(f"{robot.name}, {robot.task}")
         posture = best_posture(arm, search)
-        entries.append({"arm": one.name, "variant": one.task, **posture.to_dict()})
+        entries.append({"arm": robot.name, "variant": robot.task, **posture.to_dict()})
         write_json(folder / "postures.json", entries)
-        yield row_of(one, posture)
+        yield row_of(robot, posture)
         if not posture.complete:
             raise KeyboardInterrupt
 
 
-def row_of(one: SurveyArm, found: Posture) -> RobotRow:
+def row_of(robot: SurveyArm, posture: Posture) -> RobotRow:
     """Return an arm and its best posture as a row."""
-    arm = one.arm()
+    arm = robot.arm()
     m, n = arm.shape
     nan = float("nan")
-    at = found.assessment
+    at = posture.assessment
     kinds = {
         kind: ", ".join(each.joint for each in at.structural if each.kind == kind)
         for kind in ("structural", "near-structural")
     }
     return RobotRow(
-        arm=one.name,
-        package=one.package,
-        file=one.file,
-        base=one.base,
-        tip=one.tip,
-        task=one.task,
+        arm=robot.name,
+        package=robot.package,
+        file=robot.file,
+        base=robot.base,
+        tip=robot.tip,
+        task=robot.task,
         joints=n,
         prismatic=sum(arm.chain.prismatic),
         task_dimension=m,
@@ -124,14 +124,14 @@ def row_of(one: SurveyArm, found: Posture) -> RobotRow:
         sigma_bound=at.sigma_bound,
         percent_of_bound=at.percent_of_bound,
         percent_of_best_7r=100 * at.worst_case_sigma / best_7r() if m == 6 else nan,
-        mid_range_sigma=found.mid_range_sigma,
+        mid_range_sigma=posture.mid_range_sigma,
         structural=kinds["structural"],
         near_structural=kinds["near-structural"],
         structural_ratio=min((each.ratio for each in at.structural), default=nan),
         at_limits=", ".join(at.at_limits),
-        starts=found.starts,
-        reached_best=found.reached_best,
-        status_counts=dict(found.status_counts),
+        starts=posture.starts,
+        reached_best=posture.reached_best,
+        status_counts=dict(posture.status_counts),
         configuration=dict(at.configuration),
     )
 
@@ -144,7 +144,7 @@ def _worst(row: RobotRow) -> str:
     return row.worst_case_joint
 
 
-STUDY = declared(
+STUDY = study_of(
     __file__,
     title="the best postures of arms that exist",
     page="robots.md",

@@ -51,11 +51,11 @@ class SurveyArm:
     def path(self) -> Path:
         """Where the file is; MissingLibraryError if the package is not installed."""
         try:
-            found = distribution(self.package).locate_file(_FOLDERS[self.package])
+            folder = distribution(self.package).locate_file(_FOLDERS[self.package])
         except PackageNotFoundError:
             package = "--no-deps robosuite" if self.package == "robosuite" else ""
             raise MissingLibraryError(self.package, package) from None
-        return Path(str(found)) / self.file
+        return Path(str(folder)) / self.file
 
     def arm(self) -> RobotArm:
         """Return the arm at the default characteristic length."""

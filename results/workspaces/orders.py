@@ -115,13 +115,13 @@ def _not_dominated(row: OrderRow, rows: Sequence[OrderRow]) -> bool:
 
 def ranked(point: TradeOffPoint, effort: Effort) -> tuple[OrderRow, FloatArray]:
     """Return the robots of one Jacobian as a row, and what random ones of them keep."""
-    arm, kept = realise(point.jacobian), CRITERIA["kept"]
+    arm, criterion = realise(point.jacobian), CRITERIA["kept"]
     first = Sampling(effort.seed, _POINTS, HALF)
-    found = rank(arm, kept.name, first, _SHORTLIST, effort.progress)
-    finalists = found.arrangements[:_FINALISTS]
+    ranking = rank(arm, criterion.name, first, _SHORTLIST, effort.progress)
+    finalists = ranking.arrangements[:_FINALISTS]
     # Other points than those by which they were chosen, or the largest would be too large.
     final = Sampling(effort.seed + 1, FINAL_POINTS, HALF)
-    values = kept.evaluate(family(arm, finalists), final)
+    values = criterion.evaluate(family(arm, finalists), final)
     best = int(np.argmax(values))
     ball = kept_ball(first, family(arm, finalists[[best]]))
     share = values[best] / ball
@@ -137,7 +137,7 @@ def ranked(point: TradeOffPoint, effort: Effort) -> tuple[OrderRow, FloatArray]:
         least=float(np.min(typical)),
         front="",
         order=" ".join(map(str, finalists.orders[best].tolist())),
-        jacobian={str(k): one for k, one in enumerate(point.jacobian.tolist())},
+        jacobian={str(k): row for k, row in enumerate(point.jacobian.tolist())},
     )
     return row, typical
 

@@ -14,16 +14,16 @@ from formulations.io.table import HIDDEN, column
 from formulations.kinematics.chain_between import chain_between
 from formulations.kinematics.read_robot import read_robot
 from formulations.kinematics.serial_arm import Ranges, SerialArm
+from formulations.plot.robots import draw_workspace
 from formulations.plot.style import content
-from formulations.plot.workspace import draw
 from formulations.workspaces.best_limits import STARTS, best_limits
 from formulations.workspaces.workspace import Workspace, measured, workspace
 from results.robots.survey import SurveyArm
-from results.script import declared, main
+from results.script import main, study_of
 from results.workspaces.orders import SETTINGS, OrderRow, orders
 
 #: Artificial limits of the planar 3R arm whose area is known, 0.355811.
-_KNOWN: Ranges = tuple((-one, one) for one in np.deg2rad([20.0, 90.0, 90.0]).tolist())
+_KNOWN: Ranges = tuple((-end, end) for end in np.deg2rad([20.0, 90.0, 90.0]).tolist())
 _AS_GIVEN, _PHYSICAL = "as given", "physical limits"
 _LIMITS, _LENGTHS = "best limits", "best limits and lengths"
 # Arms in space whose link lengths are chosen, too.
@@ -89,10 +89,10 @@ class WorkspaceRow:
 
 def compute(effort: Effort, folder: Path) -> Iterator[WorkspaceRow | OrderRow]:
     """Yield a row for each workspace, which is drawn, and for each Jacobian of seven joints."""
-    for arm, choice, kept in chain(_planar(effort), _spatial(effort)):
-        row = row_of(arm, choice, kept)
+    for arm, choice, result in chain(_planar(effort), _spatial(effort)):
+        row = row_of(arm, choice, result)
         if row.figure:
-            write_bytes(folder / row.figure, content(draw(kept), "svg"))
+            write_bytes(folder / row.figure, content(draw_workspace(result), "svg"))
         yield row
     yield from orders(effort, folder)
 
@@ -139,32 +139,32 @@ def _spatial(effort: Effort) -> Iterator[Judged]:
             yield name, _LENGTHS, workspace(arm, limits, voxel, progress=effort.progress)
 
 
-def row_of(arm: str, choice: str, found: Workspace) -> WorkspaceRow:
+def row_of(arm: str, choice: str, result: Workspace) -> WorkspaceRow:
     """Return a workspace as a row."""
-    names = [one.name for one in found.arm.steps]
-    depths = {str(k): one for k, one in enumerate(found.passed) if one == one}
+    names = [step.name for step in result.arm.steps]
+    depths = {str(k): share for k, share in enumerate(result.passed) if share == share}
     drawn = choice == _LIMITS
     return WorkspaceRow(
         arm=arm,
         choice=choice,
-        dimension=found.dimension,
-        method=str(found.to_dict()["method"]),
-        size=found.size,
-        error=found.error,
-        raw=found.raw,
-        without_failure=found.before,
-        physical=found.physical,
-        percent_kept=100 * found.size / found.physical,
-        fatal=", ".join(found.critical),
-        voxel=found.sets.voxel,
+        dimension=result.dimension,
+        method=str(result.to_dict()["method"]),
+        size=result.size,
+        error=result.error,
+        raw=result.raw,
+        without_failure=result.before,
+        physical=result.physical,
+        percent_kept=100 * result.size / result.physical,
+        fatal=", ".join(result.critical),
+        voxel=result.sets.voxel,
         passed_by_depth=depths,
-        limits={k: [float(x) for x in one] for k, one in zip(names, found.limits, strict=True)},
-        links=dict(zip(names, found.arm.links.tolist(), strict=True)),
+        limits={k: [*map(float, ends)] for k, ends in zip(names, result.limits, strict=True)},
+        links=dict(zip(names, result.arm.links.tolist(), strict=True)),
         figure=f"{arm.replace(' ', '-').lower()}.svg" if drawn else "",
     )
 
 
-STUDY = declared(
+STUDY = study_of(
     __file__,
     title="what failures leave of workspaces, and the best limits",
     page="workspaces.md",

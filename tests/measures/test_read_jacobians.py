@@ -21,13 +21,18 @@ def text(matrix):
         ("a.csv", text(MATRIX)),
         ("a.csv", "\ufeff" + text(MATRIX) + "\r\n\n"),
         ("a.CSV", text(MATRIX).replace(",", " , ")),
+        ("a.csv", text(MATRIX).replace(",", "; ")),
+        ("a.csv", text(MATRIX).replace(",", ";").replace(".", ",")),
+        ("a.tsv", text(MATRIX).replace(",", "\t")),
+        ("a.txt", "# of numpy.savetxt\n" + text(MATRIX).replace(",", " ")),
+        ("a.csv", "joint 1,joint 2,a,b\n" + text(MATRIX)),
         ("a.json", json.dumps(MATRIX.tolist())),
         ("a.json", json.dumps({"jacobian": MATRIX.tolist(), "more": 1})),
     ],
 )
 def test_reads_every_digit(tmp_path, name, content):
     (tmp_path / name).write_text(content, encoding="utf-8")
-    [(_, matrix)] = read_jacobians(tmp_path / name)
+    [(_, matrix)] = read_jacobians(str(tmp_path / name))
     np.testing.assert_array_equal(matrix, MATRIX)
 
 
@@ -36,11 +41,12 @@ def test_reads_npy_and_lists_of_jacobians(tmp_path):
     np.testing.assert_array_equal(read_jacobians(tmp_path / "a.npy")[0][1], MATRIX)
     listed = [
         {"formulation": "max-min", "model": "free", "jacobian": MATRIX.tolist()},
+        {"formulation": "isotropy", "verdict": "solved", "jacobian": MATRIX.tolist()},
         {"jacobian": (2 * MATRIX).tolist()},
     ]
     (tmp_path / "b.json").write_text(json.dumps(listed))
-    (first, one), (_, two) = read_jacobians(tmp_path / "b.json")
-    assert first == "max-min free"
+    (first, one), (answer, _), (_, two) = read_jacobians(tmp_path / "b.json")
+    assert (first, answer) == ("max-min free", "isotropy, solved")
     np.testing.assert_array_equal(2 * one, two)
 
 
@@ -67,7 +73,11 @@ def test_an_npz_that_is_no_matrix_or_a_bomb_is_refused(tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("name", "content"),
     [
-        ("a.txt", b"1,2"),
+        ("a.md", b"1,2"),
+        ("a.csv", b"1,2,3\n4,5"),
+        ("a.csv", b"1,2,3\na,b,c"),
+        ("a.csv", b"a,b,c\na,b,c\n1,2,3"),
+        ("a.csv", b"1,2,,3"),
         ("a.npz", b"PK"),
         ("a.csv", b"1,2,x\n1,2,3"),
         ("a.json", b'{"jacobian": {"a": 1}}'),

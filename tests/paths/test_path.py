@@ -35,10 +35,10 @@ def planar(made):
 def line(arm, reach=0.15, count=12):
     """Poses along a line through the pose midway between the limits."""
     kinematics = Kinematics(arm.chain)
-    origin, turn, _ = kinematics.forward(arm.chain.mid_range[:, None] + 0.4)
+    origin, rotation, _ = kinematics.forward(arm.chain.mid_range[:, None] + 0.4)
     along = np.linspace(-reach, reach, count)[:, None]
     positions = origin[:, 0] + along * np.array([0.2, 1.0, -0.3])
-    return kinematics, Poses(positions, np.repeat(turn[..., 0][None], count, 0))
+    return kinematics, Poses(positions, np.repeat(rotation[..., 0][None], count, 0))
 
 
 def tool_path(poses):
@@ -48,13 +48,13 @@ def tool_path(poses):
 
 def test_inverse_kinematics_reach_the_pose_within_limits(arm):
     kinematics, poses = line(arm)
-    found = on_path(kinematics, poses, 3, 100, np.random.default_rng(1))
-    assert found.shape[1] > 10
+    q = on_path(kinematics, poses, 3, 100, np.random.default_rng(1))
+    assert q.shape[1] > 10
     lower, upper = arm.bounds
-    assert np.all((found >= lower[:, None]) & (found <= upper[:, None]))
-    origin, turn, _ = kinematics.forward(found)
-    assert np.max(np.abs(kinematics.error(origin, turn, *poses.at(3)))) < 1e-5
-    assert np.max(np.abs(turn - poses.rotations[3][..., None])) < 3e-5
+    assert np.all((q >= lower[:, None]) & (q <= upper[:, None]))
+    origin, rotation, _ = kinematics.forward(q)
+    assert np.max(np.abs(kinematics.error(origin, rotation, *poses.at(3)))) < 1e-5
+    assert np.max(np.abs(rotation - poses.rotations[3][..., None])) < 3e-5
 
 
 def test_survivors_are_those_of_elementary_geometry(planar):
@@ -78,8 +78,8 @@ def test_survivors_are_those_of_elementary_geometry(planar):
 
     told = {True: 0, False: 0}
     for q, end in zip(nodes.T, ends.T, strict=True):
-        for joint, (distance, one, other) in enumerate(rings(q)):
-            inside = np.minimum(distance - abs(one - other), one + other - distance)
+        for joint, (distance, near, far) in enumerate(rings(q)):
+            inside = np.minimum(distance - abs(near - far), near + far - distance)
             outside = np.flatnonzero(inside < -1e-3)
             if outside.size:
                 # It gets to the border, unless a limit of a joint ends it before.
@@ -104,42 +104,39 @@ def test_a_locked_joint_stays_and_the_pose_is_kept(arm):
 
 def test_the_plan_survives_more_than_minimum_norm_and_keeps_all_limits(arm):
     kinematics, poses = line(arm)
-    found = plan_path(arm, tool_path(poses), QUICK)
-    share = found.planned.share
-    assert found.minimum_norm is None or share >= found.minimum_norm.share
-    assert share <= found.ceiling <= np.mean(found.joint_ceiling) + 1e-9
-    q = found.planned.configurations
+    plan = plan_path(arm, tool_path(poses), QUICK)
+    share = plan.planned.share
+    assert plan.minimum_norm is None or share >= plan.minimum_norm.share
+    assert share <= plan.ceiling <= np.mean(plan.joint_ceiling) + 1e-9
+    q = plan.planned.configurations
     lower, upper = arm.bounds
     assert np.all((q >= lower) & (q <= upper))
-    assert found.speed <= 1.0
+    assert plan.speed <= 1.0
     origin, _, _ = kinematics.forward(q.T)
-    np.testing.assert_allclose(origin.T, found.poses.positions, atol=2e-5)
+    np.testing.assert_allclose(origin.T, plan.poses.positions, atol=2e-5)
     # Measured again, by hand: the survivors of one sample.
-    ends = survivors(kinematics, q[[4]].T, np.array([4]), found.poses)
-    assert (ends[:, 0] == 11).tolist() == found.planned.survives[4].tolist()
-    assert np.all(found.planned.survives[-1])
+    ends = survivors(kinematics, q[[4]].T, np.array([4]), plan.poses)
+    assert (ends[:, 0] == 11).tolist() == plan.planned.survives[4].tolist()
+    assert np.all(plan.planned.survives[-1])
 
 
-def test_a_joint_whose_ranges_do_not_meet_is_hopeless(planar):
+def test_a_failure_that_no_trajectory_survives(planar):
     """Near the base and then at full stretch: joint 1 of a planar 3R has no common angle."""
     path = ToolPath(np.array([[1.2, 0, 0], [2.55, 0, 0]]))
-    chain = narrowed(planar.chain, {"j1": (0.0, 3.1), "j2": (0.0, 3.1)})
+    arm = RobotArm(narrowed(planar.chain, dict.fromkeys(("j1", "j2"), (0, 3.1))), planar.task)
     search = replace(QUICK, samples=20, duration=30.0)
-    found = plan_path(RobotArm(chain, planar.task), path, search)
-    again = plan_path(RobotArm(chain, planar.task), path, search)
-    assert np.array_equal(again.planned.configurations, found.planned.configurations)
-    rows = {one["joint"]: one for one in found.joint_rows()}
+    plan, again = (plan_path(arm, path, search) for _ in range(2))
+    assert np.array_equal(again.planned.configurations, plan.planned.configurations)
     # At 1.2 joints 1 and 2 may be anywhere between, but at 2.55 both are nearly straight.
-    assert found.joint_ceiling[1] < 100
-    for row, hopeless in zip(rows.values(), found.unrecoverable_until, strict=True):
-        assert (row["unrecoverable_until"] is None) == (hopeless < 0)
-        if hopeless >= 0:
-            assert not found.planned.survives[
-                : hopeless + 1, found.joints.index(row["joint"])
-            ].any()
+    assert plan.joint_ceiling[1] < 100
+    for joint, (row, last) in enumerate(
+        zip(plan.joint_rows(), plan.unrecoverable_until, strict=True)
+    ):
+        assert (row["unrecoverable_until"] is None) == (last < 0)
+        assert not plan.planned.survives[: last + 1, joint].any()
 
 
-def test_what_was_found_before_an_interrupt_is_kept(planar):
+def test_what_was_found_before_an_interrupt_is_an_answer(planar):
     said = []
 
     def interrupt(words):
@@ -148,11 +145,11 @@ def test_what_was_found_before_an_interrupt_is_kept(planar):
             raise KeyboardInterrupt
 
     path = ToolPath(np.array([[1.2, 0, 0], [2.2, 0, 0]]))
-    found = plan_path(planar, path, replace(QUICK, progress=interrupt))
+    plan = plan_path(planar, path, replace(QUICK, progress=interrupt))
     assert len(said) == 3
-    assert not found.complete
-    assert not found.statuses
-    assert 0 < found.planned.share <= found.ceiling
+    assert not plan.complete
+    assert not plan.statuses
+    assert 0 < plan.planned.share <= plan.ceiling
 
 
 def test_the_polish_is_smooth_on_the_path_and_within_speeds(arm):
@@ -162,13 +159,12 @@ def test_the_polish_is_smooth_on_the_path_and_within_speeds(arm):
     q = track[:, :, int(np.argmax(last))]
     most = np.abs(np.diff(q, axis=0)) + 0.05
     jagged = q + 0.02 * np.random.default_rng(5).normal(size=q.shape)
-    problem = transcription(
-        *(arm.chain, poses, range(6), most, q, np.full(q.shape, 0.1), 3.0),
-    )
-    found = solve(problem, np.clip(jagged, *arm.bounds).ravel())
-    assert found.status.acceptable
-    moved = found.variables.reshape(q.shape)
-    assert found.feasible
+    weight = np.full(q.shape, 0.1)
+    problem = transcription(arm.chain, poses, range(6), most, q, weight, 3.0)
+    solution = solve(problem, np.clip(jagged, *arm.bounds).ravel())
+    assert solution.status.acceptable
+    assert solution.feasible
+    moved = solution.variables.reshape(q.shape)
     assert np.linalg.norm(np.diff(moved, 2, axis=0)) <= np.linalg.norm(np.diff(q, 2, axis=0))
     assert np.all(np.abs(np.diff(moved, axis=0)) <= most)
     origin, _, _ = kinematics.forward(moved.T)
@@ -187,16 +183,16 @@ FORMS = {
 
 @pytest.mark.parametrize("name", FORMS)
 def test_waypoints_in_every_form(tmp_path, name):
-    turn = Rotation.from_euler("xyz", [0.1, 0.2, 0.3])
-    shown = ",".join(map(str, turn.as_quat()))
+    rotation = Rotation.from_euler("xyz", [0.1, 0.2, 0.3])
+    shown = ",".join(map(str, rotation.as_quat()))
     (tmp_path / name).write_text(FORMS[name].replace("{}", shown), encoding="utf-8")
     path = read_waypoints(tmp_path / name)
     times, poses, places = path.sampled(11, 5.0)
     assert times == pytest.approx(np.linspace(0, 5, 11))
     assert poses.positions[5] == pytest.approx([0.5, 0, 1])
-    half = Rotation.from_rotvec(turn.as_rotvec() / 2).as_matrix()
-    assert poses.rotations[0] == pytest.approx(turn.as_matrix())
-    assert poses.rotations[5] == pytest.approx(half)
+    half = Rotation.from_rotvec(rotation.as_rotvec() / 2)
+    assert poses.rotations[0] == pytest.approx(rotation.as_matrix())
+    assert poses.rotations[5] == pytest.approx(half.as_matrix())
     assert places[[0, 5, 10]] == pytest.approx([1, 1.5, 2])
 
 
@@ -249,10 +245,8 @@ def test_the_command_writes_what_it_says(lockedjoint, made, arm, tmp_path):
     assert done.returncode == 0, done.stderr
     for said in ("percent", "minimum norm", "ceiling", "Written to here", "j6 "):
         assert said in done.stdout
-    found = json.loads((tmp_path / "here/path.json").read_text())
-    with (tmp_path / "here/path.csv").open() as file:
-        rows = list(csv.DictReader(file))
-    assert [float(row["j3"]) for row in rows] == [
-        point[3] for point in found["trajectory"]["configurations"]
-    ]
+    written = json.loads((tmp_path / "here/path.json").read_text())
+    rows = csv.DictReader((tmp_path / "here/path.csv").read_text().splitlines())
+    points = written["trajectory"]["configurations"]
+    assert [float(row["j3"]) for row in rows] == [point[3] for point in points]
     assert (tmp_path / "here/path.svg").read_text().count("joints that may lock") == 1

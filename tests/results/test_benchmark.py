@@ -12,48 +12,39 @@ import numpy as np
 import pytest
 
 from formulations import measures
+from formulations.io import pages
 from formulations.io.study import Effort
 from formulations.joints.models import arm
 from results.benchmark import benchmark
 from results.benchmark import unit_revolute as hand
-from results.benchmark.benchmark import drawn, growth, targets
-from results.benchmark.measurement import (
-    BenchmarkRow,
-    NotRunError,
-    Peer,
-    measure,
-)
+from results.benchmark.benchmark import drawn, study
+from results.benchmark.measurement import BenchmarkRow, NotRunError, Peer, measure
 from results.benchmark.peers import DEFAULT, FAST, PEERS
 
 SEVEN = arm("unit-revolute", 7)
 STARTS = np.array([SEVEN.sample(np.random.default_rng(k)) for k in range(2)])
 
 
-def test_hand_written_residuals_are_those_of_the_models():
+def derivative(function, start, h=1e-6):
+    """Central differences, shape (values, variables)."""
+    steps = h * np.eye(len(start))
+    ends = [[function(start + sign * step) for step in steps] for sign in (1, -1)]
+    return np.subtract(*map(np.array, ends)).T / (2 * h)
+
+
+def test_hand_written_residuals_and_eigenvalues_are_those_of_the_models():
     start = STARTS[0]
-    np.testing.assert_allclose(hand.jacobian(start), SEVEN.jacobian(start), atol=1e-14)
-    rows = hand.residuals(start)
-    assert rows @ rows == pytest.approx(measures.isotropy_defect(SEVEN.jacobian(start)))
-
-
-def test_hand_written_derivatives_are_derivatives():
-    start, h = STARTS[0], 1e-6
-    for k in range(21):
-        step = h * np.eye(21)[k]
-        change = (hand.residuals(start + step) - hand.residuals(start - step)) / (2 * h)
-        np.testing.assert_allclose(hand.derivatives(start)[:, k], change, atol=1e-8)
-
-
-def test_hand_written_eigenvalues_and_their_derivatives():
-    start, h = STARTS[0], 1e-6
-    values, slopes = hand.locked_eigenvalues(start)
     matrix = SEVEN.jacobian(start)
+    np.testing.assert_allclose(hand.jacobian(start), matrix, atol=1e-14)
+    rows = hand.residuals(start)
+    assert rows @ rows == pytest.approx(measures.isotropy_defect(matrix))
+    change = derivative(hand.residuals, start)
+    np.testing.assert_allclose(hand.derivatives(start), change, atol=1e-8)
+    values, slopes = hand.locked_eigenvalues(start)
     sigmas = [np.linalg.svd(np.delete(matrix, f, axis=1))[1] for f in range(7)]
     np.testing.assert_allclose(np.sort(values), np.sort(np.ravel(sigmas) ** 2), atol=1e-12)
-    for k in range(21):
-        step = h * np.eye(21)[k]
-        ends = (hand.locked_eigenvalues(start + sign * step)[0] for sign in (1, -1))
-        np.testing.assert_allclose(slopes[:, k], np.subtract(*ends) / (2 * h), atol=1e-6)
+    change = derivative(lambda x: hand.locked_eigenvalues(x)[0], start)
+    np.testing.assert_allclose(slopes, change, atol=1e-6)
 
 
 # JAX's threads make every later fork of the process that imports it a risk.
@@ -67,38 +58,33 @@ def test_jax_reaches_the_known_optimum_in_a_process_of_its_own():
     code = (
         "import numpy as np\n"
         "from formulations import measures\n"
-        "from results.benchmark.jax_residual import PEERS\n"
         "from formulations.joints.models import arm\n"
+        "from results.benchmark.peers import PEERS\n"
         "seven = arm('unit-revolute', 7)\n"
         "starts = np.array([seven.sample(np.random.default_rng(k)) for k in range(2)])\n"
         "for peer in PEERS:\n"
-        "    for jacobian in peer.runner(seven, 2)(starts):\n"
+        "    for jacobian in peer.prepare(seven, 2)(starts) if peer.batched else ():\n"
         "        seven.variables(jacobian)\n"
         "        print(measures.isotropy_defect(jacobian))"
     )
     root = str(Path(__file__).parents[2])
     environment = {**os.environ, "PYTHONPATH": root}
-    done = subprocess.run(
-        [sys.executable, "-c", code],
-        env=environment,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    words = [sys.executable, "-c", code]
+    done = subprocess.run(words, env=environment, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
-    np.testing.assert_allclose([float(x) for x in done.stdout.split()], 0.0568265, atol=1e-6)
+    defects = [float(x) for x in done.stdout.split()]
+    np.testing.assert_allclose(defects, [0.0568265] * 4, atol=1e-6)
 
 
 @pytest.mark.parametrize("peer", HERE, ids=lambda peer: peer.name)
 def test_every_peer_reaches_the_known_optimum(peer, tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     try:
-        run = peer.runner(SEVEN, 2)
+        solve = peer.prepare(SEVEN)
     except (ImportError, NotRunError) as reason:
         missing = ': pip install ".[peers]"' if isinstance(reason, ImportError) else ""
         pytest.skip(f"{reason}{missing}")
-    jacobians = run(STARTS)
-    assert jacobians.shape == (2, 6, 7)
+    jacobians = [solve(start) for start in STARTS]
     for jacobian in jacobians:
         SEVEN.variables(jacobian)
     if peer.formulation == "residual":
@@ -115,8 +101,8 @@ def test_compiled_peers_leave_arithmetic_alone():
     assert 2.0**-1060 / 2.0 > 0
 
 
-def fixed(jacobian_of, **keywords):
-    return Peer("fixed", "residual", lambda _: jacobian_of, **keywords)
+def fixed(jacobian_of):
+    return Peer("fixed", "residual", lambda _: jacobian_of)
 
 
 def missing(arm):
@@ -158,6 +144,12 @@ def row(peer, *milliseconds, formulation="residual", joints=7):
     return BenchmarkRow(formulation, joints, peer, "", 3, 3, 3, 3, *times, 0.0, "")
 
 
+def shown(block, rows):
+    """A table of the page, without the spaces that align it."""
+    values = {**study().settings, "rows": rows}
+    return re.sub(" +", " ", pages.block(study().template, block, values))
+
+
 def test_targets_are_met_or_missed_by_the_median_of_the_rounds():
     rows = [
         row("scipy least_squares trf", 10.0, 12.0, 9.0),
@@ -168,12 +160,11 @@ def test_targets_are_met_or_missed_by_the_median_of_the_rounds():
         row("scipy least_squares trf", 10.0, 10.0, 10.0, joints=8),
         row(FAST, 1.0, 1.0, 1.0, joints=8),
     ]
-    said = re.sub(" +", " ", targets(rows))
-    assert "| default ≥ 2 × trf | 2.5 (2.25–3), met | not measured |" in said
-    assert "| fast path ≥ 15 × trf | 10 (6–18), missed | 10 (10–10), not asked |" in said
-    assert "| fast path ≥ 1 × JAX | 1 (0.5–2), met | not measured |" in said, "the faster JAX"
-    assert "| fast path ≤ 5 × floor | not measured |" in said
-    assert "| residual" in growth(rows)
+    said = shown("targets", rows)
+    assert "default ≥ 2 × trf | 2.5 (2.25–3), met | not measured" in said
+    assert "fast path ≥ 15 × trf | 10 (6–18), missed | 10 (10–10), not asked" in said
+    assert "fast path ≥ 1 × JAX | 1 (0.5–2), met | not measured" in said, "the faster JAX"
+    assert "fast path ≤ 5 × floor | not measured" in said
 
 
 def test_every_peer_is_a_line_of_the_figure():
@@ -232,10 +223,9 @@ def test_who_uses_up_its_time_is_stopped_and_shown():
         return SEVEN.jacobian(start)
 
     peers = [fixed(SEVEN.jacobian), fixed(slow)]
-    quick, stopped = measure(peers, 7, starts=12, seed=0, time_limit=0.05)
+    quick, stopped = measure(peers, 7, starts=12, seed=0, time_limit=0.058)
     assert (quick.starts, quick.note) == (12, "")
     assert (stopped.asked, stopped.starts) == (12, 3)
-    assert stopped.note == "stopped after 0.05 s"
+    assert stopped.note == "stopped after 0.058 s"
     assert 0.02 <= stopped.cpu_seconds_per_start < 0.2
-    line = growth([stopped]).splitlines()[-1]
-    assert line.rstrip(" |").endswith("*")
+    assert shown("growth", [stopped]).rstrip().endswith("*")
