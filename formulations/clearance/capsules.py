@@ -47,13 +47,13 @@ def capsule_around(shapes: Sequence[Shape], pose: FloatArray) -> Capsule:
         Of the link in the body's frame, 4×4.
     """
     clouds = [_points(shape) for shape in shapes]
-    points = np.concatenate([one for one, _ in clouds])
-    extra = np.concatenate([np.full(len(one), around) for one, around in clouds])
+    points = np.concatenate([cloud for cloud, _ in clouds])
+    extra = np.concatenate([np.full(len(cloud), around) for cloud, around in clouds])
     principal = np.linalg.svd(points - points.mean(axis=0), full_matrices=False)[2]
     fits = [_along(axis, points, extra) for axis in (*np.eye(3), *principal)]
     best = min(fits, key=_volume)
     rotation, origin = pose[:3, :3], pose[:3, 3]
-    start, end = (rotation @ one + origin for one in (best.start, best.end))
+    start, end = (rotation @ point + origin for point in (best.start, best.end))
     return Capsule(start, end, best.radius + _MARGIN)
 
 

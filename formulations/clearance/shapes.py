@@ -72,12 +72,15 @@ def read_shapes(root: Element, path: Path) -> Geometry:
     InputError
         If geometry is malformed, or there is no such mesh.
     """
-    found = {}
+    geometry = {}
     for link in root.findall("link"):
         name = link.get("name", "")
         source = "collision" if link.find("collision/geometry") is not None else "visual"
-        found[name] = (tuple(_shape(one, name, path) for one in link.findall(source)), source)
-    return found
+        geometry[name] = (
+            tuple(_shape(element, name, path) for element in link.findall(source)),
+            source,
+        )
+    return geometry
 
 
 def _shape(element: Element, link: str, path: Path) -> Shape:
@@ -85,7 +88,7 @@ def _shape(element: Element, link: str, path: Path) -> Shape:
     pose = pose_of(element, where)
     kinds = list(element.find("geometry") or ())
     if len(kinds) != 1 or kinds[0].tag not in (*_SIZES, "mesh"):
-        shown = ", ".join(f"<{one.tag}>" for one in kinds) or "without geometry"
+        shown = ", ".join(f"<{kind.tag}>" for kind in kinds) or "without geometry"
         raise InputError(where, shown, "one box, cylinder, sphere or mesh")
     (kind,) = kinds
     if kind.tag == "mesh":

@@ -34,8 +34,8 @@ def segment_distance(
         part = np.clip(part / np.where(square > 0, square, 1), 0, 1)
         return np.asarray(np.linalg.norm(point - start - part * span, axis=axis))
 
-    one, other = (start, end), (other_start, other_end)
+    first, second = (start, end), (other_start, other_end)
     ends = np.minimum.reduce(
-        [*(to(point, *other) for point in one), *(to(point, *one) for point in other)]
+        [*(to(point, *second) for point in first), *(to(point, *first) for point in second)]
     )
     return np.asarray(np.where(inside, between, ends))
