@@ -26,15 +26,22 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from formulations.clearance.capsules import Capsule, capsule_around, gap_squared
-from formulations.clearance.shapes import Geometry, Shape, coal_library, read_shapes, solid
+from formulations.clearance.shapes import (
+    Capsule,
+    Geometry,
+    Shape,
+    capsule_around,
+    coal_library,
+    gap_squared,
+    read_shapes,
+    solid,
+)
 from formulations.kinematics.chain import Bodies, Chain
 from formulations.kinematics.chain_between import bodies_of
 from formulations.kinematics.forward import Kinematics, body_frames
-from formulations.kinematics.link_chain import BoolArray
+from formulations.kinematics.link_chain import BoolArray, segment_distance
 from formulations.kinematics.read_urdf import urdf_tree
 from formulations.kinematics.read_xml import from_file, is_urdf, xml_root
-from formulations.kinematics.segments import segment_distance
 from formulations.kinematics.tree import RobotTree
 from nlp.arrays import FloatArray
 from nlp.errors import InputError

@@ -8,12 +8,11 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from formulations.clearance.capsules import capsule_around, gap_squared
 from formulations.clearance.link_clearance import read_clearance
-from formulations.clearance.shapes import Shape
+from formulations.clearance.shapes import Shape, capsule_around, gap_squared
 from formulations.kinematics.chain_between import chain_between
+from formulations.kinematics.link_chain import segment_distance
 from formulations.kinematics.read_robot import read_robot
-from formulations.kinematics.segments import segment_distance
 from formulations.kinematics.tree import RobotError
 from formulations.robots.pose_constrained_arm import Pose, PoseConstrainedArm
 from formulations.robots.posture import best_posture
