@@ -37,7 +37,7 @@ def placed(made, declared, configuration):
         q[model.joints[model.getJointId(name)].idx_q] = value
     assert np.all((q >= model.lowerPositionLimit) & (q <= model.upperPositionLimit))
     pin.framesForwardKinematics(model, data, q)
-    sigma = made.by_pinocchio(model, declared, configuration)[1]
+    sigma = made.by_pinocchio(declared, configuration)[1]
     return data.oMf[model.getFrameId(declared.tip)], sigma
 
 

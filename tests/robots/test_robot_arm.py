@@ -30,9 +30,9 @@ def real(name):
 
 
 @pytest.mark.parametrize("declared", ARMS, ids=lambda one: f"{one.name}, {one.task}")
-def test_real_arms_agree_with_pinocchio(declared, model_of, made):
+def test_real_arms_agree_with_pinocchio(declared, made):
     """Panda, iiwa, UR and all the rest, at random configurations, to 1e-9."""
-    model, arm = model_of(declared), declared.arm()
+    model, arm = made.pinocchio_model(declared), declared.arm()
     rng = np.random.default_rng(7)
     for _ in range(20):
         point = arm.sample(rng)
