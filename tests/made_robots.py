@@ -127,9 +127,9 @@ def pinocchio_model(declared):
 
 def by_pinocchio(declared, configuration):
     """From a posture to ℓ and σ without any of our kinematics, scaling or measures."""
-    chain = declared.arm().chain
+    model, chain = pinocchio_model(declared), declared.arm().chain
     assert chain.names == tuple(configuration)
-    matrix = of_pinocchio(pinocchio_model(declared), chain, configuration.values())
+    matrix = of_pinocchio(model, chain, configuration.values())
     slides = np.array(chain.prismatic)
     turning = matrix[:, ~slides]
     length = np.sqrt(np.sum(turning[:3] ** 2) / np.sum(turning[3:] ** 2))
