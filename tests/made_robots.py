@@ -74,11 +74,15 @@ def tree(text):
     return urdf_tree(xml_root(text.encode()))
 
 
+def chain(robot, tip=None, **more):
+    """A chain of URDF text, or of joints as `joint` writes them, to the last link."""
+    whole = tree(robot if isinstance(robot, str) else urdf(robot))
+    return chain_between(whole, tip or whole.leaves[0], **more)
+
+
 def arm(text, tip=None, task="all", frame="base", length=None, **more):
     """An arm of URDF text; what is more goes to `chain_between`."""
-    whole = tree(text)
-    chain = chain_between(whole, tip or whole.leaves[0], **more)
-    return RobotArm(chain, TaskSpace.parse(task, frame), length)
+    return RobotArm(chain(text, tip, **more), TaskSpace.parse(task, frame), length)
 
 
 def planar(lengths, task="vx,vy", limit='lower="-2" upper="2" effort="1" velocity="1"'):

@@ -6,10 +6,7 @@ import numpy as np
 import pytest
 
 from formulations import measures
-from formulations.kinematics.chain_between import chain_between
-from formulations.robots.robot_arm import RobotArm
 from formulations.robots.structural import structural_failures
-from formulations.robots.task import TaskSpace
 from tests.made_robots import real
 
 # Modified Denavit–Hartenberg parameters (α, a, d) of a spherical shoulder, an elbow and a
@@ -37,10 +34,7 @@ def arm(made, parameters, task="all", point=(0, 0.02, 0.1)):
         )
         for k, (alpha, a, d) in enumerate(parameters)
     ]
-    tip = f"l{len(parameters)}"
-    return RobotArm(
-        chain_between(made.tree(made.urdf(joints)), tip, point=point), TaskSpace.parse(task)
-    )
+    return made.arm(made.urdf(joints), task=task, point=point)
 
 
 def test_a_spherical_shoulder_and_wrist(made):
