@@ -81,9 +81,9 @@ def chain_between(
             )
         check_limits(name, value, known[name].lower, known[name].upper)
     moving = [
-        motion
-        for motion in driven.values()
-        if motion[1].name not in locked_at and motion[2] != 0.0
+        (joint, driver, k, c)
+        for joint, driver, k, c in driven.values()
+        if driver.name not in locked_at and k != 0.0
     ]
     ranged = _ranges(moving)
     immobile = {
