@@ -208,14 +208,14 @@ def _zero_everywhere(arm: RobotArm, search: Search) -> bool:
     if "locked" not in search.stated.SETTINGS or search.goal != "worst":
         return False
     free = RobotArm(arm.chain, arm.task, arm.length)
-    exact = [one for one in structural_failures(free) if one.kind == "structural"]
-    if len(exact) == arm.size and all(one.miss is None for one in exact):
+    exact = [failure for failure in structural_failures(free) if failure.kind == "structural"]
+    if len(exact) == arm.size and all(failure.miss is None for failure in exact):
         directions = ",".join(arm.task.directions)
         allowed = "directions in which the tip can move at some posture"
         raise RobotError(f"task of {arm.description}", directions, allowed)
     models = scenarios(search.failures) if search.failures else ()
-    fallible = {arm.chain.names[f] for one in models for f in one.fallible}
-    return any(not models or one.joint in fallible for one in exact)
+    fallible = {arm.chain.names[f] for model in models for f in model.fallible}
+    return any(not models or failure.joint in fallible for failure in exact)
 
 
 def _any_posture(arm: RobotArm, search: Search) -> FloatArray:

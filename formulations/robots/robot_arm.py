@@ -312,7 +312,7 @@ def _batch_functions(arm: RobotArm, count: int) -> tuple[ca.Function, ca.Functio
 def _call(function: ca.Function, result: FloatArray, *arguments: FloatArray) -> None:
     """Evaluate on the memory of arrays: a row here is a column of CasADi, nothing is copied."""
     buffer, evaluate = cast("Any", function).buffer()
-    for k, one in enumerate(arguments):
-        buffer.set_arg(k, one.data)
+    for k, argument in enumerate(arguments):
+        buffer.set_arg(k, argument.data)
     buffer.set_res(0, result.data)
     evaluate()

@@ -30,13 +30,12 @@ def tiago():
 
 
 @pytest.mark.parametrize("declared", ARMS, ids=lambda one: f"{one.name}, {one.task}")
-def test_the_postures_on_record_by_pinocchio_alone(declared, made, model_of):
+def test_the_postures_on_record_by_pinocchio_alone(declared, made):
     """Every row of results/robots is as good as it says, within the limits."""
-    model = model_of(declared)
     recorded = json.loads((RESULTS / "postures.json").read_text())
     key = (declared.name, declared.task)
     (found,) = (one for one in recorded if (one["arm"], one["variant"]) == key)
-    length, sigma = made.by_pinocchio(model, declared, found["configuration"])
+    length, sigma = made.by_pinocchio(declared, found["configuration"])
     assert length == pytest.approx(found["characteristic_length"])
     assert sigma == pytest.approx(found["worst_case_sigma"], abs=1e-9)
     declared.arm().chain.within_limits(list(found["configuration"].values()))
