@@ -279,7 +279,7 @@ def test_what_is_no_json_or_too_complex_is_refused(text, tmp_path):
 def test_deeply_nested_parts_are_refused(depth, certificate, tmp_path):
     path = tmp_path / "bound.json"
     nested = "[" * depth + "]" * depth
-    for start in ('"joints": ', '"labels": '):
+    for start in ('"quantity": ', '"joints": ', '"bound": ', '"labels": ', '"factor": '):
         before, after = certificate.to_json().split(start, 1)
         path.write_text(f'{before}{start}{nested}, "rest": {after}')
         require_refused(path)
@@ -422,7 +422,7 @@ def test_verify_and_bound_on_the_command_line(lockedjoint, document, tmp_path):
 
 def test_a_rigorous_bound_is_what_its_certificate_states(monkeypatch, tmp_path):
     few = degree_sectors(4, range(1), range(1))
-    monkeypatch.setattr(residual_bound, "residual_preset", lambda _: few)
+    monkeypatch.setitem(residual_bound.RESIDUAL_PRESETS, "compact", few)
     path = tmp_path / "folder" / "bound.json"
     found = residual_bound.residual_bound(rigorous=True, joints=6, out=path)
     verified = verify_bound(read_any(path))
@@ -436,7 +436,7 @@ def test_a_rigorous_bound_is_what_its_certificate_states(monkeypatch, tmp_path):
 def test_nothing_is_reported_that_was_not_verified(monkeypatch, tmp_path):
     """With a constant that is 1 too large the solver claims ρ ≥ 1, where 0 is attained."""
     few = degree_sectors(4, range(1), range(1))
-    monkeypatch.setattr(residual_bound, "residual_preset", lambda _: few)
+    monkeypatch.setitem(residual_bound.RESIDUAL_PRESETS, "compact", few)
     value = MomentProgram.dual_value
     monkeypatch.setattr(MomentProgram, "dual_value", lambda *given: value(*given) + 1)
     with pytest.raises(CertificateError, match="prove only"):
