@@ -28,7 +28,7 @@ import numpy as np
 from numpy.polynomial import chebyshev
 
 from formulations.conic import check_solver, run
-from nlp.arrays import FloatArray, whole_number
+from nlp.arrays import FloatArray, nearest_semidefinite, whole_number
 
 _DEGREE = 3  # of φ, as Chebyshev polynomials of 2d − 1; h has twice the degree
 _ZONAL = 4  # l = 0 … ZONAL
@@ -205,10 +205,7 @@ def _solve(
 def _checked(
     m: int, n: int, blocks: list[FloatArray], lift: FloatArray, judge: FloatArray, status: str
 ) -> TwoPointBound:
-    projected = []
-    for block in blocks:
-        values, vectors = np.linalg.eigh(0.5 * (block + block.T))
-        projected.append((vectors * np.maximum(values, 0.0)) @ vectors.T)
+    projected = [nearest_semidefinite(block) for block in blocks]
     violation = max(float(_excess(m, judge, projected, lift).max()), 0.0)
     d = np.linspace(0.0, 1.0, 20001)
     same = np.stack([d, d, np.ones_like(d)], axis=1)

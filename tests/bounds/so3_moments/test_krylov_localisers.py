@@ -6,7 +6,6 @@ import pytest
 from formulations.bounds.so3_moments.localisers import KrylovLocaliser
 from formulations.bounds.so3_moments.moment_program import margin_program
 from formulations.bounds.so3_moments.relaxation import (
-    nearest_semidefinite,
     solve_relaxation,
 )
 from formulations.bounds.so3_moments.row_sectors import RowSector, degree_sectors
@@ -15,6 +14,7 @@ from formulations.bounds.so3_moments.worst_case_conditions import (
     WorstCaseConditions,
     condition_families,
 )
+from nlp.arrays import nearest_semidefinite
 
 
 def lowest_eigenvalue(families, where):

@@ -16,13 +16,13 @@ from formulations.bounds.so3_moments.predictor_corrector import solve_with_predi
 from formulations.bounds.so3_moments.relaxation import (
     SolverFailureError,
     identity_leftover,
-    nearest_semidefinite,
     residual_values,
     solve_relaxation,
 )
 from formulations.bounds.so3_moments.row_sectors import RowSector
 from formulations.bounds.so3_moments.sampled_blocks import sector_families
 from formulations.existence.rings import optimal_jacobian
+from nlp.arrays import nearest_semidefinite
 
 LOW = [RowSector(k, c, spin, 4) for k in (0, 2, 4) for c in (0, 2) for spin in (0, 1)]
 
