@@ -355,7 +355,7 @@ def test_global_bounds(lockedjoint, tmp_path, monkeypatch):
     found = json.loads(eight.stdout)
     assert found["kind"] == "closed form"
     assert found["bound"] == pytest.approx(np.sqrt(2 / 3), abs=1e-9)
-    monkeypatch.setattr(residual_bound, "residual_preset", lambda _: residual_bound.DEGREE_4)
+    monkeypatch.setitem(residual_bound.RESIDUAL_PRESETS, "compact", residual_bound.DEGREE_4)
     low = lockedjoint.here("bound", "residual", cwd=tmp_path)
     assert low.returncode == 0, low.stderr
     assert "numerical" in low.stdout
