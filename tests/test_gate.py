@@ -1,6 +1,5 @@
 """The gate: nothing that did not converge to a feasible point is called solved or best."""
 
-import json
 from dataclasses import replace
 
 import numpy as np
@@ -42,24 +41,5 @@ def test_a_start_that_did_not_converge_is_not_the_best():
     assert with_both.best.score == pytest.approx(np.sqrt(1 / 2), abs=1e-7)
     assert with_both.reached == outcome.reached
     usual, row = row_of(outcome), row_of(with_both)
-    same = (
-        "verdict",
-        "score",
-        "worst_case_sigma",
-        "reached_best",
-        "distinct_optima",
-        "violation",
-    )
-    assert [getattr(row, name) for name in same] == [getattr(usual, name) for name in same]
-
-
-def test_the_command_says_so(lockedjoint, tmp_path):
-    options = ("--starts", "2", "--workers", "1", "--ipopt", "max_iter=3")
-    text = lockedjoint.here("solve", "max-min", *options, cwd=tmp_path).stdout
-    assert "verdict" in text
-    assert "not solved; least violation" in text
-    found = json.loads(
-        lockedjoint.here("solve", "max-min", *options, "--json", cwd=tmp_path).stdout
-    )
-    assert found["verdict"] == "not solved"
-    assert found["reached_best"] == 0
+    for name in ("verdict", "score", "worst_case_sigma", "reached_best", "distinct_optima"):
+        assert getattr(row, name) == getattr(usual, name)
