@@ -36,8 +36,11 @@ def finite_vector(argument: str, value: npt.ArrayLike, size: int) -> FloatArray:
 def as_floats(argument: str, value: npt.ArrayLike) -> FloatArray:
     """Return `value` as an array of floats; InputError where it is none.
 
-    Complex numbers, booleans, dates and text that looks like numbers are refused, not cast.
+    Complex numbers, booleans, dates and text that looks like numbers are refused, not cast, and
+    so are masked entries.
     """
+    if np.ma.is_masked(value):
+        raise InputError(argument, "an array with masked entries", "an array without them")
     try:
         given = np.asarray(value)
         if given.dtype.kind in "fiu" or given.size == 0 or _all_real(given):

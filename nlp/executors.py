@@ -1,18 +1,14 @@
-"""Where starts run: worker processes of this machine, or a Dask cluster.
-
-`nlp.dispatch` takes any `concurrent.futures.Executor`; these two are ready to use.
-"""
+"""Worker processes of this machine; `nlp.dispatch` takes any other executor as well."""
 
 from __future__ import annotations
 
-import gc
 import os
 import signal
 import threading
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import BrokenExecutor, Executor, Future
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from multiprocessing import resource_tracker
 from types import TracebackType
 from typing import Any
@@ -20,7 +16,7 @@ from typing import Any
 from joblib import cpu_count
 from joblib.externals.loky import ProcessPoolExecutor
 
-from nlp.errors import MissingLibraryError, WorkerError
+from nlp.errors import WorkerError
 
 # The matrices are small: threads of linear algebra would only wait for one another.
 _ONE_THREAD = {
@@ -29,7 +25,6 @@ _ONE_THREAD = {
 }
 _PER_CORE = 8  # worker processes; more would only exhaust the machine's memory
 _IDLE_SECONDS = 10.0  # after which processes without work end
-_CONNECT_SECONDS = 12.0  # after which a cluster that does not answer is given up
 
 
 def default_workers() -> int:
@@ -174,41 +169,3 @@ def _end_with_parent(parent: int) -> None:
 
     if os.name == "posix":  # elsewhere the number stays the same
         threading.Thread(target=watch, daemon=True).start()
-
-
-@contextmanager
-def dask_executor(address: str) -> Iterator[Executor]:
-    """Yield the executor of a running Dask cluster, and leave the cluster at the end.
-
-    Start workers with one thread each. Whoever reaches the scheduler can run code on the
-    scheduler and on the workers.
-
-    Parameters
-    ----------
-    address
-        Address of the scheduler, such as ``tcp://host:8786``.
-
-    Raises
-    ------
-    InputError
-        If Dask is not installed.
-    WorkerError
-        If no Dask scheduler answers there.
-    """
-    try:
-        from distributed import Client
-    except ImportError:
-        raise MissingLibraryError("distributed", "dask distributed") from None
-    failure = ""
-    try:
-        client = Client(address, timeout=_CONNECT_SECONDS, set_as_default=False)
-    except (OSError, TypeError, ValueError) as reason:
-        failure = f"No Dask scheduler answers at {address} ({reason})."
-    if failure:
-        gc.collect()  # the half-made client ends now: while another begins it would wait for it
-        raise WorkerError(failure)
-    try:
-        yield client.get_executor(pure=False)
-    finally:
-        with suppress(Exception):  # a scheduler that has ended does not answer
-            client.close(timeout=1.0)

@@ -148,36 +148,32 @@ def _asked(options: str) -> dict[str, OptionValue]:
 
 
 def _answer() -> None:
-    """Read options from standard input; print them checked, or name, value and what is allowed.
+    """Read options as JSON; print them checked, or name, value and what is allowed.
 
     For a process of its own; see `_asked`.
     """
     given: dict[str, OptionValue] = json.load(sys.stdin)
     checked: dict[str, OptionValue] = {}
-    answer: object = checked
+    wrong: tuple[str, object, str]
     for name, value in given.items():
-        kind, words = _kind(name)
+        # No option takes a dictionary, and CasADi names the type that it wants instead.
+        error = _trial({name: {}})[0]
+        kind, words = next((kind for word, kind in _KINDS.items() if word in error), (str, ""))
         if not words:
-            answer = ["", name, "the name of an option in Ipopt's option reference"]
+            wrong = "", name, "the name of an option in Ipopt's option reference"
             break
         typed = _typed(value, kind)
-        if typed is None or _trial(name, typed)[0]:
-            answer = [name, value, _allowed(name, typed, words)]
+        if typed is None or _trial({name: typed})[0]:
+            wrong = name, value, _allowed(name, typed, words)
             break
         checked[name] = typed
     else:
         if checked.get("linear_solver", "mumps") != "mumps":
-            _solve_with(checked)
-    print(json.dumps(answer))
-
-
-def _kind(name: str) -> tuple[type[OptionValue], str]:
-    """Type of an option of Ipopt, also in words; no words if there is no such option.
-
-    No option takes a dictionary, and CasADi names the type that it wants instead.
-    """
-    error, _ = _trial(name, {})
-    return next((kind for word, kind in _KINDS.items() if word in error), (str, ""))
+            names = ("linear_solver", "hsllib", "pardisolib")
+            _trial({name: checked[name] for name in names if name in checked}, solve=True)
+        print(json.dumps(checked))
+        return
+    print(json.dumps(wrong))
 
 
 def _typed(value: OptionValue, kind: type[OptionValue]) -> OptionValue | None:
@@ -193,7 +189,7 @@ def _typed(value: OptionValue, kind: type[OptionValue]) -> OptionValue | None:
 def _allowed(name: str, tried: OptionValue | None, words: str) -> str:
     """What Ipopt allows in place of a value of the right type, or of None."""
     # No option takes an empty text in place of one of its settings: Ipopt then lists them.
-    lines = _trial(name, "" if tried is None else tried)[1].rstrip().splitlines()
+    lines = _trial({name: "" if tried is None else tried})[1].rstrip().splitlines()
     settings = [line.split()[0] for line in lines if line.startswith("\t")]
     if settings:
         return "one of " + ", ".join(settings)
@@ -203,29 +199,22 @@ def _allowed(name: str, tried: OptionValue | None, words: str) -> str:
     return f"{words}, {low}{name}{rest.partition(')')[2]}".replace("<=", "≤")
 
 
-def _trial(name: str, value: object) -> tuple[str, str]:
-    """Set Ipopt up with one option; return CasADi's error, if any, and what Ipopt printed."""
+def _trial(options: Mapping[str, object], solve: bool = False) -> tuple[str, str]:
+    """Set Ipopt up with options; return CasADi's error, if any, and what Ipopt printed.
+
+    A linear solver that cannot be loaded shows when it is to solve, and ends this process.
+    """
     import casadi as ca
 
     x, printed = ca.SX.sym("x"), io.StringIO()
-    settings: dict[str, Any] = {"ipopt": {**QUIET, name: value}, "print_time": False}
+    settings: dict[str, Any] = {"ipopt": {**QUIET, **options}, "print_time": False}
     with redirect_stdout(printed):  # CasADi prints through Python's standard output
         try:
-            ca.nlpsol("trial", "ipopt", {"x": x, "f": x**2}, settings)
+            solver = ca.nlpsol("trial", "ipopt", {"x": x, "f": x**2}, settings)
         except RuntimeError as error:
             return str(error), printed.getvalue()
+        if solve:
+            solver(x0=1.0)
+            if solver.stats()["return_status"] != "Solve_Succeeded":
+                sys.exit(1)
     return "", printed.getvalue()
-
-
-def _solve_with(options: Mapping[str, OptionValue]) -> None:
-    """Solve with a linear solver; one that cannot be loaded ends this process."""
-    import casadi as ca
-
-    names = ("linear_solver", "hsllib", "pardisolib")
-    taken = {**QUIET, **{name: options[name] for name in names if name in options}}
-    settings: dict[str, Any] = {"ipopt": taken, "print_time": False}
-    x = ca.SX.sym("x")
-    solver = ca.nlpsol("trial", "ipopt", {"x": x, "f": x**2}, settings)
-    solver(x0=1.0)
-    if solver.stats()["return_status"] != "Solve_Succeeded":
-        sys.exit(1)

@@ -16,11 +16,13 @@ import sys
 import zlib
 from collections.abc import Callable, Iterator
 from contextlib import chdir, contextmanager, redirect_stderr, redirect_stdout
+from copy import deepcopy
 from functools import cache
 from pathlib import Path
 from tempfile import TemporaryFile
 from time import process_time
 from timeit import timeit
+from types import ModuleType
 from typing import Any
 from unittest.mock import patch
 
@@ -87,6 +89,32 @@ def once(common: Path) -> Callable[[str, Callable[[], Any]], Any]:
             return pickle.loads(file.read_bytes())
 
     return result
+
+
+@pytest.fixture(scope="session")
+def patched() -> Callable[..., Any]:
+    """Return ``patched(document, {path: change, …})``: a copy of a JSON document, changed.
+
+    Keys of a path are separated by points. A change is the new value, a function of the old
+    one, or ``...``, which takes the value out.
+    """
+
+    def changed(document: Any, changes: dict[str, Any]) -> Any:
+        copy = deepcopy(document)
+        for path, change in changes.items():
+            *way, last = (
+                int(key) if key.lstrip("-").isdigit() else key for key in path.split(".")
+            )
+            target = copy
+            for key in way:
+                target = target[key]
+            if change is ...:
+                del target[last]
+            else:
+                target[last] = change(target[last]) if callable(change) else change
+        return copy
+
+    return changed
 
 
 @contextmanager
@@ -187,3 +215,11 @@ class CommandLine:
 def lockedjoint() -> CommandLine:
     """Return what runs the command line: ``lockedjoint("solve", "residual", cwd=folder)``."""
     return CommandLine()
+
+
+@pytest.fixture(scope="session")
+def made() -> ModuleType:
+    """Return what makes robots for the tests."""
+    from tests import made_robots  # not earlier: it imports NumPy
+
+    return made_robots

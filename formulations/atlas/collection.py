@@ -1,7 +1,7 @@
 """The atlas on disk: one text file for each entry, read, checked and improved."""
 
 from collections.abc import Iterator, Mapping
-from dataclasses import fields
+from dataclasses import fields, replace
 from importlib.resources import files
 from math import inf
 from pathlib import Path
@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from formulations import manipulability
 from formulations.atlas.entry import RESOLUTION, Entry, EntryPage, Found, entries, entry
+from formulations.atlas.exact_value import proved_value, proves
 from formulations.atlas.local_optimality import local_optimality
 from formulations.io.files import load_json, read_bytes, real_in, write_text
 from formulations.measures.canonical import canonical_form
@@ -113,8 +113,8 @@ def problem_of(page: EntryPage) -> str:
     if not asked.holds(page.jacobian):
         return "J is not one of the Jacobians that the entry asks for"
     try:
-        proved = asked.proved_value(page.jacobian)
-        if not asked.proves(page.jacobian, page.value):
+        proved = proved_value(asked.arm, page.jacobian, asked.locked, asked.relative)
+        if not proves(asked.arm, page.jacobian, page.value, asked.locked, asked.relative):
             return f"the value {page.value} is not proved, only {proved}"
     except InputError as error:
         return str(error).rstrip(".")
@@ -157,20 +157,17 @@ def improved(
     if not asked.holds(form):  # the model orders its joints: mixed kinds, in the order given
         form = jacobian
     form = np.asarray(np.round(form * 2.0**60) / 2.0**60)
-    proved = asked.proved_value(form)
-    if known is None:
-        return EntryPage(asked, form, proved, _family(asked, form), found)
-    if float(proved) - float(known.value) < RESOLUTION:
-        return EntryPage(asked, known.jacobian, known.value, known.family, found, known.history)
-    before: Mapping[str, Any] = {"value": known.value, "found": vars(known.found)}
-    history = (*known.history, before)
+    proved = proved_value(asked.arm, form, asked.locked, asked.relative)
+    history: tuple[Mapping[str, Any], ...] = ()
+    if known is not None:
+        if float(proved) - float(known.value) < RESOLUTION:
+            return replace(known, found=found)
+        history = (*known.history, {"value": known.value, "found": vars(known.found)})
     return EntryPage(asked, form, proved, _family(asked, form), found, history)
 
 
 def _family(asked: Entry, jacobian: FloatArray) -> int | None:
-    if asked.formulation == manipulability.NAME:
-        return None
-    return local_optimality(asked, jacobian).family
+    return None if asked.relative else local_optimality(asked, jacobian).family
 
 
 def write_page(page: EntryPage, where: Path) -> Path:

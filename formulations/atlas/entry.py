@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 
 from formulations import isotropy, manipulability, max_min, registry
-from formulations.atlas import exact_value
 from formulations.bounds.certified import Bound, sharpest
 from formulations.joints import models
 from formulations.joints.arm import Arm
@@ -62,29 +61,10 @@ class Entry:
         bound = registry.formulation_of(self.formulation).bound
         return sharpest(bound(self.arm, self.locked, proved) for proved in (True, False))
 
-    def proved_value(self, jacobian: FloatArray) -> str:
-        """Return the entry's measure of a Jacobian, proved from below; a decimal number.
-
-        Raises
-        ------
-        InputError
-            If it is not of the model, or nothing can be proved.
-        """
-        relative = self.formulation == manipulability.NAME
-        return exact_value.proved_value(self.arm, jacobian, self.locked, relative)
-
-    def proves(self, jacobian: FloatArray, value: str) -> bool:
-        """Whether a Jacobian's measure is proved not to be below a decimal number above 0.
-
-        Unlike the last digit of `proved_value`, the answer is the same on every machine.
-
-        Raises
-        ------
-        InputError
-            If it is not of the model, or singular.
-        """
-        relative = self.formulation == manipulability.NAME
-        return exact_value.proves(self.arm, jacobian, value, self.locked, relative)
+    @property
+    def relative(self) -> bool:
+        """Whether its value is the least relative manipulability instead of the worst case."""
+        return self.formulation == manipulability.NAME
 
     def holds(self, jacobian: FloatArray) -> bool:
         """Whether a Jacobian, shape (m, n), is one of those that the entry asks for."""

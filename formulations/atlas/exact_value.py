@@ -15,11 +15,11 @@ from collections import defaultdict
 from collections.abc import Iterator
 from fractions import Fraction
 from itertools import combinations
-from math import isqrt
 
 import numpy as np
 
 from formulations import measures
+from formulations.bounds.closed_form import rational_root_above, root_below
 from formulations.joints.arm import Arm
 from formulations.joints.joint import Joint
 from formulations.joints.kinds import FreeColumn, LeverRevolute, Prismatic, UnitRevolute
@@ -61,7 +61,7 @@ def proved_value(
     square = _proved_square(arm, jacobian, locked)
     if square <= 0:
         raise InputError("jacobian", "singular after a failure", "one that can be proved")
-    return _decimal(Fraction(isqrt((square * _SCALE**2).__floor__()), _SCALE))
+    return _decimal(root_below(square, _SCALE))
 
 
 def proves(
@@ -186,7 +186,7 @@ def distance_from_model(arm: Arm, columns: list[Vector]) -> Fraction:
         excess = total / sum((limit for _, limit in lengths), Fraction(0)) - 1
         one_sided = isinstance(joint, LeverRevolute)
         moved += [_scaled(excess, length, one_sided) for length, _ in lengths]
-    return square_root_above(sum(moved, Fraction(0)))
+    return rational_root_above(sum(moved, Fraction(0)), _SCALE)
 
 
 def _onto_axis(velocity: Vector, axis: Vector) -> tuple[Fraction, Fraction]:
@@ -209,11 +209,6 @@ def _scaled(excess: Fraction, length: Fraction, one_sided: bool) -> Fraction:
     if one_sided and excess <= 0:
         return Fraction(0)
     return excess**2 * length
-
-
-def square_root_above(value: Fraction) -> Fraction:
-    """Return a rational number not below √value."""
-    return Fraction(isqrt((value * _SCALE**2).__ceil__()) + 1, _SCALE)
 
 
 def _dot(first: Vector, second: Vector) -> Fraction:

@@ -15,7 +15,6 @@ Where it is negative but for changes of frame and phase, the optimum is isolated
 beyond these is the family: an upper bound on the dimension of the optima around J.
 """
 
-import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import combinations, combinations_with_replacement
@@ -26,6 +25,7 @@ import numpy.typing as npt
 
 from formulations import isotropy
 from formulations.atlas.entry import Entry
+from formulations.conic import run
 from formulations.joints.joint import Joint
 from formulations.joints.kinds import FreeColumn, Prismatic, UnitRevolute
 from formulations.measures import locked_sets
@@ -144,9 +144,7 @@ def _multipliers(
         left = left + map_ @ cp.vec(part, order="C")
     total = sum(cp.trace(part) for part in parts)
     problem = cp.Problem(cp.Minimize(cp.norm(left)), [total == 1])
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # of cvxpy's: the stationarity is returned
-        problem.solve(solver=cp.CLARABEL)
+    run(problem, "CLARABEL")
     found = [np.atleast_2d(np.asarray(part.value, dtype=np.float64)) for part in parts]
     return float(problem.value), found, np.asarray(weights.value, dtype=np.float64)
 

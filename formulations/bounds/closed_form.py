@@ -17,7 +17,7 @@ in which there is no rounding, of the very doubles that are returned.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from fractions import Fraction
 
 from formulations.measures import eigenvalue_bound
@@ -55,12 +55,13 @@ def block_trace_bound(joints: int, sizes: Sequence[int], traces: Sequence[float]
     means = [
         positive("traces", trace) / size for trace, size in zip(traces, sizes, strict=True)
     ]
-    low, high = 0.0, min(means)
+
+    def is_below(t: float) -> bool:
+        shares = (size / (mean - t) for size, mean in zip(sizes, means, strict=True))
+        return t * sum(shares) < redundancy
+
     # f(t) = t Σ m_B/(mean_B − t) rises from 0 to infinity, so bisection cannot miss the root.
-    while low < (middle := 0.5 * (low + high)) < high:
-        shares = (size / (mean - middle) for size, mean in zip(sizes, means, strict=True))
-        spent = middle * sum(shares)
-        low, high = (middle, high) if spent < redundancy else (low, middle)
+    high = first_double(is_below, 0.0, min(means))
     exact = [(Fraction(trace) / size, size) for size, trace in zip(sizes, traces, strict=True)]
     while _spent(exact, Fraction(high)) < redundancy:
         high = math.nextafter(high, math.inf)
@@ -109,9 +110,7 @@ def with_one_more_locked(task_dimension: int, joints: int, limit: float) -> floa
     trace is at most `limit`, above m; weighted by 1 − G_ff, these n conditions add up to
     (n − m − s)(`limit` − m − s) ≥ s + s²/m (docs/several_failures.md).
     """
-    m = whole_number("task dimension", task_dimension, 1)
-    more = whole_number("joints", joints, m + 1) - m
-    rest = positive("limit", limit) - m
+    m, more, rest = task_dimension, joints - task_dimension, limit - task_dimension
     middle = more + rest + 1
     root = math.sqrt(middle**2 - 4 * (1 - 1 / m) * more * rest)
     return m + 2 * more * rest / (middle + root)
@@ -176,16 +175,23 @@ def _largest_spread(count: int, mean: Fraction, limit: Fraction) -> Fraction:
         high, low = mean + (6 - count) * y, mean - count * y
         return low > 0 and count / high + (6 - count) / low <= limit
 
-    low, high, bound = 0.0, float(mean) / count, float(limit)
-    while low < (middle := 0.5 * (low + high)) < high:
-        spent = count / (float(mean) + (6 - count) * middle)
-        spent += (6 - count) / (float(mean) - count * middle)
-        low, high = (middle, high) if spent <= bound else (low, middle)
+    def seems_allowed(y: float) -> bool:
+        high, low = float(mean) + (6 - count) * y, float(mean) - count * y
+        return count / high + (6 - count) / low <= float(limit)
+
     # The bisection only suggests where to look: what is returned is checked exactly.
+    start = Fraction(first_double(seems_allowed, 0.0, float(mean) / count))
     step = Fraction(mean) / 2**48
-    while allowed(candidate := Fraction(high) + step):
+    while allowed(candidate := start + step):
         step *= 2
     return candidate
+
+
+def first_double(is_below: Callable[[float], bool], low: float, high: float) -> float:
+    """Return where a condition that holds at `low` ends, by bisection; at most `high`."""
+    while low < (middle := 0.5 * (low + high)) < high:
+        low, high = (middle, high) if is_below(middle) else (low, middle)
+    return high
 
 
 def _spent(spectrum: Sequence[tuple[Fraction, int]], t: Fraction) -> Fraction | float:
@@ -199,6 +205,11 @@ def root_below(square: Fraction, scale: int = 10**20) -> Fraction:
     """Return a rational number not above the square root, and close to it."""
     root = math.isqrt(square.numerator * scale**2 // square.denominator)
     return Fraction(root, scale)
+
+
+def rational_root_above(square: Fraction, scale: int = 10**20) -> Fraction:
+    """Return a rational number above the square root, and close to it."""
+    return root_below(square, scale) + Fraction(1, scale)
 
 
 def root_above(square: Fraction) -> float:

@@ -12,7 +12,7 @@ from fractions import Fraction
 from functools import lru_cache
 from math import nextafter, sqrt
 
-from formulations.bounds.closed_form import root_below
+from formulations.bounds.closed_form import first_double, rational_root_above, root_below
 
 
 @lru_cache
@@ -77,37 +77,29 @@ def excludes_max_min(residual: float, sigma: float, joints: int = 7) -> bool:
     if eta < 0:
         return True
     half = n * eta / (n - 6)
-    eigenvalue = 2 * half + _root_above(4 * half**2 + 5 * c * half)  # λ_max(E)
+    eigenvalue = 2 * half + rational_root_above(4 * half**2 + 5 * c * half)  # λ_max(E)
     lever = eta + eigenvalue  # u_i
-    stretch = _root_above(1 + lever)  # |v_i|
-    size = _root_above(Fraction(6, 5)) * eigenvalue  # ‖E‖_F
+    stretch = rational_root_above(1 + lever)  # |v_i|
+    size = rational_root_above(Fraction(6, 5)) * eigenvalue  # ‖E‖_F
     kappa = (2 + lever) * (Fraction(n, 3) + eigenvalue)
-    weights = _root_above(kappa) / 2 * size  # ‖w‖
+    weights = rational_root_above(kappa) / 2 * size  # ‖w‖
     slack = n * eta + size**2 / c  # Σ r_i
-    levers = 2 * weights / c + _root_above(Fraction(n)) * eta + slack  # ‖u‖
+    levers = 2 * weights / c + rational_root_above(Fraction(n)) * eta + slack  # ‖u‖
     if 3 * c >= n or eigenvalue >= 5 * c or kappa >= 8 or levers >= 1:
         return False
-    shift = slack + n * eta + _root_above(Fraction(n)) * weights * eta / c
+    shift = slack + n * eta + rational_root_above(Fraction(n)) * weights * eta / c
     along = levers**2 + stretch**2 * shift  # Σ|p_i|
     curvature = (3 - levers) / (2 - levers) ** 2
     across = (curvature * levers**2 + stretch * shift) / 2  # Σ|s_i|
-    linear = _root_above(8 / (8 - kappa)) * size
-    return (linear + _root_above(along**2 + 2 * across**2)) ** 2 < 2 * Fraction(residual)
-
-
-def _root_above(square: Fraction) -> Fraction:
-    """Return a rational number that is not below the square root, and close to it."""
-    return root_below(square) + Fraction(1, 10**20)
+    linear = rational_root_above(8 / (8 - kappa)) * size
+    return (linear + rational_root_above(along**2 + 2 * across**2)) ** 2 < 2 * Fraction(
+        residual
+    )
 
 
 def _least(
     excludes: Callable[[float, float, int], bool], residual: float, joints: int
 ) -> float:
     """Return the least singular value that bisection finds to be excluded."""
-    low, high = 0.0, nextafter(sqrt((joints - 6) / 3), 2.0 * joints)
-    while low < (middle := 0.5 * (low + high)) < high:
-        if excludes(residual, middle, joints):
-            high = middle
-        else:
-            low = middle
-    return high
+    top = nextafter(sqrt((joints - 6) / 3), 2.0 * joints)
+    return first_double(lambda sigma: not excludes(residual, sigma, joints), 0.0, top)

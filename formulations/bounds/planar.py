@@ -28,7 +28,7 @@ import math
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from functools import cache
-from typing import Any, Literal, TypeAlias
+from typing import Any, Literal, TypeAlias, get_args
 
 import clarabel
 import numpy as np
@@ -42,7 +42,6 @@ from nlp.errors import InputError
 ComplexArray: TypeAlias = NDArray[np.complex128]
 Measure: TypeAlias = Literal["max-min", "manipulability"]
 
-MEASURES: tuple[Measure, ...] = ("max-min", "manipulability")
 # Covers what rounding loses in `_proved`: some hundred operations on numbers of the size of 1.
 _ROUNDING = 1e-13
 _PROGRAMS = 12  # linear programs a node
@@ -107,8 +106,8 @@ def planar_bound(
     """
     n = whole_number("joints", joints, 3, 20)
     k = whole_number("locked", locked, 1, n - 2)
-    if measure not in MEASURES:
-        raise InputError("measure", measure, " or ".join(MEASURES))
+    if measure not in get_args(Measure):
+        raise InputError("measure", measure, " or ".join(get_args(Measure)))
     if not 0 < level < math.inf:
         raise InputError("level", level, "a positive finite number")
     most = whole_number("most_nodes", most_nodes, 1)
@@ -132,6 +131,11 @@ class NodeConditions:
     points: ComplexArray
     weights: FloatArray
     shares: FloatArray
+
+    def left_at(self, corners: ComplexArray) -> FloatArray:
+        """Return x_s (1 − Re(e^{iθ} v̄)) for each condition and the corners of each cell."""
+        parts = (corners[None] * np.conj(self.points)[:, None, None]).real
+        return np.asarray(self.shares[:, :, None] * (1 - parts))
 
     def some(self, which: Any) -> "NodeConditions":
         """Return those that an index of NumPy chooses."""
@@ -223,7 +227,7 @@ class _Node:
                 best, least = multipliers, proved
             means = masses / self._counts[:, None]
             new = self._tightest(means.sum(axis=1), (means * corners).sum(axis=1))
-            values = self._values(new, masses, corners)
+            values = np.sum(new.left_at(corners) * masses, axis=(1, 2)) / new.weights
             if values.min() > limit or values.min() > value - 1e-10:
                 break
             first = np.argsort(values)[:8]
@@ -234,8 +238,7 @@ class _Node:
         self, corners: ComplexArray, conditions: NodeConditions
     ) -> tuple[FloatArray, float, Multipliers | None]:
         """Return Σ w_i at the corners of the cells, the value, and the multipliers."""
-        parts = (corners[None] * np.conj(conditions.points)[:, None, None]).real
-        left = conditions.shares[:, :, None] * (1 - parts)
+        left = conditions.left_at(corners)
         size, count = corners.size, len(left)
         equal = [np.ones(size)]
         if self._measure == "manipulability":
@@ -286,13 +289,6 @@ class _Node:
         shares = np.empty_like(terms)
         np.put_along_axis(shares, order, 1 - taken / counts, axis=1)
         return shares
-
-    def _values(
-        self, conditions: NodeConditions, masses: FloatArray, corners: ComplexArray
-    ) -> FloatArray:
-        parts = (corners[None] * np.conj(conditions.points)[:, None, None]).real
-        left = conditions.shares * ((1 - parts) * masses).sum(axis=2)
-        return np.asarray(left.sum(axis=1) / conditions.weights)
 
     def _widest(self, masses: FloatArray, corners: ComplexArray) -> int:
         """Return the cell whose mean is least like the square of a column."""

@@ -28,7 +28,7 @@ from formulations.measures.unequal_failures import (
     scenarios,
     weighted_worst_case,
 )
-from nlp.arrays import FloatArray, finite_vector, whole_number
+from nlp.arrays import FloatArray, finite_vector
 from nlp.errors import InputError
 
 
@@ -57,18 +57,8 @@ def fallible_bound(
     -------
     float
         A bound on the square of the measure; 0 where fewer than m joints are left.
-
-    Raises
-    ------
-    InputError
-        If a number is out of range.
     """
-    m = whole_number("task dimension", task_dimension, 1)
-    n = whole_number("joints", joints, m + 1)
-    k = whole_number("locked joints", locked, 1)
-    s = whole_number("joints that may fail", fallible, k)
-    if s > n:
-        raise InputError("joints that may fail", s, f"at most all {n}")
+    m, n, k, s = task_dimension, joints, locked, fallible
     if k > n - m:
         return 0.0
     spanned = min(n - s, m)

@@ -145,8 +145,8 @@ _COLUMNS = ("starts", "solved", "valid", "reached_best", *_BEST, "iterations_med
 
 
 def _row(keys: Sequence[str], group: pd.DataFrame) -> dict[str, object]:
-    trusted = group.dropna(subset="cost").sort_values("cost", kind="stable")
-    known = len(trusted) > 0 and group["problem"].nunique() == 1
+    ranked = group.dropna(subset="cost").sort_values("cost", kind="stable")
+    known = len(ranked) > 0 and group["problem"].nunique() == 1
     reached, seconds = int(group["reached"].sum()), float(group["cpu_seconds"].sum())
     return {
         **{name: group[name].iloc[0] for name in keys},
@@ -154,7 +154,7 @@ def _row(keys: Sequence[str], group: pd.DataFrame) -> dict[str, object]:
         "solved": int(group["solved"].sum()),
         "valid": int(group["valid"].sum()),
         "reached_best": reached,
-        **{name: trusted[name].iloc[0] if known else np.nan for name in _BEST},
+        **{name: ranked[name].iloc[0] if known else np.nan for name in _BEST},
         "iterations_median": float(group["iterations"].median()),
         "cpu_seconds_per_start": seconds / len(group),
         "cpu_seconds_per_success": seconds / reached if reached else np.nan,
@@ -166,9 +166,13 @@ def _cost(records: pd.DataFrame) -> pd.Series[float]:
     names = records["formulation"].unique()
     minimised = {name: registry.formulation_of(name).SENSE == "minimise" for name in names}
     sign = np.where(records["formulation"].map(minimised).astype(bool), 1.0, -1.0)
-    trusted = records["status"].isin((SUCCESS, ACCEPTABLE)) & (records["valid"] == 1)
-    trusted &= records["violation"] <= FEASIBLE
-    return (records["score"].astype(float) * sign).where(trusted)
+    return (records["score"].astype(float) * sign).where(trusted(records))
+
+
+def trusted(records: pd.DataFrame) -> pd.Series[bool]:
+    """Whether each record passes the gate, `Record.trusted`, from the store's own columns."""
+    passed: pd.Series[bool] = records["status"].isin((SUCCESS, ACCEPTABLE))
+    return passed & (records["valid"] == 1) & (records["violation"] <= FEASIBLE)
 
 
 def differing(

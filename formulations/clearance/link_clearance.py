@@ -26,11 +26,11 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from formulations.clearance.bodies import Bodies, bodies_of
 from formulations.clearance.capsules import Capsule, capsule_around, gap_squared
 from formulations.clearance.shapes import Geometry, Shape, coal_library, read_shapes, solid
-from formulations.kinematics.chain import Chain
-from formulations.kinematics.forward import Kinematics, displaced
+from formulations.kinematics.chain import Bodies, Chain
+from formulations.kinematics.chain_between import bodies_of
+from formulations.kinematics.forward import Kinematics, body_frames
 from formulations.kinematics.link_chain import BoolArray
 from formulations.kinematics.read_urdf import urdf_tree
 from formulations.kinematics.read_xml import from_file, is_urdf, xml_root
@@ -132,19 +132,10 @@ class LinkClearance:
         rotations = rotations.reshape(count, 3, 3, -1).transpose(0, 2, 1, 3)
         return rotations, origins.reshape(count, 3, -1)
 
-    def _placed(self, positions: ca.SX) -> tuple[list[ca.SX], list[ca.SX]]:
-        """Rotation (3, 3) and origin (3, 1) of each body, from symbols of the positions."""
-        rotations, origins = [ca.SX.eye(3)], [ca.SX.zeros(3)]
-        for parent, motion in self.bodies:
-            rotation, origin = displaced(rotations[parent], origins[parent], motion, positions)
-            rotations.append(rotation)
-            origins.append(origin)
-        return rotations, origins
-
     @cached_property
     def _kinematics(self) -> ca.Function:
         q = ca.SX.sym("q", self.size)
-        rotations, origins = self._placed(q)
+        rotations, origins, _ = body_frames(self.bodies, q)
         stacked = [ca.vertcat(*map(ca.vec, rotations)), ca.vertcat(*origins)]
         return ca.Function("bodies", [q], stacked)
 
@@ -204,7 +195,7 @@ class LinkClearance:
         casadi.SX
             Shape (pairs, 1): at least 1 where the pair keeps the distance.
         """
-        rotations, origins = self._placed(positions)
+        rotations, origins, _ = body_frames(self.bodies, positions)
         points = [
             [
                 origins[link.body] + rotations[link.body] @ ca.DM(point)

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import logging
-from concurrent.futures import Executor
-from contextlib import AbstractContextManager, ExitStack, suppress
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from formulations.commands.arguments import Json, Workers, flag, option
+from formulations.commands.executors import chosen_executor
 from formulations.commands.output import (
     INTERRUPTED,
     QUESTIONED,
@@ -74,7 +73,7 @@ def campaign(
         raise InputError("--workers", workers, "none with --scheduler or --mpi")
     declared = read(file)
     with (
-        _executor(workers, scheduler, mpi) as executor,
+        chosen_executor(workers, scheduler, mpi) as executor,
         open_store(store, writable=True, salvage=True) as study,
     ):
         capacity = None if scheduler is None else _AT_THE_SCHEDULER
@@ -136,26 +135,4 @@ def join(
         if as_json:
             damaged = [named(*record) for record in study.damaged]
             show({"store": str(store), "joined": joined, "damaged": damaged}, as_json)
-        refuse_damage({opened.path: opened.damaged for opened in (*sources, study)})
-
-
-def _executor(
-    workers: int | None, scheduler: str | None, mpi: bool
-) -> AbstractContextManager[Executor]:
-    from nlp.errors import MissingLibraryError
-    from nlp.executors import LocalExecutor, dask_executor, default_workers
-
-    if scheduler is not None:
-        with suppress(ImportError):
-            import distributed  # noqa: F401  # it sets its own levels
-        for part in ("distributed", "distributed.client", "tornado"):
-            logging.getLogger(part).setLevel(logging.CRITICAL)  # our own errors say what ended
-        return dask_executor(scheduler)
-    if mpi:
-        try:
-            from mpi4py.futures import MPIPoolExecutor
-        except ImportError:
-            raise MissingLibraryError("mpi4py") from None
-        executor: Executor = MPIPoolExecutor()
-        return executor
-    return LocalExecutor(workers or default_workers())
+        refuse_damage({each.path: each.damaged for each in (*sources, study)})

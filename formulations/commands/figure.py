@@ -50,7 +50,7 @@ def figure(
 
     wanted, form = kind(name), kind_of(out)
     for given, value in (("jacobian", jacobian), ("store", store)):
-        if value is not None and given not in wanted.takes:
+        if value is not None and given != wanted.takes:
             raise InputError(f"--{given}", str(value), f"none with {name}")
     if pick is not None and jacobian is None:
         raise InputError("--pick", pick, "none without --jacobian")

@@ -103,10 +103,10 @@ def path(
 
 def _write(plan: PathPlan, plain: dict[str, object], out: Path) -> None:
     from formulations.io.files import write_bytes, write_text
-    from formulations.plot.path import draw
+    from formulations.plot.robots import draw_path
     from formulations.plot.style import content
 
-    drawn = content(draw(plan), "svg")
+    drawn = content(draw_path(plan), "svg")
     lines = io.StringIO()
     csv.writer(lines, lineterminator="\n").writerows(plan.csv_lines())
     write_text(out / "path.json", json.dumps(plain, indent=1) + "\n")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Mapping
 from importlib.util import find_spec
 from pathlib import Path
@@ -75,7 +76,7 @@ def show(
         else:
             by = None if group_by is None else [name.strip() for name in group_by.split(",")]
             table = tables.grouped(study, chosen, by)
-        content = table.to_json(orient="records", indent=1) if as_json else FORMATS[to](table)
+        content = _as_json(table) if as_json else FORMATS[to](table)
         if out is not None:
             write_bytes(out, content.encode() if isinstance(content, str) else content)
         elif isinstance(content, str):
@@ -96,6 +97,21 @@ def _check(store: Path, as_json: bool) -> None:
         text = f"{intact} records{' are' if study.damaged else ', all'} intact."
         show_values(values, as_json, lambda _: text)
         refuse_damage({store: study.damaged})
+
+
+# Columns that hold JSON as text, and those that hold 0 or 1.
+_NESTED = ("jacobian", "canonical_form", "options", "earlier")
+_TRUTH = ("valid", "ran_compiled")
+
+
+def _as_json(table: pd.DataFrame) -> str:
+    """Return the rows as JSON: every digit, matrices as lists, null for what is missing."""
+    rows = table.astype(object).where(table.notna(), None).to_dict(orient="records")
+    for row in rows:
+        row |= {name: json.loads(row[name]) for name in _NESTED if row.get(name)}
+        if "start" in row:  # in groups they are numbers of starts
+            row |= {name: bool(row[name]) for name in _TRUTH if row.get(name) in (0, 1)}
+    return json.dumps(rows, indent=1)
 
 
 def as_parquet(table: pd.DataFrame) -> bytes:

@@ -110,10 +110,10 @@ def workspace(
     else:
         result = measured(sets, chosen, progress)
     if figure is not None:
-        from formulations.plot.workspace import draw
+        from formulations.plot.robots import draw_workspace
 
         with looking(look):
-            drawn = content(draw(result), form)
+            drawn = content(draw_workspace(result), form)
         write_bytes(figure, drawn)
     show(result.to_dict(), as_json, lambda _: _text(result), out)
 

@@ -15,11 +15,10 @@ from math import prod
 import numpy as np
 from numpy.typing import NDArray
 
-from formulations.existence.certificate import JOINTS, Certificate, Multiplier, Pairs, Square
+from formulations.existence.certificate import JOINTS, Certificate, Pairs
 
-GaussianIntegers = NDArray[np.complex128]
-
-ENTRY = 3  # largest real or imaginary part, in modulus, of a random entry of W
+_Gaussian = NDArray[np.complex128]
+_ENTRY = 3  # largest real or imaginary part, in modulus, of a random entry of W
 
 
 def defects(
@@ -45,17 +44,17 @@ def defects(
     return tuple(_defect(certificate, _violating(generator)) for _ in range(samples))
 
 
-def _violating(generator: np.random.Generator) -> GaussianIntegers:
+def _violating(generator: np.random.Generator) -> _Gaussian:
     """Draw matrices W until one violates every equation at every place."""
     while True:
-        upper = np.triu(generator.integers(-ENTRY, ENTRY + 1, size=(2, JOINTS, JOINTS)), k=1)
+        upper = np.triu(generator.integers(-_ENTRY, _ENTRY + 1, size=(2, JOINTS, JOINTS)), k=1)
         real, imaginary = (part + part.T for part in upper)
-        w = real + 1j * imaginary
+        w = np.asarray(real + 1j * imaginary)
         if all(left.all() for left in _left_hand_sides(w).values()):
-            return np.asarray(w)
+            return w
 
 
-def _left_hand_sides(w: GaussianIntegers) -> dict[str, GaussianIntegers]:
+def _left_hand_sides(w: _Gaussian) -> dict[str, _Gaussian]:
     """Return seven times the left-hand sides of the equations of each kind, (…, 7, 7).
 
     The row sum i is in all places (i, j).
@@ -69,34 +68,25 @@ def _left_hand_sides(w: GaussianIntegers) -> dict[str, GaussianIntegers]:
     }
 
 
-def _defect(certificate: Certificate, w: GaussianIntegers) -> Fraction:
+def _defect(certificate: Certificate, w: _Gaussian) -> Fraction:
     orders = np.array(list(permutations(range(JOINTS))))
     permuted = w[orders[:, :, None], orders[:, None, :]]
     equations = _left_hand_sides(permuted)
-    squares = sum(_square(square, permuted) for square in certificate.squares)
-    multiples = sum(
-        _multiplier(m, permuted, equations[m.kind]) for m in certificate.multipliers
-    )
-    return Fraction(squares - multiples) / len(orders) + certificate.constant
+    total = len(orders) * certificate.constant
+    for square in certificate.squares:
+        # Σ |p|² over all orders, from the real inner products of its terms.
+        values = np.stack([_monomial(term.w, term.wbar, permuted) for term in square.terms])
+        products = (values @ values.conj().T).real.astype(int).astype(object)
+        coefficients = np.array([term.coefficient for term in square.terms], dtype=object)
+        total += square.weight * (coefficients @ products @ coefficients)
+    for m in certificate.multipliers:
+        left = equations[m.kind][:, m.place[0], m.place[-1]]
+        value = (_monomial(m.w, m.wbar, permuted) * left).real.sum()
+        total -= m.coefficient * int(value) / JOINTS
+    return Fraction(total) / len(orders)
 
 
-def _square(square: Square, w: GaussianIntegers) -> Fraction:
-    """Return weight · Σ |p|² over all orders, from the real inner products of its terms."""
-    values = np.stack([_monomial(term.w, term.wbar, w) for term in square.terms])
-    products = (values @ values.conj().T).real.astype(int).astype(object)
-    coefficients = np.array([term.coefficient for term in square.terms], dtype=object)
-    return Fraction(square.weight * (coefficients @ products @ coefficients))
-
-
-def _multiplier(
-    multiplier: Multiplier, w: GaussianIntegers, equations: GaussianIntegers
-) -> Fraction:
-    left = equations[:, multiplier.place[0], multiplier.place[-1]]
-    value = (_monomial(multiplier.w, multiplier.wbar, w) * left).real.sum()
-    return multiplier.coefficient * int(value) / JOINTS
-
-
-def _monomial(w: Pairs, wbar: Pairs, matrices: GaussianIntegers) -> GaussianIntegers:
+def _monomial(w: Pairs, wbar: Pairs, matrices: _Gaussian) -> _Gaussian:
     """Return a product of entries, for each of the matrices."""
     factors = [matrices[:, i, j] for i, j in w] + [matrices[:, i, j].conj() for i, j in wbar]
     return prod(factors, start=np.ones(len(matrices), dtype=complex))

@@ -27,7 +27,7 @@ from itertools import combinations_with_replacement, product
 from math import isqrt, prod
 from typing import TypeAlias
 
-from formulations.existence.certificate import require, require_whole, shown
+from formulations.existence.certificate import require, shown
 
 MOST_JOINTS = 1000
 MOST_COLUMNS, MOST_ROOTS = 13, 6
@@ -65,9 +65,7 @@ class ExactJacobian:
     columns: tuple[tuple[Number, ...], ...]
 
     def __post_init__(self) -> None:
-        for count in (self.joints, self.six_joint_arms):
-            require_whole(count)
-        within = 6 < self.joints <= MOST_JOINTS
+        within = self.joints in range(7, MOST_JOINTS + 1)
         require(within, f"joints is {self.joints}, not 7 to {MOST_JOINTS}")
         require(self.six_joint_arms >= 0, "six_joint_arms is negative")
         columns = len(self.columns)
@@ -177,8 +175,7 @@ def _require_number(number: Number, roots: int, most_terms: int) -> None:
         larger = max(abs(coefficient.numerator), coefficient.denominator)
         require(larger <= LARGEST_INTEGER, f"{larger} is larger than {LARGEST_INTEGER}")
         for root in used:
-            known = type(root) is int and 0 <= root < roots
-            require(known, f"root {shown(root)} is not one of the {roots} before")
+            require(root in range(roots), f"root {root} is not one of the {roots} before")
         require(len(set(used)) == len(used), "a root occurs twice in a term")
 
 

@@ -5,22 +5,26 @@ anything is built, so that no file takes long to read. The reader checks the str
 JSON text; the records check the rest.
 """
 
+from __future__ import annotations
+
 import json
 import re
 from collections.abc import Callable
+from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
-from typing import Any, TypeAlias, TypeVar
+from typing import Any, NoReturn, TypeVar
 
 from formulations.existence.certificate import (
     Certificate,
     CertificateError,
     Multiplier,
+    Pairs,
     Square,
     Term,
     shown,
 )
-from formulations.existence.exact_jacobian import ExactJacobian
+from formulations.existence.exact_jacobian import ExactJacobian, Number
 from formulations.io.files import read_bytes
 from nlp.errors import FileError
 
@@ -30,7 +34,6 @@ DIGITS = 40
 _RATIONAL = re.compile(rf"-?(0|[1-9][0-9]{{0,{DIGITS - 1}}})(/[1-9][0-9]{{0,{DIGITS - 1}}})?")
 
 Record = TypeVar("Record")
-Reader: TypeAlias = Callable[[Any], Record]
 
 
 def read(path: Path | str) -> Certificate:
@@ -43,7 +46,7 @@ def read(path: Path | str) -> Certificate:
     CertificateError
         If the JSON text is not a well-formed certificate.
     """
-    return _certificate(loaded(path))
+    return _certificate(Part(loaded(path)))
 
 
 def read_either(path: Path | str) -> Certificate | ExactJacobian:
@@ -56,8 +59,8 @@ def read_either(path: Path | str) -> Certificate | ExactJacobian:
     """
     value = loaded(path)
     if isinstance(value, dict) and "columns" in value:
-        return _exact_jacobian(value)
-    return _certificate(value)
+        return _exact_jacobian(Part(value))
+    return _certificate(Part(value))
 
 
 def loaded(path: Path | str, most: int = FILE_BYTES) -> Any:
@@ -83,72 +86,6 @@ def loaded(path: Path | str, most: int = FILE_BYTES) -> Any:
     raise FileError("file", str(path), f"a certificate in JSON ({why})")
 
 
-def _rational(value: Any) -> Fraction:
-    if not isinstance(value, str) or _RATIONAL.fullmatch(value) is None:
-        raise CertificateError(
-            f'{shown(value)} is not a rational number in a string such as "-3/2", '
-            f"with at most {DIGITS} digits above and below."
-        )
-    return Fraction(value)
-
-
-def fields_of(value: Any, *names: str) -> dict[str, Any]:
-    """Return an object with exactly these keys; CertificateError if it is none."""
-    if not isinstance(value, dict):
-        raise CertificateError(f"{shown(value)} is not an object with {', '.join(names)}.")
-    for name in names:
-        if name not in value:
-            raise CertificateError(f"{name!r} is missing.")
-    for name in value:
-        if name not in names:
-            raise CertificateError(f"the key {shown(name)} is unknown.")
-    return value
-
-
-def _equation(value: Any) -> tuple[Any, tuple[int, ...]]:
-    """Return kind and place; the record decides whether there is such an equation."""
-    if isinstance(value, dict) and value.get("kind") == "row-sum":
-        return "row-sum", (fields_of(value, "kind", "row")["row"],)
-    fields = fields_of(value, "kind", "entry")
-    return fields["kind"], at("entry", list_of(_same), fields["entry"])
-
-
-def _placed(equation: tuple[Any, tuple[int, ...]], **parts: Any) -> Multiplier:
-    kind, place = equation
-    return Multiplier(kind=kind, place=place, **parts)
-
-
-def _record(make: Callable[..., Record], **parts: Reader[Any]) -> Reader[Record]:
-    """Return the reader of an object with exactly these parts."""
-
-    def read_record(value: Any) -> Record:
-        fields = fields_of(value, *parts)
-        return make(
-            **{name: at(name, read_one, fields[name]) for name, read_one in parts.items()}
-        )
-
-    return read_record
-
-
-def list_of(read_one: Reader[Record]) -> Reader[tuple[Record, ...]]:
-    """Return the reader of a list; each part is read by `read_one`."""
-
-    def read_all(value: Any) -> tuple[Record, ...]:
-        if not isinstance(value, list):
-            raise CertificateError(f"{shown(value)} is not a list.")
-        return tuple(at(f"[{place}]", read_one, item) for place, item in enumerate(value))
-
-    return read_all
-
-
-def at(place: str, read_one: Reader[Record], value: Any) -> Record:
-    """Read a part; if it is refused, put its place into the message."""
-    try:
-        return read_one(value)
-    except CertificateError as error:
-        raise CertificateError(f"{place}: {error}") from None
-
-
 def _distinct_keys(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     found = dict(pairs)
     if len(found) < len(pairs):
@@ -162,35 +99,118 @@ def _short_integer(digits: str) -> int:
     return int(digits)
 
 
-def _same(value: Any) -> Any:
-    """Return a value as it is: the record that it becomes a part of checks it."""
-    return value
+@dataclass(frozen=True)
+class Part:
+    """A part of a JSON text and its place. CertificateError if it is not what is asked for."""
+
+    value: Any
+    place: str = ""
+
+    def refuse(self, why: str) -> NoReturn:
+        """Raise CertificateError with the place and a reason."""
+        raise CertificateError(f"{self.place}{why}.")
+
+    def fields(self, *names: str) -> list[Part]:
+        """Return the values of an object with exactly these keys."""
+        if not isinstance(self.value, dict):
+            self.refuse(f"{shown(self.value)} is not an object with {', '.join(names)}")
+        for name in names:
+            if name not in self.value:
+                self.refuse(f"{name!r} is missing")
+        for name in self.value:
+            if name not in names:
+                self.refuse(f"the key {shown(name)} is unknown")
+        return [Part(self.value[name], f"{self.place}{name}: ") for name in names]
+
+    def items(self, length: range = range(_MOST_VALUES)) -> list[Part]:
+        """Return the items of a list whose length is one of those allowed."""
+        if not isinstance(self.value, list):
+            self.refuse(f"{shown(self.value)} is not a list")
+        if len(self.value) not in length:
+            self.refuse(f"{len(self.value)} are not {length.start} to {length.stop - 1}")
+        return [Part(one, f"{self.place}[{k}]: ") for k, one in enumerate(self.value)]
+
+    def whole(self, allowed: range | None = None) -> int:
+        """Return a whole number, one of those allowed."""
+        if type(self.value) is not int:  # nor True
+            self.refuse(f"{shown(self.value)} is not a whole number")
+        if allowed is not None and self.value not in allowed:
+            self.refuse(f"{self.value} is not {allowed.start} to {allowed.stop - 1}")
+        return self.value
+
+    def wholes(self) -> tuple[int, ...]:
+        """Return a list of whole numbers."""
+        return tuple(one.whole() for one in self.items())
+
+    def pairs(self) -> Pairs:
+        """Return a list of pairs of whole numbers."""
+        both = (one.items(range(2, 3)) for one in self.items())
+        return tuple((first.whole(), second.whole()) for first, second in both)
+
+    def rational(self) -> Fraction:
+        """Return a rational number, which stands in a string."""
+        if not isinstance(self.value, str) or _RATIONAL.fullmatch(self.value) is None:
+            self.refuse(
+                f'{shown(self.value)} is not a rational number in a string such as "-3/2", '
+                f"with at most {DIGITS} digits above and below"
+            )
+        return Fraction(self.value)
+
+    def record(self, make: Callable[..., Record], *values: object) -> Record:
+        """Return a record of these values, which it checks; the place is said if it refuses."""
+        try:
+            return make(*values)
+        except CertificateError as error:
+            raise CertificateError(f"{self.place}{error}") from None
 
 
-def _number_term(value: Any) -> tuple[Fraction, tuple[Any, ...]]:
-    """Read a coefficient and the indices of roots; the record checks the indices."""
-    if not isinstance(value, list) or len(value) != 2:
-        raise CertificateError(f"{shown(value)} is not a list of a coefficient and its roots.")
-    return _rational(value[0]), list_of(_same)(value[1])
+def _certificate(part: Part) -> Certificate:
+    joints, constant, squares, multipliers = part.fields(
+        "joints", "constant", "squares", "multipliers"
+    )
+    return part.record(
+        Certificate,
+        joints.whole(),
+        constant.rational(),
+        tuple(map(_square, squares.items())),
+        tuple(map(_multiplier, multipliers.items())),
+    )
 
 
-_pairs = list_of(list_of(_same))
-_monomial: dict[str, Reader[Any]] = {"coefficient": _rational, "w": _pairs, "wbar": _pairs}
-_term = _record(Term, **_monomial)
-_square = _record(Square, weight=_rational, terms=list_of(_term))
-_multiplier = _record(_placed, equation=_equation, **_monomial)
-_certificate = _record(
-    Certificate,
-    joints=_same,
-    constant=_rational,
-    squares=list_of(_square),
-    multipliers=list_of(_multiplier),
-)
-_number = list_of(_number_term)
-_exact_jacobian = _record(
-    ExactJacobian,
-    joints=_same,
-    six_joint_arms=_same,
-    roots=list_of(_number),
-    columns=list_of(list_of(_number)),
-)
+def _square(part: Part) -> Square:
+    weight, terms = part.fields("weight", "terms")
+    return part.record(Square, weight.rational(), tuple(map(_term, terms.items())))
+
+
+def _term(part: Part) -> Term:
+    coefficient, w, wbar = part.fields("coefficient", "w", "wbar")
+    return part.record(Term, coefficient.rational(), w.pairs(), wbar.pairs())
+
+
+def _multiplier(part: Part) -> Multiplier:
+    coefficient, equation, w, wbar = part.fields("coefficient", "equation", "w", "wbar")
+    row_sum = isinstance(equation.value, dict) and equation.value.get("kind") == "row-sum"
+    kind, place = equation.fields("kind", "row" if row_sum else "entry")
+    where = (place.whole(),) if row_sum else place.wholes()
+    values = coefficient.rational(), kind.value, where, w.pairs(), wbar.pairs()
+    return part.record(Multiplier, *values)
+
+
+def _exact_jacobian(part: Part) -> ExactJacobian:
+    joints, arms, roots, columns = part.fields("joints", "six_joint_arms", "roots", "columns")
+    return part.record(
+        ExactJacobian,
+        joints.whole(),
+        arms.whole(),
+        tuple(map(_number, roots.items())),
+        tuple(tuple(map(_number, column.items())) for column in columns.items()),
+    )
+
+
+def _number(part: Part) -> Number:
+    return tuple(map(_number_term, part.items()))
+
+
+def _number_term(part: Part) -> tuple[Fraction, tuple[int, ...]]:
+    coefficient, roots = part.items(range(2, 3))
+    return coefficient.rational(), roots.wholes()

@@ -72,6 +72,11 @@ class Motion:
     offset: float
 
 
+#: Of bodies 1, 2, …, parents first: the number of the body before each one's joint, and the
+#: joint's motion. Body 0 does not move. In a chain it is the body before.
+Bodies: TypeAlias = tuple[tuple[int, Motion], ...]
+
+
 @dataclass(frozen=True)
 class Chain:
     """What moves a tip relative to a base.

@@ -1,4 +1,4 @@
-"""The chain from one link of a robot to another."""
+"""What moves of a robot: the chain from one link to another, or all links at once."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import numpy as np
 from formulations.kinematics.chain import (
     LARGEST,
     LIMIT_TOLERANCE,
+    Bodies,
     Chain,
     ChainJoint,
     Motion,
@@ -68,7 +69,9 @@ def chain_between(
     check_size("point", *offset[:3, 3])
 
     joints = {joint.name: joint for joint in tree.joints}
-    driven = {joint.name: driven_joint(joints, joint) for joint in path if joint.type in MOVING}
+    driven = {
+        joint.name: _driven_joint(joints, joint) for joint in path if joint.type in MOVING
+    }
     known = {driver.name: driver.limit for _, driver, _, _ in driven.values()}
     for name, value in locked_at.items():
         if name not in known:
@@ -101,9 +104,9 @@ def chain_between(
         if driver.name in fixed or k == 0.0:
             value = k * fixed.get(driver.name, 0.0) + c
             check_limits(joint.name, value, joint.limit.lower, joint.limit.upper)
-            pose = pose @ displacement(joint, value)
+            pose = pose @ _displacement(joint, value)
             continue
-        motions.append(motion_of(joint, pose, variables[driver.name], k, c))
+        motions.append(_motion_of(joint, pose, variables[driver.name], k, c))
         pose = np.eye(4)
     return Chain(
         robot=tree.name,
@@ -115,6 +118,48 @@ def chain_between(
         locked_at=tuple(sorted(locked_at.items())),
         immobile=tuple(immobile.items()),
     )
+
+
+def bodies_of(
+    tree: RobotTree, chain: Chain
+) -> tuple[Bodies, dict[str, tuple[int, FloatArray]]]:
+    """Return what moves as one when the chain's joints move, in the whole tree.
+
+    Joints that do not move the tip stay: at zero, or at the limit nearest to it.
+
+    Parameters
+    ----------
+    tree
+        The robot.
+    chain
+        Its joints that move.
+
+    Returns
+    -------
+    Bodies
+        The bodies; body 0 holds the root.
+    dict
+        Of each link the number of its body, and its pose in the body's frame, 4×4.
+    """
+    by_name = {joint.name: joint for joint in tree.joints}
+    fixed = dict((*chain.immobile, *chain.locked_at))
+    moving: list[tuple[int, Motion]] = []
+    places: dict[str, tuple[int, FloatArray]] = {tree.root: (0, np.eye(4))}
+    for joint in tree.parents_first:
+        body, pose = places[joint.parent]
+        pose = pose @ np.asarray(joint.origin)
+        if joint.type in MOVING:
+            _, driver, multiplier, offset = _driven_joint(by_name, joint)
+            if driver.name in chain.names and multiplier != 0:
+                variable = chain.names.index(driver.name)
+                moving.append((body, _motion_of(joint, pose, variable, multiplier, offset)))
+                body, pose = len(moving), np.eye(4)
+            else:
+                still = float(np.clip(0.0, driver.limit.lower, driver.limit.upper))
+                value = multiplier * fixed.get(driver.name, still) + offset
+                pose = pose @ _displacement(joint, value)
+        places[joint.child] = (body, pose)
+    return tuple(moving), places
 
 
 def _path(tree: RobotTree, tip: str, base: str | None) -> tuple[TreeJoint, ...]:
@@ -136,7 +181,7 @@ def _path(tree: RobotTree, tip: str, base: str | None) -> tuple[TreeJoint, ...]:
     return path
 
 
-def driven_joint(joints: Mapping[str, TreeJoint], joint: TreeJoint) -> _Driven:
+def _driven_joint(joints: Mapping[str, TreeJoint], joint: TreeJoint) -> _Driven:
     """Return a joint, the joint that drives it, and by which multiplier and offset."""
     driver, multiplier, offset, seen = joint, 1.0, 0.0, {joint.name}
     while driver.mimic is not None:
@@ -191,7 +236,7 @@ def _ranges(moving: Sequence[_Driven]) -> list[ChainJoint]:
     ]
 
 
-def motion_of(
+def _motion_of(
     joint: TreeJoint, before: FloatArray, variable: int, multiplier: float, offset: float
 ) -> Motion:
     """Return a joint's motion, from its pose relative to the frame moved before it, 4×4."""
@@ -200,7 +245,7 @@ def motion_of(
     return Motion(frozen(before), (x, y, z), prismatic, variable, multiplier, offset)
 
 
-def displacement(joint: TreeJoint, value: float) -> FloatArray:
+def _displacement(joint: TreeJoint, value: float) -> FloatArray:
     """Pose after a numeric displacement along or about the joint's axis, 4×4."""
     pose = np.eye(4)
     if joint.type == "prismatic":

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import casadi as ca
 import numpy as np
 
-from formulations.kinematics.chain import Chain, Motion, Transform
+from formulations.kinematics.chain import Bodies, Chain, Transform
 from formulations.kinematics.link_chain import rotation_vectors
 from nlp.arrays import FloatArray
 
@@ -148,37 +148,38 @@ def tip_kinematics(chain: Chain, positions: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]
     casadi.SX
         Rotation from the tip's axes to those of the base, shape (3, 3).
     """
-    orientation, origin = ca.SX.eye(3), ca.SX.zeros(3)
-    screws = []
-    for motion in chain.motions:
-        orientation, start = _moved(orientation, origin, motion.placement)
-        screws.append((motion, orientation @ ca.DM(motion.axis), start))
-        orientation, origin = _displaced(orientation, start, motion, positions)
-    orientation, origin = _moved(orientation, origin, chain.end)
+    rotations, origins, axes = body_frames(tuple(enumerate(chain.motions)), positions)
+    orientation, tip = _moved(rotations[-1], origins[-1], chain.end)
     matrix = ca.SX.zeros(6, len(chain.joints))
-    for motion, axis, start in screws:
+    for motion, axis, origin in zip(chain.motions, axes, origins[1:], strict=True):
         if motion.prismatic:
             column = ca.vertcat(axis, ca.SX.zeros(3))
         else:
-            column = ca.vertcat(ca.cross(axis, origin - start), axis)
+            column = ca.vertcat(ca.cross(axis, tip - origin), axis)
         matrix[:, motion.variable] += motion.multiplier * column
-    return matrix, origin, orientation
+    return matrix, tip, orientation
 
 
-def displaced(
-    orientation: ca.SX, origin: ca.SX, motion: Motion, positions: ca.SX
-) -> tuple[ca.SX, ca.SX]:
-    """Rotation (3, 3) and origin (3, 1) of a frame after a motion, from those before it."""
-    return _displaced(*_moved(orientation, origin, motion.placement), motion, positions)
+def body_frames(
+    bodies: Bodies, positions: ca.SX
+) -> tuple[list[ca.SX], list[ca.SX], list[ca.SX]]:
+    """Return where bodies are, from symbols of the joints' positions.
 
-
-def _displaced(
-    orientation: ca.SX, origin: ca.SX, motion: Motion, positions: ca.SX
-) -> tuple[ca.SX, ca.SX]:
-    value = motion.multiplier * positions[motion.variable] + motion.offset
-    if motion.prismatic:
-        return orientation, origin + orientation @ ca.DM(motion.axis) * value
-    return orientation @ _rotation(motion.axis, value), origin
+    Rotations (3, 3) and origins (3, 1), the fixed body's first, and the axes of the motions,
+    (3, 1), in the frame of that body.
+    """
+    rotations, origins, axes = [ca.SX.eye(3)], [ca.SX.zeros(3)], []
+    for parent, motion in bodies:
+        rotation, origin = _moved(rotations[parent], origins[parent], motion.placement)
+        axes.append(rotation @ ca.DM(motion.axis))
+        value = motion.multiplier * positions[motion.variable] + motion.offset
+        if motion.prismatic:
+            origin = origin + axes[-1] * value
+        else:
+            rotation = rotation @ _rotation(motion.axis, value)
+        rotations.append(rotation)
+        origins.append(origin)
+    return rotations, origins, axes
 
 
 def _moved(orientation: ca.SX, origin: ca.SX, placement: Transform) -> tuple[ca.SX, ca.SX]:

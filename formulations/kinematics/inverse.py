@@ -1,8 +1,8 @@
 """Inverse kinematics of many configurations at once: damped least squares within limits.
 
-`damped_least_squares` leads configurations from anywhere to targets of any kind. `solve_ik` is
-for those that begin near a pose, along a path: a step keeps its direction, joints that reach a
-limit stay there, and the others may be centred.
+The iteration is one, `_descend`. `damped_least_squares` leads configurations from anywhere to
+targets of any kind. `solve_ik` is for those that begin near a pose, along a path: a step keeps
+its direction, joints that reach a limit stay there, and the others may be centred.
 """
 
 from __future__ import annotations
@@ -19,6 +19,8 @@ from nlp.arrays import FloatArray
 #: What is missing to targets, shape (m, B), and the Jacobians, (m, n, B): of B of the targets,
 #: by number, at their configurations, shape (n, B).
 Residual: TypeAlias = Callable[[IntArray, FloatArray], tuple[FloatArray, FloatArray]]
+# Configurations after a move, from which of them they are, where they were, and the move.
+_Limited: TypeAlias = Callable[[IntArray, FloatArray, FloatArray], FloatArray]
 # Damping, as a share of the squared error; and the most that a joint moves in one step.
 _SHARE, _LONGEST = 0.01, 0.5
 # Of `solve_ik`: entries of what is missing to a pose, in metres and radians, that count as
@@ -58,22 +60,17 @@ def damped_least_squares(
     largest
         |e|² counts as no more than this in λ.
     """
-    q, found = np.clip(start, lower, upper), np.zeros(start.shape[1], dtype=bool)
+    q = np.clip(start, lower, upper)
     lower, upper = np.broadcast_to(lower, q.shape), np.broadcast_to(upper, q.shape)
-    active = np.arange(start.shape[1])
-    for _ in range(steps):
-        missing, matrix = residual(active, q[:, active])
-        size = np.sum(missing**2, axis=0)
-        found[active] = size < reached**2
-        away = ~found[active]
-        active, missing, matrix = active[away], missing[:, away], matrix[:, :, away]
-        if not active.size:
-            break
-        low, high = lower[:, active], upper[:, active]
-        share = damping + _SHARE * np.minimum(size[away], largest)
-        step = _least_squares(matrix * (high > low), missing, share)
-        q[:, active] = np.clip(q[:, active] + np.clip(step, -_LONGEST, _LONGEST), low, high)
-    return q, found
+
+    def limited(which: IntArray, here: FloatArray, move: FloatArray) -> FloatArray:
+        move = np.clip(move, -_LONGEST, _LONGEST)
+        return np.asarray(np.clip(here + move, lower[:, which], upper[:, which]))
+
+    def near(missing: FloatArray) -> BoolArray:
+        return np.asarray(np.sum(missing**2, axis=0) < reached**2)
+
+    return _descend(residual, q, upper > lower, limited, near, steps, damping, largest)
 
 
 def solve_ik(
@@ -112,34 +109,56 @@ def solve_ik(
     """
     q = q.copy()
     movable = np.broadcast_to(True if free is None else free, q.shape).copy()
-    done = np.zeros(q.shape[1], dtype=bool)
-    active = np.arange(q.shape[1])
-    for iteration in range(iterations + 1):
-        position_, rotation_ = _some(position, active), _some(rotation, active)
-        origin, orientation, matrix = kinematics.forward(q[:, active])
-        missing = kinematics.error(origin, orientation, position_, rotation_)
-        near = np.max(np.abs(missing), axis=0) < TOLERANCE
-        if not (centre and iteration == 0):
-            done[active[near]] = True
-            left = ~near
-            active, matrix, missing = active[left], matrix[:, :, left], missing[:, left]
-        if not active.size or iteration == iterations:
-            break
-        matrix = matrix * movable[:, active]
-        damping = _SHARE * np.sum(missing**2, axis=0) + _LEAST
-        if centre and iteration == 0:
-            drift = centre * (kinematics.middle - q[:, active]) * kinematics.ranged
-            drift *= movable[:, active]
-            missing = missing - np.einsum("inb,nb->ib", matrix, drift)
-            step = drift + _least_squares(matrix, missing, damping)
-        else:
-            step = _least_squares(matrix, missing, damping)
-        step *= np.minimum(1, _STEP / np.maximum(np.max(np.abs(step), axis=0), 1e-12))
-        moved = q[:, active] + step
-        kept = np.clip(moved, kinematics.lower, kinematics.upper)
+
+    def residual(which: IntArray, here: FloatArray) -> tuple[FloatArray, FloatArray]:
+        origin, orientation, matrix = kinematics.forward(here)
+        target = _some(position, which), _some(rotation, which)
+        return kinematics.error(origin, orientation, *target), matrix
+
+    def limited(which: IntArray, here: FloatArray, move: FloatArray) -> FloatArray:
+        move = move * np.minimum(1, _STEP / np.maximum(np.max(np.abs(move), axis=0), 1e-12))
+        kept = np.clip(here + move, kinematics.lower, kinematics.upper)
         # A joint that is pushed against its limit stays there while the others go on.
-        movable[:, active] &= np.abs(moved - kept) < 1e-9
-        q[:, active] = kept
+        movable[:, which] &= np.abs(here + move - kept) < 1e-9
+        return np.asarray(kept)
+
+    def near(missing: FloatArray) -> BoolArray:
+        return np.asarray(np.max(np.abs(missing), axis=0) < TOLERANCE)
+
+    if centre:
+        every = np.arange(q.shape[1])
+        missing, matrix = residual(every, q)
+        damping = _LEAST + _SHARE * np.sum(missing**2, axis=0)
+        drift = centre * (kinematics.middle - q) * kinematics.ranged * movable
+        matrix = matrix * movable
+        missing = missing - np.einsum("inb,nb->ib", matrix, drift)
+        q = limited(every, q, drift + _least_squares(matrix, missing, damping))
+        iterations -= 1
+    return _descend(residual, q, movable, limited, near, iterations + 1, _LEAST)
+
+
+def _descend(
+    residual: Residual,
+    q: FloatArray,
+    movable: BoolArray,
+    limited: _Limited,
+    near: Callable[[FloatArray], BoolArray],
+    evaluations: int,
+    damping: float,
+    largest: float = np.inf,
+) -> tuple[FloatArray, BoolArray]:
+    """Move configurations (n, B) until what is missing is near none; say which of them are."""
+    done, active = np.zeros(q.shape[1], dtype=bool), np.arange(q.shape[1])
+    for k in range(evaluations):
+        missing, matrix = residual(active, q[:, active])
+        there = near(missing)
+        done[active[there]] = True
+        active, missing, matrix = active[~there], missing[:, ~there], matrix[:, :, ~there]
+        if not active.size or k == evaluations - 1:
+            break
+        share = damping + _SHARE * np.minimum(np.sum(missing**2, axis=0), largest)
+        move = _least_squares(matrix * movable[:, active], missing, share)
+        q[:, active] = limited(active, q[:, active], move)
     return q, done
 
 

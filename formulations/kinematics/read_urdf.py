@@ -12,8 +12,6 @@ at, so that it can be neither missing nor wrong.
 from __future__ import annotations
 
 import math
-import os
-from pathlib import Path
 from typing import TYPE_CHECKING
 from xml.etree.ElementTree import Element
 
@@ -22,10 +20,8 @@ import numpy as np
 from formulations.kinematics.chain import LARGEST
 from formulations.kinematics.read_xml import (
     attribute,
-    from_file,
     numbers,
     refuse_xacro,
-    xml_root,
 )
 from formulations.kinematics.tree import MOVING, Limit, Mimic, RobotTree, TreeJoint
 from nlp.arrays import FloatArray
@@ -37,38 +33,13 @@ if TYPE_CHECKING:
 _KINDS = (*MOVING, "fixed", "floating", "planar")
 
 
-def read_urdf(path: str | os.PathLike[str]) -> RobotTree:
-    """Read a robot.
-
-    Parameters
-    ----------
-    path
-        A URDF file; xacro files must have been expanded.
-
-    Returns
-    -------
-    RobotTree
-        A revolute or prismatic joint without ``<limit>`` is invalid URDF: it has the limits
-        0 and 0, the defaults of the attributes, or none of its own if it mimics another.
-
-    Raises
-    ------
-    FileError
-        If the file cannot be read, is no URDF, is malformed or does not describe one tree.
-    """
-    return from_file(Path(path), parse_urdf)
-
-
-def parse_urdf(content: bytes) -> RobotTree:
-    """Read a robot from the text of a URDF file; InputError if it is none."""
-    root = xml_root(content)
-    if root.tag != "robot":
-        raise InputError("root element", f"<{root.tag}>", "<robot>, as in URDF")
-    return urdf_tree(root)
-
-
 def urdf_tree(root: Element) -> RobotTree:
-    """Read a robot from the root element of a URDF; InputError if it is wrong."""
+    """Read a robot from the root element of a URDF; InputError if it is wrong.
+
+    A revolute or prismatic joint without ``<limit>`` is invalid URDF: it has the limits 0 and
+    0, the defaults of the attributes, or none of its own if it mimics another. Files of xacro
+    must have been expanded.
+    """
     refuse_xacro(root)
     links = tuple(attribute(link, "name", "a link") for link in root.findall("link"))
     joints = tuple(_joint(joint) for joint in root.findall("joint"))

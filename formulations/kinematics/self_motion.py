@@ -22,7 +22,7 @@ STEP = 0.15
 #: Tangents in each direction, at most.
 _STEPS = 170
 #: Steps of Newton's method from a start, and the residual that counts as reached.
-NEWTON, REACHED = 40, 1e-6
+_NEWTON, _REACHED = 40, 1e-6
 # On a curve, the residual after a tangent is of second order; above this the curve is lost.
 _LOST = 0.5
 _DAMPING = 1e-12
@@ -75,7 +75,6 @@ def solve_pose(
     start: FloatArray,
     lower: FloatArray,
     upper: FloatArray,
-    steps: int = NEWTON,
 ) -> tuple[FloatArray, BoolArray]:
     """Return configurations (k, n) of the poses near a start, and which ones were found.
 
@@ -89,9 +88,9 @@ def solve_pose(
     lower, upper = (np.broadcast_to(side, start.shape).T for side in (lower, upper))
     q, found = damped_least_squares(
         *(residual, start.T, lower, upper),
-        reached=REACHED,
+        reached=_REACHED,
         damping=_DAMPING,
-        steps=steps,
+        steps=_NEWTON,
         largest=1.0,
     )
     return q.T, found

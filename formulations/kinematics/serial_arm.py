@@ -84,14 +84,13 @@ class SerialArm:
         return cls(tuple(steps), end[:3, 3], end[:3, :3])
 
     @classmethod
-    def planar(cls, lengths: Sequence[float], physical: Ranges | None = None) -> SerialArm:
-        """Return a planar arm of revolute joints; without limits by default."""
-        ranges = physical or ((-np.pi, np.pi),) * len(lengths)
+    def planar(cls, lengths: Sequence[float]) -> SerialArm:
+        """Return a planar arm of revolute joints without limits."""
         steps = []
-        for k, (low, high) in enumerate(ranges):
+        for k in range(len(lengths)):
             placement = np.eye(4)
             placement[0, 3] = lengths[k - 1] if k else 0.0
-            steps.append(Step(f"joint_{k + 1}", False, low, high, placement=placement))
+            steps.append(Step(f"joint_{k + 1}", False, -np.pi, np.pi, placement=placement))
         return cls(tuple(steps), np.array([lengths[-1], 0.0, 0.0]))
 
     @property

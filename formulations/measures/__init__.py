@@ -4,62 +4,35 @@ The independent judge of every solution: plain NumPy, no solver, no model of the
 Jacobians are arrays of shape (m, n) with n > m; joints are counted from 0.
 """
 
+from formulations.measures.jacobian import as_jacobian as as_jacobian
+from formulations.measures.jacobian import averaged_spectrum as averaged_spectrum
+from formulations.measures.jacobian import condition_number as condition_number
+from formulations.measures.jacobian import eigenvalue_bound as eigenvalue_bound
+from formulations.measures.jacobian import gap_percent as gap_percent
 from formulations.measures.jacobian import (
-    as_jacobian,
-    averaged_spectrum,
-    condition_number,
-    eigenvalue_bound,
-    gap_percent,
-    is_optimally_failure_tolerant,
-    isotropy_defect,
-    locked_sets,
-    locked_singular_values,
-    manipulability,
-    null_space_contributions,
-    range_contributions,
-    relative_manipulability,
-    remaining_singular_values,
-    residual_sum_of_squares,
-    sigma_bound,
-    singular_values,
-    trace,
+    is_optimally_failure_tolerant as is_optimally_failure_tolerant,
 )
-from formulations.measures.worst_failure import (
-    WorstCase,
-    WorstCases,
-    weakest_direction,
-    worst_case,
-    worst_case_sigma,
-    worst_case_sigma_batch,
+from formulations.measures.jacobian import isotropy_defect as isotropy_defect
+from formulations.measures.jacobian import locked_sets as locked_sets
+from formulations.measures.jacobian import locked_singular_values as locked_singular_values
+from formulations.measures.jacobian import manipulability as manipulability
+from formulations.measures.jacobian import null_space_contributions as null_space_contributions
+from formulations.measures.jacobian import range_contributions as range_contributions
+from formulations.measures.jacobian import relative_manipulability as relative_manipulability
+from formulations.measures.jacobian import (
+    remaining_singular_values as remaining_singular_values,
 )
-
-__all__ = [
-    "WorstCase",
-    "WorstCases",
-    "as_jacobian",
-    "averaged_spectrum",
-    "condition_number",
-    "eigenvalue_bound",
-    "gap_percent",
-    "is_optimally_failure_tolerant",
-    "isotropy_defect",
-    "locked_sets",
-    "locked_singular_values",
-    "manipulability",
-    "null_space_contributions",
-    "range_contributions",
-    "relative_manipulability",
-    "remaining_singular_values",
-    "residual_sum_of_squares",
-    "sigma_bound",
-    "singular_values",
-    "trace",
-    "weakest_direction",
-    "worst_case",
-    "worst_case_sigma",
-    "worst_case_sigma_batch",
-]
+from formulations.measures.jacobian import residual_sum_of_squares as residual_sum_of_squares
+from formulations.measures.jacobian import sigma_bound as sigma_bound
+from formulations.measures.jacobian import singular_values as singular_values
+from formulations.measures.jacobian import trace as trace
+from formulations.measures.worst_failure import WorstCase as WorstCase
+from formulations.measures.worst_failure import WorstCases as WorstCases
+from formulations.measures.worst_failure import weakest_direction as weakest_direction
+from formulations.measures.worst_failure import worst_case as worst_case
+from formulations.measures.worst_failure import worst_case_sigma as worst_case_sigma
+from formulations.measures.worst_failure import worst_case_sigma_batch as worst_case_sigma_batch
 
 
 def __dir__() -> list[str]:
-    return __all__
+    return [name for name, value in globals().items() if callable(value) and name[0] != "_"]

@@ -4,7 +4,7 @@ Two Jacobians are the same manipulator Jacobian when they differ by a rotation o
 of the task frame, the order of the joints and the signs of their axes; for unit revolute
 joints also by a common phase, (v, ω) → (cosθ v − sinθ ω, sinθ v + cosθ ω), and by the mirror
 image (v, −ω). All of it acts on the joints' inner products only by relabelling, signs, phase
-and conjugation. `invariants` do not depend on these and change by no more than the inner
+and conjugation. `invariants` do not depend on these and change by at most 5/3 of what the inner
 products do: Jacobians of one class have equal numbers, and others belong to other classes.
 
 For the representative the joints are named one by one, such that the inner products with those
@@ -26,6 +26,8 @@ from nlp.errors import InputError
 
 # Largest difference of inner products, relative to ‖J‖_F²/n, within a class.
 TOLERANCE = 1e-3
+# v·ω and |v|² − |ω|² of a column up to this are 0.
+_SQUARE = 1e-6
 # Classes that are distinguished: where optima come in families every start has its own.
 MOST = 1000
 
@@ -43,16 +45,16 @@ class Symmetry(Enum):
     UNIT_REVOLUTE = "unit-revolute"
 
 
-def symmetry_of(jacobian: npt.ArrayLike, tolerance: float = 1e-6) -> Symmetry:
+def symmetry_of(jacobian: npt.ArrayLike) -> Symmetry:
     """Return the largest symmetry that the columns allow: by their shape, from J alone."""
     matrix = as_jacobian(jacobian)
     if matrix.shape[0] != 6:
         return Symmetry.FRAME
     velocity, axis = matrix[:3], matrix[3:]
-    if np.max(np.abs(np.sum(velocity * axis, axis=0))) > tolerance:
+    if np.max(np.abs(np.sum(velocity * axis, axis=0))) > _SQUARE:
         return Symmetry.FRAME
     gap = np.sum(velocity**2, axis=0) - np.sum(axis**2, axis=0)
-    return Symmetry.UNIT_REVOLUTE if np.max(np.abs(gap)) <= tolerance else Symmetry.REVOLUTE
+    return Symmetry.UNIT_REVOLUTE if np.max(np.abs(gap)) <= _SQUARE else Symmetry.REVOLUTE
 
 
 def inner_products(matrix: FloatArray, symmetry: Symmetry) -> npt.NDArray[np.complex128]:
@@ -118,7 +120,8 @@ def invariants(jacobian: FloatArray, symmetry: Symmetry) -> FloatArray:
     For each kind of inner product: all moduli, sorted; for each joint, the root mean square
     and the largest of those with the others, sorted over joints; and for each three joints
     the product in a cycle, in which signs and phase cancel. None of them changes by more than
-    the inner products do.
+    5/3 of what the inner products do: abc/(3s²), s the largest modulus, by 1 with a, b and c
+    and by 2/3 with s, the others by 1.
     """
     products = inner_products(jacobian, symmetry)
     one, two, three = _triples(jacobian.shape[1])

@@ -10,8 +10,10 @@ import numpy.typing as npt
 from nlp.arrays import FloatArray, as_floats, whole_number
 from nlp.errors import InputError
 
-# The fourth powers of larger entries are too near the largest floating-point number.
+# The fourth powers of larger and smaller entries are too near the largest and the smallest
+# floating-point number.
 LARGEST_ENTRY = 1e70
+_SMALLEST = 1 / LARGEST_ENTRY
 # More sets of locked joints than this are refused: each takes a singular value decomposition.
 MOST_SETS = 100_000
 # Entries of J that are decomposed at once.
@@ -24,8 +26,8 @@ def as_jacobian(jacobian: npt.ArrayLike, name: str = "jacobian") -> FloatArray:
     Raises
     ------
     InputError
-        If it is not two-dimensional, has NaN, infinity or entries beyond `LARGEST_ENTRY`, or
-        no more columns than rows.
+        If it is not two-dimensional, has NaN, infinity or masked entries, its largest entry is
+        not 0 and not between 1e-70 and 1e70, or it has no more columns than rows.
     """
     matrix = as_floats(name, jacobian)
     if matrix.ndim != 2 or 0 in matrix.shape:
@@ -33,9 +35,9 @@ def as_jacobian(jacobian: npt.ArrayLike, name: str = "jacobian") -> FloatArray:
     if not np.all(np.isfinite(matrix)):
         raise InputError(name, "a matrix with NaN or infinity", "finite numbers only")
     largest = float(np.max(np.abs(matrix)))
-    if largest > LARGEST_ENTRY:
-        allowed = f"entries of at most {LARGEST_ENTRY:g} in magnitude"
-        raise InputError(name, f"a matrix with an entry of {largest:g}", allowed)
+    if largest and not _SMALLEST <= largest <= LARGEST_ENTRY:
+        allowed = f"one from {_SMALLEST:g} to {LARGEST_ENTRY:g} in magnitude"
+        raise InputError(name, f"a matrix whose largest entry is {largest:g}", allowed)
     m, n = matrix.shape
     if n <= m:
         allowed = "more columns (joints) than rows (task dimensions)"
@@ -60,9 +62,11 @@ def condition_number(jacobian: npt.ArrayLike) -> float:
 
 
 def manipulability(jacobian: npt.ArrayLike) -> float:
-    """√det(JJᵀ), the product of the singular values (Yoshikawa, 1985)."""
+    """√det(JJᵀ), the product of the singular values (Yoshikawa, 1985); 0 only if one is 0."""
+    values = singular_values(jacobian)
     with np.errstate(over="ignore"):  # infinity, where many of them are large
-        return float(np.prod(singular_values(jacobian)))
+        product = float(np.prod(values))
+    return product or (float(np.nextafter(0, 1)) if values[-1] > 0 else 0.0)
 
 
 def _numerical_rank(values: FloatArray, matrix: FloatArray) -> int:

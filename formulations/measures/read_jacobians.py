@@ -1,4 +1,4 @@
-"""Jacobians from files: CSV, NPY, NPZ or JSON."""
+"""Jacobians from files: text, NPY, NPZ or JSON."""
 
 import io
 from collections.abc import Callable, Mapping
@@ -17,15 +17,16 @@ from nlp.errors import FileError, InputError, printable
 Named = tuple[str, FloatArray]
 
 
-def read_jacobians(path: Path) -> list[Named]:
+def read_jacobians(path: Path | str) -> list[Named]:
     """Read every Jacobian of a file, each with a name.
 
     Parameters
     ----------
     path
-        ``.csv`` (numbers separated by commas, one row of J per line), ``.npy``, ``.npz``
-        (one Jacobian an array, by its name), or ``.json`` (rows; an object with the key
-        ``jacobian``; or a list of such objects).
+        ``.csv``, ``.tsv`` or ``.txt`` (one row of J per line, numbers separated by commas,
+        semicolons, tabs or blanks; a header line and comments after ``#`` are left out),
+        ``.npy``, ``.npz`` (one Jacobian an array, by its name), or ``.json`` (rows; an object
+        with the key ``jacobian``; or a list of such objects).
 
     Raises
     ------
@@ -34,6 +35,7 @@ def read_jacobians(path: Path) -> list[Named]:
     InputError
         If what it holds is not a Jacobian.
     """
+    path = Path(path)
     reader = _READERS.get(path.suffix.lower())
     if reader is None:
         raise FileError("file", str(path), "a name that ends in " + ", ".join(_READERS))
@@ -60,16 +62,47 @@ def only_jacobian(path: Path, pick: int | None = None) -> FloatArray:
     return found[pick or 0][1]
 
 
-def _read_csv(path: Path, content: bytes) -> list[tuple[str, npt.ArrayLike]]:
+def _read_text(path: Path, content: bytes) -> list[tuple[str, npt.ArrayLike]]:
+    """Read a row of J per line; a first line without any number is a header."""
+    rows: list[list[float]] = []
     try:
         lines = content.decode("utf-8-sig").splitlines()
-        rows = [[real_in(cell) for cell in line.split(",")] for line in lines if line.strip()]
-    except ValueError:
-        allowed = "rows of numbers separated by commas, in UTF-8"
-        raise FileError("file", str(path), allowed) from None
-    if len({len(row) for row in rows}) != 1:
-        raise FileError("file", str(path), "rows of one length")
+    except UnicodeDecodeError:
+        raise FileError("file", str(path), "rows of numbers, in UTF-8") from None
+    header = False
+    for number, line in enumerate(lines, start=1):
+        cells = _cells(line.partition("#")[0])
+        values = [_value(cell) for cell in cells]
+        if not (rows or header) and cells and not any(value is not None for value in values):
+            header = True
+            continue
+        row = [value for value in values if value is not None]
+        if len(row) < len(cells):
+            cell = cells[values.index(None)]
+            allowed = "a number; decimals have a point, or a comma where ; separates"
+            raise InputError(f"line {number} of {path}", cell or "an empty cell", allowed)
+        if rows and row and len(row) != len(rows[0]):
+            allowed = f"{len(rows[0])}, as in the rows before"
+            raise InputError(
+                f"line {number} of {path}", f"a row of {len(row)} numbers", allowed
+            )
+        rows += [row] if row else []
+    if not rows:
+        raise FileError("file", str(path), "one with rows of numbers")
     return [(path.name, rows)]
+
+
+def _cells(line: str) -> list[str]:
+    if ";" in line:
+        return [cell.strip().replace(",", ".") for cell in line.split(";")]
+    return [cell.strip() for cell in line.split(",")] if "," in line else line.split()
+
+
+def _value(cell: str) -> float | None:
+    try:
+        return real_in(cell)
+    except ValueError:
+        return None
 
 
 def _read_numpy(path: Path, content: bytes) -> list[tuple[str, npt.ArrayLike]]:
@@ -114,11 +147,17 @@ def _numbers(rows: Any, path: Path) -> Any:
 
 def _name(described: Mapping[str, object]) -> str:
     parts = (described.get(key) for key in ("formulation", "variant", "model"))
-    return " ".join(str(part) for part in parts if part) or "jacobian"
+    name = " ".join(str(part) for part in parts if part) or "jacobian"
+    verdict = described.get("verdict")  # of `solve` and `compare`: what kind of answer it is
+    return f"{name}, {verdict}" if verdict else name
 
 
 _READERS: Mapping[str, Callable[[Path, bytes], list[tuple[str, npt.ArrayLike]]]] = (
     MappingProxyType(
-        {".csv": _read_csv, ".npy": _read_numpy, ".npz": _read_numpy, ".json": _read_json}
+        {
+            **dict.fromkeys((".csv", ".tsv", ".txt"), _read_text),
+            **dict.fromkeys((".npy", ".npz"), _read_numpy),
+            ".json": _read_json,
+        }
     )
 )

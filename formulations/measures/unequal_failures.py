@@ -59,9 +59,11 @@ class FailureModel:
 
     @classmethod
     def equally_likely(
-        cls, joints: int, locked: int = 1, never: Collection[int] = (), probability: float = 0.5
+        cls, joints: int, locked: int = 1, never: Collection[int] = ()
     ) -> FailureModel:
         """Return the model of `joints` alike joints, less those that never fail.
+
+        Each of the others fails with probability ½; the shares do not depend on it.
 
         Parameters
         ----------
@@ -71,11 +73,9 @@ class FailureModel:
             How many joints lock at once.
         never
             Joints that never fail, counted from 0.
-        probability
-            Of the others' failure; the shares of the failures do not depend on it.
         """
         count = whole_number("joints", joints, 1, MOST_SETS)
-        return cls((probability,) * count, locked=1).sparing(never, locked)
+        return cls((0.5,) * count).sparing(never, locked)
 
     def sparing(self, never: Collection[int], locked: int | None = None) -> FailureModel:
         """Return this model with joints, counted from 0, that never fail."""

@@ -39,35 +39,31 @@ class Nodes:
 
     def __init__(self, kinematics: Kinematics, poses: Poses, seed: int) -> None:
         self._kinematics, self._poses, self._seed = kinematics, poses, seed
-        # Of each sample, as they came: nodes (n, B), and the last sample reached (n, B).
-        self._known: list[list[tuple[FloatArray, IntArray]]] = [[] for _ in range(len(poses))]
+        self._q = np.zeros((kinematics.size, 0))
+        # Of each node: its sample, and the last sample that is reached after each failure.
+        self._samples = np.zeros(0, dtype=int)
+        self._ends = np.zeros((kinematics.size, 0), dtype=int)
 
     @property
     def count(self) -> int:
         """How many nodes there are at all samples together."""
-        return sum(nodes.shape[1] for parts in self._known for nodes, _ in parts)
-
-    def any_at(self, sample: int) -> bool:
-        """Whether there are nodes at a sample."""
-        return bool(self._known[sample])
+        return len(self._samples)
 
     def at(self, sample: int) -> FloatArray:
         """Return the nodes at a sample, shape (n, B)."""
-        return np.concatenate([nodes for nodes, _ in self._known[sample]], axis=1)
+        return self._q[:, self._samples == sample]
 
     def survives(self, sample: int) -> BoolArray:
         """Whether the path can be finished after joint f locks at each node, shape (n, B)."""
-        ends = np.concatenate([ends for _, ends in self._known[sample]], axis=1)
-        return np.asarray(ends == len(self._poses) - 1)
+        return np.asarray(self._ends[:, self._samples == sample] == len(self._poses) - 1)
 
     def add(self, samples: IntArray, nodes: FloatArray) -> None:
         """Add configurations, shape (n, B), each at its sample, (B,), and test them."""
-        if not len(samples):
-            return
-        ends = survivors(self._kinematics, nodes, samples, self._poses, seed=self._seed)
-        for sample in np.unique(samples):
-            here = samples == sample
-            self._known[sample].append((nodes[:, here], ends[:, here]))
+        if len(samples):
+            ends = survivors(self._kinematics, nodes, samples, self._poses, seed=self._seed)
+            self._q = np.concatenate([self._q, nodes], axis=1)
+            self._samples = np.concatenate([self._samples, samples])
+            self._ends = np.concatenate([self._ends, ends], axis=1)
 
     def add_tracks(self, tracks: FloatArray) -> None:
         """Add tracks, shape (N, n, B), NaN where they have no configuration."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass
 from typing import Any
 
@@ -44,6 +45,15 @@ class Trajectory:
     def roughness(self) -> float:
         """Root of the sum of squared second differences, radians or metres."""
         return float(np.linalg.norm(np.diff(self.configurations, 2, axis=0)))
+
+    def to_dict(self, times: FloatArray) -> dict[str, object]:
+        """Return plain values, with the samples' times in seconds, shape (N,)."""
+        return {
+            "configurations": self.configurations.tolist(),
+            "sigma": self.sigma.tolist(),
+            "survivors": self.survives.sum(axis=1).tolist(),
+            "ends_at": times[self.ends].tolist(),
+        }
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,29 +143,20 @@ class PathPlan:
             "largest_speed": self.speed,
             "deviation": self.deviation,
             "polished": self.polished,
-            "status_counts": {one: self.statuses.count(one) for one in set(self.statuses)},
+            "status_counts": dict(Counter(self.statuses)),
             "configurations_tested": self.nodes,
             "complete": self.complete,
             "joints": self.joint_rows(),
             "times": self.times.tolist(),
             "places": self.places.tolist(),
-            "trajectory": _plain(self.planned, self.times),
-            "minimum_norm": base and _plain(base, self.times),
+            "trajectory": self.planned.to_dict(self.times),
+            "minimum_norm": base and base.to_dict(self.times),
         }
 
     def csv_lines(self) -> list[list[object]]:
         """Return the trajectory as lines of a table, the first with headings."""
         ends = [f"{name} locked ends at" for name in self.joints]
-        one = self.planned
-        columns = (self.times, *one.configurations.T, one.sigma, one.survives.sum(axis=1))
-        lines = zip(*(x.tolist() for x in (*columns, *self.times[one.ends].T)), strict=True)
+        way = self.planned
+        columns = (self.times, *way.configurations.T, way.sigma, way.survives.sum(axis=1))
+        lines = zip(*(x.tolist() for x in (*columns, *self.times[way.ends].T)), strict=True)
         return [["t", *self.joints, "sigma", "survivors", *ends], *map(list, lines)]
-
-
-def _plain(one: Trajectory, times: FloatArray) -> dict[str, object]:
-    return {
-        "configurations": one.configurations.tolist(),
-        "sigma": one.sigma.tolist(),
-        "survivors": one.survives.sum(axis=1).tolist(),
-        "ends_at": times[one.ends].tolist(),
-    }

@@ -166,9 +166,8 @@ class _Planner:
 
     def check_reach(self) -> None:
         """Raise InputError if a waypoint is out of reach."""
-        for sample in np.flatnonzero(
-            np.abs(self.places - np.round(self.places)) < 1e-9
-        ).tolist():
+        waypoints = np.flatnonzero(np.abs(self.places - np.round(self.places)) < 1e-9)
+        for sample in waypoints.tolist():
             if not self._on_path(sample, _FIRST).shape[1]:
                 self._reachable(sample)
 
@@ -197,18 +196,14 @@ class _Planner:
         for anchor in anchors.tolist():
             starts = self._on_path(anchor, 6 * per_anchor)
             for part, centre in ((starts[:, :half], 0.0), (starts[:, half:per_anchor], 0.05)):
-                track, back = (
-                    follow(self.kinematics, part, self.poses, anchor, step=step, centre=centre)[
-                        0
-                    ]
-                    for step in (1, -1)
-                )
-                track[:anchor] = back[:anchor]
+                given = self.kinematics, part, self.poses, anchor
+                track, _ = follow(*given, centre=centre)
+                track[:anchor] = follow(*given, step=-1, centre=centre)[0][:anchor]
                 self.nodes.add_tracks(track)
             if anchor == 0 and starts.shape[1]:
                 minimum_norm = self._minimum_norm(starts)
         for sample in range(len(self.times)):
-            if not self.nodes.any_at(sample):
+            if not self.nodes.at(sample).size:
                 q = self._reachable(sample)[:, : self.search.tracks]
                 self.nodes.add(np.full(q.shape[1], sample), q)
         return minimum_norm
@@ -258,11 +253,11 @@ class _Planner:
         final = len(self.times) - 1
         nodes = [self.nodes.at(k) for k in range(final + 1)]
         survives = [self.nodes.survives(k) for k in range(final + 1)]
-        best = [int(np.max(np.sum(one, axis=0))) for one in survives]
-        single = np.array([np.any(one, axis=1) for one in survives]) | own
+        best = [int(np.max(np.sum(here, axis=0))) for here in survives]
+        single = np.array([np.any(here, axis=1) for here in survives]) | own
         # What the ranges of every later sample have in common.
-        least = np.maximum.accumulate([np.min(one, axis=1) for one in reversed(nodes)])[::-1]
-        largest = np.minimum.accumulate([np.max(one, axis=1) for one in reversed(nodes)])[::-1]
+        least = np.maximum.accumulate([np.min(q, axis=1) for q in reversed(nodes)])[::-1]
+        largest = np.minimum.accumulate([np.max(q, axis=1) for q in reversed(nodes)])[::-1]
         apart = (least > largest) & ~single
         return {
             "ceiling": 100 * float(np.mean(np.maximum(best, np.sum(own, 1)))) / self.arm.size,

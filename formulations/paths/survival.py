@@ -104,7 +104,7 @@ def survivors(
     redundant = size - 1 > len(kinematics.rows)
     # Towards the middle of the ranges, where the arm still can: limits then come later.
     centre = 0.1 if redundant else 0.0
-    locked, which = (one.ravel() for one in np.mgrid[:size, :count])
+    locked, which = np.mgrid[:size, :count].reshape(2, -1)
     first: IntArray = samples[which]
     last, rng = first.copy(), np.random.default_rng(seed)
     pairs = np.arange(len(last))

@@ -130,7 +130,7 @@ class ToolPath:
         places += [k + np.arange(1, count + 1) / count for k, count in enumerate(counts)]
         place = np.concatenate(places)
         index = np.arange(len(times))
-        positions = np.stack([np.interp(place, index, one) for one in self.positions.T], axis=1)
+        positions = np.stack([np.interp(place, index, x) for x in self.positions.T], axis=1)
         rotations = np.repeat(np.eye(3)[None], len(place), axis=0)
         if self.quaternions is not None:
             rotations = Slerp(index, Rotation.from_quat(self.quaternions))(place).as_matrix()
@@ -139,8 +139,8 @@ class ToolPath:
     def _lengths(self) -> FloatArray:
         lengths = np.linalg.norm(np.diff(self.positions, axis=0), axis=1)
         if self.quaternions is not None:
-            turns = Rotation.from_quat(self.quaternions)
-            lengths = lengths + _METRES_PER_RADIAN * (turns[1:] * turns[:-1].inv()).magnitude()
+            poses = Rotation.from_quat(self.quaternions)
+            lengths = lengths + _METRES_PER_RADIAN * (poses[1:] * poses[:-1].inv()).magnitude()
         return np.asarray(lengths)
 
 
@@ -239,17 +239,16 @@ def _columns(
     known = not extra or extra in (set(_ANGLES), set(_QUATERNION))
     if not (set(_POSITION) <= set(head) and known and len(set(head)) == len(head)):
         raise InputError("columns of the waypoints", ",".join(map(str, head)), _ALLOWED)
-    table = np.array([_numbers(k, head, one) for k, one in enumerate(waypoints)])
-    columns = dict(zip(head, table.reshape(-1, len(head)).T, strict=True))
+    table = np.array([_numbers(k, head, cells) for k, cells in enumerate(waypoints)])
 
-    def stacked(names: Sequence[str]) -> FloatArray:
-        return np.stack([columns[name] for name in names], axis=1)
+    def columns(*names: str) -> FloatArray:
+        return table.reshape(-1, len(head))[:, [head.index(name) for name in names]]
 
-    quaternions = stacked(_QUATERNION) if set(_QUATERNION) <= extra else None
+    quaternions = columns(*_QUATERNION) if set(_QUATERNION) <= extra else None
     if set(_ANGLES) <= extra:
         # Fixed axes x, y, z in turn, as URDF has them.
-        quaternions = Rotation.from_euler("xyz", stacked(_ANGLES)).as_quat()
-    return stacked(_POSITION), quaternions, columns.get(_TIME)
+        quaternions = Rotation.from_euler("xyz", columns(*_ANGLES)).as_quat()
+    return columns(*_POSITION), quaternions, columns(_TIME)[:, 0] if _TIME in head else None
 
 
 def _numbers(k: int, head: Sequence[str], waypoint: object) -> list[float]:

@@ -6,7 +6,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import singledispatch
 from pathlib import Path
-from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from formulations.io.files import prepare_file, write_bytes
@@ -15,12 +14,11 @@ from formulations.paths.plan import PathPlan
 from formulations.plot import (
     manipulator,
     optima,
-    path,
     planar,
+    robots,
     seven_axes,
     singular_values,
     trade_off,
-    workspace,
 )
 from formulations.plot.picture import Picture, Request
 from formulations.plot.style import Look, content, figure_class, kind_of, looking, read_look
@@ -46,24 +44,22 @@ class Kind:
     starts
         Default number of random starts of each problem.
     takes
-        What may be shown instead: ``jacobian``, ``store``.
+        What may be shown instead: ``jacobian`` or ``store``; empty if nothing.
     """
 
     make: Callable[[Request], Picture]
     starts: int
-    takes: frozenset[str] = frozenset()
+    takes: str = ""
 
 
-FIGURES: Mapping[str, Kind] = MappingProxyType(
-    {
-        "figure-1": Kind(planar.figure_1, 5),
-        "figure-3": Kind(planar.figure_3, 100),
-        "seven-axes": Kind(seven_axes.make, 5, frozenset({"jacobian"})),
-        "singular-values": Kind(singular_values.make, 5, frozenset({"jacobian"})),
-        "trade-off": Kind(trade_off.make, 5),
-        "optima": Kind(optima.make, 50, frozenset({"store"})),
-    }
-)
+FIGURES: Mapping[str, Kind] = {
+    "figure-1": Kind(planar.figure_1, 5),
+    "figure-3": Kind(planar.figure_3, 100),
+    "seven-axes": Kind(seven_axes.make, 5, "jacobian"),
+    "singular-values": Kind(singular_values.make, 5, "jacobian"),
+    "trade-off": Kind(trade_off.make, 5),
+    "optima": Kind(optima.make, 50, "store"),
+}
 
 
 def kind(name: str) -> Kind:
@@ -165,7 +161,7 @@ def _figure(value: object) -> Figure:
 _figure.register(Assessment, singular_values.bars)
 _figure.register(RobotAssessment, singular_values.bars)
 _figure.register(Manipulator, manipulator.figure)
-_figure.register(PathPlan, path.draw)
-_figure.register(Workspace, workspace.draw)
+_figure.register(PathPlan, robots.draw_path)
+_figure.register(Workspace, robots.draw_workspace)
 _figure.register(Record, lambda value: singular_values.bars(measure(value.jacobian)))
 _figure.register(Outcome, lambda value: optima.draw(optima.ends(value.case.name, value)))

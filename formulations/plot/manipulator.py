@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from formulations.plot.projection import View, clear_views, clearest
+from formulations.plot.projection import View, clear_views
 from formulations.plot.style import (
     BLUE,
     GREY,
@@ -32,16 +32,16 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-LINK, AXIS, TIP = ORANGE, BLUE, VERMILION
+_LINK, _AXIS, _TIP = ORANGE, BLUE, VERMILION
 # Half the length of a drawn axis and of a joint's body, in parts of the drawing's radius.
-AXIS_REACH, BODY_REACH = 0.42, 0.06
+_AXIS_REACH, _BODY_REACH = 0.42, 0.06
 # Names of axes stand this far out, in parts of the half length.
-NAME = 1.14
+_NAME = 1.14
 # Columns are drawn to this part of their length, inside most arms.
 _COLUMN_SHARE = 0.3
 _PIECES = 48
 # Layers: links lie one above the other from here.
-FLOOR, LINES, LINKS, JOINTS, LETTERS = 0, 5, 10, 40, 60
+_FLOOR, _LINES, _LINKS, _JOINTS, _LETTERS = 0, 5, 10, 40, 60
 
 
 def figure(manipulator: Manipulator) -> Figure:
@@ -50,17 +50,15 @@ def figure(manipulator: Manipulator) -> Figure:
     if np.any(manipulator.prismatic):
         in_plane = manipulator.task.in_plane
         joint += ", a circle if revolute" if in_plane else ", hollow if prismatic"
-    parts = {"link": LINK, joint: AXIS, "end effector": TIP}
-    views = clear_views(manipulator)
-    listed = columns_text(manipulator)
-    height = 4.7 + 0.13 * len(listed.splitlines())
-    with styled(4.2 * len(views), height) as drawn:
+    parts = {"link": _LINK, joint: _AXIS, "end effector": _TIP}
+    views, listed = clear_views(manipulator), columns_text(manipulator)
+    with styled(4.2 * len(views), 4.83 + 0.13 * manipulator.joints) as drawn:
+        from matplotlib.patches import Patch
+
         panels = drawn.subplots(1, len(views), squeeze=False)[0]
         for axes, view in zip(panels, views, strict=True):
             draw(manipulator, axes, view, scale=True)
             axes.set_title(view.name, fontsize=SMALL, color=GREY, loc="center")
-        from matplotlib.patches import Patch
-
         patches = [Patch(color=colour, label=part) for part, colour in parts.items()]
         drawn.legend(handles=patches, loc="outside upper center", ncols=3)
         drawn.supxlabel(listed, fontsize="x-small", color=INK, family="DejaVu Sans Mono")
@@ -167,7 +165,7 @@ class _Strokes:
         axes: Axes,
         view: View,
         ball: float,
-        reach: float = AXIS_REACH,
+        reach: float = _AXIS_REACH,
         weight: float = 1.0,
     ) -> None:
         self._arm, self._axes, self._view = arm, axes, view
@@ -187,12 +185,12 @@ class _Strokes:
         angle = np.linspace(0, 2 * np.pi, 181)
         circle = self._ball * np.column_stack([np.cos(angle), np.sin(angle), np.zeros(181)])
         rim = self._tip + circle
-        self._axes.fill(*rim.T[:2], fc=PAPER, ec=PALE, lw=0.8, zorder=FLOOR)
+        self._axes.fill(*rim.T[:2], fc=PAPER, ec=PALE, lw=0.8, zorder=_FLOOR)
         equator = self._tip + self._view.project(circle)
         front = equator[:, 2:] >= self._tip[2]
         for part, style in ((front, "-"), (~front, (0, (2, 3)))):
             x, y, _ = np.where(part, equator, np.nan).T
-            self._axes.plot(x, y, color=PALE, lw=0.6, ls=style, zorder=FLOOR + 1)
+            self._axes.plot(x, y, color=PALE, lw=0.6, ls=style, zorder=_FLOOR + 1)
 
     def axis_lines(self, width: float = 0.9) -> None:
         """Draw axes, paler where they are behind the sphere about the end effector."""
@@ -202,31 +200,31 @@ class _Strokes:
             line = point + np.linspace(-1, 1, _PIECES + 1)[:, None] * half
             middle = (line[:-1] + line[1:]) / 2 - self._tip
             hidden = (np.hypot(*middle.T[:2]) < self._ball) & (middle[:, 2] < 0)
-            shades = [(AXIS, 0.35 if behind else 1.0) for behind in hidden]
+            shades = [(_AXIS, 0.35 if behind else 1.0) for behind in hidden]
             pieces = list(np.stack([line[:-1, :2], line[1:, :2]], axis=1))
-            layer = LINES + (1 if point[2] >= self._tip[2] else 0)
+            layer = _LINES + (1 if point[2] >= self._tip[2] else 0)
             drawn = LineCollection(pieces, colors=shades, lw=width, zorder=layer)
             self._axes.add_collection(drawn)
             self._axes.update_datalim(line[:, :2])
 
     def nearest_points(self) -> None:
         """Draw where each axis is nearest to the end effector, pale behind the sphere."""
-        self._axes.plot(*self._tip[:2], "+", ms=6, mew=0.8, color=GREY, zorder=LINES)
+        self._axes.plot(*self._tip[:2], "+", ms=6, mew=0.8, color=GREY, zorder=_LINES)
         for point in self._joints:
             behind = point[2] < self._tip[2]
             [dot] = self._axes.plot(*point[:2], "o", ms=6, mec="white", mew=0.8)
-            dot.set(mfc="#EDBFA0" if behind else TIP, zorder=LINES if behind else JOINTS)
+            dot.set(mfc="#EDBFA0" if behind else _TIP, zorder=_LINES if behind else _JOINTS)
 
     def links(self) -> None:
         """Draw far links first, each with a white rim: crossings show which is in front."""
         places = np.vstack([self._joints, self._tip])
         starts, ends = places[:-1], places[1:]
         for rank, i in enumerate(np.argsort(starts[:, 2] + ends[:, 2], kind="stable")):
-            layer = LINKS + rank / len(starts) * (JOINTS - LINKS)
+            layer = _LINKS + rank / len(starts) * (_JOINTS - _LINKS)
             link = ends[i] - starts[i]
             rim = np.array([starts[i] + 0.1 * link, ends[i] - 0.1 * link])
             self._line(rim, "white", 7.5, layer, "butt")
-            self._line(np.array([starts[i], ends[i]]), LINK, 4.5, layer, "round")
+            self._line(np.array([starts[i], ends[i]]), _LINK, 4.5, layer, "round")
 
     def bodies(self) -> None:
         """Draw a stub along each axis, hollow where the joint is prismatic.
@@ -235,28 +233,21 @@ class _Strokes:
         """
         in_plane = self._arm.task.in_plane
         outer, inner = (11.0, 8.0) if in_plane else (7.0, 4.0)
-        half = BODY_REACH * self._radius * self._view.project(self._arm.directions)
+        half = _BODY_REACH * self._radius * self._view.project(self._arm.directions)
         for point, reach, slides in zip(self._joints, half, self._arm.prismatic, strict=True):
             line = np.array([point - reach, point + reach])
             if slides or not in_plane:
-                self._line(line, AXIS, outer, JOINTS, "butt")
+                self._line(line, _AXIS, outer, _JOINTS, "butt")
             if slides:
-                self._line(line, "white", inner, JOINTS, "butt")
+                self._line(line, "white", inner, _JOINTS, "butt")
             elif in_plane:
-                [pin] = self._axes.plot(point[0], point[1], "o", zorder=JOINTS)
-                pin.set(mfc="white", mec=AXIS, mew=1.6 * self._weight, ms=8.5 * self._weight)
+                [pin] = self._axes.plot(point[0], point[1], "o", zorder=_JOINTS)
+                pin.set(mfc="white", mec=_AXIS, mew=1.6 * self._weight, ms=8.5 * self._weight)
 
     def ground(self) -> None:
-        """Draw the ground that holds the first joint."""
-        x, y = self._joints[0, :2]
-        step = 0.05 * self._radius
-        low = y - 1.9 * step
-        feet, floor = x + 1.2 * step * np.array([-1, 0, 1]), x + step * np.linspace(-2, 2, 6)
-        self._axes.plot(feet, [low, y, low], color=INK, lw=0.9, zorder=LINES)
-        self._axes.plot(floor, np.full(6, low), color=INK, lw=0.9, zorder=LINES)
-        hatches = np.stack([floor[1:], floor[1:] - step / 2])
-        heights = np.stack([np.full(5, low), np.full(5, low - step / 2)])
-        self._axes.plot(hatches, heights, color=INK, lw=0.6, zorder=LINES)
+        """Draw the ground that holds the first joint: a triangle whose tip is there."""
+        [foot] = self._axes.plot(*self._joints[0, :2], marker="^", zorder=_LINES)
+        foot.set(marker=6, color=GREY, ms=16 * self._weight)
 
     def columns(self, names: Sequence[str]) -> None:
         """Draw the velocities that the joints give the end effector, shortened alike."""
@@ -272,9 +263,8 @@ class _Strokes:
 
     def tip(self) -> None:
         """Draw the end effector."""
-        size = 6.5 * self._weight
-        [dot] = self._axes.plot(*self._tip[:2], "o", ms=size, mfc=TIP, mec="white", mew=1.2)
-        dot.set_zorder(JOINTS + 1)
+        [dot] = self._axes.plot(*self._tip[:2], "o", zorder=_JOINTS + 1)
+        dot.set(ms=6.5 * self._weight, mfc=_TIP, mec="white", mew=1.2)
 
     def frame_and_scale(self) -> None:
         """Draw the axes of the base's frame, and a bar of 1, 2 or 5 times a power of ten."""
@@ -299,11 +289,12 @@ class _Strokes:
             around = np.column_stack([np.cos(angle), np.sin(angle)])
             choices = self._joints[:, None, :2] + 0.13 / self._weight * self._radius * around
         else:
-            choices = np.stack([self._joints + k * self._half for k in (-NAME, NAME)], axis=1)
+            choices = np.stack([self._joints + k * self._half for k in (-_NAME, _NAME)], axis=1)
         for name, offered in zip(names, choices[..., :2], strict=True):
-            place = clearest(offered, taken)
+            room = np.linalg.norm(taken[:, None] - offered, axis=-1).min(axis=0)
+            place = offered[int(np.argmax(room))]
             taken = np.vstack([taken, place])
-            self._text(place, name, AXIS)
+            self._text(place, name, _AXIS)
 
     def along_links(self) -> FloatArray:
         """Return places on the links and on the ground, shape (k, 2)."""
@@ -326,13 +317,13 @@ class _Strokes:
     def _arrow(self, start: FloatArray, shift: FloatArray, shrink: dict[str, float]) -> None:
         arrow = {"arrowstyle": "-|>", "color": INK, "lw": 0.8, **shrink}
         ends = tuple(start + shift), tuple(start)
-        self._axes.annotate("", *ends, arrowprops=arrow, zorder=JOINTS)
+        self._axes.annotate("", *ends, arrowprops=arrow, zorder=_JOINTS)
 
     def _text(self, place: FloatArray, text: str, colour: str, size: str = "medium") -> None:
         from matplotlib.patheffects import withStroke
 
         x, y = place
-        written = self._axes.text(x, y, text, color=colour, fontsize=size, zorder=LETTERS)
+        written = self._axes.text(x, y, text, color=colour, fontsize=size, zorder=_LETTERS)
         written.set(ha="center", va="center")
         written.set_path_effects([withStroke(linewidth=2.5, foreground="white")])
         self._axes.update_datalim([tuple(place)])

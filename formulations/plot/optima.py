@@ -1,4 +1,4 @@
-"""Which optima random starts end at, and how many at each: one histogram per problem.
+"""Which optima random starts end at, and how many at each: one row of strokes per problem.
 
 Starts are counted by the worst case of the Jacobian that they end at, from J alone. Those that
 do not pass the gate (`Record.trusted`) are counted apart.
@@ -14,43 +14,40 @@ import pandas as pd
 
 from formulations import isotropy, max_min, residual
 from formulations.campaign.records import open_store
-from formulations.campaign.tables import SETTINGS, differing, frame
+from formulations.campaign.tables import SETTINGS, differing, frame, trusted
 from formulations.joints.models import arm
 from formulations.plot.picture import NothingFoundError, Picture, Request, solved
-from formulations.plot.style import BLUE, PALE, SMALL, styled, without_frame
+from formulations.plot.style import BLUE, PALE, SMALL, styled
 from formulations.solving.case import Case
 from formulations.solving.outcome import Outcome
-from nlp.arrays import FloatArray
 from nlp.errors import FileError
-from nlp.solution import ACCEPTABLE, FEASIBLE, SUCCESS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-WIDTH, ROW = 8.4, 0.9
-_BINS = 240
+_WIDTH, _ROW = 8.4, 0.9
 # Starts this close to one another are at one optimum, as far as numbers are printed.
-SAME = 1e-5
+_SAME = 1e-5
 # More optima than this, and than this share of the starts, are a continuum.
-FEW, SCATTERED = 3, 0.2
-UNIT, LEVER = "unit lever arms", "free lever arms"
-# Of a store: settings that every label names, and the length of a line above a histogram.
+_FEW, _SCATTERED = 3, 0.2
+_UNIT, _LEVER = "unit lever arms", "free lever arms"
+# Of a store: settings that every label names, and the length of a line above a row.
 _ALWAYS_NAMED = ("formulation", "model", "joints")
 _LONGEST = 42
 # What is shown of a start, and the columns of the table in their order.
 _SHOWN = ("start", "status", "worst_case_sigma", "isotropy_defect")
 COLUMNS = ("problem", "label", *_SHOWN[:2], "counted", *_SHOWN[2:])
 PROBLEMS = (
-    (f"residual, {UNIT}", Case(residual, arm("unit-revolute", 7))),
-    (f"max-min, {UNIT}", Case(max_min, arm("unit-revolute", 7))),
+    (f"residual, {_UNIT}", Case(residual, arm("unit-revolute", 7))),
+    (f"max-min, {_UNIT}", Case(max_min, arm("unit-revolute", 7))),
     (
-        f"max-min, {UNIT},\none factor per failure",
+        f"max-min, {_UNIT},\none factor per failure",
         Case(max_min, arm("unit-revolute", 7), {"encoding": "factor-per-deletion"}),
     ),
-    (f"residual, {LEVER}", Case(residual, arm("lever-revolute", 7))),
-    (f"isotropy, {LEVER}", Case(isotropy, arm("lever-revolute", 7))),
-    (f"max-min, {LEVER}", Case(max_min, arm("lever-revolute", 7))),
+    (f"residual, {_LEVER}", Case(residual, arm("lever-revolute", 7))),
+    (f"isotropy, {_LEVER}", Case(isotropy, arm("lever-revolute", 7))),
+    (f"max-min, {_LEVER}", Case(max_min, arm("lever-revolute", 7))),
 )
 
 
@@ -65,7 +62,7 @@ def make(request: Request) -> Picture:
 
 
 def draw(table: pd.DataFrame) -> Figure:
-    """Draw a histogram for each problem of a table with the columns `COLUMNS`.
+    """Draw a row for each problem of a table with the columns `COLUMNS`.
 
     Raises
     ------
@@ -75,14 +72,12 @@ def draw(table: pd.DataFrame) -> Figure:
     if not table["counted"].any():
         raise NothingFoundError("No start passes the check; ask for more starts.")
     names = list(dict.fromkeys(table["problem"]))
-    edges = _edges(table.loc[table["counted"], "worst_case_sigma"])
-    with styled(WIDTH, 0.9 + ROW * len(names)) as figure:
+    with styled(_WIDTH, 0.9 + _ROW * len(names)) as figure:
         figure.suptitle("Where random starts end, by the worst case σ")
         rows = figure.subplots(len(names), 1, sharex=True, squeeze=False)[:, 0]
         for axes, name in zip(rows, names, strict=True):
-            _draw(axes, table[table["problem"] == name], edges)
+            _draw(axes, table[table["problem"] == name])
         rows[-1].set_xlabel("worst-case σ, measured from J alone")
-        without_frame(rows[-1], "bottom")
     return figure
 
 
@@ -91,7 +86,7 @@ def levels(sigmas: pd.Series) -> list[tuple[float, int]]:
     optima: dict[float, int] = {}
     best = np.inf
     for sigma in sorted(map(float, sigmas), reverse=True):
-        if best - sigma > SAME:
+        if best - sigma > _SAME:
             best = sigma
         optima[best] = optima.get(best, 0) + 1
     return list(optima.items())
@@ -128,10 +123,7 @@ def stored(path: Path) -> pd.DataFrame:
         raise FileError("--store", str(path), "a store with records")
     named = differing(records, SETTINGS, _ALWAYS_NAMED, _ALWAYS_NAMED)
     labels = records[list(SETTINGS)].apply(_label, axis=1, named=named)
-    # The gate, `Record.trusted`, in the words of the store.
-    feasible = (records["valid"] == 1) & (records["violation"] <= FEASIBLE)
-    counted = records["status"].isin([SUCCESS, ACCEPTABLE]) & feasible
-    counted &= np.isfinite(records["worst_case_sigma"])
+    counted = trusted(records) & np.isfinite(records["worst_case_sigma"])
     table = records[list(_SHOWN)].assign(label=labels, counted=counted)
     return table.assign(problem=labels.str.split().str.join(" "))[list(COLUMNS)]
 
@@ -143,36 +135,22 @@ def _label(settings: pd.Series, named: list[str]) -> str:
     return "\n".join([first, *lines])
 
 
-def _edges(sigmas: pd.Series) -> FloatArray:
-    low, high = float(sigmas.min()), float(sigmas.max())
-    room = max(0.03 * (high - low), 1e-3)
-    return np.linspace(max(0.0, low - room), high + room, _BINS + 1)
-
-
-def _draw(axes: Axes, table: pd.DataFrame, edges: FloatArray) -> None:
-    sigmas = table.loc[table["counted"], "worst_case_sigma"]
-    # All starts of one optimum in one bin: their last digits may lie on both sides of an edge.
-    optima = levels(sigmas)
-    counts = np.zeros(_BINS)
-    if optima:
-        values, reached = zip(*optima, strict=True)
-        counts, _ = np.histogram(values, edges, weights=reached)
-    there = counts > 0
-    width = edges[1] - edges[0]
-    axes.bar(edges[:-1][there], counts[there], width, align="edge", color=BLUE, lw=0)
-    axes.set_xlim(edges[0], edges[-1])
-    axes.set_ylim(0, max(1, counts.max()) * 1.5)
-    axes.set_yticks([])
-    without_frame(axes, "bottom")
-    axes.spines["bottom"].set_color(PALE)
-    axes.tick_params(axis="x", length=0)
+def _draw(axes: Axes, table: pd.DataFrame) -> None:
+    optima = levels(table.loc[table["counted"], "worst_case_sigma"])
     axes.set_title(str(table["label"].iloc[0]), fontsize=SMALL)
     axes.set_title(_summary(optima, len(table)), fontsize=SMALL, loc="right")
-    if not sigmas.empty:  # the number of starts in the highest bar, on it
-        peak = int(np.argmax(counts))
-        top = (edges[peak] + edges[peak + 1]) / 2
-        number = axes.text(top, counts[peak], f"{counts[peak]:.0f}", color=BLUE, fontsize=SMALL)
+    axes.set_yticks([])
+    axes.spines["left"].set_visible(False)
+    axes.spines["bottom"].set_color(PALE)
+    axes.tick_params(length=0)
+    if optima:
+        sigmas, counts = zip(*optima, strict=True)
+        axes.vlines(sigmas, 0, counts, color=BLUE, lw=3)
+        highest = max(counts)
+        place = sigmas[counts.index(highest)], highest
+        number = axes.text(*place, f"{highest}", color=BLUE, fontsize=SMALL)
         number.set(ha="center", va="bottom")
+        axes.set_ylim(0, 1.5 * highest)
 
 
 def _summary(optima: list[tuple[float, int]], starts: int) -> str:
@@ -181,7 +159,7 @@ def _summary(optima: list[tuple[float, int]], starts: int) -> str:
         return f"none of {starts}"
     best, reached = optima[0]
     counted = sum(number for _, number in optima)
-    if len(optima) > max(FEW, SCATTERED * counted):
+    if len(optima) > max(_FEW, _SCATTERED * counted):
         text = f"{counted} of {starts} from {optima[-1][0]:.3f} to {best:.3f}"
     else:
         text = f"{reached} of {starts} at {best:.5f}"

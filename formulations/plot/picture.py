@@ -11,7 +11,6 @@ import pandas as pd
 
 from formulations.solving.case import Case
 from formulations.solving.outcome import Outcome
-from formulations.solving.record import Record
 from formulations.solving.solve import run
 from formulations.synthesis.from_jacobian import MOST_JOINTS
 from nlp.arrays import FloatArray
@@ -88,22 +87,10 @@ def solved(case: Case, request: Request) -> Outcome:
     return outcome
 
 
-def reached(outcome: Outcome) -> tuple[Record, ...]:
-    """Return the records that reached the best and pass the gate, `Record.trusted`.
-
-    Raises
-    ------
-    NothingFoundError
-        If there is none.
-    """
-    if not outcome.reached:
-        message = f"No start of {outcome.case.name} passes the check; ask for more starts."
-        raise NothingFoundError(message)
-    return outcome.reached
-
-
-def best(case: Case, request: Request) -> FloatArray:
-    """Return the best Jacobian of a case, shape (m, n); see `solved` and `reached`."""
+def reached(case: Case, request: Request) -> Outcome:
+    """Solve a case, see `solved`; NothingFoundError if no start passes the gate."""
     outcome = solved(case, request)
-    reached(outcome)
-    return outcome.best.jacobian
+    if not outcome.reached:
+        message = f"No start of {case.name} passes the check; ask for more starts."
+        raise NothingFoundError(message)
+    return outcome

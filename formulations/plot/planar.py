@@ -14,7 +14,7 @@ from formulations import max_min, measures
 from formulations.joints.arm import Arm
 from formulations.joints.kinds import FreeColumn
 from formulations.plot.manipulator import draw
-from formulations.plot.picture import Picture, Request, reached, solved
+from formulations.plot.picture import Picture, Request, reached
 from formulations.plot.style import INK, PALE, SMALL, VERMILION, styled
 from formulations.solving.case import Case
 from formulations.synthesis.family import distinct, every, symmetries
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 # Half the width of a panel, in radii of the circle that joints sit on.
-ROOM = 1.22
+_ROOM = 1.22
 # Fig. 3 shows the members nearest to these, in degrees, by the number of locked joints.
 _ALPHAS = {2: (45.0, 135.0, 225.0, 315.0), 1: (20.0, 110.0, 200.0, 290.0)}
 
@@ -41,10 +41,18 @@ def figure_1(request: Request) -> Picture:
     first = realise(matrix)
     different = distinct(every(first), symmetries(first))
     arms = [
-        first.arranged(order, flips)
-        for order, flips in zip(different.orders, different.flips, strict=True)
+        first.arranged(*each) for each in zip(different.orders, different.flips, strict=True)
     ]
-    table = pd.DataFrame([_row(arm) for arm in arms])
+    table = pd.DataFrame(
+        {
+            "columns": list(arm.columns),
+            "joint_positions": arm.points[:, :2].tolist(),
+            "link_lengths": link_lengths(arm.points, arm.end_effector).tolist(),
+            "jacobian": arm.jacobian().tolist(),
+            "locked_singular_values": measures.locked_singular_values(arm.jacobian()).tolist(),
+        }
+        for arm in arms
+    )
     with styled(7.4, 7.8) as figure:
         sigma = measures.worst_case_sigma(matrix)
         what = f"σ = √⅓ = {sigma:.4f} whichever joint locks"
@@ -104,7 +112,7 @@ def optima(joints: int, request: Request, locked: int = 1) -> list[FloatArray]:
     request.progress(f"max-min, planar {joints}R, {locked} locked")
     arm = Arm.of(FreeColumn(2, norm=float(np.sqrt(2 / joints)), budget="mean"), joints)
     case = Case(max_min, arm, {"locked": locked})
-    return [record.jacobian for record in reached(solved(case, request))]
+    return [record.jacobian for record in reached(case, request).reached]
 
 
 def printed_form(matrix: FloatArray) -> FloatArray:
@@ -180,16 +188,5 @@ def _draw_on_circle(
     x, y = arm.end_effector[:2]
     circle = x + radius * np.cos(angle), y + radius * np.sin(angle)
     axes.plot(*circle, color=PALE, lw=0.6, zorder=0)
-    half = ROOM * radius
+    half = _ROOM * radius
     axes.set(xlim=(x - half, x + half), ylim=(y - half, y + half))
-
-
-def _row(arm: Manipulator) -> dict[str, object]:
-    matrix = arm.jacobian()
-    return {
-        "columns": list(arm.columns),
-        "joint_positions": arm.points[:, :2].tolist(),
-        "link_lengths": link_lengths(arm.points, arm.end_effector).tolist(),
-        "jacobian": matrix.tolist(),
-        "locked_singular_values": measures.locked_singular_values(matrix).tolist(),
-    }

@@ -62,12 +62,6 @@ def clear_views(manipulator: Manipulator) -> tuple[View, ...]:
     return max(pairs, key=lambda pair: min(_openness(manipulator, view) for view in pair))
 
 
-def clearest(places: FloatArray, taken: FloatArray) -> FloatArray:
-    """Return the place, shape (2,), that is farthest from all that is taken, shape (k, 2)."""
-    room = np.linalg.norm(taken[:, None] - places, axis=-1).min(axis=0)
-    return np.asarray(places[int(np.argmax(room))])
-
-
 def _openness(manipulator: Manipulator, view: View) -> float:
     """Smallest distance seen between joints in two places, or half the shortest axis seen."""
     places = np.vstack([manipulator.points, manipulator.end_effector])

@@ -11,7 +11,7 @@ from formulations import max_min, measures
 from formulations.joints.arm import Arm
 from formulations.joints.kinds import UnitRevolute
 from formulations.plot.manipulator import common_lever, draw_axes
-from formulations.plot.picture import Picture, Request, best
+from formulations.plot.picture import Picture, Request, reached
 from formulations.plot.projection import clear_views
 from formulations.plot.style import GREY, SMALL, styled
 from formulations.solving.case import Case
@@ -19,9 +19,8 @@ from formulations.synthesis.from_jacobian import realise
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
 
-WIDTH, HEIGHT = 8.4, 4.6
 # Half the length of a drawn axis, in radii. Room about axes and their names.
-REACH, ROOM = 0.62, 1.1
+_REACH, _ROOM = 0.62, 1.1
 
 
 def make(request: Request) -> Picture:
@@ -31,7 +30,7 @@ def make(request: Request) -> Picture:
     if np.any(arm.prismatic):
         raise InputError("--jacobian", "with a prismatic joint", "revolute joints only")
     distances = np.linalg.norm(arm.points - arm.end_effector, axis=1)
-    with styled(WIDTH, HEIGHT) as figure:
+    with styled(8.4, 4.6) as figure:
         tangent = common_lever(arm) > 0
         what = "axes tangent to a sphere" if tangent else "axes, and the sphere of their mean"
         sigma = measures.worst_case_sigma(matrix)
@@ -39,12 +38,12 @@ def make(request: Request) -> Picture:
         figure.suptitle(f"{number} {what}: σ ≥ {sigma:.4f} whichever joint locks")
         # The same for both panels: how far axes reach in space.
         farthest = float(np.max(distances))
-        half = ROOM * farthest * np.hypot(1, REACH)
+        half = _ROOM * farthest * np.hypot(1, _REACH)
         sides = ("from one side", "a quarter turn on")
         for axes, view, side in zip(
             figure.subplots(1, 2), clear_views(arm), sides, strict=True
         ):
-            draw_axes(arm, axes, view, float(np.mean(distances)), REACH)
+            draw_axes(arm, axes, view, float(np.mean(distances)), _REACH)
             axes.set(xlim=(-half, half), ylim=(-half, half))
             axes.set_title(side, fontsize=SMALL, color=GREY, loc="center", y=-0.02)
     table = pd.DataFrame(
@@ -61,7 +60,7 @@ def make(request: Request) -> Picture:
 
 def _matrix(request: Request) -> FloatArray:
     if request.jacobian is None:
-        return best(Case(max_min, Arm.of(UnitRevolute(), 7)), request)
+        return reached(Case(max_min, Arm.of(UnitRevolute(), 7)), request).best.jacobian
     if request.jacobian.shape[0] != 6:
         shape = "×".join(map(str, request.jacobian.shape))
         raise InputError("--jacobian", f"of shape {shape}", "6 rows, for seven-axes")

@@ -14,7 +14,6 @@ from contextlib import AbstractContextManager, contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, field
 from pathlib import Path
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from nlp.errors import FileError, InputError, MissingLibraryError
@@ -34,9 +33,7 @@ SMALL = "small"
 _SHEET = Path(__file__).with_name("figures.mplstyle")
 # PDF files carry their fonts as TrueType, which publishers ask for; SVG files their text as
 # text.
-_WRITING: Mapping[str, object] = MappingProxyType(
-    {"svg.hashsalt": "lockedjoint", "svg.fonttype": "none", "pdf.fonttype": 42}
-)
+_WRITING = {"svg.hashsalt": "lockedjoint", "svg.fonttype": "none", "pdf.fonttype": 42}
 
 # Centimetres in an inch. Least and largest width and height in cm: what can be read, and what
 # memory holds.
@@ -142,7 +139,7 @@ def figure_class() -> type[Figure]:
     return Figure
 
 
-def _style(more: Mapping[str, object] = MappingProxyType({})) -> AbstractContextManager[None]:
+def _style(**more: object) -> AbstractContextManager[None]:
     """Matplotlib's settings: ours over its own, the user's style over ours, and more."""
     from matplotlib import style
 
@@ -175,16 +172,6 @@ def styled(width: float, height: float) -> Iterator[Figure]:
         elif len(figure.axes) == 1:
             axes = figure.axes[0]
             axes.set_title(axes.get_title("left") if look.title else "", wrap=True)
-
-
-def without_frame(axes: Axes, *shown: str) -> None:
-    """Hide the lines around axes but those shown: ``left``, ``bottom``; ticks go with them."""
-    for side, spine in axes.spines.items():
-        spine.set_visible(side in shown)
-    if "left" not in shown:
-        axes.tick_params(axis="y", length=0)
-    if "bottom" not in shown:
-        axes.tick_params(axis="x", length=0)
 
 
 def beside(
@@ -224,7 +211,7 @@ def content(figure: Figure, kind: str) -> bytes:
     written = io.BytesIO()
     undated: Any = {"svg": {"Date": None}, "pdf": {"CreationDate": None}, "png": {}}[kind]
     # Names of fonts are resolved when a file is written: the settings are those of drawing.
-    with _style(_WRITING), warnings.catch_warnings():
+    with _style(**_WRITING), warnings.catch_warnings():
         warnings.filterwarnings("error", "constrained_layout not applied")
         try:
             figure.savefig(written, format=kind, dpi=200, metadata=undated)

@@ -11,7 +11,7 @@ import pandas as pd
 from formulations import measures, registry, residual
 from formulations.joints.models import arm
 from formulations.plot.picture import NothingFoundError, Picture, Request
-from formulations.plot.style import BLUE, GREY, INK, VERMILION, beside, styled, without_frame
+from formulations.plot.style import BLUE, GREY, INK, VERMILION, beside, styled
 from formulations.solving.trade_off_curve import trade_off_curve
 from nlp.arrays import FloatArray
 
@@ -48,7 +48,6 @@ def make(request: Request, points: int = POINTS) -> Picture:
         axes.set_xlim(-0.01, right)
         axes.margins(y=0.16)
         figure.legend(loc="outside lower center", ncols=2)
-        without_frame(axes, "left", "bottom")
     return Picture(figure, table)
 
 

@@ -19,11 +19,8 @@ from formulations.reproduction import (
     seven_joints,
 )
 from formulations.reproduction.row import ReproductionRow, Verdict
-from nlp.arrays import whole_number
 
 __all__ = ["ReproductionRow", "Verdict", "iterate", "study"]
-
-_STARTS = 100
 
 
 def iterate(seed: int = 0, starts: int = 100) -> Iterator[ReproductionRow]:
@@ -36,18 +33,16 @@ def iterate(seed: int = 0, starts: int = 100) -> Iterator[ReproductionRow]:
     starts
         Random starts of the residual minimisations, at least 1; for 8R at most 50 of them.
         Other searches have numbers of their own.
-
-    Raises
-    ------
-    InputError
-        If a number is out of range; at once, before any row.
     """
-    seed, starts = whole_number("seed", seed, 0), whole_number("starts", starts, 1)
     return chain(
         definition.rows(seed),
-        planar.rows(seed),
-        canonical.rows(seed),
+        planar.three_joint_rows(seed),
+        planar.four_joint_rows(seed),
+        canonical.positional_rows(),
+        canonical.canonical_rows(seed),
+        canonical.rotation_rows(seed),
         rotational.rows(seed),
+        rotational.appendix_rows(seed),
         seven_joints.rows(seed, starts),
         seven_joints.worst_case_rows(seed),
         eight_joints.rows(seed, min(starts, 50)),
@@ -58,7 +53,7 @@ def study() -> Study:
     """Return the reproduction as a study."""
 
     def compute(effort: Effort, _: Path) -> Iterator[ReproductionRow]:
-        for row in iterate(effort.seed, effort.starts or _STARTS):
+        for row in iterate(effort.seed, effort.starts or 100):
             effort.progress(f"{row.equation} {row.quantity}")
             yield row
 

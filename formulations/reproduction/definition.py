@@ -8,47 +8,43 @@ from formulations import measures
 from formulations.reproduction import reference, row
 from nlp.arrays import FloatArray
 
-SHAPES = ((2, 3), (2, 4), (3, 4), (3, 7), (6, 7), (6, 8), (6, 12))
+_SHAPES = ((2, 3), (2, 4), (3, 4), (3, 7), (6, 7), (6, 8), (6, 12))
 _PER_SHAPE = 100
 
 
 def rows(seed: int = 0) -> Iterator[row.ReproductionRow]:
     """Rows of Section 2, on random Jacobians of several shapes."""
     rng = np.random.default_rng(seed)
-    general = [rng.standard_normal(shape) for shape in SHAPES for _ in range(_PER_SHAPE)]
+    general = [rng.standard_normal(shape) for shape in _SHAPES for _ in range(_PER_SHAPE)]
     isotropic = [np.asarray(np.linalg.qr(matrix.T)[0].T) for matrix in general]
     count = f"{len(general)} random Jacobians, m from 2 to 6, n from 3 to 12"
-    yield _bound_row("isotropic J", isotropic, count)
-    yield _bound_row("any J, with σ² = tr JJᵀ/m", general, count + "; beyond the paper")
+    for which, matrices, note in (
+        ("isotropic J", isotropic, count),
+        ("any J, with σ² = tr JJᵀ/m", general, f"{count}; beyond the paper"),
+    ):
+        largest = max(_share_of_bound(matrix) for matrix in matrices)
+        quantity, true = (
+            f"largest worst case over its bound, {which}",
+            largest <= 1 + row.ROUNDING,
+        )
+        yield row.claim("(6)", quantity, "at most 1", row.shown(largest), true, note)
     yield row.compared(
         "(6)",
         "worst case over its bound, optimally failure-tolerant J",
         "1",
         1,
-        [_share_of_bound(reference.harmonic_jacobian(m, n)) for m, n in SHAPES],
+        [_share_of_bound(reference.harmonic_jacobian(m, n)) for m, n in _SHAPES],
         "harmonic frames: isotropic with columns of equal norm, one of each shape",
         show=row.farthest(1),
     )
-    yield _equal_norms_row(isotropic)
-    yield from _contribution_rows(general)
-
-
-def _bound_row(which: str, matrices: list[FloatArray], note: str) -> row.ReproductionRow:
-    largest = max(_share_of_bound(matrix) for matrix in matrices)
-    quantity = f"largest worst case over its bound, {which}"
-    return row.claim(
-        "(6)", quantity, "at most 1", row.shown(largest), largest <= 1 + row.ROUNDING, note
-    )
-
-
-def _equal_norms_row(matrices: list[FloatArray]) -> row.ReproductionRow:
-    squares = np.concatenate([measures.locked_singular_values(j) ** 2 for j in matrices])
-    left = np.concatenate([np.maximum(1 - np.sum(j**2, axis=0), 0) for j in matrices])
-    error = float(np.max(np.abs(squares - left)))
+    squares = np.concatenate([measures.locked_singular_values(j) ** 2 for j in isotropic])
+    rest = np.concatenate([np.maximum(1 - np.sum(j**2, axis=0), 0) for j in isotropic])
+    error = float(np.max(np.abs(squares - rest)))
     quantity = "equality in (6) for all f is the same as columns of equal norm"
     ours = f"fσ_m² = σ² − ‖j_f‖² {row.shown_error(error)}"
     note = "random isotropic J with σ = 1; the squares ‖j_f‖² add up to mσ²"
-    return row.claim("Sec. 2", quantity, "equivalent", ours, error <= row.ROUNDING, note)
+    yield row.claim("Sec. 2", quantity, "equivalent", ours, error <= row.ROUNDING, note)
+    yield from _contribution_rows(general)
 
 
 def _contribution_rows(matrices: list[FloatArray]) -> Iterator[row.ReproductionRow]:

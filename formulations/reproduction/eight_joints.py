@@ -37,22 +37,30 @@ _DISTINCT = 1e-3
 _FAMILIES = "entire families"
 
 
-def rows(
-    seed: int = 0, starts: int = 50, printed: FloatArray = reference.OPTIMAL_8R
-) -> Iterator[row.ReproductionRow]:
+def rows(seed: int = 0, starts: int = 50) -> Iterator[row.ReproductionRow]:
     """Rows of eqs. (47)–(49), of 'it immediately converges', and of the families."""
-    found = solutions(8, seed, starts)
-    angles = [polished(solution) for solution in found]
+    printed, own = reference.OPTIMAL_8R, solutions(8, seed, starts)
+    angles = [_polished(solution) for solution in own]
     try:
         start = solve_near(ARM, ARM.variables(nearest_unit_revolute(printed)))
     except InputError as reason:
         quantity = "an exactly isotropic matrix next to the printed one"
         yield row.claim("(47)", quantity, "exists", "none", False, str(reason))
         return
-    yield from _printed_rows(printed)
-    yield _exact_row(printed, start)
-    yield from _value_rows([ARM.jacobian(point) for point in angles])
-    yield _convergence_row(8, found, "after (46)", "immediately converges")
+    yield from _printed_rows(printed, start)
+    matrices = [ARM.jacobian(point) for point in angles]
+    note = f"own solutions, polished; the value farthest from the paper's, to {_TOLERANCE:.0e}"
+    for equation, quantity, root, expected, measured in (
+        ("(48)", "singular values", "8", reference.SIGMA_8R, measures.singular_values),
+        (
+            *("(49)", "fσ_6 for f = 1, …, 8", "2"),
+            *(reference.WORST_CASE_8R, measures.locked_singular_values),
+        ),
+    ):
+        paper, values = f"√({root}/3) = {row.shown(expected)}", list(map(measured, matrices))
+        show = row.farthest(expected)
+        yield row.compared(equation, quantity, paper, expected, values, note, _TOLERANCE, show)
+    yield _convergence_row(8, own, "after (46)", "immediately converges")
     for n in (9, 10, 12):
         others = solutions(n, seed, min(starts, 20))
         yield _convergence_row(n, others, "Sec. 5", "7R is the only exception")
@@ -66,7 +74,7 @@ def solutions(joints: int, seed: int, starts: int) -> list[Solution]:
     return search(build, arm.sample, starts, seed, {"tol": 1e-12})
 
 
-def polished(solution: Solution) -> FloatArray:
+def _polished(solution: Solution) -> FloatArray:
     """Angles of an 8R solution after Gauss–Newton steps on the equations themselves.
 
     A sum of squares is flat at its zeros, most of all where families meet: minimising it
@@ -78,62 +86,46 @@ def polished(solution: Solution) -> FloatArray:
         return solution.variables
 
 
-def _printed_rows(printed: FloatArray) -> Iterator[row.ReproductionRow]:
+def _printed_rows(printed: FloatArray, angles: FloatArray) -> Iterator[row.ReproductionRow]:
+    """Rows of (47) itself, and of its distance to the solution at these angles."""
     deviation = float(np.max(np.abs(printed @ printed.T - 8 / 3 * np.eye(6))))
-    slack = product_slack(printed)
+    rounding = product_slack(printed)
     quantity = "singular values of the printed matrix"
     paper = f"√(8/3) = {row.shown(reference.SIGMA_8R)}"
     ours = row.shown_range(measures.singular_values(printed))
-    note = f"largest entry of JJᵀ − (8/3)I {deviation:.1e}; rounded entries allow {slack:.1e}"
-    yield row.claim("(47)", quantity, paper, ours, deviation <= slack, note)
+    note = (
+        f"largest entry of JJᵀ − (8/3)I {deviation:.1e}; rounded entries allow {rounding:.1e}"
+    )
+    yield row.claim("(47)", quantity, paper, ours, deviation <= rounding, note)
     sigmas, expected = measures.locked_singular_values(printed), reference.WORST_CASE_8R
     slack = singular_value_slack(printed)
     quantity, paper = "fσ_6 of the printed matrix", f"√(2/3) = {row.shown(expected)}"
     note = f"rounded entries allow {slack:.1e}"
     yield row.compared("(47)", quantity, paper, expected, sigmas, note, slack, row.shown_range)
-
-
-def _exact_row(printed: FloatArray, angles: FloatArray) -> row.ReproductionRow:
     exact = ARM.jacobian(angles)
     moved = float(np.max(np.abs(aligned(exact, printed) - printed)))
     tolerant = measures.is_optimally_failure_tolerant(exact, _TOLERANCE)
     slope = least_slope(ARM, angles)
-    slack = product_slack(printed) / slope
-    return row.claim(
+    yield row.claim(
         "(47)",
         "distance of the printed matrix to an exactly isotropic one, any entry",
         "isotropic as designed",
         f"at most {moved:.1e}",
-        tolerant and moved <= slack,
+        tolerant and moved <= rounding / slope,
         f"the equations are flat here (slope {slope:.2f} at least), so that what rounding "
-        f"leaves in JJᵀ allows {slack:.1e}",
+        f"leaves in JJᵀ allows {rounding / slope:.1e}",
     )
-
-
-def _value_rows(matrices: list[FloatArray]) -> Iterator[row.ReproductionRow]:
-    note = f"own solutions, polished; the value farthest from the paper's, to {_TOLERANCE:.0e}"
-    expected, paper = reference.SIGMA_8R, f"√(8/3) = {row.shown(reference.SIGMA_8R)}"
-    values, show = [measures.singular_values(j) for j in matrices], row.farthest(expected)
-    quantity = "singular values"
-    yield row.compared("(48)", quantity, paper, expected, values, note, _TOLERANCE, show)
-    expected, paper = reference.WORST_CASE_8R, f"√(2/3) = {row.shown(reference.WORST_CASE_8R)}"
-    values, show = (
-        [measures.locked_singular_values(j) for j in matrices],
-        row.farthest(expected),
-    )
-    quantity = "fσ_6 for f = 1, …, 8"
-    yield row.compared("(49)", quantity, paper, expected, values, note, _TOLERANCE, show)
 
 
 def _convergence_row(
-    joints: int, found: list[Solution], equation: str, paper: str
+    joints: int, answers: list[Solution], equation: str, paper: str
 ) -> row.ReproductionRow:
-    matrices = [solution.outputs["jacobian"] for solution in found]
+    matrices = [solution.outputs["jacobian"] for solution in answers]
     tolerant = sum(measures.is_optimally_failure_tolerant(j, _CONVERGED) for j in matrices)
-    median = int(np.median([solution.status.iterations for solution in found]))
+    median = int(np.median([solution.status.iterations for solution in answers]))
     quantity = f"{joints}R: random starts that end at an optimally failure-tolerant J"
     note = f"to {_CONVERGED:.0e}, agrees if most do; {median} iterations in the median"
-    ours, most = f"{tolerant} of {len(found)}", 2 * tolerant > len(found)
+    ours, most = f"{tolerant} of {len(answers)}", 2 * tolerant > len(answers)
     return row.claim(equation, quantity, paper, ours, most, note)
 
 
@@ -164,23 +156,11 @@ def family_rows(
         f"{'every' if filled else 'not every'} tangent direction. Of 18 equations only "
         f"{size.equations} are independent here",
     )
-    yield _curve_row(start, steps)
-    sizes = Counter(local_dimension(ARM, point).family for point in optima)
-    quantity = f"dimensions of the families around {len(optima)} own 8R optima"
-    ours = ", ".join(f"{dimension} for {count}" for dimension, count in sorted(sizes.items()))
-    note = (
-        "by rank; 18 independent equations leave two dimensions, a third where their "
-        "derivatives are dependent"
-    )
-    yield row.claim("after (46)", quantity, _FAMILIES, ours, min(sizes) >= 1, note)
-
-
-def _curve_row(start: FloatArray, steps: int) -> row.ReproductionRow:
     matrices = [ARM.jacobian(point) for point in trace_family(ARM, start, steps)]
     classes = len(group_equivalent(matrices, tolerance=_DISTINCT))
     tolerant = all(measures.is_optimally_failure_tolerant(j, _TOLERANCE) for j in matrices)
     sigmas = [measures.worst_case_sigma(matrix) for matrix in matrices]
-    return row.claim(
+    yield row.claim(
         "after (46)",
         f"distinct Jacobians among {len(matrices)} along a curve of 8R optima from (47)",
         _FAMILIES,
@@ -190,3 +170,11 @@ def _curve_row(start: FloatArray, steps: int) -> row.ReproductionRow:
         f"{row.farthest(reference.WORST_CASE_8R)(sigmas)}; inner products of any two differ by "
         f"more than {_DISTINCT:.0e}",
     )
+    sizes = Counter(local_dimension(ARM, point).family for point in optima)
+    quantity = f"dimensions of the families around {len(optima)} own 8R optima"
+    ours = ", ".join(f"{dimension} for {count}" for dimension, count in sorted(sizes.items()))
+    note = (
+        "by rank; 18 independent equations leave two dimensions, a third where their "
+        "derivatives are dependent"
+    )
+    yield row.claim("after (46)", quantity, _FAMILIES, ours, min(sizes) >= 1, note)

@@ -32,9 +32,9 @@ def simplex_jacobian(task_dimension: int) -> FloatArray:
     m = task_dimension
     matrix = np.zeros((m, m + 1))
     for i in range(m):
-        left = m - i
-        matrix[i, i] = -np.sqrt(left / (left + 1))
-        matrix[i, i + 1 :] = np.sqrt(1 / (left * (left + 1)))
+        rest = m - i
+        matrix[i, i] = -np.sqrt(rest / (rest + 1))
+        matrix[i, i + 1 :] = np.sqrt(1 / (rest * (rest + 1)))
     return _read_only(matrix)
 
 
@@ -47,8 +47,8 @@ def harmonic_jacobian(task_dimension: int, joints: int) -> FloatArray:
     are orthonormal, every column has norm² m/n; for n = m + 1 it is the simplex, turned.
     """
     m, n = task_dimension, joints
-    turns = 2 * np.pi * np.arange(n) / n
-    waves = [wave(k * turns) for k in range(1, m // 2 + 1) for wave in (np.cos, np.sin)]
+    angles = 2 * np.pi * np.arange(n) / n
+    waves = [wave(k * angles) for k in range(1, m // 2 + 1) for wave in (np.cos, np.sin)]
     rows = [np.sqrt(2 / n) * wave for wave in waves]
     if m % 2:
         rows.append(np.full(n, np.sqrt(1 / n)))

@@ -6,11 +6,11 @@ improved, and Section 5.
 
 from collections.abc import Iterator
 from dataclasses import replace
-from decimal import Decimal
 from functools import partial
 
-import casadi as ca
 import numpy as np
+from scipy.optimize import minimize
+from scipy.spatial.transform import Rotation
 
 from formulations import isotropy, max_min, measures, residual
 from formulations.existence.theorem import excludes
@@ -28,67 +28,54 @@ from formulations.reproduction.printed import (
 )
 from formulations.reproduction.searches import optima, search
 from nlp.arrays import FloatArray
-from nlp.problem import Problem
 from nlp.solution import INFEASIBLE
 from nlp.solver import solve
 
 ARM = Arm.of(UnitRevolute(), 7)
-OPTIONS = {"tol": 1e-12}
+_OPTIONS = {"tol": 1e-12}
 # The paper's own minimisation is converged to about this much in an entry of (44).
 _ENTRY = 1e-3
 # Joints whose failure leaves the same smallest singular value, to this difference.
 _TIE = 1e-6
 _OPTIMUM = float(np.sqrt(1 / 3))
+_EQUIVALENT = "modulo frame, phase, order and signs"
 
 
 def minima(seed: int, starts: int) -> list[FloatArray]:
     """Jacobians that the paper's procedure ends at: fᵀf of the Appendix, random starts."""
     build = partial(residual.build, ARM, weighting="paper", rows="appendix")
-    return optima(search(build, ARM.sample, starts, seed, OPTIONS))
+    return optima(search(build, ARM.sample, starts, seed, _OPTIONS))
 
 
-def refined(printed: FloatArray) -> FloatArray:
-    """Return the residual minimum that a printed Jacobian leads to, in its joint order."""
-    start = ARM.variables(nearest_unit_revolute(printed))
-    return solve(residual.build(ARM), start, OPTIONS).outputs["jacobian"]
+def _refined() -> FloatArray:
+    """Return the residual minimum that (44) leads to, in its joint order."""
+    start = ARM.variables(nearest_unit_revolute(reference.NEARLY_OPTIMAL_7R))
+    return solve(residual.build(ARM), start, _OPTIONS).outputs["jacobian"]
 
 
-def rows(
-    seed: int = 0,
-    starts: int = 100,
-    printed: FloatArray = reference.NEARLY_OPTIMAL_7R,
-    singular_values: tuple[Decimal, ...] = reference.SINGULAR_VALUES_7R,
-    minimum: Decimal = reference.RESIDUAL_MINIMUM_7R,
-) -> Iterator[row.ReproductionRow]:
+def rows(seed: int = 0, starts: int = 100) -> Iterator[row.ReproductionRow]:
     """Rows of fᵀf = 0.056827 and of eqs. (44) and (45)."""
-    found = minima(seed, starts)
-    values = np.array([measures.residual_sum_of_squares(matrix) for matrix in found])
-    least = float(values.min())
+    where, ours = "before (44)", minima(seed, starts)
+    values = np.array([measures.residual_sum_of_squares(matrix) for matrix in ours])
+    least, minimum = float(values.min()), reference.RESIDUAL_MINIMUM_7R
     note = f"{starts} random starts, the Appendix's equations (f_17 corrected)"
-    yield row.to_last_digit("before (44)", "least fᵀf of a 7R", minimum, least, note=note)
+    yield row.to_last_digit(where, "least fᵀf of a 7R", minimum, least, note=note)
     reached = int(np.sum(values <= least + 1e-9))
-    quantity, ours = "random starts that end at this value", f"{reached} of {starts}"
-    paper = "all of several thousand"
-    yield row.claim("before (44)", quantity, paper, ours, reached == starts)
-    yield _columns_row(printed)
-    yield _printed_minimum_row(printed, least, minimum)
-    yield _same_manipulator_row(printed, found[0])
-    yield from _singular_value_rows(printed, found, singular_values)
-
-
-def _columns_row(printed: FloatArray) -> row.ReproductionRow:
-    error = column_error(printed)
+    quantity, said = "random starts that end at this value", f"{reached} of {starts}"
+    yield row.claim(where, quantity, "all of several thousand", said, reached == starts)
+    error = column_error(reference.NEARLY_OPTIMAL_7R)
     # |v|² moves by at most 2h(|v_x| + |v_y| + |v_z|) + 3h², h the error of an entry.
     slack = 2 * ENTRY_SLACK * np.sqrt(3) + 3 * ENTRY_SLACK**2
-    ours = f"off by at most {error:.1e}"
-    note = f"rounded entries allow {slack:.1e}"
     quantity = "columns of rotational joints: |v| = |ω| = 1, v·ω = 0"
-    return row.claim("(44)", quantity, "by (21)", ours, bool(error <= slack), note)
+    said, note = f"off by at most {error:.1e}", f"rounded entries allow {slack:.1e}"
+    yield row.claim("(44)", quantity, "by (21)", said, bool(error <= slack), note)
+    yield _printed_minimum_row(least)
+    yield _same_manipulator_row(ours[0])
+    yield from _singular_value_rows(ours)
 
 
-def _printed_minimum_row(
-    printed: FloatArray, least: float, minimum: Decimal
-) -> row.ReproductionRow:
+def _printed_minimum_row(least: float) -> row.ReproductionRow:
+    printed, minimum = reference.NEARLY_OPTIMAL_7R, reference.RESIDUAL_MINIMUM_7R
     as_printed = measures.residual_sum_of_squares(printed)
     defect = measures.isotropy_defect(printed)
     best_frame = _least_sum_of_squares(printed)
@@ -110,29 +97,23 @@ def _printed_minimum_row(
     )
 
 
-def _least_sum_of_squares(jacobian: FloatArray, starts: int = 5, seed: int = 0) -> float:
+def _least_sum_of_squares(jacobian: FloatArray) -> float:
     """Return the least fᵀf of diag(R, R) P J over rotations R of the frame and phases P.
 
     The paper's sum of squares depends on the frame; J has shape (6, n).
     """
-    angles = ca.SX.sym("a", 4)
-    # The triple (v, ω, v × ω) of a unit revolute joint is any rotation matrix.
-    column = UnitRevolute().column(angles[:3])
-    velocity, axis = column[:3], column[3:]
-    rotation = ca.horzcat(velocity, axis, ca.cross(velocity, axis))
-    c, s = ca.cos(angles[3]), ca.sin(angles[3])
-    v, w = ca.DM(jacobian[:3]), ca.DM(jacobian[3:])
-    turned = ca.vertcat(rotation @ (c * v - s * w), rotation @ (s * v + c * w))
-    gram = turned @ turned.T
-    deviation = gram - ca.trace(gram) / 6 * ca.SX.eye(6)
-    squares = [deviation[i, j] ** 2 for i in range(6) for j in range(i, 6)]
-    problem = Problem("frame", angles, sum(squares[1:], squares[0]))
-    found = search(lambda: problem, lambda rng: rng.uniform(-np.pi, np.pi, 4), starts, seed)
-    return min(solution.objective for solution in found)
+
+    def sum_of_squares(x: FloatArray) -> float:
+        frame = Rotation.from_rotvec(x[:3]).as_matrix()
+        z = np.exp(1j * x[3]) * (frame @ (jacobian[:3] + 1j * jacobian[3:]))
+        return measures.residual_sum_of_squares(np.vstack([z.real, z.imag]))
+
+    starts = np.random.default_rng(0).uniform(-np.pi, np.pi, (5, 4))
+    return min(float(minimize(sum_of_squares, start, tol=1e-9).fun) for start in starts)
 
 
-def _same_manipulator_row(printed: FloatArray, ours: FloatArray) -> row.ReproductionRow:
-    exact = refined(printed)
+def _same_manipulator_row(ours: FloatArray) -> row.ReproductionRow:
+    printed, exact = reference.NEARLY_OPTIMAL_7R, _refined()
     same = len(group_equivalent([exact, ours], tolerance=1e-5)) == 1
     moved = float(np.max(np.abs(aligned(exact, printed) - printed)))
     return row.claim(
@@ -141,67 +122,60 @@ def _same_manipulator_row(printed: FloatArray, ours: FloatArray) -> row.Reproduc
         "a typical Jacobian",
         f"{'the same' if same else 'another'}, entries within {moved:.1e}",
         same and moved <= _ENTRY,
-        "modulo frame, phase, order and signs; beyond rounding (5e-5) the rest is the "
+        f"{_EQUIVALENT}; beyond rounding (5e-5) the rest is the "
         f"paper's own convergence, allowed {_ENTRY:.0e}",
     )
 
 
-def _singular_value_rows(
-    printed: FloatArray, found: list[FloatArray], singular_values: tuple[Decimal, ...]
-) -> Iterator[row.ReproductionRow]:
-    spectra = np.array([measures.singular_values(matrix) for matrix in found])
+def _singular_value_rows(minima: list[FloatArray]) -> Iterator[row.ReproductionRow]:
+    printed, papers = reference.NEARLY_OPTIMAL_7R, reference.SINGULAR_VALUES_7R
+    spectra = np.array([measures.singular_values(matrix) for matrix in minima])
     exact, from_print = spectra[0], measures.singular_values(printed)
     slack = singular_value_slack(printed)
     note = f"of the printed matrix (44); rounded entries allow {slack:.1e} from the exact ones"
-    paper = ", ".join(str(value) for value in singular_values)
+    paper = ", ".join(map(str, papers))
     yield row.compared("(44)", "singular values", paper, exact, from_print, note, slack)
-    for k, paper_value in enumerate(singular_values):
-        line = row.to_last_digit("(45)", f"σ_{k + 1}", paper_value, exact[k], from_print[k])
+    for k, (paper_value, value, rough) in enumerate(
+        zip(papers, exact, from_print, strict=True)
+    ):
+        line = row.to_last_digit("(45)", f"σ_{k + 1}", paper_value, value, rough)
         if line.verdict is row.Verdict.ROUNDED:
-            line = replace(line, note=_rounding_note(exact[k], from_print[k]))
+            note = (
+                f"last digit: the exact value rounds to {value:.4f}, that of (44), "
+                f"{rough:.6f}, to {rough:.4f}; rounded to {value:.5f} first and then again "
+                "it is the print"
+            )
+            line = replace(line, note=note)
         yield line
     spread = float(np.max(np.ptp(spectra, axis=0)))
-    classes = len(group_equivalent(found, tolerance=1e-5))
-    quantity, note = "the same for all solutions", "modulo frame, phase, order and signs"
+    classes = len(group_equivalent(minima, tolerance=1e-5))
+    quantity, true = "the same for all solutions", spread <= 1e-6
     ours = f"spread {row.shown_error(spread, 1e-6)}; distinct Jacobians: {classes}"
-    yield row.claim("(45)", quantity, "common to all", ours, spread <= 1e-6, note)
+    yield row.claim("(45)", quantity, "common to all", ours, true, _EQUIVALENT)
     sigma = float(np.sqrt(7 / 3))
     yield row.to_last_digit("after (45)", "σ = √(n/3)", reference.ISOTROPIC_SIGMA_7R, sigma)
 
 
-def _rounding_note(exact: float, from_print: float) -> str:
-    return (
-        f"last digit: the exact value rounds to {exact:.4f}, that of (44), {from_print:.6f}, "
-        f"to {from_print:.4f}; rounded to {exact:.5f} first and then again it is the print"
-    )
-
-
-def worst_case_rows(
-    seed: int = 0,
-    starts: int = 20,
-    printed: FloatArray = reference.NEARLY_OPTIMAL_7R,
-    worst_case: Decimal = reference.WORST_CASE_7R,
-) -> Iterator[row.ReproductionRow]:
+def worst_case_rows(seed: int = 0, starts: int = 20) -> Iterator[row.ReproductionRow]:
     """Rows of eq. (46), of its improvement, and of the search for an optimal 7R."""
-    exact = refined(printed)
+    printed, exact = reference.NEARLY_OPTIMAL_7R, _refined()
     value, from_print = (measures.worst_case_sigma(matrix) for matrix in (exact, printed))
-    quantity = "smallest singular value after the worst failure"
+    quantity, paper = "smallest singular value after the worst failure", reference.WORST_CASE_7R
     note = f"{row.shown(from_print)} is that of the rounded matrix (44)"
-    yield row.to_last_digit("(46)", quantity, worst_case, value, from_print, note)
-    yield _worst_joint_row(printed, exact)
-    yield row.to_last_digit(
-        "after (46)", "optimum √(1/3)", reference.OPTIMAL_SIGMA_7R, _OPTIMUM
-    )
+    yield row.to_last_digit("(46)", quantity, paper, value, from_print, note)
+    yield _worst_joint_row(exact)
+    quantity, optimum = "optimum √(1/3)", reference.OPTIMAL_SIGMA_7R
+    yield row.to_last_digit("after (46)", quantity, optimum, _OPTIMUM)
     poorer, percent = measures.gap_percent(value, _OPTIMUM), reference.POORER_PERCENT_7R
     quantity = "percent by which (46) is poorer than the optimum"
     line = row.to_last_digit("after (46)", quantity, percent, poorer)
     yield replace(line, paper=f"approximately {percent}")
-    yield _improvement_row(exact, seed, starts)
+    yield _improvement_row(value, seed, starts)
     yield _existence_row(seed, starts)
 
 
-def _worst_joint_row(printed: FloatArray, exact: FloatArray) -> row.ReproductionRow:
-    from_print = measures.worst_case(printed).joints[0] + 1
+def _worst_joint_row(exact: FloatArray) -> row.ReproductionRow:
+    from_print = measures.worst_case(reference.NEARLY_OPTIMAL_7R).joints[0] + 1
     sigmas = measures.locked_singular_values(exact)
     worst = np.flatnonzero(sigmas <= sigmas.min() + _TIE) + 1
     expected = reference.WORST_JOINT_7R
@@ -215,11 +189,11 @@ def _worst_joint_row(printed: FloatArray, exact: FloatArray) -> row.Reproduction
     )
 
 
-def _improvement_row(exact: FloatArray, seed: int, starts: int) -> row.ReproductionRow:
+def _improvement_row(before: float, seed: int, starts: int) -> row.ReproductionRow:
     build, sample = partial(max_min.build, ARM), partial(max_min.residual_minimum, ARM)
-    found = optima(search(build, sample, starts, seed))
-    sigmas = np.array([measures.worst_case_sigma(matrix) for matrix in found])
-    best, before = float(sigmas.max()), measures.worst_case_sigma(exact)
+    answers = optima(search(build, sample, starts, seed))
+    sigmas = np.array([measures.worst_case_sigma(matrix) for matrix in answers])
+    best = float(sigmas.max())
     reached = int(np.sum(sigmas >= best - 1e-6))
     gaps = [measures.gap_percent(sigma, _OPTIMUM) for sigma in (before, best)]
     return row.ReproductionRow(
@@ -235,29 +209,23 @@ def _improvement_row(exact: FloatArray, seed: int, starts: int) -> row.Reproduct
 
 
 def _existence_row(seed: int, starts: int) -> row.ReproductionRow:
-    build = partial(isotropy.build, ARM)
-    found = search(build, ARM.sample, starts, seed)
+    solutions = search(partial(isotropy.build, ARM), ARM.sample, starts, seed)
     tolerant = any(
         measures.is_optimally_failure_tolerant(solution.outputs["jacobian"], 1e-8)
-        for solution in found
+        for solution in solutions
     )
-    least = min(solution.violation for solution in found)
-    infeasible = sum(solution.status.return_status == INFEASIBLE for solution in found)
+    least = min(solution.violation for solution in solutions)
+    infeasible = sum(solution.status.return_status == INFEASIBLE for solution in solutions)
     proved = excludes(len(ARM.joints))
+    # The open question is answered one way, or the other, and not both.
+    answered = row.Verdict.IMPROVED if tolerant or proved else row.Verdict.AGREES
     return row.ReproductionRow(
         "Sec. 5",
         "optimally failure-tolerant 7R of rotational joints",
         "not found",
         "found" if tolerant else "proved not to exist" if proved else "not found",
-        _existence_verdict(tolerant, proved),
+        row.Verdict.MISMATCH if tolerant and proved else answered,
         f"isotropy as constraints: {infeasible} of {starts} starts end as {INFEASIBLE}, least "
         f"violation {row.shown(least)}; the certificate that none exists "
         + ("was verified in this run" if proved else "does not speak of this arm"),
     )
-
-
-def _existence_verdict(found: bool, proved: bool) -> row.Verdict:
-    """Return IMPROVED where the open question is answered, one way and not both."""
-    if found and proved:
-        return row.Verdict.MISMATCH
-    return row.Verdict.IMPROVED if found or proved else row.Verdict.AGREES

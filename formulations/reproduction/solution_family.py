@@ -58,7 +58,7 @@ class LocalDimension:
 def local_dimension(arm: Arm, angles: FloatArray) -> LocalDimension:
     """Return the dimensions around a solution; angles in radians, shape (3n,)."""
     matrices = (_equations(arm, angles)[1], symmetry_directions(arm, angles))
-    ranks = (int(np.linalg.matrix_rank(one, tol=_RANK_TOLERANCE)) for one in matrices)
+    ranks = (int(np.linalg.matrix_rank(matrix, tol=_RANK_TOLERANCE)) for matrix in matrices)
     return LocalDimension(arm.size, *ranks)
 
 

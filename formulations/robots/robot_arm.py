@@ -171,15 +171,13 @@ class RobotArm:
 
     def jacobian(self, variables: npt.ArrayLike) -> FloatArray:
         """Return the Jacobian at numeric positions, in units of ℓ, shape (m, n)."""
-        return self.jacobian_at_length(variables, self.length_at(variables))
+        metric = self.metric_jacobian(variables)
+        return self._scaled(metric, self._length(metric))
 
     def jacobian_at_length(self, variables: npt.ArrayLike, length: float) -> FloatArray:
         """Return the Jacobian at numeric positions, in units of another length."""
         check_length("length", length)
-        scaled = self.metric_jacobian(variables)
-        scaled[:3] /= length
-        scaled[:, list(self.chain.prismatic)] *= length
-        return scaled[self.task.rows]
+        return self._scaled(self.metric_jacobian(variables), length)
 
     def metric_jacobian(self, variables: npt.ArrayLike) -> FloatArray:
         """Return all six rows (v; ω) in metres and radians, in the task's frame, (6, n)."""
@@ -194,9 +192,12 @@ class RobotArm:
         InputError
             If it is not given, and the axes of all revolute joints meet at the tip.
         """
+        return self._length(self.metric_jacobian(variables))
+
+    def _length(self, metric: FloatArray) -> float:
         if not self._follows_configuration:
             return 1.0 if self.length is None else self.length
-        columns = self.metric_jacobian(variables)[:, ~np.array(self.chain.prismatic)]
+        columns = metric[:, ~np.array(self.chain.prismatic)]
         square = float(np.sum(columns[:3] ** 2) / np.sum(columns[3:] ** 2))
         if square < 1e-18:
             allowed = "a given length, where the axes of all revolute joints meet in the tip"
@@ -232,10 +233,6 @@ class RobotArm:
         if points.ndim not in (1, 2) or points.shape[-1] != n:
             allowed = f"shape (N, {n}) or ({n},)"
             raise InputError("configurations", f"an array of shape {points.shape}", allowed)
-        if not np.all(np.isfinite(points)):
-            raise InputError(
-                "configurations", "an array with NaN or infinity", "finite numbers"
-            )
         rows = points.reshape(-1, n)
         sigma, gradient = np.empty(len(rows)), np.empty(rows.shape)
         for k in range(0, len(rows), _AT_ONCE):
@@ -267,6 +264,11 @@ class RobotArm:
         worst = measures.worst_case_sigma_batch(stack.transpose(0, 2, 1))
         _call(slope, gradient, rows, worst.left, worst.right)
         return worst.sigma, gradient
+
+    def _scaled(self, metric: FloatArray, length: float) -> FloatArray:
+        metric[:3] /= length
+        metric[:, list(self.chain.prismatic)] *= length
+        return metric[self.task.rows]
 
     @property
     def _follows_configuration(self) -> bool:

@@ -9,6 +9,7 @@ import numpy as np
 
 from formulations.joints.joint import check_length
 from formulations.kinematics.self_motion import kept
+from formulations.measures import worst_case_sigma_batch
 from formulations.synthesis.dh import common_normals
 from formulations.synthesis.family import Family
 from formulations.synthesis.links import clearance, link_lengths
@@ -17,7 +18,7 @@ from nlp.arrays import FloatArray, whole_number
 from nlp.errors import InputError
 
 # So many Jacobians are decomposed at once, which bounds the memory.
-_CHUNK = 1 << 16
+_CHUNK = 1 << 13
 # Sampled positions of joints, over all arms that are judged at once.
 _MOST_POSITIONS = 5_000_000
 # Radius of the ball in which positions are kept, in root mean square lever arms and widths of
@@ -124,17 +125,12 @@ def smallest(jacobians: FloatArray) -> FloatArray:
 
 
 def worst_cases(jacobians: FloatArray) -> FloatArray:
-    """Smallest σ_m over the one joint that locks (eq. 5); shape (…) for (…, m, n), n > m.
-
-    The same quantity as `formulations.measures.worst_case_sigma`, for many matrices at once.
-    """
+    """Smallest σ_m over the one joint that locks (eq. 5); shape (…) for (…, m, n), n > m."""
     *lead, m, n = jacobians.shape
     flat = jacobians.reshape(-1, m, n)
-    others = np.array([np.delete(np.arange(n), locked) for locked in range(n)])
-    chunk = max(1, _CHUNK // n)
     parts = [
-        smallest(np.moveaxis(flat[at : at + chunk][:, :, others], 1, 2)).min(axis=-1)
-        for at in range(0, len(flat), chunk)
+        worst_case_sigma_batch(flat[at : at + _CHUNK]).sigma
+        for at in range(0, len(flat), _CHUNK)
     ]
     return np.concatenate(parts).reshape(lead)
 

@@ -22,7 +22,9 @@ from formulations.synthesis.manipulator import Manipulator, TaskRows
 from nlp.arrays import FloatArray
 
 # Lengths and cosines closer than this, relative to the manipulator's size, count as equal.
-EQUAL = 1e-6
+_EQUAL = 1e-6
+# Partial members of a group that are kept side by side.
+_MOST_PARTS = 5_000
 # Images of the first few axes: to which axis, and the signs of its place and direction.
 _Part = tuple[tuple[int, int, int], ...]
 
@@ -114,8 +116,8 @@ def every(manipulator: Manipulator) -> Arrangements:
     return Arrangements(repeated, np.take_along_axis(tiled, repeated, axis=1))
 
 
-def symmetries(manipulator: Manipulator, limit: int = 5_000) -> Arrangements | None:
-    """Return the group G, or None if the search for it passes `limit` partial members.
+def symmetries(manipulator: Manipulator) -> Arrangements | None:
+    """Return the group G, or None if the search for it passes `_MOST_PARTS` partial members.
 
     A member carries axis i to axis ``orders[i]``, or to its reflection where ``flips[i]``.
     """
@@ -124,7 +126,7 @@ def symmetries(manipulator: Manipulator, limit: int = 5_000) -> Arrangements | N
     parts: list[_Part] = [()]
     for _ in range(manipulator.joints):
         parts = [longer for part in parts for longer in _extended(part, places, axes, kind)]
-        if len(parts) > limit:
+        if len(parts) > _MOST_PARTS:
             return None
     members = {
         tuple((image, place < 0) for image, place, _ in part)
@@ -172,7 +174,7 @@ def _extended(part: _Part, places: FloatArray, axes: FloatArray, kind: IntArray)
             longer = (*part, (image, place, sense))
             after = _carried(longer, places, axes)
             change = after @ after[pair].T - before @ before[pair].T
-            if np.abs(change).max() < EQUAL:
+            if np.abs(change).max() < _EQUAL:
                 longer_parts.append(longer)
     return longer_parts
 
@@ -188,7 +190,7 @@ def _is_rotation(part: _Part, places: FloatArray, axes: FloatArray) -> bool:
     before, after = np.vstack([places, axes]), _carried(part, places, axes)
     u, _, vt = np.linalg.svd(after.T @ before)
     proper = u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt
-    return bool(np.max(np.abs(before @ proper.T - after)) < 10 * EQUAL)
+    return bool(np.max(np.abs(before @ proper.T - after)) < 10 * _EQUAL)
 
 
 def _code(orders: IntArray, flips: BoolArray) -> IntArray:

@@ -15,9 +15,6 @@ from formulations.kinematics.link_chain import BoolArray, IntArray, LinkChain
 from nlp.arrays import FloatArray, as_floats
 from nlp.errors import InputError
 
-# Largest departure of a direction's norm from 1.
-DIGITS = 1e-9
-
 
 def kind_names(prismatic: BoolArray) -> list[str]:
     """Return ``revolute`` or ``prismatic`` for each joint, shape (n,)."""
@@ -102,11 +99,6 @@ class Manipulator(LinkChain):
     speeds
         By what a joint's column is multiplied in `jacobian`, shape (n,): of a prismatic joint
         the norm of v of its column, 1 of a revolute one.
-
-    Raises
-    ------
-    InputError
-        If shapes do not agree, an entry is not finite, or a direction has not norm 1.
     """
 
     task: TaskRows = TaskRows.SPATIAL
@@ -114,29 +106,17 @@ class Manipulator(LinkChain):
     speeds: FloatArray = field(default_factory=lambda: np.ones(0))
 
     def __post_init__(self) -> None:
+        """Arrays of its own, which nobody changes; columns and speeds where left out."""
         n = len(self.directions)
-        shapes = {"directions": (n, 3), "points": (n, 3), "end_effector": (3,)}
-        for name, shape in shapes.items():
-            value = as_floats(name, getattr(self, name)).copy()
-            if n == 0 or value.shape != shape or not np.all(np.isfinite(value)):
-                allowed = "finite numbers, 3 per joint or for the end effector"
-                raise InputError(name, f"of shape {value.shape}", allowed)
-            self._set(name, value)
-        norms = np.linalg.norm(self.directions, axis=1)
-        if np.max(np.abs(norms - 1)) > DIGITS:
-            raise InputError("norms of the directions", norms.tolist(), "1")
-        self._set("prismatic", np.array(self.prismatic, dtype=bool))
-        if self.prismatic.shape != (n,):
-            raise InputError("prismatic", f"of shape {self.prismatic.shape}", f"shape ({n},)")
-        columns = tuple(int(c) for c in self.columns) or tuple(range(n))
-        if sorted(columns) != list(range(n)):
-            raise InputError("columns", columns, f"each of 0 to {n - 1} once")
-        object.__setattr__(self, "columns", columns)
-        self._set("speeds", np.array(self.speeds) if len(self.speeds) else np.ones(n))
-
-    def _set(self, name: str, value: npt.NDArray[np.generic]) -> None:
-        value.setflags(write=False)
-        object.__setattr__(self, name, value)
+        object.__setattr__(self, "columns", tuple(map(int, self.columns)) or tuple(range(n)))
+        arrays = {
+            name: np.array(getattr(self, name), dtype=float)
+            for name in ("directions", "points", "end_effector")
+        }
+        arrays["speeds"] = np.array(self.speeds) if len(self.speeds) else np.ones(n)
+        for name, value in (*arrays.items(), ("prismatic", np.array(self.prismatic, bool))):
+            value.setflags(write=False)
+            object.__setattr__(self, name, value)
 
     @property
     def joints(self) -> int:

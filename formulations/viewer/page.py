@@ -63,12 +63,15 @@ class Address:
             with socket.create_server(where, family=family) as tried:
                 return Address(self.host, int(tried.getsockname()[1]))
         except (OSError, UnicodeError) as error:
-            why = _WHY.get(getattr(error, "errno", 0))
-        if why:
-            allowed = f"a free port of {self.host}, or 0 for any"
-            raise InputError("--port", f"{self.port}, {why}", allowed)
+            if why := _WHY.get(getattr(error, "errno", 0)):
+                raise self.taken(why) from None
         allowed = "a name or an address of this machine, such as 127.0.0.1"
         raise InputError("--host", self.host, allowed)
+
+    def taken(self, why: str) -> InputError:
+        """Return the error of a port that cannot be listened on."""
+        allowed = f"a free port of {self.host}, or 0 for any"
+        return InputError("--port", f"{self.port}, {why}", allowed)
 
     @property
     def local(self) -> bool:
@@ -249,6 +252,5 @@ def _serve(address: Address) -> ViserServer:
         server = Server(address.host, address.port, label="lockedjoint", verbose=False)
     if server.get_port() != address.port:
         server.stop()
-        allowed = f"a free port of {address.host}, or 0 for any"
-        raise InputError("--port", f"{address.port}, in use", allowed)
+        raise address.taken(_WHY[errno.EADDRINUSE])
     return server

@@ -93,9 +93,9 @@ class Scene:
         heard.setLevel(logging.WARNING)
         before, log.propagate = log.propagate, False
         log.addHandler(heard)
-        found = partial(yourdfpy.filename_handler_magic, dir=self._file.parent)
+        handler = partial(yourdfpy.filename_handler_magic, dir=self._file.parent)
         try:
-            self._model = yourdfpy.URDF.load(str(self._file), filename_handler=found)
+            self._model = yourdfpy.URDF.load(str(self._file), filename_handler=handler)
             self._drawn_urdf = ViserUrdf(self._server, self._model, root_node_name="/robot")
         except Exception as error:
             # Shapes are of any format, and readers fail in any way: the arm is drawn as lines.
@@ -121,8 +121,8 @@ class Scene:
         root = np.linalg.inv(self._model.get_transform(chain.base, self._model.base_link))
         from viser.transforms import SO3
 
-        turn = SO3.from_matrix(root[:3, :3]).wxyz
-        self._server.scene.add_frame("/robot", wxyz=turn, position=root[:3, 3], show_axes=False)
+        wxyz = SO3.from_matrix(root[:3, :3]).wxyz
+        self._server.scene.add_frame("/robot", wxyz=wxyz, position=root[:3, 3], show_axes=False)
 
     def _draw_joints(self, shown: RobotPicture) -> None:
         scene, chain = self._server.scene, self._arm.chain

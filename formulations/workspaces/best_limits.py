@@ -11,7 +11,7 @@ from scipy import optimize
 
 from formulations.kinematics.serial_arm import Ranges, SerialArm
 from formulations.workspaces.failure_sets import SLICE, FailureSets
-from formulations.workspaces.planar import Planar3R, closed_form
+from formulations.workspaces.planar import Planar3R, at_zero, closed_form
 from formulations.workspaces.pose_sets import PoseSets
 from formulations.workspaces.reachable_sets import ReachableSets, check_grid
 from formulations.workspaces.workspace import Progress
@@ -86,8 +86,9 @@ def best_limits(
         raise InputError("least width", least_width, "above 0 and at most half a turn")
     if sets is None:
         check_grid(arm, voxel, SLICE)
-        if closed_form(arm, arm.physical) is not None:
-            return _best_planar(arm, lengths, least_width, generations, seed, progress)
+        if planar := closed_form(arm, arm.physical):
+            how = lengths, least_width, generations, seed, progress
+            return _best_planar(arm, planar.lengths, *how)
         search = _Pattern(
             ReachableSets(arm, _COARSER * voxel, 2 * SLICE), least_width, progress
         )
@@ -149,14 +150,13 @@ class _Pattern:
         """
         links = self.sets.arm.links
         by = share * float(np.sum(links))
-        for one, other in permutations(np.flatnonzero(links > 1e-6), 2):
-            if links[one] > 1.5 * by:
+        for shorter, longer in permutations(np.flatnonzero(links > 1e-6), 2):
+            if links[shorter] > 1.5 * by:
                 moved = links.copy()
-                moved[one] -= by
-                moved[other] += by
-                grid = ReachableSets(
-                    self.sets.arm.with_links(moved), self.sets.voxel, 2 * SLICE
-                )
+                moved[shorter] -= by
+                moved[longer] += by
+                arm = self.sets.arm.with_links(moved)
+                grid = ReachableSets(arm, self.sets.voxel, 2 * SLICE)
                 search = _Pattern(grid, self._least_width, self._progress)
                 if search.score(limits) > self.score(limits):
                     return search
@@ -192,6 +192,7 @@ class _Pattern:
 
 def _best_planar(
     arm: SerialArm,
+    own: tuple[float, float, float],
     lengths: bool,
     least_width: float,
     generations: int,
@@ -199,16 +200,15 @@ def _best_planar(
     progress: Progress,
 ) -> tuple[SerialArm, Ranges]:
     """Choose the limits, and the lengths if asked for, of a planar 3R arm."""
-    total, straight = float(np.sum(arm.links)), closed_form(arm, arm.physical)
-    assert straight is not None
+    total = float(np.sum(arm.links))
 
     def stated(x: FloatArray) -> Planar3R:
-        half, second, wide2, third, wide3 = (float(one) for one in x[:5])
-        links = straight.lengths
+        half, second, wide2, third, wide3 = x[:5].tolist()
+        links = own
         if lengths:  # of two cuts of the sum, in any order
-            low, high = sorted(float(one) for one in x[5:7])
+            low, high = sorted(x[5:7].tolist())
             links = (low * total, (high - low) * total, (1 - high) * total)
-            links = tuple(max(one, 1e-3 * total) for one in links)  # type: ignore[assignment]
+            links = tuple(max(link, 1e-3 * total) for link in links)  # type: ignore[assignment]
         middles, halves = (0.0, second, third), (half, wide2, wide3)
         ranges = tuple((m - h, m + h) for m, h in zip(middles, halves, strict=True))
         return Planar3R(links, ranges)  # type: ignore[arg-type]
@@ -243,14 +243,11 @@ def _best_planar(
 
 def _in_joints(arm: SerialArm, planar: Planar3R) -> Ranges:
     """Return limits of the closed form as those of the arm's own joints."""
-    zero, unit = (closed_form(arm, ((0.0, end),) * 3) for end in (0.0, 1e-3))
-    assert zero is not None
-    assert unit is not None
+    _, bent, signs = at_zero(arm)
     ranges: list[tuple[float, float]] = []
     for joint, (low, high) in enumerate(planar.limits):
-        offset, half = zero.limits[joint][0], (high - low) / 2
-        sign = 1 if unit.limits[joint][1] > offset else -1
-        middle = sign * ((low + high) / 2 - offset) if joint else 0.0
+        half = (high - low) / 2
+        middle = float(signs[joint] * ((low + high) / 2 - bent[joint])) if joint else 0.0
         middle = (middle + np.pi) % (2 * np.pi) - np.pi
         # Limits of a joint without physical ones may pass ±π.
         own = (middle - half, middle + half)

@@ -81,12 +81,12 @@ class FailureSets(ABC):
         rng = np.random.default_rng(0)
         reached = np.zeros(len(points), dtype=bool)
         for _ in range(_RESTARTS):
-            left = np.flatnonzero(~reached)
-            if not len(left):
+            rest = np.flatnonzero(~reached)
+            if not len(rest):
                 break
-            start = rng.uniform(lower[left], upper[left])
-            ends = self.arm.opened(lower[left], upper[left])
-            reached[left] = self._solved(points[left], start, *ends)
+            start = rng.uniform(lower[rest], upper[rest])
+            ends = self.arm.opened(lower[rest], upper[rest])
+            reached[rest] = self._solved(points[rest], start, *ends)
         return reached
 
     def after(self, limits: Ranges) -> Bits:
@@ -128,17 +128,15 @@ class FailureSets(ABC):
         return float(self.voxel**self.dimension)
 
     def _after_joint(self, joint: int, limits: Ranges) -> npt.NDArray[np.uint8]:
-        reached = self._reached[joint]
-        return np.asarray(
-            np.bitwise_and.reduce([reached[k] for k in self._within(joint, limits)])
-        )
+        chosen = [self._reached[joint][place] for place in self._within(joint, limits)]
+        return np.asarray(np.bitwise_and.reduce(chosen))
 
     def _positions(self, joint: int) -> FloatArray:
-        one = self.arm.steps[joint]
-        step = 2 * self.voxel if one.prismatic else self.step
-        count = max(2, int(np.ceil((one.upper - one.lower) / step)) + 1)
-        places = np.linspace(one.lower, one.upper, count)
-        return places[:-1] if one.continuous else places
+        moves = self.arm.steps[joint]
+        step = 2 * self.voxel if moves.prismatic else self.step
+        count = max(2, int(np.ceil((moves.upper - moves.lower) / step)) + 1)
+        places = np.linspace(moves.lower, moves.upper, count)
+        return places[:-1] if moves.continuous else places
 
     def _within(self, joint: int, limits: Ranges) -> npt.NDArray[np.intp]:
         places = self.slices[joint]

@@ -53,11 +53,11 @@ class Planar3R:
         """
         first, second, third = self.lengths
         low, high = [], []
-        for one, other, alone, limits in (
-            (first, second, third, self.limits[1]),
-            (second, third, first, self.limits[2]),
+        for bent, alone, limits in (
+            ((first, second), third, self.limits[1]),
+            ((second, third), first, self.limits[2]),
         ):
-            near, far = _distances(one, other, limits)
+            near, far = _distances(*bent, limits)
             low.append(max(abs(near - alone), abs(far - alone)))
             high.append(near + alone)
         return max(low), min(high)
@@ -116,16 +116,11 @@ class Planar3R:
     def _bearings(self, rho: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Least and largest |φ| after a failure of joint 1, wherever it locks; see above."""
         first, second, third = self.lengths
-        half = self._half_width
-
-        def opening(distance: float) -> FloatArray:
-            """Return the angle from link 1 at which p is so far from joint 2."""
-            cosine = (rho**2 + first**2 - distance**2) / (2 * np.maximum(rho, _TINY) * first)
-            return np.asarray(np.arccos(np.clip(cosine, -1, 1)))
-
         reach, hole = second + third, abs(second - third)
-        largest = np.where(rho + first <= reach, np.pi, opening(reach) - half)
-        least = np.where(np.abs(rho - first) >= hole, 0.0, opening(hole) + half)
+        far = self._psi(rho, reach**2) - self._half_width
+        near = self._psi(rho, hole**2) + self._half_width
+        largest = np.where(rho + first <= reach, np.pi, far)
+        least = np.where(np.abs(rho - first) >= hole, 0.0, near)
         outside = (np.abs(rho - first) > reach) | (rho + first < hole)
         return least, np.where(outside, -1.0, largest)
 
@@ -135,42 +130,40 @@ class Planar3R:
         Those beyond ±π are also there turned back; empty ones have NaN ends.
         """
         first, second, third = self.lengths
-        (low2, high2), (low3, high3) = (_one_turn(*one) for one in self.limits[1:])
-        ends = [np.full_like(rho, one) for one in (low3, high3)]
-        ends += [np.full_like(rho, one) for one in (0.0, np.pi)]
+        (low2, high2), (low3, high3) = (_within_a_turn(*limits) for limits in self.limits[1:])
+        ends = [np.full_like(rho, angle) for angle in (low3, high3, 0.0, np.pi)]
         for distance in (np.abs(rho - first), rho + first):  # links 1 and 23 are aligned
             angle = _angle(second, third, distance)
             ends += [angle, -angle]
         for limit in (low2, high2):
             x, y = first + second * np.cos(limit), second * np.sin(limit)
-            turned = np.arctan2(y, x) - limit  # of the line to joint 3, from link 2
+            bearing = np.arctan2(y, x) - limit  # of the line to joint 3, from link 2
             angle = _angle(np.hypot(x, y), third, rho)
-            ends += [turned + angle, turned - angle]
-        found = np.clip(low3 + (np.array(ends) - low3) % _TURN, low3, high3)
-        found[0], found[1] = low3, high3
-        found.sort(axis=0)
-        middle = (found[:-1] + found[1:]) / 2
-        psi = self._psi(rho, found)
+            ends += [bearing + angle, bearing - angle]
+        borders = np.clip(low3 + (np.array(ends) - low3) % _TURN, low3, high3)
+        borders[0], borders[1] = low3, high3
+        borders.sort(axis=0)
+        middle = (borders[:-1] + borders[1:]) / 2
+        psi = self._psi(rho, second**2 + third**2 + 2 * second * third * np.cos(borders))
         x, y = second + third * np.cos(middle), third * np.sin(middle)
-        length, turned = np.hypot(x, y), np.arctan2(y, x)
+        length, bearing = np.hypot(x, y), np.arctan2(y, x)
         with np.errstate(divide="ignore", invalid="ignore"):
             cosine = (rho**2 - first**2 - length**2) / (2 * first * length)
         bend = np.arccos(np.clip(cosine, -1, 1))
-        possible = (np.abs(cosine) <= 1) & (found[1:] >= found[:-1])
+        possible = (np.abs(cosine) <= 1) & (borders[1:] >= borders[:-1])
         starts, stops = [], []
         for sign in (1, -1):
-            within = low2 + (sign * bend - turned - low2) % _TURN <= high2
+            within = low2 + (sign * bend - bearing - low2) % _TURN <= high2
             sides = np.sort([sign * psi[:-1], sign * psi[1:]], axis=0)
             sides = np.where(possible & within, sides, np.nan)
-            for turn in (-_TURN, 0.0, _TURN):
-                starts.append(sides[0] - self._half_width + turn)
-                stops.append(sides[1] + self._half_width + turn)
+            for shift in (-_TURN, 0.0, _TURN):
+                starts.append(sides[0] - self._half_width + shift)
+                stops.append(sides[1] + self._half_width + shift)
         return np.concatenate(starts), np.concatenate(stops)
 
-    def _psi(self, rho: FloatArray, angle: FloatArray) -> FloatArray:
-        """Angle at the base between link 1 and p, for angles of joint 3."""
-        first, second, third = self.lengths
-        square = second**2 + third**2 + 2 * second * third * np.cos(angle)
+    def _psi(self, rho: FloatArray, square: FloatArray | float) -> FloatArray:
+        """Angle at the base between link 1 and p, which is √square from joint 2."""
+        first = self.lengths[0]
         cosine = (first**2 + rho**2 - square) / (2 * first * np.maximum(rho, _TINY))
         return np.asarray(np.arccos(np.clip(cosine, -1, 1)))
 
@@ -183,13 +176,9 @@ def closed_form(arm: SerialArm, limits: Ranges) -> Planar3R | None:
     free = all(joint.continuous for joint in arm.steps)
     if not (arm.is_planar and len(arm.steps) == 3 and free):
         return None
-    straight = arm.at_zero
-    links = np.diff([*straight.points[0, :, :2], straight.end_effector[:2]], axis=0)
-    lengths = np.hypot(links[:, 0], links[:, 1])
+    lengths, bent, signs = at_zero(arm)
     if min(lengths) < 1e-6:
         return None
-    bent = np.diff(np.arctan2(links[:, 1], links[:, 0]), prepend=0.0)
-    signs = np.sign(straight.directions[0, :, 2])
     ranges = [
         tuple(sorted((sign * low + angle, sign * high + angle)))
         for sign, angle, (low, high) in zip(signs, bent, limits, strict=True)
@@ -197,26 +186,34 @@ def closed_form(arm: SerialArm, limits: Ranges) -> Planar3R | None:
     return Planar3R(tuple(lengths.tolist()), tuple(ranges))  # type: ignore[arg-type]
 
 
-def _distances(one: float, other: float, limits: tuple[float, float]) -> tuple[float, float]:
+def at_zero(arm: SerialArm) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Of a planar arm at zero: link lengths, angles from link to link, signs of the axes."""
+    links = np.diff([*arm.at_zero.points[0, :, :2], arm.at_zero.end_effector[:2]], axis=0)
+    bent = np.diff(np.arctan2(links[:, 1], links[:, 0]), prepend=0.0)
+    lengths = np.hypot(links[:, 0], links[:, 1])
+    return lengths, bent, np.sign(arm.at_zero.directions[0, :, 2])
+
+
+def _distances(a: float, b: float, limits: tuple[float, float]) -> tuple[float, float]:
     """Least and largest distance between the ends of two links, over the joint's range."""
-    low, high = _one_turn(*limits)
+    low, high = _within_a_turn(*limits)
     cosines = [np.cos(low), np.cos(high)]
     if (0 - low) % _TURN <= high - low:
         cosines.append(1.0)
     if (np.pi - low) % _TURN <= high - low:
         cosines.append(-1.0)
-    squares = [one**2 + other**2 + 2 * one * other * cosine for cosine in cosines]
+    squares = [a**2 + b**2 + 2 * a * b * cosine for cosine in cosines]
     return float(np.sqrt(max(min(squares), 0.0))), float(np.sqrt(max(squares)))
 
 
-def _one_turn(low: float, high: float) -> tuple[float, float]:
+def _within_a_turn(low: float, high: float) -> tuple[float, float]:
     return (low, high) if high - low < _TURN else (-np.pi, np.pi)
 
 
-def _angle(one: float, other: float, distance: FloatArray) -> FloatArray:
+def _angle(a: float, b: float, distance: FloatArray) -> FloatArray:
     """Angle of the joint between two links at which their ends are so far apart, 0 to π."""
     with np.errstate(divide="ignore", invalid="ignore"):
-        cosine = (distance**2 - one**2 - other**2) / (2 * one * other)
+        cosine = (distance**2 - a**2 - b**2) / (2 * a * b)
     return np.asarray(np.arccos(np.clip(np.nan_to_num(cosine), -1, 1)))
 
 
@@ -225,7 +222,7 @@ def _covered(starts: FloatArray, ends: FloatArray) -> FloatArray:
     empty = ~(starts < ends)
     starts, ends = np.where(empty, np.inf, starts), np.where(empty, -np.inf, ends)
     order = np.argsort(starts, axis=0)
-    starts, ends = (np.take_along_axis(one, order, axis=0) for one in (starts, ends))
+    starts, ends = (np.take_along_axis(side, order, axis=0) for side in (starts, ends))
     before = np.full_like(ends, -np.inf)
     before[1:] = np.maximum.accumulate(ends, axis=0)[:-1]
     with np.errstate(invalid="ignore"):

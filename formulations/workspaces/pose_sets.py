@@ -19,8 +19,8 @@ from formulations.workspaces.failure_sets import SLICE, FailureSets, check_step
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
 
-#: Random configurations from which the curves of a point are looked for.
-ROUNDS = 8
+# Random configurations from which the curves of a point are looked for.
+_ROUNDS = 8
 _MOST_VOXELS = 60_000
 # A point that is not reached from so many configurations is not tried further.
 _PATIENCE = 4
@@ -41,7 +41,7 @@ class PoseSets(FailureSets):
     ----------
     arm
         The arm: four joints if it is planar, seven otherwise.
-    turn
+    rotation
         Orientation of the tool in the frame of the base, shape (3, 3).
     voxel, step
         See `FailureSets`.
@@ -62,46 +62,39 @@ class PoseSets(FailureSets):
     def __init__(
         self,
         arm: SerialArm,
-        turn: FloatArray,
+        rotation: FloatArray,
         voxel: float,
         step: float = SLICE,
         progress: Callable[[str], None] = lambda _: None,
         seed: int = 0,
     ) -> None:
-        corner, shape = _grid_of(arm, turn, voxel, step)
+        self._rotation = arm.steps[0].placement[:3, :3].T @ rotation @ arm.orientation.T
+        self.corner, self.shape = _grid_of(arm, self._rotation, voxel, step)
         self.arm, self.voxel, self.step = arm, voxel, step
-        self.dimension = len(shape)
-        self.corner, self.shape = corner, shape
+        self.dimension = wide = len(self.shape)
         self._rows = [0, 1, 5] if arm.is_planar else list(range(6))
-        self._turn = arm.steps[0].placement[:3, :3].T @ turn @ arm.orientation.T
         self.slices = {k: self._positions(k) for k in range(len(arm.steps))}
         rng = np.random.default_rng(seed)
-        places = np.indices(shape).reshape(len(shape), -1).T + corner
+        places = np.indices(self.shape).reshape(wide, -1).T + self.corner
         self._points = np.zeros((len(places), 3))
-        jitter = rng.uniform(-0.5, 0.5, places.shape)
-        self._points[:, : len(shape)] = (places + jitter) * voxel
-        self._points[:, len(shape) :] = arm.at_zero.end_effector[len(shape) :]
-        near = np.linalg.norm(self._points, axis=1) <= _reach(arm)
+        self._points[:, :wide] = (places + rng.uniform(-0.5, 0.5, places.shape)) * voxel
+        self._points[:, wide:] = arm.at_zero.end_effector[wide:]
+        near = np.flatnonzero(np.linalg.norm(self._points, axis=1) <= _reach(arm))
         bits = {
-            k: np.zeros((len(places), len(one)), dtype=bool) for k, one in self.slices.items()
+            k: np.zeros((len(places), len(slices)), bool) for k, slices in self.slices.items()
         }
-        found, owners = [], []
-        candidates = np.flatnonzero(near)
-        for at in range(0, len(candidates), _CHUNK):
-            progress(f"self-motion of points {at + 1} to {len(candidates)}")
-            own = candidates[at : at + _CHUNK]
+        configurations = [np.zeros((0, len(arm.steps)), dtype=np.float32)]
+        owners = [np.zeros(0, dtype=np.intp)]
+        for at in range(0, len(near), _CHUNK):
+            progress(f"self-motion of points {at + 1} to {len(near)}")
+            own = near[at : at + _CHUNK]
             for which, curves in self._curves(self._points[own], rng):
                 self._mark(bits, own[which], curves)
                 there = ~np.isnan(curves[:, :, 0])
-                found.append(curves[there].astype(np.float32))
+                configurations.append(curves[there].astype(np.float32))
                 owners.append(np.repeat(own[which], there.sum(axis=1)))
-        n = len(arm.steps)
-        self._q = np.concatenate([np.zeros((0, n), dtype=np.float32), *found])
-        self._owners = np.concatenate([np.zeros(0, dtype=np.intp), *owners])
-        self._reached = {
-            k: [np.packbits(one[:, place]) for place in range(one.shape[1])]
-            for k, one in bits.items()
-        }
+        self._q, self._owners = np.concatenate(configurations), np.concatenate(owners)
+        self._reached = {k: list(np.packbits(marked.T, axis=1)) for k, marked in bits.items()}
 
     def before(self, limits: Ranges) -> Bits:
         """Voxels whose point is reached within limits, before a failure."""
@@ -111,9 +104,9 @@ class PoseSets(FailureSets):
             if self.arm.steps[k].continuous:
                 above = above % _TURN
             inside &= (above >= -1e-6) & (above <= high - low + 1e-6)
-        found = np.zeros(int(np.prod(self.shape)), dtype=bool)
-        found[self._owners[inside]] = True
-        return found.reshape(self.shape)
+        reached = np.zeros(self.shape, dtype=bool)
+        reached.ravel()[self._owners[inside]] = True
+        return reached
 
     def points(
         self, voxels: Bits, rng: np.random.Generator, count: int
@@ -129,32 +122,31 @@ class PoseSets(FailureSets):
         return solve_pose(self._poses(points), start, lower, upper)[1]
 
     def _poses(self, points: FloatArray) -> SelfMotionPoses:
-        turn = np.broadcast_to(self._turn, (len(points), 3, 3))
-        return SelfMotionPoses(self.arm.at_zero, self._rows, points, turn)
+        rotations = np.broadcast_to(self._rotation, (len(points), 3, 3))
+        return SelfMotionPoses(self.arm.at_zero, self._rows, points, rotations)
 
     def _curves(
         self, points: FloatArray, rng: np.random.Generator
     ) -> list[tuple[npt.NDArray[np.intp], FloatArray]]:
         """Curves of points, as pairs of which points they are of and the curves."""
-        lower, upper = (np.array(one) for one in zip(*self.arm.physical, strict=True))
+        lower, upper = np.transpose(self.arm.physical)
         low, high = self.arm.opened(lower, upper)
-        turns = np.isinf(low)
-        found: list[tuple[npt.NDArray[np.intp], FloatArray]] = []
+        known: list[tuple[npt.NDArray[np.intp], FloatArray]] = []
         reached_once = np.zeros(len(points), dtype=bool)
-        for k in range(ROUNDS):
-            left = np.flatnonzero(reached_once) if k >= _PATIENCE else np.arange(len(points))
-            if not len(left):
+        for k in range(_ROUNDS):
+            own = np.flatnonzero(reached_once) if k >= _PATIENCE else np.arange(len(points))
+            if not len(own):
                 break
-            start = rng.uniform(lower, upper, (len(left), len(lower)))
-            q, reached = solve_pose(self._poses(points[left]), start, low, high)
-            left, q = left[reached], q[reached]
-            reached_once[left] = True
-            new = ~_on_known(left, q, found, turns, len(points))
-            left, q = left[new], q[new]
-            if len(left):
-                curves, _, _ = arcs(self._poses(points[left]), q, low, high, _STEP, _STEPS)
-                found.append((left, curves))
-        return found
+            start = rng.uniform(lower, upper, (len(own), len(lower)))
+            q, reached = solve_pose(self._poses(points[own]), start, low, high)
+            own, q = own[reached], q[reached]
+            reached_once[own] = True
+            new = ~_on_known(own, q, known, np.isinf(low), len(points))
+            own, q = own[new], q[new]
+            if len(own):
+                curves, _, _ = arcs(self._poses(points[own]), q, low, high, _STEP, _STEPS)
+                known.append((own, curves))
+        return known
 
     def _mark(
         self, bits: dict[int, Bits], own: npt.NDArray[np.intp], curves: FloatArray
@@ -182,24 +174,24 @@ def _on_known(
     own: npt.NDArray[np.intp],
     q: FloatArray,
     known: list[tuple[npt.NDArray[np.intp], FloatArray]],
-    turns: Bits,
+    endless: Bits,
     count: int,
 ) -> Bits:
     """Return which configurations are on a curve of their point that is there already."""
-    found = np.zeros(len(own), dtype=bool)
+    on_known = np.zeros(len(own), dtype=bool)
     for which, curves in known:
         place = np.full(count, -1)
         place[which] = np.arange(len(which))
         there = np.flatnonzero(place[own] >= 0)
         away = curves[place[own[there]]] - q[there, None]
-        away -= np.where(turns, _TURN * np.round(away / _TURN), 0.0)
+        away -= np.where(endless, _TURN * np.round(away / _TURN), 0.0)
         near = np.nansum(away**2, axis=2) + np.where(np.isnan(away[:, :, 0]), np.inf, 0.0)
-        found[there] |= near.min(axis=1) < (0.8 * _STEP) ** 2
-    return found
+        on_known[there] |= near.min(axis=1) < (0.8 * _STEP) ** 2
+    return on_known
 
 
 def _grid_of(
-    arm: SerialArm, turn: FloatArray, voxel: float, step: float
+    arm: SerialArm, rotation: FloatArray, voxel: float, step: float
 ) -> tuple[npt.NDArray[np.int_], tuple[int, ...]]:
     """Return corner and shape of the grid; InputError as `PoseSets`."""
     dimension, needed = (2, 4) if arm.is_planar else (3, 7)
@@ -208,8 +200,7 @@ def _grid_of(
         allowed = f"{needed} for {kind} that holds an orientation: one more than its poses have"
         raise InputError("number of joints", len(arm.steps), f"{allowed} dimensions")
     check_step(voxel, step)
-    across = arm.steps[0].placement[:3, :3].T @ turn @ arm.orientation.T
-    if arm.is_planar and abs(across[2, 2] - 1) > 1e-6:
+    if arm.is_planar and abs(rotation[2, 2] - 1) > 1e-6:
         allowed = "a turn about the parallel axes of this planar arm from its zero posture"
         raise InputError("orientation", "out of the plane", allowed)
     span = _reach(arm) / voxel
@@ -222,5 +213,5 @@ def _grid_of(
 
 
 def _reach(arm: SerialArm) -> float:
-    slides = sum(max(abs(one.lower), abs(one.upper)) for one in arm.steps if one.prismatic)
-    return float(np.sum(arm.links)) + slides
+    travels = (max(abs(step.lower), abs(step.upper)) for step in arm.steps if step.prismatic)
+    return float(np.sum(arm.links)) + sum(travels)

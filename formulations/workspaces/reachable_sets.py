@@ -62,8 +62,8 @@ class _CylinderGrid:
         """Cells of points (k, 3) in the flat grid; its size for those outside."""
         z = np.floor(points[:, 2] / self.cell + 0.5).astype(int) - self.bottom
         r = np.floor(np.hypot(points[:, 0], points[:, 1]) / self.cell).astype(int) - self.inner
-        turn = np.arctan2(points[:, 1], points[:, 0]) / _TURN * self.angles
-        phi = np.floor(turn).astype(int) % self.angles
+        bearing = np.arctan2(points[:, 1], points[:, 0]) / _TURN * self.angles
+        phi = np.floor(bearing).astype(int) % self.angles
         inside = (z >= 0) & (z < self.height) & (r >= 0) & (r < self.radii)
         flat = (z * self.radii + r) * self.angles + phi
         return np.where(inside, flat, self.size).astype(np.int32)
@@ -73,8 +73,8 @@ class _CylinderGrid:
         z = (np.arange(self.height) + self.bottom) * self.cell
         r = (np.arange(self.radii) + self.inner + 0.5) * self.cell
         phi = (np.arange(self.angles) + 0.5) * _TURN / self.angles
-        heights, radii, turns = np.meshgrid(z, r, phi, indexing="ij")
-        points = [radii * np.cos(turns), radii * np.sin(turns), heights]
+        heights, radii, bearings = np.meshgrid(z, r, phi, indexing="ij")
+        points = [radii * np.cos(bearings), radii * np.sin(bearings), heights]
         return np.stack(points, axis=-1).reshape(-1, 3)
 
 
@@ -120,13 +120,10 @@ class ReachableSets(FailureSets):
         self.dimension = 2 if arm.is_planar else 3
         self.arm, self.voxel, self.step = arm, voxel, step
         self._prepare()
-        self.slices: dict[int, FloatArray] = {}
-        self._reached: dict[int, list[npt.NDArray[np.uint8]]] = {}
+        self.slices, self._reached = {}, {}
         free = self._from_tip(arm.physical)
-        for joint, name in enumerate(one.name for one in arm.steps):
-            if arm.idle[joint]:
-                continue
-            progress(f"failures of {name}")
+        for joint in np.flatnonzero(~np.array(arm.idle)).tolist():
+            progress(f"failures of {arm.steps[joint].name}")
             self.slices[joint] = self._positions(joint)
             self._reached[joint] = [
                 np.packbits(self._base(self._to_base(free[joint], joint, float(place))))
@@ -141,14 +138,11 @@ class ReachableSets(FailureSets):
         self, voxels: Bits, rng: np.random.Generator, count: int
     ) -> tuple[FloatArray, npt.NDArray[np.intp]]:
         """Return random points of voxels, shape (count, 3), and which voxel each is in."""
-        centres = self.centres(voxels)
+        centres, wide = self.centres(voxels), self.dimension
         drawn = rng.integers(len(centres), size=count)
-        found = np.zeros((count, 3))
-        wide = centres.shape[1]
-        found[:, :wide] = centres[drawn] + rng.uniform(-0.5, 0.5, (count, wide)) * self.voxel
-        if self.arm.is_planar:
-            found[:, 2] = self.arm.at_zero.end_effector[2]
-        return found, drawn
+        points = np.tile(self.arm.at_zero.end_effector, (count, 1))
+        points[:, :wide] = centres[drawn] + rng.uniform(-0.5, 0.5, (count, wide)) * self.voxel
+        return points, drawn
 
     def _solved(
         self, points: FloatArray, start: FloatArray, lower: FloatArray, upper: FloatArray
@@ -168,21 +162,17 @@ class ReachableSets(FailureSets):
 
     def _prepare(self) -> None:
         """Make the grids, cropped to what is reached at all, and the maps between them."""
-        arm = self.arm
+        arm = self._flat = self.arm
         if arm.is_planar:
             level = np.ones((4, 4))
             level[2, 3] = 0.0  # heights of the links along the axes do not matter
-            steps = [replace(one, placement=one.placement * level) for one in arm.steps]
+            steps = [replace(step, placement=step.placement * level) for step in arm.steps]
             self._flat = SerialArm(tuple(steps), arm.tip * (1, 1, 0))
-        else:
-            self._flat = arm
         self._link()
-        free = self._from_tip(arm.physical)
         cropped = []
-        for joint, found in enumerate(free):
-            both = [found, self._swept(found, joint, arm.physical[joint])]
-            grid = self._grids[joint]
-            cells = np.logical_or.reduce([self._cells(one, joint) for one in both])
+        for joint, reach in enumerate(self._from_tip(arm.physical)):
+            grid, swept = self._grids[joint], self._swept(reach, joint, arm.physical[joint])
+            cells = self._cells(reach, joint) | self._cells(swept, joint)
             z, r = np.nonzero(cells.any(axis=2))
             low, high = max(int(z.min()) - 1, 0), min(int(z.max()) + 2, grid.height)
             near, far = max(int(r.min()) - 1, 0), min(int(r.max()) + 2, grid.radii)
@@ -202,8 +192,8 @@ class ReachableSets(FailureSets):
         rows = [np.arange(-wide, wide + 1)] * 2
         if not self.arm.is_planar:
             rows.append(np.arange(first.height) + first.bottom)
-        self.shape = tuple(len(one) for one in rows)
-        self.corner = np.array([one[0] for one in rows] + [0] * (3 - len(rows)))[: len(rows)]
+        self.shape = tuple(map(len, rows))
+        self.corner = np.array([row[0] for row in rows])
         places = np.stack(np.meshgrid(*rows, indexing="ij"), axis=-1).reshape(-1, len(rows))
         points = np.zeros((len(places), 3))
         points[:, : len(rows)] = places * self.voxel
@@ -289,11 +279,9 @@ class ReachableSets(FailureSets):
 
 def _shifted(cells: Bits, by: int) -> Bits:
     """Return cells moved along the first axis; those that leave the grid are lost."""
-    found = np.zeros_like(cells)
-    count = len(cells)
-    if abs(by) < count:
-        found[max(by, 0) : count + min(by, 0)] = cells[max(-by, 0) : count - max(by, 0)]
-    return found
+    rolled = np.roll(cells, by, axis=0)
+    rolled[slice(by) if by > 0 else slice(max(len(cells) + by, 0), None)] = False
+    return rolled
 
 
 def check_grid(arm: SerialArm, voxel: float, step: float) -> list[_CylinderGrid]:

@@ -20,7 +20,7 @@ from formulations.kinematics.serial_arm import Bits, Ranges, SerialArm
 from formulations.workspaces.failure_sets import SLICE, FailureSets
 from formulations.workspaces.planar import closed_form
 from formulations.workspaces.reachable_sets import ReachableSets
-from nlp.arrays import FloatArray
+from nlp.arrays import FloatArray, finite_or_none
 from nlp.errors import InputError
 
 #: Points that inverse kinematics checks.
@@ -87,9 +87,14 @@ class Workspace:
             return "self-motion"
         return "closed form" if closed_form(self.arm, self.limits) else "grid"
 
+    @property
+    def share(self) -> float:
+        """What is kept of what is reached within the physical limits, 0 to 1."""
+        return self.size / self.physical if self.physical else 0.0
+
     def to_dict(self) -> dict[str, object]:
         """Return the result as plain values."""
-        names = [one.name for one in self.arm.steps]
+        names = [step.name for step in self.arm.steps]
         return {
             "quantity": "area" if self.dimension == 2 else "volume",
             "size": self.size,
@@ -97,14 +102,14 @@ class Workspace:
             "method": self.method,
             "without_failure": self.before,
             "without_failure_and_artificial_limits": self.physical,
-            "share_kept": self.size / self.physical if self.physical else 0.0,
+            "share_kept": self.share,
             "critical": list(self.critical),
             "limits": {k: list(v) for k, v in zip(names, self.limits, strict=True)},
             "links": dict(zip(names, self.arm.links.tolist(), strict=True)),
             "voxel": self.sets.voxel,
             "slice": self.sets.step,
             "raw": self.raw,
-            "passed_by_depth": [None if one != one else one for one in self.passed],
+            "passed_by_depth": [finite_or_none(share) for share in self.passed],
         }
 
 
@@ -172,7 +177,7 @@ def _share(
     sample = _SAMPLE_OF_POSES if sets.sampled else _SAMPLE
     passed, depths = verified(sets, limits, voxels, sample)
     groups = [passed[depths == k] for k in range(_DEPTHS - 1)] + [passed[depths >= _DEPTHS - 1]]
-    by_depth = tuple(float(np.mean(one)) if len(one) else float("nan") for one in groups)
+    by_depth = tuple(float(np.mean(group)) if len(group) else np.nan for group in groups)
     if sets.sampled:
         # One random point in every voxel: only voxels at the surface add to the variance, each
         # at most a quarter of its size squared.

@@ -16,7 +16,7 @@ from formulations.kinematics.forward import Kinematics
 from formulations.paths.plan import PathPlan
 from formulations.paths.search import PathSearch, check_reach, plan_path
 from formulations.paths.waypoints import ToolPath
-from formulations.plot.path import draw
+from formulations.plot.robots import draw_path
 from formulations.plot.style import content
 from formulations.robots.robot_arm import RobotArm
 from results.robots.survey import ARMS, SurveyArm
@@ -135,7 +135,7 @@ def compute(effort: Effort, folder: Path) -> Iterator[PathRow]:
         plan = plan_path(arm, path, search)
         cpu = time.process_time() - started
         if not entries:
-            write_bytes(folder / "path.svg", content(draw(plan), "svg"))
+            write_bytes(folder / "path.svg", content(draw_path(plan), "svg"))
         entry = {
             "arm": declared.arm,
             "path": declared.path,

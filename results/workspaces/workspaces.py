@@ -12,10 +12,10 @@ from formulations.io.files import write_bytes
 from formulations.io.study import Effort
 from formulations.io.table import HIDDEN, column
 from formulations.kinematics.chain_between import chain_between
-from formulations.kinematics.read_urdf import read_urdf
+from formulations.kinematics.read_robot import read_robot
 from formulations.kinematics.serial_arm import Ranges, SerialArm
+from formulations.plot.robots import draw_workspace
 from formulations.plot.style import content
-from formulations.plot.workspace import draw
 from formulations.workspaces.best_limits import STARTS, best_limits
 from formulations.workspaces.workspace import Workspace, measured, workspace
 from results.robots.survey import SurveyArm
@@ -92,7 +92,7 @@ def compute(effort: Effort, folder: Path) -> Iterator[WorkspaceRow | OrderRow]:
     for arm, choice, result in chain(_planar(effort), _spatial(effort)):
         row = row_of(arm, choice, result)
         if row.figure:
-            write_bytes(folder / row.figure, content(draw(result), "svg"))
+            write_bytes(folder / row.figure, content(draw_workspace(result), "svg"))
         yield row
     yield from orders(effort, folder)
 
@@ -124,7 +124,7 @@ def _spatial(effort: Effort) -> Iterator[Judged]:
     starts = effort.starts or STARTS
     for robot in _ROBOTS:
         name, voxel = robot.name, _VOXELS[robot.name]
-        arm = SerialArm.from_chain(chain_between(read_urdf(robot.path), robot.tip))
+        arm = SerialArm.from_chain(chain_between(read_robot(robot.path), robot.tip))
         effort.progress(f"{name}, {_PHYSICAL}")
         physical = workspace(arm, arm.physical, voxel, progress=effort.progress)
         yield name, _PHYSICAL, physical

@@ -26,7 +26,6 @@ from formulations.atlas.exact_value import (
     exceeds,
     proved_value,
     proves,
-    square_root_above,
 )
 from formulations.atlas.improve import SEARCHES, improve
 from formulations.atlas.local_optimality import local_optimality
@@ -88,13 +87,6 @@ def test_the_distance_from_the_model_is_not_understated(model, seed, size):
     bound = float(distance_from_model(arm, exact))
     actual = float(np.linalg.norm(nearest - moved))
     assert actual <= bound * (1 + 1e-9) <= 3 * actual + 1e-9
-
-
-@given(st.fractions(0, 1000))
-def test_roots_are_rounded_up(value):
-    root = square_root_above(value)
-    assert root**2 >= value
-    assert float(root) == pytest.approx(float(value) ** 0.5, abs=1e-15)
 
 
 @pytest.mark.parametrize(

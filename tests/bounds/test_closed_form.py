@@ -9,7 +9,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from formulations.bounds.certified import largest_worst_case
-from formulations.bounds.closed_form import block_trace_bound, root_above
+from formulations.bounds.closed_form import (
+    block_trace_bound,
+    rational_root_above,
+    root_above,
+    root_below,
+)
 from formulations.joints import models
 from formulations.measures import eigenvalue_bound
 from formulations.registry import bound
@@ -85,6 +90,8 @@ def test_block_bounds_are_not_below_the_root(joints, sizes, traces):
 def test_a_root_above_is_the_next_double_or_the_root(square):
     root = root_above(square)
     assert Fraction(root) ** 2 >= square > Fraction(math.nextafter(root, 0)) ** 2
+    assert root_below(square) ** 2 <= square < rational_root_above(square) ** 2
+    assert float(rational_root_above(square)) == pytest.approx(root, rel=1e-14)
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ import pytest
 from scipy.optimize import brentq
 
 from formulations import measures
-from formulations.bounds import certified, free_levers
+from formulations.bounds import certified
 from formulations.bounds.certified import Bound
 from formulations.bounds.free_levers import (
     excludes_isotropic,
@@ -148,7 +148,6 @@ def test_a_limit_is_excluded_and_nothing_below_it(excludes, limit, value):
     assert limit(0.0) == pytest.approx(sqrt(1 / 3), abs=1e-15)
     assert limit(0.0) ** 2 > 1 / 3
     assert limit(1e-4) > limit(1e-3) > found > limit(0.06)
-    assert free_levers._root_above(Fraction(2)) ** 2 > 2
 
 
 def test_the_best_isotropic_jacobian_meets_theorem_a():

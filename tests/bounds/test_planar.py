@@ -63,7 +63,7 @@ def test_every_jacobian_is_in_a_node(seed):
         assert not planar_cells.is_crowded(located(jacobian, arcs)[1])
 
 
-@pytest.mark.parametrize("measure", planar.MEASURES)
+@pytest.mark.parametrize("measure", ["max-min", "manipulability"])
 @pytest.mark.parametrize("seed", range(8))
 def test_any_multipliers_bound_every_jacobian_of_the_node(seed, measure):
     rng = np.random.default_rng(seed)

@@ -141,7 +141,7 @@ def test_the_regular_simplex_is_the_only_optimum_of_planar_3r(path):
     best = [line for line in table if line["level"] == 1]
     assert [line["formulation"] for line in best] == ["residual", "max-min"]
     for line in best:
-        form = np.array(json.loads(line["canonical_form"]))
+        form = np.array(line["canonical_form"])
         assert line["classes"] == 1
         assert measures.worst_case_sigma(form) == pytest.approx(np.sqrt(0.5), abs=1e-6)
     assert best[0]["reached"] == best[0]["of_starts"] == 12
@@ -169,6 +169,19 @@ def test_csv_and_parquet_keep_every_digit(path, tmp_path):
         jacobian = np.array(json.loads(line["jacobian"]))
         assert jacobian.astype("<f8").tobytes() == row["jacobian"]
         assert float(line["score"]) == row["score"] == score
+
+
+def test_json_has_native_types_and_every_digit(path):
+    rows = by_hand(path)
+    lines = json.loads(show(path, "--records", "--json"))
+    for line, row in zip(lines, rows, strict=True):
+        assert np.array(line["jacobian"]).astype("<f8").tobytes() == row["jacobian"]
+        assert line["score"] == row["score"]
+        assert line["valid"] is (row["valid"] == 1)
+        assert isinstance(line["options"], dict)
+        assert isinstance(line["earlier"], list)
+    groups = json.loads(show(path, "--json"))
+    assert all(type(group["valid"]) is int for group in groups)
 
 
 def test_markdown_and_latex_are_to_read(path, tmp_path):

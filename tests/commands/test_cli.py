@@ -117,7 +117,9 @@ def test_compare_prints_and_writes(lockedjoint, tmp_path):
     assert names == ["comparison.csv", "comparison.md", "jacobians.json"]
     measured = lockedjoint.here("measure", "here/jacobians.json", "--json", cwd=tmp_path)
     for one in json.loads(measured.stdout):
-        assert one["optimally_failure_tolerant"] is (one["name"] != "residual free-mean")
+        assert one["optimally_failure_tolerant"] is (
+            one["name"] != "residual free-mean, solved"
+        )
     values = json.loads(lockedjoint.here("compare", *PLANAR, "--json", cwd=tmp_path).stdout)
     assert values["complete"] is True
     assert values["rows"][0]["status_counts"] == {"Solve_Succeeded": 3}

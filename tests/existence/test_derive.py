@@ -5,8 +5,6 @@ import pytest
 
 from formulations.existence.derive import (
     TABLEAU,
-    cancelling_weights,
-    sign,
     squared_polynomials,
     symmetrised,
 )
@@ -26,13 +24,6 @@ def test_weights_and_constant(derived):
     assert derived.constant == Fraction(33248, 1029)
     assert len(derived.multipliers) == 351
     assert max(m.coefficient.denominator for m in derived.multipliers) <= 8820
-
-
-def test_every_number_is_rational(derived):
-    numbers = [derived.constant, *(square.weight for square in derived.squares)]
-    numbers += [term.coefficient for square in derived.squares for term in square.terms]
-    numbers += [multiplier.coefficient for multiplier in derived.multipliers]
-    assert {type(number) for number in numbers} == {Fraction}
 
 
 def test_symmetrised_monomials_have_48_and_96_terms_of_coefficient_one():
@@ -60,18 +51,6 @@ def test_squares_have_the_type_of_their_tableau():
             assert not combined((Fraction(1), moved(polynomial, image)) for image in images)
 
 
-def test_tau_is_bounded_from_both_sides_the_wrong_way_round(seven):
-    p, q = (seven.divide(class_sums(hermitian_product(p, p)))[1] for p in squared_polynomials())
-    assert p.keys() == q.keys() == {ONE, TRIANGLE}
-    assert p[TRIANGLE] < 0 < q[TRIANGLE]
-    upper = -TRIANGLES * p[ONE] / p[TRIANGLE]
-    lower = -TRIANGLES * q[ONE] / q[TRIANGLE]
-    assert upper == Fraction(28427, 36015)
-    assert lower == Fraction(163688, 194481)
-    assert upper < lower
-    assert cancelling_weights(p, q) == (108, 25)
-
-
 @pytest.mark.parametrize(
     ("factor", "contradicts"), [(1, False), (2, True), (3, True), (4, True)]
 )
@@ -80,12 +59,6 @@ def test_which_second_squares_would_do(seven, factor, contradicts):
     other = combined([(Fraction(factor - 3), p1), (Fraction(1), q)])
     p, r = (seven.divide(class_sums(hermitian_product(s, s)))[1] for s in (p1, other))
     assert (p[ONE] / p[TRIANGLE] > r[ONE] / r[TRIANGLE]) is contradicts
-
-
-def test_signs_of_permutations():
-    assert sign((0, 1, 2)) == 1
-    assert sign((1, 0, 2)) == -1
-    assert sign((1, 2, 0)) == 1
 
 
 def test_an_entry_alone_has_no_part_of_the_type():

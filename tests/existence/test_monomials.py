@@ -46,24 +46,6 @@ def test_no_monomial_of_charge_0_is_without_class(joints, order, loops):
     assert ((table >= 0) == (sizes[:, None] == sizes)).all()
 
 
-def test_classes_are_as_large_as_their_orbits():
-    counts = np.bincount(TABLE[TABLE >= 0], minlength=len(CLASSES))
-    orders = list(permutations(range(5)))
-    for graph, count in zip(CLASSES, counts, strict=True):
-        orbit = {graph.relabel(order) for order in orders}
-        assert count == len(orbit | {member.conjugate() for member in orbit})
-
-
-def test_keys_add_up_to_those_of_unions():
-    i, j = MULTISETS.edges
-    edges = [(int(a), int(b)) for a, b in zip(i, j, strict=True)]
-    keys = MULTISETS.keys
-    for a in edges:
-        for b in edges:
-            union = keys[number(MULTISETS, (a,))] + keys[number(MULTISETS, (b,))]
-            assert MULTISETS.number(union) == number(MULTISETS, Monomial((a, b)).w)
-
-
 def test_rows_are_all_monomials_of_their_charge_and_move_with_the_joints():
     multisets, names = EdgeMultisets(4, 3), np.array([[2, 0, 3, 1], [1, 0, 2, 3]])
     edges = list(zip(*(axis.tolist() for axis in multisets.edges), strict=True))

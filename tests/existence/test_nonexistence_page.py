@@ -55,6 +55,9 @@ def test_the_two_affine_functions_of_tau(seven, page):
     assert (p[ONE], p[triangle] / 35) == (Fraction(32488, 7203), Fraction(-40, 7))
     assert (q[ONE], q[triangle] / 35) == (Fraction(-748288, 36015), Fraction(864, 35))
     assert 108 * p[ONE] + 25 * q[ONE] == Fraction(-33248, 1029)
+    # τ has an upper bound below its lower one.
+    assert -35 * p[ONE] / p[triangle] == Fraction(28427, 36015)
+    assert -35 * q[ONE] / q[triangle] == Fraction(163688, 194481)
     for text in (
         r"|p_1|^2 = \frac{32488}{7203} - \frac{40}{7} \tau",
         r"|q|^2 = \frac{864}{35} \tau - \frac{748288}{36015}",

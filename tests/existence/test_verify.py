@@ -1,11 +1,7 @@
 """The certificate passes; whatever is done to it does not."""
 
-import copy
 import json
 import random
-import subprocess
-import sys
-from collections.abc import Callable
 from dataclasses import replace
 from fractions import Fraction
 from functools import cache
@@ -20,19 +16,12 @@ from formulations.existence.evaluate import defects
 from formulations.existence.reading import read
 from formulations.existence.verify import TheoremReport, verify
 
-Change = Callable[[dict[str, Any]], object]
 RENAMED = cache(verification._renamed)
 
 
 @pytest.fixture(scope="module")
 def certificate(committed):
     return read(committed)
-
-
-@pytest.fixture(scope="module")
-def document(committed):
-    loaded: dict[str, Any] = json.loads(committed.read_text())
-    return loaded
 
 
 @pytest.fixture
@@ -55,77 +44,39 @@ def test_the_identity_holds_at_random_matrices(certificate):
     assert defects(certificate, samples=3) == (0, 0, 0)
 
 
-def test_nothing_is_shared_with_the_derivation(committed):
-    code = (
-        "import sys, formulations.existence.verify, formulations.existence.evaluate;"
-        "print(*sorted(m for m in sys.modules if m.startswith('formulations.existence.')))"
-    )
-    root = committed.parents[2]
-    loaded = subprocess.run(
-        [sys.executable, "-c", code], check=True, capture_output=True, text=True, cwd=root
-    )
-    names = {name.rpartition(".")[2] for name in loaded.stdout.split()}
-    assert names == {"certificate", "verify", "evaluate"}
+def negative(text):
+    return str(-Fraction(text))
 
 
-def set_at(*path):
-    """Set the entry at a path to the last argument."""
-
-    def change(document):
-        *way, key, value = path
-        target: Any = document
-        for step in way:
-            target = target[step]
-        target[key] = value
-
-    return change
-
-
-def negate(*path):
-    def change(document):
-        target: Any = document
-        for step in path[:-1]:
-            target = target[step]
-        target[path[-1]] = str(-Fraction(target[path[-1]]))
-
-    return change
-
-
-FALSE_IDENTITIES: dict[str, Change] = {
-    "coefficient of a multiplier": set_at("multipliers", 17, "coefficient", "1/3"),
-    "sign of a multiplier": negate("multipliers", 100, "coefficient"),
-    "coefficient of a term": set_at("squares", 0, "terms", 3, "coefficient", "2"),
-    "sign of a term": negate("squares", 1, "terms", 20, "coefficient"),
-    "a weight": set_at("squares", 1, "weight", "26"),
-    "the constant": set_at("constant", "33247/1029"),
-    "constant too good": set_at("constant", "33249/1029"),
-    "deleted multiplier": lambda d: d["multipliers"].pop(42),
-    "doubled multiplier": lambda d: d["multipliers"].append(d["multipliers"][7]),
-    "deleted term": lambda d: d["squares"][0]["terms"].pop(),
-    "deleted square": lambda d: d["squares"].pop(),
-    "exchanged squares' weights": lambda d: (
-        set_at("squares", 0, "weight", "25")(d),
-        set_at("squares", 1, "weight", "108")(d),
-    ),
-    "another equation": set_at(
-        "multipliers", 0, "equation", {"kind": "square", "entry": [0, 1]}
-    ),
-    "another row": set_at("multipliers", 0, "equation", "row", 5),
-    "another monomial": set_at("multipliers", 30, "w", [[0, 1]]),
-    "no factors": set_at("squares", 0, "terms", 0, "w", []),
-    "huge coefficient": set_at("multipliers", 3, "coefficient", "9" * 40),
+FALSE_IDENTITIES: dict[str, dict[str, Any]] = {
+    "coefficient of a multiplier": {"multipliers.17.coefficient": "1/3"},
+    "sign of a multiplier": {"multipliers.100.coefficient": negative},
+    "coefficient of a term": {"squares.0.terms.3.coefficient": "2"},
+    "sign of a term": {"squares.1.terms.20.coefficient": negative},
+    "a weight": {"squares.1.weight": "26"},
+    "the constant": {"constant": "33247/1029"},
+    "constant too good": {"constant": "33249/1029"},
+    "deleted multiplier": {"multipliers.42": ...},
+    "doubled multiplier": {"multipliers": lambda all_: [*all_, all_[7]]},
+    "deleted term": {"squares.0.terms.-1": ...},
+    "deleted square": {"squares.1": ...},
+    "exchanged squares' weights": {"squares.0.weight": "25", "squares.1.weight": "108"},
+    "another equation": {"multipliers.0.equation": {"kind": "square", "entry": [0, 1]}},
+    "another row": {"multipliers.0.equation.row": 5},
+    "another monomial": {"multipliers.30.w": [[0, 1]]},
+    "no factors": {"squares.0.terms.0.w": []},
+    "huge coefficient": {"multipliers.3.coefficient": "9" * 40},
 }
 
 
 @pytest.mark.usefixtures("renamed_once")
 @pytest.mark.parametrize("name", FALSE_IDENTITIES)
 def test_a_false_identity_is_refused_by_verification_and_by_evaluation(
-    name, document, tmp_path
+    name, committed, patched, tmp_path
 ):
-    changed = copy.deepcopy(document)
-    FALSE_IDENTITIES[name](changed)
     path = tmp_path / "changed.json"
-    path.write_text(json.dumps(changed))
+    document = json.loads(committed.read_text())
+    path.write_text(json.dumps(patched(document, FALSE_IDENTITIES[name])))
     with pytest.raises(CertificateError, match=r"^the identity does not hold: \d+ of \d+ av"):
         verify(read(path))
     assert any(defects(read(path), samples=2))
@@ -178,8 +129,8 @@ def test_records_refuse_floating_point(certificate):
     ):
         with pytest.raises(CertificateError, match=r"1\.5 is not a Fraction"):
             replace(part, **{name: 1.5})
-    with pytest.raises(CertificateError, match="not a whole number"):
-        replace(certificate.squares[0].terms[0], w=((0.0, 1),))
+    with pytest.raises(CertificateError, match="is not one of"):
+        replace(certificate.squares[0].terms[0], w=((0.5, 1),))
 
 
 @pytest.mark.usefixtures("renamed_once")

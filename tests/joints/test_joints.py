@@ -50,16 +50,6 @@ def test_samples_satisfy_the_arm_s_constraints(arm, seed):
         assert np.all(value <= np.asarray(block.upper) + 1e-12)
 
 
-@given(seed=seeds)
-def test_eq_21_is_v_and_omega_of_norm_one_and_orthogonal(seed):
-    arm = Arm.of(UnitRevolute(), 7)
-    jacobian = arm.jacobian(draw(arm, seed))
-    velocity, axis = jacobian[:3], jacobian[3:]
-    np.testing.assert_allclose(np.linalg.norm(velocity, axis=0), 1)
-    np.testing.assert_allclose(np.linalg.norm(axis, axis=0), 1)
-    np.testing.assert_allclose(np.sum(velocity * axis, axis=0), 0, atol=1e-14)
-
-
 def test_eq_21_as_printed():
     """Eq. (21) entry by entry, the zero that the scan lost restored."""
     alpha, beta, gamma = 0.3, -0.7, 1.9

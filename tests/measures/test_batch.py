@@ -39,6 +39,7 @@ def agrees(stack, found, exact):
 @settings(max_examples=60, deadline=None)
 def test_any_matrix_whatever_its_rank(stack):
     """Zeros, repeated columns and singular values, fatal joints."""
+    stack[np.max(np.abs(stack), axis=(1, 2)) < 1e-70] = 0.0  # which the others refuse
     agrees(stack, worst_case_sigma_batch(stack), exact=1e-13)
 
 

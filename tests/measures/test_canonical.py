@@ -1,32 +1,41 @@
-"""One representative per class: every symmetry leaves it, everything else changes it."""
+"""One representative per class: every symmetry leaves it, everything else changes it.
+
+And classes by `invariants` are those of the representatives.
+"""
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from formulations.joints.arm import Arm
-from formulations.joints.kinds import FreeColumn, LeverRevolute, UnitRevolute
+from formulations.joints.models import arm
+from formulations.measures import canonical
 from formulations.measures.canonical import (
+    Classes,
     Symmetry,
     canonical_form,
     group_equivalent,
+    inner_products,
+    invariants,
     symmetry_of,
 )
 from nlp.errors import InputError
 
 ARMS = {
-    Symmetry.UNIT_REVOLUTE: Arm.of(UnitRevolute(), 7),
-    Symmetry.REVOLUTE: Arm.of(LeverRevolute(), 7),
-    Symmetry.FRAME: Arm.of(FreeColumn(3), 5),
+    Symmetry.UNIT_REVOLUTE: arm("unit-revolute", 7),
+    Symmetry.REVOLUTE: arm("lever-revolute", 7),
+    Symmetry.FRAME: arm("free", 5, 3),
 }
 seeds = st.integers(0, 100_000)
 symmetries = st.sampled_from(list(ARMS))
 
 
 def draw(symmetry, seed):
-    arm = ARMS[symmetry]
-    return arm.jacobian(arm.sample(np.random.default_rng(seed)))
+    return drawn(ARMS[symmetry], np.random.default_rng(seed))
+
+
+def drawn(model, rng):
+    return model.jacobian(model.sample(rng))
 
 
 def orthogonal(rng, size):
@@ -120,3 +129,68 @@ def test_rank_deficient_jacobians_have_a_form():
 def test_a_spatial_symmetry_needs_six_rows():
     with pytest.raises(InputError, match="six rows"):
         canonical_form(np.ones((3, 4)), Symmetry.REVOLUTE)
+
+
+# Prismatic joints among them: not all numbers of a column are those of a lever arm.
+MIXED = {**ARMS, Symmetry.REVOLUTE: arm("lever-revolute:5,prismatic:2", 7)}
+
+
+@pytest.mark.parametrize("symmetry", Symmetry)
+@given(seed=st.integers(0, 10**6))
+def test_no_symmetry_changes_the_invariants(symmetry, seed):
+    rng = np.random.default_rng(seed)
+    jacobian = drawn(MIXED[symmetry], rng)
+    other = disguised(jacobian, symmetry, rng)
+    one, two = invariants(jacobian, symmetry), invariants(other, symmetry)
+    np.testing.assert_allclose(one, two, atol=1e-12)
+
+
+@pytest.mark.parametrize("symmetry", Symmetry)
+@given(seed=st.integers(0, 10**6), size=st.floats(1e-6, 1e-2))
+def test_invariants_move_little_more_than_inner_products(symmetry, seed, size):
+    """So Jacobians with other invariants are others, whatever the order of their joints."""
+    rng = np.random.default_rng(seed)
+    jacobian = drawn(MIXED[symmetry], rng)
+    other = jacobian + size * rng.normal(size=jacobian.shape)
+    moves = np.abs(inner_products(jacobian, symmetry) - inner_products(other, symmetry)).max()
+    away = np.abs(invariants(jacobian, symmetry) - invariants(other, symmetry)).max()
+    assert away <= 5 / 3 * moves * (1 + 1e-9)
+
+
+@pytest.mark.parametrize("symmetry", Symmetry)
+def test_classes_are_those_of_the_canonical_form(symmetry):
+    rng = np.random.default_rng(5)
+    kinds = [drawn(MIXED[symmetry], rng) for _ in range(4)]
+    kinds.append(kinds[0].copy())
+    kinds[-1][:, 2] *= 1.01  # near the first, and not it
+    chosen = [kinds[k] for k in (0, 1, 0, 2, 4, 0, 3, 4, 1)]
+    shown = [disguised(jacobian, symmetry, rng) for jacobian in chosen]
+    found = Classes(symmetry)
+    for score, jacobian in enumerate(shown):
+        found.add(jacobian, score)
+    reached = [one.reached for one in found.most_reached()]
+    assert reached == [3, 2, 2, 1, 1]
+    groups = group_equivalent(shown, canonical.TOLERANCE, symmetry)
+    assert sorted(map(len, groups), reverse=True) == reached
+    assert [one.score for one in found.most_reached()] == [0, 1, 4, 3, 6]
+
+
+def test_signs_that_cannot_be_switched_away_make_another_class():
+    """Same moduli of all inner products, but the product around a triangle is negative."""
+    gram = np.full((3, 3), 0.25) + 0.75 * np.eye(3)
+    other = gram.copy()
+    other[0, 1] = other[1, 0] = -0.25
+    found = Classes(Symmetry.FRAME)
+    for matrix in (gram, other):
+        found.add(np.linalg.cholesky(matrix).T[:, :], 0.0)
+    assert len(found.most_reached()) == 2
+
+
+def test_only_so_many_are_distinguished(monkeypatch):
+    monkeypatch.setattr(canonical, "MOST", 3)
+    rng, built = np.random.default_rng(1), ARMS[Symmetry.FRAME]
+    found = Classes(Symmetry.FRAME)
+    first = drawn(built, rng)
+    for jacobian in (first, *(drawn(built, rng) for _ in range(5)), first):
+        found.add(jacobian, 0.0)
+    assert [one.reached for one in found.most_reached()] == [2, 1, 1]

@@ -21,13 +21,18 @@ def text(matrix):
         ("a.csv", text(MATRIX)),
         ("a.csv", "\ufeff" + text(MATRIX) + "\r\n\n"),
         ("a.CSV", text(MATRIX).replace(",", " , ")),
+        ("a.csv", text(MATRIX).replace(",", "; ")),
+        ("a.csv", text(MATRIX).replace(",", ";").replace(".", ",")),
+        ("a.tsv", text(MATRIX).replace(",", "\t")),
+        ("a.txt", "# of numpy.savetxt\n" + text(MATRIX).replace(",", " ")),
+        ("a.csv", "joint 1,joint 2,a,b\n" + text(MATRIX)),
         ("a.json", json.dumps(MATRIX.tolist())),
         ("a.json", json.dumps({"jacobian": MATRIX.tolist(), "more": 1})),
     ],
 )
 def test_reads_every_digit(tmp_path, name, content):
     (tmp_path / name).write_text(content, encoding="utf-8")
-    [(_, matrix)] = read_jacobians(tmp_path / name)
+    [(_, matrix)] = read_jacobians(str(tmp_path / name))
     np.testing.assert_array_equal(matrix, MATRIX)
 
 
@@ -36,11 +41,12 @@ def test_reads_npy_and_lists_of_jacobians(tmp_path):
     np.testing.assert_array_equal(read_jacobians(tmp_path / "a.npy")[0][1], MATRIX)
     listed = [
         {"formulation": "max-min", "model": "free", "jacobian": MATRIX.tolist()},
+        {"formulation": "isotropy", "verdict": "solved", "jacobian": MATRIX.tolist()},
         {"jacobian": (2 * MATRIX).tolist()},
     ]
     (tmp_path / "b.json").write_text(json.dumps(listed))
-    (first, one), (_, two) = read_jacobians(tmp_path / "b.json")
-    assert first == "max-min free"
+    (first, one), (answer, _), (_, two) = read_jacobians(tmp_path / "b.json")
+    assert (first, answer) == ("max-min free", "isotropy, solved")
     np.testing.assert_array_equal(2 * one, two)
 
 
@@ -67,65 +73,23 @@ def test_an_npz_that_is_no_matrix_or_a_bomb_is_refused(tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("name", "content"),
     [
-        ("a.txt", b"1,2"),
+        ("a.md", b"1,2"),
+        ("a.csv", b"1,2,3\n4,5"),
+        ("a.csv", b"1,2,3\na,b,c"),
+        ("a.csv", b"a,b,c\na,b,c\n1,2,3"),
+        ("a.csv", b"1,2,,3"),
         ("a.npz", b"PK"),
-        ("a.csv", b""),
-        ("a.csv", b"\n\n"),
-        ("a.csv", b"1,2,3\n1,2"),
         ("a.csv", b"1,2,x\n1,2,3"),
-        ("a.csv", b"1,2,nan\n1,2,3"),
-        ("a.csv", b"1,2,inf\n1,2,3"),
-        ("a.csv", b"1,2\n3,4"),
-        ("a.csv", b"\xff\xfe\x00"),
-        ("a.json", b"{"),
-        ("a.json", b"[]"),
-        ("a.json", b"3"),
-        ("a.json", b'"text"'),
-        ("a.json", b"null"),
-        ("a.json", b'{"a": 1}'),
-        ("a.json", b'[{"jacobian": [[1, 2]]}, 3]'),
-        ("a.json", b"[[1, 2, null], [1, 2, 3]]"),
-        ("a.json", b"[[1, 2, NaN], [1, 2, 3]]"),
         ("a.json", b'{"jacobian": {"a": 1}}'),
-        ("a.json", b"[" * 100_000),
         ("a.json", b"\xff"),
-        ("a.json", b"[[" + b"9" * 5000 + b", 1, 2], [1, 2, 3]]"),
-        ("a.json", b"[[" + b"9" * 400 + b", 1, 2], [1, 2, 3]]"),
-        ("a.json", b'[["1", "2", "3"], ["1", "2", "4"]]'),
-        ("a.json", b"[[true, false, true]]"),
-        ("a.npy", b"rubbish"),
         ("a.npy", b"\x93NUMPY\x01\x00"),
     ],
 )
 def test_refuses_with_one_sentence_that_names_the_file(tmp_path, name, content):
+    """More of these, by the command line: tests/test_bad_input.py."""
     path = tmp_path / name
     path.write_bytes(content)
     with pytest.raises(InputError) as caught:
         read_jacobians(path)
     assert name in str(caught.value)
     assert "\n" not in str(caught.value)
-
-
-def test_refuses_pickles_and_complex_arrays(tmp_path):
-    np.save(tmp_path / "a.npy", np.array([{"a": 1}], dtype=object), allow_pickle=True)
-    np.save(tmp_path / "b.npy", np.ones((2, 3), dtype=complex))
-    for name in ("a.npy", "b.npy", "missing.npy"):
-        with pytest.raises(InputError, match=name):
-            read_jacobians(tmp_path / name)
-
-
-@pytest.mark.parametrize("shape", ["(1000000000, 1000000000)", "(2, -3)", "(10**30, 2)"])
-def test_refuses_a_header_that_promises_more_than_there_is(tmp_path, shape):
-    header = f"{{'descr': '<f8', 'fortran_order': False, 'shape': {shape}, }}\n".encode()
-    size = len(header).to_bytes(2, "little")
-    path = tmp_path / "a.npy"
-    path.write_bytes(b"\x93NUMPY\x01\x00" + size + header + bytes(48))
-    with pytest.raises(InputError, match=r"a\.npy"):
-        read_jacobians(path)
-
-
-@pytest.mark.parametrize("kind", ["datetime64[s]", "U1", "S1", "bool", "timedelta64[s]"])
-def test_refuses_arrays_that_are_no_numbers(tmp_path, kind):
-    np.save(tmp_path / "a.npy", np.zeros((2, 3)).astype(kind))
-    with pytest.raises(InputError, match="real numbers"):
-        read_jacobians(tmp_path / "a.npy")

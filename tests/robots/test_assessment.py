@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from formulations import max_min, measures
-from formulations.commands.robot_arguments import pairs, read_configuration
+from formulations.commands.robot_arguments import read_configuration
 from formulations.joints.models import arm as designed
 from formulations.kinematics.chain_between import chain_between
 from formulations.robots.robot_arm import RobotArm
@@ -143,15 +143,3 @@ def test_json_that_is_no_configuration(seven, tmp_path, content):
     path.write_text(content)
     with pytest.raises(InputError):
         read_configuration(str(path), seven.chain)
-
-
-def test_pairs_name_their_option():
-    with pytest.raises(InputError, match="--held is elbow; allowed: JOINT=VALUE"):
-        pairs(["elbow"], "--held")
-
-
-def test_a_configuration_outside_the_limits_is_not_assessed(seven):
-    with pytest.raises(InputError, match="joint j0 is 3"):
-        measure_robot(seven, [3, 0, 0, 0, 0, 0, 0])
-    with pytest.raises(InputError, match="locked joints is 7"):
-        measure_robot(seven, POINT, 7)

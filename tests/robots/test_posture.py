@@ -19,40 +19,14 @@ from formulations.robots.task import TaskSpace
 from nlp.errors import InputError
 from results.robots.robots import row_of
 from results.robots.survey import ARMS, SurveyArm
+from tests.made_robots import real
 
 RESULTS = Path(__file__).parents[2] / "results" / "robots"
 
 
 @lru_cache
-def real(name, task="all"):
-    return next(one for one in ARMS if one.name.startswith(name) and one.task == task)
-
-
-@lru_cache
 def tiago():
     return best_posture(real("TIAGo,").arm(), Search(starts=8))
-
-
-def by_pinocchio(made, model, declared, configuration):
-    """From a posture to ℓ and σ without any of our kinematics, scaling or measures."""
-    chain = declared.arm().chain
-    assert chain.names == tuple(configuration)
-    matrix = made.of_pinocchio(model, chain, configuration.values())
-    slides = np.array(chain.prismatic)
-    turning = matrix[:, ~slides]
-    length = np.sqrt(np.sum(turning[:3] ** 2) / np.sum(turning[3:] ** 2))
-    matrix[:3] /= length
-    matrix[:, slides] *= length
-    rows = matrix[:3] if declared.task == "position" else matrix
-    left = [np.delete(rows, f, axis=1) for f in range(len(slides))]
-    return length, min(np.linalg.svd(one, compute_uv=False)[-1] for one in left)
-
-
-def test_the_worst_case_by_pinocchio_alone(made, model_of):
-    found, declared = tiago().assessment, real("TIAGo,")
-    length, sigma = by_pinocchio(made, model_of(declared), declared, found.configuration)
-    assert length == pytest.approx(found.characteristic_length)
-    assert sigma == pytest.approx(found.worst_case_sigma, abs=1e-9)
 
 
 @pytest.mark.parametrize("declared", ARMS, ids=lambda one: f"{one.name}, {one.task}")
@@ -62,7 +36,7 @@ def test_the_postures_on_record_by_pinocchio_alone(declared, made, model_of):
     recorded = json.loads((RESULTS / "postures.json").read_text())
     key = (declared.name, declared.task)
     (found,) = (one for one in recorded if (one["arm"], one["variant"]) == key)
-    length, sigma = by_pinocchio(made, model, declared, found["configuration"])
+    length, sigma = made.by_pinocchio(model, declared, found["configuration"])
     assert length == pytest.approx(found["characteristic_length"])
     assert sigma == pytest.approx(found["worst_case_sigma"], abs=1e-9)
     declared.arm().chain.within_limits(list(found["configuration"].values()))

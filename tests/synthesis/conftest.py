@@ -8,18 +8,9 @@ import pytest
 
 from formulations.reproduction import reference
 from formulations.synthesis.from_jacobian import realise
+from tests.made_robots import random_revolute
 
 RESULTS = Path(__file__).parents[2] / "results" / "comparison" / "jacobians.json"
-
-
-def random_revolute(seed, joints=7, levers=1.0):
-    """Columns of revolute joints; lever arms of one length, or random ones."""
-    rng = np.random.default_rng(seed)
-    spin = rng.standard_normal((3, joints))
-    spin /= np.linalg.norm(spin, axis=0)
-    velocity = np.cross(spin, rng.standard_normal((3, joints)), axis=0)
-    velocity *= levers / np.linalg.norm(velocity, axis=0)
-    return np.vstack([velocity, spin])
 
 
 def mixed():

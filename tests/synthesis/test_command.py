@@ -1,12 +1,11 @@
 """``lockedjoint realise``, from its arguments to its files and messages."""
 
-import io
 import json
 from functools import partial
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-import yourdfpy
 
 PLANAR = [[-np.sqrt(2 / 3), np.sqrt(1 / 6), np.sqrt(1 / 6)], [0, -np.sqrt(0.5), np.sqrt(0.5)]]
 
@@ -28,9 +27,12 @@ def folder(tmp_path, optimum):
 def test_urdf_on_standard_output(realise, folder, optimum):
     done = realise("both.json", "--pick", 1, "--order", "given", "--to", "urdf", cwd=folder)
     assert done.returncode == 0, done.stderr
-    robot = yourdfpy.URDF.load(io.StringIO(done.stdout))
-    axes = [joint.axis for joint in robot.actuated_joints]
-    np.testing.assert_allclose(np.array(axes).T, optimum[3:], atol=1e-15)
+    axes = [
+        joint.find("axis").get("xyz").split()
+        for joint in ElementTree.fromstring(done.stdout).findall("joint")
+        if joint.get("type") != "fixed"
+    ]
+    np.testing.assert_allclose(np.array(axes, float).T, optimum[3:], atol=1e-15)
 
 
 def test_json_holds_everything(realise, folder):

@@ -1,6 +1,5 @@
 """Drawings show what they say."""
 
-import sys
 from itertools import pairwise
 
 import numpy as np
@@ -8,19 +7,7 @@ import pytest
 
 from formulations.plot.manipulator import columns_text, figure, round_length
 from formulations.plot.projection import PLAN, View, clear_views
-from formulations.plot.style import content
-from formulations.reproduction import reference
 from formulations.synthesis.from_jacobian import realise
-from nlp.errors import InputError
-
-
-@pytest.mark.parametrize(
-    ("kind", "start"), [("svg", b"<?xml"), ("png", b"\x89PNG"), ("pdf", b"%PDF")]
-)
-def test_formats_and_the_same_bytes_again(kind, start):
-    one, again = (content(figure(realise(reference.PLANAR_3R)), kind) for _ in range(2))
-    assert one.startswith(start)
-    assert one == again
 
 
 def test_every_arm_is_drawn_with_names_frame_scale_and_columns(arm):
@@ -87,12 +74,3 @@ def test_the_chosen_views_are_clearer_than_most(optimum):
     assert two.azimuth - one.azimuth == 90
     others = [shortest(View(a, 20.0)) for a in np.arange(0.0, 360.0, 7.0)]
     assert min(shortest(one), shortest(two)) > np.median(others)
-
-
-def test_bad_kinds_and_a_missing_matplotlib(monkeypatch):
-    arm = realise(reference.PLANAR_3R)
-    with pytest.raises(InputError, match="kind of figure is gif; allowed: svg, png, pdf"):
-        content(figure(arm), "gif")
-    monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
-    with pytest.raises(InputError, match=r"pip install .*(matplotlib|figures)"):
-        figure(arm)

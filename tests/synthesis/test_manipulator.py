@@ -1,7 +1,5 @@
 """Manipulators move as a chain of rigid bodies does."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from scipy.linalg import expm
@@ -70,24 +68,6 @@ def test_a_flip_of_a_planar_joint_is_another_place(arm):
 
 
 AXES = np.eye(3)
-
-
-@pytest.mark.parametrize(
-    ("change", "sentence"),
-    [
-        ({"directions": 2 * AXES}, "norms of the directions"),
-        ({"directions": np.eye(4)}, "directions"),
-        ({"points": AXES[:2]}, "points"),
-        ({"points": np.full((3, 3), np.nan)}, "finite"),
-        ({"prismatic": [True]}, "prismatic"),
-        ({"columns": (0, 0, 1)}, "each of 0 to 2 once"),
-        ({"end_effector": np.zeros(2)}, "end_effector"),
-    ],
-)
-def test_what_is_no_manipulator(change, sentence):
-    good = Manipulator(AXES, AXES, np.zeros(3, dtype=bool), np.zeros(3))
-    with pytest.raises(InputError, match=sentence):
-        replace(good, **change)
 
 
 def test_bad_orders_and_displacements():

@@ -6,10 +6,9 @@ import itertools
 import numpy as np
 import pytest
 from scipy.optimize import least_squares
-from scipy.spatial.transform import Rotation
 
 from formulations.__main__ import main
-from formulations.kinematics.link_chain import LinkChain, rotation_vectors
+from formulations.kinematics.link_chain import LinkChain
 from formulations.kinematics.self_motion import SelfMotionPoses, arcs, covered, kept, solve_pose
 from formulations.reproduction import reference
 from formulations.synthesis.choice import choose_arrangement, rank
@@ -27,24 +26,6 @@ def ahead(lengths):
     points[0, 1:, 0] = np.cumsum(lengths)[:-1]
     axes = np.tile([0.0, 0.0, 1.0], (1, n, 1))
     return LinkChain(axes, points, np.zeros((1, n), bool), np.array([sum(lengths), 0.0, 0.0]))
-
-
-def test_rotation_vectors_up_to_half_a_turn():
-    """Against scipy, and exactly at half a turn, where R - Rᵀ is zero in every digit."""
-    rng = np.random.default_rng(5)
-    vectors = rng.normal(size=(200, 3))
-    vectors /= np.linalg.norm(vectors, axis=1)[:, None]
-    near = np.pi - 10.0 ** rng.uniform(-9, -1, 100)
-    vectors *= np.concatenate([rng.uniform(0, np.pi, 100), near])[:, None]
-    turns = Rotation.from_rotvec(vectors).as_matrix()
-    np.testing.assert_allclose(
-        rotation_vectors(np.moveaxis(turns, 0, -1)).T, vectors, atol=1e-12
-    )
-    exact = np.array([np.diag(one) for one in ([1.0, -1, -1], [-1.0, 1, -1], [-1.0, -1, 1])])
-    np.testing.assert_array_equal(
-        rotation_vectors(np.moveaxis(exact, 0, -1)), np.pi * np.eye(3)
-    )
-    assert not rotation_vectors(np.eye(3)[..., None]).any()
 
 
 def test_curves_hold_the_pose_and_close(optimum):

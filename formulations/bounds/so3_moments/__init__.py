@@ -28,7 +28,7 @@ and the proofs::
 
     certificate          the file of a rigorous bound, written and strictly read
     verification         the proof from that file, without solver and relaxation: sums with
-                         bounds on all rounding (`enclosed_squares`, `enclosed_localisers`)
+                         bounds on all rounding (`enclosed_squares`, `enclosed_sums`)
                          at points that determine all `invariants`
     certifying           from a search to its certificate, and to what verification proves
 """

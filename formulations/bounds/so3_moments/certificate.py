@@ -13,34 +13,30 @@ import json
 from base64 import b64decode, b64encode
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from collections.abc import Set as AbstractSet
 from dataclasses import dataclass
 from fractions import Fraction
-from functools import partial
 from itertools import accumulate, pairwise, product
-from math import isfinite
+from math import isfinite, prod
 from pathlib import Path
 from typing import Any, Literal, TypeAlias, get_args
 
 import numpy as np
 
-from formulations.bounds.so3_moments.localisers import KrylovLocaliser, selection
+from formulations.bounds.so3_moments.localisers import KrylovLocaliser
 from formulations.bounds.so3_moments.row_sectors import LabelSet, RowSector
-from formulations.bounds.so3_moments.sampled_blocks import SectorBlocks
+from formulations.bounds.so3_moments.sampled_blocks import (
+    RowBlocks,
+    SectorBlocks,
+    Selection,
+    selection,
+)
 from formulations.bounds.so3_moments.symmetric_rows import PermutedRows
 from formulations.bounds.so3_moments.young_basis import Shapes, tableau_contents
-from formulations.existence.certificate import CertificateError
-from formulations.existence.reading import (
-    Reader,
-    Record,
-    at,
-    fields_of,
-    list_of,
-    loaded,
-    read_either,
-)
+from formulations.existence.reading import Part, loaded, read_either
 from formulations.existence.tableaux import partitions
 from nlp.arrays import FloatArray
-from nlp.errors import LockedJointError, shown
+from nlp.errors import InputError, shown
 
 _FORMAT = "lockedjoint bound 2"
 FILE_BYTES = 20_000_000
@@ -60,26 +56,15 @@ _KRYLOV_LIMITS = {**_SCALED_LIMITS, "locked": 1}
 CertifiedQuantity: TypeAlias = Literal["residual", "max-min"]
 
 
-class IllFormedError(LockedJointError):
-    """A file that is no certificate of a bound."""
-
-
-@dataclass(frozen=True, eq=False)
-class BlockRows:
-    """The rows of a block with one set of labels, in the first tableau."""
-
-    labels: LabelSet
-    #: Numbers i of plain rows: the columns of U are P e_i.
-    pivots: tuple[int, ...]
-
-
 @dataclass(frozen=True, eq=False)
 class BlockSquares:
     """The squares of one block, or those that multiply a localiser."""
 
     #: Shapes of the permutations of the joints in each group.
     shapes: Shapes
-    rows: tuple[BlockRows, ...]
+    #: For each set of labels the numbers i of plain rows: the columns of U are P e_i, in the
+    #: first tableau.
+    rows: Mapping[LabelSet, tuple[int, ...]]
     #: L, shape (columns of all U, squares), one U after another. Of Krylov vectors: first for
     #: r_0 all columns, then for r_1 and r_2 those of low enough degree, see `selection`.
     factor: FloatArray
@@ -87,7 +72,7 @@ class BlockSquares:
     @property
     def columns(self) -> list[range]:
         """Numbers of the columns of each U among all of them."""
-        ends = accumulate(len(one.pivots) for one in self.rows)
+        ends = accumulate(map(len, self.rows.values()))
         return [range(a, b) for a, b in pairwise([0, *ends])]
 
     @property
@@ -95,16 +80,17 @@ class BlockSquares:
         """Number of columns of all U."""
         return self.columns[-1].stop
 
-    def selection(self, degree: int) -> tuple[Any, Any]:
-        """Return which column, and which power of M, makes each row of a Krylov localiser."""
-        labels = (sum(one.labels, ()) for one in self.rows)
-        return selection(zip(self.columns, labels, strict=True), self.size, degree)
+    def selection(self, family: RowBlocks) -> Selection:
+        """Return which column, and which power of M, makes each row of the factor."""
+        labels = (sum(one, ()) for one in self.rows)
+        columns = zip(self.columns, labels, strict=True)
+        return selection(columns, self.size, family.sector.degree, family.lowered)
 
     def to_dict(self) -> dict[str, Any]:
         """Return its fields in the file."""
         return {
             "shapes": self.shapes,
-            "rows": [{"labels": one.labels, "pivots": one.pivots} for one in self.rows],
+            "rows": [{"labels": one, "pivots": own} for one, own in self.rows.items()],
             "squares": self.factor.shape[1],
             "factor": b64encode(_without_tiny(self.factor).astype("<f8").tobytes()).decode(),
         }
@@ -170,44 +156,35 @@ def read_any(path: Path | str) -> Any:
     ------
     FileError
         If the file cannot be read, is too large, or is not a JSON text in UTF-8.
-    IllFormedError, CertificateError
+    CertificateError
         If the JSON text is not a well-formed certificate.
     """
-    try:
-        value = loaded(path, FILE_BYTES)
-        if isinstance(value, dict) and "quantity" in value:
-            return _certificate(value)
-    except CertificateError as error:
-        raise IllFormedError(f"{path} is no certificate: {error}") from None
-    except RecursionError:
-        raise IllFormedError(f"{path} is no certificate: it is nested too deeply.") from None
+    value = loaded(path, FILE_BYTES)
+    if isinstance(value, dict) and "quantity" in value:
+        return _certificate(Part(value))
     return read_either(path)
 
 
-def _certificate(value: Any) -> BoundCertificate:
-    quantity = value["quantity"]
+def _certificate(part: Part) -> BoundCertificate:
+    quantity = part.value["quantity"]
     if quantity not in get_args(CertifiedQuantity):
-        raise CertificateError(f"quantity: {shown(quantity)} is not known.")
+        part.refuse(f"quantity: {shown(quantity)} is not known")
+    names = ("format", "quantity", "joints", "bound", "constant", "sectors")
     more = _EXCLUSION if quantity == "max-min" else ()
-    parts = fields_of(
-        value, "format", "quantity", "joints", "bound", "constant", *more, "sectors"
-    )
-    if parts["format"] != _FORMAT:
-        raise CertificateError(f"format: {shown(parts['format'])} is not {_FORMAT!r}.")
-    joints = at("joints", partial(_whole, allowed=_JOINTS[quantity]), parts["joints"])
-    bound, constant = (at(name, _number, parts[name]) for name in ("bound", "constant"))
-    read = partial(_sectors, parts, joints)
-    sectors = read("sectors", _LIMITS)
+    format_, _, count, bound, constant, plain, *exclusion = part.fields(*names, *more)
+    if format_.value != _FORMAT:
+        format_.refuse(f"{shown(format_.value)} is not {_FORMAT!r}")
+    joints = count.whole(_JOINTS[quantity])
+    claim = _number(bound), _number(constant)
+    sectors = _sectors(plain, joints, _LIMITS)
     if not more:
-        return BoundCertificate(quantity, joints, bound, constant, sectors)
-    excluded = at("excluded", _number, parts["excluded"])
+        return BoundCertificate(quantity, joints, *claim, sectors)
+    excluded = _number(exclusion[0])
     if excluded < _LEAST_EXCLUDED or Fraction(excluded) > _largest_excluded(joints):
-        allowed = f"from {_LEAST_EXCLUDED:g} to (n − 6)/3"
-        raise CertificateError(f"excluded: {excluded} is not a number {allowed}.")
-    scaled, krylov = read("scaled", _SCALED_LIMITS), read("krylov", _KRYLOV_LIMITS)
-    return BoundCertificate(
-        quantity, joints, bound, constant, sectors, excluded, scaled, krylov
-    )
+        exclusion[0].refuse(f"{excluded} is not from {_LEAST_EXCLUDED:g} to (n − 6)/3")
+    scaled = _sectors(exclusion[1], joints, _SCALED_LIMITS)
+    krylov = _sectors(exclusion[2], joints, _KRYLOV_LIMITS)
+    return BoundCertificate(quantity, joints, *claim, sectors, excluded, scaled, krylov)
 
 
 def _largest_excluded(joints: int) -> Fraction:
@@ -215,123 +192,91 @@ def _largest_excluded(joints: int) -> Fraction:
     return Fraction(joints - 6, 3)
 
 
-def _sectors(
-    parts: Mapping[str, Any], joints: int, name: str, limits: Mapping[str, int]
-) -> tuple[SectorSquares, ...]:
-    read_sector = partial(_sector, joints=joints, limits=limits)
-    found = at(name, _short_list(read_sector, _SECTORS), parts[name])
-    _distinct(name, [sector for sector, _ in found])
+def _sectors(part: Part, joints: int, limits: Mapping[str, int]) -> tuple[SectorSquares, ...]:
+    found = tuple(_sector(one, joints, limits) for one in part.items(range(_SECTORS + 1)))
+    _require_distinct(part, [sector for sector, _ in found])
     return found
 
 
-def _sector(value: Any, joints: int, limits: Mapping[str, int]) -> SectorSquares:
-    parts = fields_of(value, *limits, "blocks")
-    numbers = {
-        name: at(name, partial(_whole, allowed=range(most + 1)), parts[name])
-        for name, most in limits.items()
-    }
+def _sector(part: Part, joints: int, limits: Mapping[str, int]) -> SectorSquares:
+    *numbers, listed = part.fields(*limits, "blocks")
+    within = zip(numbers, limits.values(), strict=True)
+    values = [number.whole(range(most + 1)) for number, most in within]
     try:
-        sector = RowSector(**numbers)
-    except LockedJointError as error:
-        raise CertificateError(str(error)) from None
-    family = (SectorBlocks if sector.locked is None else KrylovLocaliser)(sector, joints)
-    # Compared as texts: 1.0 and True would be equal to 1 as well.
-    rows = {repr(entry.parts): entry for entry in family.rows}
-    places = sector.places(joints)
-    shapes = {repr(one): one for one in product(*(partitions(len(group)) for group in places))}
+        sector = RowSector(*values)
+    except InputError as error:
+        part.refuse(str(error).rstrip("."))
+    family: RowBlocks = SectorBlocks(sector, joints)
+    if sector.locked is not None:
+        family = KrylovLocaliser(sector, joints)
+    rows = {entry.parts: entry for entry in family.rows}
+    shapes = [tuple(partitions(len(group))) for group in sector.places(joints)]
     # A shape has at most two blocks: even and odd under conjugation.
-    read_block = partial(_block, sector=sector, rows=rows, shapes=shapes)
-    read_blocks = _short_list(read_block, 2 * len(shapes))
-    blocks = at("blocks", read_blocks, parts["blocks"])
+    parts = listed.items(range(2 * prod(map(len, shapes)) + 1))
+    blocks = tuple(_block(one, family, rows, set(product(*shapes))) for one in parts)
     seen = Counter(block.shapes for block in blocks)
     if max(seen.values(), default=0) > 2:
-        raise CertificateError("blocks: more than two have the same shapes.")
+        listed.refuse("more than two have the same shapes")
     return sector, blocks
 
 
 def _block(
-    value: Any,
-    sector: RowSector,
-    rows: Mapping[str, PermutedRows],
-    shapes: Mapping[str, Shapes],
+    part: Part,
+    family: RowBlocks,
+    rows: Mapping[LabelSet, PermutedRows],
+    shapes: AbstractSet[Shapes],
 ) -> BlockSquares:
-    parts = fields_of(value, "shapes", "rows", "squares", "factor")
-    found = shapes.get(repr(_tuples(parts["shapes"])))
-    if found is None:
-        raise CertificateError(f"shapes: {shown(parts['shapes'])} are none of this sector.")
-    read_rows = partial(_rows, rows=rows, tableaux=len(tableau_contents(found)))
-    together = at("rows", _short_list(read_rows, len(rows)), parts["rows"])
-    _distinct("rows", [one.labels for one in together])
-    if not together:
-        raise CertificateError("rows: there are none.")
-    block = BlockSquares(found, together, np.zeros((0, 0)))
-    height = block.size
-    if sector.locked is not None:
-        height = len(block.selection(sector.degree)[0])
-    squares = at("squares", partial(_whole, allowed=range(1, height + 1)), parts["squares"])
-    factor = at("factor", partial(_matrix, shape=(height, squares)), parts["factor"])
-    return BlockSquares(found, together, factor)
+    named, listed, count, factor = part.fields("shapes", "rows", "squares", "factor")
+    found = tuple(one.wholes() for one in named.items())
+    if found not in shapes:
+        named.refuse("they are none of this sector")
+    tableaux = len(tableau_contents(found))
+    parts = listed.items(range(1, len(rows) + 1))
+    read = [_rows(one, rows, tableaux) for one in parts]
+    _require_distinct(listed, [labels for labels, _ in read])
+    pivots = dict(read)
+    height = len(BlockSquares(found, pivots, np.zeros((0, 0))).selection(family)[0])
+    squares = count.whole(range(1, height + 1))
+    return BlockSquares(found, pivots, _matrix(factor, (height, squares)))
 
 
-def _rows(value: Any, rows: Mapping[str, PermutedRows], tableaux: int) -> BlockRows:
-    parts = fields_of(value, "labels", "pivots")
-    entry = rows.get(repr(_tuples(parts["labels"])))
+def _rows(
+    part: Part, rows: Mapping[LabelSet, PermutedRows], tableaux: int
+) -> tuple[LabelSet, tuple[int, ...]]:
+    labels, listed = part.fields("labels", "pivots")
+    entry = rows.get(tuple(one.pairs() for one in labels.items()))
     if entry is None:
-        raise CertificateError(f"labels: {shown(parts['labels'])} are none of this sector.")
+        labels.refuse("they are none of this sector")
     # At most as many as there are independent rows for each tableau.
-    read_pivot = partial(_whole, allowed=range(entry.length))
-    pivots = at("pivots", _short_list(read_pivot, entry.length // tableaux), parts["pivots"])
-    if not pivots:
-        raise CertificateError("pivots: there are none.")
-    _distinct("pivots", pivots)
-    return BlockRows(entry.parts, pivots)
+    items = listed.items(range(1, entry.length // tableaux + 1))
+    pivots = tuple(pivot.whole(range(entry.length)) for pivot in items)
+    _require_distinct(listed, pivots)
+    return entry.parts, pivots
 
 
-def _short_list(read_one: Reader[Record], most: int) -> Reader[tuple[Record, ...]]:
-    """Return the reader of a list of limited length, which is checked first."""
-
-    def read_all(value: Any) -> tuple[Record, ...]:
-        if isinstance(value, list) and len(value) > most:
-            raise CertificateError(f"{len(value)} are more than {most}.")
-        return list_of(read_one)(value)
-
-    return read_all
+def _require_distinct(part: Part, values: Sequence[object]) -> None:
+    if len(set(values)) < len(values):
+        part.refuse("one is given twice")
 
 
-def _tuples(value: Any) -> Any:
-    """Return lists of lists as tuples."""
-    return tuple(map(_tuples, value)) if isinstance(value, list) else value
-
-
-def _whole(value: Any, allowed: range) -> int:
-    if not isinstance(value, int) or isinstance(value, bool) or value not in allowed:
-        limits = f"from {allowed.start} to {allowed.stop - 1}"
-        raise CertificateError(f"{shown(value)} is not an integer {limits}.")
-    return value
-
-
-def _number(value: Any) -> float:
+def _number(part: Part) -> float:
+    value = part.value
     if not isinstance(value, float) or not isfinite(value) or abs(value) > _LARGEST:
-        raise CertificateError(f"{shown(value)} is not a decimal number up to {_LARGEST:g}.")
+        part.refuse(f"{shown(value)} is not a decimal number up to {_LARGEST:g}")
     return value
 
 
-def _matrix(value: Any, shape: tuple[int, int]) -> FloatArray:
-    size = 8 * shape[0] * shape[1]
+def _matrix(part: Part, shape: tuple[int, int]) -> FloatArray:
+    size, value = 8 * shape[0] * shape[1], part.value
     if not isinstance(value, str) or len(value) != 4 * -(-size // 3):
-        raise CertificateError(f"not the base64 text of {size} bytes, a matrix of {shape}.")
+        part.refuse(f"not the base64 text of {size} bytes, a matrix of {shape}")
     try:
         content = b64decode(value, validate=True)
     except ValueError as error:
-        raise CertificateError(f"not a base64 text ({error}).") from None
+        part.refuse(f"not a base64 text ({error})")
     if len(content) != size:
-        raise CertificateError(f"{len(content)} bytes instead of {size}.")
+        part.refuse(f"{len(content)} bytes instead of {size}")
     matrix = np.frombuffer(content, dtype="<f8").reshape(shape).astype(float)
     if not np.all(np.abs(matrix) <= _LARGEST):  # nor NaN
-        raise CertificateError(f"an entry is not a number of size up to {_LARGEST:g}.")
+        part.refuse(f"an entry is not a number of size up to {_LARGEST:g}")
     return _without_tiny(matrix)
-
-
-def _distinct(name: str, values: Sequence[Any]) -> None:
-    if len(set(values)) < len(values):
-        raise CertificateError(f"{name}: one is given twice.")

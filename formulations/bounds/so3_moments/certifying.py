@@ -14,14 +14,13 @@ import numpy as np
 import scipy.linalg
 
 from formulations.bounds.so3_moments.certificate import (
-    BlockRows,
     BlockSquares,
     BoundCertificate,
     SectorSquares,
     read_any,
 )
 from formulations.bounds.so3_moments.global_bound import Evidence
-from formulations.bounds.so3_moments.localisers import POWERS, KrylovLocaliser, ScaledBlocks
+from formulations.bounds.so3_moments.localisers import KrylovLocaliser, ScaledBlocks
 from formulations.bounds.so3_moments.moment_program import MomentProgram
 from formulations.bounds.so3_moments.relaxation import (
     Progress,
@@ -157,19 +156,14 @@ def _block_squares(
         pivots, inverse = frames[block.shapes, number]
         change = changes.setdefault(number, np.zeros((len(pivots), block.size)))
         change[:, place.start : place.stop] += inverse @ coefficients[start]
-    rows = tuple(
-        BlockRows(family.rows[number].parts, frames[block.shapes, number][0])
-        for number in changes
-    )
+    rows = {family.rows[n].parts: frames[block.shapes, n][0] for n in changes}
     change = np.vstack(list(changes.values()))
-    if not isinstance(family, KrylovLocaliser):
-        return BlockSquares(block.shapes, rows, change @ factor)
-    # The rows of the factor are those of r_0, r_1 and r_2.
+    # The rows of the factor of a localiser are those of r_0, r_1 and r_2.
     chosen, powers = family.selection(block)
     squares = BlockSquares(block.shapes, rows, change)
-    allowed, by_power = squares.selection(family.sector.degree)
+    allowed, by_power = squares.selection(family)
     parts = []
-    for power in range(POWERS):
+    for power in range(len(family.lowered)):
         own = np.zeros((block.size, factor.shape[1]))
         own[chosen[powers == power]] = factor[powers == power]
         parts.append((change @ own)[allowed[by_power == power]])

@@ -1,4 +1,4 @@
-"""Sums of squares of rows: bounds on all rounding and on how far they are from invariant.
+"""Rows of a block with multipliers: bounds on rounding, and on how far they are from invariant.
 
 **Rounding of Wigner functions and plain rows.** Standard model of floating point without
 underflow: every operation has a relative error of at most u, and sums of K products, in any
@@ -32,10 +32,9 @@ from math import sqrt
 
 import numpy as np
 
-from formulations.bounds.so3_moments.sampled_blocks import RowBlocks, SectorBlocks
+from formulations.bounds.so3_moments.sampled_blocks import RowBlocks
 from formulations.bounds.so3_moments.symmetric_rows import AdaptedRows, PermutedRows
-from formulations.bounds.so3_moments.wigner import wigner_matrices
-from formulations.bounds.so3_moments.young_basis import young_form
+from formulations.bounds.so3_moments.young_basis import young_form, young_image
 from nlp.arrays import FloatArray
 from nlp.errors import LockedJointError
 
@@ -133,17 +132,6 @@ SAFETY = 1.0 + 1e-6
 
 
 @dataclass(frozen=True, eq=False)
-class EnclosedSum:
-    """Values of an invariant function at configurations, with bounds."""
-
-    values: FloatArray
-    #: Bounds on the distance from the exact values.
-    errors: FloatArray
-    #: Bounds on the sums of the absolute values of what was added up.
-    sizes: FloatArray
-
-
-@dataclass(frozen=True, eq=False)
 class EnclosedBlock:
     """A block with other columns instead of its rows: A_T = U_T · columns."""
 
@@ -196,49 +184,11 @@ def _exchange_differences(
         for column, (entry, a) in enumerate(zip(rows, parts, strict=True)):
             exchange = entry.exchange(joint)
             rounding = exchange_error(entry) + sqrt(entry.ways) * gamma(entry.ways + 4)
-            difference = exchange @ a
-            for number, (goal, distance) in enumerate(form[joint]):
-                difference[number] -= a[number] / distance
-                if abs(distance) > 1:
-                    difference[number] -= sqrt(1 - 1 / distance**2) * a[goal]
+            difference = exchange @ a - young_image(a, form[joint])
             # An exchange has at most `ways` entries in a row.
             size = float(np.linalg.norm(a))
             row[column] = float(np.linalg.norm(difference)) + (rounding + 12 * UNIT) * size
     return found * SAFETY
-
-
-def enclosed_sums(
-    family: SectorBlocks, blocks: Sequence[EnclosedBlock], rotations: FloatArray
-) -> EnclosedSum:
-    """Return Σ s̄(x) over blocks of one family, with bounds on the errors.
-
-    The errors include the difference between s and its average s̄.
-    """
-    count = len(rotations)
-    wigner = wigner_matrices(rotations, family.largest_spin)
-    orders = family.orders
-    total, errors = np.zeros(count), np.zeros(count)
-    blocks = [block for block in blocks if block.parts]
-    mistakes = [product_error(family, block) for block in blocks]
-    for order in orders:
-        plain = family.plain_values(wigner, order)
-        norms = plain_norms(family, plain)
-        for block, (fixed, relative) in zip(blocks, mistakes, strict=True):
-            wrong = fixed + relative @ norms
-            values = block_values(block, plain, count)
-            # Squares are added up in extended precision: at most 2¹¹ terms for one more unit.
-            squares = np.sum(values**2, axis=(0, 2), dtype=np.longdouble).astype(float)
-            units = 4 + values.shape[0] * values.shape[2] // 2**11
-            wrong = 2 * np.sqrt(squares) * wrong + wrong**2 + gamma(units) * squares
-            wrong = SAFETY * wrong
-            weight = 1.0 / (len(orders) * block.scale)
-            total += weight * squares
-            step = block.step(norms)
-            asymmetry = SAFETY * step * (np.sqrt(squares + wrong) + step)
-            errors += weight * (wrong + asymmetry)
-    # Weights and sums of positive numbers over blocks and orders.
-    errors = SAFETY * (errors + gamma(len(orders) * len(blocks) + 8) * total)
-    return EnclosedSum(total, errors, total)
 
 
 def plain_norms(family: RowBlocks, plain: Sequence[FloatArray]) -> FloatArray:

@@ -10,31 +10,19 @@ Where a worst case t is reached with joint f locked, the eigenvector is (M − t
 close to a multiple of I; so few powers of M approximate it.
 """
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
-from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
-from formulations.bounds.so3_moments.row_sectors import (
-    Label,
-    RowSector,
-    UnsignedSector,
-    label_degree,
-)
+from formulations.bounds.so3_moments.row_sectors import RowSector, UnsignedSector
 from formulations.bounds.so3_moments.sampled_blocks import BlockFamily, RowBlocks, choices_first
-from formulations.bounds.so3_moments.symmetric_rows import AdaptedRows
 from formulations.bounds.so3_moments.wigner import jacobians_of, wigner_matrices
 from nlp.arrays import FloatArray
-from nlp.errors import InputError
 
 # Degree of r_0, r_1 and r_2 in J, less that of r_0.
 _LOWERED = (0, 2, 4)
 POWERS = len(_LOWERED)
-# Columns of a block, and a vector w_a for each.
-Selection: TypeAlias = tuple[NDArray[np.intp], NDArray[np.intp]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,20 +63,8 @@ class FormLocaliser(RowBlocks):
     """
 
     def __init__(self, sector: RowSector | UnsignedSector, joints: int, form: Form) -> None:
-        if sector.locked is None or sector.locked is False:
-            raise InputError("sector", sector, "one with a locked joint")
         super().__init__(sector, joints)
-        self.form = form
-
-    @cached_property
-    def selections(self) -> list[Selection]:
-        """Of each block, see `selection`."""
-        return [self.selection(block) for block in self.blocks]
-
-    @property
-    def sizes(self) -> list[int]:
-        """Numbers of rows of the blocks."""
-        return [len(chosen) for chosen, _ in self.selections]
+        self.form, self.lowered = form, form.lowered
 
     def evaluate(self, rotations: FloatArray) -> list[FloatArray]:
         """Return each block, (configurations, size, size), at (configurations, n, 3, 3)."""
@@ -107,11 +83,6 @@ class FormLocaliser(RowBlocks):
         others = [joint for joint in range(self.joints) if joint != locked]
         return [(locked, *order) for order in choices_first(others, self.sector.odd)]
 
-    def selection(self, block: AdaptedRows) -> Selection:
-        """Return which scalar row, and which vector w_a, makes each row of a block."""
-        columns = ((place, self.rows[number].labels) for number, place, _ in block.parts)
-        return selection(columns, block.size, self.sector.degree, self.form.lowered)
-
 
 class KrylovLocaliser(FormLocaliser):
     """Blocks of J_f J_fᵀ − tI on Krylov vectors, averaged over symmetries and locked joints."""
@@ -124,26 +95,6 @@ class KrylovLocaliser(FormLocaliser):
 
         super().__init__(sector, joints, Form(values, _LOWERED))
         self.limit = limit
-
-
-def selection(
-    columns: Iterable[tuple[range, Sequence[Label]]],
-    size: int,
-    degree: int,
-    lowered: tuple[int, ...] = _LOWERED,
-) -> Selection:
-    """Return which column of a block, and which vector w_a, makes each row of a localiser.
-
-    `columns` gives columns of the block and the labels of rows that contribute to them; the
-    degree of the rows that multiply w_a is at most `degree` less what it is `lowered` by.
-    """
-    degrees = np.zeros(size, dtype=int)
-    for place, labels in columns:
-        here = slice(place.start, place.stop)
-        degrees[here] = np.maximum(degrees[here], sum(map(label_degree, labels)))
-    allowed = [np.flatnonzero(degrees <= degree - less) for less in lowered]
-    vectors = [np.full(len(chosen), a) for a, chosen in enumerate(allowed)]
-    return np.concatenate(allowed), np.concatenate(vectors)
 
 
 def krylov_vectors(jacobians: FloatArray, locked: int) -> tuple[FloatArray, FloatArray]:

@@ -5,14 +5,20 @@ keeping to a sector, conjugation by the real part, the order of the joints by ch
 carry odd m and summing over tableaux.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from functools import cached_property
 from itertools import combinations
 from typing import Protocol, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
-from formulations.bounds.so3_moments.row_sectors import RowSector, UnsignedSector
+from formulations.bounds.so3_moments.row_sectors import (
+    Label,
+    RowSector,
+    UnsignedSector,
+    label_degree,
+)
 from formulations.bounds.so3_moments.symmetric_rows import (
     AdaptedRows,
     Assignment,
@@ -24,6 +30,8 @@ from nlp.arrays import FloatArray
 
 # Total spin to values of shape (ways, configurations, components).
 Coupled: TypeAlias = dict[int, ComplexArray]
+# Columns of a block, and a vector w_a for each.
+Selection: TypeAlias = tuple[NDArray[np.intp], NDArray[np.intp]]
 
 
 class BlockFamily(Protocol):
@@ -40,6 +48,10 @@ class BlockFamily(Protocol):
 class RowBlocks:
     """The rows of one sector, for n joints, sorted into blocks."""
 
+    #: The rows multiply vectors w_a: the degree of those of each, less that of the sector. For
+    #: squares there is one vector, the number 1.
+    lowered: tuple[int, ...] = (0,)
+
     def __init__(self, sector: RowSector | UnsignedSector, joints: int) -> None:
         self.sector, self.joints = sector, joints
         places, sets = sector.places(joints), sector.label_sets(joints)
@@ -50,6 +62,21 @@ class RowBlocks:
     def blocks(self) -> list[AdaptedRows]:
         """The rows of each block."""
         return adapted_rows(self.rows, self.sector.charge)
+
+    @cached_property
+    def selections(self) -> list[Selection]:
+        """Of each block, see `selection`."""
+        return [self.selection(block) for block in self.blocks]
+
+    @property
+    def sizes(self) -> list[int]:
+        """Numbers of rows of the blocks."""
+        return [len(chosen) for chosen, _ in self.selections]
+
+    def selection(self, block: AdaptedRows) -> Selection:
+        """Return which scalar row, and which vector w_a, makes each row of a block."""
+        columns = ((place, self.rows[number].labels) for number, place, _ in block.parts)
+        return selection(columns, block.size, self.sector.degree, self.lowered)
 
     @property
     def largest_spin(self) -> int:
@@ -87,11 +114,6 @@ class SectorBlocks(RowBlocks):
     """Blocks of the moment matrix: the rows of a sector multiplied with each other."""
 
     @property
-    def sizes(self) -> list[int]:
-        """Numbers of rows of the blocks."""
-        return [block.size for block in self.blocks]
-
-    @property
     def orders(self) -> list[tuple[int, ...]]:
         """Orders of the joints that put each choice of k joints first."""
         return choices_first(range(self.joints), self.sector.odd)
@@ -110,6 +132,26 @@ def sector_families(
     """Return the blocks of all sectors that have rows for `joints` joints."""
     families = [SectorBlocks(sector, joints) for sector in sectors]
     return [family for family in families if family.blocks]
+
+
+def selection(
+    columns: Iterable[tuple[range, Sequence[Label]]],
+    size: int,
+    degree: int,
+    lowered: tuple[int, ...],
+) -> Selection:
+    """Return which column of a block, and which vector w_a, makes each row of a localiser.
+
+    `columns` gives columns of the block and the labels of rows that contribute to them; the
+    degree of the rows that multiply w_a is at most `degree` less what it is `lowered` by.
+    """
+    degrees = np.zeros(size, dtype=int)
+    for place, labels in columns:
+        here = slice(place.start, place.stop)
+        degrees[here] = np.maximum(degrees[here], sum(map(label_degree, labels)))
+    allowed = [np.flatnonzero(degrees <= degree - less) for less in lowered]
+    vectors = [np.full(len(chosen), a) for a, chosen in enumerate(allowed)]
+    return np.concatenate(allowed), np.concatenate(vectors)
 
 
 def choices_first(joints: Sequence[int], count: int) -> list[tuple[int, ...]]:

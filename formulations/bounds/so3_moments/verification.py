@@ -22,21 +22,23 @@ from formulations.bounds.so3_moments.certificate import (
     BoundCertificate,
     CertifiedQuantity,
 )
-from formulations.bounds.so3_moments.enclosed_localisers import (
-    enclosed_krylov_sum,
-    enclosed_powers,
-    enclosed_residuals,
-    enclosed_scaled,
-)
 from formulations.bounds.so3_moments.enclosed_squares import (
     SAFETY,
-    EnclosedSum,
-    enclosed_block,
-    enclosed_sums,
     gamma,
     require_extended_precision,
 )
-from formulations.bounds.so3_moments.invariants import invariant_basis, invariant_dimension
+from formulations.bounds.so3_moments.enclosed_sums import (
+    EnclosedSum,
+    enclosed_powers,
+    enclosed_residuals,
+    enclosed_scaled,
+    enclosed_sum,
+)
+from formulations.bounds.so3_moments.invariants import (
+    InvariantBasis,
+    invariant_basis,
+    invariant_dimension,
+)
 from formulations.bounds.so3_moments.localisers import KrylovLocaliser
 from formulations.bounds.so3_moments.row_sectors import RowSector
 from formulations.bounds.so3_moments.sampled_blocks import RowBlocks, SectorBlocks
@@ -45,7 +47,6 @@ from formulations.bounds.so3_moments.wigner import random_rotations
 from formulations.bounds.so3_moments.young_basis import projected_tableaux
 from formulations.existence.certificate import CertificateError
 from nlp.arrays import FloatArray, Rng, one_blas_thread
-from nlp.errors import InputError
 
 # A sum of an identity, from rotations in extended precision.
 Summand: TypeAlias = Callable[[FloatArray], EnclosedSum]
@@ -69,7 +70,7 @@ class VerifiedBound:
     bound: float
     #: Number of squares and of localised squares.
     squares: int
-    #: The parts of the proof, see `identity_defect`.
+    #: The parts of the proof: where the identity is off, by how much, and what that allows.
     check: Mapping[str, float]
 
     def to_dict(self) -> dict[str, Any]:
@@ -97,22 +98,21 @@ def verify_bound(
     ------
     CertificateError
         If its squares do not prove the bound that it states.
+    NoBasisError
+        If the points do not determine all invariants.
     NoExtendedPrecisionError
         If this machine has no extended precision.
     """
     require_extended_precision()
     held = (certificate.sectors, certificate.scaled, certificate.krylov)
     degree = degree_of(*([sector for sector, _ in some] for some in held))
-    candidates, points = _candidate_points(certificate.joints, degree, rng)
-    check = identity_defect(
-        list(_summands(certificate)),
-        certificate.constant,
-        candidates,
-        degree,
-        objective=enclosed_residuals if certificate.excluded is None else None,
-        points=points,
-        progress=progress,
-    )
+    dimension = _dimension(certificate.joints, degree)
+    generator, count = np.random.default_rng(rng), round(_CANDIDATES * dimension) + 10
+    candidates = random_rotations(generator, count, certificate.joints, extended=True)
+    progress(f"proving a basis of the {dimension} invariants of degree {degree}")
+    points = round(_POINTS * dimension) + 5
+    basis, rotations = invariant_basis(candidates, degree, dimension, points)
+    check = _identity_defect(certificate, basis, rotations, progress)
     proved = nextafter(certificate.constant - check["defect"], -inf)
     if certificate.excluded is None:
         bound, enough, sign = proved, proved >= certificate.bound, "≥"
@@ -148,31 +148,16 @@ def degree_of(
     return max(degrees)
 
 
-def _candidate_points(joints: int, degree: int, rng: Rng = 0) -> tuple[FloatArray, int]:
-    """Return candidates for the points, in extended precision, and how many to keep."""
-    dimension = _dimension(joints, degree)
-    generator = np.random.default_rng(rng)
-    count = round(_CANDIDATES * dimension) + 10
-    points = round(_POINTS * dimension) + 5
-    return random_rotations(generator, count, joints, extended=True), points
-
-
-def identity_defect(
-    summands: Sequence[Summand],
-    constant: float,
-    candidates: FloatArray,
-    degree: int,
-    *,
-    objective: Summand | None = None,
-    points: int | None = None,
-    progress: Progress = lambda _: None,
+def _identity_defect(
+    certificate: BoundCertificate,
+    basis: InvariantBasis,
+    rotations: FloatArray,
+    progress: Progress,
 ) -> dict[str, float]:
     """Bound |f| = |objective − constant − Σ summands| over all configurations.
 
-    Summands and objective, 0 if left out, are invariant polynomials of degree at most `degree`,
-    with bounds on their errors. Of the candidates, rotations in extended precision,
-    (candidates, n, 3, 3), `points` are kept, those that determine the invariants best; all by
-    default.
+    The summands are those of the file; the objective is ρ, or 0 where a worst case is excluded.
+    All are invariant polynomials, evaluated at the points of the basis.
 
     Returns
     -------
@@ -181,19 +166,8 @@ def identity_defect(
         largest bound on its error there; ``amplification``, how much larger f may be
         elsewhere, per unit of root mean square at the points; ``basis_defect``, how far the
         matrix of values may be from its assumed inverse, below 1/2; and ``defect``, δ ≥ |f|.
-
-    Raises
-    ------
-    InputError
-        If the rotations are not in extended precision.
-    NoBasisError
-        If the points do not determine all invariants.
     """
-    if candidates.dtype != np.longdouble:
-        raise InputError("candidates", candidates.dtype, "rotations in extended precision")
-    dimension = _dimension(candidates.shape[1], degree)
-    progress(f"proving a basis of the {dimension} invariants of degree {degree}")
-    basis, rotations = invariant_basis(candidates, degree, dimension, points)
+    summands, constant = list(_summands(certificate)), certificate.constant
     sums, errors, sizes = np.zeros((3, len(rotations)))
     for number, summand in enumerate(summands, start=1):
         progress(f"evaluating sums with error bounds: {number} of {len(summands)}")
@@ -201,11 +175,14 @@ def identity_defect(
         sums += part.values
         errors += part.errors
         sizes += part.sizes
-    zero = np.zeros(len(rotations))
-    left = objective(rotations) if objective else EnclosedSum(zero, zero, zero)
-    values = left.values - constant - sums
-    sizes += left.sizes + abs(constant)
-    errors = SAFETY * (errors + left.errors + gamma(len(summands) + 5) * sizes)
+    values = -constant - sums
+    if certificate.excluded is None:
+        residuals = enclosed_residuals(rotations)
+        values = residuals.values - constant - sums
+        errors += residuals.errors
+        sizes += residuals.sizes
+    sizes += abs(constant)
+    errors = SAFETY * (errors + gamma(len(summands) + 5) * sizes)
     return {
         "largest_value": float(np.abs(values).max()),
         "largest_error": float(errors.max()),
@@ -219,7 +196,7 @@ def _summands(certificate: BoundCertificate) -> Iterator[Summand]:
     """Give the sums of the file, each a function of the rotations."""
     joints, t = certificate.joints, certificate.excluded
     for sector, blocks in certificate.sectors:
-        yield partial(_squares, SectorBlocks(sector, joints), blocks)
+        yield partial(_sum, SectorBlocks(sector, joints), blocks)
     if t is None:
         return
     # Where the worst case is σ² ≥ t, ρ is below this limit.
@@ -227,14 +204,16 @@ def _summands(certificate: BoundCertificate) -> Iterator[Summand]:
     for sector, blocks in certificate.scaled:
         yield partial(_scaled, limit, unit, SectorBlocks(sector, joints), blocks)
     for sector, blocks in certificate.krylov:
-        yield partial(_krylov, KrylovLocaliser(sector, joints, t), blocks)
+        yield partial(_sum, KrylovLocaliser(sector, joints, t), blocks)
 
 
-def _squares(
-    family: SectorBlocks, blocks: Sequence[BlockSquares], rotations: FloatArray
+def _sum(
+    family: SectorBlocks | KrylovLocaliser,
+    blocks: Sequence[BlockSquares],
+    rotations: FloatArray,
 ) -> EnclosedSum:
-    enclosed = [enclosed_block(family, _adapted(family, one), one.factor) for one in blocks]
-    return enclosed_sums(family, enclosed, rotations)
+    powers = [enclosed_powers(family, _adapted(family, one), one.factor) for one in blocks]
+    return enclosed_sum(family, powers, rotations)
 
 
 def _scaled(
@@ -244,23 +223,16 @@ def _scaled(
     blocks: Sequence[BlockSquares],
     rotations: FloatArray,
 ) -> EnclosedSum:
-    return enclosed_scaled(limit, unit, _squares(family, blocks, rotations), rotations)
-
-
-def _krylov(
-    family: KrylovLocaliser, blocks: Sequence[BlockSquares], rotations: FloatArray
-) -> EnclosedSum:
-    powers = [enclosed_powers(family, _adapted(family, one), one.factor) for one in blocks]
-    return enclosed_krylov_sum(family, powers, rotations)
+    return enclosed_scaled(limit, unit, _sum(family, blocks, rotations), rotations)
 
 
 def _adapted(family: RowBlocks, squares: BlockSquares) -> AdaptedRows:
     """Return the rows of a block in all tableaux, see `projected_tableaux`."""
     numbers = {entry.parts: number for number, entry in enumerate(family.rows)}
     parts = []
-    for one, columns in zip(squares.rows, squares.columns, strict=True):
-        number = numbers[one.labels]
+    for (labels, pivots), columns in zip(squares.rows.items(), squares.columns, strict=True):
+        number = numbers[labels]
         entry = family.rows[number]
-        bases = projected_tableaux(one.pivots, entry.exchanges, entry.places, squares.shapes)
+        bases = projected_tableaux(pivots, entry.exchanges, entry.places, squares.shapes)
         parts.append((number, columns, bases))
     return AdaptedRows(squares.shapes, tuple(parts), squares.size, len(parts[0][2]))

@@ -149,13 +149,13 @@ def _averaged(
         for end in range(1, len(group)):
             moved, total = bases, bases.copy()
             for joint in reversed(group[:end]):
-                moved = _exchanged(exchanges[joint] @ moved, young_form(shapes, groups)[joint])
+                moved = young_image(exchanges[joint] @ moved, young_form(shapes, groups)[joint])
                 total += moved
             bases = total / (end + 1)
     return bases
 
 
-def _exchanged(bases: FloatArray, images: Images) -> FloatArray:
+def young_image(bases: FloatArray, images: Images) -> FloatArray:
     """Return Σ_T' U_T' Y_{T'T} for the exchange of a joint and the next, (tableaux, …)."""
     found = np.empty_like(bases)
     for number, (goal, distance) in enumerate(images):

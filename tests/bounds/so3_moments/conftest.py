@@ -42,8 +42,14 @@ def residual(rotations):
     return 0.5 * np.sum(gram**2, axis=(-1, -2))
 
 
-def moved(rotations, seed):
-    """Apply a random element of every symmetry to one configuration, (n, 3, 3)."""
+def worst_case(rotations):
+    """Return the squared worst case of one configuration, (n, 3, 3), by SVD."""
+    kept = (np.delete(jacobian(rotations), f, axis=1) for f in range(len(rotations)))
+    return min(float(np.linalg.svd(j, compute_uv=False)[-1]) for j in kept) ** 2
+
+
+def moved(rotations, seed, signs=True):
+    """Apply a random element of every symmetry, or all but signs of single columns."""
     rng = np.random.default_rng(seed)
     joints = len(rotations)
     angle = rng.uniform(0, 2 * np.pi)
@@ -51,7 +57,7 @@ def moved(rotations, seed):
     phase = np.array([[cos, -sin, 0], [sin, cos, 0], [0, 0, 1]])
     frame = haar_rotations(seed + 1, 1, 1)[0, 0]
     image = frame @ rotations[rng.permutation(joints)] @ phase @ np.diag([1.0, -1.0, -1.0])
-    signs = rng.choice([-1.0, 1.0], joints)
+    signs = rng.choice([-1.0, 1.0], joints if signs else 1) * np.ones(joints)
     scale = np.stack([signs, signs, np.ones(joints)], axis=-1)
     return image * scale[:, None, :]
 
@@ -77,7 +83,11 @@ def isotropic_8r():
 def so3():
     """Hand the functions of this file to the tests."""
     return SimpleNamespace(
-        haar_rotations=haar_rotations, jacobian=jacobian, residual=residual, moved=moved
+        haar_rotations=haar_rotations,
+        jacobian=jacobian,
+        residual=residual,
+        moved=moved,
+        worst_case=worst_case,
     )
 
 
@@ -97,16 +107,10 @@ def plain():
 def attained():
     """Return the rotations of the best known 7R and its squared worst case, by SVD."""
     records = json.loads(ATTAINED.read_text(encoding="utf-8"))
-    jacobians = [
-        np.array(record["jacobian"])
-        for record in records
-        if record["formulation"] == "max-min" and record["model"] == "unit-revolute"
-    ]
-
-    def worst(jacobian):
-        kept = [np.delete(jacobian, f, axis=1) for f in range(7)]
-        return min(float(np.linalg.svd(j, compute_uv=False)[-1]) for j in kept)
-
-    best = max(jacobians, key=worst)
-    v, omega = best[:3].T, best[3:].T
-    return np.stack([v, omega, np.cross(v, omega)], axis=-1)[None], worst(best) ** 2
+    found = []
+    for record in records:
+        if (record["formulation"], record["model"]) == ("max-min", "unit-revolute"):
+            v, omega = np.split(np.array(record["jacobian"]).T, 2, axis=1)
+            found.append(np.stack([v, omega, np.cross(v, omega)], axis=-1))
+    best = max(found, key=worst_case)
+    return best[None], worst_case(best)

@@ -8,33 +8,37 @@ evaluated with the matrix itself.
 """
 
 from itertools import permutations
+from math import factorial
 
 import numpy as np
 from scipy.linalg import expm
 
-from formulations.bounds.so3_moments.localisers import POWERS, KrylovLocaliser, ScaledBlocks
+from formulations.bounds.so3_moments.localisers import KrylovLocaliser, ScaledBlocks
 from formulations.bounds.so3_moments.sampled_blocks import SectorBlocks
 from formulations.bounds.so3_moments.wigner import jacobians_of
 
 _ORDERS_AT_ONCE = 720
 
 
+def plain_values(family, configuration):
+    """Give orders of the joints, and the values of all plain rows at each, all n! in turn."""
+    orders = np.array(list(permutations(range(family.joints))))
+    single = [wigner_by_angles(configuration, spin) for spin in range(family.largest_spin + 1)]
+    for start in range(0, len(orders), _ORDERS_AT_ONCE):
+        some = orders[start : start + _ORDERS_AT_ONCE]
+        wigner = [matrix[some] for matrix in single]
+        yield some, family.plain_values(wigner, range(family.joints))
+
+
 def averaged_sum_of_squares(family, rotations, multipliers):
     """Return Σ ⟨X, B(x)⟩ over the blocks of a sector at configurations, (configurations,)."""
-    orders = np.array(list(permutations(range(family.joints))))
     roots = [multiplier_root(x) for x in multipliers]
-    components = 2 * family.sector.spin + 1
     found = np.zeros(len(rotations))
     for number, configuration in enumerate(rotations):
-        single = [
-            wigner_by_angles(configuration, spin) for spin in range(family.largest_spin + 1)
-        ]
-        for start in range(0, len(orders), _ORDERS_AT_ONCE):
-            wigner = [matrix[orders[start : start + _ORDERS_AT_ONCE]] for matrix in single]
-            plain = family.plain_values(wigner, range(family.joints))
+        for _, plain in plain_values(family, configuration):
             for block, root in zip(family.blocks, roots, strict=True):
                 found[number] += np.sum(first_tableau(block, root, plain) ** 2)
-    return found / (len(orders) * components)
+    return found / (factorial(family.joints) * (2 * family.sector.spin + 1))
 
 
 def first_tableau(block, root, plain):
@@ -87,40 +91,28 @@ def plain_condition_sum(family, rotations, multipliers):
 
 def averaged_krylov_sum(family, rotations, multipliers):
     """Return Σ ⟨X, B(x)⟩ over the blocks of a Krylov localiser, (configurations,)."""
-    orders = np.array(list(permutations(range(family.joints))))
     roots = [multiplier_root(x) for x in multipliers]
     found = np.zeros(len(rotations))
     for number, configuration in enumerate(rotations):
-        jacobian = jacobians_of(configuration)
-        single = [
-            wigner_by_angles(configuration, spin) for spin in range(family.largest_spin + 1)
-        ]
-        for start in range(0, len(orders), _ORDERS_AT_ONCE):
-            some = orders[start : start + _ORDERS_AT_ONCE]
-            plain = family.plain_values(
-                [matrix[some] for matrix in single], range(family.joints)
-            )
-            for block, root, selection in zip(
-                family.blocks, roots, family.selections, strict=True
-            ):
-                weights = [
-                    _spread(root[selection[1] == power], selection[0][selection[1] == power],
-                            block.size)
-                    for power in range(POWERS)
-                ]  # fmt: skip
-                found[number] += _sum(
-                    jacobian, family.limit, some, block, weights, plain, family.sector.spin
-                )
-    return found / (len(orders) * (2 * family.sector.spin + 1))
+        for some, plain in plain_values(family, configuration):
+            together = zip(family.blocks, roots, family.selections, strict=True)
+            for block, root, (chosen, powers) in together:
+                weights = []
+                for power in range(len(family.lowered)):
+                    weights.append(np.zeros((block.size, root.shape[1])))
+                    weights[-1][chosen[powers == power]] = root[powers == power]
+                here = jacobians_of(configuration)
+                found[number] += _sum(family, here, some, block, weights, plain)
+    return found / (factorial(family.joints) * (2 * family.sector.spin + 1))
 
 
-def _sum(jacobian, limit, orders, block, weights, plain, spin):
+def _sum(family, jacobian, orders, block, weights, plain):
     """Return Σ wᵀ(J_f J_fᵀ − tI)w over orders, components and columns of the root."""
     joints = jacobian.shape[1]
     whole = jacobian @ jacobian.T / (joints / 3)
     polynomials = [first_tableau(block, root, plain) for root in weights]
     # Rows without any joint are the same for all orders: one value for each component.
-    columns = len(orders) * (2 * (2 * spin + 1))
+    columns = len(orders) * (2 * (2 * family.sector.spin + 1))
     shaped = [
         np.tile(values, columns // values.shape[1]).reshape(len(values), len(orders), -1)
         for values in polynomials
@@ -135,12 +127,5 @@ def _sum(jacobian, limit, orders, block, weights, plain, spin):
             vector = whole @ vector
         flat = w.reshape(6, -1)
         kept = np.delete(jacobian, locked, axis=1)
-        total += float(np.sum(flat * ((kept @ kept.T - limit * np.eye(6)) @ flat)))
+        total += float(np.sum(flat * ((kept @ kept.T - family.limit * np.eye(6)) @ flat)))
     return total
-
-
-def _spread(rows, places, size):
-    """Return a matrix of `size` rows with the given ones in their places."""
-    found = np.zeros((size, rows.shape[1]))
-    found[places] = rows
-    return found

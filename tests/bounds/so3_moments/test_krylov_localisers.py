@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from formulations.bounds.so3_moments.localisers import KrylovLocaliser, krylov_vectors
-from formulations.bounds.so3_moments.max_min_bound import exclude_worst_case
 from formulations.bounds.so3_moments.moment_program import margin_program
 from formulations.bounds.so3_moments.relaxation import (
     identity_leftover,
@@ -17,9 +16,6 @@ from formulations.bounds.so3_moments.worst_case_conditions import (
     WorstCaseConditions,
     condition_families,
 )
-from nlp.errors import InputError
-
-SECTORS = [(0, 0, 0, 4, 0), (2, 0, 1, 4, 0), (1, 2, 1, 4, 1), (2, 1, 2, 3, 1)]
 
 
 def lowest_eigenvalue(families, where):
@@ -28,29 +24,6 @@ def lowest_eigenvalue(families, where):
         for family in families
         for block in family.evaluate(where)
     )
-
-
-@pytest.mark.parametrize("sector", SECTORS)
-def test_blocks_do_not_change_under_any_symmetry(sector, so3):
-    localiser = KrylovLocaliser(RowSector(*sector), 7, 0.3)
-    here = so3.haar_rotations(1, 1, 7)
-    there = so3.moved(here[0], 2)[None]
-    for a, b in zip(localiser.evaluate(here), localiser.evaluate(there), strict=True):
-        np.testing.assert_allclose(a, b, atol=1e-11)
-
-
-@pytest.mark.parametrize("sector", SECTORS)
-def test_the_plain_average_is_the_same_sum(sector, so3, plain):
-    family = KrylovLocaliser(RowSector(*sector), 5, 0.3)
-    rng = np.random.default_rng(4)
-    roots = [rng.standard_normal((size, size)) for size in family.sizes]
-    multipliers = [root @ root.T for root in roots]
-    where = so3.haar_rotations(5, 2, 5)
-    short = sum(
-        np.tensordot(block, x, axes=2)
-        for x, block in zip(multipliers, family.evaluate(where), strict=True)
-    )
-    np.testing.assert_allclose(plain.averaged_krylov_sum(family, where, multipliers), short)
 
 
 def test_without_polynomials_it_is_the_mean_form(so3):
@@ -130,13 +103,6 @@ SMALL = WorstCaseConditions(
 )
 
 
-def test_what_is_attained_is_not_excluded():
-    margin, evidence = exclude_worst_case(0.3265, SMALL, 7)
-    assert margin >= 0
-    assert evidence.size is not None
-    assert evidence.check["fresh_configurations"] == 40
-
-
 def test_the_identity_of_an_exclusion_holds_with_the_plain_average(so3, plain):
     """Plain, scaled and Krylov blocks together, with the multipliers of the solver."""
     families = condition_families(SMALL, 7, 0.3265)
@@ -153,14 +119,3 @@ def test_the_identity_of_an_exclusion_holds_with_the_plain_average(so3, plain):
         start += len(own)
         total += plain.plain_condition_sum(family, where, own)
     np.testing.assert_allclose(-bound, total, atol=1e-6)
-
-
-def test_without_a_locked_joint_there_is_no_localiser():
-    with pytest.raises(InputError):
-        KrylovLocaliser(RowSector(0, 0, 0, 4), 7)
-
-
-@pytest.mark.parametrize("values", [(0, 1, 0, 4, 0), (1, 0, 0, 4, 0), (0, 0, 0, 4, 2)])
-def test_impossible_sectors_are_refused(values):
-    with pytest.raises(InputError):
-        RowSector(*values)

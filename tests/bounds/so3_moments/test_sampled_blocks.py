@@ -1,22 +1,55 @@
+from functools import partial
+
 import numpy as np
 import pytest
 
-from formulations.bounds.so3_moments.row_sectors import RowSector, label_degree
+from formulations.bounds.so3_moments.localisers import FormLocaliser, KrylovLocaliser
+from formulations.bounds.so3_moments.null_vector import gram_form
+from formulations.bounds.so3_moments.row_sectors import (
+    RowSector,
+    UnsignedSector,
+    label_degree,
+)
 from formulations.bounds.so3_moments.sampled_blocks import SectorBlocks
 from formulations.bounds.so3_moments.young_basis import young_bases, young_form
 from nlp.errors import InputError
 
 SECTORS = [(0, 0, 0, 4), (2, 2, 1, 4), (2, 0, 2, 4), (4, 4, 1, 4), (3, 1, 1, 3), (6, 2, 0, 6)]
+LOCKED = [(0, 0, 0, 4, 0), (2, 0, 1, 4, 0), (1, 2, 1, 4, 1), (2, 1, 2, 3, 1)]
+FAMILIES = [
+    *(partial(SectorBlocks, RowSector(*sector)) for sector in SECTORS),
+    partial(SectorBlocks, UnsignedSector(1, 1, 3)),
+    *(partial(KrylovLocaliser, RowSector(*sector), limit=0.3) for sector in LOCKED),
+    *(partial(FormLocaliser, UnsignedSector(*one, True), form=gram_form(0.3))
+      for one in [(2, 1, 2), (1, 2, 3)]),
+]  # fmt: skip
 
 
-@pytest.mark.parametrize("sector", SECTORS)
-def test_blocks_do_not_change_under_any_symmetry(sector, so3):
-    family = SectorBlocks(RowSector(*sector), 7)
+@pytest.mark.parametrize("family", FAMILIES)
+def test_blocks_do_not_change_under_any_symmetry(family, so3):
+    """Where the signs of the columns are fixed, but for the sign of one column."""
+    built = family(joints=7)
     here = so3.haar_rotations(1, 1, 7)
-    there = so3.moved(here[0], 2)[None]
+    there = so3.moved(here[0], 2, signs=isinstance(built.sector, RowSector))[None]
     assert np.abs(here - there).max() > 0.1
-    for a, b in zip(family.evaluate(here), family.evaluate(there), strict=True):
+    for a, b in zip(built.evaluate(here), built.evaluate(there), strict=True):
         np.testing.assert_allclose(a, b, atol=1e-11)
+
+
+@pytest.mark.parametrize("family", [FAMILIES[k] for k in (2, 4, 6, 7, 8, 9, 10)])
+def test_the_plain_average_is_the_same_sum(family, so3, plain):
+    built = family(joints=5)
+    rng = np.random.default_rng(4)
+    roots = [rng.standard_normal((size, size)) for size in built.sizes]
+    multipliers = [root @ root.T for root in roots]
+    where = so3.haar_rotations(5, 2, 5)
+    short = sum(
+        np.tensordot(block, x, axes=2)
+        for x, block in zip(multipliers, built.evaluate(where), strict=True)
+    )
+    np.testing.assert_allclose(
+        plain.plain_condition_sum(built, where, multipliers), short, rtol=1e-9
+    )
 
 
 @pytest.mark.parametrize("sector", SECTORS)
@@ -24,22 +57,6 @@ def test_rows_are_orthonormal_over_all_configurations(sector, so3):
     family = SectorBlocks(RowSector(*sector), 7)
     for block in family.evaluate(so3.haar_rotations(3, 3000, 7)):
         np.testing.assert_allclose(block.mean(axis=0), np.eye(block.shape[1]), atol=0.15)
-
-
-@pytest.mark.parametrize("sector", [(2, 0, 1, 4), (3, 1, 1, 3)])
-def test_the_plain_average_is_the_same_sum_of_squares(sector, so3, plain):
-    family = SectorBlocks(RowSector(*sector), 6)
-    rng = np.random.default_rng(4)
-    roots = [rng.standard_normal((size, size)) for size in family.sizes]
-    multipliers = [root @ root.T for root in roots]
-    where = so3.haar_rotations(5, 2, 6)
-    short = sum(
-        np.tensordot(block, x, axes=2)
-        for x, block in zip(multipliers, family.evaluate(where), strict=True)
-    )
-    np.testing.assert_allclose(
-        plain.averaged_sum_of_squares(family, where, multipliers), short, rtol=1e-11
-    )
 
 
 def test_all_rows_are_used_once():
@@ -63,16 +80,13 @@ def test_bases_follow_youngs_orthogonal_form():
 
 
 def test_degrees_of_labels():
-    assert [label_degree(label) for label in [(0, 0), (1, 1), (1, 0), (2, 1), (3, -1)]] == [
-        0,
-        1,
-        2,
-        3,
-        3,
-    ]
+    degrees = {(0, 0): 0, (1, 1): 1, (1, 0): 2, (2, 1): 3, (3, -1): 3}
+    assert {label: label_degree(label) for label in degrees} == degrees
 
 
-@pytest.mark.parametrize("sector", [(1, 0, 0, 4), (2, 2, 0, 3), (-2, 0, 0, 4)])
+@pytest.mark.parametrize("sector", [
+    (1, 0, 0, 4), (2, 2, 0, 3), (-2, 0, 0, 4), (0, 1, 0, 4, 0), (1, 0, 0, 4, 0), (0, 0, 0, 4, 2)
+])  # fmt: skip
 def test_sectors_that_do_not_exist_are_refused(sector):
     with pytest.raises(InputError):
         RowSector(*sector)

@@ -1,18 +1,15 @@
-"""The path command and what it rests on: kinematics, the survival test, the search."""
+"""The path command and what it rests on: the survival test, the search."""
 
 import csv
 import json
 from dataclasses import replace
 
-import casadi as ca
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
 from formulations.kinematics.chain import narrowed
-from formulations.kinematics.chain_between import chain_between
-from formulations.kinematics.forward import Kinematics, tip_kinematics
-from formulations.kinematics.inverse import solve_ik
+from formulations.kinematics.forward import Kinematics
 from formulations.paths.polish import transcription
 from formulations.paths.search import PathSearch, plan_path
 from formulations.paths.survival import follow, on_path, survivors
@@ -38,42 +35,10 @@ def planar(made):
 def line(arm, reach=0.15, count=12):
     """Poses along a line through the pose midway between the limits."""
     kinematics = Kinematics(arm.chain)
-    origin, turn, _ = kinematics.forward(arm.chain.mid_range[:, None] + 0.4)
+    origin, rotation, _ = kinematics.forward(arm.chain.mid_range[:, None] + 0.4)
     along = np.linspace(-reach, reach, count)[:, None]
     positions = origin[:, 0] + along * np.array([0.2, 1.0, -0.3])
-    return kinematics, Poses(positions, np.repeat(turn[..., 0][None], count, 0))
-
-
-def test_the_missing_rotation_up_to_half_a_turn(arm):
-    kinematics, rng = Kinematics(arm.chain), np.random.default_rng(3)
-    count = 400
-    present = Rotation.random(count, random_state=4)
-    axes = rng.normal(size=(count, 3))
-    axes /= np.linalg.norm(axes, axis=1)[:, None]
-    axes[:3] = np.eye(3)
-    angles = rng.uniform(0, np.pi, count)
-    angles[:100] = np.pi
-    angles[100:200] = np.pi - 10.0 ** rng.uniform(-16, -1, 100)
-    wanted = Rotation.from_rotvec(angles[:, None] * axes) * present
-    turns = [np.moveaxis(one.as_matrix(), 0, 2) for one in (present, wanted)]
-    still = np.zeros((3, count))
-    vectors = kinematics.error(still, turns[0], still, turns[1])[3:].T
-    np.testing.assert_allclose(
-        np.linalg.norm(vectors, axis=1), (wanted * present.inv()).magnitude(), atol=1e-12
-    )
-    # The rotation of the vector, from where the tool is, gives what is wanted.
-    left = (Rotation.from_rotvec(vectors) * present * wanted.inv()).magnitude()
-    assert left.max() < 1e-12
-
-
-def test_half_a_turn_off_is_not_there(arm):
-    kinematics = Kinematics(arm.chain)
-    q = arm.chain.mid_range[:, None] + 0.4
-    origin, turn, _ = kinematics.forward(q)
-    for axis in np.eye(3):
-        back = np.einsum("ij,jkb->ikb", Rotation.from_rotvec(np.pi * axis).as_matrix(), turn)
-        assert solve_ik(kinematics, q, origin, turn, iterations=0)[1].all()
-        assert not solve_ik(kinematics, q, origin, back, iterations=0)[1].any()
+    return kinematics, Poses(positions, np.repeat(rotation[..., 0][None], count, 0))
 
 
 def tool_path(poses):
@@ -81,31 +46,15 @@ def tool_path(poses):
     return ToolPath(poses.positions[[0, -1]], quaternions)
 
 
-def test_kinematics_are_those_of_the_chain(made):
-    mimic = '<mimic joint="j1" multiplier="-0.5" offset="0.2"/>'
-    joints = made.serial(
-        ["0.1 0 0.3"] * 7, j2={"kind": "prismatic"}, j4={"mimic": mimic}, j5={"rpy": "1 2 3"}
-    )
-    arm = made.arm(made.urdf(joints), "l7", "position")
-    rng = np.random.default_rng(0)
-    q = np.stack([arm.sample(rng) for _ in range(5)], axis=1)
-    origins, turns, matrices = Kinematics(arm.chain).forward(q)
-    for k in range(5):
-        origin, turn = map(ca.evalf, tip_kinematics(arm.chain, ca.SX(q[:, k]))[1:])
-        assert origins[:, k] == pytest.approx(np.array(origin).ravel(), abs=1e-12)
-        assert turns[..., k] == pytest.approx(np.array(turn), abs=1e-12)
-        assert matrices[..., k] == pytest.approx(arm.metric_jacobian(q[:, k]), abs=1e-12)
-
-
 def test_inverse_kinematics_reach_the_pose_within_limits(arm):
     kinematics, poses = line(arm)
-    found = on_path(kinematics, poses, 3, 100, np.random.default_rng(1))
-    assert found.shape[1] > 10
+    q = on_path(kinematics, poses, 3, 100, np.random.default_rng(1))
+    assert q.shape[1] > 10
     lower, upper = arm.bounds
-    assert np.all((found >= lower[:, None]) & (found <= upper[:, None]))
-    origin, turn, _ = kinematics.forward(found)
-    assert np.max(np.abs(kinematics.error(origin, turn, *poses.at(3)))) < 1e-5
-    assert np.max(np.abs(turn - poses.rotations[3][..., None])) < 3e-5
+    assert np.all((q >= lower[:, None]) & (q <= upper[:, None]))
+    origin, rotation, _ = kinematics.forward(q)
+    assert np.max(np.abs(kinematics.error(origin, rotation, *poses.at(3)))) < 1e-5
+    assert np.max(np.abs(rotation - poses.rotations[3][..., None])) < 3e-5
 
 
 def test_survivors_are_those_of_elementary_geometry(planar):
@@ -129,8 +78,8 @@ def test_survivors_are_those_of_elementary_geometry(planar):
 
     told = {True: 0, False: 0}
     for q, end in zip(nodes.T, ends.T, strict=True):
-        for joint, (distance, one, other) in enumerate(rings(q)):
-            inside = np.minimum(distance - abs(one - other), one + other - distance)
+        for joint, (distance, near, far) in enumerate(rings(q)):
+            inside = np.minimum(distance - abs(near - far), near + far - distance)
             outside = np.flatnonzero(inside < -1e-3)
             if outside.size:
                 # It gets to the border, unless a limit of a joint ends it before.
@@ -155,42 +104,39 @@ def test_a_locked_joint_stays_and_the_pose_is_kept(arm):
 
 def test_the_plan_survives_more_than_minimum_norm_and_keeps_all_limits(arm):
     kinematics, poses = line(arm)
-    found = plan_path(arm, tool_path(poses), QUICK)
-    share = found.planned.share
-    assert found.minimum_norm is None or share >= found.minimum_norm.share
-    assert share <= found.ceiling <= np.mean(found.joint_ceiling) + 1e-9
-    q = found.planned.configurations
+    plan = plan_path(arm, tool_path(poses), QUICK)
+    share = plan.planned.share
+    assert plan.minimum_norm is None or share >= plan.minimum_norm.share
+    assert share <= plan.ceiling <= np.mean(plan.joint_ceiling) + 1e-9
+    q = plan.planned.configurations
     lower, upper = arm.bounds
     assert np.all((q >= lower) & (q <= upper))
-    assert found.speed <= 1.0
+    assert plan.speed <= 1.0
     origin, _, _ = kinematics.forward(q.T)
-    np.testing.assert_allclose(origin.T, found.poses.positions, atol=2e-5)
+    np.testing.assert_allclose(origin.T, plan.poses.positions, atol=2e-5)
     # Measured again, by hand: the survivors of one sample.
-    ends = survivors(kinematics, q[[4]].T, np.array([4]), found.poses)
-    assert (ends[:, 0] == 11).tolist() == found.planned.survives[4].tolist()
-    assert np.all(found.planned.survives[-1])
+    ends = survivors(kinematics, q[[4]].T, np.array([4]), plan.poses)
+    assert (ends[:, 0] == 11).tolist() == plan.planned.survives[4].tolist()
+    assert np.all(plan.planned.survives[-1])
 
 
-def test_a_joint_whose_ranges_do_not_meet_is_hopeless(planar):
+def test_a_failure_that_no_trajectory_survives(planar):
     """Near the base and then at full stretch: joint 1 of a planar 3R has no common angle."""
     path = ToolPath(np.array([[1.2, 0, 0], [2.55, 0, 0]]))
-    chain = narrowed(planar.chain, {"j1": (0.0, 3.1), "j2": (0.0, 3.1)})
+    arm = RobotArm(narrowed(planar.chain, dict.fromkeys(("j1", "j2"), (0, 3.1))), planar.task)
     search = replace(QUICK, samples=20, duration=30.0)
-    found = plan_path(RobotArm(chain, planar.task), path, search)
-    again = plan_path(RobotArm(chain, planar.task), path, search)
-    assert np.array_equal(again.planned.configurations, found.planned.configurations)
-    rows = {one["joint"]: one for one in found.joint_rows()}
+    plan, again = (plan_path(arm, path, search) for _ in range(2))
+    assert np.array_equal(again.planned.configurations, plan.planned.configurations)
     # At 1.2 joints 1 and 2 may be anywhere between, but at 2.55 both are nearly straight.
-    assert found.joint_ceiling[1] < 100
-    for row, hopeless in zip(rows.values(), found.unrecoverable_until, strict=True):
-        assert (row["unrecoverable_until"] is None) == (hopeless < 0)
-        if hopeless >= 0:
-            assert not found.planned.survives[
-                : hopeless + 1, found.joints.index(row["joint"])
-            ].any()
+    assert plan.joint_ceiling[1] < 100
+    for joint, (row, last) in enumerate(
+        zip(plan.joint_rows(), plan.unrecoverable_until, strict=True)
+    ):
+        assert (row["unrecoverable_until"] is None) == (last < 0)
+        assert not plan.planned.survives[: last + 1, joint].any()
 
 
-def test_what_was_found_before_an_interrupt_is_kept(planar):
+def test_what_was_found_before_an_interrupt_is_an_answer(planar):
     said = []
 
     def interrupt(words):
@@ -199,11 +145,11 @@ def test_what_was_found_before_an_interrupt_is_kept(planar):
             raise KeyboardInterrupt
 
     path = ToolPath(np.array([[1.2, 0, 0], [2.2, 0, 0]]))
-    found = plan_path(planar, path, replace(QUICK, progress=interrupt))
+    plan = plan_path(planar, path, replace(QUICK, progress=interrupt))
     assert len(said) == 3
-    assert not found.complete
-    assert not found.statuses
-    assert 0 < found.planned.share <= found.ceiling
+    assert not plan.complete
+    assert not plan.statuses
+    assert 0 < plan.planned.share <= plan.ceiling
 
 
 def test_the_polish_is_smooth_on_the_path_and_within_speeds(arm):
@@ -213,13 +159,12 @@ def test_the_polish_is_smooth_on_the_path_and_within_speeds(arm):
     q = track[:, :, int(np.argmax(last))]
     most = np.abs(np.diff(q, axis=0)) + 0.05
     jagged = q + 0.02 * np.random.default_rng(5).normal(size=q.shape)
-    problem = transcription(
-        *(arm.chain, poses, range(6), most, q, np.full(q.shape, 0.1), 3.0),
-    )
-    found = solve(problem, np.clip(jagged, *arm.bounds).ravel())
-    assert found.status.acceptable
-    moved = found.variables.reshape(q.shape)
-    assert found.feasible
+    weight = np.full(q.shape, 0.1)
+    problem = transcription(arm.chain, poses, range(6), most, q, weight, 3.0)
+    solution = solve(problem, np.clip(jagged, *arm.bounds).ravel())
+    assert solution.status.acceptable
+    assert solution.feasible
+    moved = solution.variables.reshape(q.shape)
     assert np.linalg.norm(np.diff(moved, 2, axis=0)) <= np.linalg.norm(np.diff(q, 2, axis=0))
     assert np.all(np.abs(np.diff(moved, axis=0)) <= most)
     origin, _, _ = kinematics.forward(moved.T)
@@ -238,16 +183,16 @@ FORMS = {
 
 @pytest.mark.parametrize("name", FORMS)
 def test_waypoints_in_every_form(tmp_path, name):
-    turn = Rotation.from_euler("xyz", [0.1, 0.2, 0.3])
-    shown = ",".join(map(str, turn.as_quat()))
+    rotation = Rotation.from_euler("xyz", [0.1, 0.2, 0.3])
+    shown = ",".join(map(str, rotation.as_quat()))
     (tmp_path / name).write_text(FORMS[name].replace("{}", shown), encoding="utf-8")
     path = read_waypoints(tmp_path / name)
     times, poses, places = path.sampled(11, 5.0)
     assert times == pytest.approx(np.linspace(0, 5, 11))
     assert poses.positions[5] == pytest.approx([0.5, 0, 1])
-    half = Rotation.from_rotvec(turn.as_rotvec() / 2).as_matrix()
-    assert poses.rotations[0] == pytest.approx(turn.as_matrix())
-    assert poses.rotations[5] == pytest.approx(half)
+    half = Rotation.from_rotvec(rotation.as_rotvec() / 2)
+    assert poses.rotations[0] == pytest.approx(rotation.as_matrix())
+    assert poses.rotations[5] == pytest.approx(half.as_matrix())
     assert places[[0, 5, 10]] == pytest.approx([1, 1.5, 2])
 
 
@@ -290,13 +235,6 @@ def test_paths_that_cannot_be_followed_are_refused(planar, points, duration, sai
         plan_path(planar, path, replace(QUICK, duration=duration))
 
 
-def test_speeds_are_read_and_narrowed_by_mimics(made):
-    mimic = '<mimic joint="j1" multiplier="4"/>'
-    joints = made.serial(["0 0 0.3"] * 7, j2={"mimic": mimic}, j3={"kind": "continuous"})
-    chain = chain_between(made.tree(made.urdf(joints)), "l7")
-    assert [one.velocity for one in chain.joints] == [1, 0.25, np.inf, 1, 1, 1]
-
-
 def test_the_command_writes_what_it_says(lockedjoint, made, arm, tmp_path):
     (tmp_path / "robot.urdf").write_text(made.offset_arm())
     _, poses = line(arm)
@@ -307,10 +245,8 @@ def test_the_command_writes_what_it_says(lockedjoint, made, arm, tmp_path):
     assert done.returncode == 0, done.stderr
     for said in ("percent", "minimum norm", "ceiling", "Written to here", "j6 "):
         assert said in done.stdout
-    found = json.loads((tmp_path / "here/path.json").read_text())
-    with (tmp_path / "here/path.csv").open() as file:
-        rows = list(csv.DictReader(file))
-    assert [float(row["j3"]) for row in rows] == [
-        point[3] for point in found["trajectory"]["configurations"]
-    ]
+    written = json.loads((tmp_path / "here/path.json").read_text())
+    rows = csv.DictReader((tmp_path / "here/path.csv").read_text().splitlines())
+    points = written["trajectory"]["configurations"]
+    assert [float(row["j3"]) for row in rows] == [point[3] for point in points]
     assert (tmp_path / "here/path.svg").read_text().count("joints that may lock") == 1

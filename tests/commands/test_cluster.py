@@ -13,10 +13,10 @@ from pathlib import Path
 import casadi as ca
 import pytest
 
-from nlp import executors
+from formulations.commands import executors
+from formulations.commands.executors import dask_executor
 from nlp.dispatch import dispatch
 from nlp.errors import WorkerError
-from nlp.executors import dask_executor
 from nlp.multistart import multistart
 from nlp.problem import Problem
 from nlp.starts import Chunk, RunChunk, Task, packed

@@ -10,18 +10,17 @@ import mujoco
 import numpy as np
 import pinocchio as pin
 import pytest
-import roboticstoolbox as rtb
 import yourdfpy
 
 from formulations.commands.app import app
 from formulations.kinematics.chain_between import chain_between
 from formulations.kinematics.read_dh import dh_tree
 from formulations.kinematics.read_robot import read_robot
-from formulations.kinematics.read_urdf import read_urdf
 from formulations.robots.robot_arm import RobotArm
 from formulations.robots.task import TaskSpace
 from nlp.errors import FileError, InputError
 from results.robots.survey import ARMS
+from tests.made_robots import SMALL, toolbox_robot
 
 EXACT = 1e-12
 POINTS = 20
@@ -40,7 +39,7 @@ def test_a_model_of_yourdfpy_is_its_file(made, tmp_path):
     path.write_text(made.offset_arm())
     ours = RobotArm.read(str(path))
     theirs = RobotArm.read(yourdfpy.URDF.load(str(path)), "l7")
-    assert theirs == ours == RobotArm(chain_between(read_urdf(path), "l7"))
+    assert theirs == ours == RobotArm(chain_between(read_robot(path), "l7"))
     assert RobotArm.read(read_robot(path)) == ours
 
 
@@ -149,28 +148,12 @@ def table(convention, degrees=False):
     return "\n".join(lines).encode()
 
 
-def of_toolbox(convention):
-    """The same arm in roboticstoolbox; the fixed row is a joint that stays at 0."""
-    makers = {
-        "standard": (rtb.RevoluteDH, rtb.PrismaticDH),
-        "modified": (rtb.RevoluteMDH, rtb.PrismaticMDH),
-    }
-    turning, sliding = makers[convention]
-    links = [
-        sliding(theta=theta, a=a, alpha=alpha, offset=d)
-        if kind == "prismatic"
-        else turning(d=d, a=a, alpha=alpha, offset=theta)
-        for kind, d, a, alpha, theta in ROWS
-    ]
-    return rtb.DHRobot(links)
-
-
 @pytest.mark.parametrize("convention", ["standard", "modified"])
 @pytest.mark.parametrize("degrees", [False, True])
 def test_tables_agree_with_the_toolbox(convention, degrees):
     arm = RobotArm.read(dh_tree(table(convention, degrees)), task="position", length=1.0)
     assert arm.chain.prismatic == (False, True, False, False, False)
-    theirs = of_toolbox(convention)
+    theirs = toolbox_robot(convention, ROWS)
     for point in drawn(arm):
         full = theirs.jacob0(np.insert(point, 3, 0.0))
         ours = arm.metric_jacobian(point)
@@ -200,43 +183,6 @@ def test_the_table_of_the_page():
     chain = RobotArm.read(dh_tree(text.encode()), task="vx").chain
     assert (chain.names, chain.prismatic) == (("pan", "lift"), (False, True))
     assert chain.limits[1] == pytest.approx([np.radians(166), 0.4])
-
-
-GOOD = "# convention: standard\nkind,a,d,alpha_rad,theta_rad\nR,1,0,0,0\n"
-TABLES = {
-    "convention is missing": GOOD.replace("# convention: standard", "#"),
-    "convention is craig": GOOD.replace("standard", "craig"),
-    "column is b": GOOD.replace("kind,a,", "kind,b,"),
-    "table is without kind": "# convention: standard\na,d,alpha_rad,theta_rad\n1,0,0,0",
-    "table is without rows": GOOD.replace("R,1,0,0,0\n", ""),
-    "content is no table": "# convention: standard\n",
-    "content is no table; allowed: a line": GOOD.replace(",0,0\n", ',"0,0\n'),
-    "column alpha is without a unit": GOOD.replace("alpha_rad", "alpha"),
-    "column alpha is missing": GOOD.replace("alpha_rad,", ""),
-    "column theta is there twice": GOOD.replace("alpha_rad", "theta_deg"),
-    "column upper is without a unit": GOOD.replace("alpha_rad", "upper,alpha_rad"),
-    "column is a;": GOOD.replace("kind,a,", "kind,a,a,"),
-    "row 1 is of 4 cells": GOOD.replace("R,1,0,0,0", "R,1,0,0"),
-    "kind in row 1 is screw": GOOD.replace("R,", "screw,"),
-    "a in row 1 is x": GOOD.replace("R,1", "R,x"),
-    "a in row 1 is empty": GOOD.replace("R,1", "R,"),
-    "a in row 1 is nan": GOOD.replace("R,1", "R,nan"),
-    "theta_rad in row 1 is inf": GOOD.replace("0,0\n", "0,inf\n"),
-    "origin of joint fixed tip": GOOD.replace("R,1", "R,1e300"),
-    "content is not in UTF-8": b"\xff\xfe\x00",
-    "table is of 10001 rows; allowed: at most 10000 rows": GOOD + "R,1,0,0,0\n" * 10_000,
-}
-
-
-@pytest.mark.parametrize("sentence", TABLES)
-def test_a_faulty_table_gets_one_sentence(sentence, tmp_path):
-    path = tmp_path / "arm.csv"
-    content = TABLES[sentence]
-    path.write_bytes(content if isinstance(content, bytes) else content.encode())
-    with pytest.raises(FileError) as caught:
-        read_robot(path)
-    assert f"{path}: {sentence}" in str(caught.value)
-    assert "\n" not in str(caught.value)
 
 
 # --- MJCF --------------------------------------------------------------------------------
@@ -294,17 +240,16 @@ def plain(text=MJCF):
     return mujoco.MjModel.from_xml_string(text)
 
 
-def of_mujoco(model, point, site=True):
-    data, q = mujoco.MjData(model), dict(point)
+def of_mujoco(model, q, jacobian, place):
+    """Columns of mujoco's Jacobian of a site or body, by joint, at positions by joint."""
+    data = mujoco.MjData(model)
     for name, value in q.items():
         data.qpos[model.joint(name).qposadr[0]] = value
     mujoco.mj_kinematics(model, data)
     mujoco.mj_comPos(model, data)
-    linear, angular = np.zeros((3, model.nv)), np.zeros((3, model.nv))
-    k = model.site("hand").id
-    mujoco.mj_jacSite(model, data, linear, angular, k)
-    full = np.vstack([linear, angular])
-    return {name: full[:, model.joint(name).dofadr[0]] for name in q}
+    full = np.zeros((2, 3, model.nv))
+    jacobian(model, data, *full, place)
+    return {name: full.reshape(6, -1)[:, model.joint(name).dofadr[0]] for name in q}
 
 
 def test_mjcf_agrees_with_mujoco(tmp_path):
@@ -319,7 +264,8 @@ def test_mjcf_agrees_with_mujoco(tmp_path):
     for point in drawn(arm):
         q = dict(zip(arm.chain.names, point, strict=True))
         # follow - 0.2 = 0.1 - 0.5 roll
-        columns = of_mujoco(model, {**q, "follow": 0.3 - 0.5 * q["roll"]})
+        q["follow"] = 0.3 - 0.5 * q["roll"]
+        columns = of_mujoco(model, q, mujoco.mj_jacSite, model.site("hand").id)
         columns["roll"] = columns["roll"] - 0.5 * columns.pop("follow")
         ours = arm.metric_jacobian(point)
         assert ours == pytest.approx(np.column_stack(list(columns.values())), abs=EXACT)
@@ -340,62 +286,12 @@ def test_real_arms_in_mujoco(name, tip):
     model = mujoco.MjModel.from_xml_string(text)
     arm, file = RobotArm.read(model, tip), RobotArm.read(declared.path, tip)
     assert arm.chain.names == file.chain.names
-    body, data = model.body(tip).id, mujoco.MjData(model)
     for point in drawn(arm):
-        data.qpos[[model.joint(one).qposadr[0] for one in arm.chain.names]] = point
-        mujoco.mj_kinematics(model, data)
-        mujoco.mj_comPos(model, data)
-        theirs = np.zeros((2, 3, model.nv))
-        mujoco.mj_jacBody(model, data, theirs[0], theirs[1], body)
-        places = [model.joint(one).dofadr[0] for one in arm.chain.names]
+        q = dict(zip(arm.chain.names, point, strict=True))
+        columns = of_mujoco(model, q, mujoco.mj_jacBody, model.body(tip).id)
         ours = arm.metric_jacobian(point)
-        assert ours == pytest.approx(theirs.reshape(6, -1)[:, places], abs=EXACT)
+        assert ours == pytest.approx(np.column_stack(list(columns.values())), abs=EXACT)
         assert ours == pytest.approx(file.metric_jacobian(point), abs=EXACT)
-
-
-SMALL = """<mujoco><worldbody><body name="a"><joint name="a" axis="0 1 0" type="hinge"/>
-<body name="b" pos="0 0 1"><joint name="b" axis="0 1 0"/><body name="c" pos="0 0 1">
-<joint name="c" axis="0 1 0"/><body name="d" pos="0 0 1"/></body></body></body></worldbody>
-<equality></equality></mujoco>"""
-REFUSED = {
-    "file of <include> is ../robot.xml; allowed: one in the folder": SMALL.replace(
-        "<equality>", '<include file="../robot.xml"/><equality>'
-    ),
-    "/x; allowed: a file that can be read": SMALL.replace(
-        "<mujoco>", '<mujoco><include file="x"/>'
-    ),
-    "file of <include> is robot.xml; allowed: every file once": SMALL.replace(
-        "<mujoco>", '<mujoco><include file="robot.xml"/>'
-    ),
-    "content is MJCF with <attach>": SMALL.replace('<body name="d"', "<attach/><body "),
-    "content is MJCF with <replicate>": SMALL.replace(
-        '<body name="d"', '<replicate count="1000000000"/><body '
-    ),
-    "content is an equality of tendons": SMALL.replace("<equality>", "<equality><tendon/>"),
-    "content is 20004 bodies": SMALL.replace(
-        '<body name="d" pos="0 0 1"/>', "<body/><site/>" * 9_998 + "<site/><site/>"
-    ),
-    "content is MJCF that mujoco refuses": SMALL.replace("hinge", "screw"),
-    "content is not XML": SMALL[:-3],
-    "content is XML with <!ENTITY>": "<!DOCTYPE m [<!ENTITY e 'x'>]>" + SMALL,
-    "origin of joint b": SMALL.replace('name="b" pos="0 0 1"', 'name="b" pos="0 0 1e30"'),
-    "mujoco refuses (Error: axis too small": SMALL.replace(
-        'axis="0 1 0" type', 'axis="0 0 0" type'
-    ),
-    "root element is <sdf>; allowed: <robot> (URDF) or <mujoco> (MJCF)": "<sdf/>",
-}
-
-
-@pytest.mark.parametrize("sentence", REFUSED)
-def test_faulty_mjcf_gets_one_sentence(sentence, tmp_path, monkeypatch, capfd):
-    monkeypatch.chdir(tmp_path)
-    path = mjcf(tmp_path, REFUSED[sentence])
-    with pytest.raises(FileError) as caught:
-        read_robot(path)
-    assert sentence in str(caught.value)
-    assert "\n" not in str(caught.value)
-    assert capfd.readouterr() == ("", "")
-    assert [one.name for one in tmp_path.iterdir()] == ["robot.xml"]  # no log of mujoco
 
 
 LOOPS = {

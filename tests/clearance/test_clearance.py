@@ -12,7 +12,7 @@ from formulations.clearance.capsules import capsule_around, gap_squared
 from formulations.clearance.link_clearance import read_clearance
 from formulations.clearance.shapes import Shape
 from formulations.kinematics.chain_between import chain_between
-from formulations.kinematics.read_urdf import read_urdf
+from formulations.kinematics.read_robot import read_robot
 from formulations.kinematics.segments import segment_distance
 from formulations.kinematics.tree import RobotError
 from formulations.robots.pose_constrained_arm import Pose, PoseConstrainedArm
@@ -48,7 +48,7 @@ def write(made, path, geometry, lengths=(0.4, 0.4, 0.4, 0.4)):
         link = f'<link name="l{k}"/>'
         text = text.replace(link, f'<link name="l{k}">{geometry(length)}</link>')
     path.write_text(text)
-    return RobotArm(chain_between(read_urdf(path), "tip"), TaskSpace(("vx", "vy")))
+    return RobotArm(chain_between(read_robot(path), "tip"), TaskSpace(("vx", "vy")))
 
 
 def bar(length):
@@ -176,7 +176,7 @@ def test_shapes_that_are_turned_and_shifted_are_where_pinocchio_has_them(made, t
         )
     path = tmp_path / "turned.urdf"
     path.write_text(text)
-    chain = chain_between(read_urdf(path), "l5")
+    chain = chain_between(read_robot(path), "l5")
     found = read_clearance(path, chain, 0.001)
     model = pin.buildModelFromUrdf(str(path))
     geometry = pin.buildGeomFromUrdf(model, str(path), pin.GeometryType.COLLISION)

@@ -72,17 +72,6 @@ def test_limits_of_a_mimic_joint_narrow_its_drivers(mixed, made):
     assert (lower[0], upper[0]) == pytest.approx((-0.6, 1.4))
 
 
-def test_a_held_joint_is_a_fixed_one(mixed, made):
-    """Column by column the arm with a joint held is the arm without that column."""
-    robot = made.tree(mixed)
-    whole = RobotArm(chain_between(robot, "tip"), PLANE, 0.5)
-    rest = RobotArm(chain_between(robot, "tip", locked_at={"d": 0.9}), PLANE, 0.5)
-    full = whole.metric_jacobian([0.1, 0.2, 0.9, -0.3])
-    assert rest.metric_jacobian([0.1, 0.2, -0.3]) == pytest.approx(
-        np.delete(full, 2, axis=1), abs=1e-12
-    )
-
-
 def test_a_base_up_the_tree_leaves_out_what_is_before_it(mixed, made):
     """Seen from another base: the same columns, turned."""
     robot = made.tree(mixed.replace('joint="a"', 'joint="b"'))
@@ -252,3 +241,10 @@ def test_mimicry_of_mimicry_and_of_multiplier_zero(made):
     chain = chain_between(made.tree(made.urdf(joints)), "4")
     driven = [(motion.multiplier, motion.offset) for motion in chain.motions]
     assert driven == [(1.0, 0.0), (2.0, 0.1), (-6.0, pytest.approx(0.1))]
+
+
+def test_speeds_are_read_and_narrowed_by_mimics(made):
+    mimic = '<mimic joint="j1" multiplier="4"/>'
+    joints = made.serial(["0 0 0.3"] * 7, j2={"mimic": mimic}, j3={"kind": "continuous"})
+    chain = chain_between(made.tree(made.urdf(joints)), "l7")
+    assert [one.velocity for one in chain.joints] == [1, 0.25, np.inf, 1, 1, 1]

@@ -7,6 +7,7 @@ import signal
 import socket
 import sys
 import urllib.request
+from contextlib import closing
 from itertools import combinations
 
 import numpy as np
@@ -39,33 +40,36 @@ def configurations(arm, count=3):
     return [arm.sample(rng) for _ in range(count)]
 
 
+def smallest(matrix):
+    """Return the sixth singular value; 0 if there are fewer columns."""
+    return np.linalg.svd(matrix)[1][-1] if matrix.shape[1] >= 6 else 0.0
+
+
 # What is drawn -------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("locked", [(), ("j3",), ("j0", "j5")])
 def test_a_picture_against_numpy(made, text, locked):
     arm = made.arm(text)
-    gone = [int(name[1]) for name in locked]
     for q in configurations(arm):
         shown, matrix = picture(arm, q, locked), arm.jacobian(q)
-        left = np.delete(matrix, gone, axis=1)
-        assert shown.sigma == pytest.approx(np.linalg.svd(matrix)[1][-1])
-        sizes = np.linalg.svd(left)[1]
-        assert shown.sigma_left == pytest.approx(sizes[-1] if left.shape[1] >= 6 else 0.0)
-        more = [np.delete(left, k, axis=1) for k in range(left.shape[1])]
-        smallest = [np.linalg.svd(one)[1][-1] if one.shape[1] >= 6 else 0.0 for one in more]
-        assert shown.worst_case == pytest.approx(min(smallest))
+        rest = np.delete(matrix, [int(name[1]) for name in locked], axis=1)
+        assert shown.sigma == pytest.approx(smallest(matrix))
+        assert shown.sigma_left == pytest.approx(smallest(rest))
+        more = [np.delete(rest, k, axis=1) for k in range(rest.shape[1])]
+        sigmas = [smallest(after) for after in more]
+        assert shown.worst_case == pytest.approx(min(sigmas))
         if locked:
             assert shown.failed == locked
         else:
-            assert shown.failed == (f"j{np.argmin(smallest)}",) == (shown.worst_joint,)
-            left = more[int(np.argmin(smallest))]
+            assert shown.failed == (f"j{np.argmin(sigmas)}",) == (shown.worst_joint,)
+            rest = more[int(np.argmin(sigmas))]
         # An ellipsoid {A·x : |x| ≤ 1} is that of A·Aᵀ.
-        for axes, rates in ((shown.before, matrix), (shown.after, left)):
+        for axes, rates in ((shown.before, matrix), (shown.after, rest)):
             np.testing.assert_allclose(axes @ axes.T, rates[:3] @ rates[:3].T, atol=1e-12)
         assert np.linalg.norm(shown.direction) == pytest.approx(1)
-        least = np.linalg.svd(left)[1][-1] if left.shape[1] >= 6 else 0.0
-        assert np.linalg.norm(left.T @ shown.direction) == pytest.approx(least, abs=1e-12)
+        least = np.linalg.norm(rest.T @ shown.direction)
+        assert least == pytest.approx(smallest(rest), abs=1e-12)
 
 
 @pytest.mark.parametrize("slides", [False, True])
@@ -81,21 +85,21 @@ def test_joints_and_tip_are_where_pinocchio_has_them(made, text, slides):
         pinocchio.framesForwardKinematics(model, data, q)
         np.testing.assert_allclose(shown.tip, data.oMf[tip].translation, atol=1e-12)
         places = [data.oMi[k + 1].translation for k in range(len(q))]
-        slides = np.array(arm.chain.prismatic)
-        found = shown.origins + slides[:, None] * shown.axes * q[:, None]
-        np.testing.assert_allclose(found, places, atol=1e-12)
+        prismatic = np.array(arm.chain.prismatic)[:, None]
+        moved = shown.origins + prismatic * shown.axes * q[:, None]
+        np.testing.assert_allclose(moved, places, atol=1e-12)
         moves = np.cross(shown.axes, shown.tip - shown.origins)
-        columns = np.hstack([np.where(slides[:, None], shown.axes, moves)])
+        columns = np.where(prismatic, shown.axes, moves)
         np.testing.assert_allclose(columns.T, arm.metric_jacobian(q)[:3], atol=1e-12)
 
 
 def test_directions_of_the_tip_are_drawn_along_the_axes_of_the_base(made, text):
     base, tip = made.arm(text), made.arm(text, frame="tip")
     for q in configurations(base):
-        one, other = picture(base, q), picture(tip, q)
-        np.testing.assert_allclose(one.before @ one.before.T, other.before @ other.before.T)
-        sign = np.sign(one.direction @ other.direction)
-        np.testing.assert_allclose(one.direction, sign * other.direction, atol=1e-9)
+        shown, other = picture(base, q), picture(tip, q)
+        np.testing.assert_allclose(shown.before @ shown.before.T, other.before @ other.before.T)
+        sign = np.sign(shown.direction @ other.direction)
+        np.testing.assert_allclose(shown.direction, sign * other.direction, atol=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -107,12 +111,11 @@ def test_tasks_of_one_kind(made, text, task, rows):
     shown, matrix = picture(arm, q, ["j1"]), arm.jacobian(q)
     np.testing.assert_allclose(shown.before @ shown.before.T, matrix @ matrix.T, atol=1e-12)
     assert np.all(np.delete(shown.direction, rows) == 0)
-    assert shown.worst_case == pytest.approx(
-        measures.worst_case_sigma(np.delete(matrix, 1, axis=1))
-    )
+    rest = np.delete(matrix, 1, axis=1)
+    assert shown.worst_case == pytest.approx(measures.worst_case_sigma(rest))
 
 
-def test_a_fatal_failure_is_flat_and_nothing_is_left_to_lock(made):
+def test_a_failure_that_ends_a_direction_is_flat(made):
     arm = made.arm(made.spherical_shoulder_and_wrist())
     [q] = configurations(arm, 1)
     shown = picture(arm, q)
@@ -130,6 +133,17 @@ def test_a_fatal_failure_is_flat_and_nothing_is_left_to_lock(made):
         picture(arm, q[:3])
 
 
+def test_all_pairs_of_locks_are_drawn(made, text):
+    """No set of locked joints makes a number that is not finite."""
+    arm = made.arm(text)
+    q = arm.chain.mid_range
+    for count in (2, 6):
+        for locked in combinations(arm.chain.names, count):
+            shown = picture(arm, q, locked)
+            sigmas = shown.sigma_left, shown.worst_case
+            assert np.isfinite([*sigmas, *shown.after.ravel(), *shown.direction]).all()
+
+
 # The page, without a browser -----------------------------------------------------------------
 
 
@@ -140,19 +154,15 @@ def file(text, tmp_path_factory):
     return path
 
 
+def opened(arm, file, lock=None):
+    how = Address(port=0).free(), Search(starts=2)
+    return closing(Page(arm, lock or (lambda _: arm), file, arm.chain.mid_range, *how))
+
+
 @pytest.fixture
 def page(made, file, text):
-    arm = made.arm(text)
-    shown = Page(
-        arm,
-        lambda held: made.arm(text, locked_at=held),
-        file,
-        arm.chain.mid_range,
-        Address(port=0).free(),
-        Search(starts=2),
-    )
-    yield shown
-    shown.close()
+    with opened(made.arm(text), file, lambda locked: made.arm(text, locked_at=locked)) as shown:
+        yield shown
 
 
 def test_sliders_locks_and_buttons_change_the_picture(page):
@@ -181,9 +191,9 @@ def test_sliders_locks_and_buttons_change_the_picture(page):
 
 def test_a_missing_viser_is_named(made, file, text, monkeypatch):
     monkeypatch.setitem(sys.modules, "viser", None)
-    arm = made.arm(text)
-    with pytest.raises(InputError, match=r"viser is missing: .*pip install .*vi(ser|ew)"):
-        Page(arm, lambda _: arm, file, arm.chain.mid_range, Address(), Search(starts=1))
+    missing = pytest.raises(InputError, match=r"viser is missing: .*pip install .*vi(ser|ew)")
+    with missing, opened(made.arm(text), file):
+        pass
     with pytest.raises(InputError, match="viser is missing"):
         view("missing.urdf")  # the extra that has all it needs is named first
 
@@ -204,28 +214,24 @@ def test_what_cannot_be_drawn_is_a_note_and_lines_are(text, tmp_path, scale):
     path = tmp_path / ("arm.xml" if scale is None else "arm.urdf")
     path.write_text(broken, encoding="utf-8")
     arm = RobotArm.read(path, task="vy,vz" if scale is None else "all")
-    q = np.full(arm.size, 0.5)
-    shown = Page(arm, lambda _: arm, path, q, Address(port=0).free(), Search(starts=1))
-    try:
+    with opened(arm, path) as shown:
         [note] = shown.notes
         assert "are drawn" in note if scale is None else "not drawn" in note
         assert len(shown.draw().origins) == arm.size
-    finally:
-        shown.close()
 
 
 # The command ---------------------------------------------------------------------------------
 
 
-def start(lockedjoint, file, *more):
+def start(lockedjoint, file):
     """Start the command; return its process and its address."""
-    process = lockedjoint.start("view", file, "--port", 0, "--json", *more, cwd=file.parent)
-    found = ""
-    while "}" not in found:
+    process = lockedjoint.start("view", file, "--port", 0, "--json", cwd=file.parent)
+    said = ""
+    while "}" not in said:
         line = process.stdout.readline()
         assert line, process.stderr.read()
-        found += line
-    return process, json.loads(found)["url"]
+        said += line
+    return process, json.loads(said)["url"]
 
 
 @pytest.mark.processes
@@ -256,9 +262,7 @@ def test_addresses():
         taken.bind(("127.0.0.1", 0))
         taken.listen(1)
         port = taken.getsockname()[1]
-        with pytest.raises(
-            InputError, match=rf"--port is {port}, in use; allowed: a free port"
-        ):
+        with pytest.raises(InputError, match=rf"--port is {port}, in use; allowed: a free"):
             Address(port=port).free()
     for host in ("192.0.2.1", "", "a b"):  # an address of nobody's, and no names
         with pytest.raises(InputError, match="--host is"):
@@ -298,21 +302,10 @@ def test_a_browser_moves_a_slider_and_locks_a_joint(made, lockedjoint, file, tex
             expect(worst).to_contain_text(f"{second.worst_case:.4f}")
             tab.get_by_label("lock j3").check()
             third = picture(arm, moved, ["j3"])
-            left = row.filter(has_text="locked joints out")
-            expect(left).to_contain_text(f"{third.sigma_left:.4f}")
+            rest = row.filter(has_text="locked joints out")
+            expect(rest).to_contain_text(f"{third.sigma_left:.4f}")
             expect(worst).to_contain_text("0.0000")
             browser.close()
     finally:
         os.killpg(process.pid, signal.SIGINT)
         process.communicate(timeout=120)
-
-
-def test_all_pairs_of_locks_are_drawn(made, text):
-    """No set of locked joints makes a number that is not finite."""
-    arm = made.arm(text)
-    q = arm.chain.mid_range
-    for count in (2, 6):
-        for locked in combinations(arm.chain.names, count):
-            shown = picture(arm, q, locked)
-            numbers_ = [shown.sigma_left, shown.worst_case, *shown.after.ravel()]
-            assert np.all(np.isfinite([*numbers_, *shown.direction]))

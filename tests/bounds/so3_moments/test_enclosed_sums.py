@@ -9,16 +9,15 @@ import pytest
 
 from formulations.bounds import closed_form
 from formulations.bounds.closed_form import largest_residual
-from formulations.bounds.so3_moments import enclosed_localisers
-from formulations.bounds.so3_moments.enclosed_localisers import (
-    enclosed_krylov_sum,
+from formulations.bounds.so3_moments import enclosed_sums
+from formulations.bounds.so3_moments.enclosed_sums import (
     enclosed_powers,
     enclosed_product,
     enclosed_residuals,
     enclosed_scaled,
+    enclosed_sum,
     krylov_forms,
 )
-from formulations.bounds.so3_moments.enclosed_squares import enclosed_block, enclosed_sums
 from formulations.bounds.so3_moments.invariants import invariant_functions, invariant_values
 from formulations.bounds.so3_moments.localisers import KrylovLocaliser, ScaledBlocks
 from formulations.bounds.so3_moments.relaxation import residual_values
@@ -94,7 +93,7 @@ def test_a_sum_is_enclosed_at_an_exact_jacobian():
             if number == constant:
                 here = chosen == place.start
                 root[here] = values[powers[here]]
-    found = enclosed_krylov_sum(family, enclosed(family, roots), extended(3, 1, 4))
+    found = enclosed_sum(family, enclosed(family, roots), extended(3, 1, 4))
     squares = [
         [dot(*map(fractions, pair)) for pair in product([row], values)] for row in values
     ]
@@ -118,16 +117,19 @@ def fractions(row):
     return [Fraction(x) for x in row.tolist()]
 
 
-def test_the_residual_is_enclosed_at_an_exact_jacobian():
-    rotations, rows = extended(3, 1, 7), exact_jacobian(3, 7)
+@pytest.mark.parametrize("seed", range(4))
+def test_the_residual_is_enclosed_at_an_exact_jacobian(seed):
+    rotations, rows = extended(seed, 1, 7), exact_jacobian(seed, 7)
     shift = Fraction(7, 3)
     exact = sum(
         (dot(a, b) - (shift if i == k else 0)) ** 2
         for i, a in enumerate(rows)
         for k, b in enumerate(rows)
     )
-    found = exactly(residual_values(rotations)[0])
-    assert abs(found - exact / 2) < enclosed_residuals(rotations).errors[0]
+    found = enclosed_residuals(rotations)
+    (value,), (error,) = found.values, found.errors
+    assert abs(Fraction(value) - exact / 2) < error < 1e-14 * value
+    assert abs(exactly(residual_values(rotations)[0]) - exact / 2) < error
 
 
 @pytest.mark.parametrize("t", [0.32, 0.3279, 0.3284, nextafter(1 / 3, 0), 1 / 3 - 1e-9])
@@ -182,11 +184,7 @@ def enclosed_condition(family, roots, rotations):
         inner = enclosed_condition(family.family, roots, rotations)
         distance: Any = family.factor
         return enclosed_scaled(*distance.args, inner, rotations)
-    if isinstance(family, KrylovLocaliser):
-        return enclosed_krylov_sum(family, enclosed(family, roots), rotations)
-    together = zip(family.blocks, roots, strict=True)
-    blocks = [enclosed_block(family, block, root) for block, root in together]
-    return enclosed_sums(family, blocks, rotations)
+    return enclosed_sum(family, enclosed(family, roots), rotations)
 
 
 def test_sums_are_enclosed(family, plain):
@@ -200,51 +198,51 @@ def test_sums_are_enclosed(family, plain):
     assert np.all(np.abs(found.values) <= found.sizes * (1 + 1e-9))
 
 
-def krylov(degree=4):
+def krylov(degree):
     """Return a localiser and random roots; of degree 2 it has one power of M only."""
     family = KrylovLocaliser(RowSector(1, 0, 0, degree, 1), 4, LIMIT)
     rng = np.random.default_rng(6)
     return family, [rng.standard_normal((size, 2)) for size in family.sizes]
 
 
-@pytest.mark.parametrize("amount", [1e-3, 30.0])
-@pytest.mark.parametrize("sign", [-1, 1])
-@pytest.mark.parametrize("degree", [2, 4])
-def test_errors_of_the_rows_are_covered(amount, sign, degree, monkeypatch):
-    """Values that are off by known amounts, in the directions that matter most."""
-    family, roots = krylov(degree)
-    rotations = extended(7, 3, 4)
-    good = enclosed_krylov_sum(family, enclosed(family, roots), rotations)
-    values, error = enclosed_localisers.block_values, enclosed_localisers.product_error
+def shifted_rows(patch, amount):
+    """Rows that are off by a known amount, in the direction that matters most."""
+    values, error = enclosed_sums.block_values, enclosed_sums.product_error
 
     def shifted(*arguments):
         found = values(*arguments)
         lengths = np.sqrt(np.sum(found**2, axis=(0, 2)))
-        return found + sign * amount * found / lengths[:, None]
+        return found + amount * found / lengths[:, None]
 
     def larger(*arguments):
         fixed, relative = error(*arguments)
-        return fixed + amount, relative
+        return fixed + abs(amount), relative
 
-    monkeypatch.setattr(enclosed_localisers, "block_values", shifted)
-    monkeypatch.setattr(enclosed_localisers, "product_error", larger)
-    wrong = enclosed_krylov_sum(family, enclosed(family, roots), rotations)
-    distance = np.abs(wrong.values - good.values)
-    assert np.all(distance > 1e3 * good.errors)
-    assert np.all(distance <= wrong.errors)
+    patch.setattr(enclosed_sums, "block_values", shifted)
+    patch.setattr(enclosed_sums, "product_error", larger)
 
 
-def test_errors_of_the_forms_are_covered(monkeypatch):
-    family, roots = krylov()
-    rotations, forms = extended(7, 3, 4), enclosed_localisers.krylov_forms
-    good = enclosed_krylov_sum(family, enclosed(family, roots), rotations)
+def shifted_forms(patch, amount):
+    forms = enclosed_sums.krylov_forms
 
     def shifted(*arguments):
         found, errors = forms(*arguments)
-        return found + 1e-3 * np.eye(3), errors + 1e-3 * sqrt(3)
+        return found + amount * np.eye(3), errors + amount * sqrt(3)
 
-    monkeypatch.setattr(enclosed_localisers, "krylov_forms", shifted)
-    wrong = enclosed_krylov_sum(family, enclosed(family, roots), rotations)
+    patch.setattr(enclosed_sums, "krylov_forms", shifted)
+
+
+@pytest.mark.parametrize(
+    ("shift", "amount"),
+    [*((shifted_rows, x) for x in (1e-3, -1e-3, 30.0, -30.0)), (shifted_forms, 1e-3)],
+)
+@pytest.mark.parametrize("degree", [2, 4])
+def test_errors_of_the_rows_and_of_the_forms_are_covered(shift, amount, degree, monkeypatch):
+    family, roots = krylov(degree)
+    rotations = extended(7, 3, 4)
+    good = enclosed_sum(family, enclosed(family, roots), rotations)
+    shift(monkeypatch, amount)
+    wrong = enclosed_sum(family, enclosed(family, roots), rotations)
     distance = np.abs(wrong.values - good.values)
     assert np.all(distance > 1e3 * good.errors)
     assert np.all(distance <= wrong.errors)

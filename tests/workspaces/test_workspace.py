@@ -26,17 +26,18 @@ EQUAL = (1 / 3, 1 / 3, 1 / 3)
 PUBLISHED = tuple((-x, x) for x in np.radians([20, 90, 90]))
 
 
-def turned_by(yaw):
+def rotated_by(yaw):
     return Rotation.from_euler("z", yaw).as_matrix()
 
 
 def in_degrees(*limits):
-    return tuple(tuple(np.radians(one).tolist()) for one in limits)
+    return tuple(tuple(np.radians(ends).tolist()) for ends in limits)
 
 
 ODD = ((0.4, 0.33, 0.27), in_degrees((-30, 15), (-50, 110), (20, 110)))
 # Angles beyond a half turn either way.
 WRAPPED = ((0.178, 0.329, 0.493), in_degrees((0, 285), (-145, 206), (-256, -246)))
+ARMS = [Planar3R(EQUAL, PUBLISHED), Planar3R(*ODD), Planar3R(*WRAPPED)]
 
 
 def shown(made, text):
@@ -49,77 +50,81 @@ def contains(arm, points):
     low, high = arm.rings
     least, largest = arm._bearings(rho)
     starts, ends = arm._intervals(rho)
-    reached = np.any((starts <= bearing) & (bearing <= ends), axis=0)
-    kept = (least <= np.abs(bearing)) & (np.abs(bearing) <= largest)
-    return reached & kept & (low <= rho) & (rho <= high)
+    before = np.any((starts <= bearing) & (bearing <= ends), axis=0)
+    after = (least <= np.abs(bearing)) & (np.abs(bearing) <= largest)
+    return before & after & (low <= rho) & (rho <= high)
 
 
-def brute_force(lengths, limits, points, angles=60):
+def brute_force(arm, points, angles=60):
     """Which points are kept: all locked angles on a grid, the two-link arm that is left."""
-    first, second, third = lengths
-    middle = np.mean(limits[0])
-    turned = points @ turned_by(middle)[:2, :2].T
-    kept = np.ones(len(points), dtype=bool)
-    far = np.linalg.norm(turned, axis=1)
-    for joint, (low, high) in enumerate(limits):
+    first, second, third = arm.lengths
+    points = points @ rotated_by(np.mean(arm.limits[0]))[:2, :2].T
+    after = np.ones(len(points), dtype=bool)
+    for joint, (low, high) in enumerate(arm.limits):
         for angle in np.linspace(low, high, angles):
-            one, two, gap = {
-                0: (second, third, turned - first * np.array([np.cos(angle), np.sin(angle)])),
-                1: (abs(first + second * np.exp(1j * angle)), third, turned),
-                2: (first, abs(second + third * np.exp(1j * angle)), turned),
+            near, far, gap = {
+                0: (second, third, points - first * np.array([np.cos(angle), np.sin(angle)])),
+                1: (abs(first + second * np.exp(1j * angle)), third, points),
+                2: (first, abs(second + third * np.exp(1j * angle)), points),
             }[joint]
-            distance = np.linalg.norm(gap, axis=1)
-            kept &= (abs(one - two) <= distance) & (distance <= one + two)
+            after &= two_links(near, far, gap) >= 0
     # No failure: configurations on a grid that pass at most `near` from the circle of p.
-    q2, q3 = (grid.ravel() for grid in np.meshgrid(*(np.linspace(*x, 300) for x in limits[1:])))
+    grids = np.meshgrid(*(np.linspace(*ends, 300) for ends in arm.limits[1:]))
+    q2, q3 = (grid.ravel() for grid in grids)
     tip = first + second * np.exp(1j * q2) + third * np.exp(1j * (q2 + q3))
     before = []
-    for radius, place in zip(far, turned @ [1, 1j], strict=True):
-        bearings = np.angle(place / tip[np.abs(np.abs(tip) - radius) < 4e-3])
-        low, high = limits[0]
+    low, high = arm.limits[0]
+    for place in points @ [1, 1j]:
+        bearings = np.angle(place / tip[np.abs(np.abs(tip) - abs(place)) < 4e-3])
         before.append(np.any((bearings - low) % (2 * np.pi) <= high - low))
-    return kept & np.array(before)
+    return after & np.array(before)
 
 
-@pytest.mark.parametrize(("lengths", "limits"), [(EQUAL, PUBLISHED), ODD, WRAPPED])
-def test_the_closed_form_is_what_brute_force_finds(lengths, limits):
-    arm = Planar3R(lengths, limits)
+def two_links(first, second, away):
+    """How far inside of the ring that two links reach; negative outside."""
+    distance = np.linalg.norm(away, axis=-1)
+    return np.minimum(distance - abs(first - second), first + second - distance)
+
+
+@pytest.mark.parametrize("arm", ARMS)
+def test_the_closed_form_is_what_brute_force_finds(arm):
     points = np.random.default_rng(0).uniform(-1, 1, (200, 2))
     ours = contains(arm, points)
-    around = [
-        contains(arm, points + by) for by in 0.02 * np.array([(1, 0), (-1, 0), (0, 1), (0, -1)])
-    ]
+    shifts = 0.02 * np.array([(1, 0), (-1, 0), (0, 1), (0, -1)])
+    around = [contains(arm, points + shift) for shift in shifts]
     away = np.all(np.equal(around, ours), axis=0)  # from the boundary
     assert np.sum(ours & away) > 3
     assert np.sum(~ours & away) > 50
-    assert np.array_equal(ours[away], brute_force(lengths, limits, points)[away])
+    assert np.array_equal(ours[away], brute_force(arm, points)[away])
 
 
-@pytest.mark.parametrize(("lengths", "limits"), [(EQUAL, PUBLISHED), ODD, WRAPPED])
-def test_the_area_is_that_of_the_points(lengths, limits):
-    arm = Planar3R(lengths, limits)
+@pytest.mark.parametrize("arm", ARMS)
+def test_the_area_is_that_of_the_points(arm):
     x = (np.arange(150) + 0.5) / 75 - 1
     inside = contains(arm, np.stack(np.meshgrid(x, x), axis=-1).reshape(-1, 2))
     assert arm.area() == pytest.approx(4 * inside.mean(), abs=1e-2)
-    mirrored = tuple((-high, -low) for low, high in limits)
-    assert Planar3R(lengths, mirrored).area() == pytest.approx(arm.area(), abs=1e-9)
+    mirrored = tuple((-high, -low) for low, high in arm.limits)
+    assert Planar3R(arm.lengths, mirrored).area() == pytest.approx(arm.area(), abs=1e-9)
 
 
 def test_the_published_area():
-    arm = Planar3R(EQUAL, PUBLISHED)
-    size, error = arm.area_with_error()
+    size, error = ARMS[0].area_with_error()
     assert size == pytest.approx(0.355811, abs=1.5e-6)
     assert error < 1e-5
-    assert arm.area() == pytest.approx(size, abs=5e-5)
+    assert ARMS[0].area() == pytest.approx(size, abs=5e-5)
 
 
-def test_what_is_not_kept():
-    """Physical limits keep nothing: joint 3 may fold the arm; then joint 1 alone is left."""
-    turn = (-np.pi, np.pi)
-    assert Planar3R(EQUAL, (turn,) * 3).area() == 0
-    assert Planar3R(EQUAL, (turn,) * 3).shortfall > 0
+def test_arms_that_keep_nothing():
+    """Physical limits keep nothing: joint 3 may fold the arm; then joint 1 alone moves."""
+    endless = ((-np.pi, np.pi),) * 3
+    assert Planar3R(EQUAL, endless).area() == 0
+    assert Planar3R(EQUAL, endless).shortfall > 0
     still = ((0, 0), (0.5, 0.5), (1, 1))
     assert Planar3R(EQUAL, still).area() == pytest.approx(0, abs=1e-9)
+    nothing = workspace(SerialArm.planar((0.5, 0.3, 0.2)), endless, 0.05)
+    assert nothing.size == 0
+    assert nothing.critical != ()
+    assert nothing.to_dict()["share_kept"] == 0
 
 
 # On a grid -----------------------------------------------------------------------------------
@@ -130,17 +135,19 @@ def test_the_grid_agrees_with_the_closed_form(monkeypatch):
     exact = workspace(arm, PUBLISHED, 0.02, np.deg2rad(10))
     assert exact.to_dict()["method"] == "closed form"
     monkeypatch.setattr(module, "closed_form", lambda *_: None)
-    found = measured(exact.sets, PUBLISHED)
-    assert abs(found.size - exact.size) < max(found.error, 0.02)
-    assert found.raw > exact.size  # over-estimates
-    assert found.passed[0] < 0.7 < 0.95 < found.passed[2]
-    assert found.physical == pytest.approx(np.pi, rel=0.05)
-    inside = contains(
-        Planar3R(EQUAL, PUBLISHED), found.sets.centres(np.ones_like(found.voxels))
-    )
-    missed = inside.reshape(found.voxels.shape) & ~found.voxels
+    grid = measured(exact.sets, PUBLISHED)
+    assert abs(grid.size - exact.size) < max(grid.error, 0.02)
+    assert grid.raw > exact.size  # over-estimates
+    assert grid.passed[0] < 0.7 < 0.95 < grid.passed[2]
+    assert grid.physical == pytest.approx(np.pi, rel=0.05)
+    inside = contains(ARMS[0], grid.sets.centres(np.ones_like(grid.voxels)))
+    missed = inside.reshape(grid.voxels.shape) & ~grid.voxels
     assert missed.sum() < 0.01 * inside.sum()
-    assert "0.25  –" in _text(replace(found, passed=(0.25, math.nan)))
+    assert "0.25  –" in _text(replace(grid, passed=(0.25, math.nan)))
+
+
+def size_of(sets, limits):
+    return sets.unit * (sets.before(limits) & sets.after(limits)).sum()
 
 
 @pytest.fixture(scope="module")
@@ -157,12 +164,12 @@ def test_positions_are_those_of_the_chain(spatial, made):
     arm, judge = SerialArm.from_chain(chain), RobotArm(chain, TaskSpace(("vx", "vy", "vz")))
     q = np.random.default_rng(0).uniform(-0.1, 0.1, (4, 5))
     _, _, ours = arm.kinematics.forward(q.T)
-    turn = arm.steps[0].placement[:3, :3]
-    theirs = np.array([judge.metric_jacobian(one)[:3] for one in q])
-    assert turn @ np.moveaxis(ours, 2, 0) == pytest.approx(theirs, abs=1e-12)
+    theirs = np.array([judge.metric_jacobian(point)[:3] for point in q])
+    base = arm.steps[0].placement[:3, :3]
+    assert base @ np.moveaxis(ours, 2, 0) == pytest.approx(theirs, abs=1e-12)
     # The derivative of the position is the Jacobian.
     by = 1e-6 * np.eye(5)[3]
-    after, before = (arm.kinematics.forward(one.T)[0] for one in (q + by, q - by))
+    after, before = (arm.kinematics.forward(moved.T)[0] for moved in (q + by, q - by))
     assert (after - before) / 2e-6 == pytest.approx(ours[:, 3], abs=1e-8)
 
 
@@ -177,12 +184,11 @@ def test_the_reachable_set_holds_every_position_and_is_found_by_inverse_kinemati
     place = np.rint(arm.kinematics.forward(q.T)[0].T / 0.04).astype(int) - sets.corner
     voxels = sets.before(limits)
     assert voxels[tuple(place.T)].mean() > 0.99
-    kept = voxels & sets.after(limits)
-    if kept.any():
-        assert module.verified(sets, limits, kept, 50)[0].mean() > 0.3
-    with_slider = sets.slices[2]
-    assert with_slider[0] == pytest.approx(-0.1)
-    assert np.diff(with_slider).max() <= 0.08 + 1e-12
+    after = voxels & sets.after(limits)
+    if after.any():
+        assert module.verified(sets, limits, after, 50)[0].mean() > 0.3
+    assert sets.slices[2][0] == pytest.approx(-0.1)
+    assert np.diff(sets.slices[2]).max() <= 0.08 + 1e-12
 
 
 def test_limits_of_the_first_joint_may_be_turned(made):
@@ -192,7 +198,7 @@ def test_limits_of_the_first_joint_may_be_turned(made):
     areas = []
     for middle in (0.0, np.pi, -1.0):
         limits = ((middle - 0.6, middle + 0.6), *((-1.8, 1.8),) * 3)
-        areas.append(sets.unit * (sets.before(limits) & sets.after(limits)).sum())
+        areas.append(size_of(sets, limits))
     assert areas[0] > 0.5
     assert areas == pytest.approx([areas[0]] * 3, rel=0.05)
 
@@ -201,7 +207,7 @@ def test_limits_of_the_first_joint_may_be_turned(made):
 
 
 def planar_urdf(made, lengths, axes=("0 0 1",) * 3, kind="continuous", yaw="0"):
-    places = ["0 0 0", *(f"{one} 0 0.05" for one in lengths)]
+    places = ["0 0 0", *(f"{length} 0 0.05" for length in lengths)]
     joints = [
         made.joint(
             f"j{k}", f"l{k}", f"l{k + 1}", kind, xyz=places[k], rpy=f"0 0 {yaw}", axis=axes[k]
@@ -220,9 +226,8 @@ def test_a_planar_arm_is_recognised_however_it_is_described(made, axes, yaw):
     assert arm.is_planar
     form = closed_form(arm, arm.physical)
     assert form.lengths == pytest.approx(ODD[0])
-    best = Planar3R(*ODD)
-    back = closed_form(arm, _in_joints(arm, best))
-    assert back.area() == pytest.approx(best.area(), rel=1e-9)
+    back = closed_form(arm, _in_joints(arm, ARMS[1]))
+    assert back.area() == pytest.approx(ARMS[1].area(), rel=1e-9)
 
 
 def test_a_joint_on_whose_axis_the_tip_is_does_not_count(made):
@@ -236,13 +241,13 @@ def test_a_joint_on_whose_axis_the_tip_is_does_not_count(made):
 # The best limits and lengths ------------------------------------------------------------------
 
 
-def test_the_search_in_closed_form(made):
+def test_the_search_in_closed_form():
     arm = SerialArm.planar(EQUAL)
     same, limits = best_limits(arm, 0.02, generations=1)
     other, both = best_limits(arm, 0.02, generations=1, lengths=True)
     assert same is arm
-    assert closed_form(arm, limits).area() > Planar3R(EQUAL, PUBLISHED).area()
-    assert closed_form(other, both).area() > Planar3R(EQUAL, PUBLISHED).area()
+    for chosen, ends in ((arm, limits), (other, both)):
+        assert closed_form(chosen, ends).area() > ARMS[0].area()
     assert other.links.sum() == pytest.approx(1)
     assert min(high - low for low, high in both) > np.deg2rad(9.99)
     module.check_limits(other, both)
@@ -253,9 +258,8 @@ def test_the_search_on_a_grid():
     _, limits = best_limits(arm, 0.05, starts=1)
     longer, both = best_limits(arm, 0.05, starts=1, lengths=True)
     assert longer.links.sum() == pytest.approx(1)
-    cases = (ReachableSets(arm, 0.03), limits), (ReachableSets(longer, 0.03), both)
-    sizes = [(sets.before(one) & sets.after(one)).sum() * sets.unit for sets, one in cases]
-    assert 0.5 < sizes[0] < sizes[1]
+    size = size_of(ReachableSets(arm, 0.03), limits)
+    assert 0.5 < size < size_of(ReachableSets(longer, 0.03), both)
     with pytest.raises(InputError, match="least width is 4"):
         best_limits(arm, 0.05, least_width=4)
 
@@ -271,46 +275,37 @@ def test_workspace_of_a_file(lockedjoint, made, tmp_path):
     done = lockedjoint.here("workspace", "arm.urdf", *ends, *more, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert "0.35581" in done.stdout
-    found = json.loads((tmp_path / "a.json").read_text())
-    assert found["limits"]["j1"] == pytest.approx([-np.pi / 2, np.pi / 2])
+    written = json.loads((tmp_path / "a.json").read_text())
+    assert written["limits"]["j1"] == pytest.approx([-np.pi / 2, np.pi / 2])
     assert "kept after any failure" in (tmp_path / "a.svg").read_text()
 
 
-def test_a_workspace_that_is_empty_is_a_result():
-    found = workspace(SerialArm.planar((0.5, 0.3, 0.2)), ((-np.pi, np.pi),) * 3, 0.05)
-    assert found.size == 0
-    assert found.critical != ()
-    assert found.to_dict()["share_kept"] == 0
-
-
 # With the orientation held --------------------------------------------------------------------
-
-
-def two_links(first, second, away):
-    distance = np.linalg.norm(away, axis=-1)
-    return np.minimum(distance - abs(first - second), first + second - distance)
 
 
 def test_a_planar_arm_that_holds_its_orientation():
     """What is reached after each failure is what a two-link arm reaches, for every angle."""
     lengths, angle = (0.3, 0.28, 0.24, 0.18), 0.4
     arm = SerialArm.planar(lengths)
-    sets = PoseSets(arm, turned_by(angle), 0.14, np.deg2rad(20))
-    one, two, three, four = lengths
+    sets = PoseSets(arm, rotated_by(angle), 0.14, np.deg2rad(20))
+    first, second, third, last = lengths
     x = sets._points[:, :2].reshape(*sets.shape, 2)
-    wrist = x - four * np.array([np.cos(angle), np.sin(angle)])
+    wrist = x - last * np.array([np.cos(angle), np.sin(angle)])
     wrong = count = 0
     for joint, places in sets.slices.items():
         for place, theta in enumerate(places):
             ours = sets._unpacked(sets._reached[joint][place])
             ray = np.array([np.cos(theta), np.sin(theta)])
             back = np.array([np.cos(angle - theta), np.sin(angle - theta)])
-            margin = {
-                0: lambda u=ray: two_links(two, three, wrist - one * u),
-                1: lambda t=theta: two_links(abs(one + two * np.exp(1j * t)), three, wrist),
-                2: lambda t=theta: two_links(one, abs(two + three * np.exp(1j * t)), wrist),
-                3: lambda u=back: two_links(one, two, wrist - three * u),
-            }[joint]()
+            bent = np.exp(1j * theta)
+            margin = two_links(
+                *{
+                    0: (second, third, wrist - first * ray),
+                    1: (abs(first + second * bent), third, wrist),
+                    2: (first, abs(second + third * bent), wrist),
+                    3: (first, second, wrist - third * back),
+                }[joint]
+            )
             clear = np.abs(margin) > 0.01
             wrong += np.sum(ours[clear] != (margin > 0)[clear])
             count += clear.sum()
@@ -326,38 +321,35 @@ def test_size_and_limits_with_the_orientation_held():
     arm = SerialArm.planar((0.25,) * 4)
     sets = PoseSets(arm, np.eye(3), 0.15)
     _, limits = best_limits(arm, 0.15, sets=sets, starts=1)
-    found = measured(sets, limits)
-    assert found.method == "self-motion"
-    assert found.size == found.raw > 0
-    assert found.error == pytest.approx(0.0225 * np.sqrt(module.surface(found.voxels)))
-    assert found.physical == pytest.approx(
-        np.pi * 0.75**2, abs=0.1 * np.sqrt(2 * np.pi * 7.5) * 0.1
-    )
-    assert found.passed[0] > 0.7
+    result = measured(sets, limits)
+    assert result.method == "self-motion"
+    assert result.size == result.raw > 0
+    assert result.error == pytest.approx(0.0225 * np.sqrt(module.surface(result.voxels)))
+    error = 0.1 * np.sqrt(2 * np.pi * 7.5) * 0.1
+    assert result.physical == pytest.approx(np.pi * 0.75**2, abs=error)
+    assert result.passed[0] > 0.7
 
 
 def test_curves_of_a_spatial_arm_hold_the_tool(made):
     """Every stored configuration puts the tool where it is held, by other kinematics."""
     offsets = ["0.1 0 0.2", "0 0.1 0.1", "0.2 0 0", "0 0 0.25", "0 0 0.2", "0.1 0 0", "0 0 0.1"]
-    text = made.urdf(
-        [
-            *made.serial(offsets, made.AXES[:7]),
-            made.joint("end", "l7", "l8", "fixed", xyz="0.1 0 0.1", rpy="0.3 0 0.2"),
-        ]
-    )
+    end = made.joint("end", "l7", "l8", "fixed", xyz="0.1 0 0.1", rpy="0.3 0 0.2")
+    text = made.urdf([*made.serial(offsets, made.AXES[:7]), end])
     chain = chain_between(made.tree(text), "l8")
     arm = SerialArm.from_chain(chain)
-    turn = Rotation.from_euler("xyz", [0.4, -0.3, 1.0]).as_matrix()
-    sets = PoseSets(arm, turn, 0.4)
+    wanted = Rotation.from_euler("xyz", [0.4, -0.3, 1.0]).as_matrix()
+    sets = PoseSets(arm, wanted, 0.4)
     assert len(sets._q) > 100
     chosen = np.random.default_rng(0).integers(len(sets._q), size=50)
-    origin, turns = Kinematics(chain).forward(sets._q[chosen].T.astype(float), jacobian=False)
-    assert np.einsum("ijb->bij", turns) == pytest.approx(np.tile(turn, (50, 1, 1)), abs=0.02)
-    first = arm.steps[0].placement
-    points = sets._points[sets._owners[chosen]] @ first[:3, :3].T + first[:3, 3]
+    q = sets._q[chosen].T.astype(float)
+    origin, rotations = Kinematics(chain).forward(q, jacobian=False)
+    tiled = np.tile(wanted, (50, 1, 1))
+    assert np.moveaxis(rotations, 2, 0) == pytest.approx(tiled, abs=0.02)
+    base = arm.steps[0].placement
+    points = sets._points[sets._owners[chosen]] @ base[:3, :3].T + base[:3, 3]
     assert pytest.approx(points, abs=0.02) == origin.T
-    assert np.all(sets._q >= np.transpose(arm.physical)[0] - 1e-6)
-    assert np.all(sets._q <= np.transpose(arm.physical)[1] + 1e-6)
+    lower, upper = np.transpose(arm.physical)
+    assert np.all((sets._q >= lower - 1e-6) & (sets._q <= upper + 1e-6))
 
 
 def test_the_command_with_an_orientation(lockedjoint, made, tmp_path):

@@ -1,6 +1,7 @@
-"""Localisers with multipliers: bounds on all rounding and on how far they are from invariant.
+"""Squares and localisers with multipliers: bounds on rounding and distances from invariants.
 
-A scaled block is a sum of squares, see `enclosed_squares`, times the computed factor g.
+A plain block is a sum of squares, see `enclosed_squares`; a scaled block is one times the
+computed factor g. Both are what follows with V = 1 and H = 1.
 
 A Krylov localiser with X = LLᵀ is Σ ⟨H_f, Σ_j r_j r_jᵀ⟩. Let L_k be the rows of L that go with
 the power k of M, A_{T,k} = U_T L_k, and r_k = A_{T,k}ᵀφ. The columns of L stand for the vectors
@@ -15,7 +16,8 @@ permutations by at most Σ_kl |H_kl|(|r_k| ℓe_l + ℓe_k ℓe_l). The average 
 negative where J_f J_fᵀ ⪰ tI.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from math import sqrt
 
 import numpy as np
@@ -26,7 +28,6 @@ from formulations.bounds.so3_moments.enclosed_squares import (
     SAFETY,
     UNIT,
     EnclosedBlock,
-    EnclosedSum,
     block_values,
     enclosed_block,
     gamma,
@@ -34,9 +35,21 @@ from formulations.bounds.so3_moments.enclosed_squares import (
     product_error,
 )
 from formulations.bounds.so3_moments.localisers import POWERS, KrylovLocaliser, krylov_vectors
+from formulations.bounds.so3_moments.sampled_blocks import RowBlocks, SectorBlocks
 from formulations.bounds.so3_moments.symmetric_rows import AdaptedRows
 from formulations.bounds.so3_moments.wigner import jacobians_of, wigner_matrices
 from nlp.arrays import FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class EnclosedSum:
+    """Values of an invariant function at configurations, with bounds."""
+
+    values: FloatArray
+    #: Bounds on the distance from the exact values.
+    errors: FloatArray
+    #: Bounds on the sums of the absolute values of what was added up.
+    sizes: FloatArray
 
 
 def enclosed_product(
@@ -80,15 +93,15 @@ def enclosed_scaled(
 
 
 def enclosed_powers(
-    family: KrylovLocaliser, block: AdaptedRows, root: FloatArray
+    family: RowBlocks, block: AdaptedRows, root: FloatArray
 ) -> dict[int, EnclosedBlock]:
-    """Return A_{T,k} = U_T L_k of a block for each power k that occurs.
+    """Return A_{T,k} = U_T L_k of a block for each power k that occurs, of squares 0 only.
 
     L, `root`, has a row for each of the family's `selection` from the block.
     """
     chosen, powers = family.selection(block)
     found = {}
-    for power in range(POWERS):
+    for power in range(len(family.lowered)):
         own = powers == power
         columns = np.zeros((block.size, root.shape[1]))
         columns[chosen[own]] = root[own]
@@ -98,29 +111,27 @@ def enclosed_powers(
     return found
 
 
-def enclosed_krylov_sum(
-    family: KrylovLocaliser,
+def enclosed_sum(
+    family: SectorBlocks | KrylovLocaliser,
     blocks: Sequence[Mapping[int, EnclosedBlock]],
     rotations: FloatArray,
 ) -> EnclosedSum:
-    """Return the sum over the blocks of a localiser, averaged over all orders of the joints.
+    """Return the sum over the blocks of one family, averaged over all orders of the joints.
 
-    `blocks` holds A_{T,k} of each block, see `enclosed_powers`; rotations are in extended
-    precision.
+    The errors include the difference from its average. `blocks` holds A_{T,k} of each block,
+    see `enclosed_powers`; rotations are in extended precision.
     """
     count = len(rotations)
     wigner = wigner_matrices(rotations, family.largest_spin)
-    jacobians = jacobians_of(rotations)
+    cases = list(_forms(family, rotations))
     blocks = [powers for powers in blocks if powers]
     mistakes = [
         [product_error(family, block) for block in powers.values()] for powers in blocks
     ]
     total, errors, sizes = np.zeros(count), np.zeros(count), np.zeros(count)
     terms = 0
-    for locked in range(family.joints):
-        forms, form_errors = krylov_forms(jacobians, locked, family.limit)
+    for forms, form_errors, orders in cases:
         bounds = SAFETY * np.abs(forms).astype(float) + form_errors[:, None, None]
-        orders = family.orders(locked)
         for order in orders:
             plain = family.plain_values(wigner, order)
             norms = plain_norms(family, plain)
@@ -137,18 +148,34 @@ def enclosed_krylov_sum(
                 lengths = SAFETY * np.sqrt(lengths) + wrong
                 h = bounds[here]
                 size = _form_value(lengths, lengths, h)
-                # Squares and their sums as in `enclosed_squares`, then nine products.
-                units = 24 + values[0].shape[0] * values[0].shape[2] // 2**11
+                # Squares are added up in extended precision: at most 2¹¹ terms for one more
+                # unit. Then nine products with H, if there is one.
+                units = 4 + values[0].shape[0] * values[0].shape[2] // 2**11
+                units += 20 if len(family.lowered) > 1 else 0
                 # `lengths` holds w already: 2(|r| + w)w is more than 2|r|w + w².
                 error = _form_value(lengths, 2 * wrong + steps, h)
                 error += _form_value(steps, steps, h) + gamma(units) * size
                 error += form_errors * squares
-                weight = 1.0 / (family.joints * len(orders) * next(iter(powers.values())).scale)
+                weight = 1.0 / (len(cases) * len(orders) * next(iter(powers.values())).scale)
                 total += weight * found
                 errors += SAFETY * weight * error
                 sizes += SAFETY * weight * size
                 terms += 1
+    # Weights and sums over blocks and orders.
     return EnclosedSum(total, SAFETY * (errors + gamma(terms + 8) * sizes), SAFETY * sizes)
+
+
+def _forms(
+    family: SectorBlocks | KrylovLocaliser, rotations: FloatArray
+) -> Iterator[tuple[FloatArray, FloatArray, Sequence[Sequence[int]]]]:
+    """Give H, bounds on its error, and orders of the joints; H = 1 for plain squares."""
+    if isinstance(family, SectorBlocks):
+        count = len(rotations)
+        yield np.ones((count, 1, 1), dtype=np.longdouble), np.zeros(count), family.orders
+        return
+    jacobians = jacobians_of(rotations)
+    for locked in range(family.joints):
+        yield *krylov_forms(jacobians, locked, family.limit), family.orders(locked)
 
 
 def krylov_forms(

@@ -1,0 +1,115 @@
+"""What failures leave of a robot's path, and of its workspace."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from formulations.kinematics.serial_arm import Bits
+from formulations.paths.plan import PathPlan
+from formulations.plot.style import BLUE, GREY, ORANGE, PALE, PAPER, SMALL, styled
+from formulations.workspaces.workspace import Workspace
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+_LEGEND = {"physical limits": PALE, "artificial limits": BLUE, "kept after any failure": ORANGE}
+
+
+def draw_path(plan: PathPlan) -> Figure:
+    """Draw σ and the survivors along a path, beside those of the minimum-norm trajectory."""
+    times, count = plan.times, len(plan.joints)
+    with styled(6.5, 4.6) as figure:
+        from matplotlib.colors import ListedColormap
+
+        ratios = [2, 2, 0.35 * count]
+        above, middle, below = figure.subplots(3, 1, sharex=True, height_ratios=ratios)
+        for trajectory, colour, name in (
+            (plan.minimum_norm, GREY, "minimum norm"),
+            (plan.planned, BLUE, "planned"),
+        ):
+            if trajectory is not None:
+                above.plot(times, trajectory.sigma, color=colour, lw=1.5, label=name)
+                middle.plot(times, trajectory.survives.sum(axis=1), color=colour, lw=1.5)
+        above.set_title("worst-case σ")
+        above.set_ylim(bottom=0)
+        # Beside the heading, where no line is.
+        above.legend(ncols=2, loc="lower right", bbox_to_anchor=(1, 1), borderpad=0)
+        middle.set_title("number of joints that may lock")
+        middle.set_ylim(0, count + 0.3)
+        middle.set_yticks(range(0, count + 1, 1 if count < 6 else 2))
+        # A cell for each joint and each sample, and white between the joints.
+        edges = np.concatenate([times[:1], (times[1:] + times[:-1]) / 2, times[-1:]])
+        rows, colours = np.arange(count + 1) - 0.5, ListedColormap([PALE, BLUE])
+        below.pcolormesh(edges, rows, plan.planned.survives.T, cmap=colours, vmin=0, vmax=1)
+        below.hlines(rows, edges[0], edges[-1], color="white", lw=4)
+        below.set_yticks(range(count), plan.joints)
+        below.invert_yaxis()
+        below.set_title("when each joint may lock (blue), on the planned trajectory")
+        below.set_xlabel("time (s)")
+        for value in plan.times[np.abs(plan.places - np.round(plan.places)) < 1e-9]:
+            below.axvline(value, color=GREY, lw=0.5, ls=":")
+        return figure
+
+
+def draw_workspace(workspace: Workspace) -> Figure:
+    """Draw what is reached, and what of it is kept.
+
+    Parameters
+    ----------
+    workspace
+        That of a planar arm, which is drawn whole, or of a spatial one: its section
+        through the axis of the first joint, and that across it where most is kept.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+    """
+    sets = workspace.sets
+    layers = [
+        sets.before(workspace.arm.physical),
+        sets.before(workspace.limits),
+        workspace.voxels,
+    ]
+    flat = workspace.dimension == 2
+    with styled(*((4.6, 4.6) if flat else (7.4, 4.0))) as figure:
+        from matplotlib.patches import Patch
+
+        unit = "m²" if flat else "m³"
+        share = f"{100 * workspace.share:.0f} % of what is reached"
+        figure.suptitle(f"{workspace.size:.3g} {unit} kept, {share}")
+        if flat:
+            _section(figure.subplots(), workspace, layers, (0, 1))
+        else:
+            left, right = figure.subplots(1, 2)
+            most = layers[2] if layers[2].any() else layers[0]
+            across = -int(sets.corner[1])
+            level = int(np.argmax(most.sum(axis=(0, 1))))
+            _section(left, workspace, [layer[:, across] for layer in layers], (0, 2))
+            _section(right, workspace, [layer[:, :, level] for layer in layers], (0, 1))
+            for axes, axis, place in ((left, 1, across), (right, 2, level)):
+                height = (place + sets.corner[axis]) * sets.voxel
+                axes.set_title(f"{'xyz'[axis]} = {height:.2f} m", fontsize=SMALL)
+        patches = [Patch(color=colour, label=name) for name, colour in _LEGEND.items()]
+        columns = 2 if flat else 3  # as many as there is room for
+        figure.legend(handles=patches, loc="outside lower center", ncols=columns)
+    return figure
+
+
+def _section(
+    axes: Axes, workspace: Workspace, layers: list[Bits], shown: tuple[int, int]
+) -> None:
+    from matplotlib.colors import ListedColormap
+
+    sets = workspace.sets
+    level = np.max([(k + 1) * layer for k, layer in enumerate(layers)], axis=0)
+    first, second = ((sets.corner[k] - 0.5) * sets.voxel for k in shown)
+    rows, columns = level.shape
+    extent = (first, first + rows * sets.voxel, second, second + columns * sets.voxel)
+    colours = ListedColormap([PAPER, *_LEGEND.values()])
+    image = axes.imshow(level.T, origin="lower", extent=extent, cmap=colours, vmin=0, vmax=3)
+    image.set_interpolation("nearest")
+    axes.set_xlabel(f"{'xyz'[shown[0]]} (m)")
+    axes.set_ylabel(f"{'xyz'[shown[1]]} (m)")

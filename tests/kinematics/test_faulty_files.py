@@ -1,0 +1,159 @@
+"""What a faulty file of a robot gets: one sentence that names it, and no other output."""
+
+import gzip
+import re
+
+import pytest
+
+from formulations.kinematics.read_robot import read_robot
+from nlp.errors import FileError
+from tests.made_robots import SMALL
+
+# URDF: a file's content, and a pattern of its sentence.
+
+
+def _links(names):
+    return "".join(f'<link name="{name}"/>' for name in names)
+
+
+def _robot(joints="", links="01"):
+    return f'<robot name="made">{_links(links)}{joints}</robot>'
+
+
+def _joint(name="a", ends="01", more=""):
+    parent, child = ends
+    return (
+        f'<joint name="{name}" type="revolute"><parent link="{parent}"/>'
+        f'<child link="{child}"/>{more or "<limit/>"}</joint>'
+    )
+
+
+_ONE = _robot(_joint())
+_ENTITY = "<!ENTITY>; allowed: XML without entities"
+FAULTS = [
+    (_ONE[:-9], "not XML"),
+    (" ", "not XML"),
+    ("<sdf/>", "<sdf>.*<robot>"),
+    ("<robot><xacro:macro/></robot>", "run xacro"),
+    ("<robot name='x'/>", "without a <link>"),
+    ("<robot><link/></robot>", "a link is without .*'name'"),
+    (_ONE.replace(' name="a"', ""), "a joint is without .*'name'"),
+    (_ONE.replace("revolute", "screw"), "type of joint a is screw; allowed: one of revolute"),
+    (_ONE.replace('<parent link="0"/>', ""), "joint a is without <parent>"),
+    (_ONE.replace('parent link="0"', "parent"), "<parent> of joint a is without"),
+    (_robot(_joint(), "0"), "child of joint a is 1; allowed: the name of a <link>"),
+    (_robot(_joint(), "011"), "link 1 is there 2 times"),
+    (_robot(_joint() + _joint("a", "12"), "012"), "joint a is there 2 times"),
+    (_robot(_joint("a", "02") + _joint("b", "12"), "012"), "child of 2 joints.*closed loops"),
+    (_robot(_joint(), "01x"), "pieces that start at 0, x"),
+    (_robot(_joint() + _joint("b", "10")), r"robot is cyclic \(through 0, 1\)"),
+    (_robot(_joint("a", "00"), "0"), r"robot is cyclic \(through 0\)"),
+    (_robot(_joint("a", "12") + _joint("b", "21"), "012"), r"cyclic \(through 1, 2\)"),
+    *(
+        (
+            _robot(_joint(more=f'<limit lower="{lower}" upper="{upper}"/>')),
+            f"limits of joint a {why}",
+        )
+        for lower, upper, why in (
+            (1, -1, r"is \[1, -1\]"),
+            ("inf", "inf", r"is \[inf, inf\]; allowed: .* with a position of size"),
+            ("-9e99", "-8e99", "is .* with a position of size"),
+        )
+    ),
+    (_robot(_joint(more='<axis xyz="0 0 0"/>')), "axis of joint a"),
+    (
+        _robot(_joint(more='<axis xyz="1e-300 0 0"/>')),
+        "axis of joint a is 1e-300 0 0; allowed: three numbers, not all zero",
+    ),
+    (
+        _robot(_joint(more='<origin xyz="0 0 ${d}"/>')),
+        r"xyz of <origin> of joint a is 0 0 \$\{d\}; .*run xacro",
+    ),
+    (_robot(_joint(more="<mimic/>")), "<mimic> of joint a is without"),
+    ("<robot><link name='a\0b'/></robot>", "not XML"),
+    (b"\0" * 99, "not XML"),
+    (bytes(range(256)) * 9, "not XML"),
+    (_ONE + "\0", "not XML"),
+    (gzip.compress(_ONE.encode()), "gzip; .*unpack the file"),
+    (_robot(links="é").encode("latin-1"), "not XML.*invalid token"),
+    ("<?xml version='1.0' encoding='x-9'?><robot/>", "not XML.*unknown encoding"),
+    (2 * _ONE, "not XML.*junk after"),
+    ("<robot>" + 9999 * "<a>", "nested too deeply"),
+    (_robot(links=["x" * 12_000_000]), "a text that is too long"),
+    ("<!DOCTYPE r [<!ENTITY e 'x'>]><robot name='&e;'/>", _ENTITY),
+    ("<!DOCTYPE r [<!ENTITY e SYSTEM 'file:///dev/null'>]><robot>&e;</robot>", _ENTITY),
+]
+
+# Denavit–Hartenberg tables and MJCF: the sentence, and the content.
+
+GOOD = "# convention: standard\nkind,a,d,alpha_rad,theta_rad\nR,1,0,0,0\n"
+TABLES = {
+    "convention is missing": GOOD.replace("# convention: standard", "#"),
+    "convention is craig": GOOD.replace("standard", "craig"),
+    "column is b": GOOD.replace("kind,a,", "kind,b,"),
+    "table is without kind": "# convention: standard\na,d,alpha_rad,theta_rad\n1,0,0,0",
+    "table is without rows": GOOD.replace("R,1,0,0,0\n", ""),
+    "content is no table": "# convention: standard\n",
+    "content is no table; allowed: a line": GOOD.replace(",0,0\n", ',"0,0\n'),
+    "column alpha is without a unit": GOOD.replace("alpha_rad", "alpha"),
+    "column alpha is missing": GOOD.replace("alpha_rad,", ""),
+    "column theta is there twice": GOOD.replace("alpha_rad", "theta_deg"),
+    "column upper is without a unit": GOOD.replace("alpha_rad", "upper,alpha_rad"),
+    "column is a;": GOOD.replace("kind,a,", "kind,a,a,"),
+    "row 1 is of 4 cells": GOOD.replace("R,1,0,0,0", "R,1,0,0"),
+    "kind in row 1 is screw": GOOD.replace("R,", "screw,"),
+    "a in row 1 is x": GOOD.replace("R,1", "R,x"),
+    "a in row 1 is empty": GOOD.replace("R,1", "R,"),
+    "a in row 1 is nan": GOOD.replace("R,1", "R,nan"),
+    "theta_rad in row 1 is inf": GOOD.replace("0,0\n", "0,inf\n"),
+    "origin of joint fixed tip": GOOD.replace("R,1", "R,1e300"),
+    "content is not in UTF-8": b"\xff\xfe\x00",
+    "table is of 10001 rows; allowed: at most 10000 rows": GOOD + "R,1,0,0,0\n" * 10_000,
+}
+REFUSED = {
+    "file of <include> is ../robot.xml; allowed: one in the folder": SMALL.replace(
+        "<equality>", '<include file="../robot.xml"/><equality>'
+    ),
+    "/x; allowed: a file that can be read": SMALL.replace(
+        "<mujoco>", '<mujoco><include file="x"/>'
+    ),
+    "file of <include> is robot.xml; allowed: every file once": SMALL.replace(
+        "<mujoco>", '<mujoco><include file="robot.xml"/>'
+    ),
+    "content is MJCF with <attach>": SMALL.replace('<body name="d"', "<attach/><body "),
+    "content is MJCF with <replicate>": SMALL.replace(
+        '<body name="d"', '<replicate count="1000000000"/><body '
+    ),
+    "content is an equality of tendons": SMALL.replace("<equality>", "<equality><tendon/>"),
+    "content is 20004 bodies": SMALL.replace(
+        '<body name="d" pos="0 0 1"/>', "<body/><site/>" * 9_998 + "<site/><site/>"
+    ),
+    "content is MJCF that mujoco refuses": SMALL.replace("hinge", "screw"),
+    "content is not XML": SMALL[:-3],
+    "content is XML with <!ENTITY>": "<!DOCTYPE m [<!ENTITY e 'x'>]>" + SMALL,
+    "origin of joint b": SMALL.replace('name="b" pos="0 0 1"', 'name="b" pos="0 0 1e30"'),
+    "mujoco refuses (Error: axis too small": SMALL.replace(
+        'axis="0 1 0" type', 'axis="0 0 0" type'
+    ),
+    "root element is <sdf>; allowed: <robot> (URDF) or <mujoco> (MJCF)": "<sdf/>",
+}
+
+CASES = [("robot.urdf", content, sentence) for content, sentence in FAULTS]
+CASES += [
+    (name, content, re.escape(sentence))
+    for name, cases in (("arm.csv", TABLES), ("robot.xml", REFUSED))
+    for sentence, content in cases.items()
+]
+
+
+@pytest.mark.parametrize(("name", "content", "sentence"), CASES, ids=range(len(CASES)))
+def test_one_sentence(name, content, sentence, tmp_path, monkeypatch, capfd):
+    monkeypatch.chdir(tmp_path)
+    path = tmp_path / name
+    path.write_bytes(content if isinstance(content, bytes) else content.encode())
+    with pytest.raises(FileError, match=sentence) as caught:
+        read_robot(path)
+    assert str(tmp_path) in str(caught.value)
+    assert "\n" not in str(caught.value)
+    assert capfd.readouterr() == ("", "")
+    assert [one.name for one in tmp_path.iterdir()] == [name]  # no log of mujoco

@@ -1,0 +1,159 @@
+"""Robots made for the tests, mostly as URDF text; the fixture `made` is this module."""
+
+from functools import lru_cache
+
+import numpy as np
+import pinocchio as pin
+import roboticstoolbox as rtb
+
+from formulations.kinematics.chain_between import chain_between
+from formulations.kinematics.read_urdf import urdf_tree
+from formulations.kinematics.read_xml import xml_root
+from formulations.robots.robot_arm import RobotArm
+from formulations.robots.task import TaskSpace
+from results.robots.survey import ARMS
+
+
+def joint(
+    name, parent, child, kind="revolute", xyz="0 0 0.3", rpy="0 0 0", axis="0 0 1", **more
+):
+    limit = more.get("limit", 'lower="-2" upper="2" effort="1" velocity="1"')
+    limited = f"<limit {limit}/>" if kind in ("revolute", "prismatic") and limit else ""
+    return (
+        f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>'
+        f'<origin xyz="{xyz}" rpy="{rpy}"/><axis xyz="{axis}"/>{limited}{more.get("mimic", "")}'
+        "</joint>"
+    )
+
+
+def urdf(joints, links=None, name="made"):
+    if links is None:
+        links = dict.fromkeys(end for one in joints for end in _ends(one))
+    listed = "".join(f'<link name="{link}"/>' for link in links)
+    return f'<robot name="{name}">{listed}{"".join(joints)}</robot>'
+
+
+def _ends(text):
+    return [part.split('"')[1] for part in text.split("link=")[1:3]]
+
+
+AXES = ("0 0 1", "0 1 0", "0 0 1", "0 1 0", "0 0 1", "0 1 0", "0 0 1")
+
+
+def serial(offsets, axes=AXES, **kinds):
+    """A serial arm: joint k named jk turns about axes[k] at offsets[k] from the one before.
+
+    What is given under the name of a joint goes to `joint`.
+    """
+    return [
+        joint(f"j{k}", f"l{k}", f"l{k + 1}", xyz=xyz, axis=axis, **kinds.get(f"j{k}", {}))
+        for k, (xyz, axis) in enumerate(zip(offsets, axes, strict=True))
+    ]
+
+
+def spherical_shoulder_and_wrist():
+    """Seven joints, the axes of 0–2 meet in the shoulder, those of 4–6 in the wrist."""
+    return urdf(serial(["0 0 0"] * 3 + ["0 0 0.4", "0 0 0.4", "0 0 0", "0 0 0"]))
+
+
+def offset_arm(joints=7):
+    """No two axes meet: every failure leaves something."""
+    offsets = ["0.1 0.05 0.3", "0.2 0 0.1", "0 0.15 0.2", "0.1 0 0.25"] * 2
+    rpy = "0.4 0.7 0.2"
+    return urdf(
+        [
+            joint(f"j{k}", f"l{k}", f"l{k + 1}", xyz=offsets[k], rpy=rpy, axis=AXES[k % 7])
+            for k in range(joints)
+        ]
+    )
+
+
+def tree(text):
+    return urdf_tree(xml_root(text.encode()))
+
+
+def arm(text, tip=None, task="all", frame="base", length=None, **more):
+    """An arm of URDF text; what is more goes to `chain_between`."""
+    whole = tree(text)
+    chain = chain_between(whole, tip or whole.leaves[0], **more)
+    return RobotArm(chain, TaskSpace.parse(task, frame), length)
+
+
+def planar(lengths, task="vx,vy", limit='lower="-2" upper="2" effort="1" velocity="1"'):
+    """An arm in the plane, whose joints turn about parallel axes."""
+    places = ["0 0 0", *(f"{one} 0 0" for one in lengths)]
+    kinds = {f"j{k}": {"limit": limit} for k in range(len(lengths))}
+    joints = serial(places[:-1], ["0 0 1"] * len(lengths), **kinds)
+    tool = joint("tool", f"l{len(lengths)}", "tip", "fixed", xyz=places[-1])
+    return arm(urdf([*joints, tool]), "tip", task)
+
+
+def of_pinocchio(model, chain, point):
+    """Pinocchio's Jacobian of a chain's tip, along the axes of the chain's base, (6, n)."""
+    data, q, places = model.createData(), pin.neutral(model), []
+    for name, value in [*zip(chain.names, point, strict=True), *chain.locked_at]:
+        joint = model.joints[model.getJointId(name)]
+        both = value if joint.nq == 1 else [np.cos(value), np.sin(value)]
+        q[joint.idx_q : joint.idx_q + joint.nq] = both
+        places.append(joint.idx_v)
+    frame = model.getFrameId(chain.tip)
+    full = pin.computeFrameJacobian(model, data, q, frame, pin.LOCAL_WORLD_ALIGNED)
+    pin.updateFramePlacements(model, data)
+    # The world of an MJCF file has another name there.
+    base = model.getFrameId(chain.base) if model.existFrame(chain.base) else 0
+    turn = data.oMf[base].rotation
+    return np.kron(np.eye(2), turn.T) @ full[:, places[: len(chain.names)]]
+
+
+@lru_cache
+def real(name, task="all"):
+    """The arm of the survey whose name begins so."""
+    return next(one for one in ARMS if one.name.startswith(name) and one.task == task)
+
+
+def by_pinocchio(model, declared, configuration):
+    """From a posture to ℓ and σ without any of our kinematics, scaling or measures."""
+    chain = declared.arm().chain
+    assert chain.names == tuple(configuration)
+    matrix = of_pinocchio(model, chain, configuration.values())
+    slides = np.array(chain.prismatic)
+    turning = matrix[:, ~slides]
+    length = np.sqrt(np.sum(turning[:3] ** 2) / np.sum(turning[3:] ** 2))
+    matrix[:3] /= length
+    matrix[:, slides] *= length
+    rows = matrix[:3] if declared.task == "position" else matrix
+    left = [np.delete(rows, f, axis=1) for f in range(len(slides))]
+    sigma = min(np.linalg.svd(one, compute_uv=False)[-1] for one in left)
+    return length, sigma
+
+
+def random_revolute(seed, joints=7, levers=1.0):
+    """Columns of revolute joints; lever arms of one length, or random ones."""
+    rng = np.random.default_rng(seed)
+    spin = rng.standard_normal((3, joints))
+    spin /= np.linalg.norm(spin, axis=0)
+    velocity = np.cross(spin, rng.standard_normal((3, joints)), axis=0)
+    velocity *= levers / np.linalg.norm(velocity, axis=0)
+    return np.vstack([velocity, spin])
+
+
+def toolbox_robot(convention, rows):
+    """An arm in roboticstoolbox, of rows (kind, d, a, alpha, theta); fixed ones turn, too."""
+    revolute, prismatic = {
+        "standard": (rtb.RevoluteDH, rtb.PrismaticDH),
+        "modified": (rtb.RevoluteMDH, rtb.PrismaticMDH),
+    }[convention]
+    links = [
+        prismatic(theta=theta, a=a, alpha=alpha, offset=d)
+        if kind == "prismatic"
+        else revolute(d=d, a=a, alpha=alpha, offset=theta)
+        for kind, d, a, alpha, theta in rows
+    ]
+    return rtb.DHRobot(links)
+
+
+# An MJCF file of three joints; an equality has a place.
+SMALL = """<mujoco><worldbody><body name="a"><joint name="a" axis="0 1 0" type="hinge"/>
+<body name="b" pos="0 0 1"><joint name="b" axis="0 1 0"/><body name="c" pos="0 0 1">
+<joint name="c" axis="0 1 0"/><body name="d" pos="0 0 1"/></body></body></body></worldbody>
+<equality></equality></mujoco>"""

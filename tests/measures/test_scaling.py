@@ -1,0 +1,41 @@
+"""Measures of a scaled Jacobian are those of the Jacobian, scaled, or it is refused."""
+
+import numpy as np
+import pytest
+
+from formulations.measures.assessment import measure
+from nlp.errors import InputError
+
+J = np.random.default_rng(0).normal(size=(6, 8))
+# By which power of the factor each grows.
+POWERS = {"worst_case_sigma": 1, "sigma_bound": 1, "condition_number": 0, "gap_percent": 0}
+POWERS |= {"isotropy_defect": 4, "residual_sum_of_squares": 4}
+
+
+@pytest.mark.parametrize("exponent", [-69, -35, -1, 1, 35, 69])
+def test_measures_are_scaled(exponent):
+    factor = 2.0 ** round(exponent / np.log10(2))  # exact in floating point
+    plain, scaled = measure(J), measure(J * factor)
+    for name, power in POWERS.items():
+        expected = getattr(plain, name) * factor**power
+        assert getattr(scaled, name) == pytest.approx(expected, rel=1e-12)
+    assert scaled.worst_case_sets == plain.worst_case_sets
+    assert scaled.relative_manipulability == pytest.approx(plain.relative_manipulability)
+    assert scaled.manipulability > 0
+
+
+@pytest.mark.parametrize("factor", [1e-200, 1e-160, 1e-71, 1e70, 1e160])
+def test_what_floating_point_cannot_hold_is_refused(factor):
+    with pytest.raises(InputError, match=r"1e-70 to 1e\+70"):
+        measure(J * factor)
+
+
+def test_a_zero_matrix_is_measured():
+    zero = measure(np.zeros((2, 3)))
+    assert (zero.worst_case_sigma, zero.manipulability) == (0, 0)
+
+
+def test_masked_entries_are_refused():
+    with pytest.raises(InputError, match="masked"):
+        measure(np.ma.masked_greater(J, 1))
+    assert measure(np.ma.masked_array(J)) == measure(J)
