@@ -23,7 +23,6 @@ import typer.main
 
 from formulations.__main__ import main
 from formulations.bounds.so3_moments import residual_bound
-from formulations.campaign.records import open_store
 from formulations.commands.app import GROUPS, app
 
 ROOT = Path(__file__).parents[2]
@@ -402,58 +401,6 @@ def test_ctrl_c_keeps_the_rows_that_are_done(lockedjoint, tmp_path):
     assert "residual" in table.read_text()
     assert "Interrupted: what was done is in comparison/incomplete" in err
     assert "residual" in out
-
-
-@pytest.mark.parametrize(
-    ("command", "out"),
-    [
-        ("realise in.csv --to dh", "in.csv"),
-        ("figure singular-values --jacobian in.csv --data in.csv --out f.svg", None),
-        ("figure singular-values --jacobian in.csv --data f.svg --out f.svg", None),
-        ("figure optima --store s.db", "link.svg"),
-        ("show s.db --to csv", "s.db"),
-        ("prove", "folder.svg"),
-        ("measure-robot in.urdf --task vx,vy --configuration q.json", "q.json"),
-        ("posture in.urdf --task vx,vy", "in.urdf"),
-        ("compare", "pages"),
-    ],
-)
-def test_no_output_destroys_what_it_is_pointed_at(planted, command, out):
-    """In one process, because all is refused before the work."""
-    run, left = planted
-    status, sentence = run(*command.split(), *(("--out", out) if out else ()))
-    assert status == 2, sentence
-    assert sentence.startswith(("Error: --out is", "Error: --data is", "Error: output f"))
-    assert sentence.count("\n") == 1
-    assert left()
-
-
-@pytest.fixture
-def planted(tmp_path, monkeypatch, capsys):
-    """Inputs, a store and folders; what runs a command, and whether all is as it was."""
-    monkeypatch.chdir(tmp_path)
-    Path("in.csv").write_text("1,0.4,-0.5,0.2\n0,1,0.7,-0.6\n")
-    Path("in.urdf").write_text(PLANAR_ARM)
-    Path("q.json").write_text("{}")
-    for folder in ("folder.svg", "pages/comparison.md"):
-        Path(folder).mkdir(parents=True)
-    with open_store(Path("s.db"), writable=True):
-        pass
-    Path("link.svg").symlink_to("s.db")
-
-    def files():
-        paths = (path for path in tmp_path.rglob("*") if path.is_file())
-        return {path.name: path.read_bytes() for path in paths}
-
-    before = files()
-
-    def run(*words):
-        monkeypatch.setattr(sys, "argv", ["lockedjoint", *words])
-        with pytest.raises(SystemExit) as ended:
-            main()
-        return ended.value.code, capsys.readouterr().err
-
-    return run, lambda: files() == before
 
 
 LONG = (
