@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from formulations import comparison, isotropy, measures, residual
+from formulations import comparison, isotropy, measures
 from formulations.comparison import ComparisonRow, cases, row_of, study
 from formulations.io.study import Effort
 from formulations.io.table import Table
@@ -224,13 +224,10 @@ def test_the_table_has_six_columns_to_read_and_no_negative_zero(rows):
 @pytest.mark.parametrize(
     ("make", "allowed"),
     [
-        (lambda: solve("other", "free"), "one of residual, max-min, isotropy"),
         (lambda: solve("residual", locked=2), "none for the formulation residual"),
         (lambda: solve("isotropy", encoding="x"), "none for the formulation isotropy"),
         (lambda: solve("manipulability", goal="worst"), "one of its settings: locked"),
-        (lambda: outcome(residual, "nothing"), "one of unit-revolute"),
         (lambda: arm("lever-revolute:5,prismatic:2", 8), "7 for lever-revolute:5,prismatic:2"),
-        (lambda: arm("lever-revolute:x", 8), "NAME:COUNT"),
         (lambda: arm("unit-revolute", 7, 3), "6 for the model unit-revolute"),
     ],
 )

@@ -65,7 +65,7 @@ def test_free_lever_arms_give_isotropic_7r():
     assert measures.worst_case_sigma(jacobian) == pytest.approx(np.sqrt(4 / 3 - longest))
 
 
-def test_merit_refuses_what_is_not_isotropic():
+def test_score_refuses_what_is_not_isotropic():
     jacobian = np.random.default_rng(0).normal(size=(3, 5))
     assert isotropy.score(jacobian) == -np.inf
     frame = np.linalg.qr(jacobian.T)[0].T
