@@ -8,7 +8,7 @@ from typing import Any, NoReturn
 
 import typer
 
-from formulations.commands.output import QUESTIONED, progress, run_study
+from formulations.commands.output import UNSUCCESSFUL, progress, run_study
 from formulations.io.study import Effort, Study
 from nlp.errors import LockedJointError
 from nlp.executors import default_workers
@@ -54,5 +54,5 @@ def run(study: Study, options: argparse.Namespace, out: Path) -> int:
         if not isinstance(error, LockedJointError):
             traceback.print_exc()
         print(f"{study.name}: {error}", file=sys.stderr)
-        return QUESTIONED
+        return UNSUCCESSFUL
     return 0

@@ -240,7 +240,15 @@ show valid.db --where joints -> condition
 show valid.db --group-by nothing -> group
 show valid.db --group-by joints,joints -> groups
 show valid.db --group-by joints --records
-# where nothing can be written
+# where nothing can be written, or something would be lost
+realise valid.csv --to dh --out valid.csv -> --out is
+figure singular-values --jacobian valid.csv --data valid.csv --out f.svg -> --data is
+figure singular-values --jacobian valid.csv --data f.svg --out f.svg -> --data is
+figure optima --store valid.db --out link.svg -> --out is
+show valid.db --to csv --out valid.db -> --out is
+measure-robot arm.urdf --configuration empty.json --out empty.json -> --out is
+posture arm.urdf --out arm.urdf -> --out is
+compare --out pages -> output file is
 compare --out /proc/nowhere -> output folder
 compare --out valid.csv -> output folder
 reproduce --out valid.csv -> output folder
@@ -454,6 +462,7 @@ MORE = {
     "way.csv": b"x,y,z\n0.5,0.2,1\n0.4,0.3,1\n",
     "valid.txt": b"1,2,3\n4,5,6\n",
     "valid": b"1,2,3\n4,5,6\n",
+    "empty.json": b"{}",
 }
 # Folders of entries of the atlas: the content of one file, cut, or of another entry.
 _ENTRIES = ROOT / "formulations/atlas/entries"
@@ -529,6 +538,8 @@ def folder(tmp_path_factory):
         (place / name).mkdir()
         if content:
             (place / name / "free-mean_2x3_k1.json").write_bytes(content)
+    (place / "pages" / "comparison.md").mkdir(parents=True)
+    (place / "link.svg").symlink_to("valid.db")
     (place / "zero.csv").symlink_to("/dev/zero")
     os.mkfifo(place / "fifo.csv")
     return place

@@ -68,19 +68,17 @@ def test_solve_in_two_lines():
     sparing = lj.FailureModel.equally_likely(3, never=[0])
     spared = lj.solve("max-min", "free", 3, 2, starts=4, workers=1, failures=sparing)
     assert spared.best.score > outcome.best.score + 0.1
-    with pytest.raises(InputError, match="one of residual, max-min, isotropy"):
-        lj.solve("nothing")
 
 
 def test_rng_is_a_seed_or_a_generator():
-    def merits(rng):
+    def answers(rng):
         outcome = lj.solve("residual", "free", 3, 2, starts=3, rng=rng, workers=1)
         return [record.jacobian.tolist() for record in outcome.records]
 
-    assert merits(5) == merits(5) != merits(6)
-    assert merits(np.random.default_rng(5)) == merits(np.random.default_rng(5)) != merits(5)
+    assert answers(5) == answers(5) != answers(6)
+    assert answers(np.random.default_rng(5)) == answers(np.random.default_rng(5)) != answers(5)
     with pytest.raises(InputError, match="rng is -1"):
-        merits(-1)
+        answers(-1)
 
 
 def test_results_have_plain_values():

@@ -11,9 +11,9 @@ from formulations.joints.models import arm
 from nlp.multistart import multistart
 
 
-def run(one, starts, seed=0):
-    build = partial(isotropy.build, one)
-    return multistart(build, one.sample, starts=starts, rng=seed).results
+def run(built, starts, seed=0):
+    build = partial(isotropy.build, built)
+    return multistart(build, built.sample, starts=starts, rng=seed).results
 
 
 @pytest.mark.parametrize(
@@ -21,13 +21,13 @@ def run(one, starts, seed=0):
     [("free", 3, 2), ("free", 6, 3), ("free-mean", 5, 3), ("unit-revolute", 8, 6)],
 )
 def test_meets_the_equations_and_the_bound_where_it_can(model, n, m):
-    one = arm(model, n, m)
-    for run_ in run(one, 3):
+    built = arm(model, n, m)
+    for run_ in run(built, 3):
         jacobian = run_.solution.outputs["jacobian"]
         assert run_.solution.status.success
         assert measures.is_optimally_failure_tolerant(jacobian)
         assert isotropy.score(jacobian) == pytest.approx(
-            measures.sigma_bound(m, n, one.largest_trace), abs=1e-7
+            measures.sigma_bound(m, n, built.largest_trace), abs=1e-7
         )
 
 
@@ -43,29 +43,29 @@ def test_free_lever_arms_of_bounded_length_are_infeasible_too():
 
     Ipopt's point may meet the equations by breaking a bound: the model has the last word.
     """
-    one = arm("lever-revolute-each", 7)
-    for run_ in run(one, 4):
+    built = arm("lever-revolute-each", 7)
+    for run_ in run(built, 4):
         jacobian = run_.solution.outputs["jacobian"]
         assert not run_.solution.status.success
         isotropic = np.isfinite(isotropy.score(jacobian))
         if isotropic:
             with pytest.raises(NotInModelError):
-                one.variables(jacobian)
+                built.variables(jacobian)
 
 
 def test_free_lever_arms_give_isotropic_7r():
-    one = arm("lever-revolute", 7)
-    found = run(one, 20)
-    merits = np.array([isotropy.score(r.solution.outputs["jacobian"]) for r in found])
-    assert np.sum(np.abs(merits - 0.480383041) < 1e-6) >= 18
-    jacobian = found[int(np.argmax(merits))].solution.outputs["jacobian"]
-    one.variables(jacobian)
+    built = arm("lever-revolute", 7)
+    runs = run(built, 20)
+    scores = np.array([isotropy.score(r.solution.outputs["jacobian"]) for r in runs])
+    assert np.sum(np.abs(scores - 0.480383041) < 1e-6) >= 18
+    jacobian = runs[int(np.argmax(scores))].solution.outputs["jacobian"]
+    built.variables(jacobian)
     np.testing.assert_allclose(jacobian @ jacobian.T, 7 / 3 * np.eye(6), atol=1e-8)
     longest = np.max(np.sum(jacobian[:3] ** 2, axis=0))
     assert measures.worst_case_sigma(jacobian) == pytest.approx(np.sqrt(4 / 3 - longest))
 
 
-def test_merit_refuses_what_is_not_isotropic():
+def test_score_refuses_what_is_not_isotropic():
     jacobian = np.random.default_rng(0).normal(size=(3, 5))
     assert isotropy.score(jacobian) == -np.inf
     frame = np.linalg.qr(jacobian.T)[0].T

@@ -96,10 +96,10 @@ def test_eight_null_space_columns_a_sixteenth_turn_apart_are_the_best_found_for_
     angles = np.arange(8) * np.pi / 8
     null = np.array([np.cos(angles), np.sin(angles)]) / 2
     jacobian = np.linalg.svd(null)[2][2:]
-    found = manipulability.score(jacobian, 2)
-    assert found == pytest.approx(np.sin(np.pi / 8) / 4, abs=1e-12)
+    score = manipulability.score(jacobian, 2)
+    assert score == pytest.approx(np.sin(np.pi / 8) / 4, abs=1e-12)
     best = page_of(entry("unit-revolute_6x8_k2_manipulability"))
-    assert float(best.value) == pytest.approx(found, abs=1e-12)
+    assert float(best.value) == pytest.approx(score, abs=1e-12)
 
 
 def test_what_no_failure_leaves_is_refused():

@@ -26,38 +26,38 @@ def worst_cases(study, locked=1):
     return np.array([measures.worst_case_sigma(jacobian, locked) for jacobian in jacobians])
 
 
-def run(one, starts, *, locked=1, encoding="", seed=0, sample=None):
-    build = partial(max_min.build, one, locked, encoding)
-    return multistart(build, sample or one.sample, starts=starts, seed=seed)
+def run(built, starts, *, locked=1, encoding="", seed=0, sample=None):
+    build = partial(max_min.build, built, locked, encoding)
+    return multistart(build, sample or built.sample, starts=starts, seed=seed)
 
 
 @pytest.mark.parametrize(("m", "n"), [(2, 3), (2, 5), (3, 4), (3, 6), (6, 7)])
 @pytest.mark.parametrize("model", ["free", "free-mean"])
 def test_attains_the_bound_where_the_paper_says_so(m, n, model):
-    one = arm(model, n, m)
-    bound = measures.sigma_bound(m, n, one.largest_trace)
-    assert worst_cases(run(one, 3)).max() == pytest.approx(bound, abs=1e-7)
+    built = arm(model, n, m)
+    bound = measures.sigma_bound(m, n, built.largest_trace)
+    assert worst_cases(run(built, 3)).max() == pytest.approx(bound, abs=1e-7)
 
 
 def test_eight_revolute_joints_attain_it_too():
     """Eq. (49): √(2/3)."""
-    found = worst_cases(run(arm("unit-revolute", 8), 5))
-    assert found == pytest.approx([np.sqrt(2 / 3)] * 5, abs=1e-6)
+    sigmas = worst_cases(run(arm("unit-revolute", 8), 5))
+    assert sigmas == pytest.approx([np.sqrt(2 / 3)] * 5, abs=1e-6)
 
 
 def test_seven_revolute_joints_improve_on_the_paper():
     """'Slightly improve' (after eq. 46): 0.51986 → 0.57148, below the bound 0.57735."""
-    found = worst_cases(run(UNIT_7R, 10))
-    assert found.max() == pytest.approx(BEST_7R, abs=2e-9)
-    assert np.sum(found > BEST_7R - 1e-6) >= 9
-    assert np.all(found < np.sqrt(1 / 3))
+    sigmas = worst_cases(run(UNIT_7R, 10))
+    assert sigmas.max() == pytest.approx(BEST_7R, abs=2e-9)
+    assert np.sum(sigmas > BEST_7R - 1e-6) >= 9
+    assert np.all(sigmas < np.sqrt(1 / 3))
 
 
 def test_from_residual_minima_all_starts_reach_the_best():
-    found = worst_cases(
+    sigmas = worst_cases(
         run(UNIT_7R, 10, sample=partial(max_min.residual_minimum, UNIT_7R), seed=4)
     )
-    assert found == pytest.approx([BEST_7R] * 10, abs=1e-6)
+    assert sigmas == pytest.approx([BEST_7R] * 10, abs=1e-6)
 
 
 def test_residual_minima_are_what_they_are_called():
@@ -67,8 +67,8 @@ def test_residual_minima_are_what_they_are_called():
 
 @pytest.mark.parametrize("encoding", [*max_min.WITHOUT_FACTORS, *ENCODINGS])
 def test_all_encodings_have_the_same_optimum(encoding):
-    found = worst_cases(run(UNIT_7R, 3, encoding=encoding, seed=1))
-    assert found.max() == pytest.approx(BEST_7R, abs=1e-6)
+    sigmas = worst_cases(run(UNIT_7R, 3, encoding=encoding, seed=1))
+    assert sigmas.max() == pytest.approx(BEST_7R, abs=1e-6)
 
 
 @pytest.mark.parametrize("model", ["free", "free-mean"])
@@ -80,24 +80,24 @@ def test_two_locked_joints_find_the_square(model, encoding):
     assert worst_cases(study, 2) == pytest.approx(
         [np.sqrt(2) * np.sin(np.pi / 8)] * 5, abs=1e-6
     )
-    found = [run.solution.outputs["jacobian"] for run in study.results]
-    assert len(group_equivalent([*found, np.sqrt(2) * planar_4r(np.pi / 4)[:2]])) == 1
-    assert len(group_equivalent([found[0], np.sqrt(2) * planar_4r(0.1)[:2]])) == 2
+    jacobians = [run.solution.outputs["jacobian"] for run in study.results]
+    assert len(group_equivalent([*jacobians, np.sqrt(2) * planar_4r(np.pi / 4)[:2]])) == 1
+    assert len(group_equivalent([jacobians[0], np.sqrt(2) * planar_4r(0.1)[:2]])) == 2
 
 
 def test_two_locked_joints_of_six_find_the_icosahedron():
     """Positional 6R attains the bound for two failures."""
-    one = arm("free-mean", 6, 3)
-    found = worst_cases(run(one, 3, locked=2), locked=2)
-    bound = measures.sigma_bound(3, 6, one.largest_trace, 2)
-    assert found == pytest.approx([bound] * 3, abs=1e-7)
+    built = arm("free-mean", 6, 3)
+    sigmas = worst_cases(run(built, 3, locked=2), locked=2)
+    bound = measures.sigma_bound(3, 6, built.largest_trace, 2)
+    assert sigmas == pytest.approx([bound] * 3, abs=1e-7)
 
 
 def test_a_mix_of_joints():
     """A configuration better than any of many random ones, and within the model."""
     mixed = Arm((LeverRevolute(),) * 6 + (Prismatic(),) * 2)
     study = run(mixed, 3)
-    solution = max(study.results, key=lambda one: one.solution.objective).solution
+    solution = max(study.results, key=lambda run: run.solution.objective).solution
     jacobian = solution.outputs["jacobian"]
     mixed.variables(jacobian)
     rng = np.random.default_rng(0)
@@ -129,7 +129,7 @@ def test_the_floor_is_attained():
 
 
 @pytest.mark.parametrize(
-    ("one", "locked", "encoding", "allowed"),
+    ("built", "locked", "encoding", "allowed"),
     [
         (UNIT_7R, 2, "shared-factor", "at most the degree of redundancy, 1"),
         (UNIT_7R, 0, "shared-factor", "at least 1"),
@@ -137,6 +137,6 @@ def test_the_floor_is_attained():
         (arm("prismatic", 7), 1, "shared-factor", "keep full rank"),
     ],
 )
-def test_refuses_what_cannot_be(one, locked, encoding, allowed):
+def test_refuses_what_cannot_be(built, locked, encoding, allowed):
     with pytest.raises(InputError, match=allowed):
-        max_min.build(one, locked, encoding)
+        max_min.build(built, locked, encoding)

@@ -22,15 +22,18 @@ def block(marker, language):
     return found.group(1)
 
 
+TEXT = " ".join(README.split())
+
+
+def table(path):
+    with (ROOT / "results" / path).open(encoding="utf-8") as file:
+        return list(csv.DictReader(file))
+
+
 @pytest.fixture(scope="module")
 def comparison():
-    path = ROOT / "results" / "comparison" / "comparison.csv"
-    with path.open(encoding="utf-8") as file:
-        return {
-            (row["formulation"], row["model"]): row
-            for row in csv.DictReader(file)
-            if not row["variant"]
-        }
+    rows = table("comparison/comparison.csv")
+    return {(row["formulation"], row["model"]): row for row in rows if not row["variant"]}
 
 
 @pytest.mark.parametrize(
@@ -92,9 +95,7 @@ def test_the_infeasible_row_is_the_committed_one(comparison):
 
 
 def test_the_workspaces_are_those_of_the_table():
-    path = ROOT / "results" / "workspaces" / "workspaces.csv"
-    with path.open(encoding="utf-8") as file:
-        rows = {(row["arm"], row["choice"]): row for row in csv.DictReader(file)}
+    rows = {(row["arm"], row["choice"]): row for row in table("workspaces/workspaces.csv")}
     physical, best = (rows["Franka Panda", name] for name in ("physical limits", "best limits"))
     assert (physical["size"], physical["fatal"]) == ("0.0", "panda_joint4")
     assert f"Panda reaches {float(physical['physical']):.2f} m³" in README
@@ -103,30 +104,26 @@ def test_the_workspaces_are_those_of_the_table():
 
 
 def test_the_path_that_is_survived_is_that_of_the_table():
-    path = ROOT / "results" / "paths" / "paths.csv"
-    with path.open(encoding="utf-8") as file:
-        rows = {(row["arm"], row["path"]): row for row in csv.DictReader(file)}
-    row, text = rows["Franka Panda", "tilting"], " ".join(README.split())
-    assert f"finished after {float(row['minimum_norm_percent']):.1f} % of all" in text
-    assert f"finished after {float(row['percent']):.1f} % of them" in text
+    rows = {(row["arm"], row["path"]): row for row in table("paths/paths.csv")}
+    row = rows["Franka Panda", "tilting"]
+    assert f"finished after {float(row['minimum_norm_percent']):.1f} % of all" in TEXT
+    assert f"finished after {float(row['percent']):.1f} % of them" in TEXT
 
 
 def test_the_robots_of_the_best_jacobian_are_those_of_the_table():
-    path = ROOT / "results" / "workspaces" / "orders.csv"
-    with path.open(encoding="utf-8") as file:
-        rows = sorted(csv.DictReader(file), key=lambda row: float(row["worst_case_sigma"]))
-    best, text = rows[-1], " ".join(README.split())
+    rows = sorted(
+        table("workspaces/orders.csv"), key=lambda row: float(row["worst_case_sigma"])
+    )
     [residual] = [row for row in rows if row["statement"] == "residual"]
-    assert f"have σ = {float(best['worst_case_sigma']):.5f} where" in text
-    assert f"keeps {float(best['kept']):.2f} cubic lever arms" in text
-    assert f"40 random orders keeps {float(best['middle']):.2f}" in text
-    assert f"keeps as much, {float(residual['kept']):.2f}" in text
+    best = rows[-1]
+    assert f"have σ = {float(best['worst_case_sigma']):.5f} where" in TEXT
+    assert f"keeps {float(best['kept']):.2f} cubic lever arms" in TEXT
+    assert f"40 random orders keeps {float(best['middle']):.2f}" in TEXT
+    assert f"keeps as much, {float(residual['kept']):.2f}" in TEXT
 
 
 def test_the_number_of_reproduced_rows():
-    path = ROOT / "results" / "reproduction" / "reproduction.csv"
-    with path.open(encoding="utf-8") as file:
-        assert f"all {len(list(csv.DictReader(file)))} of them" in README
+    assert f"all {len(table('reproduction/reproduction.csv'))} of them" in README
 
 
 def test_the_example_runs_and_prints_what_it_says():

@@ -44,8 +44,8 @@ def test_its_bound_holds_for_random_arms(volume, joints, locked):
     bound = volume.bound(arm, locked).value
     assert bound == comb(joints - locked, 6) / comb(joints, 6)
     rng = np.random.default_rng(0)
-    merits = [volume.score(arm.jacobian(arm.sample(rng)), locked) for _ in range(20)]
-    assert 0 < max(merits) < bound
+    scores = [volume.score(arm.jacobian(arm.sample(rng)), locked) for _ in range(20)]
+    assert 0 < max(scores) < bound
 
 
 def test_it_takes_no_setting_of_another(volume):

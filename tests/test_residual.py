@@ -23,12 +23,12 @@ UNIT_7R = arm("unit-revolute", 7)
 
 @given(st.sampled_from([5, 7]), st.integers(0, 10_000))
 def test_residuals_are_entries_of_the_deviation(joints, seed):
-    for one in (Arm.of(FreeColumn(4), joints), Arm.of(LeverRevolute(), joints + 2)):
-        symbols = one.symbols()
-        point = one.sample(np.random.default_rng(seed))
-        rows = np.array(ca.Function("f", [symbols], [residuals(one, symbols)])(point)).ravel()
-        jacobian = one.jacobian(point)
-        m, _ = one.shape
+    for built in (Arm.of(FreeColumn(4), joints), Arm.of(LeverRevolute(), joints + 2)):
+        symbols = built.symbols()
+        point = built.sample(np.random.default_rng(seed))
+        rows = np.array(ca.Function("f", [symbols], [residuals(built, symbols)])(point)).ravel()
+        jacobian = built.jacobian(point)
+        m, _ = built.shape
         gram = jacobian @ jacobian.T
         expected = gram - np.trace(gram) / m * np.eye(m)
         np.testing.assert_allclose(rows, [expected[i, j] for i, j in pairs(m)], atol=1e-12)
@@ -41,22 +41,22 @@ def test_the_order_of_the_21_residuals_is_that_of_eqs_23_to_43():
 
 
 @pytest.mark.parametrize(
-    ("one", "count"),
+    ("built", "count"),
     [
         (UNIT_7R, 18),
         (arm("lever-revolute", 7), 19),
         (arm("free", 7), 20),
         (arm("free", 4, 3), 5),
-        # tr vvᵀ = 8 and tr ωωᵀ = 7 contradict isotropy: one row more, to say so
+        # tr vvᵀ = 8 and tr ωωᵀ = 7 contradict isotropy: a row more, to say so
         (Arm((UnitRevolute(),) * 7 + (Prismatic(),)), 19),
     ],
     ids=str,
 )
-def test_independent_equations(one, count):
+def test_independent_equations(built, count):
     """18 = 4 + 14 for unit revolute joints (Section 4); 19 when |v| is free."""
-    rows = independent_rows(one)
+    rows = independent_rows(built)
     assert len(rows) == count
-    if one is UNIT_7R:
+    if built is UNIT_7R:
         assert sum(row < 6 for row in rows) == 4
 
 
@@ -100,10 +100,10 @@ def test_paper_weighting_has_the_same_minimum():
 
 
 @pytest.mark.parametrize(
-    "one", [arm("unit-revolute", 8), arm("free", 5, 3), arm("free-mean", 3, 2)], ids=str
+    "built", [arm("unit-revolute", 8), arm("free", 5, 3), arm("free-mean", 3, 2)], ids=str
 )
-def test_zero_where_isotropic_jacobians_exist(one):
-    solution = solve(residual.build(one), one.sample(np.random.default_rng(2)))
+def test_zero_where_isotropic_jacobians_exist(built):
+    solution = solve(residual.build(built), built.sample(np.random.default_rng(2)))
     assert measures.isotropy_defect(solution.outputs["jacobian"]) < 1e-12
 
 
@@ -117,9 +117,9 @@ def test_the_minimum_is_one_to_an_independent_optimiser():
         return np.array([weight * gram[i, j] for i, j, weight in rows])
 
     start = UNIT_7R.sample(np.random.default_rng(3))
-    found = optimize.least_squares(weighted, start, xtol=1e-14, ftol=1e-14, gtol=1e-12)
+    answer = optimize.least_squares(weighted, start, xtol=1e-14, ftol=1e-14, gtol=1e-12)
     ours = solve(residual.build(UNIT_7R), start)
-    assert 2 * found.cost == pytest.approx(ours.objective, abs=1e-8)
+    assert 2 * answer.cost == pytest.approx(ours.objective, abs=1e-8)
 
 
 def test_refuses_an_unknown_weighting():

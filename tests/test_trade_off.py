@@ -60,8 +60,8 @@ def test_a_generous_limit_gives_max_min():
     start = planar.sample(generator(3, 0))
     limited = solve(trade_off.build(planar, 10.0), start)
     plain = solve(max_min.build(planar), start)
-    found, known = (one.outputs["jacobian"] for one in (limited, plain))
-    assert measures.worst_case_sigma(found) == pytest.approx(
+    matrix, known = (one.outputs["jacobian"] for one in (limited, plain))
+    assert measures.worst_case_sigma(matrix) == pytest.approx(
         measures.worst_case_sigma(known), abs=1e-6
     )
 

@@ -19,13 +19,13 @@ PLANAR_4R = arm("free", 4, 2)
 TWICE = FailureModel((0.1, 0.2, 0.1, 0.1))
 
 
-def best(one, failures, goal="worst", *, starts=4, encoding=None, seed=0):
-    build = partial(unequal_max_min.build, one, failures, goal, encoding)
+def best(built, failures, goal="worst", *, starts=4, encoding=None, seed=0):
+    build = partial(unequal_max_min.build, built, failures, goal, encoding)
     options = max_min.OPTIONS
-    study = multistart(build, one.sample, starts=starts, seed=seed, options=options)
-    found = [run.solution.outputs["jacobian"] for run in study.results]
-    jacobian = max(found, key=lambda matrix: unequal_max_min.score(matrix, failures, goal))
-    one.variables(jacobian)  # within the model, or this raises
+    study = multistart(build, built.sample, starts=starts, seed=seed, options=options)
+    jacobians = [run.solution.outputs["jacobian"] for run in study.results]
+    jacobian = max(jacobians, key=lambda matrix: unequal_max_min.score(matrix, failures, goal))
+    built.variables(jacobian)  # within the model, or this raises
     return unequal_max_min.score(jacobian, failures, goal), jacobian
 
 
@@ -37,8 +37,8 @@ def by_brute_force(failures, goal):
         return -unequal_max_min.score(jacobian, failures, goal)
 
     turns = [(0, np.pi)] * 3  # a column's sign does not matter
-    found = differential_evolution(negative, turns, rng=0, tol=1e-9, popsize=8, maxiter=70)
-    return -found.fun
+    answer = differential_evolution(negative, turns, rng=0, tol=1e-9, popsize=8, maxiter=70)
+    return -answer.fun
 
 
 @pytest.mark.parametrize("goal", ["worst", "expected"])
@@ -48,8 +48,8 @@ def by_brute_force(failures, goal):
     ids=["twice", "never", "two locked"],
 )
 def test_planar_4r_against_brute_force(failures, goal):
-    found, _ = best(PLANAR_4R, failures, goal, starts=8)
-    assert found == pytest.approx(by_brute_force(failures, goal), abs=2e-5)
+    score, _ = best(PLANAR_4R, failures, goal, starts=8)
+    assert score == pytest.approx(by_brute_force(failures, goal), abs=2e-5)
 
 
 @pytest.mark.parametrize("locked", [1, 2])
@@ -78,8 +78,8 @@ def test_alike_joints_are_stated_as_max_min_states_them():
 
 def test_each_joint_that_never_fails_helps_until_the_bound_is_attained():
     """Unit revolute 7R: 0.571483, 0.629991, … and √(2/3) with three, which the bound allows."""
-    found = [best(UNIT_7R, FailureModel.equally_likely(7, never=range(k))) for k in range(4)]
-    values = [value for value, _ in found]
+    answers = [best(UNIT_7R, FailureModel.equally_likely(7, never=range(k))) for k in range(4)]
+    values = [value for value, _ in answers]
     assert values[0] == pytest.approx(0.5714829681, abs=1e-6)
     assert np.all(np.diff(values) > 0.05)
     assert values[3] == pytest.approx(np.sqrt(2 / 3), abs=1e-6)
@@ -100,8 +100,8 @@ def test_each_goal_is_best_at_its_own():
 
 def test_the_expectation_over_alike_joints_exceeds_the_best_worst_case():
     """7R: the mean of σ_f may be better than eq. (5)'s optimum by giving up equality."""
-    found, jacobian = best(UNIT_7R, FailureModel.equally_likely(7), "expected", starts=3)
-    assert found == pytest.approx(0.57497877, abs=1e-6)
+    score, jacobian = best(UNIT_7R, FailureModel.equally_likely(7), "expected", starts=3)
+    assert score == pytest.approx(0.57497877, abs=1e-6)
     assert max_min.score(jacobian) < 0.55
 
 
@@ -109,8 +109,8 @@ def test_the_expectation_over_alike_joints_exceeds_the_best_worst_case():
 def test_all_encodings_have_the_same_optimum(encoding):
     failures = FailureModel((0.1, 0.2, 0.1, 0.1), 2)
     for goal, expected in (("worst", np.sqrt(0.5)), ("expected", 0.694130731)):
-        found, _ = best(PLANAR_4R, failures, goal, encoding=encoding, starts=6)
-        assert found == pytest.approx(expected, abs=1e-5)
+        score, _ = best(PLANAR_4R, failures, goal, encoding=encoding, starts=6)
+        assert score == pytest.approx(expected, abs=1e-5)
 
 
 def test_moving_the_joints_moves_the_optimum():
@@ -125,13 +125,13 @@ def test_moving_the_joints_moves_the_optimum():
 def test_scenarios_against_brute_force(goal):
     """It is not known which of three models holds; each alone allows more in expectation."""
     models = tuple(FailureModel(tuple(np.roll((0.4, 0.02, 0.1, 0.1), k))) for k in range(3))
-    found, jacobian = best(PLANAR_4R, models, goal)
-    assert found == pytest.approx(by_brute_force(models, goal), abs=1e-5)
+    score, jacobian = best(PLANAR_4R, models, goal)
+    assert score == pytest.approx(by_brute_force(models, goal), abs=1e-5)
     each = [unequal_max_min.score(jacobian, one, goal) for one in models]
-    assert found == min(each)
+    assert score == min(each)
     alone, _ = best(PLANAR_4R, models[0], goal)
-    assert found < alone + 1e-6
-    assert goal == "worst" or found < alone - 1e-3
+    assert score < alone + 1e-6
+    assert goal == "worst" or score < alone - 1e-3
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ import typer
 from formulations.commands import arguments as cli
 from formulations.commands.arguments import flag, option
 from formulations.commands.output import (
-    QUESTIONED,
+    UNSUCCESSFUL,
     as_text,
     end,
     progress,
@@ -122,7 +122,7 @@ def verify(entries: Folder = None, as_json: cli.Json = False) -> None:
     verdict = f"{count - len(problems)} of {count} entries are right."
     show({"entries": count, "wrong": problems}, as_json, lambda _: "\n".join([*lines, verdict]))
     if problems:
-        raise typer.Exit(QUESTIONED)
+        raise typer.Exit(UNSUCCESSFUL)
 
 
 @app.command("submit")

@@ -11,7 +11,7 @@ import typer
 
 from formulations.commands import arguments as cli
 from formulations.commands.arguments import flag, option
-from formulations.commands.output import QUESTIONED, as_table, as_text, progress, say, show
+from formulations.commands.output import UNSUCCESSFUL, as_table, as_text, progress, say, show
 from nlp.errors import InputError
 
 app = typer.Typer(name="bound", rich_markup_mode=None)
@@ -236,7 +236,7 @@ def _show(
     """Print a bound; exit status 1 if nothing was decided."""
     show(plain, as_json, text)
     if not decided:
-        raise typer.Exit(QUESTIONED)
+        raise typer.Exit(UNSUCCESSFUL)
 
 
 def _rounded_outward(plain: Mapping[str, Any]) -> dict[str, Any]:

@@ -12,7 +12,7 @@ from formulations.commands.arguments import Json, Workers, flag, option
 from formulations.commands.executors import chosen_executor
 from formulations.commands.output import (
     INTERRUPTED,
-    QUESTIONED,
+    UNSUCCESSFUL,
     end,
     named,
     refuse_damage,
@@ -96,7 +96,7 @@ def campaign(
     for case, start, reason in report.failed:
         warn(f"Failed: start {start} of {case.name} n={case.arm.shape[1]} {reason}.")
     if report.failed:
-        raise typer.Exit(QUESTIONED)
+        raise typer.Exit(UNSUCCESSFUL)
     if report.missing:
         end("Interrupted: run the same command again to go on.", INTERRUPTED)
     refuse_damage({store: damaged})

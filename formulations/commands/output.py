@@ -21,7 +21,7 @@ from nlp.errors import printable
 if TYPE_CHECKING:
     from formulations.io.study import Effort, Study
 
-QUESTIONED = 1
+UNSUCCESSFUL = 1
 INTERRUPTED = 130
 _MOST_NAMED = 5
 
@@ -45,7 +45,7 @@ def warn(*sentences: str) -> None:
         typer.echo(printable(sentence), err=True)
 
 
-def end(sentence: str, status: int = QUESTIONED) -> NoReturn:
+def end(sentence: str, status: int = UNSUCCESSFUL) -> NoReturn:
     """End the command with a sentence on standard error and an exit status."""
     warn(sentence)
     raise typer.Exit(status)
@@ -132,7 +132,7 @@ def refuse_damage(damaged: Mapping[Path, Sequence[tuple[object, object]]]) -> No
         if len(records) > _MOST_NAMED:
             warn(f"Left out of {path}: and {len(records) - _MOST_NAMED} more damaged records.")
     if any(damaged.values()):
-        raise typer.Exit(QUESTIONED)
+        raise typer.Exit(UNSUCCESSFUL)
 
 
 def run_study(

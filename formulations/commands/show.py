@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Callable, Mapping
 from importlib.util import find_spec
 from pathlib import Path
@@ -13,9 +12,9 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from formulations.commands.arguments import Json, flag, option
-from formulations.commands.output import named, refuse_damage, say
+from formulations.commands.output import named, refuse_damage, say, shown
 from formulations.commands.output import show as show_values
-from nlp.errors import InputError, MissingLibraryError, printable
+from nlp.errors import InputError, MissingLibraryError
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -133,15 +132,9 @@ def _to_read(table: pd.DataFrame, style: str, underscore: str = "_") -> str:
     brief = table.drop(columns=["jacobian", "canonical_form"], errors="ignore").astype(object)
     for name in brief:
         digits = 8 if name in ("score", "worst_case_sigma") else 4
-        brief[name] = [_cell(value, digits) for value in brief[name]]
+        brief[name] = [shown(value, digits) for value in brief[name]]
     brief.columns = brief.columns.str.replace("_", underscore)
     return f"{brief.to_markdown(index=False, tablefmt=style, disable_numparse=True)}\n"
-
-
-def _cell(value: object, digits: int) -> str:
-    if isinstance(value, float):
-        return "–" if math.isnan(value) else f"{value:.{digits}g}"
-    return printable(str(value))
 
 
 # CSV and Parquet have every digit.

@@ -17,7 +17,7 @@ from formulations.clearance.link_clearance import Closest, LinkClearance
 from formulations.kinematics.tree import RobotError
 from formulations.measures.unequal_failures import scenarios
 from formulations.robots.pose_constrained_arm import LockedReach, Pose, PoseConstrainedArm
-from formulations.robots.posture_search import Search, searched
+from formulations.robots.posture_search import Search, enough, searched
 from formulations.robots.robot_arm import RobotArm
 from formulations.robots.robot_assessment import (
     RobotAssessment,
@@ -48,6 +48,12 @@ class Posture:
         the best such score. If none converged, `reached_best` is 0 and the posture is the best
         at which a start stopped: within the limits, and no optimum. No starts are made where
         a failure is structural.
+    optima, unseen_share
+        How many different scores the starts ended at, and the expected share of optima that
+        none has ended at yet, from 0 to 1; see `Outcome.unseen_share`.
+    settled
+        Whether the stopping rule holds, see `Search`: that a better posture exists is then
+        unlikely, and not excluded.
     status_counts
         Ipopt's return statuses and how often each came.
     complete
@@ -67,6 +73,9 @@ class Posture:
     seed: int
     starts: int
     reached_best: int
+    optima: int
+    unseen_share: float
+    settled: bool
     status_counts: Mapping[str, int]
     complete: bool
     at: AtPose | None = None
@@ -149,7 +158,8 @@ def best_posture(
     arm
         The robot, the task and the characteristic length.
     search
-        What is optimised, and from how many starts; by default max-min from 100.
+        What is optimised, and from how many starts; by default max-min, from as many as the
+        stopping rule wants.
     at
         Where the tip's point is to be; free if left out.
     clearance
@@ -257,6 +267,9 @@ def _described(
         seed=search.seed,
         starts=len(outcome.records) if outcome else 0,
         reached_best=len(outcome.reached) if outcome else 0,
+        optima=len(outcome.scores) if outcome else 0,
+        unseen_share=outcome.unseen_share if outcome else 0.0,
+        settled=enough(outcome) if outcome else True,
         status_counts=dict(outcome.status_counts) if outcome else {},
         complete=outcome.complete if outcome else True,
         at=_at_pose(constrained, configuration) if constrained else None,

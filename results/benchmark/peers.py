@@ -7,7 +7,8 @@ from formulations import max_min, residual
 from formulations.formulation import Formulation
 from formulations.joints.arm import Arm
 from nlp.solver import Solver
-from results.benchmark import floor, jax_residual, pymanopt_residual, scipy_peers
+from results.benchmark import floor
+from results.benchmark import other_libraries as others
 from results.benchmark.measurement import Peer, Solve
 
 DEFAULT = "lockedjoint, Ipopt (default)"
@@ -47,15 +48,15 @@ def _floor(name: str, exact: bool) -> Peer:
 
 
 def _least_squares(method: str) -> Peer:
-    prepare = partial(scipy_peers.least_squares_residual, method=method)
+    prepare = partial(others.least_squares_residual, method=method)
     words = "analytic Jacobian, default tolerances"
     return Peer(f"scipy least_squares {method}", "residual", prepare, words)
 
 
 _EXACT = "exact Hessian, default tolerances"
 _CHOSEN = "exact Hessian at 7R, Gauss–Newton above, default tolerances"
-_FTOL = f"ftol {scipy_peers.TOLERANCE:g}"
-_JAX = f"float64, at most {jax_residual.STEPS} steps, gradient below {jax_residual.GRADIENT:g}"
+_FTOL = f"ftol {others.TOLERANCE:g}"
+_JAX = f"float64, at most {others.JAX_STEPS} steps, gradient below {others.JAX_GRADIENT:g}"
 
 PEERS: Sequence[Peer] = (
     Peer(DEFAULT, "residual", own(residual), _CHOSEN),
@@ -73,25 +74,25 @@ PEERS: Sequence[Peer] = (
     _floor("Gauss–Newton", False),
     _least_squares("trf"),
     _least_squares("lm"),
-    Peer("scipy SLSQP", "residual", scipy_peers.slsqp_residual, f"analytic gradient, {_FTOL}"),
+    Peer("scipy SLSQP", "residual", others.slsqp_residual, f"analytic gradient, {_FTOL}"),
     Peer(
         "JAX, batched Levenberg–Marquardt",
         "residual",
-        partial(jax_residual.prepare, exact=False),
+        partial(others.jax_residual, exact=False),
         _JAX,
         batched=True,
     ),
     Peer(
         "JAX, batched Newton, damped",
         "residual",
-        partial(jax_residual.prepare, exact=True),
+        partial(others.jax_residual, exact=True),
         _JAX,
         batched=True,
     ),
     Peer(
         "pymanopt, trust regions on SO(3)ⁿ",
         "residual",
-        pymanopt_residual.prepare,
+        others.pymanopt_residual,
         "analytic gradient and Hessian, default tolerances",
     ),
     _max_min(DEFAULT),
@@ -109,13 +110,13 @@ PEERS: Sequence[Peer] = (
     Peer(
         "scipy SLSQP, eigenvalues as constraints",
         "max-min",
-        scipy_peers.slsqp_max_min,
-        f"analytic derivatives, {_FTOL}, at most {scipy_peers.MOST} steps",
+        others.slsqp_max_min,
+        f"analytic derivatives, {_FTOL}, at most {others.MOST} steps",
     ),
     Peer(
         "Schatten smoothing, scipy L-BFGS",
         "max-min",
-        scipy_peers.schatten_max_min,
-        f"p from {scipy_peers.POWERS[0]:g} to {scipy_peers.POWERS[-1]:g}",
+        others.schatten_max_min,
+        f"p from {others.POWERS[0]:g} to {others.POWERS[-1]:g}",
     ),
 )

@@ -34,7 +34,7 @@ def folder(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def found(folder):
+def study_rows(folder):
     """Rows and their Jacobians."""
     stored = json.loads((folder / "jacobians.json").read_text(encoding="utf-8"))
     jacobians = [np.array(one["jacobian"]) for one in stored]
@@ -50,28 +50,28 @@ def test_every_case_can_be_stated():
         assert case.build().size > case.arm.size
 
 
-def test_numbers_are_those_of_the_jacobian(found):
-    for row, jacobian in found:
+def test_numbers_are_those_of_the_jacobian(study_rows):
+    for row, jacobian in study_rows:
         assert row.score <= row.bound * (1 + 1e-6)
         assert row.gap_percent == pytest.approx(100 * abs(1 - row.score / row.bound))
         assert row.worst_case_sigma == measures.worst_case_sigma(jacobian, row.locked)
         if row.failing == "all alike":
             assert row.score == pytest.approx(row.worst_case_sigma)
-    [(row, jacobian)] = [one for one in found if one[0].goal == "expected"]
+    [(row, jacobian)] = [one for one in study_rows if one[0].goal == "expected"]
     assert row.score == expected_sigma(jacobian, unequal()[-1].settings["failures"])
 
 
-def test_the_paper_s_square_is_the_first_row(found):
-    row, _ = found[0]
+def test_the_paper_s_square_is_the_first_row(study_rows):
+    row, _ = study_rows[0]
     assert (row.task_dimension, row.joints, row.locked) == (2, 4, 2)
     assert row.score == pytest.approx(np.sqrt(2) * np.sin(np.pi / 8), abs=1e-6)
     assert row.distinct_optima == 1
 
 
-def test_files(found, folder):
+def test_files(study_rows, folder):
     with (folder / "failures.csv").open(encoding="utf-8") as file:
         lines = list(csv.DictReader(file))
-    assert [float(line["score"]) for line in lines] == [row.score for row, _ in found]
+    assert [float(line["score"]) for line in lines] == [row.score for row, _ in study_rows]
     page = (folder / "failures.md").read_text(encoding="utf-8")
     assert "not all rows are here" in page
-    assert page.count("| free") == len(found) == 6
+    assert page.count("| free") == len(study_rows) == 6

@@ -64,30 +64,30 @@ def test_the_reproduction_has_nothing_unexplained():
 @pytest.mark.parametrize("file", ["worst_case_7_6.json", "worst_case_7r_lever_arm_1.json"])
 def test_bound_6_as_a_program(file):
     [row] = [row for row in rows("bounds", BoundRow) if row.file == file]
-    found = RUNS[file].compute(Effort(), RESULTS)
-    assert found["singular_value_bound"] == pytest.approx(row.bound, abs=SAME)
+    plain = RUNS[file].compute(Effort(), RESULTS)
+    assert plain["singular_value_bound"] == pytest.approx(row.bound, abs=SAME)
     assert row.bound == pytest.approx(row.closed_form, abs=SAME)
 
 
 def test_the_planar_workspaces():
-    found = [row for row in rows("workspaces", WorkspaceRow) if row.method == "closed form"]
-    assert [row.choice for row in found] == [
+    closed = [row for row in rows("workspaces", WorkspaceRow) if row.method == "closed form"]
+    assert [row.choice for row in closed] == [
         "as given",
         "best limits",
         "best limits and lengths",
     ]
-    for row in found:
+    for row in closed:
         limits = tuple((low, high) for low, high in row.limits.values())
         anew = Planar3R(tuple(row.links.values()), limits)
         assert anew.area_with_error()[0] == pytest.approx(row.size, abs=SAME)
 
 
 def test_the_relaxation_of_order_2():
-    found = existence_relaxation(2, 7, task_dimension=6).to_dict()
+    plain = existence_relaxation(2, 7, task_dimension=6).to_dict()
     [row] = [row for row in rows("bounds", RelaxationRow, "relaxations") if row.order == 2]
     for count in ("classes", "equations", "rank", "largest_block", "verdict"):
-        assert found[count] == getattr(row, count)
-    assert found["margin"] == pytest.approx(row.margin, abs=SAME)
+        assert plain[count] == getattr(row, count)
+    assert plain["margin"] == pytest.approx(row.margin, abs=SAME)
 
 
 def test_every_rigorous_bound_is_what_its_certificate_states():
@@ -144,11 +144,11 @@ def test_jacobians_of_the_failures():
 
 def test_postures_of_the_robots_are_those_of_the_table():
     stored = json.loads((RESULTS / "robots/postures.json").read_text(encoding="utf-8"))
-    found = {(one["arm"], one["variant"]): one for one in stored}
+    by_arm = {(posture["arm"], posture["variant"]): posture for posture in stored}
     for row in rows("robots", RobotRow):
-        one = found[row.arm, row.task]
-        assert one["worst_case_sigma"] == pytest.approx(row.worst_case_sigma, abs=1e-12)
-        assert one["configuration"] == row.configuration
+        posture = by_arm[row.arm, row.task]
+        assert posture["worst_case_sigma"] == pytest.approx(row.worst_case_sigma, abs=1e-12)
+        assert posture["configuration"] == row.configuration
 
 
 def test_trajectories_survive_what_the_table_says():
@@ -171,9 +171,9 @@ def test_trajectories_survive_what_the_table_says():
 
 def test_the_robots_of_a_jacobian_keep_what_the_table_says():
     """Measured again at other points; the error of the table is two standard errors."""
-    found = rows("workspaces", OrderRow, "orders")
-    assert found
-    for row in found:
+    table = rows("workspaces", OrderRow, "orders")
+    assert table
+    for row in table:
         jacobian = np.array(list(row.jacobian.values()))
         sigma = measures.worst_case_sigma(jacobian)
         assert sigma == pytest.approx(row.worst_case_sigma, abs=1e-12)
@@ -185,15 +185,17 @@ def test_the_robots_of_a_jacobian_keep_what_the_table_says():
         again = float(CRITERIA["kept"].evaluate(one, how)[0])
         assert abs(again - row.kept) < row.error * (1 + 1.5 * np.sqrt(FINAL_POINTS / 100))
     # The front, by sorting: whoever keeps more than all with a larger worst case.
-    ranked = sorted(found, key=lambda row: -row.worst_case_sigma)
+    ranked = sorted(table, key=lambda row: -row.worst_case_sigma)
     most = np.maximum.accumulate([0.0, *(row.kept for row in ranked)])
     front = [row.kept > best for row, best in zip(ranked, most[:-1], strict=True)]
     assert [row.front == "yes" for row in ranked] == front
 
 
 def test_the_lengths_of_the_links_are_worth_choosing():
-    found = {row.choice: row for row in rows("workspaces", WorkspaceRow) if row.arm == "UR5"}
-    given, chosen = found["best limits"], found["best limits and lengths"]
+    by_choice = {
+        row.choice: row for row in rows("workspaces", WorkspaceRow) if row.arm == "UR5"
+    }
+    given, chosen = by_choice["best limits"], by_choice["best limits and lengths"]
     assert chosen.size - chosen.error > given.size + given.error
     assert sum(chosen.links.values()) == pytest.approx(sum(given.links.values()), rel=1e-12)
 

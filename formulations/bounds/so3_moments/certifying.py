@@ -26,7 +26,6 @@ from formulations.bounds.so3_moments.relaxation import (
     Progress,
     SolvedRelaxation,
     refined_multipliers,
-    semidefinite_root,
 )
 from formulations.bounds.so3_moments.row_sectors import RowSector
 from formulations.bounds.so3_moments.sampled_blocks import BlockFamily, RowBlocks
@@ -34,7 +33,7 @@ from formulations.bounds.so3_moments.symmetric_rows import AdaptedRows
 from formulations.bounds.so3_moments.verification import VerifiedBound, verify_bound
 from formulations.bounds.so3_moments.young_basis import Shapes, first_tableau
 from formulations.existence.certificate import CertificateError
-from nlp.arrays import FloatArray
+from nlp.arrays import FloatArray, semidefinite_root
 from nlp.errors import InputError
 
 # Singular values of bases below this, relative, are 0.

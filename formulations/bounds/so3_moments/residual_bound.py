@@ -54,13 +54,6 @@ _RIGOROUS_GAP = 3e-8
 _NOTHING, _SHARE, _DIGITS = -1.0, 0.1, 8
 
 
-def residual_preset(name: str) -> tuple[RowSector, ...]:
-    """Return the rows of a preset of the residual bound; InputError if there is none."""
-    if name not in RESIDUAL_PRESETS:
-        raise InputError("preset", name, ", ".join(RESIDUAL_PRESETS))
-    return RESIDUAL_PRESETS[name]
-
-
 @one_blas_thread()
 def residual_bound(
     preset: str | None = None,
@@ -116,10 +109,11 @@ def residual_bound(
     depend on the frame.
     """
     preset = preset or "compact"
-    sectors = residual_preset(preset)
+    if preset not in RESIDUAL_PRESETS:
+        raise InputError("preset", preset, ", ".join(RESIDUAL_PRESETS))
     check_joints(joints)
     generator = np.random.default_rng(seed_of(seed, rng))
-    families = sector_families(sectors, joints)
+    families = sector_families(RESIDUAL_PRESETS[preset], joints)
     if rigorous:
         bound, evidence = _proved(families, generator, progress, out)
     elif out is not None:

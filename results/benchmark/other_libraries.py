@@ -1,4 +1,4 @@
-"""SciPy on both statements, with analytic derivatives.
+"""Other libraries on both statements, with analytic derivatives.
 
 The residual: least squares (trf, lm) and SLSQP. Max-min, as one would state it for SLSQP::
 
@@ -11,9 +11,13 @@ come from the eigenvectors; they jump where eigenvalues meet, and at the best Ja
 Max-min by smoothing: L-BFGS minimises log (Σ_f tr M_f⁻ᵖ)^{1/p}, M_f = JJᵀ − j_f j_fᵀ, for
 growing p, each from the previous answer: Schatten norms of the inverses replace smallest
 eigenvalues. For p → ∞ it is −log of the smallest eigenvalue of all.
+
+JAX and Pymanopt on the residual: Levenberg–Marquardt and damped Newton, all starts of a batch
+at once; trust regions on SO(3)ⁿ.
 """
 
 from functools import partial
+from typing import Any
 
 import numpy as np
 from scipy.optimize import least_squares, minimize
@@ -25,6 +29,7 @@ from results.benchmark.measurement import NotRunError, Solve
 
 POWERS = (4.0, 16.0, 64.0, 256.0, 1024.0, 4096.0)
 MOST, TOLERANCE = 500, 1e-10
+JAX_STEPS, JAX_GRADIENT = 300, 1e-7
 
 
 def least_squares_residual(arm: Arm, method: str) -> Solve:
@@ -108,3 +113,87 @@ def _smoothed(angles: FloatArray, power: float) -> tuple[float, FloatArray]:
     slopes = -np.einsum("nak,nk,nbk->nab", vectors, weights, vectors)
     slope = 2 * (slopes.sum(axis=0) @ matrix - np.einsum("nab,bn->an", slopes, matrix))
     return float(top + np.log(total) / power), hand.chain(angles, slope)
+
+
+def jax_residual(arm: Arm, batch: int, exact: bool) -> Solve:
+    """Return what solves a batch of starts, with the exact or the Gauss–Newton Hessian."""
+    import jax
+
+    jax.config.update("jax_enable_x64", True)
+    from jax import numpy as jnp
+
+    def equations(angles: Any) -> Any:
+        return hand.residuals(angles, jnp)
+
+    def half(angles: Any) -> Any:
+        return jnp.sum(equations(angles) ** 2) / 2
+
+    def step(state: Any) -> Any:
+        x, damping, count, _ = state
+        r, d = equations(x), jax.jacfwd(equations)(x)
+        slope = d.T @ r
+        curvature = jax.hessian(half)(x) if exact else d.T @ d
+        lhs = curvature + damping * jnp.eye(x.size)
+        # Where it is not positive definite, the step is NaN: not accepted, damped more.
+        trial = x - jax.scipy.linalg.cho_solve(jax.scipy.linalg.cho_factor(lhs), slope)
+        better = half(trial) < jnp.sum(r**2) / 2
+        damping = jnp.where(better, jnp.maximum(damping / 5, 1e-10), damping * 4)
+        return jnp.where(better, trial, x), damping, count + 1, jnp.max(jnp.abs(slope))
+
+    def goes_on(state: Any) -> Any:
+        return (state[2] < JAX_STEPS) & (state[3] > JAX_GRADIENT)
+
+    def solve(start: Any) -> Any:
+        return hand.jacobian(
+            jax.lax.while_loop(goes_on, step, (start, 1e-2, 0, jnp.inf))[0], jnp
+        )
+
+    solve_all = jax.jit(jax.vmap(solve))
+    rng = np.random.default_rng(0)
+    solve_all(np.array([arm.sample(rng) for _ in range(batch)])).block_until_ready()
+
+    return lambda starts: np.asarray(solve_all(starts), dtype=np.float64)
+
+
+def pymanopt_residual(arm: Arm) -> Solve:
+    """Return what solves a start by trust regions on SO(3)ⁿ."""
+    import pymanopt
+    from pymanopt.manifolds import SpecialOrthogonalGroup
+    from pymanopt.optimizers import TrustRegions
+
+    n = arm.shape[1]
+    manifold = SpecialOrthogonalGroup(3, k=n)
+
+    def columns(points: FloatArray) -> FloatArray:
+        return np.vstack([points[:, :, 0].T, points[:, :, 1].T])
+
+    def lifted(slope: FloatArray) -> FloatArray:
+        return np.stack([slope[:3].T, slope[3:].T, np.zeros((n, 3))], axis=2)
+
+    def gap(matrix: FloatArray) -> FloatArray:
+        return np.asarray(matrix @ matrix.T - n / 3 * np.eye(6))
+
+    def cost(points: FloatArray) -> float:
+        return float(0.5 * np.sum(gap(columns(points)) ** 2))
+
+    def gradient(points: FloatArray) -> FloatArray:
+        matrix = columns(points)
+        return lifted(2 * gap(matrix) @ matrix)
+
+    def hessian(points: FloatArray, vector: FloatArray) -> FloatArray:
+        matrix, moved = columns(points), columns(vector)
+        change = moved @ matrix.T
+        return lifted(2 * (gap(matrix) @ moved + (change + change.T) @ matrix))
+
+    on = pymanopt.function.numpy(manifold)
+    derivatives = {"euclidean_gradient": on(gradient), "euclidean_hessian": on(hessian)}
+    problem = pymanopt.Problem(manifold, on(cost), **derivatives)
+    optimizer = TrustRegions(verbosity=0)
+
+    def solve(start: FloatArray) -> FloatArray:
+        matrix = hand.jacobian(start)
+        v, w = matrix[:3].T, matrix[3:].T
+        point = np.stack([v, w, np.cross(v, w)], axis=2)
+        return columns(optimizer.run(problem, initial_point=point).point)
+
+    return solve
