@@ -250,28 +250,27 @@ def test_what_no_posture_keeps_is_refused_with_the_best_seen(made, tmp_path):
         best_posture(arm, Search(starts=1), clearance=read_clearance(path, arm.chain, 3.0))
 
 
-@pytest.mark.parametrize(
-    ("geometry", "sentence"),
-    [
-        ("", "two links that are not adjacent"),
-        ("<collision><geometry/></collision>", "<collision> of link l1 is without geometry"),
-        ("<collision><geometry><cone/></geometry></collision>", "is <cone>; allowed: one box"),
-        ('<collision><geometry><sphere radius="-1"/></geometry></collision>', "sizes above 0"),
-        ('<collision><geometry><sphere radius="x"/></geometry></collision>', "one number"),
-        ("<collision><geometry><sphere/></geometry></collision>", "the attribute 'radius'"),
-        (
-            '<visual><geometry><mesh filename="package://a/b.stl"/></geometry></visual>',
-            "mesh of link l1 is package://a/b.stl; allowed: a file beside the URDF",
-        ),
-        (
-            '<visual><geometry><mesh filename="arm.urdf"/></geometry></visual>',
-            "arm.urdf; allowed: a mesh that can be read",
-        ),
-    ],
-)
-def test_geometry_that_is_none(made, tmp_path, geometry, sentence):
+WITHOUT_ORIGIN = "<{0}><geometry>{1}</geometry></{0}>".format
+GEOMETRY = {
+    "two links that are not adjacent": "",
+    "<collision> of link l1 is without geometry": WITHOUT_ORIGIN("collision", ""),
+    "is <cone>; allowed: one box": WITHOUT_ORIGIN("collision", "<cone/>"),
+    "sizes above 0": WITHOUT_ORIGIN("collision", '<sphere radius="-1"/>'),
+    "one number": WITHOUT_ORIGIN("collision", '<sphere radius="x"/>'),
+    "the attribute 'radius'": WITHOUT_ORIGIN("collision", "<sphere/>"),
+    "mesh of link l1 is package://a/b.stl; allowed: a file beside the URDF": WITHOUT_ORIGIN(
+        "visual", '<mesh filename="package://a/b.stl"/>'
+    ),
+    "arm.urdf; allowed: a mesh that can be read": WITHOUT_ORIGIN(
+        "visual", '<mesh filename="arm.urdf"/>'
+    ),
+}
+
+
+@pytest.mark.parametrize("sentence", GEOMETRY)
+def test_geometry_that_is_none(made, tmp_path, sentence):
     path = tmp_path / "arm.urdf"
-    arm = write(made, path, lambda _: geometry)
+    arm = write(made, path, lambda _: GEOMETRY[sentence])
     with pytest.raises(InputError, match=sentence):
         read_clearance(path, arm.chain, 0.01)
 
