@@ -7,6 +7,7 @@ from typing import TypeAlias
 
 import numpy as np
 
+from formulations.joints.joint import MOST_JOINTS
 from formulations.kinematics.chain import (
     LARGEST,
     LIMIT_TOLERANCE,
@@ -58,7 +59,8 @@ def chain_between(
     Raises
     ------
     InputError
-        If a name is unknown, a value is outside its joint's limits, or nothing is free.
+        If a name is unknown, a value is outside its joint's limits, nothing is free, or there
+        are more than `MOST_JOINTS` joints on the way.
     RobotError
         If a joint on the way is of an unsupported kind.
     """
@@ -85,6 +87,9 @@ def chain_between(
         for joint, driver, k, c in driven.values()
         if driver.name not in locked_at and k != 0.0
     ]
+    if len(moving) > MOST_JOINTS:
+        count = f"number of joints that move {tip}"
+        raise InputError(count, len(moving), f"at most {MOST_JOINTS}")
     ranged = _ranges(moving)
     immobile = {
         joint.name: joint.lower / 2 + joint.upper / 2

@@ -16,6 +16,8 @@ LARGEST_ENTRY = 1e70
 _SMALLEST = 1 / LARGEST_ENTRY
 # More sets of locked joints than this are refused: each takes a singular value decomposition.
 MOST_SETS = 100_000
+# So is a Jacobian of more entries, counted once for each set of locked joints: seconds.
+_MOST_ENTRIES = 100_000_000
 # Entries of J that are decomposed at once.
 _CHUNK = 1_000_000
 
@@ -125,6 +127,9 @@ def locked_sets(matrix: FloatArray, locked: int) -> list[tuple[int, ...]]:
     if whole_number("locked joints", locked, 1) >= n:
         raise InputError("locked joints", locked, f"fewer than the {n} joints")
     check_sets(n, locked)
+    if comb(n, locked) * matrix.size > _MOST_ENTRIES:
+        allowed = f"a shape with at most {_MOST_ENTRIES:.0e} entries over all failures"
+        raise InputError("jacobian", f"of shape {matrix.shape[0]}×{n}", allowed)
     return list(combinations(range(n), locked))
 
 

@@ -248,3 +248,11 @@ def test_speeds_are_read_and_narrowed_by_mimics(made):
     joints = made.serial(["0 0 0.3"] * 7, j2={"mimic": mimic}, j3={"kind": "continuous"})
     chain = made.chain(joints, "l7")
     assert [one.velocity for one in chain.joints] == [1, 0.25, np.inf, 1, 1, 1]
+
+
+def test_a_chain_of_more_joints_than_a_robot_has_is_refused(made):
+    """It would take minutes."""
+    joints = made.serial(["0.1 0 0"] * 101, ["0 0 1"] * 101)
+    with pytest.raises(InputError, match="that move l101 is 101; allowed: at most 100"):
+        made.chain(joints, "l101")
+    assert len(made.chain(joints, "l100").joints) == 100

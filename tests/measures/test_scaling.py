@@ -39,3 +39,8 @@ def test_masked_entries_are_refused():
     with pytest.raises(InputError, match="masked"):
         measure(np.ma.masked_greater(J, 1))
     assert measure(np.ma.masked_array(J)) == measure(J)
+
+
+def test_a_matrix_that_would_take_minutes_is_refused():
+    with pytest.raises(InputError, match="over all failures"):
+        measure(np.ones((2, 10_000)))
