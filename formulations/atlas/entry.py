@@ -132,6 +132,10 @@ class EntryPage:
     found: Found
     history: tuple[Mapping[str, Any], ...] = field(default=())
 
+    def __repr__(self) -> str:
+        """Say in one line which entry it is, its value and its mark."""
+        return f"<EntryPage: {self.entry.name}, {self.value} ({self.mark})>"
+
     @property
     def gap_percent(self) -> float:
         """How far the value is below the bound, in percent of the bound."""

@@ -113,6 +113,13 @@ class PathPlan:
     speed: float | None
     complete: bool = True
 
+    def __repr__(self) -> str:
+        """Say in one line how many failures are survived."""
+        base = self.minimum_norm
+        beside = f", {base.share:.1f} % at minimum norm" if base else ""
+        survived = f"{self.planned.share:.1f} % of failures survived"
+        return f"<PathPlan: {survived}{beside}, {len(self.times)} samples>"
+
     def joint_rows(self) -> list[dict[str, object]]:
         """Return a line for each joint: shares that survive, and where the others end."""
         rows: list[dict[str, object]] = []

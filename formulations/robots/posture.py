@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
+from html import escape
 from typing import Any
 
 import numpy as np
@@ -27,7 +28,7 @@ from formulations.robots.robot_assessment import (
 from formulations.robots.structural import structural_failures
 from formulations.solving.outcome import Outcome
 from nlp.arrays import FloatArray
-from nlp.errors import InputError
+from nlp.errors import InputError, printable
 from nlp.problem import Constraint
 
 
@@ -81,6 +82,18 @@ class Posture:
     at: AtPose | None = None
     clearance: KeptClearance | None = None
     failures: Mapping[str, Any] | None = None
+
+    def __repr__(self) -> str:
+        """Say in one line what was found, and how surely."""
+        at = self.assessment
+        locked = printable(", ".join(at.worst_case_joints))
+        found = f"worst case σ = {at.worst_case_sigma:.6g} ({locked} locked)"
+        starts = f"best reached by {self.reached_best} of {self.starts} starts"
+        return f"<Posture: {self.formulation}, {found}, {starts}>"
+
+    def _repr_html_(self) -> str:
+        """Return the line and what each failure leaves, for notebooks."""
+        return f"<p>{escape(repr(self))}</p>{self.assessment._repr_html_()}"
 
     def to_dict(self) -> dict[str, object]:
         """Return the fields as plain values, the assessment's among them."""

@@ -32,7 +32,7 @@ from formulations.kinematics.forward import tip_kinematics
 from formulations.kinematics.read_robot import read_robot
 from formulations.robots.task import TaskSpace
 from nlp.arrays import FloatArray, as_floats, finite_vector
-from nlp.errors import InputError
+from nlp.errors import InputError, printable
 from nlp.problem import Constraint
 
 # A joint without limits, or with wider ones, is drawn from twice this: one turn, two metres.
@@ -141,6 +141,11 @@ class RobotArm:
         """Return the robot and its chain in a few words."""
         chain = self.chain
         return f"{self.size} joints of {chain.robot} from {chain.base} to {chain.tip}"
+
+    def __repr__(self) -> str:
+        """Say in one line which robot it is, and the task."""
+        task = ", ".join(self.task.directions)
+        return f"<{type(self).__name__}: {printable(self.description)}, task {task}>"
 
     def symbols(self) -> ca.SX:
         """Symbols of the joints' positions, radians or metres, shape (n, 1)."""

@@ -1,6 +1,7 @@
 """How failure tolerant a robot is at one configuration, and how that depends on ℓ."""
 
 from dataclasses import dataclass
+from html import escape
 from itertools import compress
 from typing import Any
 
@@ -15,7 +16,7 @@ from formulations.measures.unequal_failures import Scenarios
 from formulations.robots.robot_arm import RobotArm
 from formulations.robots.structural import StructuralFailure, structural_failures
 from nlp.arrays import FloatArray
-from nlp.errors import InputError
+from nlp.errors import InputError, printable
 
 # Failures that leave the same up to this share of the largest singular value are equally bad.
 _TIE = 1e-6
@@ -134,6 +135,23 @@ class RobotAssessment:
     by_length: tuple[AtLength, ...]
     best_length: AtLength | None
     jacobian: list[list[float]]
+
+    def __repr__(self) -> str:
+        """Say in one line the worst case, and of which joint."""
+        locked = printable(", ".join(self.worst_case_joints))
+        bound = f"{self.percent_of_bound:.3g} % of the bound (6)"
+        found = f"worst case σ = {self.worst_case_sigma:.6g} ({locked} locked), {bound}"
+        return f"<RobotAssessment: {printable(self.robot)}, {found}>"
+
+    def _repr_html_(self) -> str:
+        """Return the line and what the worst failures leave, for notebooks."""
+        import pandas as pd
+
+        rows = [
+            {"locked": printable(", ".join(one.joints)), "σ left": one.sigma}
+            for one in self.failures[:10]
+        ]
+        return f"<p>{escape(repr(self))}</p>{pd.DataFrame(rows).to_html(index=False, border=0)}"
 
 
 def measure_robot(

@@ -75,6 +75,11 @@ class Choice:
     distinct: int | None
     values: dict[str, float]
 
+    def __repr__(self) -> str:
+        """Say in one line what was chosen, and by what."""
+        by = f"by {self.criterion}, {self.method}" if self.criterion else "as given"
+        return f"<Choice: columns {' '.join(map(str, self.order))} from base to tip, {by}>"
+
     def to_dict(self) -> dict[str, object]:
         """Return everything but the manipulator, as plain values; None for infinite ones."""
         own = {k: v for k, v in vars(self).items() if k not in ("manipulator", "values")}

@@ -92,6 +92,11 @@ class Workspace:
         """What is kept of what is reached within the physical limits, 0 to 1."""
         return self.size / self.physical if self.physical else 0.0
 
+    def __repr__(self) -> str:
+        """Say in one line how much is kept whichever joint locks."""
+        unit = "m²" if self.dimension == 2 else "m³"
+        return f"<Workspace: {self.size:.4g} ± {self.error:.1g} {unit}, {self.method}>"
+
     def to_dict(self) -> dict[str, object]:
         """Return the result as plain values."""
         names = [step.name for step in self.arm.steps]

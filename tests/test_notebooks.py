@@ -1,0 +1,35 @@
+"""What a notebook shows of a result: one line, and a table where there is one."""
+
+import numpy as np
+import pytest
+
+import lockedjoint as lj
+from formulations.paths.plan import PathPlan, Trajectory
+
+
+@pytest.fixture(scope="module")
+def arm(made):
+    return made.planar([1.0, 0.7, 0.4])
+
+
+def test_one_line_each(arm):
+    posture = lj.best_posture(arm, lj.Search(starts=3))
+    chosen = lj.choose_arrangement(lj.realise(lj.optimal_jacobian(8)), "path")
+    for value, words in (
+        (arm, "<RobotArm: 3 joints of robot from l0 to tip, task vx, vy>"),
+        (posture, "of 3 starts>"),
+        (posture.assessment, "% of the bound (6)>"),
+        (chosen, "from base to tip, by path"),
+        (lj.read_atlas()[0], "(optimal)>"),
+    ):
+        assert words in repr(value)
+        assert "\n" not in repr(value)
+        assert len(repr(value)) < 200
+    assert "<table" in posture._repr_html_()
+
+
+def test_a_path():
+    trajectory = Trajectory(np.zeros((4, 2)), np.array([[3, 1]] * 4), np.ones(4))
+    names = (field for field in PathPlan.__dataclass_fields__)
+    values = dict.fromkeys(names) | {"planned": trajectory, "times": np.arange(4.0)}
+    assert repr(PathPlan(**values)) == "<PathPlan: 50.0 % of failures survived, 4 samples>"
