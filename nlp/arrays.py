@@ -74,6 +74,18 @@ def finite_or_none(value: float | None) -> float | None:
     return float(value) if value is not None and math.isfinite(value) else None
 
 
+def semidefinite_root(matrix: FloatArray) -> FloatArray:
+    """Return R with RRᵀ the positive semidefinite matrix nearest to a symmetric one."""
+    values, vectors = np.linalg.eigh(matrix)
+    return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
+
+
+def nearest_semidefinite(matrix: FloatArray) -> FloatArray:
+    """Return the nearest positive semidefinite matrix."""
+    root = semidefinite_root(0.5 * (matrix + matrix.T))
+    return np.asarray(root @ root.T)
+
+
 @contextmanager
 def one_blas_thread() -> Iterator[None]:
     """Run linear algebra on one thread, within a block or as a decorator in a function.

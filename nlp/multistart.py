@@ -54,6 +54,7 @@ def multistart(
     sample: Callable[[np.random.Generator], FloatArray] | npt.ArrayLike,
     *,
     starts: int | None = None,
+    first: int = 0,
     seed: Rng | None = None,
     rng: Rng | None = None,
     workers: int = 1,
@@ -77,6 +78,8 @@ def multistart(
         Draws a start from a generator; or the starts themselves, shape (starts, variables).
     starts
         How many starts, at least 1; left out where `sample` holds them.
+    first
+        Number of the first of them.
     seed, rng
         Random seed, 0 by default; or a generator, from which one seed is drawn. Two names for
         the same.
@@ -118,10 +121,11 @@ def multistart(
     number = seed_of(seed, rng)
     workers = whole_number("workers", workers, 1)
     task: Task[T] = Task(build, sample, options or {}, judge or _unjudged, solver, compiled)
+    indices = range(first, first + count)
     if workers == 1 and executor is None:
-        batches = _in_this_process(task, number, count)
+        batches = _in_this_process(task, number, indices)
     else:
-        batches = _dispatched(task, number, count, workers, executor)
+        batches = _dispatched(task, number, indices, workers, executor)
     finished: list[FinishedStart[T]] = []
     bar = tqdm(
         total=count,
@@ -148,21 +152,21 @@ def multistart(
 
 
 def _in_this_process(
-    task: Task[T], seed: int, starts: int
+    task: Task[T], seed: int, indices: range
 ) -> Generator[list[FinishedStart[T]], None, None]:
     solver = task.solver()
     with one_blas_thread():
-        for index in range(starts):
+        for index in indices:
             yield [run_start(solver, task, seed, index)]
 
 
 def _dispatched(
-    task: Task[T], seed: int, starts: int, workers: int, executor: Executor | None
+    task: Task[T], seed: int, indices: range, workers: int, executor: Executor | None
 ) -> Generator[list[FinishedStart[T]], None, None]:
     payload = packed(task)
-    size = min(CHUNK, -(-starts // workers))
-    firsts = range(0, starts, size)
-    chunks = (Chunk(payload, seed, range(starts)[k : k + size]) for k in firsts)
+    size = min(CHUNK, -(-len(indices) // workers))
+    firsts = range(0, len(indices), size)
+    chunks = (Chunk(payload, seed, indices[k : k + size]) for k in firsts)
     capacity = workers if executor is not None and workers > 1 else None
     with ExitStack() as opened:
         if executor is None:

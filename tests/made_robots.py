@@ -4,6 +4,7 @@ from functools import lru_cache
 
 import numpy as np
 import pinocchio as pin
+import pytest
 import roboticstoolbox as rtb
 
 from formulations.kinematics.chain_between import chain_between
@@ -11,6 +12,7 @@ from formulations.kinematics.read_urdf import urdf_tree
 from formulations.kinematics.read_xml import xml_root
 from formulations.robots.robot_arm import RobotArm
 from formulations.robots.task import TaskSpace
+from nlp.errors import MissingLibraryError
 from results.robots.survey import ARMS
 
 
@@ -72,11 +74,15 @@ def tree(text):
     return urdf_tree(xml_root(text.encode()))
 
 
+def chain(robot, tip=None, **more):
+    """A chain of URDF text, or of joints as `joint` writes them, to the last link."""
+    whole = tree(robot if isinstance(robot, str) else urdf(robot))
+    return chain_between(whole, tip or whole.leaves[0], **more)
+
+
 def arm(text, tip=None, task="all", frame="base", length=None, **more):
     """An arm of URDF text; what is more goes to `chain_between`."""
-    whole = tree(text)
-    chain = chain_between(whole, tip or whole.leaves[0], **more)
-    return RobotArm(chain, TaskSpace.parse(task, frame), length)
+    return RobotArm(chain(text, tip, **more), TaskSpace.parse(task, frame), length)
 
 
 def planar(lengths, task="vx,vy", limit='lower="-2" upper="2" effort="1" velocity="1"'):
@@ -111,9 +117,21 @@ def real(name, task="all"):
     return next(one for one in ARMS if one.name.startswith(name) and one.task == task)
 
 
-def by_pinocchio(model, declared, configuration):
+def pinocchio_model(declared):
+    """An arm of the survey in pinocchio; skips what needs a package that tests do without."""
+    try:
+        path = str(declared.path)
+    except MissingLibraryError as missing:
+        if declared.package != "robosuite":
+            raise
+        pytest.skip(str(missing))
+    read = pin.buildModelFromMJCF if path.endswith(".xml") else pin.buildModelFromUrdf
+    return read(path)
+
+
+def by_pinocchio(declared, configuration):
     """From a posture to ℓ and σ without any of our kinematics, scaling or measures."""
-    chain = declared.arm().chain
+    model, chain = pinocchio_model(declared), declared.arm().chain
     assert chain.names == tuple(configuration)
     matrix = of_pinocchio(model, chain, configuration.values())
     slides = np.array(chain.prismatic)
@@ -122,9 +140,13 @@ def by_pinocchio(model, declared, configuration):
     matrix[:3] /= length
     matrix[:, slides] *= length
     rows = matrix[:3] if declared.task == "position" else matrix
-    left = [np.delete(rows, f, axis=1) for f in range(len(slides))]
-    sigma = min(np.linalg.svd(one, compute_uv=False)[-1] for one in left)
-    return length, sigma
+    return length, min(sigmas_left(rows))
+
+
+def sigmas_left(matrix):
+    """The least singular value without each column, one after the other."""
+    left = [np.delete(matrix, f, axis=1) for f in range(matrix.shape[1])]
+    return np.array([np.linalg.svd(one, compute_uv=False)[-1] for one in left])
 
 
 def random_revolute(seed, joints=7, levers=1.0):

@@ -41,5 +41,21 @@ def test_a_start_that_did_not_converge_is_not_the_best():
     assert with_both.best.score == pytest.approx(np.sqrt(1 / 2), abs=1e-7)
     assert with_both.reached == outcome.reached
     usual, row = row_of(outcome), row_of(with_both)
-    for name in ("verdict", "score", "worst_case_sigma", "reached_best", "distinct_optima"):
+    for name in ("verdict", "score", "worst_case_sigma", "reached_best", "violation"):
         assert getattr(row, name) == getattr(usual, name)
+    assert row.distinct_optima == usual.distinct_optima
+
+
+def test_the_share_of_optima_that_no_start_has_seen(unfinished):
+    """Boender and Rinnooy Kan: expected are w(N − 1)/(N − w − 2) optima if N starts saw w."""
+    outcome = lj.solve("max-min", "free", 3, 2, starts=4, workers=1)
+    best = outcome.best
+    scores = [0.7, 0.7 + 1e-9, 0.7, 0.5, 0.5, 0.3, 0.7, 0.5, 0.3, 0.3]
+    records = tuple(replace(best, score=score) for score in scores)
+    seen = replace(outcome, records=(*records, *unfinished.records))
+    assert seen.scores == (0.3, 0.5, 0.7)
+    starts, optima = len(scores), 3
+    expected = optima * (starts - 1) / (starts - optima - 2)
+    assert seen.unseen_share == pytest.approx(1 - optima / expected)
+    assert unfinished.scores == ()
+    assert unfinished.unseen_share == 1.0

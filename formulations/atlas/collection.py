@@ -1,6 +1,6 @@
 """The atlas on disk: one text file for each entry, read, checked and improved."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import fields, replace
 from importlib.resources import files
 from math import inf
@@ -90,12 +90,22 @@ def _found(given: Mapping[str, Any]) -> Found:
     return Found(**values)
 
 
-def pages(where: Path | None = None) -> Iterator[EntryPage]:
-    """Read all entries that a folder holds, in the order of `entries`."""
-    for asked in entries().values():
-        page = page_of(asked, where)
-        if page is not None:
-            yield page
+def read_atlas(where: Path | None = None) -> list[EntryPage]:
+    """Read the atlas: the best known Jacobian of every entry that a folder holds.
+
+    Parameters
+    ----------
+    where
+        The folder; by default that of the entries that came with the package.
+
+    Raises
+    ------
+    FileError
+        If it is no folder of entries, or a file is not an entry's.
+    """
+    held = checked_folder(where)
+    pages = (page_of(asked, held) for asked in entries().values())
+    return [page for page in pages if page is not None]
 
 
 def page_of(asked: Entry, where: Path | None = None) -> EntryPage | None:

@@ -23,7 +23,7 @@ from typing import TypeAlias
 import numpy as np
 
 from formulations import max_min, registry
-from formulations.atlas.collection import improved, pages
+from formulations.atlas.collection import improved, read_atlas
 from formulations.atlas.entry import ENOUGH, RESOLUTION, Entry, EntryPage, Found
 from formulations.io.provenance import provenance
 from formulations.joints.arm import Arm
@@ -136,7 +136,7 @@ def inherited(asked: Entry, known: EntryPage | None) -> EntryPage | None:
     Unit revolute columns are lever-revolute and, scaled, free columns as well.
     """
     page = known
-    for other in pages():
+    for other in read_atlas():
         alike = (other.entry.locked, other.entry.formulation)
         if other.entry == asked or alike != (asked.locked, asked.formulation):
             continue

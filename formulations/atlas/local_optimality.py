@@ -29,7 +29,7 @@ from formulations.conic import run
 from formulations.joints.joint import Joint
 from formulations.joints.kinds import FreeColumn, Prismatic, UnitRevolute
 from formulations.measures import locked_sets
-from nlp.arrays import FloatArray
+from nlp.arrays import FloatArray, semidefinite_root
 
 Places = npt.NDArray[np.int_]
 # Eigenvalues this near to the least one, relative to it, count as equal to it.
@@ -164,8 +164,7 @@ def _kept(failure: _Failure, multiplier: FloatArray) -> list[FloatArray]:
 
 def _bending(failure: _Failure, multiplier: FloatArray, free: FloatArray) -> FloatArray:
     """2⟨Y, d d'ᵀ − D (A − tI)⁺ D'⟩ for all pairs of directions, of shape (free, m, n)."""
-    values, vectors = np.linalg.eigh(multiplier)
-    root = failure.active @ (vectors * np.sqrt(np.maximum(values, 0.0)))  # Y = root rootᵀ
+    root = failure.active @ semidefinite_root(multiplier)  # Y = root rootᵀ
     kept = free * failure.kept
     pulled = np.einsum("kif,ia->kaf", kept, root)
     direct = pulled.reshape(len(free), -1)

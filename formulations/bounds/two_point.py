@@ -28,7 +28,7 @@ import numpy as np
 from numpy.polynomial import chebyshev
 
 from formulations.conic import check_solver, run
-from nlp.arrays import FloatArray, whole_number
+from nlp.arrays import FloatArray, nearest_semidefinite, whole_number
 
 _DEGREE = 3  # of φ, as Chebyshev polynomials of 2d − 1; h has twice the degree
 _ZONAL = 4  # l = 0 … ZONAL
@@ -164,8 +164,12 @@ def _kernel(m: int, points: FloatArray, blocks: list[FloatArray]) -> FloatArray:
 def _excess(
     m: int, points: FloatArray, blocks: list[FloatArray], lift: FloatArray
 ) -> FloatArray:
-    height = _basis(points[:, 0], 2 * _DEGREE) + _basis(points[:, 1], 2 * _DEGREE)
-    return _kernel(m, points, blocks) - height @ lift
+    return _kernel(m, points, blocks) - _heights(points) @ lift
+
+
+def _heights(points: FloatArray) -> FloatArray:
+    """Return the basis of h(d) + h(e)."""
+    return _basis(points[:, 0], 2 * _DEGREE) + _basis(points[:, 1], 2 * _DEGREE)
 
 
 def _solve(
@@ -186,10 +190,9 @@ def _solve(
 
     d = 0.5 - 0.5 * np.cos(np.linspace(0.0, np.pi, 160))
     same = np.stack([d, d, np.ones_like(d)], axis=1)
-    height = _basis(points[:, 0], 2 * _DEGREE) + _basis(points[:, 1], 2 * _DEGREE)
     # h is scaled by n, which leaves coefficients of one size.
     conditions = [
-        rows(points) @ flat <= height @ lift / n,
+        rows(points) @ flat <= _heights(points) @ lift / n,
         rows(same) @ flat + (2 * (n - 1) / n) * (_basis(d, 2 * _DEGREE) @ lift) + d <= limit,
     ]
     problem = cp.Problem(cp.Minimize(limit), conditions)
@@ -202,10 +205,7 @@ def _solve(
 def _checked(
     m: int, n: int, blocks: list[FloatArray], lift: FloatArray, judge: FloatArray, status: str
 ) -> TwoPointBound:
-    projected = []
-    for block in blocks:
-        values, vectors = np.linalg.eigh(0.5 * (block + block.T))
-        projected.append((vectors * np.maximum(values, 0.0)) @ vectors.T)
+    projected = [nearest_semidefinite(block) for block in blocks]
     violation = max(float(_excess(m, judge, projected, lift).max()), 0.0)
     d = np.linspace(0.0, 1.0, 20001)
     same = np.stack([d, d, np.ones_like(d)], axis=1)

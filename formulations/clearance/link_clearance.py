@@ -26,15 +26,22 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from formulations.clearance.capsules import Capsule, capsule_around, gap_squared
-from formulations.clearance.shapes import Geometry, Shape, coal_library, read_shapes, solid
+from formulations.clearance.shapes import (
+    Capsule,
+    Geometry,
+    Shape,
+    capsule_around,
+    coal_library,
+    gap_squared,
+    read_shapes,
+    solid,
+)
 from formulations.kinematics.chain import Bodies, Chain
 from formulations.kinematics.chain_between import bodies_of
 from formulations.kinematics.forward import Kinematics, body_frames
-from formulations.kinematics.link_chain import BoolArray
+from formulations.kinematics.link_chain import BoolArray, segment_distance
 from formulations.kinematics.read_urdf import urdf_tree
 from formulations.kinematics.read_xml import from_file, is_urdf, xml_root
-from formulations.kinematics.segments import segment_distance
 from formulations.kinematics.tree import RobotTree
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
@@ -118,7 +125,7 @@ class LinkClearance:
     @property
     def visual(self) -> tuple[str, ...]:
         """Names of links whose visual geometry is taken, because they have no other."""
-        return tuple(one.name for one in self.links if one.source == "visual")
+        return tuple(link.name for link in self.links if link.source == "visual")
 
     def names(self, pair: tuple[int, int]) -> tuple[str, str]:
         """Names of the two links of a pair."""
@@ -126,7 +133,7 @@ class LinkClearance:
 
     def frames(self, configurations: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Rotations (bodies, 3, 3, B) and origins (bodies, 3, B) at configurations (n, B)."""
-        rotations, origins = (np.array(one) for one in self._kinematics(configurations))
+        rotations, origins = (np.array(stacked) for stacked in self._kinematics(configurations))
         count = len(self.bodies) + 1
         # CasADi's vectors are column by column.
         rotations = rotations.reshape(count, 3, 3, -1).transpose(0, 2, 1, 3)
@@ -155,7 +162,7 @@ class LinkClearance:
         size = max(1, _CHUNK // len(self.pairs))
         count = configurations.shape[1]
         parts = [configurations[:, k : k + size] for k in range(0, count, size)]
-        return np.concatenate([self._distances(one) for one in parts], axis=1)
+        return np.concatenate([self._distances(part) for part in parts], axis=1)
 
     def _distances(self, configurations: FloatArray) -> FloatArray:
         rotations, origins = self.frames(configurations)
@@ -219,18 +226,20 @@ class LinkClearance:
             body = np.eye(4)
             body[:3, :3], body[:3, 3] = rotations[link.body][..., 0], origins[link.body][:, 0]
             whole = [body @ link.pose @ shape.pose for shape in link.shapes]
-            frames = [coal.Transform3s(one[:3, :3], one[:3, 3]) for one in whole]
+            frames = [coal.Transform3s(pose[:3, :3], pose[:3, 3]) for pose in whole]
             placed.append(list(zip(own, frames, strict=True)))
         request = coal.DistanceRequest()
-        found = []
+        nearest = []
         for i, j in pairs:
             gaps = [
-                coal.distance(one, at, other, there, request, coal.DistanceResult())
-                for one, at in placed[i]
-                for other, there in placed[j]
+                coal.distance(
+                    shape, place, other_shape, other_place, request, coal.DistanceResult()
+                )
+                for shape, place in placed[i]
+                for other_shape, other_place in placed[j]
             ]
-            found.append(Closest(min(gaps), self.names((i, j))))
-        return min(found, key=lambda one: one.distance)
+            nearest.append(Closest(min(gaps), self.names((i, j))))
+        return min(nearest, key=lambda pair: pair.distance)
 
     @cached_property
     def _geometry(self) -> list[list[Any]]:
@@ -276,10 +285,10 @@ def read_clearance(path: str | os.PathLike[str], chain: Chain, least: float) -> 
     parents = _parents(bodies)
     pairs = tuple(
         (i, j)
-        for (i, one), (j, other) in combinations(enumerate(links), 2)
-        if one.body != other.body
-        and parents[one.body] != other.body
-        and parents[other.body] != one.body
+        for (i, first), (j, second) in combinations(enumerate(links), 2)
+        if first.body != second.body
+        and parents[first.body] != second.body
+        and parents[second.body] != first.body
     )
     if not pairs:
         allowed = "a robot with geometry on two links that are not adjacent"
@@ -299,16 +308,16 @@ def _without_contacts(whole: LinkClearance, chain: Chain) -> LinkClearance:
     low, high = Kinematics(chain).ranges
     drawn = np.random.default_rng(1995).uniform(low, high, (len(low), _SAMPLES))
     largest, parents = np.max(whole.distances(drawn), axis=1), _parents(whole.bodies)
-    kept: list[tuple[int, int]] = []
+    pairs: list[tuple[int, int]] = []
     out: list[tuple[int, int]] = []
     for pair, gap in zip(whole.pairs, largest.tolist(), strict=True):
-        one, other = (whole.links[i].body for i in pair)
-        wrist = one == parents[parents[other]] or other == parents[parents[one]]
-        (out if gap < (whole.least if wrist else 0.0) else kept).append(pair)
-    if not kept:
+        first, second = (whole.links[i].body for i in pair)
+        wrist = first == parents[parents[second]] or second == parents[parents[first]]
+        (out if gap < (whole.least if wrist else 0.0) else pairs).append(pair)
+    if not pairs:
         allowed = "a robot with two links that are not always in contact"
         raise InputError("clearance", f"of {chain.robot}", allowed)
-    return replace(whole, pairs=tuple(kept), left_out=tuple(out))
+    return replace(whole, pairs=tuple(pairs), left_out=tuple(out))
 
 
 def _parents(bodies: Bodies) -> dict[int, int]:

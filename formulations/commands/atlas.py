@@ -54,7 +54,7 @@ def atlas(
             if value not in (None, False):
                 raise InputError(f"--{name}", value, f"after `{context.invoked_subcommand}`")
         return
-    from formulations.atlas.collection import checked_folder, pages
+    from formulations.atlas.collection import read_atlas
     from formulations.atlas.entry import entries as known_entries
     from formulations.atlas.row import AtlasRow, row_of
     from formulations.io.table import Table
@@ -73,7 +73,7 @@ def atlas(
     }
     rows = [
         row
-        for row in map(row_of, pages(checked_folder(entries)))
+        for row in map(row_of, read_atlas(entries))
         if all(value is None or getattr(row, name) == value for name, value in wanted.items())
     ]
     table = Table(AtlasRow, rows)
@@ -109,11 +109,11 @@ def verify(entries: Folder = None, as_json: cli.Json = False) -> None:
     compares it with the bound, and tests it as a local maximum. Exit status 1 if an entry is
     wrong.
     """
-    from formulations.atlas.collection import checked_folder, pages, problem_of
+    from formulations.atlas.collection import problem_of, read_atlas
 
     problems = {}
     count = 0
-    for page in pages(checked_folder(entries)):
+    for page in read_atlas(entries):
         progress(page.entry.name)
         count += 1
         if problem := problem_of(page):

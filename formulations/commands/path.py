@@ -66,7 +66,8 @@ def path(
 
     A failure is survived if the other joints can finish the path within their limits, without
     leaving it. The search takes tens of seconds. The share that survives is measured by a test
-    of its own, beside that of the minimum-norm trajectory and a ceiling by sampling.
+    of its own, beside that of the minimum-norm trajectory and of the best of
+    all configurations tried at each sample. Collisions are not checked.
     """
     from formulations.io.files import prepare_file
     from formulations.kinematics.chain import narrowed

@@ -30,7 +30,13 @@ def posture(
         "coal, and reads the meshes that the URDF file names.",
         positive=True,
     ),
-    starts: cli.Starts = 100,
+    starts: int | None = option(
+        "K",
+        "Random starts; by default 100 to 6400, until it is unlikely that a better posture "
+        "was missed.",
+        low=1,
+        high=cli.MOST_STARTS,
+    ),
     seed: cli.Seed = 0,
     workers: cli.Workers = None,
     ipopt: cli.Ipopt = None,
@@ -67,10 +73,13 @@ def posture(
     prepare_file(out, inputs=[robot.file])
     best = best_posture(arm, search, at=wanted, clearance=apart)
     warn(*(f"Note: {note}" for note in best.assessment.notes))
+    if best.complete and not best.settled:
+        warn("Note: a better posture may have been missed; try more --starts.")
     how = {
         "formulation": formulation,
         **({} if search.failures is None else {"goal": goal}),
         "starts": f"{best.starts} (seed {seed}), best reached by {best.reached_best}",
+        "optima": f"{best.optima} seen, {100 * best.unseen_share:.2g} % of all expected unseen",
         "status counts": best.status_counts,
         "midway sigma": best.mid_range_sigma,
         **_pose_and_clearance(best),
@@ -83,7 +92,8 @@ def posture(
     converged = best.reached_best or not best.starts
     show(best.to_dict(), as_json, lambda _: "\n\n".join(parts), out if converged else None)
     if not best.complete:
-        end(f"Interrupted: {best.starts} of {starts} starts ended.", INTERRUPTED)
+        asked = "" if starts is None else f" of {starts}"
+        end(f"Interrupted: {best.starts}{asked} starts ended.", INTERRUPTED)
     if not converged:
         end("Not solved: no start converged, and nothing is written.")
 

@@ -127,7 +127,7 @@ class Part:
         if not isinstance(self.value, list):
             self.refuse(f"{shown(self.value)} is not a list")
         if len(self.value) not in length:
-            self.refuse(f"{len(self.value)} are not {length.start} to {length.stop - 1}")
+            self.refuse(f"a list of {len(self.value)} items, not of {_limits(length)}")
         return [Part(one, f"{self.place}[{k}]: ") for k, one in enumerate(self.value)]
 
     def whole(self, allowed: range | None = None) -> int:
@@ -135,7 +135,7 @@ class Part:
         if type(self.value) is not int:  # nor True
             self.refuse(f"{shown(self.value)} is not a whole number")
         if allowed is not None and self.value not in allowed:
-            self.refuse(f"{self.value} is not {allowed.start} to {allowed.stop - 1}")
+            self.refuse(f"{self.value} is not {_limits(allowed)}")
         return self.value
 
     def wholes(self) -> tuple[int, ...]:
@@ -162,6 +162,11 @@ class Part:
             return make(*values)
         except CertificateError as error:
             raise CertificateError(f"{self.place}{error}") from None
+
+
+def _limits(allowed: range) -> str:
+    least, most = allowed.start, allowed.stop - 1
+    return f"{least} to {most}" if least < most else str(least)
 
 
 def _certificate(part: Part) -> Certificate:

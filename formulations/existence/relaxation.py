@@ -35,7 +35,13 @@ from formulations.existence.moments import (
     solve_moment_equations,
 )
 from formulations.existence.tableaux import standard_tableaux
-from nlp.arrays import FloatArray, finite_or_none, one_blas_thread, whole_number
+from nlp.arrays import (
+    FloatArray,
+    finite_or_none,
+    nearest_semidefinite,
+    one_blas_thread,
+    whole_number,
+)
 from nlp.errors import InputError
 
 # Relative rounding of the blocks, which are products of bases with errors of about 1e-12.
@@ -100,15 +106,14 @@ def check_margin(
         attained = min(float(np.linalg.eigvalsh(block.at(free))[0]) for block in blocks)
     if multipliers is None or not all(np.isfinite(x).all() for x in multipliers):
         return Margin(free, multipliers, attained)
-    spectra = [np.linalg.eigh(0.5 * (x + x.T)) for x in multipliers]
-    positive = [(vectors * np.maximum(values, 0)) @ vectors.T for values, vectors in spectra]
+    positive = [nearest_semidefinite(x) for x in multipliers]
     total = float(sum(np.trace(x) for x in positive))
     pairs = zip(blocks, positive, strict=True)
     products = np.sum([np.tensordot(block.matrices, x) for block, x in pairs], axis=0)
     products /= max(total, 1.0)
     leftover = np.abs(products[1:])
     residual = float(leftover.max(initial=0.0))
-    smallest = min(float(values[0]) for values, _ in spectra)
+    smallest = min(float(np.linalg.eigvalsh(0.5 * (x + x.T))[0]) for x in multipliers)
     # What rounding in the blocks can add to Σ⟨X_b, B_b(y)⟩ with Σ tr X_b ≤ 1.
     largest = np.concatenate([[1.0], limits])
     norms = [np.linalg.norm(block.matrices, axis=(1, 2)) @ largest for block in blocks]

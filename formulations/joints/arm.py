@@ -112,7 +112,7 @@ class Arm(FreeVariables):
         rows, columns = self.shape
         return {
             "task_dimension": rows,
-            "joints": [{"kind": type(one).__name__, **vars(one)} for one in self.joints],
+            "joints": [{"kind": type(joint).__name__, **vars(joint)} for joint in self.joints],
             "number_of_joints": columns,
             "largest_trace": self.largest_trace,
         }

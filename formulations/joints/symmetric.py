@@ -117,10 +117,10 @@ class SymmetricArm(FreeVariables):
         p = self.order
 
         def images(joints: tuple[int, ...]) -> Iterator[tuple[int, ...]]:
-            for turn in range(p):
-                yield tuple(sorted(i - i % p + (i + turn) % p for i in joints))
+            for shift in range(p):
+                yield tuple(sorted(i - i % p + (i + shift) % p for i in joints))
 
-        return [one for one in sets if one == min(images(one))]
+        return [chosen for chosen in sets if chosen == min(images(chosen))]
 
     @property
     def _orbits(self) -> int:
@@ -135,22 +135,22 @@ def _drawn_map(joint: Joint, parts: int, rng: np.random.Generator) -> FloatArray
     revolute columns it turns v and ω alike in space, and in the plane that v and ω span.
     """
 
-    def turn() -> FloatArray:
+    def rotation() -> FloatArray:
         angle = 2 * np.pi * int(rng.integers(parts)) / parts
         return np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
 
     side = np.array([[rng.choice([-1.0, 1.0])]])
     if isinstance(joint, UnitRevolute):
-        return np.asarray(np.kron(turn(), block_diag(turn(), side)))
+        return np.asarray(np.kron(rotation(), block_diag(rotation(), side)))
     half, odd = divmod(joint.dimension, 2)
-    return np.asarray(block_diag(*(turn() for _ in range(half)), *[side] * odd))
+    return np.asarray(block_diag(*(rotation() for _ in range(half)), *[side] * odd))
 
 
 def _order(symmetry: FloatArray, most: int) -> int | None:
     """Return the least power that is 1 or −1; None if it is above `most`."""
-    power, one = symmetry, np.eye(len(symmetry))
+    power, identity = symmetry, np.eye(len(symmetry))
     for order in range(1, most + 1):
-        if min(np.abs(power - one).max(), np.abs(power + one).max()) < _SAME:
+        if min(np.abs(power - identity).max(), np.abs(power + identity).max()) < _SAME:
             return order
         power = power @ symmetry
     return None

@@ -207,7 +207,7 @@ def check_size(name: str, *values: float) -> None:
 
 def listed(names: Sequence[str], limit: int = 12) -> str:
     """Return names with commas; the first of them if they are many."""
-    shown = ", ".join(one if len(one) < 80 else one[:79] + "…" for one in names[:limit])
+    shown = ", ".join(text if len(text) < 80 else text[:79] + "…" for text in names[:limit])
     return shown if len(names) <= limit else f"{shown}, … ({len(names)} in all)"
 
 
@@ -215,11 +215,11 @@ def nearest(name: str, names: Sequence[str]) -> str:
     """Return the names most like a wrong one as the end of a sentence; empty if none is."""
     # Comparing takes long for long names and for many.
     similar = sorted(
-        (one for one in names if len(one) < 100), key=lambda one: abs(len(one) - len(name))
+        (text for text in names if len(text) < 100), key=lambda text: abs(len(text) - len(name))
     )
-    folded = {one.lower(): one for one in reversed(similar[:5000])}
-    found = get_close_matches(name.lower()[:100], folded, n=3)
-    return f"; nearest: {', '.join(folded[one] for one in found)}" if found else ""
+    folded = {text.lower(): text for text in reversed(similar[:5000])}
+    matches = get_close_matches(name.lower()[:100], folded, n=3)
+    return f"; nearest: {', '.join(folded[text] for text in matches)}" if matches else ""
 
 
 def frozen(matrix: FloatArray) -> Transform:

@@ -80,15 +80,19 @@ def chain_between(
                 "joint of locked_at", name, f"one of {listed(names)}{nearest(name, names)}"
             )
         check_limits(name, value, known[name].lower, known[name].upper)
-    moving = [one for one in driven.values() if one[1].name not in locked_at and one[2] != 0.0]
+    moving = [
+        (joint, driver, k, c)
+        for joint, driver, k, c in driven.values()
+        if driver.name not in locked_at and k != 0.0
+    ]
     ranged = _ranges(moving)
     immobile = {
-        one.name: one.lower / 2 + one.upper / 2
-        for one in ranged
-        if one.upper - one.lower <= LIMIT_TOLERANCE
+        joint.name: joint.lower / 2 + joint.upper / 2
+        for joint in ranged
+        if joint.upper - joint.lower <= LIMIT_TOLERANCE
     }
     fixed = {**immobile, **locked_at}
-    drivers = tuple(one for one in ranged if one.name not in immobile)
+    drivers = tuple(joint for joint in ranged if joint.name not in immobile)
     if not drivers:
         shown = f" ({listed(list(immobile))} cannot move)" if immobile else ""
         allowed = f"a link that free joints move{shown}"

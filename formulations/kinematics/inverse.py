@@ -117,10 +117,10 @@ def solve_ik(
 
     def limited(which: IntArray, here: FloatArray, move: FloatArray) -> FloatArray:
         move = move * np.minimum(1, _STEP / np.maximum(np.max(np.abs(move), axis=0), 1e-12))
-        kept = np.clip(here + move, kinematics.lower, kinematics.upper)
+        inside = np.clip(here + move, kinematics.lower, kinematics.upper)
         # A joint that is pushed against its limit stays there while the others go on.
-        movable[:, which] &= np.abs(here + move - kept) < 1e-9
-        return np.asarray(kept)
+        movable[:, which] &= np.abs(here + move - inside) < 1e-9
+        return np.asarray(inside)
 
     def near(missing: FloatArray) -> BoolArray:
         return np.asarray(np.max(np.abs(missing), axis=0) < TOLERANCE)

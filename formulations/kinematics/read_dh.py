@@ -87,16 +87,16 @@ def _dh_rows(
         header, *rows = (next(csv.reader([text], strict=True)) for text in texts)
     except (csv.Error, ValueError):
         raise InputError("content", "no table", "a line of columns' names, and rows") from None
-    header = [one.strip().lower() for one in header]
-    units = {one: _unit(one, header) for one in (*_ANGLES, *_RANGES)}
-    known = {*_COLUMNS, *(f"{one}_{unit}" for one, unit in units.items())}
+    header = [cell.strip().lower() for cell in header]
+    units = {column: _unit(column, header) for column in (*_ANGLES, *_RANGES)}
+    known = {*_COLUMNS, *(f"{column}_{unit}" for column, unit in units.items())}
     for column in header:
         if column not in known or header.count(column) > 1:
             allowed = "kind, a, d, alpha_rad, theta_rad (or _deg), joint, " + ", ".join(
-                f"{one}_rad" for one in _RANGES
+                f"{limit}_rad" for limit in _RANGES
             )
             raise InputError("column", column or "without a name", f"{allowed}, each once")
-    missing = [one for one in ("kind", "a", "d") if one not in header]
+    missing = [column for column in ("kind", "a", "d") if column not in header]
     if missing or not rows:
         what = f"without {missing[0]}" if missing else "without rows"
         raise InputError("table", what, "columns kind, a, d, alpha and theta, and rows")
@@ -106,36 +106,36 @@ def _dh_rows(
         if len(row) != len(header):
             allowed = f"{len(header)} cells, as in the line of columns"
             raise InputError(f"row {k}", f"of {len(row)} cells", allowed)
-        cells = dict(zip(header, (one.strip() for one in row), strict=True))
+        cells = dict(zip(header, (cell.strip() for cell in row), strict=True))
         kind = cells["kind"].lower()
         kind = _KINDS.get(kind, kind)
         if kind not in _KINDS.values():
             raise InputError(f"kind in row {k}", cells["kind"], "revolute, prismatic or fixed")
-        theta, alpha = (_cell(cells, k, one, units[one]) for one in _ANGLES)
-        d, a = (_cell(cells, k, one) for one in ("d", "a"))
+        theta, alpha = (_cell(cells, k, column, units[column]) for column in _ANGLES)
+        d, a = (_cell(cells, k, column) for column in ("d", "a"))
         along_x, along_z = _screw(0, alpha, a), _screw(2, theta, d)
         before, after = (along_x, along_z) if modified else (_IDENTITY, along_z @ along_x)
         lower, upper, speed = (
-            _cell(cells, k, one, units[one] if kind == "revolute" else "rad", none)
-            for one, none in zip(_RANGES, (-np.inf, np.inf, 0.0), strict=True)
+            _cell(cells, k, column, units[column] if kind == "revolute" else "rad", none)
+            for column, none in zip(_RANGES, (-np.inf, np.inf, 0.0), strict=True)
         )
         yield before, kind, after, cells.get("joint", ""), Limit(lower, upper, speed)
 
 
 def _unit(angle: str, header: list[str]) -> str:
     """Return the unit that the header states for an angle."""
-    found = [unit for unit in ("rad", "deg") if f"{angle}_{unit}" in header]
-    if len(found) > 1 or (not found and (angle in header or angle in _ANGLES)):
-        shown = "there twice" if found else "without a unit" if angle in header else "missing"
+    units = [unit for unit in ("rad", "deg") if f"{angle}_{unit}" in header]
+    if len(units) > 1 or (not units and (angle in header or angle in _ANGLES)):
+        shown = "there twice" if units else "without a unit" if angle in header else "missing"
         raise InputError(f"column {angle}", shown, f"{angle}_rad or {angle}_deg, one of them")
-    return found[0] if found else "rad"
+    return units[0] if units else "rad"
 
 
 def _cell(
     cells: Mapping[str, str], row: int, column: str, unit: str = "", none: float | None = None
 ) -> float:
     """Return a number of a row in radians or metres."""
-    full = [one for one in (column, f"{column}_rad", f"{column}_deg") if one in cells]
+    full = [title for title in (column, f"{column}_rad", f"{column}_deg") if title in cells]
     text = cells[full[0]] if full else ""
     if not text and none is not None:
         return none
@@ -151,9 +151,9 @@ def _cell(
 def _screw(axis: int, angle: float, travel: float) -> FloatArray:
     """Return a rotation about the x axis (0) or the z axis (2) and a travel along it, 4×4."""
     pose = np.eye(4)
-    one, other = ((axis + 1) % 3, (axis + 2) % 3)
+    first, second = ((axis + 1) % 3, (axis + 2) % 3)
     cos, sin = math.cos(angle), math.sin(angle)
-    pose[one, one] = pose[other, other] = cos
-    pose[other, one], pose[one, other] = sin, -sin
+    pose[first, first] = pose[second, second] = cos
+    pose[second, first], pose[first, second] = sin, -sin
     pose[axis, 3] = travel
     return pose

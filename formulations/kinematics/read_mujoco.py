@@ -60,7 +60,7 @@ def mujoco_tree(model: Any) -> RobotTree:
     titles = _names(model.joint, model.njnt, "joint")
     sites = _names(model.site, model.nsite, "site")
     # A body and a site may have the same name.
-    sites = [f"{one} (site)" if one in bodies else one for one in sites]
+    sites = [f"{site} (site)" if site in bodies else site for site in sites]
     followed, coupled = _equalities(model, titles)
     kinds = {
         int(mujoco.mjtJoint.mjJNT_SLIDE): "prismatic",
@@ -106,33 +106,33 @@ def _equalities(model: Any, titles: list[str]) -> tuple[dict[int, Mimic], set[in
     followed: dict[int, Mimic] = {}
     coupled: set[int] = set()
     for k in np.flatnonzero(model.eq_active0):
-        kind, one, other = (
+        kind, first, second = (
             int(v[k]) for v in (model.eq_type, model.eq_obj1id, model.eq_obj2id)
         )
         if kind == mjtEq.mjEQ_JOINT:
             # q - q0 = a0 + a1 (p - p0) + a2 (p - p0)^2 + …
             shift, factor, *curved = model.eq_data[k, :5].tolist()
-            if other < 0 or any(curved) or one in followed:
-                coupled.add(one)
+            if second < 0 or any(curved) or first in followed:
+                coupled.add(first)
                 continue
-            zero, driver = (float(model.qpos0[model.jnt_qposadr[j]]) for j in (one, other))
-            followed[one] = Mimic(titles[other], factor, zero + shift - factor * driver)
+            zero, driver = (float(model.qpos0[model.jnt_qposadr[j]]) for j in (first, second))
+            followed[first] = Mimic(titles[second], factor, zero + shift - factor * driver)
         elif kind in (mjtEq.mjEQ_CONNECT, mjtEq.mjEQ_WELD):
             if model.eq_objtype[k] == mjtObj.mjOBJ_SITE:
-                one, other = int(model.site_bodyid[one]), int(model.site_bodyid[other])
-            if model.body_mocapid[one] < 0 and model.body_mocapid[other] < 0:
+                first, second = int(model.site_bodyid[first]), int(model.site_bodyid[second])
+            if model.body_mocapid[first] < 0 and model.body_mocapid[second] < 0:
                 # A loop: every joint on it, from where the two branches part.
-                loop = _joints_below_root(model, one) ^ _joints_below_root(model, other)
+                loop = _joints_below_root(model, first) ^ _joints_below_root(model, second)
                 coupled |= loop
     return followed, coupled
 
 
 def _joints_below_root(model: Any, body: int) -> set[int]:
-    found: set[int] = set()
+    joints: set[int] = set()
     while body > 0:
-        found.update(_joints_of(model, body))
+        joints.update(_joints_of(model, body))
         body = int(model.body_parentid[body])
-    return found
+    return joints
 
 
 def _joints_of(model: Any, body: int) -> range:

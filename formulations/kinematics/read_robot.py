@@ -117,7 +117,7 @@ def _pinocchio_tree(model: Any) -> RobotTree:
         ends = links[model.parents[k]], links[k]
         origin = model.jointPlacements[k].homogeneous
         joints.append(TreeJoint(*ends, title, kind, origin, axis, limit, mimic))
-    others = [one for one in frames if one[0] not in named]
+    others = [frame for frame in frames if frame[0] not in named]
     joints += [
         TreeJoint(links[joint], title, f"fixed {title}", "fixed", pose)
         for title, joint, pose in others

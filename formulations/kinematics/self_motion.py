@@ -86,14 +86,14 @@ def solve_pose(
         return missing.T, np.moveaxis(matrix, 0, -1)
 
     lower, upper = (np.broadcast_to(side, start.shape).T for side in (lower, upper))
-    q, found = damped_least_squares(
+    q, reached = damped_least_squares(
         *(residual, start.T, lower, upper),
         reached=_REACHED,
         damping=_DAMPING,
         steps=_NEWTON,
         largest=1.0,
     )
-    return q.T, found
+    return q.T, reached
 
 
 def arcs(
@@ -136,38 +136,38 @@ def arcs(
     least, most = start.copy(), start.copy()
     unfinished = np.ones(count, dtype=bool)
     for sign in (1, -1):
-        left = np.flatnonzero(unfinished)
-        tangent = sign * first[left]
-        q = start[left] + step * tangent
+        active = np.flatnonzero(unfinished)
+        tangent = sign * first[active]
+        q = start[active] + step * tangent
         for k in range(1, steps + 1):
-            if not len(left):
+            if not len(active):
                 break
-            missing, matrix = poses[left].residual(q)
+            missing, matrix = poses[active].residual(q)
             # A step back to the curve across the tangent, and the next tangent.
             square = np.concatenate([matrix, tangent[:, None]], axis=1)
             square[:, range(n), range(n)] += _DAMPING
-            sides = np.zeros((len(left), n, 2))
+            sides = np.zeros((len(active), n, 2))
             sides[:, :-1, 0], sides[:, -1, 1] = missing, 1.0
             moves = np.linalg.solve(square, sides)
             here = q + moves[:, :, 0]
-            kept = np.linalg.norm(moves[:, :, 0], axis=1) < _LOST * step
+            on_curve = np.linalg.norm(moves[:, :, 0], axis=1) < _LOST * step
             here, at_limit = _stopped(q - step * tangent, here, lower, upper)
-            at_limit = at_limit[kept]
-            here, left, tangent = here[kept], left[kept], moves[kept, :, 1]
-            points[left, steps + sign * k] = here
+            at_limit = at_limit[on_curve]
+            here, active, tangent = here[on_curve], active[on_curve], moves[on_curve, :, 1]
+            points[active, steps + sign * k] = here
             # The start again, perhaps some turns away.
-            turns = np.round((here - start[left]) / _TURN) * ~prismatic
-            image = start[left] + _TURN * turns
+            turns = np.round((here - start[active]) / _TURN) * ~prismatic
+            image = start[active] + _TURN * turns
             closed = (k > 2) & (np.linalg.norm(here - image, axis=1) < 0.8 * step)
             last = np.where(closed[:, None], image, here)
-            least[left] = np.minimum(np.minimum(least[left], here), last)
-            most[left] = np.maximum(np.maximum(most[left], here), last)
+            least[active] = np.minimum(np.minimum(least[active], here), last)
+            most[active] = np.maximum(np.maximum(most[active], here), last)
             over = closed  # the other direction has nothing to add
             if enough < np.inf:
-                over = over | covered(least[left], most[left], enough, prismatic)
-            unfinished[left[over]] = False
+                over = over | covered(least[active], most[active], enough, prismatic)
+            unfinished[active[over]] = False
             ended = over | at_limit
-            here, left, tangent = here[~ended], left[~ended], tangent[~ended]
+            here, active, tangent = here[~ended], active[~ended], tangent[~ended]
             tangent = tangent / np.linalg.norm(tangent, axis=1, keepdims=True)
             q = here + step * tangent
     return points, least, most
@@ -208,8 +208,8 @@ def kept(chain: LinkChain, rows: list[int], offsets: FloatArray, half: float) ->
     arms, n = chain.prismatic.shape
     pairs = np.indices((arms, len(offsets))).reshape(2, -1)
     limits, none = np.full(n, half), np.full(n, np.inf)
-    found = np.zeros(pairs.shape[1], dtype=bool)
-    for at in range(0, len(found), _CHUNK):
+    survives = np.zeros(pairs.shape[1], dtype=bool)
+    for at in range(0, len(survives), _CHUNK):
         arm, point = pairs[:, at : at + _CHUNK]
         orientation = np.broadcast_to(np.eye(3), (len(arm), 3, 3))
         poses = SelfMotionPoses(
@@ -220,8 +220,8 @@ def kept(chain: LinkChain, rows: list[int], offsets: FloatArray, half: float) ->
             continue
         _, least, most = arcs(poses[reached], q[reached], -none, none, enough=half)
         swept = covered(least, most, half, chain.prismatic[arm][reached])
-        found[at + np.flatnonzero(reached)] = swept
-    return found.reshape(arms, len(offsets))
+        survives[at + np.flatnonzero(reached)] = swept
+    return survives.reshape(arms, len(offsets))
 
 
 def _stopped(

@@ -66,7 +66,7 @@ class SerialArm:
         InputError
             If a joint moves others with it, or a prismatic joint has no limits.
         """
-        drivers = [one.variable for one in chain.motions]
+        drivers = [motion.variable for motion in chain.motions]
         if drivers != list(range(len(chain.joints))):
             raise InputError("joints", "coupled by mimicry", "a chain of independent joints")
         before = np.eye(4)
@@ -96,36 +96,37 @@ class SerialArm:
     @property
     def physical(self) -> Ranges:
         """Physical limits of every joint."""
-        return tuple((one.lower, one.upper) for one in self.steps)
+        return tuple((step.lower, step.upper) for step in self.steps)
 
     @cached_property
     def is_planar(self) -> bool:
         """Whether all axes are parallel revolute ones, so that the tip moves in a plane."""
-        parallel = all(np.hypot(*one.placement[:2, 2]) < _TINY for one in self.steps[1:])
-        return parallel and not any(one.prismatic for one in self.steps)
+        parallel = all(np.hypot(*step.placement[:2, 2]) < _TINY for step in self.steps[1:])
+        return parallel and not any(step.prismatic for step in self.steps)
 
     @cached_property
     def idle(self) -> tuple[bool, ...]:
         """Which joints cannot move the tip: those at the end whose axis it is on."""
-        found, point = [], self.tip
+        still, point = [], self.tip
         for step in reversed(self.steps):
-            found.append(bool(not step.prismatic and np.hypot(*point[:2]) < _TINY))
-            if not found[-1]:
+            still.append(bool(not step.prismatic and np.hypot(*point[:2]) < _TINY))
+            if not still[-1]:
                 break
             point = moved(step.placement, point)
-        return (*([False] * (len(self.steps) - len(found))), *reversed(found))
+        return (*([False] * (len(self.steps) - len(still))), *reversed(still))
 
     @cached_property
     def links(self) -> FloatArray:
         """Lengths of the links after each joint: the translations of the placements."""
-        offsets = [one.placement[:3, 3] for one in self.steps[1:]]
-        return np.array([np.linalg.norm(one) for one in (*offsets, self.tip)])
+        offsets = [step.placement[:3, 3] for step in self.steps[1:]]
+        return np.array([np.linalg.norm(offset) for offset in (*offsets, self.tip)])
 
     def with_links(self, lengths: Sequence[float] | FloatArray) -> SerialArm:
         """Return the arm with its links scaled to other lengths."""
         old = self.links
         factors = [
-            new / one if one > _TINY else 1.0 for new, one in zip(lengths, old, strict=True)
+            new / length if length > _TINY else 1.0
+            for new, length in zip(lengths, old, strict=True)
         ]
         steps = [self.steps[0]]
         for step, factor in zip(self.steps[1:], factors, strict=False):
@@ -160,7 +161,7 @@ class SerialArm:
 
     def opened(self, lower: FloatArray, upper: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return limits (…, n) without ends where a joint makes a full turn."""
-        continuous = np.array([one.continuous for one in self.steps])
+        continuous = np.array([step.continuous for step in self.steps])
         full = continuous & (upper - lower >= _TURN - 1e-9)
         return np.where(full, -np.inf, lower), np.where(full, np.inf, upper)
 

@@ -63,8 +63,8 @@ class Assessment:
 
         sets = combinations(range(self.joints), self.locked)
         names = (", ".join(map(str, joints)) for joints in sets)
-        left = pd.DataFrame({"locked": names, "σ left": self.locked_sigmas})
-        shown = left.sort_values("σ left", kind="stable").head(10)
+        sigmas = pd.DataFrame({"locked": names, "σ left": self.locked_sigmas})
+        shown = sigmas.sort_values("σ left", kind="stable").head(10)
         return f"<p>{escape(repr(self))}</p>{shown.to_html(index=False, border=0)}"
 
 

@@ -111,7 +111,7 @@ class Classes:
 
     def most_reached(self) -> list[Class]:
         """Return the classes, the most reached first, equal ones in order of arrival."""
-        return sorted(self._found, key=lambda one: -one.reached)
+        return sorted(self._found, key=lambda group: -group.reached)
 
 
 def invariants(jacobian: FloatArray, symmetry: Symmetry) -> FloatArray:
@@ -124,11 +124,11 @@ def invariants(jacobian: FloatArray, symmetry: Symmetry) -> FloatArray:
     and by 2/3 with s, the others by 1.
     """
     products = inner_products(jacobian, symmetry)
-    one, two, three = _triples(jacobian.shape[1])
+    first, second, third = _triples(jacobian.shape[1])
     parts = []
     for kind in products[:2] if symmetry is Symmetry.REVOLUTE else products[:1]:
         size = float(np.max(np.abs(kind))) or 1.0
-        cycles = (kind[one, two] * kind[two, three] * kind[three, one]).real
+        cycles = (kind[first, second] * kind[second, third] * kind[third, first]).real
         parts.append(np.sort(cycles / (3 * size**2)))
     # v_i·ω_j and v_j·ω_i are the same kind.
     for kind in np.abs(products[:3]):
@@ -194,7 +194,7 @@ def group_equivalent(
     known: list[FloatArray] = []
     if symmetry is None:
         allowed = {symmetry_of(jacobian) for jacobian in jacobians}
-        symmetry = next((one for one in Symmetry if one in allowed), None)
+        symmetry = next((kind for kind in Symmetry if kind in allowed), None)
     for position, jacobian in enumerate(jacobians):
         matrix, symmetry = _checked(jacobian, symmetry)
         kernels = inner_products(_arranged(matrix, symmetry), symmetry)
@@ -276,9 +276,9 @@ def _canonical_order(matrix: FloatArray, symmetry: Symmetry) -> Order:
     tied = [Order((), (), mirrored, None) for mirrored in mirrors]
     for _ in range(matrix.shape[1]):
         candidates = [
-            found
+            candidate
             for order in tied
-            for found in _extended(order, kernels[order.mirrored], phased, scale)
+            for candidate in _extended(order, kernels[order.mirrored], phased, scale)
         ]
         tied = _largest(candidates, TIE * scale)[:_WIDTH]
     return tied[0]
@@ -314,8 +314,8 @@ def _phase(known: float | None, row: npt.NDArray[np.complex128], scale: float) -
 
 def _largest(candidates: list[tuple[list[float], Order]], tie: float) -> list[Order]:
     numbers = np.array([row for row, _ in candidates])
-    left = np.arange(len(candidates))
+    tied = np.arange(len(candidates))
     for k in range(numbers.shape[1]):
-        column = numbers[left, k]
-        left = left[column >= column.max() - tie]
-    return [candidates[k][1] for k in left]
+        column = numbers[tied, k]
+        tied = tied[column >= column.max() - tie]
+    return [candidates[k][1] for k in tied]

@@ -165,7 +165,7 @@ def remaining_singular_values(
     ordered = list(sets)
     parts = [
         np.linalg.svd(
-            np.array([np.delete(matrix, one, axis=1) for one in ordered[k : k + size]]),
+            np.array([np.delete(matrix, joints, axis=1) for joints in ordered[k : k + size]]),
             compute_uv=False,
         )
         for k in range(0, len(ordered), size)

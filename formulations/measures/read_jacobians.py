@@ -53,13 +53,13 @@ def only_jacobian(path: Path, pick: int | None = None) -> FloatArray:
     InputError
         If it holds several and none is picked, or none has that number.
     """
-    found = read_jacobians(path)
-    allowed = f"0 to {len(found) - 1}: which of the {len(found)} Jacobians in {path}"
-    if pick is None and len(found) > 1:
+    jacobians = read_jacobians(path)
+    allowed = f"0 to {len(jacobians) - 1}: which of the {len(jacobians)} Jacobians in {path}"
+    if pick is None and len(jacobians) > 1:
         raise InputError("--pick", "missing", allowed)
-    if pick is not None and pick >= len(found):
+    if pick is not None and pick >= len(jacobians):
         raise InputError("--pick", pick, allowed)
-    return found[pick or 0][1]
+    return jacobians[pick or 0][1]
 
 
 def _read_text(path: Path, content: bytes) -> list[tuple[str, npt.ArrayLike]]:
@@ -112,7 +112,7 @@ def _read_numpy(path: Path, content: bytes) -> list[tuple[str, npt.ArrayLike]]:
         if isinstance(loaded, np.ndarray):
             return [(path.name, loaded)]
         packed = loaded.zip.infolist()
-        if packed and sum(one.file_size for one in packed) <= MOST_BYTES:
+        if packed and sum(member.file_size for member in packed) <= MOST_BYTES:
             arrays = [(printable(name), loaded[name]) for name in loaded.files]
             if all(isinstance(array, np.ndarray) for _, array in arrays):
                 return arrays
@@ -130,15 +130,17 @@ def _read_json(path: Path, raw: bytes) -> list[tuple[str, npt.ArrayLike]]:
         raise FileError("file", str(path), "rows of numbers, or objects with 'jacobian'")
     if not isinstance(content[0], dict):
         return [(path.name, _numbers(content, path))]
-    if not all(isinstance(one, dict) and "jacobian" in one for one in content):
+    if not all(
+        isinstance(described, dict) and "jacobian" in described for described in content
+    ):
         raise InputError(f"an object in {path}", "without it", "the key 'jacobian'")
-    return [(_name(one), _numbers(one["jacobian"], path)) for one in content]
+    return [(_name(described), _numbers(described["jacobian"], path)) for described in content]
 
 
 def _numbers(rows: Any, path: Path) -> Any:
     """Return rows of numbers; InputError where something else is among them."""
     listed = isinstance(rows, list) and all(isinstance(row, list) for row in rows)
-    if not listed or any(type(one) not in (int, float) for row in rows for one in row):
+    if not listed or any(type(entry) not in (int, float) for row in rows for entry in row):
         raise InputError(f"a Jacobian in {path}", "something else", "rows of numbers")
     if len({len(row) for row in rows}) != 1:
         raise InputError(f"a Jacobian in {path}", "ragged", "rows of one length")

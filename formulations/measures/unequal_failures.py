@@ -83,8 +83,10 @@ class FailureModel:
         for joint in never:
             if whole_number("joint that never fails", joint, 0) >= n:
                 raise InputError("joint that never fails", joint, f"at most {n - 1}")
-        left = tuple(0.0 if i in never else p for i, p in enumerate(self.probabilities))
-        return FailureModel(left, self.locked if locked is None else locked)
+        probabilities = tuple(
+            0.0 if i in never else p for i, p in enumerate(self.probabilities)
+        )
+        return FailureModel(probabilities, self.locked if locked is None else locked)
 
     @property
     def joints(self) -> int:
@@ -136,7 +138,7 @@ def scenarios(failures: Scenarios) -> tuple[FailureModel, ...]:
         If there is none, or they differ in the number of joints or of joints that lock.
     """
     models = (failures,) if isinstance(failures, FailureModel) else tuple(failures)
-    shapes = {(one.joints, one.locked) for one in models}
+    shapes = {(model.joints, model.locked) for model in models}
     if len(shapes) != 1:
         allowed = "at least one, all of as many joints, of which as many lock"
         raise InputError("scenarios", f"{len(models)} failure models", allowed)
@@ -167,9 +169,11 @@ def expected_sigma(jacobian: npt.ArrayLike, failures: Scenarios) -> float:
     """Mean of σ_F over the sets F of k joints, given that exactly k joints fail."""
     return min(
         float(
-            np.dot(list(one.shares().values()), list(_possible_sigmas(jacobian, one).values()))
+            np.dot(
+                list(model.shares().values()), list(_possible_sigmas(jacobian, model).values())
+            )
         )
-        for one in scenarios(failures)
+        for model in scenarios(failures)
     )
 
 
@@ -177,17 +181,17 @@ def weighted_worst_case(
     jacobian: npt.ArrayLike, failures: Scenarios
 ) -> tuple[float, tuple[int, ...]]:
     """Least σ_F/w_F and the joints, counted from 0, that realise it."""
-    found = []
-    for one in scenarios(failures):
-        sigmas, weights = _possible_sigmas(jacobian, one), one.weights()
+    worst_cases = []
+    for model in scenarios(failures):
+        sigmas, weights = _possible_sigmas(jacobian, model), model.weights()
         worst = min(sigmas, key=lambda joints: sigmas[joints] / weights[joints])
-        found.append((sigmas[worst] / weights[worst], worst))
-    return min(found, key=lambda pair: pair[0])
+        worst_cases.append((sigmas[worst] / weights[worst], worst))
+    return min(worst_cases, key=lambda pair: pair[0])
 
 
 def possible_worst_case_sigma(jacobian: npt.ArrayLike, failures: Scenarios) -> float:
     """Least σ_F over the failures that can happen, however unlikely (eq. 5 for those)."""
-    return min(min(_possible_sigmas(jacobian, one).values()) for one in scenarios(failures))
+    return min(min(_possible_sigmas(jacobian, model).values()) for model in scenarios(failures))
 
 
 def overall_expected_sigma(jacobian: npt.ArrayLike, failures: FailureModel) -> float:
@@ -207,7 +211,7 @@ def overall_expected_sigma(jacobian: npt.ArrayLike, failures: FailureModel) -> f
 def covered_probability(failures: FailureModel) -> float:
     """Probability that at most k joints fail."""
     counts = range(failures.locked + 1)
-    covered = [one for count in counts for one in combinations(failures.fallible, count)]
+    covered = [joints for count in counts for joints in combinations(failures.fallible, count)]
     return float(sum(_probability_of(joints, failures) for joints in covered))
 
 
@@ -226,8 +230,8 @@ def _possible_sigmas(
     if n - failures.locked < m:
         return dict.fromkeys(combinations(failures.fallible, failures.locked), 0.0)
     sets = list(combinations(failures.fallible, failures.locked))
-    left = measures.remaining_singular_values(matrix, sets)[:, -1]
-    return dict(zip(sets, left.tolist(), strict=True))
+    sigmas = measures.remaining_singular_values(matrix, sets)[:, -1]
+    return dict(zip(sets, sigmas.tolist(), strict=True))
 
 
 def _matching(jacobian: npt.ArrayLike, failures: FailureModel) -> FloatArray:

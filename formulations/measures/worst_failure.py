@@ -61,7 +61,7 @@ def worst_case(jacobian: npt.ArrayLike, locked: int = 1) -> WorstCase:
     sets, sigmas = locked_sets(matrix, locked), locked_singular_values(matrix, locked)
     worst = int(np.argmin(sigmas))
     limit = sigmas[worst] + TIE * max(float(sigmas[worst]), float(np.max(np.abs(matrix))))
-    tied = tuple(one for one, sigma in zip(sets, sigmas, strict=True) if sigma <= limit)
+    tied = tuple(joints for joints, sigma in zip(sets, sigmas, strict=True) if sigma <= limit)
     direction = weakest_direction(np.delete(matrix, sets[worst], axis=1))
     return WorstCase(float(sigmas[worst]), sets[worst], tied, direction)
 
@@ -191,16 +191,16 @@ def _worst_downdate(
     few = lowest <= np.min(highest, axis=1, keepdims=True) * (1 + 1e-9)
     row, joint = np.nonzero(few)
     scaled, slack, target = squares[row, :, joint] * ratios[row], slack[row], null[row, joint]
-    found = lowest[row, joint]
+    roots = lowest[row, joint]
     for _ in range(_NEWTON):
-        below = 1.0 + found[:, None] * slack
+        below = 1.0 + roots[:, None] * slack
         terms = scaled / below
         slope = np.einsum("ki,ki->k", terms, 1.0 / below)
-        step = (target - found * np.sum(terms, axis=1)) / np.maximum(slope, _NO_SLOPE)
-        found = np.minimum(found + np.maximum(step, 0.0), _NO_ROOT)
-        if np.all(step <= 1e-15 * found):
+        step = (target - roots * np.sum(terms, axis=1)) / np.maximum(slope, _NO_SLOPE)
+        roots = np.minimum(roots + np.maximum(step, 0.0), _NO_ROOT)
+        if np.all(step <= 1e-15 * roots):
             break
     root = np.full(null.shape, np.inf)
-    root[row, joint] = found
+    root[row, joint] = roots
     worst = np.argmin(root, axis=1)
     return worst, root[np.arange(len(root)), worst]

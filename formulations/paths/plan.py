@@ -74,10 +74,11 @@ class PathPlan:
         The trajectory of least joint motion at every sample that completes the path, of those
         from random starts the one that begins nearest the middle of the joints' ranges; None
         if all of them end at a limit.
-    ceiling
+    best_of_samples
         Percentage that survives if at every sample the best of all sampled configurations is
-        taken, no matter whether a trajectory passes through all of them.
-    joint_ceiling
+        taken, no matter whether a trajectory passes through all of them. It is no bound: other
+        samples may have better ones.
+    joint_best_of_samples
         The same for each joint alone, with the configurations that suit it best.
     unrecoverable_until
         For each joint the last sample at which no position of it is in its range at all later
@@ -91,7 +92,7 @@ class PathPlan:
     deviation
         Largest distance of the tool from the path midway between samples, in metres.
     speed
-        Largest joint speed, as a share of its limit; 0 if there are no limits.
+        Largest joint speed, as a share of its limit; None if no joint has a limit of speed.
     complete
         Whether the search ended; if not, the user interrupted it.
     """
@@ -102,14 +103,14 @@ class PathPlan:
     poses: Poses
     planned: Trajectory
     minimum_norm: Trajectory | None
-    ceiling: float
-    joint_ceiling: FloatArray
+    best_of_samples: float
+    joint_best_of_samples: FloatArray
     unrecoverable_until: IntArray
     nodes: int
     polished: bool
     statuses: tuple[str, ...]
     deviation: float
-    speed: float
+    speed: float | None
     complete: bool = True
 
     def joint_rows(self) -> list[dict[str, object]]:
@@ -124,7 +125,7 @@ class PathPlan:
                     "joint": name,
                     "percent": 100 * float(np.mean(survives)),
                     "minimum_norm_percent": base and 100 * float(np.mean(base.survives[:, f])),
-                    "ceiling_percent": float(self.joint_ceiling[f]),
+                    "best_of_samples_percent": float(self.joint_best_of_samples[f]),
                     "unrecoverable_until": float(self.times[until]) if until >= 0 else None,
                     "others_end": [float(lost.min()), float(lost.max())] if lost.size else None,
                 }
@@ -137,11 +138,12 @@ class PathPlan:
         return {
             "percent": self.planned.share,
             "minimum_norm_percent": base and base.share,
-            "ceiling_percent": self.ceiling,
+            "best_of_samples_percent": self.best_of_samples,
             "least_sigma": float(np.min(self.planned.sigma)),
             "minimum_norm_least_sigma": base and float(np.min(base.sigma)),
             "largest_speed": self.speed,
             "deviation": self.deviation,
+            "collisions": "not checked",
             "polished": self.polished,
             "status_counts": dict(Counter(self.statuses)),
             "configurations_tested": self.nodes,

@@ -145,7 +145,7 @@ class _Planner:
         except KeyboardInterrupt:  # the best sequence so far is an answer, too
             complete = False
         planned = planned or self._measured(sequence)
-        q = planned.configurations
+        q, limited = planned.configurations, np.isfinite(self.most).any()
         middle, _ = self.kinematics.forward((q[1:] + q[:-1]).T / 2, jacobian=False)
         straight = (self.poses.positions[1:] + self.poses.positions[:-1]).T / 2
         return PathPlan(
@@ -155,12 +155,12 @@ class _Planner:
             poses=self.poses,
             planned=planned,
             minimum_norm=None if minimum_norm is None else self._measured(minimum_norm),
-            **self._ceilings(planned.survives),
+            **self._best_of_samples(planned.survives),
             nodes=self.nodes.count,
             polished=improved,
             statuses=tuple(statuses),
             deviation=float(np.max(np.linalg.norm(middle - straight, axis=0))),
-            speed=float(np.max(np.abs(np.diff(q, axis=0)) / self.most)),
+            speed=float(np.max(np.abs(np.diff(q, axis=0)) / self.most)) if limited else None,
             complete=complete,
         )
 
@@ -218,7 +218,7 @@ class _Planner:
         return track[:, :, whole[0]] if whole.size else None
 
     def _add_scattered(self) -> None:
-        """Add configurations that no track led to: for the ceiling."""
+        """Add configurations that no track led to: for the best of samples."""
         samples = range(0, len(self.times), 2)
         parts = [self._on_path(sample, 60) for sample in samples]
         counts = [part.shape[1] for part in parts]
@@ -248,7 +248,7 @@ class _Planner:
         sigma = [measures.worst_case_sigma(self.arm.jacobian(q)) for q in configurations]
         return Trajectory(configurations, ends.T, np.array(sigma))
 
-    def _ceilings(self, own: BoolArray) -> dict[str, Any]:
+    def _best_of_samples(self, own: BoolArray) -> dict[str, Any]:
         """What no trajectory through the nodes exceeds; `own` is what one survives, (N, n)."""
         final = len(self.times) - 1
         nodes = [self.nodes.at(k) for k in range(final + 1)]
@@ -260,8 +260,10 @@ class _Planner:
         largest = np.minimum.accumulate([np.max(q, axis=1) for q in reversed(nodes)])[::-1]
         apart = (least > largest) & ~single
         return {
-            "ceiling": 100 * float(np.mean(np.maximum(best, np.sum(own, 1)))) / self.arm.size,
-            "joint_ceiling": 100 * np.mean(single, axis=0),
+            "best_of_samples": 100
+            * float(np.mean(np.maximum(best, np.sum(own, 1))))
+            / self.arm.size,
+            "joint_best_of_samples": 100 * np.mean(single, axis=0),
             "unrecoverable_until": np.where(
                 np.any(apart, 0), final - np.argmax(apart[::-1], axis=0), -1
             ),

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from formulations.kinematics.link_chain import BoolArray
 from formulations.plot.projection import View, clear_views
 from formulations.plot.style import (
     BLUE,
@@ -31,6 +32,7 @@ from nlp.arrays import FloatArray
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
 
 _LINK, _AXIS, _TIP = ORANGE, BLUE, VERMILION
 # Half the length of a drawn axis and of a joint's body, in parts of the drawing's radius.
@@ -39,7 +41,6 @@ _AXIS_REACH, _BODY_REACH = 0.42, 0.06
 _NAME = 1.14
 # Columns are drawn to this part of their length, inside most arms.
 _COLUMN_SHARE = 0.3
-_PIECES = 48
 # Layers: links lie one above the other from here.
 _FLOOR, _LINES, _LINKS, _JOINTS, _LETTERS = 0, 5, 10, 40, 60
 
@@ -187,25 +188,20 @@ class _Strokes:
         rim = self._tip + circle
         self._axes.fill(*rim.T[:2], fc=PAPER, ec=PALE, lw=0.8, zorder=_FLOOR)
         equator = self._tip + self._view.project(circle)
-        front = equator[:, 2:] >= self._tip[2]
+        front = equator[:, 2] >= self._tip[2]
         for part, style in ((front, "-"), (~front, (0, (2, 3)))):
-            x, y, _ = np.where(part, equator, np.nan).T
-            self._axes.plot(x, y, color=PALE, lw=0.6, ls=style, zorder=_FLOOR + 1)
+            drawn = self._part(equator, part, PALE, 0.6)
+            drawn.set(ls=style, zorder=_FLOOR + 1)
 
     def axis_lines(self, width: float = 0.9) -> None:
         """Draw axes, paler where they are behind the sphere about the end effector."""
-        from matplotlib.collections import LineCollection
-
         for point, half in zip(self._joints, self._half, strict=True):
-            line = point + np.linspace(-1, 1, _PIECES + 1)[:, None] * half
-            middle = (line[:-1] + line[1:]) / 2 - self._tip
-            hidden = (np.hypot(*middle.T[:2]) < self._ball) & (middle[:, 2] < 0)
-            shades = [(_AXIS, 0.35 if behind else 1.0) for behind in hidden]
-            pieces = list(np.stack([line[:-1, :2], line[1:, :2]], axis=1))
-            layer = _LINES + (1 if point[2] >= self._tip[2] else 0)
-            drawn = LineCollection(pieces, colors=shades, lw=width, zorder=layer)
-            self._axes.add_collection(drawn)
-            self._axes.update_datalim(line[:, :2])
+            line = point + np.linspace(-1, 1, 201)[:, None] * half
+            x, y, depth = (line - self._tip).T
+            hidden = (np.hypot(x, y) < self._ball) & (depth < 0)
+            layer = _LINES + int(point[2] >= self._tip[2])
+            self._part(line, ~hidden, _AXIS, width).set_zorder(layer)
+            self._part(line, hidden, _AXIS, width).set(zorder=layer, alpha=0.35)
 
     def nearest_points(self) -> None:
         """Draw where each axis is nearest to the end effector, pale behind the sphere."""
@@ -307,6 +303,11 @@ class _Strokes:
         ends = share * self._half
         places = np.linspace(self._joints - ends, self._joints + ends, 9)
         return np.asarray(places[..., :2].reshape(-1, 2))
+
+    def _part(self, line: FloatArray, part: BoolArray, colour: str, width: float) -> Line2D:
+        """Draw those points of a line, shape (k, 3), that are of a part, shape (k,)."""
+        x, y, _ = np.where(part[:, None], line, np.nan).T
+        return self._axes.plot(x, y, color=colour, lw=width)[0]
 
     def _line(
         self, ends: FloatArray, colour: str, width: float, layer: float, cap: str

@@ -1,4 +1,4 @@
-"""Which optima random starts end at, and how many at each: one row of strokes per problem.
+"""Which optima random starts end at, and how many at each: one histogram per problem.
 
 Starts are counted by the worst case of the Jacobian that they end at, from J alone. Those that
 do not pass the gate (`Record.trusted`) are counted apart.
@@ -20,6 +20,7 @@ from formulations.plot.picture import NothingFoundError, Picture, Request, solve
 from formulations.plot.style import BLUE, PALE, SMALL, styled
 from formulations.solving.case import Case
 from formulations.solving.outcome import Outcome
+from nlp.arrays import FloatArray
 from nlp.errors import FileError
 
 if TYPE_CHECKING:
@@ -27,12 +28,13 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _WIDTH, _ROW = 8.4, 0.9
+_BINS = 240
 # Starts this close to one another are at one optimum, as far as numbers are printed.
 _SAME = 1e-5
 # More optima than this, and than this share of the starts, are a continuum.
 _FEW, _SCATTERED = 3, 0.2
 _UNIT, _LEVER = "unit lever arms", "free lever arms"
-# Of a store: settings that every label names, and the length of a line above a row.
+# Of a store: settings that every label names, and the length of a line above a histogram.
 _ALWAYS_NAMED = ("formulation", "model", "joints")
 _LONGEST = 42
 # What is shown of a start, and the columns of the table in their order.
@@ -62,7 +64,7 @@ def make(request: Request) -> Picture:
 
 
 def draw(table: pd.DataFrame) -> Figure:
-    """Draw a row for each problem of a table with the columns `COLUMNS`.
+    """Draw a histogram for each problem of a table with the columns `COLUMNS`.
 
     Raises
     ------
@@ -72,11 +74,14 @@ def draw(table: pd.DataFrame) -> Figure:
     if not table["counted"].any():
         raise NothingFoundError("No start passes the check; ask for more starts.")
     names = list(dict.fromkeys(table["problem"]))
+    sigmas = table.loc[table["counted"], "worst_case_sigma"]
+    room = max(0.03 * np.ptp(sigmas), 1e-3)
+    edges = np.linspace(sigmas.min() - room, sigmas.max() + room, _BINS + 1)
     with styled(_WIDTH, 0.9 + _ROW * len(names)) as figure:
         figure.suptitle("Where random starts end, by the worst case σ")
         rows = figure.subplots(len(names), 1, sharex=True, squeeze=False)[:, 0]
         for axes, name in zip(rows, names, strict=True):
-            _draw(axes, table[table["problem"] == name])
+            _draw(axes, table[table["problem"] == name], edges)
         rows[-1].set_xlabel("worst-case σ, measured from J alone")
     return figure
 
@@ -135,7 +140,7 @@ def _label(settings: pd.Series, named: list[str]) -> str:
     return "\n".join([first, *lines])
 
 
-def _draw(axes: Axes, table: pd.DataFrame) -> None:
+def _draw(axes: Axes, table: pd.DataFrame, edges: FloatArray) -> None:
     optima = levels(table.loc[table["counted"], "worst_case_sigma"])
     axes.set_title(str(table["label"].iloc[0]), fontsize=SMALL)
     axes.set_title(_summary(optima, len(table)), fontsize=SMALL, loc="right")
@@ -143,14 +148,17 @@ def _draw(axes: Axes, table: pd.DataFrame) -> None:
     axes.spines["left"].set_visible(False)
     axes.spines["bottom"].set_color(PALE)
     axes.tick_params(length=0)
+    axes.margins(x=0)
     if optima:
-        sigmas, counts = zip(*optima, strict=True)
-        axes.vlines(sigmas, 0, counts, color=BLUE, lw=3)
-        highest = max(counts)
-        place = sigmas[counts.index(highest)], highest
-        number = axes.text(*place, f"{highest}", color=BLUE, fontsize=SMALL)
+        # All starts of one optimum in one bin: an edge may lie between their last digits.
+        sigmas, reached = zip(*optima, strict=True)
+        counts, _ = np.histogram(sigmas, edges, weights=reached)
+        axes.stairs(counts, edges, fill=True, color=BLUE)
+        peak = int(np.argmax(counts))
+        place = float(edges[peak : peak + 2].mean()), counts[peak]
+        number = axes.text(*place, f"{counts[peak]:.0f}", color=BLUE, fontsize=SMALL)
         number.set(ha="center", va="bottom")
-        axes.set_ylim(0, 1.5 * highest)
+        axes.set_ylim(0, 1.5 * counts[peak])
 
 
 def _summary(optima: list[tuple[float, int]], starts: int) -> str:

@@ -28,8 +28,8 @@ def three_joint_rows(seed: int = 0, starts: int = 20) -> Iterator[row.Reproducti
     yield row.compared("(12)", "singular values of planar 3R", "σ = 1, isotropic", 1, values)
     yield _configuration_row(jacobian)
     last = np.linalg.svd(jacobian)[2][-1]
-    ours, note = last * np.sign(last @ null_space), "last right singular vector of (12)"
-    paper, note = row.shown(null_space), f"{note}; its sign is arbitrary"
+    ours, paper = last * np.sign(last @ null_space), row.shown(null_space)
+    note = "last right singular vector of (12); its sign is arbitrary"
     yield row.compared("(13)", "null space of (12)", paper, null_space, ours, note)
     directions = np.degrees(np.arctan2(jacobian[1], jacobian[0]))
     gaps = np.diff(np.sort(directions), append=np.min(directions) + 360)

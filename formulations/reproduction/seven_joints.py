@@ -127,9 +127,9 @@ def _same_manipulator_row(ours: FloatArray) -> row.ReproductionRow:
     )
 
 
-def _singular_value_rows(minima: list[FloatArray]) -> Iterator[row.ReproductionRow]:
+def _singular_value_rows(matrices: list[FloatArray]) -> Iterator[row.ReproductionRow]:
     printed, papers = reference.NEARLY_OPTIMAL_7R, reference.SINGULAR_VALUES_7R
-    spectra = np.array([measures.singular_values(matrix) for matrix in minima])
+    spectra = np.array([measures.singular_values(matrix) for matrix in matrices])
     exact, from_print = spectra[0], measures.singular_values(printed)
     slack = singular_value_slack(printed)
     note = f"of the printed matrix (44); rounded entries allow {slack:.1e} from the exact ones"
@@ -148,7 +148,7 @@ def _singular_value_rows(minima: list[FloatArray]) -> Iterator[row.ReproductionR
             line = replace(line, note=note)
         yield line
     spread = float(np.max(np.ptp(spectra, axis=0)))
-    classes = len(group_equivalent(minima, tolerance=1e-5))
+    classes = len(group_equivalent(matrices, tolerance=1e-5))
     quantity, true = "the same for all solutions", spread <= 1e-6
     ours = f"spread {row.shown_error(spread, 1e-6)}; distinct Jacobians: {classes}"
     yield row.claim("(45)", quantity, "common to all", ours, true, _EQUIVALENT)

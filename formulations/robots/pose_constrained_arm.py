@@ -171,8 +171,10 @@ class PoseConstrainedArm(RobotArm):
     def description(self) -> str:
         """Return the robot, its chain, and what is asked for."""
         place = " at the pose" if self.pose else ""
-        kept = "" if self.clearance is None else f" with links {self.clearance.least:g} m apart"
-        return f"{super().description}{place}{kept}"
+        apart = (
+            "" if self.clearance is None else f" with links {self.clearance.least:g} m apart"
+        )
+        return f"{super().description}{place}{apart}"
 
     def constraints(self, variables: ca.SX) -> tuple[Constraint, ...]:
         """Return the pose, and the distances of pairs of links that come near each other."""

@@ -17,7 +17,7 @@ from formulations.clearance.link_clearance import Closest, LinkClearance
 from formulations.kinematics.tree import RobotError
 from formulations.measures.unequal_failures import scenarios
 from formulations.robots.pose_constrained_arm import LockedReach, Pose, PoseConstrainedArm
-from formulations.robots.posture_search import Search, searched
+from formulations.robots.posture_search import Search, enough, searched
 from formulations.robots.robot_arm import RobotArm
 from formulations.robots.robot_assessment import (
     RobotAssessment,
@@ -48,6 +48,12 @@ class Posture:
         the best such score. If none converged, `reached_best` is 0 and the posture is the best
         at which a start stopped: within the limits, and no optimum. No starts are made where
         a failure is structural.
+    optima, unseen_share
+        How many different scores the starts ended at, and the expected share of optima that
+        none has ended at yet, from 0 to 1; see `Outcome.unseen_share`.
+    settled
+        Whether the stopping rule holds, see `Search`: that a better posture exists is then
+        unlikely, and not excluded.
     status_counts
         Ipopt's return statuses and how often each came.
     complete
@@ -67,6 +73,9 @@ class Posture:
     seed: int
     starts: int
     reached_best: int
+    optima: int
+    unseen_share: float
+    settled: bool
     status_counts: Mapping[str, int]
     complete: bool
     at: AtPose | None = None
@@ -149,7 +158,8 @@ def best_posture(
     arm
         The robot, the task and the characteristic length.
     search
-        What is optimised, and from how many starts; by default max-min from 100.
+        What is optimised, and from how many starts; by default max-min, from as many as the
+        stopping rule wants.
     at
         Where the tip's point is to be; free if left out.
     clearance
@@ -198,14 +208,14 @@ def _zero_everywhere(arm: RobotArm, search: Search) -> bool:
     if "locked" not in search.stated.SETTINGS or search.goal != "worst":
         return False
     free = RobotArm(arm.chain, arm.task, arm.length)
-    exact = [one for one in structural_failures(free) if one.kind == "structural"]
-    if len(exact) == arm.size and all(one.miss is None for one in exact):
+    exact = [failure for failure in structural_failures(free) if failure.kind == "structural"]
+    if len(exact) == arm.size and all(failure.miss is None for failure in exact):
         directions = ",".join(arm.task.directions)
         allowed = "directions in which the tip can move at some posture"
         raise RobotError(f"task of {arm.description}", directions, allowed)
     models = scenarios(search.failures) if search.failures else ()
-    fallible = {arm.chain.names[f] for one in models for f in one.fallible}
-    return any(not models or one.joint in fallible for one in exact)
+    fallible = {arm.chain.names[f] for model in models for f in model.fallible}
+    return any(not models or failure.joint in fallible for failure in exact)
 
 
 def _any_posture(arm: RobotArm, search: Search) -> FloatArray:
@@ -257,6 +267,9 @@ def _described(
         seed=search.seed,
         starts=len(outcome.records) if outcome else 0,
         reached_best=len(outcome.reached) if outcome else 0,
+        optima=len(outcome.scores) if outcome else 0,
+        unseen_share=outcome.unseen_share if outcome else 0.0,
+        settled=enough(outcome) if outcome else True,
         status_counts=dict(outcome.status_counts) if outcome else {},
         complete=outcome.complete if outcome else True,
         at=_at_pose(constrained, configuration) if constrained else None,

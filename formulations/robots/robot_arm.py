@@ -248,13 +248,17 @@ class RobotArm:
 
     def sample(self, rng: np.random.Generator) -> FloatArray:
         """Draw positions uniformly within the limits; within one turn if they leave more."""
+        return np.asarray(self.samples(rng, 1)[0])
+
+    def samples(self, rng: np.random.Generator, count: int) -> FloatArray:
+        """Draw so many configurations, shape (count, n), as `sample` one after another."""
         spans = np.where(self.chain.prismatic, _HALF_TRAVEL, _HALF_TURN)
         lower, upper = self.bounds
         wide = upper / 2 - lower / 2 > spans  # the difference itself may overflow
         centre = np.clip(0.0, lower + spans, upper - spans)
         least = np.where(wide, centre - spans, lower)
         largest = np.where(wide, centre + spans, upper)
-        return np.asarray(rng.uniform(least, largest))
+        return np.asarray(rng.uniform(least, largest, (count, self.size)))
 
     def _worst_case(self, rows: FloatArray) -> tuple[FloatArray, FloatArray]:
         count, (m, n) = len(rows), self.shape
@@ -308,7 +312,7 @@ def _batch_functions(arm: RobotArm, count: int) -> tuple[ca.Function, ca.Functio
 def _call(function: ca.Function, result: FloatArray, *arguments: FloatArray) -> None:
     """Evaluate on the memory of arrays: a row here is a column of CasADi, nothing is copied."""
     buffer, evaluate = cast("Any", function).buffer()
-    for k, one in enumerate(arguments):
-        buffer.set_arg(k, one.data)
+    for k, argument in enumerate(arguments):
+        buffer.set_arg(k, argument.data)
     buffer.set_res(0, result.data)
     evaluate()

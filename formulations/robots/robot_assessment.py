@@ -185,7 +185,9 @@ def measure_robot(
         worst_case_sigma=worst.sigma,
         worst_case_joints=worst.joints,
         worst_case_direction=worst.direction,
-        equally_bad=sum(bool(one.sigma <= worst.sigma + _TIE * values[0]) for one in failures),
+        equally_bad=sum(
+            bool(failure.sigma <= worst.sigma + _TIE * values[0]) for failure in failures
+        ),
         sigma_bound=bound,
         percent_of_bound=_percent(worst.sigma, bound),
         reachable_sigma=best,
@@ -216,11 +218,11 @@ def measure_robot_unequal(
     arm: RobotArm, jacobian: npt.ArrayLike, failures: Scenarios, probabilities_known: bool
 ) -> dict[str, Any]:
     """Return what `assess_failures` says of a robot's Jacobian, with the joints' names."""
-    found = assess_failures(jacobian, failures, probabilities_known=probabilities_known)
-    for one in (found, *found.get("scenarios", ())):
-        for key in {"never_failing_joints", "weighted_worst_joints"} & set(one):
-            one[key] = [arm.chain.names[k] for k in one[key]]
-    return found
+    assessed = assess_failures(jacobian, failures, probabilities_known=probabilities_known)
+    for scenario in (assessed, *assessed.get("scenarios", ())):
+        for key in {"never_failing_joints", "weighted_worst_joints"} & set(scenario):
+            scenario[key] = [arm.chain.names[k] for k in scenario[key]]
+    return assessed
 
 
 def best_7r() -> float:
@@ -276,7 +278,9 @@ def _best_length(arm: RobotArm, configuration: FloatArray, locked: int) -> AtLen
     grid = np.linspace(middle - _DECADES, middle + _DECADES, _GRID)
     best = int(np.argmin([loss(exponent) for exponent in grid]))
     low, high = grid[max(best - 1, 0)], grid[min(best + 1, _GRID - 1)]
-    found = minimize_scalar(loss, bounds=(low, high), method="bounded", options={"xatol": 1e-9})
-    exponent = min((float(found.x), float(grid[best])), key=loss)
+    optimum = minimize_scalar(
+        loss, bounds=(low, high), method="bounded", options={"xatol": 1e-9}
+    )
+    exponent = min((float(optimum.x), float(grid[best])), key=loss)
     answer = at_length(arm, configuration, 10**exponent, locked)
     return answer if answer.percent_of_bound > 1e-9 else None

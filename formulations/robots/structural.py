@@ -70,17 +70,17 @@ class StructuralFailure:
     def sentence(self) -> str:
         """What that means, for a reader."""
         exact = self.kind == "structural"
-        left = (
+        effect = (
             "no posture keeps full rank once it locks"
             if exact
             else f"once it locks, none of {_PROBES} random postures keeps more than "
             f"{100 * self.ratio:.2g} % of the best sigma before it"
         )
         if self.miss is None:
-            return f"{self.joint}: {left}"
+            return f"{self.joint}: {effect}"
         but = "" if exact else f", but for {1000 * self.miss:.2g} mm"
         reason = f"the axes of the other joints meet one line{but}"
-        return f"{self.joint}: {left}, because {reason}; try --task position"
+        return f"{self.joint}: {effect}, because {reason}; try --task position"
 
 
 @lru_cache(maxsize=64)
@@ -105,23 +105,23 @@ def structural_failures(arm: RobotArm) -> tuple[StructuralFailure, ...]:
     """
     rng = np.random.default_rng(1995)
     postures = [arm.sample(rng) for _ in range(_PROBES)]
-    matrices = np.array([measures.as_jacobian(arm.jacobian(one)) for one in postures])
-    left = np.array(
+    matrices = np.array([measures.as_jacobian(arm.jacobian(posture)) for posture in postures])
+    after = np.array(
         [np.max(_least(np.delete(matrices, f, axis=2))) for f in range(arm.shape[1])]
     )
     before, size = np.max(_least(matrices)), np.max(np.abs(matrices))
     able = before > _ROUNDING * 1e-3 * size
-    ratios = left / before if able else np.zeros(len(left))
-    drawn = [arm.metric_jacobian(one) for one in postures[:_DRAWN]]
+    ratios = after / before if able else np.zeros(len(after))
+    drawn = [arm.metric_jacobian(posture) for posture in postures[:_DRAWN]]
     whole = arm.task.directions == DIRECTIONS and able
-    found = []
+    failures = []
     for f in np.flatnonzero(ratios <= _SMALL):
-        miss = _miss([np.delete(one, f, axis=1) for one in drawn]) if whole else None
+        miss = _miss([np.delete(columns, f, axis=1) for columns in drawn]) if whole else None
         kind: Literal["structural", "near-structural"] = (
             "structural" if ratios[f] <= _ROUNDING else "near-structural"
         )
-        found.append(StructuralFailure(arm.chain.names[f], kind, float(ratios[f]), miss))
-    return tuple(found)
+        failures.append(StructuralFailure(arm.chain.names[f], kind, float(ratios[f]), miss))
+    return tuple(failures)
 
 
 def _least(matrices: FloatArray) -> FloatArray:
@@ -131,9 +131,9 @@ def _least(matrices: FloatArray) -> FloatArray:
 def _miss(drawn: list[FloatArray]) -> float | None:
     """By how much the axes, columns (v; ω) at several postures, miss a line; None if by far."""
     splits = range(drawn[0].shape[1] + 1)
-    misses = [max(_apart(one, k) for one in drawn) for k in splits]
+    misses = [max(_apart(columns, k) for columns in drawn) for k in splits]
     least = min(misses)
-    far = max(float(np.linalg.norm(one[:3], axis=0).max()) for one in drawn)
+    far = max(float(np.linalg.norm(columns[:3], axis=0).max()) for columns in drawn)
     return least if least <= _NEARLY * far else None
 
 

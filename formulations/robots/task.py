@@ -46,7 +46,7 @@ class TaskSpace:
     def parse(cls, text: str, frame: str = "base") -> TaskSpace:
         """Read names of directions or groups of them, separated by commas."""
         names = [name.strip() for name in text.split(",")]
-        directions = [one for name in names for one in GROUPS.get(name, (name,))]
+        directions = [direction for name in names for direction in GROUPS.get(name, (name,))]
         return cls(tuple(directions), frame)  # type: ignore[arg-type]
 
     @property

@@ -60,6 +60,28 @@ class Outcome:
         return tuple(record for record in trusted if abs(record.score - best) <= REACHED_BEST)
 
     @cached_property
+    def scores(self) -> tuple[float, ...]:
+        """The different scores of records that pass the gate, to `REACHED_BEST`, ascending.
+
+        Optima that symmetries or self-motion turn into one another have one score.
+        """
+        different: list[float] = []
+        for score in sorted(record.score for record in self.records if record.trusted):
+            if not different or score - different[-1] > REACHED_BEST:
+                different.append(score)
+        return tuple(different)
+
+    @property
+    def unseen_share(self) -> float:
+        """The expected share of optima that no start has ended at yet, from 0 to 1.
+
+        Of N starts that passed the gate and ended at w different scores it is
+        (w + 1)/(N − 1), for any basins of attraction alike (Boender and Rinnooy Kan, 1987).
+        """
+        passed = sum(record.trusted for record in self.records)
+        return min(1.0, (len(self.scores) + 1) / (passed - 1)) if passed > 1 else 1.0
+
+    @cached_property
     def distinct_optima(self) -> int:
         """Classes among `reached`, modulo frame, phase, order and signs.
 

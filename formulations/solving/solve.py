@@ -133,6 +133,7 @@ def run(
     case: Case,
     *,
     starts: int | None = None,
+    first: int = 0,
     seed: int = 0,
     workers: int = 1,
     executor: Executor | None = None,
@@ -148,7 +149,7 @@ def run(
     ----------
     case
         What to solve.
-    starts, seed, workers, executor
+    starts, first, seed, workers, executor
         See `nlp.multistart.multistart`.
     progress
         Whether to show a bar.
@@ -162,6 +163,7 @@ def run(
         case.build,
         case.sample if sample is None else sample,
         starts=starts,
+        first=first,
         seed=seed,
         workers=workers,
         executor=executor,

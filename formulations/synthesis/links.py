@@ -11,7 +11,7 @@ from itertools import combinations
 
 import numpy as np
 
-from formulations.kinematics.segments import segment_distance
+from formulations.kinematics.link_chain import segment_distance
 from formulations.synthesis.manipulator import Manipulator
 from nlp.arrays import FloatArray
 

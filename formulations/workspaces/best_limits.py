@@ -11,7 +11,7 @@ from scipy import optimize
 
 from formulations.kinematics.serial_arm import Ranges, SerialArm
 from formulations.workspaces.failure_sets import SLICE, FailureSets
-from formulations.workspaces.planar import Planar3R, at_zero, closed_form
+from formulations.workspaces.planar import Planar3R, closed_form, links_at_zero
 from formulations.workspaces.pose_sets import PoseSets
 from formulations.workspaces.reachable_sets import ReachableSets, check_grid
 from formulations.workspaces.workspace import Progress
@@ -87,8 +87,8 @@ def best_limits(
     if sets is None:
         check_grid(arm, voxel, SLICE)
         if planar := closed_form(arm, arm.physical):
-            how = lengths, least_width, generations, seed, progress
-            return _best_planar(arm, planar.lengths, *how)
+            given = planar.lengths
+            return _best_planar(arm, given, lengths, least_width, generations, seed, progress)
         search = _Pattern(
             ReachableSets(arm, _COARSER * voxel, 2 * SLICE), least_width, progress
         )
@@ -192,19 +192,19 @@ class _Pattern:
 
 def _best_planar(
     arm: SerialArm,
-    own: tuple[float, float, float],
+    given: tuple[float, float, float],
     lengths: bool,
     least_width: float,
     generations: int,
     seed: int,
     progress: Progress,
 ) -> tuple[SerialArm, Ranges]:
-    """Choose the limits, and the lengths if asked for, of a planar 3R arm."""
+    """Choose the limits of a planar 3R arm of given lengths, or the lengths, too."""
     total = float(np.sum(arm.links))
 
     def stated(x: FloatArray) -> Planar3R:
         half, second, wide2, third, wide3 = x[:5].tolist()
-        links = own
+        links = given
         if lengths:  # of two cuts of the sum, in any order
             low, high = sorted(x[5:7].tolist())
             links = (low * total, (high - low) * total, (1 - high) * total)
@@ -243,7 +243,7 @@ def _best_planar(
 
 def _in_joints(arm: SerialArm, planar: Planar3R) -> Ranges:
     """Return limits of the closed form as those of the arm's own joints."""
-    _, bent, signs = at_zero(arm)
+    _, bent, signs = links_at_zero(arm)
     ranges: list[tuple[float, float]] = []
     for joint, (low, high) in enumerate(planar.limits):
         half = (high - low) / 2

@@ -176,7 +176,7 @@ def closed_form(arm: SerialArm, limits: Ranges) -> Planar3R | None:
     free = all(joint.continuous for joint in arm.steps)
     if not (arm.is_planar and len(arm.steps) == 3 and free):
         return None
-    lengths, bent, signs = at_zero(arm)
+    lengths, bent, signs = links_at_zero(arm)
     if min(lengths) < 1e-6:
         return None
     ranges = [
@@ -186,7 +186,7 @@ def closed_form(arm: SerialArm, limits: Ranges) -> Planar3R | None:
     return Planar3R(tuple(lengths.tolist()), tuple(ranges))  # type: ignore[arg-type]
 
 
-def at_zero(arm: SerialArm) -> tuple[FloatArray, FloatArray, FloatArray]:
+def links_at_zero(arm: SerialArm) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Of a planar arm at zero: link lengths, angles from link to link, signs of the axes."""
     links = np.diff([*arm.at_zero.points[0, :, :2], arm.at_zero.end_effector[:2]], axis=0)
     bent = np.diff(np.arctan2(links[:, 1], links[:, 0]), prepend=0.0)

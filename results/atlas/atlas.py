@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from pathlib import Path
 
-from formulations.atlas.collection import pages, problem_of
+from formulations.atlas.collection import problem_of, read_atlas
 from formulations.atlas.row import AtlasRow, row_of
 from formulations.io.files import write_bytes
 from formulations.io.study import Effort
@@ -18,7 +18,7 @@ _DRAWN = 8  # joints that an arm on the page has at most
 def compute(effort: Effort, folder: Path) -> Iterator[AtlasRow]:
     """Yield a row for each entry, and draw the gaps and the arms."""
     gaps, arms = [], {}
-    for page in pages():
+    for page in read_atlas():
         effort.progress(page.entry.name)
         if problem := problem_of(page):
             raise ArithmeticError(f"{page.entry.name}: {problem}")

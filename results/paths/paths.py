@@ -85,8 +85,8 @@ class PathRow:
     minimum_norm_percent
         Percentage of pairs of joint and sample after whose failure the path can be finished,
         of the minimum-norm trajectory; NaN if that does not complete the path.
-    percent, ceiling_percent
-        The same of the trajectory found, and the ceiling by sampling.
+    percent, best_of_samples_percent
+        The same of the trajectory found, and the best of samples.
     minimum_norm_sigma, least_sigma
         The least worst-case singular value along both.
     hopeless
@@ -111,7 +111,7 @@ class PathRow:
     task_dimension: int = field(metadata=column("m"))
     minimum_norm_percent: float = field(metadata=column("minimum norm %", ".1f"))
     percent: float = field(metadata=column("planned %", ".1f"))
-    ceiling_percent: float = field(metadata=column("ceiling %", ".1f"))
+    best_of_samples_percent: float = field(metadata=column("best of samples %", ".1f"))
     minimum_norm_sigma: float = field(metadata=column("least σ, minimum norm", ".4f"))
     least_sigma: float = field(metadata=column("least σ, planned", ".4f"))
     hopeless: str = field(metadata=column("hopeless at the start", empty="–"))
@@ -164,12 +164,12 @@ def row_of(declared: StudyPath, arm: RobotArm, plan: PathPlan, cpu: float) -> Pa
         task_dimension=arm.shape[0],
         minimum_norm_percent=nan if base is None else base.share,
         percent=planned.share,
-        ceiling_percent=plan.ceiling,
+        best_of_samples_percent=plan.best_of_samples,
         minimum_norm_sigma=nan if base is None else float(base.sigma.min()),
         least_sigma=float(planned.sigma.min()),
         hopeless=", ".join(hopeless),
         polished="yes" if plan.polished else "no",
-        largest_speed=plan.speed,
+        largest_speed=float("nan") if plan.speed is None else plan.speed,
         deviation=plan.deviation,
         nodes=plan.nodes,
         cpu_seconds=round(cpu, 1),

@@ -12,8 +12,6 @@ from formulations.robots.robot_assessment import best_7r
 from results.robots.survey import ARMS, SurveyArm
 from results.script import main, study_of
 
-STARTS = 200
-
 
 @dataclass(frozen=True)
 class RobotRow:
@@ -80,7 +78,7 @@ class RobotRow:
 def compute(effort: Effort, folder: Path) -> Iterator[RobotRow]:
     """Yield a row for each arm of the survey, and write the postures."""
     search = Search(
-        starts=effort.starts or STARTS,
+        starts=effort.starts,
         seed=effort.seed,
         workers=effort.workers,
         progress=effort.bars,

@@ -15,8 +15,8 @@ from formulations.atlas.collection import (
     entry_of,
     improved,
     page_of,
-    pages,
     problem_of,
+    read_atlas,
     read_page,
     write_page,
 )
@@ -121,7 +121,7 @@ def test_no_step_along_a_strict_maximum_is_better(seed):
 
 
 def test_every_kind_of_entry_is_right():
-    found = list(pages())
+    found = read_atlas()
     assert len(found) >= 150
     assert [page.entry.name for page in found] == [n for n in entries() if page_of(entry(n))]
     assert [problem_of(page) for page in found[::9]] == [""] * len(found[::9])

@@ -10,7 +10,7 @@ from numpy.polynomial import Polynomial
 from scipy.special import roots_jacobi
 
 from formulations import manipulability, max_min, measures
-from formulations.atlas.collection import pages
+from formulations.atlas.collection import read_atlas
 from formulations.bounds.closed_form import several_locked_bound
 from formulations.joints import models
 from formulations.reproduction.reference import planar_4r
@@ -209,7 +209,7 @@ def test_without_a_column_one_joint_less_may_lock():
 
 def test_nothing_in_the_atlas_is_above_any_bound():
     checked = 0
-    for page in pages():
+    for page in read_atlas():
         asked = page.entry
         if asked.locked > 1 and asked.formulation == max_min.NAME:
             for certified in (True, False):

@@ -8,12 +8,11 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from formulations.clearance.capsules import capsule_around, gap_squared
 from formulations.clearance.link_clearance import read_clearance
-from formulations.clearance.shapes import Shape
+from formulations.clearance.shapes import Shape, capsule_around, gap_squared
 from formulations.kinematics.chain_between import chain_between
+from formulations.kinematics.link_chain import segment_distance
 from formulations.kinematics.read_robot import read_robot
-from formulations.kinematics.segments import segment_distance
 from formulations.kinematics.tree import RobotError
 from formulations.robots.pose_constrained_arm import Pose, PoseConstrainedArm
 from formulations.robots.posture import best_posture
@@ -21,12 +20,12 @@ from formulations.robots.posture_search import Search
 from formulations.robots.robot_arm import RobotArm
 from formulations.robots.task import TaskSpace
 from nlp.errors import InputError
-from results.robots.survey import ARMS
+from tests.made_robots import real
 
 
 @lru_cache
 def panda():
-    declared = next(one for one in ARMS if one.name == "Franka Panda")
+    declared = real("Franka")
     arm = declared.arm()
     return declared, arm, read_clearance(declared.path, arm.chain, 0.02)
 
@@ -240,16 +239,8 @@ def test_links_keep_the_distance_that_is_asked_for(made, tmp_path):
     held = PoseConstrainedArm(arm.chain, arm.task, None, pose)
     points = held.configurations
     apart = read_clearance(path, arm.chain, asked).is_kept(points)
-    left = [arm_sigma(arm, q) for q in points[:, apart].T]
-    assert max(left) <= kept.assessment.worst_case_sigma + 1e-6
-
-
-def arm_sigma(arm, q):
-    matrix = arm.jacobian(q)
-    return min(
-        np.linalg.svd(np.delete(matrix, f, axis=1), compute_uv=False)[-1]
-        for f in range(arm.size)
-    )
+    left = [made.sigmas_left(arm.jacobian(q)) for q in points[:, apart].T]
+    assert np.max(np.min(left, axis=1)) <= kept.assessment.worst_case_sigma + 1e-6
 
 
 def test_what_no_posture_keeps_is_refused_with_the_best_seen(made, tmp_path):
@@ -259,28 +250,27 @@ def test_what_no_posture_keeps_is_refused_with_the_best_seen(made, tmp_path):
         best_posture(arm, Search(starts=1), clearance=read_clearance(path, arm.chain, 3.0))
 
 
-@pytest.mark.parametrize(
-    ("geometry", "sentence"),
-    [
-        ("", "two links that are not adjacent"),
-        ("<collision><geometry/></collision>", "<collision> of link l1 is without geometry"),
-        ("<collision><geometry><cone/></geometry></collision>", "is <cone>; allowed: one box"),
-        ('<collision><geometry><sphere radius="-1"/></geometry></collision>', "sizes above 0"),
-        ('<collision><geometry><sphere radius="x"/></geometry></collision>', "one number"),
-        ("<collision><geometry><sphere/></geometry></collision>", "the attribute 'radius'"),
-        (
-            '<visual><geometry><mesh filename="package://a/b.stl"/></geometry></visual>',
-            "mesh of link l1 is package://a/b.stl; allowed: a file beside the URDF",
-        ),
-        (
-            '<visual><geometry><mesh filename="arm.urdf"/></geometry></visual>',
-            "arm.urdf; allowed: a mesh that can be read",
-        ),
-    ],
-)
-def test_geometry_that_is_none(made, tmp_path, geometry, sentence):
+WITHOUT_ORIGIN = "<{0}><geometry>{1}</geometry></{0}>".format
+GEOMETRY = {
+    "two links that are not adjacent": "",
+    "<collision> of link l1 is without geometry": WITHOUT_ORIGIN("collision", ""),
+    "is <cone>; allowed: one box": WITHOUT_ORIGIN("collision", "<cone/>"),
+    "sizes above 0": WITHOUT_ORIGIN("collision", '<sphere radius="-1"/>'),
+    "one number": WITHOUT_ORIGIN("collision", '<sphere radius="x"/>'),
+    "the attribute 'radius'": WITHOUT_ORIGIN("collision", "<sphere/>"),
+    "mesh of link l1 is package://a/b.stl; allowed: a file beside the URDF": WITHOUT_ORIGIN(
+        "visual", '<mesh filename="package://a/b.stl"/>'
+    ),
+    "arm.urdf; allowed: a mesh that can be read": WITHOUT_ORIGIN(
+        "visual", '<mesh filename="arm.urdf"/>'
+    ),
+}
+
+
+@pytest.mark.parametrize("sentence", GEOMETRY)
+def test_geometry_that_is_none(made, tmp_path, sentence):
     path = tmp_path / "arm.urdf"
-    arm = write(made, path, lambda _: geometry)
+    arm = write(made, path, lambda _: GEOMETRY[sentence])
     with pytest.raises(InputError, match=sentence):
         read_clearance(path, arm.chain, 0.01)
 

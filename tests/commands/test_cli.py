@@ -355,7 +355,7 @@ def test_global_bounds(lockedjoint, tmp_path, monkeypatch):
     values = json.loads(eight.stdout)
     assert values["kind"] == "closed form"
     assert values["bound"] == pytest.approx(np.sqrt(2 / 3), abs=1e-9)
-    monkeypatch.setattr(residual_bound, "residual_preset", lambda _: residual_bound.DEGREE_4)
+    monkeypatch.setitem(residual_bound.RESIDUAL_PRESETS, "compact", residual_bound.DEGREE_4)
     low = lockedjoint.here("bound", "residual", cwd=tmp_path)
     assert low.returncode == 0, low.stderr
     assert "numerical" in low.stdout

@@ -33,7 +33,7 @@ def mixed(made):
 def test_every_kind_of_joint_agrees_with_pinocchio(mixed, made, locked_at):
     """Of which the mimic joint's column is the driver's: pinocchio knows mimicry as well."""
     text = mixed.replace('type="floating"', 'type="fixed"')
-    chain = chain_between(made.tree(text), "tip", locked_at=locked_at)
+    chain = made.chain(text, "tip", locked_at=locked_at)
     assert chain.names == tuple(name for name in "abde" if name not in locked_at)
     arm = RobotArm(chain, TaskSpace(("vx",)), 0.7)
     model, rng = pin.buildModelFromXML(text, mimic=True), np.random.default_rng(0)
@@ -64,11 +64,11 @@ def test_a_driver_on_another_branch_moves_the_tip(made):
 
 def test_limits_of_a_mimic_joint_narrow_its_drivers(mixed, made):
     """c = 0.2 − a/2 within ±2 leaves a ≥ −3.6, its own ±2 is narrower; but not at ±0.5."""
-    lower, upper = chain_between(made.tree(mixed), "tip").limits
+    lower, upper = made.chain(mixed, "tip").limits
     assert (lower[0], upper[0]) == (-2.0, 2.0)
     head, tail = mixed.split('<joint name="c"')
     tail = tail.replace('lower="-2" upper="2"', 'lower="-0.5" upper="0.5"', 1)
-    lower, upper = chain_between(made.tree(f'{head}<joint name="c"{tail}'), "tip").limits
+    lower, upper = made.chain(f'{head}<joint name="c"{tail}', "tip").limits
     assert (lower[0], upper[0]) == pytest.approx((-0.6, 1.4))
 
 
@@ -101,7 +101,7 @@ def test_the_point_is_in_the_tips_frame(mixed, made):
 
 
 def test_mid_range_is_zero_without_limits(mixed, made):
-    chain = chain_between(made.tree(mixed.replace('upper="2"', 'upper="3"')), "tip")
+    chain = made.chain(mixed.replace('upper="2"', 'upper="3"'), "tip")
     assert chain.mid_range == pytest.approx([0.5, 0.5, 0.0, 0.5])
 
 
@@ -127,7 +127,7 @@ def test_mid_range_is_zero_without_limits(mixed, made):
 )
 def test_what_cannot_be_a_chain(mixed, made, arguments, sentence):
     with pytest.raises(InputError, match=sentence):
-        chain_between(made.tree(mixed), **arguments)
+        made.chain(mixed, **arguments)
 
 
 @pytest.mark.parametrize(
@@ -171,9 +171,9 @@ def test_a_joint_without_room_has_no_column(made, limit, at, kind):
         made.joint("c", "2", "3", axis="0 0 1", xyz="0.3 0.1 0"),
         made.joint("d", "3", "4", axis="1 0 0", xyz="0.3 0.1 0"),
     ]
-    found = chain_between(made.tree(made.urdf(joints)), "4")
+    found = made.chain(joints, "4")
     joints[1] = made.joint("b", "1", "2", kind, axis="0 1 0")
-    same = chain_between(made.tree(made.urdf(joints)), "4", locked_at={"b": at})
+    same = made.chain(joints, "4", locked_at={"b": at})
     assert found.names == ("a", "c", "d")
     assert found.immobile == (("b", pytest.approx(at)),)
     ours, theirs = (RobotArm(chain, PLANE, 0.5) for chain in (found, same))
@@ -190,7 +190,7 @@ def test_a_joint_that_a_stuck_one_mimics_is_stuck_too(made):
     for limit, stuck in (('lower="0.3" upper="0.3"', (("a", pytest.approx(0.1)),)), ("", ())):
         follower = made.joint("b", "1", "2", mimic=mimic, limit=limit)
         joints = [made.joint("a", "0", "1"), follower, made.joint("c", "2", "3")]
-        chain = chain_between(made.tree(made.urdf(joints)), "3")
+        chain = made.chain(joints, "3")
         assert chain.immobile == stuck
         assert chain.names == (("c",) if stuck else ("a", "c"))
 
@@ -207,7 +207,7 @@ def test_a_joint_that_a_stuck_one_mimics_is_stuck_too(made):
 )
 def test_limits_that_may_be_degrees_are_noted(made, limit, kind, noted):
     joints = [made.joint("x", "t", "0"), made.joint("a", "0", "1", kind, limit=limit)]
-    chain = chain_between(made.tree(made.urdf(joints)), "1")
+    chain = made.chain(joints, "1")
     assert any("degrees" in note and "a." in note for note in chain.notes) is noted
     arm = RobotArm(chain, TaskSpace(("vx",)), 1.0)
     assert np.all(np.isfinite(arm.sample(np.random.default_rng(0))))
@@ -225,7 +225,7 @@ def test_rows_of_mimicry_that_are_refused(made, count, multiplier, sentence):
         for k in range(1, count)
     ]  # fmt: skip
     with pytest.raises(InputError, match=f"<mimic> of {sentence}"):
-        chain_between(made.tree(made.urdf(joints)), f"l{count}")
+        made.chain(joints, f"l{count}")
 
 
 def test_mimicry_of_mimicry_and_of_multiplier_zero(made):
@@ -238,7 +238,7 @@ def test_mimicry_of_mimicry_and_of_multiplier_zero(made):
         made.joint(name, str(k), str(k + 1), mimic=mimic)
         for k, (name, mimic) in enumerate(followers, start=1)
     ]
-    chain = chain_between(made.tree(made.urdf(joints)), "4")
+    chain = made.chain(joints, "4")
     driven = [(motion.multiplier, motion.offset) for motion in chain.motions]
     assert driven == [(1.0, 0.0), (2.0, 0.1), (-6.0, pytest.approx(0.1))]
 
@@ -246,5 +246,5 @@ def test_mimicry_of_mimicry_and_of_multiplier_zero(made):
 def test_speeds_are_read_and_narrowed_by_mimics(made):
     mimic = '<mimic joint="j1" multiplier="4"/>'
     joints = made.serial(["0 0 0.3"] * 7, j2={"mimic": mimic}, j3={"kind": "continuous"})
-    chain = chain_between(made.tree(made.urdf(joints)), "l7")
+    chain = made.chain(joints, "l7")
     assert [one.velocity for one in chain.joints] == [1, 0.25, np.inf, 1, 1, 1]

@@ -19,8 +19,7 @@ from formulations.kinematics.read_robot import read_robot
 from formulations.robots.robot_arm import RobotArm
 from formulations.robots.task import TaskSpace
 from nlp.errors import FileError, InputError
-from results.robots.survey import ARMS
-from tests.made_robots import SMALL, toolbox_robot
+from tests.made_robots import SMALL, real, toolbox_robot
 
 EXACT = 1e-12
 POINTS = 20
@@ -66,7 +65,7 @@ def test_mimicry_and_missing_limits_of_yourdfpy(made):
 
 @pytest.mark.parametrize("name", ["Franka", "KUKA", "UFactory", "TIAGo, torso", "PR2, torso"])
 def test_a_model_of_pinocchio_is_its_file(name, made):
-    declared = next(one for one in ARMS if one.name.startswith(name))
+    declared = real(name)
     model = pin.buildModelFromUrdf(str(declared.path), mimic=True)
     arm = RobotArm.read(model, declared.tip, task=declared.task)
     file = declared.arm()
@@ -279,7 +278,7 @@ def test_a_model_of_mujoco_is_its_file(tmp_path):
 @pytest.mark.parametrize(("name", "tip"), [("Franka", "panda_link7"), ("UFactory", "link7")])
 def test_real_arms_in_mujoco(name, tip):
     """Arms that mujoco has compiled from their URDF: its Jacobians, and those of the URDF."""
-    declared = next(one for one in ARMS if one.name.startswith(name))
+    declared = real(name)
     text = declared.path.read_text()
     for part in ("visual", "collision"):
         text = re.sub(f"<{part}\\b.*?</{part}>", "", text, flags=re.DOTALL)
@@ -368,7 +367,7 @@ def test_the_example_for_pink(tmp_path, monkeypatch, capsys):
     """As docs/robots.md has it, and with the result that is printed there."""
     page = (Path(__file__).parents[2] / "docs/robots.md").read_text("utf-8")
     code, after = page.partition("```python\nimport numpy")[2].split("```\n", 1)
-    declared = next(one for one in ARMS if one.name.startswith("Franka"))
+    declared = real("Franka")
     (tmp_path / "panda.urdf").write_bytes(declared.path.read_bytes())
     monkeypatch.chdir(tmp_path)
     exec(compile(f"import numpy{code}", "example", "exec"), {"__name__": "example"})

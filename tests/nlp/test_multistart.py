@@ -67,6 +67,15 @@ def test_a_generator_gives_one_seed():
         seed_of(seed=1, rng=1)
 
 
+@pytest.mark.parametrize("workers", [1, 2])
+def test_later_starts_are_those_of_a_longer_run(workers):
+    whole = multistart(rosenbrock, sample, starts=6, seed=4)
+    rest = multistart(rosenbrock, sample, first=2, starts=4, seed=4, workers=workers)
+    assert [run.index for run in rest.results] == [2, 3, 4, 5]
+    for run, same in zip(rest.results, whole.results[2:], strict=True):
+        assert run.solution.variables.tobytes() == same.solution.variables.tobytes()
+
+
 def test_starts_may_be_given():
     points = [[0.5, 0.5], [2.0, -1.0], [0.0, 0.0]]
     study = multistart(rosenbrock, points, workers=2)

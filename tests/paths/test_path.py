@@ -107,7 +107,7 @@ def test_the_plan_survives_more_than_minimum_norm_and_keeps_all_limits(arm):
     plan = plan_path(arm, tool_path(poses), QUICK)
     share = plan.planned.share
     assert plan.minimum_norm is None or share >= plan.minimum_norm.share
-    assert share <= plan.ceiling <= np.mean(plan.joint_ceiling) + 1e-9
+    assert share <= plan.best_of_samples <= np.mean(plan.joint_best_of_samples) + 1e-9
     q = plan.planned.configurations
     lower, upper = arm.bounds
     assert np.all((q >= lower) & (q <= upper))
@@ -128,7 +128,7 @@ def test_a_failure_that_no_trajectory_survives(planar):
     plan, again = (plan_path(arm, path, search) for _ in range(2))
     assert np.array_equal(again.planned.configurations, plan.planned.configurations)
     # At 1.2 joints 1 and 2 may be anywhere between, but at 2.55 both are nearly straight.
-    assert plan.joint_ceiling[1] < 100
+    assert plan.joint_best_of_samples[1] < 100
     for joint, (row, last) in enumerate(
         zip(plan.joint_rows(), plan.unrecoverable_until, strict=True)
     ):
@@ -149,7 +149,7 @@ def test_what_was_found_before_an_interrupt_is_an_answer(planar):
     assert len(said) == 3
     assert not plan.complete
     assert not plan.statuses
-    assert 0 < plan.planned.share <= plan.ceiling
+    assert 0 < plan.planned.share <= plan.best_of_samples
 
 
 def test_the_polish_is_smooth_on_the_path_and_within_speeds(arm):
@@ -243,7 +243,7 @@ def test_the_command_writes_what_it_says(lockedjoint, made, arm, tmp_path):
     words = ("path", "robot.urdf", "--waypoints", "w.csv", "--samples", 6, "--tracks", 8)
     done = lockedjoint.here(*words, "--out", "here", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
-    for said in ("percent", "minimum norm", "ceiling", "Written to here", "j6 "):
+    for said in ("percent", "minimum norm", "best of samples", "Written to here", "j6 "):
         assert said in done.stdout
     written = json.loads((tmp_path / "here/path.json").read_text())
     rows = csv.DictReader((tmp_path / "here/path.csv").read_text().splitlines())

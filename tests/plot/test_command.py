@@ -95,11 +95,7 @@ def test_pdf_fonts_are_embedded_truetype(run, planar):
 
 @pytest.mark.parametrize(
     ("size", "inches"),
-    [
-        ("10x8", (10 / 2.54, 8 / 2.54)),
-        ("5 x 4cm", (5 / 2.54, 4 / 2.54)),
-        ("5x.9in", (5, 0.9)),
-    ],
+    [("10x8", (10 / 2.54, 8 / 2.54)), ("5 x 4cm", (5 / 2.54, 4 / 2.54)), ("5x.9in", (5, 0.9))],
 )
 def test_the_size_is_in_cm_or_inches(size, inches):
     assert read_look(size, True, None).size == pytest.approx(inches)

@@ -48,8 +48,8 @@ def test_many_failures_are_the_worst_of_them():
 
 
 def test_an_outcome_is_where_its_starts_end(outcome):
-    [strokes] = lj.plot(outcome).figure.axes[0].collections
-    assert sum(line[1, 1] for line in strokes.get_segments()) == 3
+    [bars] = lj.plot(outcome).figure.axes[0].patches
+    assert sum(bars.get_data().values) == 3
 
 
 def test_a_record_is_its_jacobian(outcome):

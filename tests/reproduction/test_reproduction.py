@@ -218,11 +218,7 @@ CHANGES: list[tuple[str, dict[str, object], dict[str, str]]] = [
         {"planar_4r": lambda _: FAMILY(np.pi / 4)},
         {"(16)": "AM", "(17)": "A", "after (17)": "MAAM"},
     ),
-    (
-        "positional",
-        {"POSITIONAL_4R": PRINTED["POSITIONAL_4R"]},
-        {"(18)": "MM", "(19)": "M"},
-    ),
+    ("positional", {"POSITIONAL_4R": PRINTED["POSITIONAL_4R"]}, {"(18)": "MM", "(19)": "M"}),
     ("canonical", {"CANONICAL_6X7": PRINTED["CANONICAL_6X7"]}, {"(20)": "MMMMA"}),
     # Some of its columns are those of revolute joints.
     (
@@ -230,11 +226,7 @@ CHANGES: list[tuple[str, dict[str, object], dict[str, str]]] = [
         {"CANONICAL_6X7": np.vstack([np.eye(3, 7), np.eye(3, 7, k=1)])},
         {"after (20)": "MA"},
     ),
-    (
-        "rotational",
-        {"INDEPENDENT_NORM_EQUATIONS": 5},
-        {"(23)–(28)": "AM", "(23)–(43)": "M"},
-    ),
+    ("rotational", {"INDEPENDENT_NORM_EQUATIONS": 5}, {"(23)–(28)": "AM", "(23)–(43)": "M"}),
     # The correction of f_17 is wrong; its print is right.
     (
         "appendix",
@@ -268,11 +260,7 @@ CHANGES: list[tuple[str, dict[str, object], dict[str, str]]] = [
         },
         {"(48)": "M", "(49)": "M"},
     ),
-    (
-        "8R",
-        {"measures.is_optimally_failure_tolerant": lambda *_: False},
-        {"Sec. 5": "MMM"},
-    ),
+    ("8R", {"measures.is_optimally_failure_tolerant": lambda *_: False}, {"Sec. 5": "MMM"}),
     # A curve that stands still.
     (
         "8R",

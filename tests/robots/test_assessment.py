@@ -8,7 +8,6 @@ import pytest
 from formulations import max_min, measures
 from formulations.commands.robot_arguments import read_configuration
 from formulations.joints.models import arm as designed
-from formulations.kinematics.chain_between import chain_between
 from formulations.robots.robot_arm import RobotArm
 from formulations.robots.robot_assessment import at_length, best_7r, measure_robot
 from formulations.robots.task import TaskSpace
@@ -18,7 +17,7 @@ from nlp.multistart import multistart
 
 @pytest.fixture(scope="module")
 def seven(made):
-    return RobotArm(chain_between(made.tree(made.offset_arm()), "l7"))
+    return made.arm(made.offset_arm())
 
 
 POINT = np.array([0.3, -0.9, 0.4, 1.1, -0.2, 0.8, 0.5])
@@ -27,7 +26,7 @@ POINT = np.array([0.3, -0.9, 0.4, 1.1, -0.2, 0.8, 0.5])
 @pytest.mark.parametrize("locked", [1, 2])
 def test_failures_follow_from_the_jacobian(made, locked):
     """The direction named is the one that moves least for any joint rates of norm 1."""
-    arm = RobotArm(chain_between(made.tree(made.offset_arm(8)), "l8"))
+    arm = made.arm(made.offset_arm(8))
     found = measure_robot(arm, np.append(POINT, 0.1), locked)
     matrix = arm.jacobian(np.append(POINT, 0.1))
     assert np.array(found.jacobian) == pytest.approx(matrix)
@@ -95,8 +94,8 @@ def test_equally_bad_failures_are_counted(made):
     square = ["1 1 0", "-2 0 0", "0 -2 0", "2 0 0"]
     joints = made.serial(square, ["0 0 1"] * 4)
     tool = made.joint("tool", "l4", "tip", "fixed", xyz="-1 1 0")
-    chain = chain_between(made.tree(made.urdf([*joints, tool])), "tip")
-    found = measure_robot(RobotArm(chain, TaskSpace(("vx", "vy"))), np.zeros(4))
+    arm = made.arm(made.urdf([*joints, tool]), task="vx,vy")
+    found = measure_robot(arm, np.zeros(4))
     assert found.equally_bad == 4
     assert found.worst_case_sigma == pytest.approx(1.0)
     assert found.percent_of_bound == pytest.approx(100.0)

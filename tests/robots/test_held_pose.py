@@ -18,7 +18,7 @@ from formulations.robots.pose_constrained_arm import Pose, PoseConstrainedArm
 from formulations.robots.posture import best_posture
 from formulations.robots.posture_search import Search
 from nlp.errors import InputError
-from tests.made_robots import real
+from tests.made_robots import real, sigmas_left
 
 DOWN = (1.0, 0.0, 0.0, 0.0)
 
@@ -37,7 +37,7 @@ def placed(made, declared, configuration):
         q[model.joints[model.getJointId(name)].idx_q] = value
     assert np.all((q >= model.lowerPositionLimit) & (q <= model.upperPositionLimit))
     pin.framesForwardKinematics(model, data, q)
-    sigma = made.by_pinocchio(model, declared, configuration)[1]
+    sigma = made.by_pinocchio(declared, configuration)[1]
     return data.oMf[model.getFrameId(declared.tip)], sigma
 
 
@@ -223,9 +223,7 @@ def test_scenarios_are_the_least_over_them(made):
 def _unequal(matrix, failures, goal):
     """One joint at a time, written out."""
     odds = np.array([p / (1 - p) for p in failures.probabilities])
-    left = np.array(
-        [np.linalg.svd(np.delete(matrix, f, axis=1), compute_uv=False)[-1] for f in range(4)]
-    )
+    left = sigmas_left(matrix)
     if goal == "expected":
         return float(odds @ left / odds.sum())
     return min(s * odds.max() / o for s, o in zip(left, odds, strict=True) if o > 0)

@@ -11,7 +11,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from formulations import measures
-from formulations.kinematics.chain_between import chain_between
 from formulations.robots.robot_arm import RobotArm
 from formulations.robots.task import TaskSpace
 from nlp.errors import InputError
@@ -20,15 +19,19 @@ from results.robots.survey import ARMS
 SEEDS = st.integers(0, 2**32 - 1)
 
 
+def declared_as(name):
+    return next(one for one in ARMS if one.name.startswith(name))
+
+
 @lru_cache
 def real(name):
-    return next(one.arm() for one in ARMS if one.name.startswith(name))
+    return declared_as(name).arm()
 
 
 @pytest.mark.parametrize("declared", ARMS, ids=lambda one: f"{one.name}, {one.task}")
-def test_real_arms_agree_with_pinocchio(declared, model_of, made):
+def test_real_arms_agree_with_pinocchio(declared, made):
     """Panda, iiwa, UR and all the rest, at random configurations, to 1e-9."""
-    model, arm = model_of(declared), declared.arm()
+    model, arm = made.pinocchio_model(declared), declared.arm()
     rng = np.random.default_rng(7)
     for _ in range(20):
         point = arm.sample(rng)
@@ -38,7 +41,7 @@ def test_real_arms_agree_with_pinocchio(declared, model_of, made):
 
 @pytest.mark.parametrize("name", ["Franka", "KUKA", "TIAGo,", "PR2"])
 def test_limits_are_those_that_pinocchio_reads(name):
-    declared = next(one for one in ARMS if one.name.startswith(name))
+    declared = declared_as(name)
     chain = declared.arm().chain
     model = pin.buildModelFromUrdf(str(declared.path))
     for joint in chain.joints:
@@ -68,7 +71,7 @@ def test_symbolic_and_numeric_jacobians_are_the_same(task, length, frame):
 @settings(max_examples=20, deadline=None)
 def test_columns_are_derivatives_of_the_pose(seed):
     """Without any formula of a Jacobian: finite differences of pinocchio's poses."""
-    declared = next(one for one in ARMS if one.name.startswith("TIAGo,"))
+    declared = declared_as("TIAGo,")
     arm, (model, data) = real("TIAGo,"), tiago_in_pinocchio()
     point, h = arm.sample(np.random.default_rng(seed)), 1e-6
 
@@ -90,7 +93,7 @@ def test_columns_are_derivatives_of_the_pose(seed):
 
 @lru_cache
 def tiago_in_pinocchio():
-    declared = next(one for one in ARMS if one.name.startswith("TIAGo,"))
+    declared = declared_as("TIAGo,")
     model = pin.buildModelFromUrdf(str(declared.path))
     return model, model.createData()
 
@@ -151,7 +154,7 @@ def test_joints_without_limits_are_drawn_from_one_turn(made):
         for k, kind in enumerate(["continuous", "prismatic", "continuous"])
     ]
     text = made.urdf(joints).replace('lower="-2" upper="2"', 'lower="-inf" upper="inf"')
-    arm = RobotArm(chain_between(made.tree(text), "l3"), TaskSpace(("vx", "vz")))
+    arm = made.arm(text, task="vx,vz")
     rng = np.random.default_rng(0)
     drawn = np.array([arm.sample(rng) for _ in range(200)])
     assert np.all(np.abs(drawn) <= [np.pi, 1.0, np.pi])
@@ -169,9 +172,7 @@ def test_what_cannot_be_an_arm():
 
 def test_axes_that_all_meet_in_the_tip_have_no_lever_arm(made):
     joints = made.serial(["0 0 0.2"] + ["0 0 0"] * 3, ("0 0 1", "0 1 0", "0 0 1", "0 1 0"))
-    arm = RobotArm(
-        chain_between(made.tree(made.urdf(joints)), "l4"), TaskSpace.parse("position")
-    )
+    arm = made.arm(made.urdf(joints), task="position")
     with pytest.raises(InputError, match="axes of all revolute joints meet"):
         arm.jacobian(np.zeros(4))
     turning = RobotArm(arm.chain, TaskSpace.parse("orientation"))
@@ -216,7 +217,7 @@ def test_worst_cases_where_the_jacobian_has_zeros(made):
     """Entries that are zero by structure, and joints that mimic."""
     mimic = '<mimic joint="j0" multiplier="-0.5" offset="0.2"/>'
     joints = made.serial(["0 0 1"] * 4, ("0 1 0",) * 4, j2={"mimic": mimic})
-    arm = RobotArm(chain_between(made.tree(made.urdf(joints)), "l4"), TaskSpace(("vx", "vz")))
+    arm = made.arm(made.urdf(joints), task="vx,vz")
     points = np.random.default_rng(0).uniform(-1, 1, (30, 3))
     sigma, gradient = arm.worst_case(points)
     for point, value, slope in zip(points, sigma, gradient, strict=True):
@@ -246,9 +247,7 @@ def test_what_is_no_batch_of_postures():
 
 def test_worst_cases_without_a_length(made):
     joints = made.serial(["0 0 0.2"] + ["0 0 0"] * 3, ("0 0 1", "0 1 0", "0 0 1", "0 1 0"))
-    arm = RobotArm(
-        chain_between(made.tree(made.urdf(joints)), "l4"), TaskSpace.parse("position")
-    )
+    arm = made.arm(made.urdf(joints), task="position")
     with pytest.raises(InputError, match="Jacobian 0 is not finite"):
         arm.worst_case(np.zeros((2, 4)))
 

@@ -6,11 +6,8 @@ import numpy as np
 import pytest
 
 from formulations import measures
-from formulations.kinematics.chain_between import chain_between
-from formulations.robots.robot_arm import RobotArm
 from formulations.robots.structural import structural_failures
-from formulations.robots.task import TaskSpace
-from results.robots.survey import ARMS
+from tests.made_robots import real
 
 # Modified Denavit–Hartenberg parameters (α, a, d) of a spherical shoulder, an elbow and a
 # spherical wrist; the tool is 0.1 m from the wrist.
@@ -37,10 +34,7 @@ def arm(made, parameters, task="all", point=(0, 0.02, 0.1)):
         )
         for k, (alpha, a, d) in enumerate(parameters)
     ]
-    tip = f"l{len(parameters)}"
-    return RobotArm(
-        chain_between(made.tree(made.urdf(joints)), tip, point=point), TaskSpace.parse(task)
-    )
+    return made.arm(made.urdf(joints), task=task, point=point)
 
 
 def test_a_spherical_shoulder_and_wrist(made):
@@ -68,7 +62,7 @@ def test_the_ratio_is_of_what_is_left_before_and_after(made):
     (found,) = structural_failures(made_arm)
     rng = np.random.default_rng(5)
     drawn = [made_arm.jacobian(made_arm.sample(rng)) for _ in range(200)]
-    left = max(np.linalg.svd(np.delete(one, 3, axis=1))[1][-1] for one in drawn)
+    left = max(made.sigmas_left(one)[3] for one in drawn)
     before = max(measures.singular_values(one)[-1] for one in drawn)
     assert found.ratio == pytest.approx(left / before, rel=1.0)
 
@@ -89,7 +83,7 @@ def test_offsets_as_large_as_links_are_not_structural(made):
 )
 def test_arms_that_exist(name, kinds):
     """The iiwa as described has offsets of 0.436 mm at the shoulder."""
-    found = structural_failures(next(one for one in ARMS if one.name == name).arm())
+    found = structural_failures(real(name).arm())
     assert [(one.joint, one.kind) for one in found] == kinds
     assert all(one.miss < 0.00044 for one in found)
 

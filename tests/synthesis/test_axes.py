@@ -139,7 +139,7 @@ STILL[:, 2] = 0.0
         (GOOD[:3], {"directions": GOOD[:3].T}, "direction is .* for joint 0; .*orthogonal"),
         (GOOD[3:], {"task": "rotational", "kinds": "P" * 7}, "revolute joints only"),
         (changed((0, 0), np.inf), {}, "finite"),
-        (1e200 * GOOD[:3], {}, "allowed: entries of at most 1e"),
+        (1e200 * GOOD[:3], {}, "allowed: one from 1e-70"),
         (1e50 * GOOD[:3], {}, "linear velocity is entries from .* allowed: 0, or 1e-40"),
         (5 * np.ones((2, 3)), {"length": 1e308}, "linear velocity is .* to inf in size"),
         (changed((3, 0), 1e50), {}, "rotational velocity is .* allowed: at most 1e"),

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import minimize
 
-from formulations.kinematics.segments import segment_distance
+from formulations.kinematics.link_chain import segment_distance
 from formulations.synthesis.from_jacobian import realise
 from formulations.synthesis.links import (
     LINK_RADIUS,

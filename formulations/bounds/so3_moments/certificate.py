@@ -33,10 +33,11 @@ from formulations.bounds.so3_moments.sampled_blocks import (
 )
 from formulations.bounds.so3_moments.symmetric_rows import PermutedRows
 from formulations.bounds.so3_moments.young_basis import Shapes, tableau_contents
+from formulations.existence.certificate import shown
 from formulations.existence.reading import Part, loaded, read_either
 from formulations.existence.tableaux import partitions
 from nlp.arrays import FloatArray
-from nlp.errors import InputError, shown
+from nlp.errors import InputError
 
 _FORMAT = "lockedjoint bound 2"
 FILE_BYTES = 20_000_000

@@ -6,6 +6,8 @@ reported is what `verification` proves from the text of the file.
 """
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from math import floor
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TypeAlias
@@ -19,6 +21,7 @@ from formulations.bounds.so3_moments.certificate import (
     SectorSquares,
     read_any,
 )
+from formulations.bounds.so3_moments.enclosed_squares import require_extended_precision
 from formulations.bounds.so3_moments.global_bound import Evidence
 from formulations.bounds.so3_moments.localisers import KrylovLocaliser, ScaledBlocks
 from formulations.bounds.so3_moments.moment_program import MomentProgram
@@ -26,15 +29,15 @@ from formulations.bounds.so3_moments.relaxation import (
     Progress,
     SolvedRelaxation,
     refined_multipliers,
-    semidefinite_root,
 )
 from formulations.bounds.so3_moments.row_sectors import RowSector
 from formulations.bounds.so3_moments.sampled_blocks import BlockFamily, RowBlocks
 from formulations.bounds.so3_moments.symmetric_rows import AdaptedRows
-from formulations.bounds.so3_moments.verification import VerifiedBound, verify_bound
+from formulations.bounds.so3_moments.verification import verify_bound
 from formulations.bounds.so3_moments.young_basis import Shapes, first_tableau
 from formulations.existence.certificate import CertificateError
-from nlp.arrays import FloatArray
+from formulations.io.files import prepare_file, write_text
+from nlp.arrays import FloatArray, semidefinite_root
 from nlp.errors import InputError
 
 # Singular values of bases below this, relative, are 0.
@@ -44,37 +47,55 @@ _HOW_CHECKED = (
     "difference from what it should be is an invariant polynomial, bounded everywhere by its "
     "values at points, all rounding bounded"
 )
+# What a certificate of the residual states before it is verified: nothing, as ρ ≥ 0. Afterwards
+# what was proved, less a share of δ, rounded down to so many digits.
+_NOTHING, _SHARE, _DIGITS = -1.0, 0.1, 8
 # For shapes and number of labels: pivots i, and the left inverse of the P e_i.
 _Frames: TypeAlias = Mapping[tuple[Shapes, int], tuple[tuple[int, ...], FloatArray]]
+
+
+def prepare_proof(out: Path | None) -> None:
+    """Refuse, before any work, a machine without extended precision or an impossible file."""
+    require_extended_precision()
+    prepare_file(out)
 
 
 def verify_search(
     solved: SolvedRelaxation,
     identity: MomentProgram,
     joints: int,
-    bound: float,
     progress: Progress,
+    out: Path | None,
+    *,
+    stated: float | None = None,
     excluded: float | None = None,
-) -> tuple[BoundCertificate, VerifiedBound, Evidence]:
+) -> tuple[float, Evidence]:
     """Write the certificate of a search to a file, verify it from there, and say how it went.
 
-    The certificate states `bound`, and its constant is the dual value of the program
-    `identity`. CertificateError if it does not prove what it states.
+    The certificate states the bound `stated` or, if left out, what was proved, less a share of
+    what is lost to rounding, since elsewhere more may be lost; its constant is the dual value
+    of the program `identity`. It is kept in `out`, if it proves what it states;
+    CertificateError else. Returns the bound that it states, and the evidence.
     """
     multipliers = refined_multipliers(solved.program, solved.multipliers)
     constant = identity.dual_value(multipliers)
     if excluded is not None and constant <= 0:
         raise CertificateError(f"σ² ≥ {excluded} is not excluded: there is no certificate.")
+    claim = _NOTHING if stated is None else stated
     certificate = search_certificate(
-        solved.families, multipliers, constant, bound, joints, excluded
+        solved.families, multipliers, constant, claim, joints, excluded
     )
     with TemporaryDirectory() as folder:
         path = Path(folder) / "bound.json"
         path.write_text(certificate.to_json(), encoding="utf-8")
         verified = verify_bound(read_any(path), progress=progress)
+    if stated is None:
+        surely = verified.bound - _SHARE * verified.check["defect"]
+        stated = floor(surely * 10**_DIGITS) / 10**_DIGITS
+    if out is not None:
+        write_text(out, replace(certificate, bound=stated).to_json())
     check = {"constant": certificate.constant, "verified": verified.bound, **verified.check}
-    evidence = solved.evidence(_HOW_CHECKED, check, multipliers, phase="verification")
-    return certificate, verified, evidence
+    return stated, solved.evidence(_HOW_CHECKED, check, multipliers, phase="verification")
 
 
 def search_certificate(

@@ -15,8 +15,7 @@ import numpy as np
 
 from formulations.bounds.certified import best_known
 from formulations.bounds.closed_form import root_above
-from formulations.bounds.so3_moments.certifying import verify_search
-from formulations.bounds.so3_moments.enclosed_squares import require_extended_precision
+from formulations.bounds.so3_moments.certifying import prepare_proof, verify_search
 from formulations.bounds.so3_moments.global_bound import Evidence, GlobalBound, Kind
 from formulations.bounds.so3_moments.moment_program import MomentProgram, margin_program
 from formulations.bounds.so3_moments.null_vector_bound import exclude_with_signs
@@ -36,7 +35,6 @@ from formulations.bounds.so3_moments.worst_case_conditions import (
     WorstCaseConditions,
     condition_families,
 )
-from formulations.io.files import prepare_file, write_text
 from nlp.arrays import Rng, one_blas_thread
 from nlp.errors import InputError
 from nlp.starts import seed_of
@@ -201,18 +199,12 @@ def prove_exclusion(
     CertificateError
         If t is not excluded; no certificate is written then.
     """
-    require_extended_precision()
-    prepare_file(out)
+    prepare_proof(out)
     families = condition_families(conditions, joints, t)
     solved = solve_exclusion(families, joints, np.random.default_rng(rng), progress)
-    bound = root_above(Fraction(t))
     # 0 − constant = Σ ⟨X, B(x)⟩ but for rounding.
-    certificate, _, evidence = verify_search(
-        solved, without_objective(solved), joints, bound, progress, t
-    )
-    if out is not None:
-        write_text(out, certificate.to_json())
-    return bound, evidence
+    identity, bound = without_objective(solved), root_above(Fraction(t))
+    return verify_search(solved, identity, joints, progress, out, stated=bound, excluded=t)
 
 
 def solve_exclusion(

@@ -40,7 +40,6 @@ from formulations.bounds.so3_moments.relaxation import (
     PREDICTOR_CORRECTOR,
     Progress,
     SolvedRelaxation,
-    semidefinite_root,
     silent,
 )
 from formulations.bounds.so3_moments.row_sectors import RowSector, degree_sectors
@@ -59,7 +58,7 @@ from formulations.bounds.so3_moments.worst_case_conditions import (
     spectral_families,
     spectral_limit,
 )
-from nlp.arrays import FloatArray, Rng
+from nlp.arrays import FloatArray, Rng, semidefinite_root
 
 _STEP = 0.06
 _MOST_STEPS = 1500

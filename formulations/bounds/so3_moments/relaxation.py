@@ -24,7 +24,7 @@ from formulations.bounds.so3_moments.moment_program import (
 from formulations.bounds.so3_moments.predictor_corrector import solve_with_predictor_corrector
 from formulations.bounds.so3_moments.sampled_blocks import BlockFamily
 from formulations.bounds.so3_moments.wigner import random_rotations, residual_values
-from nlp.arrays import FloatArray
+from nlp.arrays import FloatArray, nearest_semidefinite, semidefinite_root
 from nlp.errors import InputError, LockedJointError
 
 Progress: TypeAlias = Callable[[str], None]
@@ -166,18 +166,6 @@ def _sampled_program(
             return moment_program(residual_values(rotations), blocks)
         except TooFewSamplesError:
             count *= 2
-
-
-def semidefinite_root(matrix: FloatArray) -> FloatArray:
-    """Return R with RRᵀ the nearest semidefinite matrix."""
-    values, vectors = np.linalg.eigh(matrix)
-    return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
-
-
-def nearest_semidefinite(matrix: FloatArray) -> FloatArray:
-    """Return the nearest positive semidefinite matrix."""
-    root = semidefinite_root(0.5 * (matrix + matrix.T))
-    return np.asarray(root @ root.T)
 
 
 def refined_multipliers(

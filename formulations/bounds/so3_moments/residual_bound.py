@@ -6,15 +6,12 @@ among averaged sums of squares: a moment relaxation (Lasserre, 2001) reduced by 
 """
 
 from collections.abc import Mapping
-from dataclasses import replace
-from math import floor
 from pathlib import Path
 
 import numpy as np
 
 from formulations.bounds.certified import best_known
-from formulations.bounds.so3_moments.certifying import verify_search
-from formulations.bounds.so3_moments.enclosed_squares import require_extended_precision
+from formulations.bounds.so3_moments.certifying import prepare_proof, verify_search
 from formulations.bounds.so3_moments.global_bound import Evidence, GlobalBound, Kind
 from formulations.bounds.so3_moments.relaxation import (
     FRESH,
@@ -31,7 +28,6 @@ from formulations.bounds.so3_moments.row_sectors import (
 )
 from formulations.bounds.so3_moments.sampled_blocks import SectorBlocks, sector_families
 from formulations.bounds.so3_moments.wigner import random_rotations, residual_values
-from formulations.io.files import prepare_file, write_text
 from nlp.arrays import Rng, one_blas_thread
 from nlp.errors import InputError
 from nlp.starts import seed_of
@@ -49,16 +45,6 @@ _HOW_CHECKED = (
 )
 # Multipliers well inside of the cone can be made to satisfy the equations to the last digits.
 _RIGOROUS_GAP = 3e-8
-# What a certificate states before it is verified: nothing, as ρ ≥ 0. Afterwards it states what
-# was proved, less a share of δ, rounded down to so many digits: elsewhere δ may be larger.
-_NOTHING, _SHARE, _DIGITS = -1.0, 0.1, 8
-
-
-def residual_preset(name: str) -> tuple[RowSector, ...]:
-    """Return the rows of a preset of the residual bound; InputError if there is none."""
-    if name not in RESIDUAL_PRESETS:
-        raise InputError("preset", name, ", ".join(RESIDUAL_PRESETS))
-    return RESIDUAL_PRESETS[name]
 
 
 @one_blas_thread()
@@ -116,10 +102,11 @@ def residual_bound(
     depend on the frame.
     """
     preset = preset or "compact"
-    sectors = residual_preset(preset)
+    if preset not in RESIDUAL_PRESETS:
+        raise InputError("preset", preset, ", ".join(RESIDUAL_PRESETS))
     check_joints(joints)
     generator = np.random.default_rng(seed_of(seed, rng))
-    families = sector_families(sectors, joints)
+    families = sector_families(RESIDUAL_PRESETS[preset], joints)
     if rigorous:
         bound, evidence = _proved(families, generator, progress, out)
     elif out is not None:
@@ -148,15 +135,7 @@ def _checked(
 def _proved(
     families: list[SectorBlocks], rng: np.random.Generator, progress: Progress, out: Path | None
 ) -> tuple[float, Evidence]:
-    require_extended_precision()
-    prepare_file(out)
+    prepare_proof(out)
     joints = families[0].joints
     solved = solve_relaxation(families, joints, rng, gap=_RIGOROUS_GAP, progress=progress)
-    certificate, verified, evidence = verify_search(
-        solved, solved.program, joints, _NOTHING, progress
-    )
-    surely = verified.bound - _SHARE * verified.check["defect"]
-    stated = floor(surely * 10**_DIGITS) / 10**_DIGITS
-    if out is not None:
-        write_text(out, replace(certificate, bound=stated).to_json())
-    return stated, evidence
+    return verify_search(solved, solved.program, joints, progress, out)

@@ -8,8 +8,6 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
-from scipy.spatial.transform import Rotation
 from threadpoolctl import threadpool_limits
 
 Floats = NDArray[np.float64]
@@ -60,23 +58,6 @@ def moved(rotations, seed, signs=True):
     signs = rng.choice([-1.0, 1.0], joints if signs else 1) * np.ones(joints)
     scale = np.stack([signs, signs, np.ones(joints)], axis=-1)
     return image * scale[:, None, :]
-
-
-@pytest.fixture(scope="session")
-def isotropic_8r():
-    """Return rotations of an isotropic unit revolute 8R, by least squares in Euler angles."""
-
-    def rotations(angles):
-        return Rotation.from_euler("ZXZ", angles.reshape(8, 3)).as_matrix()
-
-    def defect(angles):
-        j = jacobian(rotations(angles))
-        return (j @ j.T - 8 / 3 * np.eye(6)).ravel()
-
-    start = np.random.default_rng(5).uniform(-np.pi, np.pi, 24)
-    found = least_squares(defect, start, xtol=1e-15, ftol=1e-15, gtol=1e-15)
-    assert np.abs(found.fun).max() < 1e-10
-    return rotations(found.x)
 
 
 @pytest.fixture(scope="session")

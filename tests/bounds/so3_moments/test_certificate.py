@@ -85,6 +85,39 @@ def one_basis():
         yield
 
 
+IMPOSSIBLE, LIMIT = 30.0, 90.0
+SMALL = WorstCaseConditions(
+    plain=(RowSector(0, 0, 0, 4), RowSector(2, 0, 0, 4)),
+    scaled=(RowSector(0, 0, 0, 2), RowSector(2, 0, 0, 2)),
+    krylov=(RowSector(0, 0, 0, 2, 0), RowSector(1, 0, 0, 2, 1)),
+)
+
+
+@pytest.fixture(scope="module")
+def exclusion():
+    """σ² ≥ 30 is impossible for short columns, so small sums exclude it."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(worst_case_conditions, "largest_residual", lambda *_: LIMIT)
+        families = condition_families(SMALL, 7, IMPOSSIBLE)
+    solved = solve_exclusion(families, 7, np.random.default_rng(0))
+    multipliers = refined_multipliers(solved.program, solved.multipliers)
+    constant = without_objective(solved).dual_value(multipliers)
+    bound = root_above(Fraction(IMPOSSIBLE))
+    return search_certificate(families, multipliers, constant, bound, 7, IMPOSSIBLE)
+
+
+@pytest.fixture
+def excluding(exclusion, monkeypatch):
+    """Return the file of `exclusion`; the reader and the verifier allow so large a t."""
+    limit = verification.largest_residual
+    monkeypatch.setattr(format_module, "_largest_excluded", lambda _: IMPOSSIBLE)
+    monkeypatch.setattr(
+        verification, "largest_residual", lambda n, t: LIMIT if t > 1 else limit(n, t)
+    )
+    loaded: dict[str, Any] = json.loads(exclusion.to_json())
+    return loaded
+
+
 def written(path, document):
     path.write_text(json.dumps(document))
     return path
@@ -247,6 +280,51 @@ ILL_FORMED: dict[str, Changes] = {
 }
 
 
+PARTS = ("sectors", "scaled", "krylov")
+KRYLOV = "krylov.0.blocks.0"
+ILL_FORMED_EXCLUSIONS: dict[str, Changes] = {
+    **{f"no {name}": {name: ...} for name in ("excluded", *PARTS)},
+    **{f"{name} an object": {name: {}} for name in PARTS},
+    **{f"first of {name} twice": {name: twice} for name in PARTS},
+    **{f"very many {name}": {name: many} for name in PARTS},
+    **{f"degree of {name}": {f"{name}.0.degree": 6} for name in ("scaled", "krylov")},
+    **{f"t is {t}": {"excluded": t} for t in (0.0, -1.0, 1e-9, 31.0, 1, "0.3", None)},
+    "t NaN": {"excluded": float("nan")},
+    "t infinite": {"excluded": float("inf")},
+    "six joints": {"joints": 6},
+    "the other quantity": {"quantity": "residual"},
+    "locked joint of a plain sector": {"sectors.0.locked": 0},
+    "locked joint of a scaled sector": {"scaled.0.locked": 0},
+    "no locked joint": {"krylov.0.locked": ...},
+    "locked joint null": {"krylov.0.locked": None},
+    "parity of the locked joint": {"krylov.0.locked": 1},
+    "locked is true": {"krylov.0.locked": True},
+    "parity 2": {"krylov.0.locked": 2},
+    "shapes without the locked joint": {f"{KRYLOV}.shapes.0": ...},
+    "labels without the locked joint": {f"{KRYLOV}.rows.0.labels.0": ...},
+    "too many squares": {f"{KRYLOV}.squares": 1000},
+    "factor cut": {f"{KRYLOV}.factor": lambda text: text[:-4]},
+    "factor NaN": {f"{KRYLOV}.factor": setting(0, float("nan"))},
+    "pivot far away": {f"{KRYLOV}.rows.0.pivots.0": 10**6},
+}
+
+
+def cases(document, excluding):
+    """Return all changes of the two certificates, for the bound and for the exclusion."""
+    both = {"document": document, "excluding": excluding}
+    return [
+        pytest.param(which, changes, id=f"{which}: {name}")
+        for which, table in both.items()
+        for name, changes in table.items()
+    ]
+
+
+@pytest.fixture
+def changed(which, changes, patched, request):
+    """Return one of the two certificates after a change."""
+    return patched(request.getfixturevalue(which), changes)
+
+
 def require_refused(path):
     with pytest.raises((CertificateError, FileError)) as refused:
         read_any(path)
@@ -254,9 +332,9 @@ def require_refused(path):
     assert "\n" not in str(refused.value)
 
 
-@pytest.mark.parametrize("name", ILL_FORMED)
-def test_ill_formed_files_are_refused_in_one_sentence(name, document, patched, tmp_path):
-    require_refused(written(tmp_path / "bound.json", patched(document, ILL_FORMED[name])))
+@pytest.mark.parametrize(("which", "changes"), cases(ILL_FORMED, ILL_FORMED_EXCLUSIONS))
+def test_ill_formed_files_are_refused_in_one_sentence(changed, tmp_path):
+    require_refused(written(tmp_path / "bound.json", changed))
 
 
 @pytest.mark.parametrize(
@@ -279,7 +357,7 @@ def test_what_is_no_json_or_too_complex_is_refused(text, tmp_path):
 def test_deeply_nested_parts_are_refused(depth, certificate, tmp_path):
     path = tmp_path / "bound.json"
     nested = "[" * depth + "]" * depth
-    for start in ('"joints": ', '"labels": '):
+    for start in ('"quantity": ', '"joints": ', '"bound": ', '"labels": ', '"factor": '):
         before, after = certificate.to_json().split(start, 1)
         path.write_text(f'{before}{start}{nested}, "rest": {after}')
         require_refused(path)
@@ -332,12 +410,36 @@ FALSE: dict[str, Changes] = {
     "no sectors": {"sectors": []},
     "no blocks": {"sectors.1.blocks": []},
 }
+FALSE_EXCLUSIONS: dict[str, Changes] = {
+    "a smaller bound": {"bound": plus(-1e-6)},
+    "a larger constant": {"constant": plus(1.0)},
+    "a smaller constant": {"constant": plus(-1.0)},
+    "a negative constant": {"constant": lambda constant: -constant},
+    "a smaller t": {"excluded": 29.0},
+    "a worst case that is attained": {"excluded": 0.3},
+    **{f"{name} times 10": {name: all_factors(scaled(10.0))} for name in PARTS[1:]},
+    **{f"{name} 0": {name: all_factors(scaled(0.0))} for name in PARTS[1:]},
+    **{f"{name} large": {name: all_factors(scaled(1e4))} for name in PARTS},
+    **{f"no {name}": {name: []} for name in PARTS[1:]},
+    "nothing at all": {name: [] for name in PARTS},
+    "one entry of a factor": {f"{KRYLOV}.factor": setting(0, 9.0)},
+}
+
+
 STILL_TRUE: dict[str, Changes] = {
     "a smaller bound": {"bound": -0.5},
     "signs of a factor": {MAIN: scaled(-1.0)},
     "the last digits": {MAIN: scaled(1 + 1e-13)},
     "sectors in another order": {"sectors": reverse},
     "blocks in another order": {"sectors.1.blocks": reverse},
+}
+
+
+EXCLUDED_AS_WELL: dict[str, Changes] = {
+    "a larger bound": {"bound": plus(0.5)},
+    "signs": {"krylov": all_factors(scaled(-1.0))},
+    "the last digits": {"scaled": all_factors(scaled(1 + 1e-12))},
+    "another order": {"krylov": reverse},
 }
 
 
@@ -348,17 +450,18 @@ def require_unproved(path, document, quantity):
     return str(rejected.value)
 
 
-@pytest.mark.parametrize("name", FALSE)
-def test_squares_that_do_not_prove_the_bound_are_rejected(name, document, patched, tmp_path):
-    changed = patched(document, FALSE[name])
-    require_unproved(tmp_path / "bound.json", changed, r"residual ≥ -?[0-9]")
+@pytest.mark.parametrize(("which", "changes"), cases(FALSE, FALSE_EXCLUSIONS))
+def test_sums_that_do_not_prove_the_bound_are_rejected(which, changed, tmp_path):
+    said = {"document": r"residual ≥ -?[0-9]", "excluding": r"max-min ≤ [0-9.]+\.$"}[which]
+    require_unproved(tmp_path / "bound.json", changed, said)
 
 
-@pytest.mark.parametrize("name", STILL_TRUE)
-def test_changes_that_prove_it_as_well_are_accepted(name, document, patched, tmp_path):
-    changed = patched(document, STILL_TRUE[name])
+@pytest.mark.parametrize(("which", "changes"), cases(STILL_TRUE, EXCLUDED_AS_WELL))
+def test_changes_that_prove_it_as_well_are_accepted(which, changed, tmp_path):
     found = verify_bound(read_any(written(tmp_path / "bound.json", changed)))
-    assert found.claimed == changed["bound"] <= found.bound <= 0
+    assert found.claimed == changed["bound"]
+    weaker, sharper = sorted([found.claimed, found.bound], reverse=which == "excluding")
+    assert (weaker, sharper) == (found.claimed, found.bound)
 
 
 def test_random_changes_never_prove_too_much(document, tmp_path):
@@ -422,7 +525,7 @@ def test_verify_and_bound_on_the_command_line(lockedjoint, document, tmp_path):
 
 def test_a_rigorous_bound_is_what_its_certificate_states(monkeypatch, tmp_path):
     few = degree_sectors(4, range(1), range(1))
-    monkeypatch.setattr(residual_bound, "residual_preset", lambda _: few)
+    monkeypatch.setitem(residual_bound.RESIDUAL_PRESETS, "compact", few)
     path = tmp_path / "folder" / "bound.json"
     found = residual_bound.residual_bound(rigorous=True, joints=6, out=path)
     verified = verify_bound(read_any(path))
@@ -436,47 +539,12 @@ def test_a_rigorous_bound_is_what_its_certificate_states(monkeypatch, tmp_path):
 def test_nothing_is_reported_that_was_not_verified(monkeypatch, tmp_path):
     """With a constant that is 1 too large the solver claims ρ ≥ 1, where 0 is attained."""
     few = degree_sectors(4, range(1), range(1))
-    monkeypatch.setattr(residual_bound, "residual_preset", lambda _: few)
+    monkeypatch.setitem(residual_bound.RESIDUAL_PRESETS, "compact", few)
     value = MomentProgram.dual_value
     monkeypatch.setattr(MomentProgram, "dual_value", lambda *given: value(*given) + 1)
     with pytest.raises(CertificateError, match="prove only"):
         residual_bound.residual_bound(rigorous=True, joints=6, out=tmp_path / "bound.json")
     assert not list(tmp_path.iterdir())
-
-
-# --- max-min -------------------------------------------------------------------------------
-
-IMPOSSIBLE, LIMIT = 30.0, 90.0
-SMALL = WorstCaseConditions(
-    plain=(RowSector(0, 0, 0, 4), RowSector(2, 0, 0, 4)),
-    scaled=(RowSector(0, 0, 0, 2), RowSector(2, 0, 0, 2)),
-    krylov=(RowSector(0, 0, 0, 2, 0), RowSector(1, 0, 0, 2, 1)),
-)
-
-
-@pytest.fixture(scope="module")
-def exclusion():
-    """σ² ≥ 30 is impossible for short columns, so small sums exclude it."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(worst_case_conditions, "largest_residual", lambda *_: LIMIT)
-        families = condition_families(SMALL, 7, IMPOSSIBLE)
-    solved = solve_exclusion(families, 7, np.random.default_rng(0))
-    multipliers = refined_multipliers(solved.program, solved.multipliers)
-    constant = without_objective(solved).dual_value(multipliers)
-    bound = root_above(Fraction(IMPOSSIBLE))
-    return search_certificate(families, multipliers, constant, bound, 7, IMPOSSIBLE)
-
-
-@pytest.fixture
-def excluding(exclusion, monkeypatch):
-    """Return the file of `exclusion`; the reader and the verifier allow so large a t."""
-    limit = verification.largest_residual
-    monkeypatch.setattr(format_module, "_largest_excluded", lambda _: IMPOSSIBLE)
-    monkeypatch.setattr(
-        verification, "largest_residual", lambda n, t: LIMIT if t > 1 else limit(n, t)
-    )
-    loaded: dict[str, Any] = json.loads(exclusion.to_json())
-    return loaded
 
 
 def test_an_exclusion_is_read_as_it_was_written_and_proves_its_bound(
@@ -493,65 +561,6 @@ def test_an_exclusion_is_read_as_it_was_written_and_proves_its_bound(
     assert found.check["defect"] < 1e-5 < 1 < read.constant
 
 
-PARTS = ("sectors", "scaled", "krylov")
-KRYLOV = "krylov.0.blocks.0"
-ILL_FORMED_EXCLUSIONS: dict[str, Changes] = {
-    **{f"no {name}": {name: ...} for name in ("excluded", *PARTS)},
-    **{f"{name} an object": {name: {}} for name in PARTS},
-    **{f"first of {name} twice": {name: twice} for name in PARTS},
-    **{f"very many {name}": {name: many} for name in PARTS},
-    **{f"degree of {name}": {f"{name}.0.degree": 6} for name in ("scaled", "krylov")},
-    **{f"t is {t}": {"excluded": t} for t in (0.0, -1.0, 1e-9, 31.0, 1, "0.3", None)},
-    "t NaN": {"excluded": float("nan")},
-    "t infinite": {"excluded": float("inf")},
-    "six joints": {"joints": 6},
-    "the other quantity": {"quantity": "residual"},
-    "locked joint of a plain sector": {"sectors.0.locked": 0},
-    "locked joint of a scaled sector": {"scaled.0.locked": 0},
-    "no locked joint": {"krylov.0.locked": ...},
-    "locked joint null": {"krylov.0.locked": None},
-    "parity of the locked joint": {"krylov.0.locked": 1},
-    "locked is true": {"krylov.0.locked": True},
-    "parity 2": {"krylov.0.locked": 2},
-    "shapes without the locked joint": {f"{KRYLOV}.shapes.0": ...},
-    "labels without the locked joint": {f"{KRYLOV}.rows.0.labels.0": ...},
-    "too many squares": {f"{KRYLOV}.squares": 1000},
-    "factor cut": {f"{KRYLOV}.factor": lambda text: text[:-4]},
-    "factor NaN": {f"{KRYLOV}.factor": setting(0, float("nan"))},
-    "pivot far away": {f"{KRYLOV}.rows.0.pivots.0": 10**6},
-}
-
-
-@pytest.mark.parametrize("name", ILL_FORMED_EXCLUSIONS)
-def test_ill_formed_exclusions_are_refused(name, excluding, patched, tmp_path):
-    changed = patched(excluding, ILL_FORMED_EXCLUSIONS[name])
-    require_refused(written(tmp_path / "bound.json", changed))
-
-
-FALSE_EXCLUSIONS: dict[str, Changes] = {
-    "a smaller bound": {"bound": plus(-1e-6)},
-    "a larger constant": {"constant": plus(1.0)},
-    "a smaller constant": {"constant": plus(-1.0)},
-    "a negative constant": {"constant": lambda constant: -constant},
-    "a smaller t": {"excluded": 29.0},
-    "a worst case that is attained": {"excluded": 0.3},
-    **{f"{name} times 10": {name: all_factors(scaled(10.0))} for name in PARTS[1:]},
-    **{f"{name} 0": {name: all_factors(scaled(0.0))} for name in PARTS[1:]},
-    **{f"{name} large": {name: all_factors(scaled(1e4))} for name in PARTS},
-    **{f"no {name}": {name: []} for name in PARTS[1:]},
-    "nothing at all": {name: [] for name in PARTS},
-    "one entry of a factor": {f"{KRYLOV}.factor": setting(0, 9.0)},
-}
-
-
-@pytest.mark.parametrize("name", FALSE_EXCLUSIONS)
-def test_sums_that_do_not_exclude_the_worst_case_are_rejected(
-    name, excluding, patched, tmp_path
-):
-    changed = patched(excluding, FALSE_EXCLUSIONS[name])
-    require_unproved(tmp_path / "bound.json", changed, r"max-min ≤ [0-9.]+\.$")
-
-
 @pytest.mark.parametrize(
     ("changes", "square"),
     [({"constant": plus(1.0)}, Fraction(1, 3)), ({"bound": plus(-1e-6)}, Fraction(30))],
@@ -561,21 +570,6 @@ def test_what_is_proved_instead_is_stated(changes, square, excluding, patched, t
     said = require_unproved(tmp_path / "bound.json", patched(excluding, changes), "max-min")
     bound = Fraction(float(said.split(" ≤ ")[-1].rstrip(".")))
     assert square <= bound**2 < square + Fraction(1, 10**12)
-
-
-@pytest.mark.parametrize(
-    "changes",
-    [
-        {"bound": plus(0.5)},
-        {"krylov": all_factors(scaled(-1.0))},
-        {"scaled": all_factors(scaled(1 + 1e-12))},
-        {"krylov": reverse},
-    ],
-)
-def test_other_files_prove_the_exclusion_as_well(changes, excluding, patched, tmp_path):
-    changed = patched(excluding, changes)
-    found = verify_bound(read_any(written(tmp_path / "bound.json", changed)))
-    assert found.bound <= found.claimed == changed["bound"]
 
 
 def test_a_proof_of_exclusion_writes_its_certificate(excluding, monkeypatch, tmp_path):

@@ -1,4 +1,5 @@
-from itertools import permutations
+from functools import cache
+from itertools import permutations, product
 
 import numpy as np
 import pytest
@@ -121,100 +122,79 @@ def test_sums_are_enclosed_in_forty_digits():
     assert abs(found.values[0] - exact) < found.errors[0] < 1e-12 * exact
 
 
-def exact_sum(family, blocks, quaternions):
-    """Return Σ_T |A_Tᵀφ|² of all blocks, its mean over all orders, with forty digits."""
-    mp.dps = 40
+@cache
+def exact_coupling(a, b, total):
+    """Return Clebsch–Gordan coefficients with forty digits, (2a+1, 2b+1, 2·total+1)."""
+    table = np.full((2 * a + 1, 2 * b + 1, 2 * total + 1), mpf(0), dtype=object)
+    for i, k in product(range(-a, a + 1), range(-b, b + 1)):
+        if abs(i + k) <= total:
+            value = CG(a, i, b, k, total, i + k).doit().evalf(40)
+            table[a + i, b + k, total + i + k] = mpf(value)
+    return table
 
-    def couplings(a, b, total):
-        return {
-            (i, k): mpf(CG(a, i, b, k, total, i + k).doit().evalf(40))
-            for i in range(-a, a + 1)
-            for k in range(-b, b + 1)
-            if abs(i + k) <= total
-        }
 
-    def wigner(quaternion):
-        w, x, y, z = map(mpf, quaternion)
-        turned = [
+def exact_wigner(quaternion, largest):
+    w, x, y, z = map(mpf, quaternion)
+    rotation = np.array(
+        [
             [w * w + x * x - y * y - z * z, 2 * (x * y - w * z), 2 * (x * z + w * y)],
             [2 * (x * y + w * z), w * w - x * x + y * y - z * z, 2 * (y * z - w * x)],
             [2 * (x * z - w * y), 2 * (y * z + w * x), w * w - x * x - y * y + z * z],
         ]
-        half, norm = mp.sqrt(2) / 2, w * w + x * x + y * y + z * z
-        unit = {-1: [half, -half * 1j, 0], 0: [0, 0, 1], 1: [-half, -half * 1j, 0]}
-        one = {
-            (i, k): sum(
-                mp.conj(unit[i][a]) * turned[a][b] / norm * unit[k][b]
-                for a in range(3)
-                for b in range(3)
-            )
-            for i in unit
-            for k in unit
-        }
-        found = [{(0, 0): mpf(1)}, one]
-        for spin in range(1, family.largest_spin):
-            table = couplings(spin, 1, spin + 1)
-            grown: dict = {}
-            for (i, a), left in table.items():
-                for (k, b), right in table.items():
-                    term = left * right * found[spin][i, k] * one[a, b]
-                    grown[i + a, k + b] = grown.get((i + a, k + b), 0) + term
-            found.append(grown)
-        return found
+    ) / (w * w + x * x + y * y + z * z)
+    half = mp.sqrt(2) / 2
+    unit = np.array([[half, 0, -half], [-half * 1j, 0, -half * 1j], [0, mpf(1), 0]])
+    one = np.vectorize(mp.conj, otypes=[object])(unit).T @ rotation @ unit
+    found = [np.array([[mpf(1)]]), one]
+    for spin in range(1, largest):
+        table = exact_coupling(spin, 1, spin + 1).reshape(-1, 2 * spin + 3)
+        found.append(table.T @ np.kron(found[spin], one) @ table)
+    return found
 
-    tables: dict = {}
 
-    def coupled(columns, goal):
-        """Couple in sequence, in the order of the library."""
-        partial = {columns[0][0]: [columns[0][1]]}
-        for place, (spin, column) in enumerate(columns[1:], start=1):
-            rest = sum(other for other, _ in columns[place + 1 :])
-            grown: dict = {}
-            for before, ways in partial.items():
-                for total in range(abs(before - spin), min(before + spin, goal + rest) + 1):
-                    key = before, spin, total
-                    table = tables.setdefault(key, couplings(*key))
-                    for way in ways:
-                        new = dict.fromkeys(range(-total, total + 1), mpf(0))
-                        for (i, k), value in table.items():
-                            new[i + k] += value * way[i] * column[k]
-                        grown.setdefault(total, []).append(new)
-            partial = grown
-        return partial.get(goal, [])
+def exactly_coupled(columns, goal):
+    """Couple vectors in sequence, in the order of the library."""
+    partial = {len(columns[0]) // 2: [columns[0]]}
+    for place, column in enumerate(columns[1:], start=1):
+        spin, rest = len(column) // 2, sum(len(other) // 2 for other in columns[place + 1 :])
+        grown: dict = {}
+        for before, ways in partial.items():
+            for total in range(abs(before - spin), min(before + spin, goal + rest) + 1):
+                table = exact_coupling(before, spin, total)
+                new = (np.tensordot(np.multiply.outer(way, column), table, 2) for way in ways)
+                grown.setdefault(total, []).extend(new)
+        partial = grown
+    return partial.get(goal, [])
 
-    functions = [wigner(quaternion) for quaternion in quaternions]
-    spin, total, orders = family.sector.spin, mpf(0), list(permutations(range(family.joints)))
+
+def exact_sum(family, blocks, quaternions):
+    """Return Σ_T |A_Tᵀφ|² of all blocks, its mean over all orders, with forty digits."""
+    mp.dps = 40
+    functions = [exact_wigner(quaternion, family.largest_spin) for quaternion in quaternions]
+    total, orders = mpf(0), list(permutations(range(family.joints)))
     for order in orders:
-        plain = []
-        for rows in family.rows:
-            values = []
-            for assignment in rows.assignments:
-                columns = [
-                    (
-                        label[0],
-                        {
-                            i: functions[order[joint]][label[0]][i, label[1]]
-                            for i in range(-label[0], label[0] + 1)
-                        },
+        plain = [
+            np.array(
+                [
+                    way
+                    for assignment in rows.assignments
+                    for way in exactly_coupled(
+                        [
+                            functions[order[joint]][spin][:, spin + m]
+                            for (spin, m), joint in zip(rows.labels, assignment, strict=True)
+                        ],
+                        family.sector.spin,
                     )
-                    for label, joint in zip(rows.labels, assignment, strict=True)
                 ]
-                values += coupled(columns, spin)
-            plain.append(values)
+            )
+            for rows in family.rows
+        ]
         for block in blocks:
-            tableaux, _, columns_of_a = block.parts[0][1].shape
-            for tableau in range(tableaux):
-                for column in range(columns_of_a):
-                    for component in range(-spin, spin + 1):
-                        value = sum(
-                            mpf(float(weight)) * way[component]
-                            for number, a in block.parts
-                            for weight, way in zip(
-                                a[tableau, :, column], plain[number], strict=True
-                            )
-                            if weight
-                        )
-                        total += abs(value) ** 2 / block.scale
+            values = sum(
+                np.tensordot(a.astype(object), plain[number], axes=(1, 0))
+                for number, a in block.parts
+            )
+            total += sum(abs(value) ** 2 for value in values.ravel()) / block.scale
     return total / len(orders)
 
 

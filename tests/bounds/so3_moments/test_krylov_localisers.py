@@ -3,11 +3,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from formulations.bounds.so3_moments.localisers import KrylovLocaliser, krylov_vectors
+from formulations.bounds.so3_moments.localisers import KrylovLocaliser
 from formulations.bounds.so3_moments.moment_program import margin_program
 from formulations.bounds.so3_moments.relaxation import (
-    identity_leftover,
-    nearest_semidefinite,
     solve_relaxation,
 )
 from formulations.bounds.so3_moments.row_sectors import RowSector, degree_sectors
@@ -16,6 +14,7 @@ from formulations.bounds.so3_moments.worst_case_conditions import (
     WorstCaseConditions,
     condition_families,
 )
+from nlp.arrays import nearest_semidefinite
 
 
 def lowest_eigenvalue(families, where):
@@ -24,30 +23,6 @@ def lowest_eigenvalue(families, where):
         for family in families
         for block in family.evaluate(where)
     )
-
-
-def test_without_polynomials_it_is_the_mean_form(so3):
-    """The constant row is the mean of j_fᵀ(J_f J_fᵀ − tI)j_f over the joints, over |j_f|²."""
-    (where,) = so3.haar_rotations(3, 1, 7)
-    jacobian = so3.jacobian(where)
-    forms = [
-        jacobian[:, f] @ np.delete(jacobian, f, 1) @ np.delete(jacobian, f, 1).T
-        @ jacobian[:, f] / 2 - 0.3
-        for f in range(7)
-    ]  # fmt: skip
-    localiser = KrylovLocaliser(RowSector(0, 0, 0, 0, 0), 7, 0.3)
-    (block,) = localiser.evaluate(where[None])
-    np.testing.assert_allclose(block.ravel(), np.mean(forms))
-
-
-def test_vectors_are_powers(so3):
-    jacobian = so3.jacobian(so3.haar_rotations(3, 1, 7))
-    vectors, kept = krylov_vectors(jacobian, 2)
-    matrix = jacobian[0] @ jacobian[0].T * 3 / 7
-    np.testing.assert_allclose(
-        vectors[0, :, 2], matrix @ matrix @ jacobian[0, :, 2] / np.sqrt(2)
-    )
-    np.testing.assert_allclose(kept[0], np.delete(jacobian[0], 2, axis=1).T @ vectors[0])
 
 
 def test_the_best_known_jacobian_meets_all_conditions(attained):
@@ -73,27 +48,6 @@ def test_conditions_of_a_larger_worst_case_are_not_met(attained):
     ]
     assert lowest_eigenvalue(families[0], where) > -1e-10
     assert lowest_eigenvalue(families[1], where) < -1e-3
-
-
-class WrongSign(KrylovLocaliser):
-    """J_f J_fᵀ + tI instead of J_f J_fᵀ − tI."""
-
-    def evaluate(self, rotations):
-        return KrylovLocaliser(self.sector, self.joints, -self.limit).evaluate(rotations)
-
-
-@pytest.mark.parametrize(("kind", "caught"), [(KrylovLocaliser, False), (WrongSign, True)])
-def test_a_wrong_sign_is_caught_by_the_plain_average(kind, caught, so3, plain):
-    """The identity holds with the blocks as they are evaluated, right or wrong."""
-    family = kind(RowSector(0, 0, 0, 0, 0), 5, 0.3)
-
-    def sums(rotations):
-        return np.asarray(family.evaluate(rotations)[0][:, 0, 0])
-
-    where = so3.haar_rotations(7, 2, 5)
-    assert identity_leftover([family], [np.eye(1)], 0.0, sums, where) < 1e-12
-    leftover = np.abs(sums(where) - plain.plain_condition_sum(family, where, [np.eye(1)])).max()
-    assert (leftover > 0.5) == caught
 
 
 SMALL = WorstCaseConditions(

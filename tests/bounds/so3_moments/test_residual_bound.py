@@ -16,13 +16,13 @@ from formulations.bounds.so3_moments.predictor_corrector import solve_with_predi
 from formulations.bounds.so3_moments.relaxation import (
     SolverFailureError,
     identity_leftover,
-    nearest_semidefinite,
     residual_values,
     solve_relaxation,
 )
 from formulations.bounds.so3_moments.row_sectors import RowSector
 from formulations.bounds.so3_moments.sampled_blocks import sector_families
-from nlp.errors import InputError
+from formulations.existence.rings import optimal_jacobian
+from nlp.arrays import nearest_semidefinite
 
 LOW = [RowSector(k, c, spin, 4) for k in (0, 2, 4) for c in (0, 2) for spin in (0, 1)]
 
@@ -196,7 +196,7 @@ def test_a_failed_solver_is_reported(families, monkeypatch):
     solved = solve_relaxation(families, 7, np.random.default_rng(0))
     with pytest.raises(SolverFailureError, match="infeasible"):
         _ = solved.multipliers
-    monkeypatch.setattr(residual_bound, "residual_preset", lambda _: LOW)
+    monkeypatch.setitem(residual_bound.RESIDUAL_PRESETS, "compact", LOW)
     result = residual_bound.residual_bound()
     assert (result.bound, result.status, result.dual_residual) == (0.0, "infeasible", None)
 
@@ -214,7 +214,7 @@ def test_an_objective_outside_of_the_span_is_noticed(families, samples):
 
 @pytest.mark.parametrize("joints", [6, 7, 8])
 def test_rows_of_degree_4_prove_nothing(joints, monkeypatch):
-    monkeypatch.setattr(residual_bound, "residual_preset", lambda _: residual_bound.DEGREE_4)
+    monkeypatch.setitem(residual_bound.RESIDUAL_PRESETS, "compact", residual_bound.DEGREE_4)
     messages: list[str] = []
     result = residual_bound.residual_bound(joints=joints, progress=messages.append)
     assert 0 <= result.bound < 1e-6
@@ -226,19 +226,18 @@ def test_rows_of_degree_4_prove_nothing(joints, monkeypatch):
     assert json.loads(json.dumps(result.to_dict()))["size"]["moments"] == 35
 
 
-def test_isotropic_8r_stays_feasible(isotropic_8r, so3):
+def test_isotropic_8r_stays_feasible(so3):
+    v, omega = np.split(optimal_jacobian(8).T, 2, axis=1)
+    isotropic = np.stack([v, omega, np.cross(v, omega)], axis=-1)
     families = sector_families(LOW, 8)
     samples = so3.haar_rotations(7, 160, 8)
     program = moment_program(residual_values(samples), evaluated(families, samples))
-    blocks = [block[0] for block in evaluated(families, isotropic_8r[None])]
+    blocks = [block[0] for block in evaluated(families, isotropic[None])]
     y, left = moments_of(program, blocks)
     assert left < 1e-7
     assert program.objective[0] + program.objective[1:] @ y == pytest.approx(0, abs=1e-7)
 
 
-def test_the_presets_are_checked():
-    compact = residual_bound.residual_preset("compact")
-    assert RowSector(2, 0, 1, 6) in compact
-    assert RowSector(2, 0, 1, 4) not in compact
-    with pytest.raises(InputError, match="tight"):
-        residual_bound.residual_preset("quick")
+def test_presets_have_no_sector_that_another_contains():
+    assert RowSector(2, 0, 1, 6) in residual_bound.RESIDUAL_PRESETS["compact"]
+    assert RowSector(2, 0, 1, 4) not in residual_bound.RESIDUAL_PRESETS["compact"]
