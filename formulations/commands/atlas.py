@@ -52,7 +52,8 @@ def atlas(
     if context.invoked_subcommand is not None:
         for name, value in context.params.items():  # it would not be heeded
             if value not in (None, False):
-                raise InputError(f"--{name}", value, f"after `{context.invoked_subcommand}`")
+                option_name = f"--{name.replace('_', '-')}"
+                raise InputError(option_name, value, f"after `{context.invoked_subcommand}`")
         return
     from formulations.atlas.collection import read_atlas
     from formulations.atlas.entry import entries as known_entries

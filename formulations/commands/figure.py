@@ -11,7 +11,7 @@ from nlp.errors import InputError
 
 
 def figure(
-    look_options: cli.FigureOptions,
+    *,
     name: str = typer.Argument(
         metavar="NAME",
         help="figure-1, figure-3: of the paper, from computed robots. seven-axes: the 7R "
@@ -35,6 +35,7 @@ def figure(
     ),
     seed: cli.Seed = 0,
     workers: cli.Workers = None,
+    look_options: cli.FigureOptions,
     as_json: cli.Json = False,
 ) -> None:
     """Draw a figure of results that are computed anew, or of data that are given.

@@ -29,7 +29,7 @@ _FILES = ("path.csv", "path.json", "path.svg")
 
 def path(
     robot: ChainOptions,
-    figure: FigureOptions,
+    *,
     waypoints: Path = option(
         "FILE",
         "CSV or JSON, in order of time: columns x,y,z and, for poses, roll,pitch,yaw or"
@@ -59,6 +59,7 @@ def path(
     ),
     seed: Seed = 0,
     out: Path | None = option("DIR", "Write path.csv, path.json and path.svg there."),
+    figure: FigureOptions,
     as_json: Json = False,
 ) -> None:
     """Find the joint trajectory along which most joints may lock at most times.

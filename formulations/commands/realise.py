@@ -130,20 +130,21 @@ class Arrangement:
 
 def realise(
     file: cli.JacobianFile,
-    reading: Reading,
-    arrangement: Arrangement,
-    figure: cli.FigureOptions,
+    *,
     to: Literal["axes", "dh", "urdf", "figure"] = option(None, "What is written.", "axes"),
     out: Path | None = option(
         "FILE",
         "Write to this file, and print what was chosen; a figure's name ends in .svg, "
         ".png or .pdf.",
     ),
+    convention: Literal["standard", "modified"] = option(None, "Of --to dh.", "standard"),
     count: bool = flag(
         "--count", "Only print how many manipulators there are, and what is chosen."
     ),
-    convention: Literal["standard", "modified"] = option(None, "Of --to dh.", "standard"),
     pick: cli.Pick = None,
+    reading: Reading,
+    arrangement: Arrangement,
+    figure: cli.FigureOptions,
     as_json: cli.Json = False,
 ) -> None:
     """Realise a Jacobian as a manipulator.

@@ -20,7 +20,7 @@ def solve(
             metavar="FORMULATION", help="residual, max-min, isotropy or manipulability."
         ),
     ],
-    failures: cli.FailureOptions,
+    *,
     model: str = option(
         "MODEL",
         "Column model: unit-revolute, lever-revolute, lever-revolute-each, prismatic, "
@@ -36,6 +36,7 @@ def solve(
         high=cli.MOST_JOINTS,
     ),
     task_dimension: cli.TaskDimension = 6,
+    failures: cli.FailureOptions,
     goal: cli.Goal = "worst",
     encoding: str | None = option(
         "NAME",

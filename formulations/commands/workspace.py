@@ -22,7 +22,7 @@ _IN_SPACE = 12
 
 def workspace(
     robot: ChainOptions,
-    figure_options: FigureOptions,
+    *,
     limits: list[str] | None = option(
         "JOINT=LOWER:UPPER",
         "Artificial limits of a joint, radians or metres. May be repeated; by default "
@@ -59,6 +59,7 @@ def workspace(
     seed: Seed = 0,
     figure: Path | None = option("FILE", "Draw the workspace: SVG, PNG or PDF."),
     out: Path | None = option("FILE", "Write the result there, as JSON."),
+    figure_options: FigureOptions,
     as_json: Json = False,
 ) -> None:
     """Measure the workspace that is kept whatever joint fails, or make it largest.

@@ -15,8 +15,9 @@ from nlp.errors import FileError
 
 Target = TypeVar("Target", Path, Path | None)
 
-# How an SQLite file begins.
+# How an SQLite file begins, and what the names of the files that belong to it end in.
 _SQLITE = b"SQLite format 3\0"
+_SIDECARS = ("-wal", "-shm", "-journal")
 # Files that are read at once are smaller than this.
 MOST_BYTES = 200_000_000
 # Numbers in a text. `int` and `float` take underscores and digits of other scripts, too.
@@ -62,8 +63,8 @@ def prepare_file(
     Raises
     ------
     FileError
-        If it is one of the inputs, a store, a folder, or anything else than a regular file
-        or the null device; or if it cannot be written to.
+        If it is one of the inputs, a store, standard output, a folder, or anything else than
+        a regular file or the null device; or if it cannot be written to.
     """
     if path is None:
         return path
@@ -73,6 +74,9 @@ def prepare_file(
     for other in inputs:
         if other is not None and _same(target, other):
             raise FileError(name, str(path), f"another file than {other}, which is in use")
+    with suppress(OSError):  # without standard output there is nothing to lose
+        if target.exists() and os.path.samestat(target.stat(), os.fstat(1)):
+            raise FileError(name, str(path), "another file than standard output")
     if target.exists() and not os.access(target, os.W_OK):
         raise FileError(name, str(path), "a file that is not write-protected")
     prepare_folder(target.parent, f"folder of {name}")
@@ -176,7 +180,8 @@ def _destination(path: Path, name: str) -> Path:
         raise FileError(name, str(path), "a file to write to, not a folder")
     if not (stat.S_ISREG(mode) or _is_null(target)):
         raise FileError(name, str(path), "a regular file, not a device, pipe or socket")
-    if _is_store(target):
+    ends = ("", *(end for end in _SIDECARS if target.name.endswith(end)))
+    if any(_is_store(target.with_name(target.name.removesuffix(end))) for end in ends):
         raise FileError(name, str(path), "a file that is not a store of records")
     return target
 

@@ -176,39 +176,28 @@ def test_every_peer_is_a_line_of_the_figure():
     assert first.get_yscale() == second.get_yscale() == "log"
 
 
-def test_the_study_writes_its_tables_and_keeps_what_was_done(tmp_path, monkeypatch):
-    quick = [fixed(SEVEN.jacobian)]
-    monkeypatch.setattr(benchmark, "PEERS", quick)
+def test_the_study_writes_its_table_and_its_figure(tmp_path, monkeypatch):
+    monkeypatch.setattr(benchmark, "PEERS", [fixed(SEVEN.jacobian)])
     assert benchmark.study([7]).run(tmp_path, Effort(starts=3)).complete
-    page = (tmp_path / "benchmark.md").read_text(encoding="utf-8")
-    for text in ("seed: 0", "scipy", "residual, 7R", "Growth", "success", "cost.svg"):
-        assert text in page
+    assert "residual, 7R" in (tmp_path / "benchmark.md").read_text(encoding="utf-8")
     assert len((tmp_path / "benchmark.csv").read_text().splitlines()) == 2
-
-    def interrupted(start):
-        raise KeyboardInterrupt
-
-    quick.append(Peer("fixed", "max-min", lambda _: interrupted))
-    assert not benchmark.study([7]).run(tmp_path, Effort(starts=3)).complete
-    kept = (tmp_path / "incomplete" / "benchmark.csv").read_text().splitlines()
-    assert len(kept) == 2
+    assert (tmp_path / "cost.svg").exists()
 
 
 def test_libraries_that_peers_bring_are_held_to_one_thread(monkeypatch):
     from threadpoolctl import threadpool_info, threadpool_limits
 
     monkeypatch.setenv("OPENBLAS_NUM_THREADS", "2")
-
     seen = []
 
     def prepare(arm):
         import scipy.linalg  # noqa: F401, brings a library of linear algebra of its own
 
-        def one(start):
-            seen.append({one["num_threads"] for one in threadpool_info()})
+        def solve(start):
+            seen.append({library["num_threads"] for library in threadpool_info()})
             return np.zeros((6, 7))
 
-        return one
+        return solve
 
     with threadpool_limits(limits=2, user_api="blas"):
         measure([Peer("threads", "residual", prepare)], joints=7, starts=1, seed=0)
