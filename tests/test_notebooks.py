@@ -14,12 +14,12 @@ def arm(made):
 
 def test_one_line_each(arm):
     posture = lj.best_posture(arm, lj.Search(starts=3))
-    chosen = lj.choose_arrangement(lj.realise(lj.optimal_jacobian(8)), "path")
+    chosen = lj.choose_arrangement(lj.realise(lj.optimal_jacobian(8)), "total-length")
     for value, words in (
-        (arm, "<RobotArm: 3 joints of robot from l0 to tip, task vx, vy>"),
+        (arm, "<RobotArm: 3 joints of made from l0 to tip, task vx, vy>"),
         (posture, "of 3 starts>"),
         (posture.assessment, "% of the bound (6)>"),
-        (chosen, "from base to tip, by path"),
+        (chosen, "from base to tip, by total-length"),
         (lj.read_atlas()[0], "(optimal)>"),
     ):
         assert words in repr(value)
