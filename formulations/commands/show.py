@@ -108,10 +108,18 @@ def _as_json(table: pd.DataFrame) -> str:
     """Return the rows as JSON: every digit, matrices as lists, null for what is missing."""
     rows = table.astype(object).where(table.notna(), None).to_dict(orient="records")
     for row in rows:
-        row |= {name: json.loads(row[name]) for name in _NESTED if row.get(name)}
+        row |= {name: _parsed(name, row[name]) for name in _NESTED if row.get(name)}
         if "start" in row:  # in groups they are numbers of starts
             row |= {name: bool(row[name]) for name in _TRUTH if row.get(name) in (0, 1)}
     return json.dumps(rows, indent=1)
+
+
+def _parsed(name: str, text: str) -> object:
+    """Return JSON from a store, which may come from anybody."""
+    try:
+        return json.loads(text)
+    except (ValueError, TypeError, RecursionError):
+        raise StoreError(f"{name} of a record", text, "JSON") from None
 
 
 def as_parquet(table: pd.DataFrame) -> bytes:
