@@ -14,7 +14,7 @@ import typer
 from formulations.commands.arguments import Json, flag, option
 from formulations.commands.output import named, refuse_damage, say, shown
 from formulations.commands.output import show as show_values
-from nlp.errors import InputError, MissingLibraryError, StoreError, printable
+from nlp.errors import InputError, MissingLibraryError, StoreError
 
 if TYPE_CHECKING:
     import pandas as pd
