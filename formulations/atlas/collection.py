@@ -196,13 +196,36 @@ def entry_of(jacobian: FloatArray, locked: int, formulation: str) -> Entry:
         If there is none.
     """
     narrow = ("unit-revolute", "lever-revolute", "free")
-    fitting = [
+    m, n = jacobian.shape
+    asked = (m, n, locked, formulation)
+    sized = [
         one
         for one in entries().values()
-        if (one.locked, one.formulation) == (locked, formulation) and one.holds(jacobian)
+        if (one.task_dimension, one.joints, one.locked, one.formulation) == asked
     ]
+    fitting = [one for one in sized if one.holds(jacobian)]
     if not fitting:
-        allowed = "one of the atlas's models, sizes and scales; see `atlas`"
-        given = f"{jacobian.shape[0]}×{jacobian.shape[1]}, {locked} locked"
-        raise InputError("jacobian", given, allowed)
+        given = f"{m}×{n}, {locked} locked"
+        if not sized:
+            raise InputError("jacobian", given, "a size that the atlas has; see `atlas`")
+        models = ", ".join(one.model for one in sized)
+        given += f", with {_columns(jacobian)}"
+        raise InputError("jacobian", given, f"columns of one of the models {models}")
     return min(fitting, key=lambda one: [one.model.startswith(name) for name in narrow][::-1])
+
+
+def _columns(jacobian: FloatArray) -> str:
+    """Say how far columns are from those of the models."""
+    if len(jacobian) < 6:
+        norms = np.linalg.norm(jacobian, axis=0)
+        size = float(np.sum(norms**2))
+        return f"‖J‖_F² = {size:.9g} and columns of norm {norms.min():.9g} to {norms.max():.9g}"
+    linear, angular = jacobian[:3], jacobian[3:]
+    levers, axes = (np.linalg.norm(part, axis=0) for part in (linear, angular))
+    across = float(np.max(np.abs(np.sum(linear * angular, axis=0))))
+    off = float(np.max(np.abs(axes - 1)))
+    square = float(np.mean(levers**2))
+    return (
+        f"|ω| off 1 by {off:.1e}, v·ω off 0 by {across:.1e}, |v| {levers.min():.9g} to "
+        f"{levers.max():.9g} of mean square {square:.9g}"
+    )

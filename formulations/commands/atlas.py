@@ -157,7 +157,7 @@ def submit(
     if not 0 < len(by) <= 200 or not by.isprintable():
         raise InputError("--by", by, "1 to 200 printable characters")
     where = checked_folder(entries)
-    jacobian = only_jacobian(file, pick)
+    _, jacobian = only_jacobian(file, pick)
     asked = entry_of(jacobian, locked, "isotropy" if isotropic else "max-min")
     known = page_of(asked, where)
     if out is not None:

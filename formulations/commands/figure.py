@@ -63,7 +63,7 @@ def figure(
         starts=starts or wanted.starts,
         seed=seed,
         workers=workers or default_workers(),
-        jacobian=None if jacobian is None else only_jacobian(jacobian, pick),
+        jacobian=None if jacobian is None else only_jacobian(jacobian, pick)[1],
         store=store,
         progress=progress,
     )

@@ -135,7 +135,7 @@ def realise(
     out: Path | None = option(
         "FILE",
         "Write to this file, and print what was chosen; a figure's name ends in .svg, "
-        ".png or .pdf.",
+        ".png or .pdf, that of a table that `measure-robot` reads in .csv.",
     ),
     convention: Literal["standard", "modified"] = option(None, "Of --to dh.", "standard"),
     count: bool = flag(
@@ -169,11 +169,11 @@ def realise(
         prepare_file(out, inputs=[file, figure.style])
     prepare_file(arrangement.ranking, "--ranking", [file, figure.style, out])
     look = figure.look()
-    matrix = only_jacobian(file, pick)
+    name, matrix = only_jacobian(file, pick)
     robot = from_jacobian.realise(matrix, **vars(reading))
     chosen, slid = arrangement.choose(robot)
     deviation = from_jacobian.deviation(chosen.manipulator, matrix, reading.length)
-    summary = _summary(chosen, deviation, matrix) | {"slid": slid}
+    summary = {"name": name, **_summary(chosen, deviation, matrix), "slid": slid}
     signs = "".join("-" if flip else "+" for flip in chosen.flips)
     lines = as_text(summary | {"signs": signs})
     if summary["touching"]:
@@ -255,6 +255,12 @@ def _written(manipulator: Manipulator, form: str, convention: str, kind: str) ->
         return content(drawn(manipulator), kind)
     if form == "urdf":
         return urdf(manipulator).encode()
+    if form == "dh" and kind == "csv":
+        from formulations.synthesis.dh import Convention, denavit_hartenberg
+
+        if (manipulator.speeds != 1.0).any():
+            raise InputError("--out", "a table in CSV", "text or URDF; CSV has no speeds")
+        return denavit_hartenberg(manipulator, Convention(convention)).csv().encode()
     text = _dh_text(manipulator, convention) if form == "dh" else _axes_text(manipulator)
     return text.encode()
 

@@ -45,8 +45,8 @@ def read_jacobians(path: Path | str) -> list[Named]:
     return [(name, as_jacobian(matrix, str(path))) for name, matrix in reader(path, content)]
 
 
-def only_jacobian(path: Path, pick: int | None = None) -> FloatArray:
-    """Read one Jacobian of a file: the only one, or number `pick`, counted from 0.
+def only_jacobian(path: Path, pick: int | None = None) -> Named:
+    """Read one Jacobian of a file and its name: the only one, or number `pick`, counted from 0.
 
     Raises
     ------
@@ -59,7 +59,7 @@ def only_jacobian(path: Path, pick: int | None = None) -> FloatArray:
         raise InputError("--pick", "missing", allowed)
     if pick is not None and pick >= len(jacobians):
         raise InputError("--pick", pick, allowed)
-    return jacobians[pick or 0][1]
+    return jacobians[pick or 0]
 
 
 def _read_text(path: Path, content: bytes) -> list[tuple[str, npt.ArrayLike]]:

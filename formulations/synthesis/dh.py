@@ -61,6 +61,22 @@ class DenavitHartenberg:
             for i, kind in enumerate(kind_names(self.prismatic))
         ]
 
+    def csv(self) -> str:
+        """Return the table as `formulations.kinematics.read_dh` reads it, with every digit.
+
+        The base and the tool are two fixed rows each.
+        """
+        columns = self.theta, self.d, self.a, self.alpha
+        own = zip(kind_names(self.prismatic), *columns, strict=True)
+        rows = [
+            *_fixed_rows(self.base, self.convention),
+            *((kind, *map(float, values)) for kind, *values in own),
+            *_fixed_rows(self.tool, self.convention),
+        ]
+        lines = [",".join(map(str, row)) for row in rows]
+        head = f"# convention: {self.convention}", "kind,theta_rad,d,a,alpha_rad"
+        return "\n".join([*head, *lines]) + "\n"
+
     def to_dict(self) -> dict[str, object]:
         """Return the table row by row, and both transforms, as plain values."""
         return {
@@ -98,6 +114,30 @@ def denavit_hartenberg(
     base = _frame(across[0], axes[0], normals.start[0])
     tool = _inverse(last) @ manipulator.pose()
     return DenavitHartenberg(convention, theta, d, a, alpha, manipulator.prismatic, base, tool)
+
+
+def _fixed_rows(
+    pose: FloatArray, convention: Convention
+) -> list[tuple[str, float, float, float, float]]:
+    """Return two rows whose product is a pose: Rz(θ₁) Tz(d₁) Tx(a) Rx(α) Rz(θ₂) Tz(d₂)."""
+    first, last, place = np.eye(3)[2], pose[:3, 2], pose[:3, 3]
+    across = np.cross(first, last)
+    if np.linalg.norm(across) < _PARALLEL:
+        across = place - place[2] * first
+        across = across if np.linalg.norm(across) > 0 else np.eye(3)[0]
+        d1, a, d2 = place[2], float(np.hypot(*place[:2])), 0.0
+        x = across / np.linalg.norm(across)
+    else:
+        x = across / np.linalg.norm(across)
+        d1, a, d2 = np.linalg.solve(np.stack([first, x, last], axis=1), place)
+    alpha = np.arctan2(x @ np.cross(first, last), first @ last)
+    theta1 = np.arctan2(x[1], x[0])
+    theta2 = np.arctan2(np.cross(x, pose[:3, 0]) @ last, x @ pose[:3, 0])
+    if convention is Convention.STANDARD:
+        parts = (theta1, d1, a, alpha), (theta2, d2, 0.0, 0.0)
+    else:
+        parts = (theta1, d1, 0.0, 0.0), (theta2, d2, a, alpha)
+    return [("fixed", *map(float, part)) for part in parts]  # type: ignore[misc]
 
 
 @dataclass(frozen=True, eq=False)

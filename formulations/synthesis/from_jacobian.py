@@ -162,13 +162,13 @@ def _spin(i: int, column: FloatArray, tolerance: float) -> FloatArray:
     """Return the direction of a revolute joint, of a task with rotations."""
     velocity, spin = column[:3], column[3:]
     norm = np.linalg.norm(spin)
-    if abs(norm - 1) > tolerance:
+    if (off := float(abs(norm - 1))) > tolerance:
         allowed = "rotational velocity of norm 1 (revolute joint) or 0 (prismatic joint)"
-        raise _outside(i, spin, allowed)
-    if abs(velocity @ spin) > tolerance * max(1.0, float(np.linalg.norm(velocity))):
-        raise _outside(
-            i, column, "v·ω = 0: a joint with pitch is neither revolute nor prismatic"
-        )
+        raise _outside(i, spin, allowed + _remedy(off))
+    pitch = float(abs(velocity @ spin)) / max(1.0, float(np.linalg.norm(velocity)))
+    if pitch > tolerance:
+        allowed = "v·ω = 0: a joint with pitch is neither revolute nor prismatic"
+        raise _outside(i, column, allowed + _remedy(pitch))
     return np.asarray(spin / norm)
 
 
@@ -199,6 +199,12 @@ def _check_size(name: str, velocities: FloatArray, smallest: float) -> None:
 
 def _outside(i: int, part: FloatArray, allowed: str) -> NotInModelError:
     return NotInModelError(f"column {i}", f"{_shown(part)} in part", allowed)
+
+
+def _remedy(off: float) -> str:
+    """Say how far a column is off and, if that is little, which tolerance allows it."""
+    enough = 10.0 ** np.ceil(np.log10(off))
+    return f"; off by {off:.1e}, try --tolerance {enough:.0e}" if off < 0.1 else ""
 
 
 def _shown(vector: FloatArray) -> str:

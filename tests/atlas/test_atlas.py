@@ -204,7 +204,7 @@ def test_a_jacobian_finds_the_narrowest_entry():
     assert entry_of(drawn("lever-revolute", 1)[1], 1, "max-min").model == "lever-revolute"
     scaled = unit * np.sqrt(7 / measures.trace(unit))
     assert entry_of(scaled, 1, "max-min").model == "free-mean"
-    with pytest.raises(InputError, match="one of the atlas's models"):
+    with pytest.raises(InputError, match="columns of one of the models"):
         entry_of(2 * unit, 1, "max-min")
 
 

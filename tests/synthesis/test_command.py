@@ -91,3 +91,22 @@ def test_clearance_is_the_default_and_links_that_touch_are_named(lockedjoint, fo
     apart, said = run("fold.json", "--order", "given")
     assert (apart["touching"], apart["slid"], said) == ([], True, "")
     assert not run("fold.json", "--criterion", "total-length")[0]["slid"]
+
+
+def test_a_column_that_is_nearly_a_joints_is_refused_with_what_would_do(realise, folder):
+    near = np.load(folder / "seven.npy")
+    near[3:, 2] *= 1.0002
+    np.save(folder / "near.npy", near)
+    refused = realise("near.npy", cwd=folder)
+    assert refused.returncode == 2
+    assert "off by 2.0e-04, try --tolerance 1e-03" in refused.stderr
+    allowed = realise("near.npy", "--tolerance", "1e-3", "--order", "given", cwd=folder)
+    assert allowed.returncode == 0, allowed.stderr
+
+
+def test_a_table_as_csv_is_a_robot(realise, lockedjoint, folder):
+    made = realise("seven.npy", "--to", "dh", "--out", "dh.csv", "--order", "given", cwd=folder)
+    assert made.returncode == 0, made.stderr
+    command = ("measure-robot", "dh.csv", "--length", 1, "--json")
+    robot = json.loads(lockedjoint.here(*command, cwd=folder).stdout)
+    assert robot["worst_case_sigma"] == pytest.approx(0.57148, abs=1e-5)

@@ -3,7 +3,11 @@
 import numpy as np
 import pytest
 
+from formulations.kinematics.chain_between import chain_between
+from formulations.kinematics.read_robot import read_robot
 from formulations.reproduction import reference
+from formulations.robots.robot_arm import RobotArm
+from formulations.robots.task import TaskSpace
 from formulations.synthesis.dh import Convention, denavit_hartenberg
 from formulations.synthesis.from_jacobian import realise
 from tests.made_robots import toolbox_robot
@@ -31,6 +35,18 @@ def agrees_with_the_toolbox(arm, convention, slack):
 @both
 def test_the_toolbox_finds_the_same_jacobian(arm, convention):
     agrees_with_the_toolbox(arm, convention, 1e-9)
+
+
+@both
+def test_the_robots_commands_read_the_table(arm, convention, tmp_path):
+    """Written as CSV and read back: the same Jacobian, with every digit that the poses have."""
+    path = tmp_path / "arm.csv"
+    path.write_text(denavit_hartenberg(arm, convention).csv(), encoding="utf-8")
+    chain = chain_between(read_robot(path), "tip")
+    read = RobotArm(chain, TaskSpace(("vx",)), 1.0)
+    np.testing.assert_allclose(
+        read.metric_jacobian(np.zeros(arm.joints)), arm.full_jacobian(), atol=1e-9
+    )
 
 
 @both
