@@ -18,6 +18,7 @@ from formulations.bounds.certified import Bound
 from formulations.bounds.so3_moments.global_bound import GlobalBound
 from formulations.formulation import Formulation, check_formulation
 from formulations.joints.joint import ColumnModel
+from nlp.arrays import whole_number
 from nlp.errors import FileError, InputError
 
 _OURS: tuple[Formulation, ...] = (residual, max_min, isotropy, manipulability)
@@ -150,6 +151,11 @@ def bound(
         If it is to be computed and that fails; see the functions named above.
     """
     statement = formulation_of(formulation)
+    if not hasattr(arm, "matrix"):
+        raise InputError(
+            "arm", arm, "an Arm, such as arm('unit-revolute', 7, 6), or a RobotArm"
+        )
+    whole_number("locked", locked, 1)
     if kind in ("relaxation", "rigorous"):
         compute = getattr(statement, "compute_bound", None)
         if compute is None:

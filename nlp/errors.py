@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 import sys
+from pathlib import Path
 from typing import Any, ClassVar
 
 # The largest whole number that a store keeps: 64 bits, signed.
@@ -88,6 +90,18 @@ class WorkerError(LockedJointError):
     """A start that fails each time it is run, or workers that cannot be had."""
 
     exit_status: ClassVar[int] = 1
+
+
+def of_kind(argument: str, value: Any, kind: type | tuple[type, ...], allowed: str) -> Any:
+    """Return a value that is of a kind; InputError otherwise."""
+    if not isinstance(value, kind):
+        raise InputError(argument, value, allowed)
+    return value
+
+
+def as_path(argument: str, path: object) -> Path:
+    """Return a path, or text, as a path; InputError otherwise."""
+    return Path(of_kind(argument, path, (str, os.PathLike), "a path"))
 
 
 def _how_to_install(package: str) -> str:

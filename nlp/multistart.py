@@ -19,7 +19,7 @@ from typing_extensions import TypeVar
 
 from nlp.arrays import FloatArray, Rng, as_floats, one_blas_thread, whole_number
 from nlp.dispatch import dispatch
-from nlp.errors import InputError, WorkerError
+from nlp.errors import InputError, WorkerError, of_kind
 from nlp.executors import LocalExecutor
 from nlp.problem import Problem
 from nlp.starts import Chunk, FinishedStart, Run, Task, packed, run_start, seed_of
@@ -120,6 +120,7 @@ def multistart(
     count = whole_number("starts", starts, 1)
     number = seed_of(seed, rng)
     workers = whole_number("workers", workers, 1)
+    of_kind("executor", executor, (Executor, type(None)), "a concurrent.futures.Executor")
     task: Task[T] = Task(build, sample, options or {}, judge or _unjudged, solver, compiled)
     indices = range(first, first + count)
     if workers == 1 and executor is None:

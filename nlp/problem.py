@@ -12,7 +12,7 @@ import casadi as ca
 import numpy as np
 
 from nlp.arrays import FloatArray
-from nlp.errors import InputError
+from nlp.errors import InputError, of_kind
 from nlp.options import OptionValue
 
 Sense = Literal["minimise", "maximise"]
@@ -141,6 +141,8 @@ class Problem:
     def __post_init__(self) -> None:
         if self.sense not in ("minimise", "maximise"):
             raise InputError("sense", self.sense, "'minimise' or 'maximise'")
+        of_kind("variables", self.variables, ca.SX, "a column of SX symbols")
+        of_kind("objective", self.objective, ca.SX, "a scalar SX expression")
         if not self.variables.is_column() or not self.variables.is_valid_input():
             raise InputError("variables", str(self.variables), "a column of SX symbols")
         if not self.objective.is_scalar():

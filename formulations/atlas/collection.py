@@ -15,7 +15,7 @@ from formulations.atlas.local_optimality import local_optimality
 from formulations.io.files import load_json, read_bytes, real_in, write_text
 from formulations.measures.canonical import canonical_form
 from nlp.arrays import FloatArray
-from nlp.errors import FileError, InputError
+from nlp.errors import FileError, InputError, as_path
 
 
 def folder() -> Path:
@@ -90,7 +90,7 @@ def _found(given: Mapping[str, Any]) -> Found:
     return Found(**values)
 
 
-def read_atlas(where: Path | None = None) -> list[EntryPage]:
+def read_atlas(where: Path | str | None = None) -> list[EntryPage]:
     """Read the atlas: the best known Jacobian of every entry that a folder holds.
 
     Parameters
@@ -103,7 +103,7 @@ def read_atlas(where: Path | None = None) -> list[EntryPage]:
     FileError
         If it is no folder of entries, or a file is not an entry's.
     """
-    held = checked_folder(where)
+    held = checked_folder(None if where is None else as_path("folder", where))
     pages = (page_of(asked, held) for asked in entries().values())
     return [page for page in pages if page is not None]
 

@@ -17,7 +17,7 @@ from formulations.io.provenance import provenance
 from formulations.solving.case import Case
 from formulations.solving.record import Record, judge
 from nlp.arrays import FloatArray
-from nlp.errors import InputError, StoreError
+from nlp.errors import InputError, StoreError, as_path
 from nlp.solution import Solution, Status
 from nlp.starts import Run, Task
 from nlp.store import Kind, Store, Value
@@ -52,9 +52,11 @@ ALWAYS: Mapping[str, Value] = {"locked": 1, "encoding": "", "from_residual_minim
 _PROBLEM = {"formulation": str, "model": str, "joints": int, "task_dimension": int}
 
 
-def open_store(path: Path, *, writable: bool = False, salvage: bool = False) -> Store:
+def open_store(path: Path | str, *, writable: bool = False, salvage: bool = False) -> Store:
     """Open a campaign's store; see `nlp.store.Store`."""
-    return Store(path, COLUMNS, _APPLICATION, writable=writable, salvage=salvage)
+    return Store(
+        as_path("store", path), COLUMNS, _APPLICATION, writable=writable, salvage=salvage
+    )
 
 
 def cell_of(case: Case, seed: int) -> str:

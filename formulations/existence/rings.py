@@ -49,7 +49,7 @@ def optimal_jacobian(joints: int) -> FloatArray:
     InputError
         If there are fewer than eight joints.
     """
-    if joints < 8:
+    if not isinstance(joints, int | np.integer) or joints < 8:
         raise InputError("joints", joints, _ALLOWED)
     m, along = _ring(joints)
     a, b = float(along) ** 0.5, float((1 - along) / 2) ** 0.5

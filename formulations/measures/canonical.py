@@ -22,7 +22,7 @@ import numpy.typing as npt
 
 from formulations.measures import as_jacobian
 from nlp.arrays import FloatArray
-from nlp.errors import InputError
+from nlp.errors import InputError, of_kind
 
 # Largest difference of inner products, relative to ‖J‖_F²/n, within a class.
 TOLERANCE = 1e-3
@@ -190,6 +190,7 @@ def group_equivalent(
     list of list of int
         Positions in `jacobians`, one list per class, in the order of first appearance.
     """
+    of_kind("jacobians", jacobians, (Sequence, np.ndarray), "a list of matrices")
     groups: list[list[int]] = []
     known: list[FloatArray] = []
     if symmetry is None:

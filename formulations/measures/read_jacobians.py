@@ -12,7 +12,7 @@ import numpy.typing as npt
 from formulations.io.files import MOST_BYTES, load_json, read_bytes, real_in
 from formulations.measures import as_jacobian
 from nlp.arrays import FloatArray
-from nlp.errors import FileError, InputError, printable
+from nlp.errors import FileError, InputError, as_path, printable
 
 Named = tuple[str, FloatArray]
 
@@ -35,7 +35,7 @@ def read_jacobians(path: Path | str) -> list[Named]:
     InputError
         If what it holds is not a Jacobian.
     """
-    path = Path(path)
+    path = as_path("path", path)
     reader = _READERS.get(path.suffix.lower())
     if reader is None:
         raise FileError("file", str(path), "a name that ends in " + ", ".join(_READERS))

@@ -25,7 +25,7 @@ import numpy.typing as npt
 from formulations import measures
 from formulations.measures.jacobian import MOST_SETS, check_sets
 from nlp.arrays import FloatArray, whole_number
-from nlp.errors import InputError
+from nlp.errors import InputError, of_kind
 
 
 @dataclass(frozen=True)
@@ -138,6 +138,8 @@ def scenarios(failures: Scenarios) -> tuple[FailureModel, ...]:
         If there is none, or they differ in the number of joints or of joints that lock.
     """
     models = (failures,) if isinstance(failures, FailureModel) else tuple(failures)
+    for model in models:
+        of_kind("failures", model, FailureModel, "a FailureModel, or several")
     shapes = {(model.joints, model.locked) for model in models}
     if len(shapes) != 1:
         allowed = "at least one, all of as many joints, of which as many lock"

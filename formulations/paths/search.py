@@ -32,7 +32,7 @@ from formulations.paths.survival import follow, on_path, survivors
 from formulations.paths.waypoints import ToolPath, place_name
 from formulations.robots.robot_arm import RobotArm
 from nlp.arrays import FloatArray
-from nlp.errors import InputError
+from nlp.errors import InputError, of_kind
 
 # Random starts of the inverse kinematics: at waypoints, and where the path may be out of reach.
 _FIRST, _REACH = 200, 2000
@@ -92,7 +92,9 @@ def plan_path(arm: RobotArm, path: ToolPath, search: PathSearch | None = None) -
         If the task has orientations and the waypoints have none, a waypoint or the path
         between two is out of reach, or the limits of speed leave too little time.
     """
-    search = search or PathSearch()
+    search = of_kind("search", search or PathSearch(), PathSearch, "a PathSearch")
+    of_kind("arm", arm, RobotArm, "a RobotArm")
+    of_kind("path", path, ToolPath, "a ToolPath, as `read_waypoints` returns it")
     task = arm.task
     if task.frame != "base" or not (path.has_orientation or max(task.rows) < 3):
         allowed = "linear directions along the base's axes; poses allow rotations too"

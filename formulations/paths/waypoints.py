@@ -15,7 +15,7 @@ from formulations.io.files import load_json, read_bytes
 from formulations.kinematics.chain import LARGEST
 from formulations.kinematics.link_chain import IntArray
 from nlp.arrays import FloatArray
-from nlp.errors import FileError, InputError, shown
+from nlp.errors import FileError, InputError, as_path, shown
 
 _POSITION = ("x", "y", "z")
 _ANGLES = ("roll", "pitch", "yaw")
@@ -151,7 +151,7 @@ def place_name(place: float) -> str:
     return f"the path between waypoints {int(place)} and {int(place) + 1}"
 
 
-def read_waypoints(path: Path) -> ToolPath:
+def read_waypoints(path: Path | str) -> ToolPath:
     """Read waypoints from a CSV or JSON file.
 
     Parameters
@@ -165,6 +165,7 @@ def read_waypoints(path: Path) -> ToolPath:
     InputError
         If it cannot be read, or a waypoint is not what is allowed; the sentence names it.
     """
+    path = as_path("path", path)
     content = read_bytes(path, "waypoints")
     if path.suffix.lower() == ".json":
         loaded = load_json(content, path)

@@ -27,7 +27,7 @@ from formulations.kinematics.link_chain import BoolArray
 from formulations.kinematics.serial_arm import Ranges
 from formulations.kinematics.tree import RobotError
 from formulations.robots.robot_arm import RobotArm
-from nlp.arrays import FloatArray
+from nlp.arrays import FloatArray, as_floats
 from nlp.errors import InputError
 from nlp.problem import Constraint
 from nlp.solution import FEASIBLE
@@ -76,7 +76,8 @@ class Pose:
     angle: float = 0.0
 
     def __post_init__(self) -> None:
-        if len(self.position) != 3 or not all(abs(x) <= LARGEST for x in self.position):
+        position = as_floats("position", self.position)
+        if position.shape != (3,) or not np.all(np.abs(position) <= LARGEST):
             raise InputError("position", self.position, "three finite numbers, in metres")
         unit = np.reshape((0, 0, 0, 1) if self.quaternion is None else self.quaternion, -1)
         if not (len(unit) == 4 and abs(np.linalg.norm(unit) - 1) < 1e-6):

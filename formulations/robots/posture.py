@@ -28,7 +28,7 @@ from formulations.robots.robot_assessment import (
 from formulations.robots.structural import structural_failures
 from formulations.solving.outcome import Outcome
 from nlp.arrays import FloatArray
-from nlp.errors import InputError, printable
+from nlp.errors import InputError, of_kind, printable
 from nlp.problem import Constraint
 
 
@@ -196,7 +196,11 @@ def best_posture(
     KeyboardInterrupt
         If interrupted before the first start ended.
     """
-    search = search or Search()
+    of_kind("arm", arm, RobotArm, "a RobotArm, such as RobotArm.read(file, tip)")
+    search = of_kind(
+        "search", search or Search(), Search, "a Search, such as Search(starts=100)"
+    )
+    of_kind("at", at, (Pose, type(None)), "a Pose, such as Pose((x, y, z))")
     if at is not None or clearance is not None:
         arm = PoseConstrainedArm(arm.chain, arm.task, arm.length, at, clearance)
     # At once, because it fails where the arm has no characteristic length.

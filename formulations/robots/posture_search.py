@@ -20,7 +20,7 @@ from formulations.solving.case import Case
 from formulations.solving.outcome import Outcome
 from formulations.solving.polish import Polish
 from formulations.solving.solve import run
-from nlp.arrays import FloatArray
+from nlp.arrays import FloatArray, whole_number
 from nlp.options import CheckedOptions, OptionValue, check_options
 
 # A start is the best of so many random configurations: a robot has many poor optima, and
@@ -136,6 +136,8 @@ def searched(arm: RobotArm, search: Search) -> Outcome:
         sample=partial(_promising_start, arm, search),
         polish=partial(_careful_polish, arm, search.locked) if near else None,
     )
+    if search.starts is not None:
+        whole_number("starts", search.starts, 1)
     outcome = Outcome(case, (), complete=True)
     for stage in _STAGES if search.starts is None else (search.starts,):
         first = len(outcome.records)

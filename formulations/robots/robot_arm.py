@@ -32,7 +32,7 @@ from formulations.kinematics.forward import tip_kinematics
 from formulations.kinematics.read_robot import read_robot
 from formulations.robots.task import TaskSpace
 from nlp.arrays import FloatArray, as_floats, finite_vector
-from nlp.errors import InputError, printable
+from nlp.errors import InputError, of_kind, printable
 from nlp.problem import Constraint
 
 # A joint without limits, or with wider ones, is drawn from twice this: one turn, two metres.
@@ -111,6 +111,10 @@ class RobotArm:
         InputError
             If the robot cannot be read, a name is unknown, or the joints are too few.
         """
+        of_kind("tip", tip, (str, type(None)), "the name of a link")
+        of_kind("base", base, (str, type(None)), "the name of a link")
+        of_kind("task", task, (str, TaskSpace), "a TaskSpace, or its directions as text")
+        of_kind("locked_at", locked_at or {}, Mapping, "a mapping from joints to positions")
         tree = read_robot(source)
         tip = tree.last_link() if tip is None else tip
         chain = chain_between(tree, tip, base, locked_at, point)

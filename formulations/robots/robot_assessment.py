@@ -15,7 +15,7 @@ from formulations.bounds.unequal_failures import assess_failures
 from formulations.measures.unequal_failures import Scenarios
 from formulations.robots.robot_arm import RobotArm
 from formulations.robots.structural import StructuralFailure, structural_failures
-from nlp.arrays import FloatArray
+from nlp.arrays import FloatArray, as_floats
 from nlp.errors import InputError, printable
 
 # Failures that leave the same up to this share of the largest singular value are equally bad.
@@ -177,7 +177,7 @@ def measure_robot(
         allowed = "a RobotArm, and a configuration; a Jacobian is measured with `measure`"
         raise InputError("arm", arm, allowed)
     chain = arm.chain
-    point = chain.within_limits(np.asarray(configuration, dtype=float))
+    point = chain.within_limits(as_floats("configuration", configuration))
     matrix, length = arm.jacobian(point), arm.length_at(point)
     lower, upper = arm.bounds
     near = np.minimum(point - lower, upper - point) < _AT_LIMIT

@@ -22,7 +22,7 @@ import numpy.typing as npt
 from formulations.synthesis.links import LINK_RADIUS, free_parts
 from formulations.synthesis.manipulator import Manipulator
 from nlp.arrays import FloatArray
-from nlp.errors import InputError
+from nlp.errors import InputError, of_kind
 
 _JOINT_COLOUR = "0.00 0.45 0.70 1"
 _LINK_COLOUR = "0.90 0.62 0.00 1"
@@ -91,6 +91,7 @@ def urdf(manipulator: Manipulator, name: str = "lockedjoint") -> str:
     InputError
         If the manipulator is so small or so large that simulators cannot step it.
     """
+    of_kind("manipulator", manipulator, Manipulator, "a Manipulator, as `realise` returns it")
     size, n = manipulator.size, manipulator.joints
     if not SMALLEST <= size <= LARGEST:
         allowed = f"{SMALLEST:g} to {LARGEST:g} metres in a URDF; choose another length"
