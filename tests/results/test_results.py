@@ -239,7 +239,9 @@ def body(text):
     """A page without what its run alone knows: command, seed, versions, machine, date."""
     header = dict(re.findall(r"^- (\w+): (.*)$", text, re.MULTILINE))
     assert all(header.get(name) for name in ("command", "seed", "versions", "machine", "date"))
-    return re.sub(r"^- (command|seed|versions|machine|date|peers): .*\n", "", text, flags=re.M)
+    return re.sub(
+        r"^- (command|seed|versions|machine|date|peers|robots): .*\n", "", text, flags=re.M
+    )
 
 
 @pytest.mark.parametrize("study", STUDIES.values(), ids=lambda study: study.name)
