@@ -1,11 +1,14 @@
 """``lockedjoint view``: a robot in a web page, with joints that lock."""
 
+import logging
 import os
 import sys
 import time
 from collections.abc import Mapping
+from contextlib import redirect_stdout
 from dataclasses import replace
 from importlib.util import find_spec
+from io import StringIO
 from typing import Annotated
 
 from formulations.commands.arguments import MOST_STARTS, Json, Seed, option
@@ -49,7 +52,9 @@ def view(
         return replace(robot, held=held).arm()
 
     search = Search(starts=starts, seed=seed)
-    page = Page(arm, lock, robot.file, where, address, search)
+    logging.getLogger("yourdfpy").setLevel(logging.ERROR)  # a note says it
+    with redirect_stdout(StringIO()):  # viser's own greeting
+        page = Page(arm, lock, robot.file, where, address, search)
     try:
         warn(*(f"Note: {note}" for note in (*arm.chain.notes, *page.notes)))
         if not address.local:
@@ -65,7 +70,6 @@ def view(
         while True:
             time.sleep(0.2)
     except KeyboardInterrupt:
-        page.close()
         warn("Interrupted.")
         # Without waiting for a search inside of a solver, or for the end of threads.
         os._exit(INTERRUPTED)

@@ -11,12 +11,12 @@ import errno
 import socket
 import threading
 from collections.abc import Callable, Mapping
-from contextlib import redirect_stdout
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
-from io import StringIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+from urllib.parse import urlsplit
 
 import numpy as np
 
@@ -33,6 +33,8 @@ if TYPE_CHECKING:
 
 # A slider's range where a joint has none, or a wider one: radians and metres.
 _WIDEST_TURN, _WIDEST_TRAVEL = 2 * np.pi, 2.0
+_LOCAL = ("127.0.0.1", "::1", "localhost")
+_POLICY_VIOLATION = 1008  # RFC 6455, section 7.4.1
 _WHY = {errno.EADDRINUSE: "in use", errno.EACCES: "not allowed to this user"}
 
 
@@ -76,7 +78,16 @@ class Address:
     @property
     def local(self) -> bool:
         """Whether only this machine can reach it."""
-        return self.host in ("127.0.0.1", "::1", "localhost")
+        return self.host in _LOCAL
+
+    def serves(self, host: str, origin: str | None) -> bool:
+        """Whether a browser that names this `Host` and this `Origin` shows our own page.
+
+        Any site that is open in a browser on this machine can connect to it, and can give
+        itself a name that resolves to this machine.
+        """
+        ours = not self.local or urlsplit(f"//{host}").hostname in _LOCAL
+        return ours and (origin is None or urlsplit(origin).netloc == host)
 
     @property
     def url(self) -> str:
@@ -133,8 +144,7 @@ class Page:
 
     def close(self) -> None:
         """End the server; a search that goes on ends with the process."""
-        with redirect_stdout(StringIO()):
-            self._server.stop()
+        self._server.stop()
 
     @property
     def locked(self) -> tuple[str, ...]:
@@ -248,9 +258,31 @@ def _serve(address: Address) -> ViserServer:
         def request_share_url(self, verbose: bool = True) -> str | None:  # noqa: ARG002
             return None
 
-    with redirect_stdout(StringIO()):  # its own greeting
-        server = Server(address.host, address.port, label="lockedjoint", verbose=False)
+    server = Server(address.host, address.port, label="lockedjoint", verbose=False)
     if server.get_port() != address.port:
         server.stop()
         raise address.taken(_WHY[errno.EADDRINUSE])
+    _refuse_other_sites(server, address)
     return server
+
+
+def _refuse_other_sites(server: ViserServer, address: Address) -> None:
+    """Close a connection of another site's page before anything is sent or heard.
+
+    viser has no hook of its own for the request, so its connections are looked up.
+    """
+    from websockets.exceptions import ConnectionClosed
+
+    sockets = server._websock_server
+
+    async def check(client: Any) -> None:
+        connection = sockets._live_connections[client.client_id]
+        headers = connection.request.headers
+        if address.serves(headers.get("Host", ""), headers.get("Origin")):
+            return
+        await connection.close(_POLICY_VIOLATION, "a page of another site")
+        with suppress(ConnectionClosed):
+            while True:  # what it sent already is not heard either
+                await connection.recv()
+
+    sockets.on_client_connect(check)

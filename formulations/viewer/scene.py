@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import logging
-from functools import partial
-from logging.handlers import BufferingHandler
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -29,8 +26,6 @@ _LINEAR, _ROTATIONAL = (200, 0, 0), (110, 50, 160)
 _FREE, _LOCKED, _SKELETON = (0, 114, 178), (213, 30, 30), (90, 90, 90)
 # From where the robot is seen, in parts of its size.
 _EYE = np.array([1.0, -0.85, 0.5])
-# Warnings of a library that are kept.
-_MOST_WARNINGS = 1_000_000
 
 
 class Scene:
@@ -89,25 +84,25 @@ class Scene:
         import yourdfpy
         from viser.extras import ViserUrdf
 
-        log, heard = logging.getLogger("yourdfpy"), BufferingHandler(_MOST_WARNINGS)
-        heard.setLevel(logging.WARNING)
-        before, log.propagate = log.propagate, False
-        log.addHandler(heard)
-        handler = partial(yourdfpy.filename_handler_magic, dir=self._file.parent)
+        folder, missing = self._file.parent, set[str]()
+
+        def found(fname: str) -> str:  # yourdfpy names it so
+            path = str(yourdfpy.filename_handler_magic(fname, dir=folder))
+            if not Path(path).is_file():
+                missing.add(path)
+            return path
+
         try:
-            self._model = yourdfpy.URDF.load(str(self._file), filename_handler=handler)
+            self._model = yourdfpy.URDF.load(str(self._file), filename_handler=found)
             self._drawn_urdf = ViserUrdf(self._server, self._model, root_node_name="/robot")
         except Exception as error:
             # Shapes are of any format, and readers fail in any way: the arm is drawn as lines.
             self._model = self._drawn_urdf = None
             self.notes.append(f"Shapes of {self._file} are not drawn: {error}")
         else:
-            if missing := heard.buffer:
-                shown = f"{len(missing)} shapes of {self._file}"
-                self.notes.append(f"{shown} are not drawn: {missing[0].getMessage()}")
-        finally:
-            log.removeHandler(heard)
-            log.propagate = before
+            if missing:
+                shown = f"{len(missing)} shapes of {self._file} are not drawn"
+                self.notes.append(f"{shown}: there is no {min(missing)}")
 
     def _draw_shapes(self, positions: FloatArray) -> None:
         if self._model is None or self._drawn_urdf is None:

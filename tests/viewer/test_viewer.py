@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import shutil
 import signal
 import socket
@@ -13,6 +14,10 @@ from itertools import combinations
 import numpy as np
 import pinocchio
 import pytest
+import viser
+from websockets.exceptions import ConnectionClosed
+from websockets.sync.client import connect
+from websockets.typing import Subprotocol
 
 from formulations import measures
 from formulations.commands.view import view
@@ -202,6 +207,24 @@ def test_no_tunnel_to_the_internet_is_opened(page):
     assert page._server.request_share_url() is None
 
 
+@pytest.mark.parametrize("host", ["127.0.0.1", "localhost", "other.example"])
+@pytest.mark.parametrize("origin", [None, "http://{}", "http://other.example", "null"])
+def test_a_page_of_another_site_is_not_served(page, host, origin):
+    """By its `Origin`, or by a name of its own that resolves to this machine (rebinding)."""
+    port = page.address.port
+    origin = origin and origin.format(f"{host}:{port}")
+    protocol = Subprotocol(f"viser-v{viser.__version__}")
+    here = socket.create_connection(("127.0.0.1", port))
+    where = f"ws://{host}:{port}"
+    with connect(where, sock=here, origin=origin, subprotocols=[protocol]) as client:
+        if host != "other.example" and (origin is None or host in origin):
+            assert client.recv(timeout=60)
+        else:
+            with pytest.raises(ConnectionClosed) as closed:
+                client.recv(timeout=60)
+            assert closed.value.rcvd.code == 1008
+
+
 @pytest.mark.parametrize("scale", ["1 1 1", "x", None])
 def test_what_cannot_be_drawn_is_a_note_and_lines_are(text, tmp_path, scale):
     """A mesh that is not there, one with a scale that is no number, and MJCF."""
@@ -216,7 +239,11 @@ def test_what_cannot_be_drawn_is_a_note_and_lines_are(text, tmp_path, scale):
     arm = RobotArm.read(path, task="vy,vz" if scale is None else "all")
     with opened(arm, path) as shown:
         [note] = shown.notes
-        assert "are drawn" in note if scale is None else "not drawn" in note
+        said = {
+            "1 1 1": "1 shapes of .* not drawn: there is no .*a.stl",
+            None: "No shapes are drawn",
+        }
+        assert re.match(said.get(scale, "Shapes of .* are not drawn"), note)
         assert len(shown.draw().origins) == arm.size
 
 
