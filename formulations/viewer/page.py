@@ -277,7 +277,7 @@ def _refuse_other_sites(server: ViserServer, address: Address) -> None:
 
     async def check(client: Any) -> None:
         connection = sockets._live_connections[client.client_id]
-        headers = connection.request.headers
+        headers = connection.request.headers if connection.request else {}
         if address.serves(headers.get("Host", ""), headers.get("Origin")):
             return
         await connection.close(_POLICY_VIOLATION, "a page of another site")
