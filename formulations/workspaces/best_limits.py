@@ -11,7 +11,13 @@ from scipy import optimize
 
 from formulations.kinematics.serial_arm import Ranges, SerialArm
 from formulations.workspaces.failure_sets import SLICE, FailureSets
-from formulations.workspaces.planar import Planar3R, closed_form, links_at_zero
+from formulations.workspaces.planar import (
+    FINE_RINGS,
+    RINGS,
+    Planar3R,
+    closed_form,
+    links_at_zero,
+)
 from formulations.workspaces.pose_sets import PoseSets
 from formulations.workspaces.reachable_sets import ReachableSets, check_grid
 from formulations.workspaces.workspace import Progress
@@ -25,9 +31,12 @@ _LEAST_WIDTH = np.deg2rad(10.0)
 STARTS = 4
 #: Generations of the search in closed form.
 _GENERATIONS = 60
+# Simplices of Nelder and Mead after it, at most, and their size in radians.
+_RENEWALS, _SIMPLEX = 12, 0.03
 # The grid on which limits are compared is coarser, by this, than that of the answer.
 _COARSER = 2.0
-_DRAWS = 100
+# Random limits of a start, as many about postures, and postures that are tried for them.
+_DRAWS, _TRIES = 100, 2000
 # Ends of intervals move by these, as multiples of the coarse slice, and link lengths by these
 # shares of their sum.
 _MOVES = (4, 2, 1)
@@ -50,10 +59,11 @@ def best_limits(
 ) -> tuple[SerialArm, Ranges]:
     """Search for the artificial limits that leave the largest workspace.
 
-    Planar arms that have the closed form: differential evolution, then Nelder–Mead. Others:
-    a pattern search on a grid twice as coarse, from the best of random intervals. Where the
-    workspace is empty, the score is what is missing of it. The best found is not proved to be
-    the best.
+    Planar arms that have the closed form: differential evolution, then Nelder–Mead, made
+    anew until it gains nothing: the area has kinks at its best. Others:
+    a pattern search on a grid twice as coarse, from the best of random intervals and of those
+    about postures whose tip stays in reach whatever joint locks. Where the workspace is empty,
+    the score is what is missing of it. The best found is not proved to be the best.
 
     Parameters
     ----------
@@ -66,7 +76,7 @@ def best_limits(
     starts
         Of the pattern search.
     generations
-        Of the differential evolution; Nelder–Mead makes ten times as many steps.
+        Of the differential evolution; each Nelder–Mead makes ten times as many steps.
     seed
         Of what is random.
     progress
@@ -123,8 +133,14 @@ class _Pattern:
         return self._scores[limits]
 
     def run(self, rng: np.random.Generator, start: int) -> Ranges:
-        """Climb from the best of random intervals."""
-        best = max([self._drawn(rng) for _ in range(_DRAWS)], key=self.score)
+        """Climb from the best of random intervals and of those about postures."""
+        drawn = [self._drawn(rng) for _ in range(_DRAWS)]
+        for _ in range(_TRIES):
+            about = self._about_posture(rng)
+            drawn += [about] if about else []
+            if len(drawn) == 2 * _DRAWS:
+                break
+        best = max(drawn, key=self.score)
         limits = self.climbed(best, _MOVES)
         self._progress(f"start {start}: {self.score(limits):.4g}")
         return limits
@@ -169,8 +185,7 @@ class _Pattern:
             last = min(last, first + 2 * np.pi)
         else:
             first, last = max(first, step.lower), min(last, step.upper)
-        width = self._unit(joint) if step.prismatic else self._least_width
-        if last - first < min(width, step.upper - step.lower) - 1e-9:
+        if last - first < self._least(joint) - 1e-9:
             return None
         return (*limits[:joint], (first, last), *limits[joint + 1 :])
 
@@ -184,6 +199,28 @@ class _Pattern:
             ends = (max(middle - half, low), min(middle + half, high))
             limits = (*limits[:joint], ends, *limits[joint + 1 :])
         return limits
+
+    def _about_posture(self, rng: np.random.Generator) -> Ranges | None:
+        """Draw limits about a posture whose tip stays in reach; None if they are too narrow."""
+        drawn = self.sets.draw(rng)
+        widest = self.sets.around(*drawn) if drawn else None
+        if drawn is None or widest is None:
+            return None
+        limits, share = self.sets.arm.physical, rng.uniform()
+        for joint in self.sets.slices:
+            at, (low, high) = float(drawn[0][joint]), widest[joint]
+            if high - low < self._least(joint):
+                return None
+            width = max(share, self._least(joint) / (high - low))
+            ends = (at - width * (at - low), at + width * (high - at))
+            limits = (*limits[:joint], ends, *limits[joint + 1 :])
+        return limits
+
+    def _least(self, joint: int) -> float:
+        """Least width of a joint's limits."""
+        step = self.sets.arm.steps[joint]
+        width = self._unit(joint) if step.prismatic else self._least_width
+        return min(width, step.upper - step.lower)
 
     def _unit(self, joint: int) -> float:
         prismatic = self.sets.arm.steps[joint].prismatic
@@ -213,9 +250,9 @@ def _best_planar(
         ranges = tuple((m - h, m + h) for m, h in zip(middles, halves, strict=True))
         return Planar3R(links, ranges)  # type: ignore[arg-type]
 
-    def loss(x: FloatArray) -> float:
+    def loss(x: FloatArray, rings: int = RINGS) -> float:
         planar = stated(x)
-        area = planar.area()
+        area = planar.area(rings)
         return -area if area > 0 else max(planar.shortfall, 0.0) * total**2
 
     half_turn = (least_width / 2, np.pi)
@@ -232,11 +269,23 @@ def _best_planar(
         optimize.differential_evolution(loss, bounds, x0=x0, rng=seed + k, **how)
         for k, x0 in enumerate((fair, None))
     ]
-    best = min(populations, key=lambda result: result.fun)
+    best = min(populations, key=lambda result: result.fun).x
     progress("Nelder–Mead")
-    options = {"xatol": 1e-5, "fatol": 1e-8 * total**2, "maxiter": 10 * generations}
-    best = optimize.minimize(loss, best.x, method="Nelder-Mead", bounds=bounds, options=options)
-    planar = stated(best.x)
+    rng, scale = np.random.default_rng(seed), total**2
+    options = {"xatol": 1e-6, "fatol": 1e-9 * scale, "maxiter": 10 * generations}
+    low, high = np.transpose(bounds)
+    idle = 0
+    for _ in range(_RENEWALS):
+        corners = best + _SIMPLEX * rng.standard_normal((len(best), len(best)))
+        options["initial_simplex"] = np.clip(np.vstack([best, corners]), low, high)
+        step = optimize.minimize(
+            *(loss, best, (FINE_RINGS,)), method="Nelder-Mead", bounds=bounds, options=options
+        )
+        gain, best = loss(best, FINE_RINGS) - step.fun, step.x
+        idle = idle + 1 if gain < 1e-7 * scale else 0
+        if idle == 2:
+            break
+    planar = stated(best)
     chosen = arm.with_links(planar.lengths) if lengths else arm
     return chosen, _in_joints(chosen, planar)
 

@@ -6,7 +6,9 @@ joint and each of a grid of positions ("slices") at which it may lock.
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -53,6 +55,10 @@ class FailureSets(ABC):
     @abstractmethod
     def before(self, limits: Ranges) -> Bits:
         """Voxels that are reached within limits, before a failure."""
+
+    @abstractmethod
+    def draw(self, rng: np.random.Generator) -> tuple[FloatArray, int] | None:
+        """Draw a configuration, and its tip's voxel in the flat grid; None if it has none."""
 
     @abstractmethod
     def points(
@@ -106,6 +112,32 @@ class FailureSets(ABC):
                 count += ~self._unpacked(reached[place])
         return int(count.min())
 
+    def around(self, configuration: FloatArray, voxel: int) -> Ranges | None:
+        """Return the widest limits about a configuration whose failures leave a voxel.
+
+        Parameters
+        ----------
+        configuration
+            Joints that do not move the tip keep their physical limits.
+        voxel
+            In the flat grid.
+
+        Returns
+        -------
+        tuple or None
+            None if the voxel is lost where a joint is.
+        """
+        limits = list(self.arm.physical)
+        for joint, reached in self._reached.items():
+            places = self.slices[joint]
+            unit, wraps = places[1] - places[0], self.arm.steps[joint].continuous
+            there = [bool(bits[voxel >> 3] >> (7 - (voxel & 7)) & 1) for bits in reached]
+            run = _run(there, float(configuration[joint] - places[0]) / unit, wraps)
+            if run is None:
+                return None
+            limits[joint] = (places[0] + run[0] * unit, places[0] + run[1] * unit)
+        return tuple(limits)
+
     def critical(self, limits: Ranges) -> tuple[str, ...]:
         """Joints whose own failures, by themselves, leave nothing."""
         return tuple(
@@ -149,6 +181,25 @@ class FailureSets(ABC):
     def _unpacked(self, bits: npt.NDArray[np.uint8]) -> Bits:
         count = int(np.prod(self.shape))
         return np.unpackbits(bits, count=count).view(bool).reshape(self.shape)
+
+
+def _run(there: Sequence[bool], place: float, wraps: bool) -> tuple[int, int] | None:
+    """Return the ends of the run of True about a place; the run may wrap once."""
+    last = len(there) - 1
+    if not wraps:
+        place = min(max(place, 0), last)
+    first, end = math.floor(place), math.ceil(place)
+
+    def holds(index: int) -> bool:
+        return there[index % len(there)] if wraps else 0 <= index <= last and there[index]
+
+    if not (holds(first) and holds(end)):
+        return None
+    while end - first <= last and holds(first - 1):
+        first -= 1
+    while end - first <= last and holds(end + 1):
+        end += 1
+    return first, end
 
 
 def check_step(voxel: float, step: float) -> None:

@@ -18,13 +18,17 @@ joint 3 from the base, r23 that of the tip from joint 2.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
 from formulations.kinematics.serial_arm import Ranges, SerialArm
 from nlp.arrays import FloatArray
 
-_RINGS = 60
+#: Values of ρ of a quadrature.
+RINGS = 60
+#: Those of an area that is told, and of the last steps of a search.
+FINE_RINGS = 480
 _TURN = 2 * np.pi
 _TINY = 1e-300
 
@@ -62,7 +66,7 @@ class Planar3R:
             high.append(near + alone)
         return max(low), min(high)
 
-    def area(self, rings: int = _RINGS) -> float:
+    def area(self, rings: int = RINGS) -> float:
         """Area of the failure-tolerant workspace: a quadrature over ρ.
 
         Parameters
@@ -74,16 +78,25 @@ class Planar3R:
         if low >= high:
             return 0.0
         # Roots at the ends of the range of ρ are smooth in this variable.
-        nodes, weights = np.polynomial.legendre.leggauss(rings)
+        nodes, weights = _gauss(rings)
         angle = np.pi * (nodes + 1) / 2
         rho = (low + high) / 2 - (high - low) / 2 * np.cos(angle)
         width = np.pi / 2 * weights * (high - low) / 2 * np.sin(angle)
         return float(np.sum(width * rho * self.angles(rho)))
 
     def area_with_error(self) -> tuple[float, float]:
-        """Area, and how much it differs from that of a quarter as many rings."""
-        fine = self.area(8 * _RINGS)
-        return fine, abs(fine - self.area(2 * _RINGS))
+        """Area, and how much it differs from that of a quarter as many rings.
+
+        Where rings are left but no node of the quadrature has an arc, the error is the largest
+        area between two nodes: a sliver there is not seen.
+        """
+        fine = self.area(FINE_RINGS)
+        rounding = float(np.finfo(float).eps * sum(self.lengths) ** 2)
+        low, high = self.rings
+        if fine == 0.0 and low < high:
+            gap = np.pi**2 * (high - low) / (4 * FINE_RINGS)
+            return 0.0, float(_TURN * high * gap)
+        return fine, max(abs(fine - self.area(FINE_RINGS // 4)), rounding)
 
     def angles(self, rho: FloatArray) -> FloatArray:
         """Total range of the bearing at each ρ, in radians; 0 to 2π."""
@@ -104,7 +117,7 @@ class Planar3R:
         total = sum(self.lengths)
         if low >= high:
             return float(10 + (low - high) / total)
-        rho = np.linspace(low, high, _RINGS)
+        rho = np.linspace(low, high, RINGS)
         least, largest = self._bearings(rho)
         return float(np.min(least - largest))
 
@@ -192,6 +205,12 @@ def links_at_zero(arm: SerialArm) -> tuple[FloatArray, FloatArray, FloatArray]:
     bent = np.diff(np.arctan2(links[:, 1], links[:, 0]), prepend=0.0)
     lengths = np.hypot(links[:, 0], links[:, 1])
     return lengths, bent, np.sign(arm.at_zero.directions[0, :, 2])
+
+
+@lru_cache
+def _gauss(count: int) -> tuple[FloatArray, FloatArray]:
+    """Nodes and weights of Gauss and Legendre."""
+    return np.polynomial.legendre.leggauss(count)
 
 
 def _distances(a: float, b: float, limits: tuple[float, float]) -> tuple[float, float]:

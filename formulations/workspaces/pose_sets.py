@@ -108,6 +108,13 @@ class PoseSets(FailureSets):
         reached.ravel()[self._owners[inside]] = True
         return reached
 
+    def draw(self, rng: np.random.Generator) -> tuple[FloatArray, int] | None:
+        """Draw a configuration that was found, and its voxel in the flat grid."""
+        if not len(self._q):
+            return None
+        drawn = rng.integers(len(self._q))
+        return self._q[drawn].astype(float), int(self._owners[drawn])
+
     def points(
         self, voxels: Bits, rng: np.random.Generator, count: int
     ) -> tuple[FloatArray, npt.NDArray[np.intp]]:
@@ -203,13 +210,12 @@ def _grid_of(
     if arm.is_planar and abs(rotation[2, 2] - 1) > 1e-6:
         allowed = "a turn about the parallel axes of this planar arm from its zero posture"
         raise InputError("orientation", "out of the plane", allowed)
-    span = _reach(arm) / voxel
-    wide = int(min(span, _MOST_VOXELS)) + 1
-    shape = (2 * wide + 1,) * dimension
-    if (2 * wide + 1) ** dimension > _MOST_VOXELS:
-        allowed = f"larger: with an orientation the grid has at most {_MOST_VOXELS} voxels"
-        raise InputError("voxel", f"{voxel:g}", allowed)
-    return np.full(dimension, -wide), shape
+    reach, widest = _reach(arm), (int(_MOST_VOXELS ** (1 / dimension)) - 1) // 2
+    if reach >= widest * voxel:
+        most = f"with an orientation the grid has at most {_MOST_VOXELS} voxels"
+        raise InputError("voxel", f"{voxel:g}", f"above {reach / widest:.4g}: {most}")
+    wide = int(reach / voxel) + 1
+    return np.full(dimension, -wide), (2 * wide + 1,) * dimension
 
 
 def _reach(arm: SerialArm) -> float:

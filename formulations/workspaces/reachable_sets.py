@@ -134,6 +134,15 @@ class ReachableSets(FailureSets):
         """Voxels that are reached within limits, before a failure."""
         return self._base(self._swept(self._from_tip(limits)[0], 0, limits[0]))
 
+    def draw(self, rng: np.random.Generator) -> tuple[FloatArray, int] | None:
+        """Draw a configuration within the physical limits, and its voxel in the flat grid."""
+        drawn = rng.uniform(*np.transpose(self.arm.physical))
+        tip = self.arm.kinematics.forward(drawn[:, None])[0][: self.dimension, 0]
+        place = np.round(tip / self.voxel).astype(int) - self.corner
+        if np.any(place < 0) or np.any(place >= self.shape):
+            return None
+        return drawn, int(np.ravel_multi_index(tuple(place), self.shape))
+
     def points(
         self, voxels: Bits, rng: np.random.Generator, count: int
     ) -> tuple[FloatArray, npt.NDArray[np.intp]]:
@@ -298,18 +307,22 @@ def check_grid(arm: SerialArm, voxel: float, step: float) -> list[_CylinderGrid]
         allowed = f"more than {solid}: with one locked, what is reached has no size"
         raise InputError("number of joints that move the tip", moving, allowed)
     check_step(voxel, step)
-    reach = float(np.linalg.norm(arm.tip))
-    grids: list[_CylinderGrid] = []
-    for joint in reversed(arm.steps):
-        reach += max(abs(joint.lower), abs(joint.upper)) if joint.prismatic else 0.0
-        radii = int(reach / voxel) + 2
-        height = 1 if arm.is_planar else 2 * radii + 1
-        plane = -(height // 2)
-        angles = max(16, round(_TURN * radii))
-        grid = _CylinderGrid(voxel, plane, height, 0, radii, angles)
-        if grid.size > _MOST_CELLS:
-            allowed = f"larger: the grid has at most {_MOST_CELLS} cells"
-            raise InputError("voxel", f"{voxel:g}", allowed)
-        grids.insert(0, grid)
-        reach += float(np.linalg.norm(joint.placement[:3, 3]))
+    travels = [max(abs(step.lower), abs(step.upper)) * step.prismatic for step in arm.steps]
+    lengths = [float(np.linalg.norm(step.placement[:3, 3])) for step in arm.steps[1:]]
+    lengths.append(float(np.linalg.norm(arm.tip)))
+    reaches = np.cumsum(np.add(travels, lengths)[::-1])[::-1]
+    grids = [_grid(voxel, int(reach / voxel) + 2, arm.is_planar) for reach in reaches]
+    if grids[0].size > _MOST_CELLS:
+        most = 2
+        while _grid(voxel, most + 1, arm.is_planar).size <= _MOST_CELLS:
+            most += 1
+        allowed = (
+            f"above {reaches[0] / (most - 1):.4g}: the grid has at most {_MOST_CELLS} cells"
+        )
+        raise InputError("voxel", f"{voxel:g}", allowed)
     return grids
+
+
+def _grid(voxel: float, radii: int, planar: bool) -> _CylinderGrid:
+    height = 1 if planar else 2 * radii + 1
+    return _CylinderGrid(voxel, -(height // 2), height, 0, radii, max(16, round(_TURN * radii)))

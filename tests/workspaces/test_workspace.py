@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -18,7 +19,7 @@ from formulations.workspaces import workspace as module
 from formulations.workspaces.best_limits import _in_joints, best_limits
 from formulations.workspaces.planar import Planar3R, closed_form
 from formulations.workspaces.pose_sets import PoseSets
-from formulations.workspaces.reachable_sets import ReachableSets
+from formulations.workspaces.reachable_sets import ReachableSets, check_grid
 from formulations.workspaces.workspace import measured, workspace
 from nlp.errors import InputError
 
@@ -125,6 +126,7 @@ def test_arms_that_keep_nothing():
     assert nothing.size == 0
     assert nothing.critical != ()
     assert nothing.to_dict()["share_kept"] == 0
+    assert nothing.error > 0
 
 
 # On a grid -----------------------------------------------------------------------------------
@@ -191,6 +193,25 @@ def test_the_reachable_set_holds_every_position_and_is_found_by_inverse_kinemati
     assert np.diff(sets.slices[2]).max() <= 0.08 + 1e-12
 
 
+@pytest.mark.parametrize("count", [4, 7])
+def test_a_voxel_that_is_too_small_is_refused_with_the_least(made, count):
+    """Just above the least named, the grid can be made; with it, it cannot."""
+    if count == 4:
+        arm, sets = (
+            SerialArm.planar((0.25,) * 4),
+            lambda arm, edge: PoseSets(arm, np.eye(3), edge),
+        )
+    else:
+        arm, sets = shown(made, made.offset_arm()), lambda arm, edge: check_grid(arm, edge, 0.1)
+    with pytest.raises(InputError, match="allowed: above [0-9.]+: .* the grid has") as refused:
+        sets(arm, 1e-4)
+    least = float(re.search("above ([0-9.]+)", str(refused.value))[1])
+    with pytest.raises(InputError):
+        sets(arm, 0.99 * least)
+    if count == 7:
+        assert len(sets(arm, 1.01 * least)) == 7
+
+
 def test_limits_of_the_first_joint_may_be_turned(made):
     """Its zero is free if it has no limits; the bearing of the workspace turns with it."""
     arm = SerialArm.planar((0.25, 0.25, 0.25, 0.25))
@@ -251,6 +272,42 @@ def test_the_search_in_closed_form():
     assert other.links.sum() == pytest.approx(1)
     assert min(high - low for low, high in both) > np.deg2rad(9.99)
     module.check_limits(other, both)
+
+
+def test_the_best_limits_of_three_equal_links():
+    """0.395792 is the best of a scan over h1 and h2 = h3, with 1500 rings."""
+    limits = best_limits(SerialArm.planar(EQUAL), 0.02)[1]
+    area = closed_form(SerialArm.planar(EQUAL), limits).area(1500)
+    assert area == pytest.approx(0.395792, abs=5e-6)
+
+
+@pytest.mark.parametrize("count", [3, 4])
+def test_limits_about_a_posture_keep_its_voxel(count):
+    arm = SerialArm.planar((1 / count,) * count)
+    sets = ReachableSets(arm, 0.05) if count == 3 else PoseSets(arm, np.eye(3), 0.15)
+    rng = np.random.default_rng(1)
+    inside = 0
+    for _ in range(40):
+        configuration, voxel = sets.draw(rng)
+        if (limits := sets.around(configuration, voxel)) is None:
+            continue
+        inside += 1
+        assert sets.after(limits).ravel()[voxel]
+        wider = [(low - np.deg2rad(6), high + np.deg2rad(6)) for low, high in limits]
+        for joint, (low, high) in enumerate(wider):
+            if high - low < 2 * np.pi:
+                at = (*limits[:joint], (low, high), *limits[joint + 1 :])
+                assert not sets.after(at).ravel()[voxel]
+    assert inside > 10
+
+
+def test_the_search_begins_where_something_is_kept(made):
+    """Random intervals alone keep no voxel of this grid, and a plateau has no way up."""
+    arm = SerialArm.from_chain(chain_between(made.tree(made.offset_arm()), "l7"))
+    sets = PoseSets(arm, np.eye(3), 0.3, np.deg2rad(10))
+    nothing = measured(sets, arm.physical)
+    assert (nothing.size, nothing.error) == (0, pytest.approx(3 * sets.unit))
+    assert measured(sets, best_limits(arm, 0.3, sets=sets, starts=1)[1]).size > 0
 
 
 def test_the_search_on_a_grid():
