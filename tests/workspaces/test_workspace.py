@@ -203,7 +203,7 @@ def test_a_voxel_that_is_too_small_is_refused_with_the_least(made, count):
         )
     else:
         arm, sets = shown(made, made.offset_arm()), lambda arm, edge: check_grid(arm, edge, 0.1)
-    with pytest.raises(InputError, match="allowed: above [0-9.]+: .* the grid has") as refused:
+    with pytest.raises(InputError, match=r"allowed: above [0-9.]+: .*the grid has") as refused:
         sets(arm, 1e-4)
     least = float(re.search("above ([0-9.]+)", str(refused.value))[1])
     with pytest.raises(InputError):
