@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import permutations
+from itertools import islice, permutations
 from typing import Any
 
 import numpy as np
@@ -61,9 +61,10 @@ def best_limits(
 
     Planar arms that have the closed form: differential evolution, then Nelder–Mead, made
     anew until it gains nothing: the area has kinks at its best. Others:
-    a pattern search on a grid twice as coarse, from the best of random intervals and of those
-    about postures whose tip stays in reach whatever joint locks. Where the workspace is empty,
-    the score is what is missing of it. The best found is not proved to be the best.
+    a pattern search on a grid twice as coarse. A start climbs twice: from the best of random
+    intervals, and from the best of those about postures whose tip stays in reach whatever joint
+    locks. Where the workspace is empty, the score is what is missing of it. The best found is
+    not proved to be the best.
 
     Parameters
     ----------
@@ -105,7 +106,10 @@ def best_limits(
     else:
         search = _Pattern(sets, least_width, progress)
     rng = np.random.default_rng(seed)
-    limits = max([search.run(rng, k) for k in range(starts)], key=search.score)
+    kinds = (search.random, search.about_postures)
+    limits = max(
+        (search.run(draw(rng), k) for draw in kinds for k in range(starts)), key=search.score
+    )
     for share in _SHIFTS if lengths and sets is None else ():
         while better := search.with_other_links(limits, share):
             search, limits = better, better.climbed(limits, _MOVES[1:])
@@ -132,18 +136,21 @@ class _Pattern:
             self._scores[limits] = size or -float(self.sets.missing(limits)) - 1
         return self._scores[limits]
 
-    def run(self, rng: np.random.Generator, start: int) -> Ranges:
-        """Climb from the best of random intervals and of those about postures."""
-        drawn = [self._drawn(rng) for _ in range(_DRAWS)]
-        for _ in range(_TRIES):
-            about = self._about_posture(rng)
-            drawn += [about] if about else []
-            if len(drawn) == 2 * _DRAWS:
-                break
-        best = max(drawn, key=self.score)
+    def run(self, drawn: Sequence[Ranges], start: int) -> Ranges:
+        """Climb from the best of what was drawn; the physical limits if that is nothing."""
+        best = max(drawn, key=self.score, default=self.sets.arm.physical)
         limits = self.climbed(best, _MOVES)
         self._progress(f"start {start}: {self.score(limits):.4g}")
         return limits
+
+    def random(self, rng: np.random.Generator) -> list[Ranges]:
+        """Draw random intervals."""
+        return [self._drawn(rng) for _ in range(_DRAWS)]
+
+    def about_postures(self, rng: np.random.Generator) -> list[Ranges]:
+        """Draw intervals about postures."""
+        tried = (self._about_posture(rng) for _ in range(_TRIES))
+        return list(islice(filter(None, tried), _DRAWS))
 
     def climbed(self, limits: Ranges, moves: Sequence[int]) -> Ranges:
         """Move ends of the limits, or both, for as long as the workspace grows."""
