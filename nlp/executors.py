@@ -25,6 +25,7 @@ _ONE_THREAD = {
 }
 _PER_CORE = 8  # worker processes; more would only exhaust the machine's memory
 _IDLE_SECONDS = 10.0  # after which processes without work end
+_HANDOVER_SECONDS = 0.5  # in which calls have gone to the processes' queue
 
 
 def default_workers() -> int:
@@ -126,7 +127,17 @@ class LocalExecutor(Executor):
     def _end(self) -> None:
         processes, self._processes = self._processes, None
         if processes is not None:
+            self._wait_for_calls_to_run()
             processes.shutdown(wait=True, kill_workers=True)
+
+    def _wait_for_calls_to_run(self) -> None:
+        """Wait a moment: at a shutdown loky fails on calls that its thread has not yet seen."""
+        latest = time.monotonic() + _HANDOVER_SECONDS
+        while time.monotonic() < latest and not all(
+            isinstance(call, Future) and (call.running() or call.done())
+            for call in tuple(self._under_way)
+        ):
+            time.sleep(1e-3)
 
 
 def end_idle_processes(these: ProcessPoolExecutor | None = None) -> None:

@@ -5,6 +5,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from functools import partial
@@ -131,6 +132,17 @@ def test_idle_processes_serve_the_next_call_and_then_end(monkeypatch):
     while psutil.pid_exists(workers[0]) and time.monotonic() < deadline:
         time.sleep(0.1)
     assert not psutil.pid_exists(workers[0])
+
+
+def test_calls_that_were_just_made_end_without_a_traceback(monkeypatch):
+    failed = []
+    monkeypatch.setattr(threading, "excepthook", failed.append)
+    for _ in range(3):
+        with LocalExecutor(2) as executor:
+            executor.submit(os.getpid).result()
+            late = [executor.submit(time.sleep, 60) for _ in range(3)]
+        assert all(isinstance(call.exception(), RuntimeError) for call in late)
+    assert not failed
 
 
 def test_no_more_processes_than_work():
