@@ -34,6 +34,11 @@ class Kinematics:
         self.lower, self.upper = (side[:, None] for side in chain.limits)
         self.ranged = np.isfinite(self.lower) & np.isfinite(self.upper)
         self.middle = chain.mid_range[:, None]
+        #: Joints that may be whole turns away and move nothing by them, shape (n, 1).
+        self.turns = self.upper - self.lower >= 2 * np.pi
+        for motion in chain.motions:
+            if motion.prismatic or motion.multiplier % 1:
+                self.turns[motion.variable] = False
         self._end = np.array(chain.end)
         self._motions = []
         for motion in chain.motions:

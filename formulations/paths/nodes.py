@@ -13,15 +13,19 @@ import numpy as np
 
 from formulations.kinematics.forward import Kinematics
 from formulations.kinematics.link_chain import BoolArray, IntArray
+from formulations.paths.self_motion_map import near_pairs
 from formulations.paths.survival import JUMP, survivors
 from formulations.paths.waypoints import Poses, place_name
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
 
 # What one squared radian of motion between two samples costs, in joints that survive.
-_MOTION = 10.0
+_MOTION = 2.0
 # Speeds stay below this share of their limits until the polish.
 _SPEED = 0.98
+# Of nodes with an estimate: how near the best sequence they are tested, and how many of the
+# best of each sample are.
+_BESIDE, _CHOSEN = 0.15, 4
 
 
 class Nodes:
@@ -43,27 +47,67 @@ class Nodes:
         # Of each node: its sample, and the last sample that is reached after each failure.
         self._samples = np.zeros(0, dtype=int)
         self._ends = np.zeros((kinematics.size, 0), dtype=int)
+        # The others are estimates.
+        self._tested = np.zeros(0, dtype=bool)
 
     @property
     def count(self) -> int:
-        """How many nodes there are at all samples together."""
-        return len(self._samples)
+        """How many nodes were tested, at all samples together."""
+        return int(np.sum(self._tested))
 
     def at(self, sample: int) -> FloatArray:
         """Return the nodes at a sample, shape (n, B)."""
         return self._q[:, self._samples == sample]
 
     def survives(self, sample: int) -> BoolArray:
-        """Whether the path can be finished after joint f locks at each node, shape (n, B)."""
-        return np.asarray(self._ends[:, self._samples == sample] == len(self._poses) - 1)
+        """Whether a test finished the path after joint f locked at each node, shape (n, B)."""
+        return (self._finished & self._tested)[:, self._samples == sample]
 
-    def add(self, samples: IntArray, nodes: FloatArray) -> None:
-        """Add configurations, shape (n, B), each at its sample, (B,), and test them."""
-        if len(samples):
-            ends = survivors(self._kinematics, nodes, samples, self._poses, seed=self._seed)
-            self._q = np.concatenate([self._q, nodes], axis=1)
-            self._samples = np.concatenate([self._samples, samples])
-            self._ends = np.concatenate([self._ends, ends], axis=1)
+    @property
+    def _finished(self) -> BoolArray:
+        """As tested or estimated, shape (n, B)."""
+        return np.asarray(self._ends == len(self._poses) - 1)
+
+    def add(
+        self, samples: IntArray, nodes: FloatArray, estimated: IntArray | None = None
+    ) -> None:
+        """Add configurations, shape (n, B), each at its sample, (B,), and test them.
+
+        They are not tested if what a test would give is estimated, (n, B); see `survivors`.
+        """
+        if not len(samples):
+            return
+        before = len(self._samples)
+        unknown = np.zeros(nodes.shape, dtype=int)
+        ends = unknown if estimated is None else estimated
+        self._q = np.concatenate([self._q, nodes], axis=1)
+        self._samples = np.concatenate([self._samples, samples])
+        self._ends = np.concatenate([self._ends, ends], axis=1)
+        self._tested = np.append(self._tested, np.zeros(len(samples), dtype=bool))
+        if estimated is None:
+            self._test(np.arange(before, len(self._samples)))
+
+    def _test(self, nodes: IntArray) -> None:
+        """Test those of some nodes that were not."""
+        nodes = nodes[~self._tested[nodes]]
+        if len(nodes):
+            given = self._q[:, nodes], self._samples[nodes], self._poses
+            self._ends[:, nodes] = survivors(self._kinematics, *given, seed=self._seed)
+            self._tested[nodes] = True
+
+    def test_best(self) -> None:
+        """Test nodes that have, by the estimate, most survivors, and some for each joint."""
+        finished, chosen = self._finished, []
+        for sample in range(len(self._poses)):
+            here = np.flatnonzero(self._samples == sample)
+            own = finished[:, here]
+            total = own.sum(axis=0)
+            for row in (total == total.max(), *own):
+                where = here[row]
+                # Neighbours on a curve are alike, and its ends less sure.
+                spread = (np.arange(_CHOSEN) + 0.5) / _CHOSEN * len(where)
+                chosen.append(where[spread.astype(int)] if len(where) else where)
+        self._test(np.unique(np.concatenate(chosen)))
 
     def add_tracks(self, tracks: FloatArray) -> None:
         """Add tracks, shape (N, n, B), NaN where they have no configuration."""
@@ -75,7 +119,8 @@ class Nodes:
     ) -> FloatArray:
         """Return the sequence of largest total score and little motion, shape (N, n).
 
-        By dynamic programming from sample to sample.
+        By dynamic programming from sample to sample. If nodes were not tested, those of the
+        sequence and beside it are, until all of the best sequence are.
 
         Parameters
         ----------
@@ -89,32 +134,50 @@ class Nodes:
         InputError
             If no sequence keeps to the largest motions.
         """
-        nodes = [self.at(k) for k in range(len(self._poses))]
-        scores = [np.sum(self.survives(k), axis=0) for k in range(len(self._poses))]
+        while True:
+            best = self._best_nodes(most, names, places)
+            if self._tested[best].all():
+                return self._q[:, best].T
+            at = self._q[:, best][:, self._samples]
+            self._test(np.flatnonzero(np.max(np.abs(self._q - at), axis=0) < _BESIDE))
+
+    def _best_nodes(
+        self, most: FloatArray, names: Sequence[str], places: FloatArray
+    ) -> IntArray:
+        """Return the nodes of the best sequence as it is known now, shape (N,)."""
+        which = [np.flatnonzero(self._samples == k) for k in range(len(self._poses))]
+        nodes = [self._q[:, here] for here in which]
+        scores = [np.sum(self._finished[:, here], axis=0) for here in which]
         value = scores[0].astype(float)
         origins = []
         for k, (now, later) in enumerate(pairwise(nodes)):
-            total = value[:, None] - _cost(now, later, most[k])
-            origins.append(np.argmax(total, axis=0))
-            value = np.max(total, axis=0) + scores[k + 1]
+            source, target, cost = _moves(now, later, most[k])
+            total = value[source] - cost
+            order = np.lexsort((-source, total, target))  # the best of each target comes last
+            source, target, total = source[order], target[order], total[order]
+            final = np.append(np.diff(target) > 0, True)[: len(target)]
+            origin = np.zeros(later.shape[1], dtype=int)
+            value = np.full(later.shape[1], -np.inf)
+            origin[target[final]], value[target[final]] = source[final], total[final]
+            origins.append(origin)
+            value = value + scores[k + 1]
             if not np.any(np.isfinite(value)):
                 raise _gap(now, later, most[k], names, place_name(float(places[k + 1])))
         at = int(np.argmax(value))
-        sequence = [nodes[-1][:, at]]
-        for origin, before in zip(reversed(origins), reversed(nodes[:-1]), strict=True):
+        sequence = [which[-1][at]]
+        for origin, before in zip(reversed(origins), reversed(which[:-1]), strict=True):
             at = int(origin[at])
-            sequence.append(before[:, at])
+            sequence.append(before[at])
         return np.array(sequence[::-1])
 
 
-def _cost(now: FloatArray, later: FloatArray, most: FloatArray) -> FloatArray:
-    """Return what motion from each node to each later one costs; infinity if it is too fast."""
-    allowed = np.minimum(_SPEED * most, JUMP)
-    cost = np.zeros((now.shape[1], later.shape[1]))
-    for f in range(len(now)):
-        gap = later[f][None] - now[f][:, None]
-        cost += np.where(np.abs(gap) <= allowed[f], _MOTION * gap**2, np.inf)
-    return cost
+def _moves(
+    now: FloatArray, later: FloatArray, most: FloatArray
+) -> tuple[IntArray, IntArray, FloatArray]:
+    """Return the motions that are not too fast: from which node to which, at what cost."""
+    source, target = near_pairs(now, later, np.minimum(_SPEED * most, JUMP))
+    motion = np.sum((later[:, target] - now[:, source]) ** 2, axis=0)
+    return source, target, _MOTION * motion
 
 
 def _gap(

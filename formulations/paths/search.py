@@ -1,10 +1,11 @@
 """The joint trajectory from which a path can most often be finished after a joint locks.
 
-1. Candidate tracks: configurations at several samples of the path, found by inverse kinematics
-   from random starts, follow the path both ways. Some stay near minimum norm, some drift
-   towards the middle of the joints' ranges.
-2. Every configuration of every track is a node, see `nodes`. Its score is the number of
-   joints that may lock there, by the test in `survival`.
+1. Configurations along the path. An arm with one joint more than the task needs: all of them,
+   see `self_motion_map`. Other arms: tracks of configurations at several samples, found by
+   inverse kinematics from random starts, which follow the path both ways. Some stay near
+   minimum norm, some drift towards the middle of the joints' ranges.
+2. Every configuration is a node, see `nodes`. Its score is the number of joints that may
+   lock there, by the test in `survival`, or by the map until it is tested.
 3. Dynamic programming over the nodes: the sequence of the largest total score, with joint
    speeds within their limits, and little motion. Then again with tracks beside it.
 4. A polish, see `polish`: one sparse nonlinear program for the whole trajectory. It makes
@@ -28,6 +29,7 @@ from formulations.kinematics.link_chain import BoolArray
 from formulations.paths.nodes import Nodes
 from formulations.paths.plan import PathPlan, Trajectory
 from formulations.paths.polish import polished
+from formulations.paths.self_motion_map import self_motion_map
 from formulations.paths.survival import follow, on_path, survivors
 from formulations.paths.waypoints import ToolPath, place_name
 from formulations.robots.robot_arm import RobotArm
@@ -55,7 +57,7 @@ class PathSearch:
     duration
         Seconds for the whole path, where the waypoints have no times.
     tracks
-        Candidate tracks.
+        Candidate tracks; a quarter as many are tried beside the best sequence.
     rounds
         How often tracks beside the best sequence are added.
     seed
@@ -119,20 +121,26 @@ class _Planner:
         #: Most motion between two samples, shape (N - 1, n).
         self.most = velocity * np.diff(self.times)[:, None]
         self.nodes = Nodes(self.kinematics, self.poses, search.seed)
+        #: Whether the self-motion of the samples is made of curves.
+        self.mapped = self.kinematics.size == len(arm.task.rows) + 1
 
     def plan(self) -> PathPlan:
         search = self.search
         self.check_reach()
-        search.progress("candidate tracks")
-        minimum_norm = self._add_candidates()
+        search.progress("configurations along the path")
+        minimum_norm = self._add_map() if self.mapped else self._add_candidates()
         search.progress("dynamic programming")
         sequence = self._best_sequence()
         planned, statuses, improved, complete = None, [], False, True
         try:
+            if self.mapped:
+                self.nodes.test_best()
+                sequence = self._best_sequence()
             for _ in range(search.rounds):
                 self.nodes.add_tracks(self._beside(sequence))
                 sequence = self._best_sequence()
-            self._add_scattered()
+            if not self.mapped:
+                self._add_scattered()
             planned = self._measured(sequence)
             for weight in _SMOOTHNESS:
                 search.progress(f"polish, smoothness {weight:g}")
@@ -188,6 +196,17 @@ class _Planner:
         limits = "that the arm reaches within its joints' limits"
         raise InputError(where, f"out of reach at ({position})", f"{pose} {limits}")
 
+    def _add_map(self) -> FloatArray | None:
+        """Add points of all self-motion curves; return the track of minimum norm, (N, n)."""
+        whole = self_motion_map(self.kinematics, self.poses, self.rng)
+        for sample, (q, ends) in enumerate(zip(whole.points, whole.ends(), strict=True)):
+            if q.size:
+                self.nodes.add(np.full(q.shape[1], sample), q, ends)
+            else:
+                self._add_reachable(sample)
+        starts = self._on_path(0, _FIRST)
+        return self._minimum_norm(starts) if starts.size else None
+
     def _add_candidates(self) -> FloatArray | None:
         """Add the first tracks; return the track of minimum norm, shape (N, n)."""
         last = len(self.times) - 1
@@ -206,9 +225,12 @@ class _Planner:
                 minimum_norm = self._minimum_norm(starts)
         for sample in range(len(self.times)):
             if not self.nodes.at(sample).size:
-                q = self._reachable(sample)[:, : self.search.tracks]
-                self.nodes.add(np.full(q.shape[1], sample), q)
+                self._add_reachable(sample)
         return minimum_norm
+
+    def _add_reachable(self, sample: int) -> None:
+        q = self._reachable(sample)[:, : self.search.tracks]
+        self.nodes.add(np.full(q.shape[1], sample), q)
 
     def _minimum_norm(self, starts: FloatArray) -> FloatArray | None:
         lower, upper = self.arm.bounds

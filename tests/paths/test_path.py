@@ -12,6 +12,7 @@ from formulations.kinematics.chain import narrowed
 from formulations.kinematics.forward import Kinematics
 from formulations.paths.polish import transcription
 from formulations.paths.search import PathSearch, plan_path
+from formulations.paths.self_motion_map import self_motion_map
 from formulations.paths.survival import follow, on_path, survivors
 from formulations.paths.waypoints import Poses, ToolPath, read_waypoints
 from formulations.robots.robot_arm import RobotArm
@@ -100,6 +101,33 @@ def test_a_locked_joint_stays_and_the_pose_is_kept(arm):
         assert np.all(q[:, k] == start[k, k])
         origin, _, _ = kinematics.forward(q.T)
         np.testing.assert_allclose(origin.T, poses.positions[: last[k] + 1], atol=2e-5)
+
+
+def test_the_map_has_every_configuration_and_foresees_its_failures(arm):
+    kinematics, poses = line(arm)
+    found = self_motion_map(kinematics, poses, np.random.default_rng(0))
+    final = len(poses) - 1
+    samples = range(0, final, 3)
+    agree = []
+    for k, ends in zip(samples, found.ends()[::3], strict=False):
+        points = found.points[k]
+        origin, rotation, _ = kinematics.forward(points)
+        assert np.max(np.abs(kinematics.error(origin, rotation, *poses.at(k)))) < 1e-4
+        # Nothing that random inverse kinematics finds is far from all points.
+        q = on_path(kinematics, poses, k, 200, np.random.default_rng(1))
+        gaps = np.linalg.norm(q[:, :, None] - points[:, None], axis=0).min(axis=1)
+        assert np.max(gaps) < 0.12
+        some = points[:, ::5]
+        tested = survivors(kinematics, some, np.full(some.shape[1], k), poses)
+        agree.append(np.mean((tested == final) == (ends[:, ::5] == final)))
+    assert np.mean(agree) > 0.9
+
+
+def test_another_seed_finds_as_much(arm):
+    _, poses = line(arm)
+    plans = [plan_path(arm, tool_path(poses), replace(QUICK, seed=seed)) for seed in (0, 1)]
+    survivals = [plan.planned.survives.sum() for plan in plans]
+    assert abs(np.diff(survivals)[0]) <= 1
 
 
 def test_the_plan_survives_more_than_minimum_norm_and_keeps_all_limits(arm):
