@@ -34,8 +34,8 @@ class Kinematics:
         self.lower, self.upper = (side[:, None] for side in chain.limits)
         self.ranged = np.isfinite(self.lower) & np.isfinite(self.upper)
         self.middle = chain.mid_range[:, None]
-        #: Joints that may be whole turns away and move nothing by them, shape (n, 1).
-        self.turns = self.upper - self.lower >= 2 * np.pi
+        #: Joints whose positions all are within the limits, some turns away; shape (n, 1).
+        self.turns = self.upper - self.lower >= 4 * np.pi
         for motion in chain.motions:
             if motion.prismatic or motion.multiplier % 1:
                 self.turns[motion.variable] = False
@@ -47,6 +47,10 @@ class Kinematics:
             parts = [pose[:3, :3], pose[:3, :3] @ cross, pose[:3, :3] @ cross @ cross]
             stacked = np.concatenate([part.T for part in parts])
             self._motions.append((motion, stacked, pose[:3, 3], pose[:3, :3] @ axis))
+
+    def turned(self, q: FloatArray) -> FloatArray:
+        """Return configurations or differences (n, B) less the whole turns in them."""
+        return q - 2 * np.pi * np.round(q / (2 * np.pi)) * self.turns
 
     @property
     def ranges(self) -> tuple[FloatArray, FloatArray]:

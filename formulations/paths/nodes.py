@@ -26,6 +26,7 @@ _SPEED = 0.98
 # Of nodes with an estimate: how near the best sequence they are tested, and how many of the
 # best of each sample are.
 _BESIDE, _CHOSEN = 0.15, 4
+_ONE_TRAJECTORY = "a path that one trajectory follows within the joints' limits"
 
 
 class Nodes:
@@ -43,6 +44,9 @@ class Nodes:
 
     def __init__(self, kinematics: Kinematics, poses: Poses, seed: int) -> None:
         self._kinematics, self._poses, self._seed = kinematics, poses, seed
+        #: Whether the self-motion of a sample is made of curves, see `self_motion_map`.
+        self.mapped = kinematics.size == len(kinematics.rows) + 1
+        self._turns = kinematics.turns & self.mapped
         self._q = np.zeros((kinematics.size, 0))
         # Of each node: its sample, and the last sample that is reached after each failure.
         self._samples = np.zeros(0, dtype=int)
@@ -137,9 +141,27 @@ class Nodes:
         while True:
             best = self._best_nodes(most, names, places)
             if self._tested[best].all():
-                return self._q[:, best].T
+                return self._turned_on(self._q[:, best], names)
             at = self._q[:, best][:, self._samples]
-            self._test(np.flatnonzero(np.max(np.abs(self._q - at), axis=0) < _BESIDE))
+            off = np.abs(self.apart(self._q, at))
+            self._test(np.flatnonzero(np.max(off, axis=0) < _BESIDE))
+
+    def apart(self, q: FloatArray, other: FloatArray) -> FloatArray:
+        """Return q - other, both (n, B), without whole turns where those do not count."""
+        return self._kinematics.turned(q - other) if self.mapped else q - other
+
+    def _turned_on(self, q: FloatArray, names: Sequence[str]) -> FloatArray:
+        """Add the turns that make a sequence (n, N) continuous; return it as (N, n)."""
+        lower, upper = self._kinematics.lower, self._kinematics.upper
+        steps = self.apart(q[:, 1:], q[:, :-1])
+        whole = np.cumsum(np.concatenate([q[:, :1], steps], axis=1), axis=1)
+        centre = (whole.min(axis=1) + whole.max(axis=1))[:, None] / 2 - self._kinematics.middle
+        whole -= centre - np.where(self._turns, self._kinematics.turned(centre), centre)
+        outside = np.any((whole < lower - 1e-9) | (whole > upper + 1e-9), axis=1)
+        if outside.any():
+            name = names[int(np.argmax(outside))]
+            raise InputError("path", f"turns {name} beyond its limits", _ONE_TRAJECTORY)
+        return np.asarray(np.clip(whole, lower, upper).T)
 
     def _best_nodes(
         self, most: FloatArray, names: Sequence[str], places: FloatArray
@@ -151,7 +173,7 @@ class Nodes:
         value = scores[0].astype(float)
         origins = []
         for k, (now, later) in enumerate(pairwise(nodes)):
-            source, target, cost = _moves(now, later, most[k])
+            source, target, cost = self._moves(now, later, most[k])
             total = value[source] - cost
             order = np.lexsort((-source, total, target))  # the best of each target comes last
             source, target, total = source[order], target[order], total[order]
@@ -162,7 +184,7 @@ class Nodes:
             origins.append(origin)
             value = value + scores[k + 1]
             if not np.any(np.isfinite(value)):
-                raise _gap(now, later, most[k], names, place_name(float(places[k + 1])))
+                raise self._gap(now, later, most[k], names, place_name(float(places[k + 1])))
         at = int(np.argmax(value))
         sequence = [which[-1][at]]
         for origin, before in zip(reversed(origins), reversed(which[:-1]), strict=True):
@@ -170,26 +192,29 @@ class Nodes:
             sequence.append(before[at])
         return np.array(sequence[::-1])
 
+    def _moves(
+        self, now: FloatArray, later: FloatArray, most: FloatArray
+    ) -> tuple[IntArray, IntArray, FloatArray]:
+        """Return the motions that are not too fast: from which node to which, at what cost."""
+        limits = np.minimum(_SPEED * most, JUMP)
+        source, target = near_pairs(now, later, limits, self._turns)
+        motion = np.sum(self.apart(later[:, target], now[:, source]) ** 2, axis=0)
+        return source, target, _MOTION * motion
 
-def _moves(
-    now: FloatArray, later: FloatArray, most: FloatArray
-) -> tuple[IntArray, IntArray, FloatArray]:
-    """Return the motions that are not too fast: from which node to which, at what cost."""
-    source, target = near_pairs(now, later, np.minimum(_SPEED * most, JUMP))
-    motion = np.sum((later[:, target] - now[:, source]) ** 2, axis=0)
-    return source, target, _MOTION * motion
-
-
-def _gap(
-    now: FloatArray, later: FloatArray, most: FloatArray, names: Sequence[str], where: str
-) -> InputError:
-    """Say why no sequence passes: the limits of speed, or of position."""
-    ratios = [np.abs(later - point[:, None]) / most[:, None] for point in now.T]
-    nearest = min((ratio[:, np.argmin(np.max(ratio, axis=0))] for ratio in ratios), key=np.max)
-    least = float(np.max(nearest))
-    if least > _SPEED:
-        name = names[int(np.argmax(nearest))]
-        allowed = f"at least {1.1 * least:.2g} times as much time there"
-        return InputError(f"speed of {name} at {where}", f"{least:.3g} of its limit", allowed)
-    allowed = "a path that one trajectory follows within the joints' limits"
-    return InputError(where, "reached from no configuration before it", allowed)
+    def _gap(
+        self,
+        now: FloatArray,
+        later: FloatArray,
+        most: FloatArray,
+        names: Sequence[str],
+        where: str,
+    ) -> InputError:
+        """Say why no sequence passes: the limits of speed, or of position."""
+        off = [np.abs(self.apart(later, point[:, None])) / most[:, None] for point in now.T]
+        nearest = min((ratio[:, np.argmin(np.max(ratio, axis=0))] for ratio in off), key=np.max)
+        least = float(np.max(nearest))
+        if least > _SPEED:
+            name = names[int(np.argmax(nearest))]
+            more = f"at least {1.1 * least:.2g} times as much time there"
+            return InputError(f"speed of {name} at {where}", f"{least:.3g} of its limit", more)
+        return InputError(where, "reached from no configuration before it", _ONE_TRAJECTORY)

@@ -118,7 +118,9 @@ def _targets(trajectory: Trajectory, nodes: Nodes) -> tuple[FloatArray, FloatArr
     weight = np.full(target.shape, _KEPT)
     for k, f in zip(*np.nonzero(~trajectory.survives), strict=True):
         near = nodes.at(k)[:, nodes.survives(k)[f]]
-        gaps = np.max(np.abs(near - target[k][:, None]), axis=0)
+        off = nodes.apart(near, target[k][:, None])
+        gaps = np.max(np.abs(off), axis=0)
         if np.min(gaps, initial=JUMP) < JUMP:
-            target[k, f], weight[k, f] = near[f, np.argmin(gaps)], _DRAWN
+            target[k, f] += off[f, np.argmin(gaps)]
+            weight[k, f] = _DRAWN
     return target, weight

@@ -121,25 +121,23 @@ class _Planner:
         #: Most motion between two samples, shape (N - 1, n).
         self.most = velocity * np.diff(self.times)[:, None]
         self.nodes = Nodes(self.kinematics, self.poses, search.seed)
-        #: Whether the self-motion of the samples is made of curves.
-        self.mapped = self.kinematics.size == len(arm.task.rows) + 1
 
     def plan(self) -> PathPlan:
         search = self.search
         self.check_reach()
         search.progress("configurations along the path")
-        minimum_norm = self._add_map() if self.mapped else self._add_candidates()
+        minimum_norm = self._add_map() if self.nodes.mapped else self._add_candidates()
         search.progress("dynamic programming")
         sequence = self._best_sequence()
         planned, statuses, improved, complete = None, [], False, True
         try:
-            if self.mapped:
+            if self.nodes.mapped:
                 self.nodes.test_best()
                 sequence = self._best_sequence()
             for _ in range(search.rounds):
                 self.nodes.add_tracks(self._beside(sequence))
                 sequence = self._best_sequence()
-            if not self.mapped:
+            if not self.nodes.mapped:
                 self._add_scattered()
             planned = self._measured(sequence)
             for weight in _SMOOTHNESS:
@@ -282,7 +280,8 @@ class _Planner:
         # What the ranges of every later sample have in common.
         least = np.maximum.accumulate([np.min(q, axis=1) for q in reversed(nodes)])[::-1]
         largest = np.minimum.accumulate([np.max(q, axis=1) for q in reversed(nodes)])[::-1]
-        apart = (least > largest) & ~single
+        turns = self.kinematics.turns.T & self.nodes.mapped
+        apart = (least > largest) & ~single & ~turns
         return {
             "best_of_samples": 100
             * float(np.mean(np.maximum(best, np.sum(own, 1))))

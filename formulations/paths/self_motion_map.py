@@ -6,6 +6,8 @@ of everything that the arm can do along the path. If joint f locks at θ, the ne
 reached where its curves pass q_f = θ, next to where the arm is. One sweep from the end of the
 path tells for every point which failures the path survives, without any inverse kinematics. It
 is an estimate, between points; `survival` tests those that matter.
+
+Positions of a joint that turns twice or more are counted once, without whole turns.
 """
 
 from __future__ import annotations
@@ -28,21 +30,34 @@ _STEP, _STEPS = 0.07, 600
 _STARTS, _AT_ONCE = 60, 5
 # How often curves start from those of the samples beside, at most.
 _ROUNDS = 12
-# Points at a sample, about, at most: images of the same curves, turns away, may be many.
+# Points at a sample, about, at most.
 _MOST = 1500
-_TURN = 2 * np.pi
 # A start this near a point of a curve is on it; a correction this large has lost the curve.
 _ON_CURVE, _LOST = 1.5 * _STEP, 0.5 * _STEP
 
 
-def near_pairs(q: FloatArray, other: FloatArray, most: FloatArray) -> tuple[IntArray, IntArray]:
-    """Return the pairs of configurations (n, B) whose joints are at most (n,) apart."""
+def near_pairs(
+    q: FloatArray, other: FloatArray, most: FloatArray, turns: BoolArray
+) -> tuple[IntArray, IntArray]:
+    """Return the pairs of configurations (n, B) whose joints are at most (n,) apart.
+
+    Whole turns do not count for those of ``turns``, shape (n, 1).
+    """
     scale = np.maximum(most, 1e-9)[:, None]
-    trees = (cKDTree((side / scale).T) for side in (q, other))
+    trees = (_tree(side, turns, scale) for side in (q, other))
     pairs = next(trees).sparse_distance_matrix(
         next(trees), 1.0, p=np.inf, output_type="coo_matrix"
     )
     return pairs.row.astype(int), pairs.col.astype(int)
+
+
+def _tree(q: FloatArray, turns: BoolArray, scale: FloatArray | float = 1.0) -> cKDTree:
+    """Return a tree of configurations (n, B), in which joints that turn are circles."""
+    circle = np.where(turns, 2 * np.pi / scale, 0.0)[:, 0]
+    inside = np.where(turns, np.mod(q, 2 * np.pi), q) / scale
+    # A rounding error must not put a point beside its circle.
+    most = np.where(turns, np.nextafter(circle, 0)[:, None], np.inf)
+    return cKDTree(np.minimum(inside, most).T, boxsize=circle)
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,10 +70,13 @@ class SelfMotionMap:
         Configurations of each sample, shape (n, B), curve after curve.
     joined
         Whether each point is followed on its curve by the next one, shape (B,).
+    kinematics
+        The arm.
     """
 
     points: tuple[FloatArray, ...]
     joined: tuple[BoolArray, ...]
+    kinematics: Kinematics
 
     def ends(self) -> tuple[IntArray, ...]:
         """Estimate the last sample reached after joint f locks at each point, (n, B) each."""
@@ -68,18 +86,18 @@ class SelfMotionMap:
             here, there = self.points[k], self.points[k + 1]
             last, later = np.full(here.shape, k), ends[-1]
             # Points here, and beginnings of arcs there that may pass near them.
-            reach = JUMP + _ON_CURVE
-            point, first = near_pairs(here, there, np.full(len(here), reach))
+            most, turns = np.full(len(here), JUMP + _ON_CURVE), self.kinematics.turns
+            point, first = near_pairs(here, there, most, turns)
             whole = self.joined[k + 1][first]
             point, first = point[whole], first[whole]
-            for f in range(len(here)):
-                low, width = there[f, first], there[f, first + 1] - there[f, first]
-                off = here[f, point] - low
-                share = np.divide(off, width, out=np.full(len(off), -1.0), where=width != 0)
+            off = self.kinematics.turned(here[:, point] - there[:, first])
+            arcs = self.kinematics.turned(there[:, first + 1] - there[:, first])
+            for f, width in enumerate(arcs):
+                share = np.full(len(width), -1.0)
+                np.divide(off[f], width, out=share, where=width != 0)
                 met = (share >= 0) & (share <= 1)
                 at, arc, share = point[met], first[met], share[met]
-                passed = there[:, arc] + share * (there[:, arc + 1] - there[:, arc])
-                gap = np.max(np.abs(passed - here[:, at]), axis=0)
+                gap = np.max(np.abs(share * arcs[:, met] - off[:, met]), axis=0)
                 # The nearest passage of each point.
                 order = np.lexsort((gap, at))
                 order = order[np.unique(at[order], return_index=True)[1]]
@@ -111,8 +129,6 @@ def self_motion_map(
     drawn = rng.uniform(least, largest, (len(least), len(samples)))
     q, reached = solve_ik(kinematics, drawn, *poses.at(samples), iterations=60)
     curves = _Curves(kinematics, poses)
-    # Of all turns of a joint those nearest the middle of its range.
-    q -= _TURN * np.round((q - kinematics.middle) / _TURN) * kinematics.turns
     curves.add(samples[reached], q[:, reached])
     count = len(poses)
     for _ in range(_ROUNDS):
@@ -135,7 +151,7 @@ def self_motion_map(
         )
         for some in curves.found
     ]
-    return SelfMotionMap(tuple(points), tuple(joined))
+    return SelfMotionMap(tuple(points), tuple(joined), kinematics)
 
 
 class _Curves:
@@ -146,8 +162,13 @@ class _Curves:
         self.found: list[list[FloatArray]] = [[] for _ in range(len(poses))]
 
     def points(self, sample: int) -> FloatArray:
+        """Return all points at a sample, of their turns those nearest the middle, (n, B)."""
         none = np.zeros((self._kinematics.size, 0))
-        return np.concatenate([none, *self.found[sample]], axis=1)
+        return self._nearest(np.concatenate([none, *self.found[sample]], axis=1))
+
+    def _nearest(self, q: FloatArray) -> FloatArray:
+        middle = self._kinematics.middle
+        return middle + self._kinematics.turned(q - middle)
 
     def add(self, samples: IntArray, q: FloatArray) -> int:
         """Follow the curves through starts (n, B) that are on none so far; say how many."""
@@ -176,7 +197,8 @@ class _Curves:
         for sample in np.unique(samples).tolist():
             here, points = samples == sample, self.points(sample)
             if points.shape[1] < _MOST:
-                fresh[here] = cKDTree(points.T).query(q[:, here].T)[0] >= _ON_CURVE
+                tree, asked = (_tree(x, self._kinematics.turns) for x in (points, q[:, here]))
+                fresh[here] = tree.query(asked.data)[0] >= _ON_CURVE
         return fresh
 
     def _followed(self, samples: IntArray, start: FloatArray) -> list[FloatArray]:
@@ -218,7 +240,8 @@ class _Curves:
             moves = np.linalg.solve(square, sides)
             q = q + moves[:, :, 0].T
             on_curve = np.linalg.norm(moves[:, :, 0], axis=1) < _LOST
-            inside = np.all((q >= kinematics.lower) & (q <= kinematics.upper), axis=0)
+            within = (q >= kinematics.lower) & (q <= kinematics.upper)
+            inside = np.all(within | kinematics.turns, axis=0)
             line = np.full(start.shape, np.nan)
             points.append(line)
             over = on_curve & ~inside
@@ -231,18 +254,17 @@ class _Curves:
             line[:, active] = here
             if step > 1:
                 # The start again, perhaps some turns away, closes the curve.
-                off = here - start[:, active]
-                away = _TURN * np.round(off / _TURN) * kinematics.turns
-                near = np.linalg.norm(off - away, axis=0) < 0.8 * _STEP
-                line[:, active[near]] = (start[:, active] + away)[:, near]
+                off = kinematics.turned(here - start[:, active])
+                near = np.linalg.norm(off, axis=0) < 0.8 * _STEP
+                line[:, active[near]] = (here - off)[:, near]
                 closed[active[near]] = True
                 active, here, tangent = active[~near], here[:, ~near], tangent[:, ~near]
         lines = np.array(points).reshape(-1, *start.shape)
         if beyond:  # the last points, at limits
             parts = zip(*beyond, strict=True)
             which, steps, before, q = (np.concatenate(part, axis=-1) for part in parts)
-            q = np.clip(q, kinematics.lower, kinematics.upper)
+            q = np.clip(self._nearest(q), kinematics.lower, kinematics.upper)
             q, reached = solve_ik(kinematics, q, *self._poses.at(samples[which]))
-            reached &= np.linalg.norm(q - before, axis=0) < _ON_CURVE
+            reached &= np.linalg.norm(kinematics.turned(q - before), axis=0) < _ON_CURVE
             lines[steps[reached], :, which[reached]] = q[:, reached].T
         return lines, closed
