@@ -16,7 +16,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -38,6 +38,8 @@ from nlp.errors import InputError, of_kind
 
 # Random starts of the inverse kinematics: at waypoints, and where the path may be out of reach.
 _FIRST, _REACH = 200, 2000
+# Over how many samples, each way, a track turns aside to a better node and back.
+_WIDTHS = np.array([4.0, 12.0])
 # Samples at which tracks begin.
 _ANCHORS = 5
 # Shares that differ by less, in points, are the same.
@@ -57,7 +59,8 @@ class PathSearch:
     duration
         Seconds for the whole path, where the waypoints have no times.
     tracks
-        Candidate tracks; a quarter as many are tried beside the best sequence.
+        Candidate tracks of arms with two joints or more above their task's directions; a
+        twelfth as many are tried beside the best sequence of any arm.
     rounds
         How often tracks beside the best sequence are added.
     seed
@@ -68,7 +71,7 @@ class PathSearch:
 
     samples: int = 60
     duration: float = 10.0
-    tracks: int = 80
+    tracks: int = 240
     rounds: int = 2
     seed: int = 0
     progress: Callable[[str], None] = lambda _: None
@@ -247,17 +250,32 @@ class _Planner:
         self.nodes.add(np.repeat(samples, counts), np.concatenate(parts, axis=1))
 
     def _beside(self, sequence: FloatArray) -> FloatArray:
-        """Return tracks beside a sequence: each is pushed the same way at all samples."""
-        count = max(8, self.search.tracks // 4)
+        """Return tracks beside a sequence, in part those that turn aside to better nodes."""
+        count = max(8, self.search.tracks // 12)
         push = self.rng.normal(size=(sequence.shape[1], count))
         push *= self.rng.uniform(0.02, 0.3, count) / np.linalg.norm(push, axis=0)
-        tracks = np.full((*sequence.shape, count), np.nan)
+        pushes = np.repeat(push[None], len(sequence), axis=0)
+        pushes = np.concatenate([pushes, *self._aside(sequence)], axis=2)
+        tracks = np.full((*sequence.shape, pushes.shape[2]), np.nan)
         for sample, point in enumerate(sequence):
-            start = np.clip(point[:, None] + push, self.kinematics.lower, self.kinematics.upper)
+            start = point[:, None] + pushes[sample]
+            start = np.clip(start, self.kinematics.lower, self.kinematics.upper)
             q, reached = solve_ik(self.kinematics, start, *self.poses.at(sample), iterations=12)
             tracks[sample] = np.where(reached, q, np.nan)
         tracks[:, :, 0] = sequence
         return tracks
+
+    def _aside(self, sequence: FloatArray) -> Iterator[FloatArray]:
+        """Yield pushes towards the nearest of the best nodes of samples, (N, n, widths)."""
+        samples = np.arange(len(sequence))
+        for sample, point in enumerate(sequence):
+            total = np.sum(self.nodes.survives(sample), axis=0)
+            off = self.nodes.apart(self.nodes.at(sample), point[:, None])
+            off = off[:, total == np.max(total, initial=0)]
+            if off.size and np.max(np.abs(off), axis=0).min() > 1e-9:  # not there already
+                nearest = off[:, np.argmin(np.max(np.abs(off), axis=0))]
+                share = 1 - np.abs(samples - sample)[:, None] / _WIDTHS
+                yield np.maximum(share, 0)[:, None] * nearest[:, None]
 
     def _best_sequence(self) -> FloatArray:
         return self.nodes.best_sequence(self.most, self.arm.chain.names, self.places)
