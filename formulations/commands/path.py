@@ -53,7 +53,7 @@ def path(
     tracks: int = option(
         "K",
         "Candidate trajectories of the joints, which the search combines.",
-        80,
+        240,
         low=8,
         high=10_000,
     ),
