@@ -385,6 +385,7 @@ JACOBIANS = {
     "digits.csv": b"9" * 400 + b",2,3\n4,5,6\n",
     "overflow.csv": b"1e200,2,3\n4,1e200,6\n",
     "quoted.csv": b'"1","2","3"\n"4","5","6"\n',
+    "twice.json": b'{"jacobian": [[1,0,1],[0,1,1]], "jacobian": [[1,0,2],[0,1,1]]}',
     "array3d.json": b"[[[1],[2],[3]],[[4],[5],[6]]]",
     "mixed_bools.json": b"[[true,2,3],[4,5,6]]",
     "mixed_texts.json": b'[["1",2,3],[4,5,6]]',

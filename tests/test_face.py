@@ -1,6 +1,8 @@
 """The entry points in one place: all there, the same objects, and imported only when used."""
 
+import copy
 import json
+import pickle
 import subprocess
 import sys
 from importlib import import_module
@@ -98,3 +100,12 @@ def test_results_have_plain_values():
     assert plain[0]["score"] == lj.measures.worst_case_sigma(best.jacobian)
     assert plain[3] == {"value": None, "kind": "exact proof"}
     assert plain[4]["joints"] == 7
+
+
+@pytest.mark.parametrize("again", [lambda o: pickle.loads(pickle.dumps(o)), copy.deepcopy])
+def test_an_outcome_is_stored_and_copied_whole(again):
+    outcome = lj.solve("residual", "free", 3, 2, starts=1, workers=1)
+    other = again(outcome)
+    assert repr(other) == repr(outcome)
+    assert other.case.formulation is outcome.case.formulation
+    assert np.array_equal(other.best.jacobian, outcome.best.jacobian)

@@ -108,8 +108,20 @@ def read_bytes(path: Path, name: str = "file", most: int = MOST_BYTES) -> bytes:
 
 def load_json(content: bytes, path: Path) -> Any:
     """Return the value of a JSON text; FileError, which names the path, if it is none."""
+
+    def distinct(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+        found = dict(pairs)
+        if len(found) < len(pairs):
+            raise FileError(
+                "file", str(path), "valid JSON (a key is given twice in one object)"
+            )
+        return found
+
     try:
-        return json.loads(content.decode("utf-8-sig"))  # bytes could be UTF-16, too
+        text = content.decode("utf-8-sig")  # bytes could be UTF-16, too
+        return json.loads(text, object_pairs_hook=distinct)
+    except FileError:
+        raise
     except json.JSONDecodeError as reason:
         why = str(reason)
     except UnicodeDecodeError:

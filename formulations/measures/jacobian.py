@@ -58,9 +58,11 @@ def singular_values(jacobian: npt.ArrayLike) -> FloatArray:
 
 
 def condition_number(jacobian: npt.ArrayLike) -> float:
-    """σ₁/σ_m; infinity for a singular Jacobian."""
-    values = singular_values(jacobian)
-    return float(values[0] / values[-1]) if values[-1] > 0 else float("inf")
+    """σ₁/σ_m; infinity for a Jacobian that is singular up to rounding."""
+    matrix = as_jacobian(jacobian)
+    values = singular_values(matrix)
+    regular = _numerical_rank(values, matrix) == len(values)
+    return float(values[0] / values[-1]) if regular else float("inf")
 
 
 def manipulability(jacobian: npt.ArrayLike) -> float:

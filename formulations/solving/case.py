@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property, partial
+from importlib import import_module
 from types import MappingProxyType
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -73,9 +75,13 @@ class Case:
         object.__setattr__(self, "options", check_options(self.options, self.solver))
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Pickle from the parts, settings as a plain mapping."""
-        parts = (self.formulation, self.arm, dict(self.settings), self.variant)
-        return type(self), (*parts, self.options, self.solver, self.compiled)
+        """Pickle from the parts, settings as a plain mapping, a module of ours as its name."""
+        formulation: Any = self.formulation
+        name = getattr(formulation, "__name__", "")
+        if name.startswith("formulations.") and sys.modules.get(name) is formulation:
+            formulation = name
+        parts = (formulation, self.arm, dict(self.settings), self.variant)
+        return _unpickled, (*parts, self.options, self.solver, self.compiled)
 
     @property
     def locked(self) -> int:
@@ -118,3 +124,9 @@ class Case:
     def all_options(self) -> CheckedOptions:
         """The solver's options, those of the problem included."""
         return CheckedOptions({**self.build().options.get(self.solver, {}), **self.options})
+
+
+def _unpickled(formulation: Formulation | str, *parts: Any) -> Case:
+    if isinstance(formulation, str):
+        formulation = cast(Formulation, import_module(formulation))
+    return Case(formulation, *parts)

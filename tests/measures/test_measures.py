@@ -196,6 +196,7 @@ def test_singular_jacobians_are_measured_without_warnings():
     found = measure(np.zeros((2, 3)))
     assert found.condition_number == np.inf
     assert np.all(np.isnan(found.relative_manipulability))
+    assert measures.condition_number(np.ones((3, 5))) == np.inf, "no ratio to a rounding error"
     dependent = measures.relative_manipulability([[1, 2, 3], [2, 4, 6]])
     assert np.all(np.isnan(dependent)), "no ratio of rounding errors"
 
