@@ -37,7 +37,7 @@ from formulations.joints.joint import ColumnModel
 from formulations.measures.unequal_failures import FailureModel, Scenarios, scenarios
 from formulations.unequal_max_min import Goal
 from nlp.arrays import FloatArray
-from nlp.errors import InputError
+from nlp.errors import InputError, of_kind
 from nlp.options import OptionValue
 from nlp.problem import Evaluation, Problem, Sense, Stage
 from nlp.solver import Solver
@@ -126,6 +126,8 @@ def check(
     """
     m, n = arm.shape
     goal = unequal_max_min.checked_goal(goal)
+    of_kind("encoding", encoding, (str, type(None)), "an encoding, as text")
+    of_kind("from residual minima", from_residual_minima, bool, "true or false")
     models = () if failures is None else scenarios(failures)
     if not models and goal != "worst":
         raise InputError("goal", goal, "'worst' where all joints are alike")

@@ -19,7 +19,7 @@ from formulations.bounds.so3_moments.global_bound import GlobalBound
 from formulations.formulation import Formulation, check_formulation
 from formulations.joints.joint import ColumnModel
 from nlp.arrays import whole_number
-from nlp.errors import FileError, InputError
+from nlp.errors import FileError, InputError, of_kind
 
 _OURS: tuple[Formulation, ...] = (residual, max_min, isotropy, manipulability)
 # The options of a bound that is computed now.
@@ -151,11 +151,12 @@ def bound(
         If it is to be computed and that fails; see the functions named above.
     """
     statement = formulation_of(formulation)
-    if not hasattr(arm, "matrix"):
+    if isinstance(arm, type) or not hasattr(arm, "matrix"):
         raise InputError(
             "arm", arm, "an Arm, such as arm('unit-revolute', 7, 6), or a RobotArm"
         )
     whole_number("locked", locked, 1)
+    of_kind("kind", kind, str, "a kind of bound, as text")
     if kind in ("relaxation", "rigorous"):
         compute = getattr(statement, "compute_bound", None)
         if compute is None:

@@ -34,7 +34,7 @@ from formulations.measures import unequal_failures
 from formulations.measures.jacobian import check_sets
 from formulations.measures.unequal_failures import Scenarios, largest_weights, scenarios
 from nlp.arrays import FloatArray, whole_number
-from nlp.errors import InputError
+from nlp.errors import InputError, one_of
 from nlp.options import OptionValue
 from nlp.problem import Constraint, Problem
 
@@ -179,9 +179,7 @@ def attained_score(
 
 def checked_goal(goal: str) -> Goal:
     """Return the value if it is a `Goal`; InputError otherwise."""
-    if goal not in get_args(Goal):
-        raise InputError("goal", goal, "one of " + ", ".join(get_args(Goal)))
-    return cast(Goal, goal)
+    return cast(Goal, one_of("goal", goal, get_args(Goal)))
 
 
 def _worst(jacobian: ca.SX, failures: Scenarios, attained: float, encoding: str) -> _Levels:

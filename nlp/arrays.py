@@ -2,9 +2,9 @@
 
 import math
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from numbers import Real
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -47,7 +47,7 @@ def as_floats(argument: str, value: npt.ArrayLike) -> FloatArray:
             with np.errstate(over="ignore"):  # infinity, which callers refuse
                 return np.asarray(given, dtype=np.float64)
         found = f"an array of {given.dtype.name}"
-    except (TypeError, ValueError, OverflowError):
+    except Exception:  # whatever a foreign object raises that should become an array
         found = "an array with entries that are no floating-point numbers"
     raise InputError(argument, found, "an array of real numbers")
 
@@ -62,10 +62,23 @@ def _all_real(given: npt.NDArray[Any]) -> bool:
 def whole_number(argument: str, value: object, lowest: int, highest: int = LARGEST) -> int:
     """Return `value` if it is an integer in this range; InputError otherwise."""
     allowed = f"a whole number of at least {lowest}"
-    if isinstance(value, int | np.integer) and not isinstance(value, bool):
+    if isinstance(value, int | np.integer) and not isinstance(value, bool | np.timedelta64):
         if lowest <= value <= highest:
             return int(value)
         allowed += f" and at most {highest}" if value > highest else ""
+    raise InputError(argument, value, allowed)
+
+
+def real_number(
+    argument: str, value: object, allowed: str, least: float = -LARGEST, most: float = math.inf
+) -> float:
+    """Return a finite number in this range; InputError, which says what is allowed, if not."""
+    number = isinstance(value, int | float | np.integer | np.floating)
+    if number and not isinstance(value, bool | np.timedelta64):
+        with suppress(OverflowError):
+            found = float(cast(Any, value))
+            if math.isfinite(found) and least <= found <= most:
+                return found
     raise InputError(argument, value, allowed)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+from collections.abc import Collection
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -97,6 +98,19 @@ def of_kind(argument: str, value: Any, kind: type | tuple[type, ...], allowed: s
     if not isinstance(value, kind):
         raise InputError(argument, value, allowed)
     return value
+
+
+def one_of(argument: str, value: object, words: Collection[str]) -> Any:
+    """Return a value that is one of these words; InputError otherwise."""
+    if not isinstance(value, str) or value not in words:
+        raise InputError(argument, value, "one of " + ", ".join(words))
+    return value
+
+
+def a_function(argument: str, value: object) -> None:
+    """Raise InputError unless a value can be called."""
+    if not callable(value):
+        raise InputError(argument, value, "a function")
 
 
 def as_path(argument: str, path: object) -> Path:

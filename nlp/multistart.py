@@ -19,7 +19,7 @@ from typing_extensions import TypeVar
 
 from nlp.arrays import FloatArray, Rng, as_floats, one_blas_thread, whole_number
 from nlp.dispatch import dispatch
-from nlp.errors import InputError, WorkerError, of_kind
+from nlp.errors import InputError, WorkerError, a_function, of_kind
 from nlp.executors import LocalExecutor
 from nlp.problem import Problem
 from nlp.starts import Chunk, FinishedStart, Run, Task, packed, run_start, seed_of
@@ -111,6 +111,9 @@ def multistart(
     Exception
         Whatever `build`, `sample` or `judge` raises.
     """
+    for name, given in (("build", build), ("judge", judge), ("figure", figure)):
+        if given is not None or name == "build":
+            a_function(name, given)
     if not callable(sample):
         sample = as_floats("sample", sample)
         starts = len(sample) if starts is None and sample.ndim == 2 else starts
@@ -119,9 +122,16 @@ def multistart(
             raise InputError("sample", shown, "a function, or one row for each start")
     count = whole_number("starts", starts, 1)
     number = seed_of(seed, rng)
-    workers = whole_number("workers", workers, 1)
+    first, workers = whole_number("first", first, 0), whole_number("workers", workers, 1)
     of_kind("executor", executor, (Executor, type(None)), "a concurrent.futures.Executor")
-    task: Task[T] = Task(build, sample, options or {}, judge or _unjudged, solver, compiled)
+    task: Task[T] = Task(
+        build,
+        sample,
+        {} if options is None else options,
+        judge or _unjudged,
+        solver,
+        compiled,
+    )
     indices = range(first, first + count)
     if workers == 1 and executor is None:
         batches = _in_this_process(task, number, indices)

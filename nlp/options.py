@@ -19,7 +19,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from nlp.errors import InputError, SolverOptionError
+from nlp.errors import InputError, SolverOptionError, one_of
 
 OptionValue: TypeAlias = str | int | float
 
@@ -74,8 +74,7 @@ def check_options(options: Mapping[str, object], solver: str = "ipopt") -> Check
         If the solver has no such option, the option does not take the value, or the linear
         solver cannot be loaded.
     """
-    if solver not in ("ipopt", "fatrop"):
-        raise InputError("solver", solver, "one of ipopt, fatrop")
+    one_of("solver", solver, ("ipopt", "fatrop"))
     if not isinstance(options, Mapping):
         raise InputError("options", options, "a mapping from names of options to values")
     if isinstance(options, CheckedOptions):

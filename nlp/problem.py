@@ -11,8 +11,8 @@ from typing import Any, Literal
 import casadi as ca
 import numpy as np
 
-from nlp.arrays import FloatArray
-from nlp.errors import InputError, of_kind
+from nlp.arrays import FloatArray, as_floats
+from nlp.errors import InputError, a_function, of_kind, one_of
 from nlp.options import OptionValue
 
 Sense = Literal["minimise", "maximise"]
@@ -38,6 +38,8 @@ class Constraint:
     upper: FloatArray | float
 
     def __post_init__(self) -> None:
+        of_kind("name", self.name, str, "a text")
+        of_kind("expression", self.expression, ca.SX, "SX expressions")
         object.__setattr__(self, "expression", ca.vec(self.expression))
         _check_bounds(self, self.expression.numel(), (self.name, self.name, self.name))
 
@@ -139,8 +141,15 @@ class Problem:
     first: Stage | None = None
 
     def __post_init__(self) -> None:
-        if self.sense not in ("minimise", "maximise"):
-            raise InputError("sense", self.sense, "'minimise' or 'maximise'")
+        one_of("sense", self.sense, ("minimise", "maximise"))
+        a_function("complete_start", self.complete_start)
+        for name in ("outputs", "options"):
+            of_kind(name, getattr(self, name), Mapping, "a mapping from names")
+        of_kind("constraints", self.constraints, (tuple, list), "a row of Constraint")
+        for constraint in self.constraints:
+            of_kind("constraint", constraint, Constraint, "a Constraint")
+        for name, expression in self.outputs.items():
+            of_kind(f"output {name}", expression, ca.SX, "an SX expression")
         of_kind("variables", self.variables, ca.SX, "a column of SX symbols")
         of_kind("objective", self.objective, ca.SX, "a scalar SX expression")
         if not self.variables.is_column() or not self.variables.is_valid_input():
@@ -209,8 +218,8 @@ class Evaluation:
 def _check_bounds(stated: Constraint | Problem, size: int, names: Sequence[str]) -> None:
     """Make both bounds read-only vectors; the names are those of lower, upper and the pair."""
     for side, name in zip(("lower", "upper"), names, strict=False):
-        bounds = np.array(getattr(stated, side), dtype=np.float64)
         argument = f"bounds of {name}"
+        bounds = as_floats(argument, getattr(stated, side)).copy()
         if bounds.ndim == 0:
             bounds = np.full(size, bounds)
         if bounds.shape != (size,):

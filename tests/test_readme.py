@@ -98,7 +98,7 @@ def test_the_workspaces_are_those_of_the_table():
     rows = {(row["arm"], row["choice"]): row for row in table("workspaces/workspaces.csv")}
     physical, best = (rows["Franka Panda", name] for name in ("physical limits", "best limits"))
     assert (physical["size"], physical["fatal"]) == ("0.0", "panda_joint4")
-    assert f"Panda reaches {float(physical['physical']):.2f} m³" in README
+    assert f"fill {float(physical['physical']):.2f} m³" in README
     kept = f"keeps {float(best['size']):.2f} m³, {float(best['percent_kept']):.0f} %"
     assert kept in README
 

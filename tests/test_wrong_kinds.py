@@ -1,11 +1,14 @@
 """Plausible mistakes in calls of the library get a sentence, no traceback from its inside."""
 
+import casadi as ca
 import numpy as np
 import pytest
 
 import lockedjoint as lj
 
 SEVEN = lj.arm("unit-revolute", 7, 6)
+ARM = lj.realise(lj.optimal_jacobian(8))
+X = ca.SX.sym("x", 2)
 MISTAKES = {
     "a name where an arm is wanted": lambda _: lj.bound("max-min", "unit-revolute"),
     "a text for a number": lambda _: lj.bound("max-min", SEVEN, "1"),
@@ -31,6 +34,42 @@ MISTAKES = {
     "a text for a number of joints": lambda _: lj.optimal_jacobian("8"),
     "nothing to group": lambda _: lj.group_equivalent(None),
     "no problem": lambda _: lj.Problem("a", None, None),
+    "a list for outputs": lambda _: lj.Problem("a", X, X[0], outputs=[X]),
+    "an expression for a constraint": lambda _: lj.Problem("a", X, X[0], constraints=(X,)),
+    "a text for a bound": lambda _: lj.Constraint("c", X, "0", 1),
+    "no function that builds": lambda _: lj.multistart(3, np.zeros((1, 2))),
+    "a negative first start": lambda _: lj.multistart(list, np.zeros((1, 2)), first=-1),
+    "a number for symbols": lambda _: SEVEN.matrix(0),
+    "a seed for a generator": lambda _: SEVEN.sample(0),
+    "a text for a column": lambda _: lj.UnitRevolute().invert("1"),
+    "three entries for six": lambda _: lj.Prismatic().invert([1, 0, 0]),
+    "a table of budgets": lambda _: lj.LeverRevolute(budget=np.ones(2)),
+    "a huge length": lambda _: lj.LeverRevolute(length=10**400),
+    "a class for an arm": lambda _: lj.bound("max-min", lj.Arm),
+    "a table of kinds": lambda _: lj.bound("max-min", SEVEN, kind=np.ones(2)),
+    "a table for an encoding": lambda _: lj.solve("max-min", joints=7, encoding=np.ones(2)),
+    "a table for a goal": lambda _: lj.solve("max-min", joints=7, goal=np.ones(2)),
+    "a number for failures": lambda _: lj.solve("max-min", joints=7, failures=3),
+    "a number for probabilities": lambda _: lj.FailureModel(0.1),
+    "a number for joints": lambda _: lj.FailureModel((0.1, 0.2)).sparing(1),
+    "a text for a tolerance": lambda _: lj.measure(np.eye(2, 3), tolerance="0"),
+    "one matrix to group": lambda _: lj.group_equivalent(np.array(1.0)),
+    "a list for a gap": lambda _: lj.Bound(0.5, "closed form").gap_percent([0.4]),
+    "a text for a value": lambda _: lj.Bound("0.5", "closed form"),
+    "text for a trace": lambda _: lj.measures.sigma_bound(6, 7, "1"),
+    "a path for a matrix": lambda _: lj.measures.locked_sets("j.csv", 1),
+    "a text for the task of an arm": lambda arm: lj.RobotArm(arm.chain, "all"),
+    "five positions for three": lambda arm: arm.within_bounds(np.zeros(5)),
+    "a number for a clearance": lambda arm: lj.best_posture(arm, clearance=0.03),
+    "an angle as a text": lambda _: lj.Pose((0, 0, 0), (0, 0, 0, 1), angle="0.1"),
+    "a table for a search": lambda arm: lj.best_posture(arm, np.ones(2)),
+    "a text for progress": lambda _: lj.Search(progress="yes"),
+    "a number for a size": lambda arm: lj.plot(arm, size=16),
+    "a number for kinds": lambda _: lj.realise(np.eye(2, 3), kinds=3),
+    "a table for a task": lambda _: lj.realise(np.eye(2, 3), task=np.ones(2)),
+    "no sampling": lambda _: lj.choose_arrangement(ARM, "reach", sampling=3),
+    "a table for a ranking": lambda _: lj.choose_arrangement(ARM, "reach", ranking=np.ones(2)),
+    "a number for a name": lambda _: lj.urdf(ARM, name=3),
 }
 
 

@@ -28,6 +28,7 @@ from formulations.bounds.closed_form import (
 from formulations.existence.theorem import excludes
 from formulations.joints.arm import Arm
 from formulations.joints.kinds import FreeColumn, LeverRevolute, Prismatic, UnitRevolute
+from nlp.errors import of_kind
 
 
 @dataclass(frozen=True, repr=False)
@@ -46,6 +47,10 @@ class Bound:
 
     value: float
     kind: str
+
+    def __post_init__(self) -> None:
+        of_kind("value", self.value, (float, int), "a number")
+        of_kind("kind", self.kind, str, "how the bound is known, as text")
 
     @property
     def certified(self) -> bool:

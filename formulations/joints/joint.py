@@ -14,8 +14,8 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from nlp.arrays import FloatArray
-from nlp.errors import InputError
+from nlp.arrays import FloatArray, real_number
+from nlp.errors import InputError, one_of
 from nlp.problem import Constraint
 
 # Bound each joint's own extent, or the mean of the squared extents of all such joints.
@@ -157,12 +157,9 @@ def outside(column: FloatArray, allowed: str) -> NotInModelError:
 
 def check_length(name: str, value: object) -> None:
     """Raise InputError unless the value is a finite number above 0."""
-    number = isinstance(value, (int, float, np.number)) and not isinstance(value, bool)
-    if not number or not np.isfinite(value) or value <= 0:  # type: ignore[call-overload,operator]
-        raise InputError(name, value, "a finite number above 0")
+    real_number(name, value, "a finite number above 0", least=math.ulp(0.0))
 
 
 def check_budget(value: object) -> None:
     """Raise InputError unless the value is a `Budget`."""
-    if value not in ("each", "mean"):
-        raise InputError("budget", value, "'each' or 'mean'")
+    one_of("budget", value, ("each", "mean"))

@@ -23,7 +23,8 @@ from formulations.joints.joint import (
     check_revolute,
     outside,
 )
-from nlp.arrays import FloatArray, whole_number
+from nlp.arrays import FloatArray, finite_vector, whole_number
+from nlp.errors import of_kind
 
 
 @dataclass(frozen=True)
@@ -47,6 +48,7 @@ class UnitRevolute(Joint):
 
     def invert(self, column: FloatArray) -> FloatArray:
         """Angles of the column, in (−π, π] × [−π/2, π/2] × (−π, π]."""
+        column = finite_vector("column", column, 6)
         check_revolute(column)
         x, y, z, *axis = column.tolist()
         if abs(hypot(x, y, z) - 1) > TOLERANCE:
@@ -114,6 +116,7 @@ class LeverRevolute(Joint):
 
     def invert(self, column: FloatArray) -> FloatArray:
         """Return v and ω themselves."""
+        column = finite_vector("column", column, 6)
         check_revolute(column)
         if self.budget == "each" and np.linalg.norm(column[:3]) > self.length + TOLERANCE:
             raise outside(column, f"a lever arm of at most {self.length:g}")
@@ -147,6 +150,7 @@ class Prismatic(Joint):
 
     def invert(self, column: FloatArray) -> FloatArray:
         """Angles of the direction."""
+        column = finite_vector("column", column, 6)
         if np.linalg.norm(column[3:]) > TOLERANCE:
             raise outside(column, "no rotational velocity (prismatic joint)")
         if abs(np.linalg.norm(column[:3]) - self.speed) > TOLERANCE:
@@ -204,6 +208,7 @@ class FreeColumn(Joint):
 
     def sample(self, rng: np.random.Generator, count: int) -> FloatArray:
         """Uniform on the sphere(s) of the given norm."""
+        _check_draw(rng, count)
         entries = rng.standard_normal((count, self.dimension))
         if self.budget == "each":
             norms = np.linalg.norm(entries, axis=1, keepdims=True)
@@ -213,6 +218,7 @@ class FreeColumn(Joint):
 
     def invert(self, column: FloatArray) -> FloatArray:
         """Return the entries themselves."""
+        column = finite_vector("column", column, self.dimension)
         if self.budget == "each" and abs(np.linalg.norm(column) - self.norm) > TOLERANCE:
             raise outside(column, f"a norm of {self.norm:g}")
         return column.copy()
@@ -238,8 +244,14 @@ def _numeric_frame(
 
 def _uniform_direction(rng: np.random.Generator, count: int) -> tuple[FloatArray, FloatArray]:
     """Angles (α, β) of `count` directions, uniform on the sphere; radians."""
+    _check_draw(rng, count)
     alpha = rng.uniform(-np.pi, np.pi, count)
     return alpha, np.arcsin(rng.uniform(-1.0, 1.0, count))
+
+
+def _check_draw(rng: np.random.Generator, count: int) -> None:
+    of_kind("rng", rng, np.random.Generator, "a NumPy Generator")
+    whole_number("count", count, 0)
 
 
 def _in_ball(rng: np.random.Generator, count: int, size: int, budget: Budget) -> FloatArray:

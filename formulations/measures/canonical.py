@@ -21,7 +21,7 @@ import numpy as np
 import numpy.typing as npt
 
 from formulations.measures import as_jacobian
-from nlp.arrays import FloatArray
+from nlp.arrays import FloatArray, real_number
 from nlp.errors import InputError, of_kind
 
 # Largest difference of inner products, relative to ‖J‖_F²/n, within a class.
@@ -191,6 +191,9 @@ def group_equivalent(
         Positions in `jacobians`, one list per class, in the order of first appearance.
     """
     of_kind("jacobians", jacobians, (Sequence, np.ndarray), "a list of matrices")
+    if isinstance(jacobians, np.ndarray) and not jacobians.ndim:
+        raise InputError("jacobians", jacobians, "a list of matrices")
+    real_number("tolerance", tolerance, "a number of at least 0", least=0.0)
     groups: list[list[int]] = []
     known: list[FloatArray] = []
     if symmetry is None:

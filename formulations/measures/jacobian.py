@@ -7,8 +7,8 @@ from math import comb
 import numpy as np
 import numpy.typing as npt
 
-from nlp.arrays import FloatArray, as_floats, whole_number
-from nlp.errors import InputError
+from nlp.arrays import FloatArray, as_floats, finite_vector, real_number, whole_number
+from nlp.errors import InputError, of_kind
 
 # The fourth powers of larger and smaller entries are too near the largest and the smallest
 # floating-point number.
@@ -111,6 +111,7 @@ def is_optimally_failure_tolerant(jacobian: npt.ArrayLike, tolerance: float = 1e
     Both JJᵀ = (T/m)I and ‖j_i‖² = T/n may be off by at most `tolerance`·T/m in any entry.
     """
     matrix = as_jacobian(jacobian)
+    real_number("tolerance", tolerance, "a number of at least 0", least=0.0)
     m, n = matrix.shape
     size = trace(matrix)
     norms = np.sum(matrix**2, axis=0)
@@ -125,6 +126,7 @@ def _deviation(matrix: FloatArray) -> FloatArray:
 
 def locked_sets(matrix: FloatArray, locked: int) -> list[tuple[int, ...]]:
     """Return every set of `locked` joints in lexicographic order; InputError if too many."""
+    matrix = as_jacobian(matrix, "matrix")
     n = matrix.shape[1]
     if whole_number("locked joints", locked, 1) >= n:
         raise InputError("locked joints", locked, f"fewer than the {n} joints")
@@ -168,14 +170,20 @@ def remaining_singular_values(
 
     All sets have one size, which leaves at least m columns.
     """
+    matrix = as_jacobian(matrix, "matrix")
     size = max(1, _CHUNK // matrix.size)  # memory stays bounded, however many sets there are
-    ordered = list(sets)
+    ordered = list(of_kind("sets", sets, Collection, "sets of joints"))
+    chosen = as_floats("sets", ordered)
+    if chosen.ndim != 2 or not np.all(np.isin(chosen, range(matrix.shape[1]))):
+        allowed = f"sets of as many joints each, from 0 to {matrix.shape[1] - 1}"
+        raise InputError("sets", sets, allowed)
+    chosen = chosen.astype(int)
     parts = [
         np.linalg.svd(
-            np.array([np.delete(matrix, joints, axis=1) for joints in ordered[k : k + size]]),
+            np.array([np.delete(matrix, joints, axis=1) for joints in chosen[k : k + size]]),
             compute_uv=False,
         )
-        for k in range(0, len(ordered), size)
+        for k in range(0, len(chosen), size)
     ]
     return np.concatenate(parts)
 
@@ -226,8 +234,7 @@ def eigenvalue_bound(task_dimension: int, joints: int, trace: float, locked: int
     m = whole_number("task dimension", task_dimension, 1)
     n = whole_number("joints", joints, m + 1)
     k = whole_number("locked joints", locked, 1)
-    if not (np.isfinite(trace) and trace >= 0):
-        raise InputError("trace", trace, "a finite number of at least 0")
+    trace = real_number("trace", trace, "a finite number of at least 0", least=0.0)
     if k > n - m:
         return 0.0
     if k == 1:
@@ -251,6 +258,7 @@ def averaged_spectrum(eigenvalues: npt.ArrayLike, joints: int, locked: int = 1) 
         How many joints lock at once, at most n − m.
     """
     values = as_floats("eigenvalues", eigenvalues)
+    values = finite_vector("eigenvalues", values, values.size)
     n = whole_number("joints", joints, values.size + 1)
     if whole_number("locked joints", locked, 1) > n - values.size:
         raise InputError("locked joints", locked, f"at most {n - values.size}")
@@ -266,6 +274,9 @@ def gap_percent(found: float, bound: float) -> float:
 
     NaN where the bound is 0 and the value is not, as a percentage says nothing there.
     """
+    for name, value in (("found", found), ("bound", bound)):
+        if as_floats(name, value).ndim:
+            raise InputError(name, value, "a number")
     if bound == 0:
         return 0.0 if found == 0 else float("nan")
     return 100.0 * abs(bound - found) / abs(bound)

@@ -14,7 +14,7 @@ holds, the *scenarios*, each measure is the least over them.
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from itertools import combinations
 from typing import TypeAlias
@@ -50,7 +50,8 @@ class FailureModel:
     locked: int = 1
 
     def __post_init__(self) -> None:
-        given = tuple(_probability(value) for value in self.probabilities)
+        each = of_kind("probabilities", self.probabilities, Iterable, "one for each joint")
+        given = tuple(_probability(value) for value in each)
         object.__setattr__(self, "probabilities", given)
         if whole_number("locked joints", self.locked, 1) > len(self.fallible):
             allowed = f"at most the number of joints that may fail, {len(self.fallible)}"
@@ -80,7 +81,7 @@ class FailureModel:
     def sparing(self, never: Collection[int], locked: int | None = None) -> FailureModel:
         """Return this model with joints, counted from 0, that never fail."""
         n = len(self.probabilities)
-        for joint in never:
+        for joint in of_kind("never", never, Collection, "joints, counted from 0"):
             if whole_number("joint that never fails", joint, 0) >= n:
                 raise InputError("joint that never fails", joint, f"at most {n - 1}")
         probabilities = tuple(
@@ -137,9 +138,11 @@ def scenarios(failures: Scenarios) -> tuple[FailureModel, ...]:
     InputError
         If there is none, or they differ in the number of joints or of joints that lock.
     """
+    allowed = "a FailureModel, or several"
+    of_kind("failures", failures, (FailureModel, list, tuple), allowed)
     models = (failures,) if isinstance(failures, FailureModel) else tuple(failures)
     for model in models:
-        of_kind("failures", model, FailureModel, "a FailureModel, or several")
+        of_kind("failures", model, FailureModel, allowed)
     shapes = {(model.joints, model.locked) for model in models}
     if len(shapes) != 1:
         allowed = "at least one, all of as many joints, of which as many lock"

@@ -23,6 +23,7 @@ from typing import Any
 import numpy as np
 
 from formulations import measures
+from formulations.joints.joint import check_length
 from formulations.kinematics.forward import Kinematics
 from formulations.kinematics.inverse import solve_ik
 from formulations.kinematics.link_chain import BoolArray
@@ -33,8 +34,8 @@ from formulations.paths.self_motion_map import self_motion_map
 from formulations.paths.survival import follow, on_path, survivors
 from formulations.paths.waypoints import ToolPath, place_name
 from formulations.robots.robot_arm import RobotArm
-from nlp.arrays import FloatArray
-from nlp.errors import InputError, of_kind
+from nlp.arrays import FloatArray, whole_number
+from nlp.errors import InputError, a_function, of_kind
 
 # Random starts of the inverse kinematics: at waypoints, and where the path may be out of reach.
 _FIRST, _REACH = 200, 2000
@@ -76,6 +77,12 @@ class PathSearch:
     seed: int = 0
     progress: Callable[[str], None] = lambda _: None
 
+    def __post_init__(self) -> None:
+        for name, least in (("samples", 3), ("tracks", 1), ("rounds", 0), ("seed", 0)):
+            whole_number(name, getattr(self, name), least)
+        check_length("duration", self.duration)
+        a_function("progress", self.progress)
+
 
 def plan_path(arm: RobotArm, path: ToolPath, search: PathSearch | None = None) -> PathPlan:
     """Search for the trajectory from which the path can most often be finished.
@@ -97,7 +104,8 @@ def plan_path(arm: RobotArm, path: ToolPath, search: PathSearch | None = None) -
         If the task has orientations and the waypoints have none, a waypoint or the path
         between two is out of reach, or the limits of speed leave too little time.
     """
-    search = of_kind("search", search or PathSearch(), PathSearch, "a PathSearch")
+    search = PathSearch() if search is None else search
+    of_kind("search", search, PathSearch, "a PathSearch")
     of_kind("arm", arm, RobotArm, "a RobotArm")
     of_kind("path", path, ToolPath, "a ToolPath, as `read_waypoints` returns it")
     task = arm.task

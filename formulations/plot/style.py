@@ -16,7 +16,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from nlp.errors import FileError, InputError, MissingLibraryError
+from nlp.errors import FileError, InputError, MissingLibraryError, of_kind, shown
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -103,6 +103,7 @@ def read_look(
 
 def _inches(text: str, argument: str) -> tuple[float, float]:
     number = r"\s*(\d+\.?\d*|\.\d+)\s*"
+    of_kind(argument, text, str, "WIDTHxHEIGHT as text, such as 16x10")
     match = re.fullmatch(rf"{number}x{number}(cm|in)?", text, re.ASCII)
     factor = 1.0 if match and match[3] == "in" else _CM
     width, height = (float(side) / factor for side in match.groups()[:2]) if match else (0, 0)
@@ -120,7 +121,7 @@ def _settings(path: str | Path, argument: str) -> Mapping[str, object]:
         settings = rc_params_from_file(path, fail_on_error=True, use_default_template=False)
         return {str(name): value for name, value in settings.items()}
     except (OSError, ValueError, TypeError, KeyError) as error:
-        allowed = f"a style that matplotlib takes ({error})"
+        allowed = f"a style that matplotlib takes ({shown(str(error))})"
         raise FileError(argument, str(path), allowed) from None
 
 

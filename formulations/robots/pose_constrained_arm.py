@@ -27,7 +27,7 @@ from formulations.kinematics.link_chain import BoolArray
 from formulations.kinematics.serial_arm import Ranges
 from formulations.kinematics.tree import RobotError
 from formulations.robots.robot_arm import RobotArm
-from nlp.arrays import FloatArray, as_floats
+from nlp.arrays import FloatArray, as_floats, real_number
 from nlp.errors import InputError
 from nlp.problem import Constraint
 from nlp.solution import FEASIBLE
@@ -79,15 +79,16 @@ class Pose:
         position = as_floats("position", self.position)
         if position.shape != (3,) or not np.all(np.abs(position) <= LARGEST):
             raise InputError("position", self.position, "three finite numbers, in metres")
-        unit = np.reshape((0, 0, 0, 1) if self.quaternion is None else self.quaternion, -1)
-        if not (len(unit) == 4 and abs(np.linalg.norm(unit) - 1) < 1e-6):
+        unit = as_floats(
+            "quaternion", (0, 0, 0, 1) if self.quaternion is None else self.quaternion
+        )
+        if not (unit.shape == (4,) and abs(np.linalg.norm(unit) - 1) < 1e-6):
             raise InputError(
                 "quaternion", self.quaternion, "four numbers of length 1, scalar last"
             )
-        if not 0 <= self.tolerance <= LARGEST:
-            raise InputError("tolerance", self.tolerance, "at least 0, in metres")
-        if not 0 <= self.angle < np.pi:
-            raise InputError("tolerance", self.angle, "an angle of at least 0 and below π")
+        real_number("tolerance", self.tolerance, "at least 0, in metres", 0, LARGEST)
+        allowed = "an angle of at least 0 and below π"
+        real_number("tolerance", self.angle, allowed, 0, np.nextafter(np.pi, 0))
         if self.angle and self.quaternion is None:
             allowed = "an angle only where the pose has an orientation"
             raise InputError("tolerance", self.angle, allowed)

@@ -197,9 +197,10 @@ def best_posture(
         If interrupted before the first start ended.
     """
     of_kind("arm", arm, RobotArm, "a RobotArm, such as RobotArm.read(file, tip)")
-    search = of_kind(
-        "search", search or Search(), Search, "a Search, such as Search(starts=100)"
-    )
+    search = Search() if search is None else search
+    of_kind("search", search, Search, "a Search, such as Search(starts=100)")
+    allowed = "a LinkClearance, which `LinkClearance.read` makes"
+    of_kind("clearance", clearance, (LinkClearance, type(None)), allowed)
     of_kind("at", at, (Pose, type(None)), "a Pose, such as Pose((x, y, z))")
     if at is not None or clearance is not None:
         arm = PoseConstrainedArm(arm.chain, arm.task, arm.length, at, clearance)

@@ -12,7 +12,7 @@ import numpy as np
 
 from formulations import max_min, measures, registry, unequal_max_min
 from formulations.formulation import Formulation
-from formulations.measures.unequal_failures import Scenarios
+from formulations.measures.unequal_failures import Scenarios, scenarios
 from formulations.robots.pose_constrained_arm import PoseConstrainedArm
 from formulations.robots.robot_arm import RobotArm
 from formulations.robots.structural import structural_failures
@@ -21,6 +21,7 @@ from formulations.solving.outcome import Outcome
 from formulations.solving.polish import Polish
 from formulations.solving.solve import run
 from nlp.arrays import FloatArray, whole_number
+from nlp.errors import of_kind
 from nlp.options import CheckedOptions, OptionValue, check_options
 
 # A start is the best of so many random configurations: a robot has many poor optima, and
@@ -87,6 +88,17 @@ class Search:
     failures: Scenarios | None = None
     probabilities_known: bool = True
     goal: unequal_max_min.Goal = "worst"
+
+    def __post_init__(self) -> None:
+        for name, least in (("locked", 1), ("seed", 0), ("workers", 1)):
+            whole_number(name, getattr(self, name), least)
+        if self.starts is not None:
+            whole_number("starts", self.starts, 1)
+        for name in ("progress", "probabilities_known"):
+            of_kind(name, getattr(self, name), bool, "true or false")
+        unequal_max_min.checked_goal(self.goal)
+        if self.failures is not None:
+            scenarios(self.failures)
 
     @property
     def stated(self) -> Formulation:

@@ -31,7 +31,7 @@ from formulations.kinematics.chain_between import chain_between
 from formulations.kinematics.forward import tip_kinematics
 from formulations.kinematics.read_robot import read_robot
 from formulations.robots.task import TaskSpace
-from nlp.arrays import FloatArray, as_floats, finite_vector
+from nlp.arrays import FloatArray, as_floats, finite_vector, whole_number
 from nlp.errors import InputError, of_kind, printable
 from nlp.problem import Constraint
 
@@ -65,6 +65,8 @@ class RobotArm:
     length: float | None = None
 
     def __post_init__(self) -> None:
+        of_kind("chain", self.chain, Chain, "a Chain, as `chain_between` returns it")
+        of_kind("task", self.task, TaskSpace, "a TaskSpace")
         m, n = self.shape
         if n <= m:
             names = ", ".join(self.chain.names)
@@ -169,6 +171,10 @@ class RobotArm:
 
     def within_bounds(self, variables: FloatArray) -> FloatArray:
         """Return the nearest positions within the limits; without limits, within one turn."""
+        variables = as_floats("variables", variables)
+        if variables.shape[-1:] != (self.size,):
+            allowed = f"{self.size} positions"
+            raise InputError("variables", f"of shape {variables.shape}", allowed)
         lower, upper = self.bounds
         continuous = ~np.isfinite(lower) & ~np.isfinite(upper) & ~np.array(self.chain.prismatic)
         one_turn = (variables + np.pi) % (2 * np.pi) - np.pi
@@ -176,7 +182,7 @@ class RobotArm:
 
     def admits(self, jacobian: FloatArray, variables: FloatArray) -> bool:  # noqa: ARG002
         """Whether the positions are ones that can be computed with; limits are kept already."""
-        return bool(np.all(np.abs(variables) <= LARGEST))
+        return bool(np.all(np.abs(as_floats("variables", variables)) <= LARGEST))
 
     def jacobian(self, variables: npt.ArrayLike) -> FloatArray:
         """Return the Jacobian at numeric positions, in units of ℓ, shape (m, n)."""
@@ -261,6 +267,8 @@ class RobotArm:
 
     def samples(self, rng: np.random.Generator, count: int) -> FloatArray:
         """Draw so many configurations, shape (count, n), as `sample` one after another."""
+        of_kind("rng", rng, np.random.Generator, "a NumPy Generator")
+        whole_number("count", count, 0)
         spans = np.where(self.chain.prismatic, _HALF_TRAVEL, _HALF_TURN)
         lower, upper = self.bounds
         wide = upper / 2 - lower / 2 > spans  # the difference itself may overflow

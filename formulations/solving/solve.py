@@ -17,7 +17,7 @@ from formulations.solving.case import Case
 from formulations.solving.outcome import Outcome
 from formulations.solving.record import PolishMethod, Record, judge
 from nlp.arrays import FloatArray, Rng
-from nlp.errors import InputError
+from nlp.errors import InputError, of_kind
 from nlp.executors import default_workers
 from nlp.multistart import multistart
 from nlp.starts import Run, seed_of
@@ -88,11 +88,12 @@ def solve(
     WorkerError
         If worker processes die or hang.
     """
+    of_kind("progress", progress, bool, "true or false")
     case = Case(
         registry.formulation_of(formulation),
         arm_of(arm, joints, task_dimension),
         {name: value for name, value in settings.items() if value is not None},
-        options=options or {},
+        options={} if options is None else options,
         solver=solver,
         compiled=compiled,
     )

@@ -30,7 +30,7 @@ from formulations.synthesis.family import (
 )
 from formulations.synthesis.manipulator import Manipulator
 from nlp.arrays import FloatArray, finite_or_none, whole_number
-from nlp.errors import InputError
+from nlp.errors import InputError, of_kind
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -157,6 +157,8 @@ def rank(
         If there is no such criterion, it is not defined for such a manipulator, or the
         shortlist is not at least 1.
     """
+    of_kind("manipulator", manipulator, Manipulator, "a Manipulator, as `realise` returns it")
+    of_kind("sampling", sampling, (Sampling, type(None)), "a Sampling")
     wanted, sampling = criterion(name), sampling or Sampling()
     shortlist = whole_number("shortlist", shortlist, 1, _EXHAUSTIVE)
     if wanted.self_motion and not one_more_joint(manipulator.joints, manipulator.task):
@@ -228,6 +230,7 @@ def choose_arrangement(
     ranking
         Of the same, if it is there already.
     """
+    of_kind("ranking", ranking, (Ranking, type(None)), "a Ranking, as `rank` returns it")
     ranking = ranking or rank(manipulator, name, sampling, shortlist)
     tied = ranking.arrangements[_tied(CRITERIA[name].sign * ranking.values)]
     clear = CRITERIA["clearance"].cost(family(manipulator, tied), sampling or Sampling())

@@ -15,7 +15,7 @@ from formulations.synthesis.family import Family
 from formulations.synthesis.links import clearance, link_lengths
 from formulations.synthesis.manipulator import TaskRows
 from nlp.arrays import FloatArray, whole_number
-from nlp.errors import InputError
+from nlp.errors import InputError, one_of
 
 # So many Jacobians are decomposed at once, which bounds the memory.
 _CHUNK = 1 << 13
@@ -219,6 +219,4 @@ CRITERIA: Mapping[str, Criterion] = MappingProxyType({by.name: by for by in _ALL
 
 def criterion(name: str) -> Criterion:
     """Return the criterion of that name; InputError if there is none."""
-    if name not in CRITERIA:
-        raise InputError("criterion", name, "one of " + ", ".join(CRITERIA))
-    return CRITERIA[name]
+    return CRITERIA[one_of("criterion", name, CRITERIA)]

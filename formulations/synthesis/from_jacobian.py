@@ -21,7 +21,7 @@ from formulations.joints.joint import NotInModelError, check_length
 from formulations.measures import as_jacobian
 from formulations.synthesis.manipulator import Manipulator, TaskRows
 from nlp.arrays import FloatArray, as_floats, finite_vector
-from nlp.errors import InputError
+from nlp.errors import InputError, of_kind
 
 TOLERANCE = 1e-6
 # Of what is larger or smaller, not all products that criteria and tables need are
@@ -124,6 +124,7 @@ def _prismatic(
 ) -> npt.NDArray[np.bool_]:
     n = columns.shape[1]
     if kinds is not None:
+        of_kind("kinds", kinds, str, "letters R or P, one per joint")
         if len(kinds) != n or set(kinds.upper()) - set("RP"):
             raise InputError("kinds", kinds, f"{n} letters R or P, one per joint")
         if task is TaskRows.ROTATIONAL and "P" in kinds.upper():

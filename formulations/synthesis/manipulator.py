@@ -76,7 +76,7 @@ class TaskRows(StrEnum):
             raise InputError("jacobian", f"of {rows} rows", "2, 3 or 6 rows")
         if name is None:
             return fitting[0]
-        if name not in fitting:
+        if not isinstance(name, str) or name not in fitting:
             allowed = f"{' or '.join(fitting)} for a Jacobian of {rows} rows"
             raise InputError("task", name, allowed)
         return cls(name)

@@ -92,6 +92,7 @@ def urdf(manipulator: Manipulator, name: str = "lockedjoint") -> str:
         If the manipulator is so small or so large that simulators cannot step it.
     """
     of_kind("manipulator", manipulator, Manipulator, "a Manipulator, as `realise` returns it")
+    of_kind("name", name, str, "a name, as text")
     size, n = manipulator.size, manipulator.joints
     if not SMALLEST <= size <= LARGEST:
         allowed = f"{SMALLEST:g} to {LARGEST:g} metres in a URDF; choose another length"

@@ -25,7 +25,7 @@ def test_a_scalar_bound_holds_for_every_row():
 @pytest.mark.parametrize(
     ("change", "sentence"),
     [
-        ({"sense": "minimize"}, "sense is minimize; allowed: 'minimise' or 'maximise'."),
+        ({"sense": "minimize"}, "sense is minimize; allowed: one of minimise, maximise."),
         ({"lower": np.zeros(3)}, "bounds of lower is of shape"),
         ({"lower": np.array([0.0, np.nan])}, "NaN"),
         ({"lower": 1.0, "upper": 0.0}, "lower <= upper"),
