@@ -141,6 +141,7 @@ class Problem:
     first: Stage | None = None
 
     def __post_init__(self) -> None:
+        of_kind("name", self.name, str, "a text")
         one_of("sense", self.sense, ("minimise", "maximise"))
         a_function("complete_start", self.complete_start)
         for name in ("outputs", "options"):

@@ -181,7 +181,7 @@ def packed(task: Task[Any]) -> bytes:
     """Return the task in a form that travels; InputError if it has none."""
     try:
         return bytes(cloudpickle.dumps(task))  # takes functions of a script or notebook
-    except (pickle.PicklingError, AttributeError, TypeError) as reason:
+    except Exception as reason:  # of whatever is in the task, such as symbols
         allowed = "functions that can be sent to other processes"
         raise InputError("build, sample or judge", str(reason), allowed) from None
 

@@ -17,7 +17,7 @@ from formulations.io.provenance import provenance
 from formulations.solving.case import Case
 from formulations.solving.record import Record, judge
 from nlp.arrays import FloatArray
-from nlp.errors import InputError, StoreError, as_path
+from nlp.errors import InputError, StoreError, as_path, of_kind
 from nlp.solution import Solution, Status
 from nlp.starts import Run, Task
 from nlp.store import Kind, Store, Value
@@ -54,6 +54,8 @@ _PROBLEM = {"formulation": str, "model": str, "joints": int, "task_dimension": i
 
 def open_store(path: Path | str, *, writable: bool = False, salvage: bool = False) -> Store:
     """Open a campaign's store; see `nlp.store.Store`."""
+    for name, value in (("writable", writable), ("salvage", salvage)):
+        of_kind(name, value, bool, "true or false")
     return Store(
         as_path("store", path), COLUMNS, _APPLICATION, writable=writable, salvage=salvage
     )

@@ -18,7 +18,7 @@ from typing import TypeAlias
 import numpy as np
 
 from formulations.existence.exact_jacobian import MOST_JOINTS, ExactJacobian
-from nlp.arrays import FloatArray
+from nlp.arrays import FloatArray, whole_number
 from nlp.errors import InputError
 
 # A number as a sum of terms: a coefficient times roots, which are named here.
@@ -27,6 +27,8 @@ _ALLOWED = (
     "8 or more: six joints or fewer lose a direction of motion with any joint that locks, and "
     "for seven it is proved that there is none"
 )
+# Columns that are computed with at all.
+_MOST_COLUMNS = 1_000_000
 _WRITTEN = f"at most {MOST_JOINTS} in a certificate; docs/existence.md has the proof for all"
 
 
@@ -51,6 +53,7 @@ def optimal_jacobian(joints: int) -> FloatArray:
     """
     if not isinstance(joints, int | np.integer) or joints < 8:
         raise InputError("joints", joints, _ALLOWED)
+    whole_number("joints", joints, 8, _MOST_COLUMNS)
     m, along = _ring(joints)
     a, b = float(along) ** 0.5, float((1 - along) / 2) ** 0.5
     v, w = np.array([2**0.5 * b, 0, a]), np.array([-a / 2**0.5, 0.5**0.5, b])

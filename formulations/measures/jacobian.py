@@ -172,8 +172,10 @@ def remaining_singular_values(
     """
     matrix = as_jacobian(matrix, "matrix")
     size = max(1, _CHUNK // matrix.size)  # memory stays bounded, however many sets there are
-    ordered = list(of_kind("sets", sets, Collection, "sets of joints"))
-    chosen = as_floats("sets", ordered)
+    given = (
+        sets if isinstance(sets, np.ndarray) else list(of_kind("sets", sets, Collection, ""))
+    )
+    chosen = as_floats("sets", given)
     if chosen.ndim != 2 or not np.all(np.isin(chosen, range(matrix.shape[1]))):
         allowed = f"sets of as many joints each, from 0 to {matrix.shape[1] - 1}"
         raise InputError("sets", sets, allowed)

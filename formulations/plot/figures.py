@@ -27,7 +27,7 @@ from formulations.solving.outcome import Outcome
 from formulations.solving.record import Record
 from formulations.synthesis.manipulator import Manipulator
 from formulations.workspaces.workspace import Workspace
-from nlp.errors import InputError
+from nlp.errors import InputError, of_kind
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -145,6 +145,7 @@ def plot(
     'bars.pdf'
     """
     figure_class()
+    of_kind("title", title, bool, "true or false")
     look = read_look(size, title, style)
     with looking(look):
         return Plot(_figure(value), look)

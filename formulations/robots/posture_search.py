@@ -96,6 +96,7 @@ class Search:
             whole_number("starts", self.starts, 1)
         for name in ("progress", "probabilities_known"):
             of_kind(name, getattr(self, name), bool, "true or false")
+        of_kind("options", self.options, Mapping, "a mapping from names of options to values")
         unequal_max_min.checked_goal(self.goal)
         if self.failures is not None:
             scenarios(self.failures)

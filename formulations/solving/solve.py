@@ -120,7 +120,7 @@ def arm_of(
     if isinstance(arm, Sequence) and all(isinstance(joint, Joint) for joint in arm):
         row: Any = arm
         built = Arm(tuple(row))
-    if not (hasattr(built, "matrix") and hasattr(built, "admits")):
+    if isinstance(built, type) or not (hasattr(built, "matrix") and hasattr(built, "admits")):
         raise InputError("arm", repr(arm), "a name, an Arm, a RobotArm or a row of joints")
     m, n = built.shape
     for argument, given, own in (("joints", joints, n), ("task dimension", task_dimension, m)):
