@@ -100,6 +100,14 @@ def of_kind(argument: str, value: Any, kind: type | tuple[type, ...], allowed: s
     return value
 
 
+def entries_of(argument: str, value: Any, allowed: str) -> list[Any]:
+    """Return the entries of a list, an array or another row; InputError if it is none."""
+    try:
+        return list(value)
+    except TypeError:  # also an array of no dimension
+        raise InputError(argument, value, allowed) from None
+
+
 def one_of(argument: str, value: object, words: Collection[str]) -> Any:
     """Return a value that is one of these words; InputError otherwise."""
     if not isinstance(value, str) or value not in words:

@@ -17,7 +17,7 @@ import numpy.typing as npt
 
 from nlp.arrays import FloatArray, finite_vector
 from nlp.compiled import callbacks, compiled_callbacks, compiled_functions
-from nlp.errors import InputError
+from nlp.errors import InputError, of_kind
 from nlp.generated import INVALID, Generated, generated
 from nlp.options import QUIET, OptionValue, check_options
 from nlp.problem import Constraint, Evaluation, Problem
@@ -61,6 +61,7 @@ class Solver:
         name: str = "ipopt",
         compiled: bool = False,
     ) -> None:
+        of_kind("problem", problem, Problem, "a Problem")
         given = check_options(options or {}, name)
         checked = {**problem.options.get(name, {}), **given}
         if name == "fatrop":

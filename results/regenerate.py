@@ -22,6 +22,7 @@ from results.figures import figures
 from results.paths import paths
 from results.robots import robots
 from results.script import parser, run
+from results.seeds import seeds
 from results.workspaces import workspaces
 
 RESULTS = Path(__file__).parent
@@ -39,6 +40,7 @@ STUDIES: Mapping[str, Study] = MappingProxyType(
             failures.STUDY,
             figures.STUDY,
             robots.STUDY,
+            seeds.STUDY,
             paths.STUDY,
             workspaces.STUDY,
             atlas.STUDY,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from html import escape
@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from formulations.joints.joint import TOLERANCE, Joint, NotInModelError
 from nlp.arrays import FloatArray, as_floats, finite_vector, whole_number
-from nlp.errors import InputError, of_kind
+from nlp.errors import InputError, entries_of, of_kind
 from nlp.problem import Constraint
 
 # What can be stated is less, see `formulations.joints.models.arm`.
@@ -72,8 +72,8 @@ class Arm(FreeVariables):
     joints: tuple[Joint, ...]
 
     def __post_init__(self) -> None:
-        of_kind("joints", self.joints, Iterable, "a row of joints")
-        object.__setattr__(self, "joints", tuple(self.joints))
+        joints = tuple(entries_of("joints", self.joints, "a row of joints"))
+        object.__setattr__(self, "joints", joints)
         for joint in self.joints:
             of_kind("joint", joint, Joint, "a Joint, such as UnitRevolute()")
         dimensions = sorted({joint.dimension for joint in self.joints})

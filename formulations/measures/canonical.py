@@ -22,7 +22,7 @@ import numpy.typing as npt
 
 from formulations.measures import as_jacobian
 from nlp.arrays import FloatArray, real_number
-from nlp.errors import InputError, of_kind
+from nlp.errors import InputError, entries_of
 
 # Largest difference of inner products, relative to ‖J‖_F²/n, within a class.
 TOLERANCE = 1e-3
@@ -190,9 +190,9 @@ def group_equivalent(
     list of list of int
         Positions in `jacobians`, one list per class, in the order of first appearance.
     """
-    of_kind("jacobians", jacobians, (Sequence, np.ndarray), "a list of matrices")
-    if isinstance(jacobians, np.ndarray) and not jacobians.ndim:
-        raise InputError("jacobians", jacobians, "a list of matrices")
+    jacobians = entries_of("jacobians", jacobians, "a list of matrices")
+    if len({np.shape(one) for one in map(as_jacobian, jacobians)}) > 1:
+        raise InputError("jacobians", "of several shapes", "matrices of one shape")
     real_number("tolerance", tolerance, "a number of at least 0", least=0.0)
     groups: list[list[int]] = []
     known: list[FloatArray] = []

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from nlp.arrays import FloatArray, as_floats, finite_vector, real_number, whole_number
-from nlp.errors import InputError, of_kind
+from nlp.errors import InputError, entries_of
 
 # The fourth powers of larger and smaller entries are too near the largest and the smallest
 # floating-point number.
@@ -172,10 +172,7 @@ def remaining_singular_values(
     """
     matrix = as_jacobian(matrix, "matrix")
     size = max(1, _CHUNK // matrix.size)  # memory stays bounded, however many sets there are
-    given = (
-        sets if isinstance(sets, np.ndarray) else list(of_kind("sets", sets, Collection, ""))
-    )
-    chosen = as_floats("sets", given)
+    chosen = as_floats("sets", entries_of("sets", sets, "sets of joints"))
     if chosen.ndim != 2 or not np.all(np.isin(chosen, range(matrix.shape[1]))):
         allowed = f"sets of as many joints each, from 0 to {matrix.shape[1] - 1}"
         raise InputError("sets", sets, allowed)

@@ -14,7 +14,7 @@ holds, the *scenarios*, each measure is the least over them.
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from itertools import combinations
 from typing import TypeAlias
@@ -25,7 +25,7 @@ import numpy.typing as npt
 from formulations import measures
 from formulations.measures.jacobian import MOST_SETS, check_sets
 from nlp.arrays import FloatArray, whole_number
-from nlp.errors import InputError, of_kind
+from nlp.errors import InputError, entries_of, of_kind
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ class FailureModel:
     locked: int = 1
 
     def __post_init__(self) -> None:
-        each = of_kind("probabilities", self.probabilities, Iterable, "one for each joint")
+        each = entries_of("probabilities", self.probabilities, "one for each joint")
         given = tuple(_probability(value) for value in each)
         object.__setattr__(self, "probabilities", given)
         if whole_number("locked joints", self.locked, 1) > len(self.fallible):
@@ -81,7 +81,7 @@ class FailureModel:
     def sparing(self, never: Collection[int], locked: int | None = None) -> FailureModel:
         """Return this model with joints, counted from 0, that never fail."""
         n = len(self.probabilities)
-        for joint in of_kind("never", never, Collection, "joints, counted from 0"):
+        for joint in entries_of("never", never, "joints, counted from 0"):
             if whole_number("joint that never fails", joint, 0) >= n:
                 raise InputError("joint that never fails", joint, f"at most {n - 1}")
         probabilities = tuple(

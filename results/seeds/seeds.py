@@ -1,0 +1,104 @@
+"""Whether six searches from other random starts end at the same best posture of an arm."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+from itertools import chain
+from pathlib import Path
+
+from formulations.io.study import Effort
+from formulations.io.table import HIDDEN, column, read_rows
+from formulations.robots.posture import best_posture
+from formulations.robots.posture_search import Search
+from results.robots.survey import ARMS, SurveyArm
+from results.script import main, study_of
+
+_SEEDS = 6
+# Share of the best within which another seed has found the same.
+_SAME = 1e-4
+#: Arms on which the stopping rule was not tried while it was made.
+OTHERS = tuple(read_rows(Path(__file__).with_name("others.csv"), SurveyArm))
+
+
+@dataclass(frozen=True)
+class SeedRow:
+    """One arm: the columns of ``seeds.csv``.
+
+    Attributes
+    ----------
+    arm, task
+        What was searched; see `SurveyArm`.
+    group
+        `survey` or `others`; on some arms of the survey the stopping rule was tried.
+    joints
+        n.
+    best
+        The largest worst-case σ of all seeds.
+    agree
+        Seeds that found it, within 0.01 %.
+    shortfall
+        Of the seed that found the least, in percent of the best.
+    settled
+        Seeds for which the rule held before the largest number of starts.
+    least_starts, most_starts
+        Of the seeds.
+    optima
+        Different scores at which starts ended, the most of all seeds.
+    """
+
+    arm: str
+    task: str
+    group: str = field(metadata=HIDDEN)
+    joints: int
+    best: float = field(metadata=column("best σ", ".6f"))
+    agree: int = field(metadata=column(f"seeds of {_SEEDS} that found it"))
+    shortfall: float = field(metadata=column("least, % below", ".2g"))
+    settled: int = field(metadata=column("rule held"))
+    least_starts: int = field(metadata=column("fewest starts"))
+    most_starts: int = field(metadata=column("most starts"))
+    optima: int = field(metadata=column("optima seen"))
+
+
+def compute(effort: Effort, folder: Path) -> Iterator[SeedRow]:  # noqa: ARG001
+    """Yield a row for each arm without a structural failure; those are not searched."""
+    arms = [(robot, robot.arm()) for robot in chain(OTHERS, ARMS)]
+    search = Search(starts=effort.starts, workers=effort.workers, progress=effort.bars)
+    for robot, arm in arms:
+        found = []
+        for seed in range(effort.seed, effort.seed + _SEEDS):
+            effort.progress(f"{robot.name}, {robot.task}, seed {seed}")
+            found.append(best_posture(arm, replace(search, seed=seed)))
+            if not found[-1].complete:
+                raise KeyboardInterrupt
+            if not found[-1].starts:  # structural
+                break
+        else:
+            scores = [posture.assessment.worst_case_sigma for posture in found]
+            best = max(scores)
+            starts = [posture.starts for posture in found]
+            yield SeedRow(
+                arm=robot.name,
+                task=robot.task,
+                group="survey" if robot in ARMS else "others",
+                joints=arm.shape[1],
+                best=best,
+                agree=sum(score >= (1 - _SAME) * best for score in scores),
+                shortfall=100 * (1 - min(scores) / best),
+                settled=sum(posture.settled for posture in found),
+                least_starts=min(starts),
+                most_starts=max(starts),
+                optima=max(posture.optima for posture in found),
+            )
+
+
+STUDY = study_of(
+    __file__,
+    title="the same best posture from six seeds",
+    page="seeds.md",
+    tables={"seeds": SeedRow},
+    takes="two hours, and packages of robots",
+    compute=compute,
+    long=True,
+)
+
+if __name__ == "__main__":
+    main(STUDY, __file__)
