@@ -1,5 +1,6 @@
 """The worst failure, and the direction that it hurts most; of many Jacobians, its gradient."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,6 +15,9 @@ from formulations.measures.jacobian import (
 from nlp.arrays import FloatArray, as_floats
 from nlp.errors import InputError
 
+# Share of the largest eigenvalue above which the least of JJᵀ − jjᵀ tells which failure is the
+# worst, and, cubed, above which σ from its eigenvector is right to 1e-12 of the largest.
+_FAR_FROM_SINGULAR, _SURE = 1e-8, 1e-19
 # Failures tie when they leave the same to this share of it, or of the largest entry of J.
 TIE = 1e-6
 
@@ -168,6 +172,30 @@ def worst_case_sigma_batch(jacobians: npt.ArrayLike) -> WorstCases:
         sigma[k], lengths[k] = singular[-1], 1.0
         left[k], right[k, some] = turned[:, -1], rows[m - 1]
     return WorstCases(sigma, joint, left, right / lengths[:, None])
+
+
+def worst_case_of_one(jacobian: FloatArray) -> tuple[float, FloatArray, FloatArray]:
+    """Return σ, u and v of `worst_case_sigma_batch` for one Jacobian, without its checks.
+
+    For all failures the least eigenvalue of JJᵀ − jjᵀ, all at once; σ is then |J_Fᵀu|, which
+    is right to the square of the error of u.
+    """
+    columns = jacobian.T
+    values, vectors = np.linalg.eigh(
+        jacobian @ columns - columns[:, :, None] * columns[:, None, :]
+    )
+    joint = int(values[:, 0].argmin())
+    left = vectors[joint, :, 0]
+    least, largest = values[joint, 0], values[joint, -1]
+    gap = values[joint, 1] - least if left.size > 1 else largest
+    # The error of u is that of the eigenvalues over their distance.
+    if not (least > _FAR_FROM_SINGULAR * largest and gap**2 * least > _SURE * largest**3):
+        worst = worst_case_sigma_batch(jacobian[None])
+        return float(worst.sigma[0]), worst.left[0], worst.right[0]
+    right = left @ jacobian
+    right[joint] = 0.0
+    sigma = math.sqrt(right @ right)
+    return sigma, left, right / sigma
 
 
 def _worst_downdate(

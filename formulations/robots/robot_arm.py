@@ -30,15 +30,17 @@ from formulations.kinematics.chain import LARGEST, Chain
 from formulations.kinematics.chain_between import chain_between
 from formulations.kinematics.forward import tip_kinematics
 from formulations.kinematics.read_robot import read_robot
+from formulations.measures.jacobian import LARGEST_ENTRY
+from formulations.measures.worst_failure import worst_case_of_one
 from formulations.robots.task import TaskSpace
 from nlp.arrays import FloatArray, as_floats, finite_vector, whole_number
 from nlp.errors import InputError, of_kind, printable
-from nlp.problem import Constraint
+from nlp.problem import Constraint, Evaluation
 
 # A joint without limits, or with wider ones, is drawn from twice this: one turn, two metres.
 _HALF_TURN, _HALF_TRAVEL = np.pi, 1.0
-# Configurations that are evaluated at once: memory stays bounded.
-_AT_ONCE = 10_000
+# Configurations that are evaluated at once, a power of two.
+_AT_ONCE = 256
 
 
 @dataclass(frozen=True)
@@ -248,11 +250,16 @@ class RobotArm:
         if points.ndim not in (1, 2) or points.shape[-1] != n:
             allowed = f"shape (N, {n}) or ({n},)"
             raise InputError("configurations", f"an array of shape {points.shape}", allowed)
-        rows = points.reshape(-1, n)
+        if points.ndim == 1:
+            return self._worst_case_at(points)
+        rows = np.ascontiguousarray(points)
         sigma, gradient = np.empty(len(rows)), np.empty(rows.shape)
-        for k in range(0, len(rows), _AT_ONCE):
-            part = slice(k, k + _AT_ONCE)
-            sigma[part], gradient[part] = self._worst_case(np.ascontiguousarray(rows[part]))
+        done = 0
+        while done < len(rows):
+            # Powers of two: functions of few sizes are built, whatever the size of a batch.
+            part = slice(done, done + min(_AT_ONCE, 1 << (len(rows) - done).bit_length() - 1))
+            sigma[part], gradient[part] = self._worst_case(rows[part])
+            done = part.stop
         return sigma.reshape(points.shape[:-1]), gradient.reshape(points.shape)
 
     @property
@@ -276,6 +283,16 @@ class RobotArm:
         least = np.where(wide, centre - spans, lower)
         largest = np.where(wide, centre + spans, upper)
         return np.asarray(rng.uniform(least, largest, (count, self.size)))
+
+    def _worst_case_at(self, point: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Do the same for one configuration, in the time of a control tick."""
+        matrix, slope = _single_functions(self)
+        jacobian = matrix(point)[0]
+        if not np.all(np.abs(jacobian) <= LARGEST_ENTRY):  # NaN, too
+            measures.worst_case_sigma_batch(jacobian[None])  # says what is wrong
+        sigma, left, right = worst_case_of_one(jacobian)
+        gradient = slope(np.concatenate([point, left, right]))[0][:, 0]
+        return np.asarray(sigma), gradient
 
     def _worst_case(self, rows: FloatArray) -> tuple[FloatArray, FloatArray]:
         count, (m, n) = len(rows), self.shape
@@ -317,13 +334,24 @@ def _metric_function(arm: RobotArm) -> ca.Function:
 
 
 @lru_cache(maxsize=64)
-def _batch_functions(arm: RobotArm, count: int) -> tuple[ca.Function, ca.Function]:
-    """Return J(q), and the gradient of uᵀJ(q)v, at so many configurations at once."""
+def _statement(arm: RobotArm) -> tuple[tuple[ca.SX, ...], ca.SX, ca.SX]:
+    """Return symbols (q, u, v), J(q), and the gradient of uᵀJ(q)v."""
     q, u, v = arm.symbols(), ca.SX.sym("u", arm.shape[0]), ca.SX.sym("v", arm.shape[1])
     matrix = ca.densify(arm.matrix(q))  # what follows has room for all entries
-    slope = ca.densify(ca.gradient(ca.bilin(matrix, u, v), q))
-    matrices = ca.Function("matrices", [q], [matrix])
-    return matrices.map(count), ca.Function("slope", [q, u, v], [slope]).map(count)
+    return (q, u, v), matrix, ca.densify(ca.gradient(ca.bilin(matrix, u, v), q))
+
+
+@lru_cache(maxsize=64)
+def _single_functions(arm: RobotArm) -> tuple[Evaluation, Evaluation]:
+    symbols, matrix, slope = _statement(arm)
+    return Evaluation(symbols[0], [matrix]), Evaluation(ca.vertcat(*symbols), [slope])
+
+
+@lru_cache(maxsize=64)
+def _batch_functions(arm: RobotArm, count: int) -> tuple[ca.Function, ca.Function]:
+    symbols, matrix, slope = _statement(arm)
+    matrices = ca.Function("matrices", [symbols[0]], [matrix])
+    return matrices.map(count), ca.Function("slope", [*symbols], [slope]).map(count)
 
 
 def _call(function: ca.Function, result: FloatArray, *arguments: FloatArray) -> None:

@@ -200,6 +200,22 @@ def test_worst_cases_of_many_postures(name, task, length):
     assert gradient[smooth] == pytest.approx(slopes[smooth], abs=1e-6)
 
 
+@pytest.mark.parametrize("name", ["Franka", "KUKA", "TIAGo,", "PR2"])
+def test_one_posture_is_one_of_many(name):
+    """Another way of computing the same, also near singular postures."""
+    arm = real(name)
+    rng = np.random.default_rng(3)
+    points = np.array([arm.sample(rng) for _ in range(300)])
+    sigma, gradient = arm.worst_case(points)
+    alone = [arm.worst_case(point) for point in points]
+    assert np.array([one for one, _ in alone]) == pytest.approx(sigma, abs=1e-12)
+    left = np.sort([measures.locked_singular_values(arm.jacobian(one)) for one in points])
+    clear = (sigma > 1e-6) & (left[:, 1] - left[:, 0] > 1e-6)
+    slopes = np.array([slope for _, slope in alone])
+    assert np.sum(clear) > 200 or name == "KUKA"
+    assert slopes[clear] == pytest.approx(gradient[clear], abs=1e-7)
+
+
 def test_many_postures_are_fast(cpu_seconds):
     """Measured at 20 times a loop that has no gradient; half of that is the least accepted."""
     arm = real("Franka")
