@@ -16,7 +16,7 @@ from formulations.joints.arm import Arm
 from formulations.joints.kinds import LeverRevolute, Prismatic, UnitRevolute
 from formulations.measures.canonical import Classes, Symmetry, canonical_form
 from formulations.solving.outcome import REACHED_BEST
-from nlp.errors import InputError
+from nlp.errors import InputError, shown
 from nlp.solution import ACCEPTABLE, FEASIBLE, SUCCESS
 from nlp.store import Store
 
@@ -76,7 +76,7 @@ def _chosen(table: pd.DataFrame, where: str) -> pd.DataFrame:
     try:
         rows: Any = table.eval(where)
     except Exception as reason:  # pandas raises many kinds
-        raise InputError("condition", where, f"{allowed} ({reason})") from None
+        raise InputError("condition", where, f"{allowed} ({shown(str(reason))})") from None
     if str(getattr(rows, "dtype", "")) != "bool":
         raise InputError("condition", where, allowed)
     chosen: pd.DataFrame = table[rows]
