@@ -73,7 +73,7 @@ def worst_case(jacobian: npt.ArrayLike, locked: int = 1) -> WorstCase:
 def weakest_direction(matrix: FloatArray) -> FloatArray:
     """Left singular vector of the smallest singular value, its largest entry positive."""
     matrix = as_floats("matrix", matrix)
-    if matrix.ndim != 2 or not matrix.size or not np.all(np.isfinite(matrix)):
+    if matrix.ndim != 2 or not len(matrix) or not np.all(np.isfinite(matrix)):
         raise InputError("matrix", f"of shape {matrix.shape}", "a matrix of finite numbers")
     direction = np.linalg.svd(matrix)[0][:, -1]
     return np.asarray(direction * np.sign(direction[np.argmax(np.abs(direction))]))
