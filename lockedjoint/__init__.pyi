@@ -39,8 +39,9 @@ from formulations.robots.posture_search import Search as Search
 from formulations.robots.pose_constrained_arm import Pose as Pose
 from formulations.paths.search import plan_path as plan_path
 
-# Files: matrices, waypoints, a campaign's records, the best Jacobians known.
+# Files: matrices, robots, waypoints, a campaign's records, the best Jacobians known.
 from formulations.measures.read_jacobians import read_jacobians as read_jacobians
+from formulations.kinematics.read_robot import read_robot as read_robot
 from formulations.paths.waypoints import read_waypoints as read_waypoints
 from formulations.campaign.records import open_store as open_store
 from formulations.atlas.collection import read_atlas as read_atlas

@@ -40,7 +40,8 @@ class ChainOptions:
         Path,
         typer.Argument(
             metavar="ROBOT",
-            help="The robot: a URDF file, an MJCF file, or a Denavit–Hartenberg table (.csv).",
+            help="The robot: a URDF file, an MJCF file, a Denavit–Hartenberg table (.csv), or "
+            "robot_descriptions:NAME of the package of that name.",
         ),
     ]
     tip: str | None = option(
@@ -61,6 +62,11 @@ class ChainOptions:
         "A joint that has locked already, and where, in radians or metres; it has no"
         " column in the Jacobian. May be repeated.",
     )
+
+    def __post_init__(self) -> None:
+        from formulations.kinematics.read_robot import robot_file
+
+        object.__setattr__(self, "file", robot_file(self.file))
 
     def chain(self) -> Chain:
         """Read the robot and return its chain; InputError if anything is wrong with it."""

@@ -3,6 +3,7 @@
 ========================  ================================================================
 source                    what it must be
 ========================  ================================================================
+``robot_descriptions:X``  the URDF or MJCF file of the package's module X
 path that ends in .csv    a Denavit–Hartenberg table, see `read_dh`
 any other path            XML: ``<robot>`` is URDF, ``<mujoco>`` is MJCF, see `read_mujoco`
 yourdfpy.URDF             as it was loaded
@@ -14,6 +15,9 @@ mujoco.MjModel            see `read_mujoco`
 from __future__ import annotations
 
 import os
+import sys
+from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -25,8 +29,9 @@ from formulations.kinematics.read_urdf import urdf_tree, yourdfpy_tree
 from formulations.kinematics.read_xml import from_file, xml_root
 from formulations.kinematics.tree import Limit, Mimic, RobotTree, TreeJoint
 from nlp.arrays import FloatArray
-from nlp.errors import InputError
+from nlp.errors import InputError, MissingLibraryError
 
+_DESCRIPTIONS = "robot_descriptions"
 _SOURCES = (
     "the path of a URDF, of an MJCF file, or of a Denavit–Hartenberg table in .csv; or a "
     "model of yourdfpy, pinocchio or mujoco"
@@ -56,7 +61,7 @@ def read_robot(source: object) -> RobotTree:
     if isinstance(source, RobotTree):
         return source
     if isinstance(source, str | os.PathLike):
-        path = Path(source)
+        path = robot_file(source)
         if path.suffix.lower() == ".csv":
             return from_file(path, lambda text: dh_tree(text, path.stem))
         return from_file(path, lambda text: _xml_tree(text, path.parent))
@@ -71,6 +76,41 @@ def read_robot(source: object) -> RobotTree:
     if "mujoco" in origins and hasattr(model, "jnt_type"):
         return mujoco_tree(model)
     raise InputError("robot", f"of type {type(source).__name__}", _SOURCES)
+
+
+def robot_file(source: str | os.PathLike[str]) -> Path:
+    """Return the path of a robot's file, also for ``robot_descriptions:panda_description``.
+
+    The package downloads what is not in its cache yet; with nothing in it, that is refused.
+
+    Raises
+    ------
+    InputError
+        If the package is not installed, or has no file of that name.
+    """
+    package, colon, name = os.fspath(source).partition(":")
+    if package != _DESCRIPTIONS or not colon:
+        return Path(source)
+    if find_spec(package) is None:
+        raise MissingLibraryError(package)
+    cache = Path(os.environ.get("ROBOT_DESCRIPTIONS_CACHE", "~/.cache/robot_descriptions"))
+    fetched = cache.expanduser().is_dir() and any(cache.expanduser().iterdir())
+    why = f"its cache {cache} is empty"
+    if not name.isidentifier() or find_spec(f"{package}.{name}") is None:
+        allowed = f"a module of {package}, such as panda_description"
+        raise InputError("robot description", name, allowed)
+    if fetched:
+        try:
+            module = import_module(f"{package}.{name}")
+            for kind in ("URDF_PATH", "MJCF_PATH"):
+                if hasattr(module, kind):
+                    return Path(getattr(module, kind))
+            why = "it has neither URDF nor MJCF"
+        except Exception as error:  # of git, of the network, of the module
+            why = str(error).strip().rpartition("\n")[2]
+    fill = f"`{sys.executable} -m {package} pull {name}`"
+    allowed = f"one that is in the package's cache, which {fill} fills ({why})"
+    raise InputError("robot description", name, allowed)
 
 
 def _xml_tree(content: bytes, folder: Path) -> RobotTree:

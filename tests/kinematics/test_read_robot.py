@@ -2,6 +2,7 @@
 
 import json
 import re
+import subprocess
 import sys
 from io import StringIO
 from pathlib import Path
@@ -19,6 +20,7 @@ from formulations.kinematics.read_robot import read_robot
 from formulations.robots.robot_arm import RobotArm
 from formulations.robots.task import TaskSpace
 from nlp.errors import FileError, InputError
+from results.robots.survey import ARMS as SURVEY
 from tests.made_robots import SMALL, real, toolbox_robot
 
 EXACT = 1e-12
@@ -329,6 +331,47 @@ def test_a_library_that_is_not_there_is_named(monkeypatch, tmp_path):
     monkeypatch.setitem(sys.modules, "mujoco", None)
     with pytest.raises(InputError, match=r"mujoco is missing: .*pip install"):
         read_robot(mjcf(tmp_path))
+
+
+@pytest.fixture
+def cache(tmp_path, monkeypatch):
+    """A cache of robot_descriptions that has one repository, of another commit."""
+    repository = tmp_path / "cache" / "example-robot-data-mine" / "example-robot-data"
+    folder = repository / "robots" / "panda_description" / "urdf"
+    folder.mkdir(parents=True)
+    (folder / "panda.urdf").write_bytes(SURVEY[0].path.read_bytes())
+    git = "git", "-C", str(repository), "-c", "user.name=a", "-c", "user.email=a@b.c"
+    for words in (["init", "-q", "-b", "mine"], ["add", "-A"], ["commit", "-q", "-m", "a"]):
+        subprocess.run([*git, *words], check=True)
+    monkeypatch.setenv("ROBOT_DESCRIPTIONS_CACHE", str(tmp_path / "cache"))
+    monkeypatch.setenv("ROBOT_DESCRIPTION_COMMIT", "mine")
+    monkeypatch.delitem(sys.modules, "robot_descriptions.panda_description", raising=False)
+    yield folder / "panda.urdf"
+    sys.modules.pop("robot_descriptions.panda_description", None)
+
+
+def test_a_robot_by_its_name(cache, capsys):
+    by_name = RobotArm.read("robot_descriptions:panda_description", "panda_hand")
+    assert by_name == RobotArm.read(cache, "panda_hand")
+    words = ["measure-robot", "robot_descriptions:panda_description", "--tip", "panda_hand"]
+    app([*words, "--json"], standalone_mode=False)
+    found = json.loads(capsys.readouterr().out)
+    middle = by_name.chain.mid_range
+    assert np.array(found["jacobian"]) == pytest.approx(by_name.jacobian(middle))
+
+
+@pytest.mark.parametrize("name", ["", "nobody", "panda_description", "os.path", "../panda"])
+def test_robots_that_are_not_in_the_cache_are_refused(name, tmp_path, monkeypatch):
+    monkeypatch.setenv("ROBOT_DESCRIPTIONS_CACHE", str(tmp_path))
+    with pytest.raises(InputError, match=r"pull panda_desc|such as panda_description") as said:
+        read_robot(f"robot_descriptions:{name}")
+    assert "\n" not in str(said.value)
+
+
+def test_the_package_of_robots_may_be_missing(monkeypatch):
+    monkeypatch.setitem(sys.modules, "robot_descriptions", None)
+    with pytest.raises(InputError, match=r"robot_descriptions is missing: .* -m pip install"):
+        read_robot("robot_descriptions:panda_description")
 
 
 def test_files_that_mjcf_includes(tmp_path):
