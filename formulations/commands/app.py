@@ -13,7 +13,7 @@ from formulations.commands.arguments import expanded, option
 GROUPS = {
     "Design": ("compare", "solve", "measure", "realise"),
     "Certify": ("bound", "prove", "verify"),
-    "Robots": ("measure-robot", "posture", "path", "workspace", "view"),
+    "Robots": ("measure-robot", "posture", "path", "workspace", "view", "codegen"),
     "Many starts": ("campaign", "show", "join", "atlas"),
     "Results": ("reproduce", "figure"),
 }
@@ -49,6 +49,8 @@ workspace arm.urdf --optimise limits
 workspace arm.urdf --limits elbow=0:2 --figure workspace.svg
 view arm.urdf
 view arm.urdf --task position --port 0
+codegen arm.urdf --out code
+codegen arm.urdf --tip tool --task position --name arm
 campaign study.toml --store study.db
 campaign study.toml --store study.db --workers 8 --time-limit 60
 show study.db

@@ -334,7 +334,7 @@ def _metric_function(arm: RobotArm) -> ca.Function:
 
 
 @lru_cache(maxsize=64)
-def _statement(arm: RobotArm) -> tuple[tuple[ca.SX, ...], ca.SX, ca.SX]:
+def statement(arm: RobotArm) -> tuple[tuple[ca.SX, ...], ca.SX, ca.SX]:
     """Return symbols (q, u, v), J(q), and the gradient of uᵀJ(q)v."""
     q, u, v = arm.symbols(), ca.SX.sym("u", arm.shape[0]), ca.SX.sym("v", arm.shape[1])
     matrix = ca.densify(arm.matrix(q))  # what follows has room for all entries
@@ -343,13 +343,13 @@ def _statement(arm: RobotArm) -> tuple[tuple[ca.SX, ...], ca.SX, ca.SX]:
 
 @lru_cache(maxsize=64)
 def _single_functions(arm: RobotArm) -> tuple[Evaluation, Evaluation]:
-    symbols, matrix, slope = _statement(arm)
+    symbols, matrix, slope = statement(arm)
     return Evaluation(symbols[0], [matrix]), Evaluation(ca.vertcat(*symbols), [slope])
 
 
 @lru_cache(maxsize=64)
 def _batch_functions(arm: RobotArm, count: int) -> tuple[ca.Function, ca.Function]:
-    symbols, matrix, slope = _statement(arm)
+    symbols, matrix, slope = statement(arm)
     matrices = ca.Function("matrices", [symbols[0]], [matrix])
     return matrices.map(count), ca.Function("slope", [*symbols], [slope]).map(count)
 
