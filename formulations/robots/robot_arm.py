@@ -18,29 +18,24 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
-from typing import Any, cast
 
 import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from formulations import measures
 from formulations.joints.joint import check_length
 from formulations.kinematics.chain import LARGEST, Chain
 from formulations.kinematics.chain_between import chain_between
 from formulations.kinematics.forward import tip_kinematics
 from formulations.kinematics.read_robot import read_robot
-from formulations.measures.jacobian import LARGEST_ENTRY
-from formulations.measures.worst_failure import worst_case_of_one
 from formulations.robots.task import TaskSpace
+from formulations.robots.worst_cases import worst_case_at, worst_cases
 from nlp.arrays import FloatArray, as_floats, finite_vector, whole_number
 from nlp.errors import InputError, of_kind, printable
-from nlp.problem import Constraint, Evaluation
+from nlp.problem import Constraint
 
 # A joint without limits, or with wider ones, is drawn from twice this: one turn, two metres.
 _HALF_TURN, _HALF_TRAVEL = np.pi, 1.0
-# Configurations that are evaluated at once, a power of two.
-_AT_ONCE = 256
 
 
 @dataclass(frozen=True)
@@ -250,17 +245,7 @@ class RobotArm:
         if points.ndim not in (1, 2) or points.shape[-1] != n:
             allowed = f"shape (N, {n}) or ({n},)"
             raise InputError("configurations", f"an array of shape {points.shape}", allowed)
-        if points.ndim == 1:
-            return self._worst_case_at(points)
-        rows = np.ascontiguousarray(points)
-        sigma, gradient = np.empty(len(rows)), np.empty(rows.shape)
-        done = 0
-        while done < len(rows):
-            # Powers of two: functions of few sizes are built, whatever the size of a batch.
-            part = slice(done, done + min(_AT_ONCE, 1 << (len(rows) - done).bit_length() - 1))
-            sigma[part], gradient[part] = self._worst_case(rows[part])
-            done = part.stop
-        return sigma.reshape(points.shape[:-1]), gradient.reshape(points.shape)
+        return worst_case_at(self, points) if points.ndim == 1 else worst_cases(self, points)
 
     @property
     def depends_on_length(self) -> bool:
@@ -283,25 +268,6 @@ class RobotArm:
         least = np.where(wide, centre - spans, lower)
         largest = np.where(wide, centre + spans, upper)
         return np.asarray(rng.uniform(least, largest, (count, self.size)))
-
-    def _worst_case_at(self, point: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Do the same for one configuration, in the time of a control tick."""
-        matrix, slope = _single_functions(self)
-        jacobian = matrix(point)[0]
-        if not np.all(np.abs(jacobian) <= LARGEST_ENTRY):  # NaN, too
-            measures.worst_case_sigma_batch(jacobian[None])  # says what is wrong
-        sigma, left, right = worst_case_of_one(jacobian)
-        gradient = slope(np.concatenate([point, left, right]))[0][:, 0]
-        return np.asarray(sigma), gradient
-
-    def _worst_case(self, rows: FloatArray) -> tuple[FloatArray, FloatArray]:
-        count, (m, n) = len(rows), self.shape
-        matrices, slope = _batch_functions(self, count)
-        stack, gradient = np.empty((count, n, m)), np.empty((count, n))
-        _call(matrices, stack, rows)
-        worst = measures.worst_case_sigma_batch(stack.transpose(0, 2, 1))
-        _call(slope, gradient, rows, worst.left, worst.right)
-        return worst.sigma, gradient
 
     def _scaled(self, metric: FloatArray, length: float) -> FloatArray:
         metric[:3] /= length
@@ -331,33 +297,3 @@ class RobotArm:
 def _metric_function(arm: RobotArm) -> ca.Function:
     q = arm.symbols()
     return ca.Function("metric", [q], [arm._symbolic_metric(q)])
-
-
-@lru_cache(maxsize=64)
-def statement(arm: RobotArm) -> tuple[tuple[ca.SX, ...], ca.SX, ca.SX]:
-    """Return symbols (q, u, v), J(q), and the gradient of uᵀJ(q)v."""
-    q, u, v = arm.symbols(), ca.SX.sym("u", arm.shape[0]), ca.SX.sym("v", arm.shape[1])
-    matrix = ca.densify(arm.matrix(q))  # what follows has room for all entries
-    return (q, u, v), matrix, ca.densify(ca.gradient(ca.bilin(matrix, u, v), q))
-
-
-@lru_cache(maxsize=64)
-def _single_functions(arm: RobotArm) -> tuple[Evaluation, Evaluation]:
-    symbols, matrix, slope = statement(arm)
-    return Evaluation(symbols[0], [matrix]), Evaluation(ca.vertcat(*symbols), [slope])
-
-
-@lru_cache(maxsize=64)
-def _batch_functions(arm: RobotArm, count: int) -> tuple[ca.Function, ca.Function]:
-    symbols, matrix, slope = statement(arm)
-    matrices = ca.Function("matrices", [symbols[0]], [matrix])
-    return matrices.map(count), ca.Function("slope", [*symbols], [slope]).map(count)
-
-
-def _call(function: ca.Function, result: FloatArray, *arguments: FloatArray) -> None:
-    """Evaluate on the memory of arrays: a row here is a column of CasADi, nothing is copied."""
-    buffer, evaluate = cast("Any", function).buffer()
-    for k, argument in enumerate(arguments):
-        buffer.set_arg(k, argument.data)
-    buffer.set_res(0, result.data)
-    evaluate()

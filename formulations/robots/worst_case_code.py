@@ -13,7 +13,8 @@ from itertools import combinations
 
 import casadi as ca
 
-from formulations.robots.robot_arm import RobotArm, statement
+from formulations.robots.robot_arm import RobotArm
+from formulations.robots.worst_cases import statement
 from nlp.errors import of_kind
 
 # Sweeps after which rows of up to six entries are orthogonal, and steps of Newton's method.
