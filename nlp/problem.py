@@ -151,6 +151,8 @@ class Problem:
             of_kind("constraint", constraint, Constraint, "a Constraint")
         for name, expression in self.outputs.items():
             of_kind(f"output {name}", expression, ca.SX, "an SX expression")
+        of_kind("derivatives", self.derivatives, (Derivatives, type(None)), "Derivatives")
+        of_kind("first", self.first, (Stage, type(None)), "a Stage")
         of_kind("variables", self.variables, ca.SX, "a column of SX symbols")
         of_kind("objective", self.objective, ca.SX, "a scalar SX expression")
         if not self.variables.is_column() or not self.variables.is_valid_input():

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 import lockedjoint as lj
+from formulations.robots.task import TaskSpace
 
 SEVEN = lj.arm("unit-revolute", 7, 6)
 ARM = lj.realise(lj.optimal_jacobian(8))
@@ -70,6 +71,13 @@ MISTAKES = {
     "no sampling": lambda _: lj.choose_arrangement(ARM, "reach", sampling=3),
     "a table for a ranking": lambda _: lj.choose_arrangement(ARM, "reach", ranking=np.ones(2)),
     "a number for a name": lambda _: lj.urdf(ARM, name=3),
+    "a name that no file takes": lambda _: lj.urdf(ARM, name="a\0b"),
+    "half a character for a name": lambda _: lj.urdf(ARM, name="\udcff"),
+    "a number for directions": lambda _: TaskSpace(3),
+    "lists for directions": lambda _: TaskSpace((["vx"],)),
+    "a table for a frame": lambda _: TaskSpace(("vx",), np.ones(2)),
+    "a function for derivatives": lambda _: lj.Problem("a", X, X[0], derivatives=len),
+    "a problem for a stage": lambda _: lj.Problem("a", X, X[0], first=lj.Problem("b", X, X[0])),
 }
 
 
@@ -79,3 +87,14 @@ def test_a_mistake_is_one_sentence(mistake, made):
         mistake(made.planar([1.0, 0.7, 0.4]))
     assert "; allowed: " in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+def test_rows_of_any_kind_are_rows(made):
+    """Lists, arrays and generators, where tuples are kept and hashed."""
+    arm = made.planar([1.0, 0.7, 0.4])
+    assert lj.FailureModel((0.1,) * 3).sparing(k for k in (1,)).probabilities[1] == 0
+    assert lj.RobotArm(arm.chain, TaskSpace(["vx", "vy"])) == arm
+    for kind in (list, np.array):
+        pose = lj.Pose(kind([0.4, 0.1, 0.5]), kind([0, 0, 0, 1.0]), angle=0.1)
+        assert hash(pose) == hash(lj.Pose((0.4, 0.1, 0.5), (0, 0, 0, 1), angle=0.1))
+        np.testing.assert_array_equal(pose.rotation, np.eye(3))

@@ -36,7 +36,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csc_matrix
 
 from formulations.bounds.planar_cells import TURN, Cell, first_cells, is_crowded, is_one_sided
-from nlp.arrays import FloatArray, whole_number
+from nlp.arrays import FloatArray, real_number, whole_number
 from nlp.errors import InputError
 
 ComplexArray: TypeAlias = NDArray[np.complex128]
@@ -108,8 +108,7 @@ def planar_bound(
     k = whole_number("locked", locked, 1, n - 2)
     if measure not in get_args(Measure):
         raise InputError("measure", measure, " or ".join(get_args(Measure)))
-    if not 0 < level < math.inf:
-        raise InputError("level", level, "a positive finite number")
+    real_number("level", level, "a number above 0, at most 1e100", math.ulp(0.0), 1e100)
     most = whole_number("most_nodes", most_nodes, 1)
     limit = 2 * level**2 / n if measure == "max-min" else level
     limit -= _ROUNDING

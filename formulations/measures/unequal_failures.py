@@ -81,7 +81,8 @@ class FailureModel:
     def sparing(self, never: Collection[int], locked: int | None = None) -> FailureModel:
         """Return this model with joints, counted from 0, that never fail."""
         n = len(self.probabilities)
-        for joint in entries_of("never", never, "joints, counted from 0"):
+        never = entries_of("never", never, "joints, counted from 0")
+        for joint in never:
             if whole_number("joint that never fails", joint, 0) >= n:
                 raise InputError("joint that never fails", joint, f"at most {n - 1}")
         probabilities = tuple(

@@ -86,6 +86,10 @@ class Pose:
             raise InputError(
                 "quaternion", self.quaternion, "four numbers of length 1, scalar last"
             )
+        # Hashable, as an arm at a pose has to be.
+        object.__setattr__(self, "position", tuple(position.tolist()))
+        if self.quaternion is not None:
+            object.__setattr__(self, "quaternion", tuple(unit.tolist()))
         real_number("tolerance", self.tolerance, "at least 0, in metres", 0, LARGEST)
         allowed = "an angle of at least 0 and below π"
         real_number("tolerance", self.angle, allowed, 0, np.nextafter(np.pi, 0))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
-from nlp.errors import InputError
+from nlp.errors import InputError, entries_of, one_of
 
 DIRECTIONS = ("vx", "vy", "vz", "wx", "wy", "wz")
 GROUPS = {"all": DIRECTIONS, "position": DIRECTIONS[:3], "orientation": DIRECTIONS[3:]}
@@ -34,13 +34,12 @@ class TaskSpace:
     frame: Frame = "base"
 
     def __post_init__(self) -> None:
-        known = set(self.directions) <= set(DIRECTIONS)
-        if not self.directions or not known or len(set(self.directions)) < len(self.directions):
-            names = ", ".join((*GROUPS, *DIRECTIONS))
-            shown = ",".join(self.directions)
-            raise InputError("task", shown, f"some of {names}, with commas, each once")
-        if self.frame not in ("base", "tip"):
-            raise InputError("frame", self.frame, "'base' or 'tip'")
+        allowed = f"some of {', '.join((*GROUPS, *DIRECTIONS))}, with commas, each once"
+        given = tuple(map(str, entries_of("task", self.directions, allowed)))
+        if not given or not set(given) <= set(DIRECTIONS) or len(set(given)) < len(given):
+            raise InputError("task", ",".join(given), allowed)
+        object.__setattr__(self, "directions", given)
+        one_of("frame", self.frame, ("base", "tip"))
 
     @classmethod
     def parse(cls, text: str, frame: str = "base") -> TaskSpace:

@@ -92,7 +92,8 @@ def urdf(manipulator: Manipulator, name: str = "lockedjoint") -> str:
         If the manipulator is so small or so large that simulators cannot step it.
     """
     of_kind("manipulator", manipulator, Manipulator, "a Manipulator, as `realise` returns it")
-    of_kind("name", name, str, "a name, as text")
+    if not of_kind("name", name, str, "a name, as text").isprintable():
+        raise InputError("name", name, "a name without control characters")
     size, n = manipulator.size, manipulator.joints
     if not SMALLEST <= size <= LARGEST:
         allowed = f"{SMALLEST:g} to {LARGEST:g} metres in a URDF; choose another length"
