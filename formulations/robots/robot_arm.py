@@ -17,7 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import casadi as ca
 import numpy as np
@@ -29,7 +29,7 @@ from formulations.kinematics.chain_between import chain_between
 from formulations.kinematics.forward import tip_kinematics
 from formulations.kinematics.read_robot import read_robot
 from formulations.robots.task import TaskSpace
-from formulations.robots.worst_cases import worst_case_at, worst_cases
+from formulations.robots.worst_cases import ScaledChain, smooth_worst_cases, worst_cases
 from nlp.arrays import FloatArray, as_floats, finite_vector, whole_number
 from nlp.errors import InputError, of_kind, printable
 from nlp.problem import Constraint
@@ -207,7 +207,7 @@ class RobotArm:
         return self._length(self.metric_jacobian(variables))
 
     def _length(self, metric: FloatArray) -> float:
-        if not self._follows_configuration:
+        if not self.scaled.follows_configuration:
             return 1.0 if self.length is None else self.length
         columns = metric[:, ~np.array(self.chain.prismatic)]
         square = float(np.sum(columns[:3] ** 2) / np.sum(columns[3:] ** 2))
@@ -240,12 +240,45 @@ class RobotArm:
         InputError
             If the shape is another, a number is not finite, or J is not.
         """
+        return worst_cases(self.scaled, self._points(configurations))
+
+    def smooth_worst_case(
+        self, configurations: npt.ArrayLike, width: float = 0.01
+    ) -> tuple[FloatArray, FloatArray]:
+        """Smooth lower bound of the worst case and its gradient, as `worst_case` gives them.
+
+        For solvers and control loops: at a maximum of σ failures tie, and its gradient
+        jumps. This one's does not, and it is at most w log(mn) below σ; see
+        `measures.smooth_worst_case_batch`.
+
+        Parameters
+        ----------
+        configurations
+            Positions of the free joints, radians or metres, shape (N, n); or one, (n,).
+        width
+            w > 0, in units of ℓ: singular values that are closer count together.
+
+        Returns
+        -------
+        numpy.ndarray
+            The value, shape (N,) or ().
+        numpy.ndarray
+            Its gradient, shape (N, n) or (n,).
+
+        Raises
+        ------
+        InputError
+            As `worst_case`, or if the width is not above 0.
+        """
+        return smooth_worst_cases(self.scaled, self._points(configurations), width)
+
+    def _points(self, configurations: npt.ArrayLike) -> FloatArray:
         points = as_floats("configurations", configurations)
         n = self.size
         if points.ndim not in (1, 2) or points.shape[-1] != n:
             allowed = f"shape (N, {n}) or ({n},)"
             raise InputError("configurations", f"an array of shape {points.shape}", allowed)
-        return worst_case_at(self, points) if points.ndim == 1 else worst_cases(self, points)
+        return points
 
     @property
     def depends_on_length(self) -> bool:
@@ -274,10 +307,10 @@ class RobotArm:
         metric[:, list(self.chain.prismatic)] *= length
         return metric[self.task.rows]
 
-    @property
-    def _follows_configuration(self) -> bool:
-        slides_only = all(self.chain.prismatic)
-        return self.length is None and self.task.linear and not slides_only
+    @cached_property
+    def scaled(self) -> ScaledChain:
+        """The chain, the task and the length, as `worst_cases` takes them."""
+        return ScaledChain(self.chain, self.task, self.length)
 
     def _symbolic_metric(self, variables: ca.SX) -> ca.SX:
         full, _, rotation = tip_kinematics(self.chain, variables)
@@ -286,7 +319,7 @@ class RobotArm:
         return ca.vertcat(rotation.T @ full[:3, :], rotation.T @ full[3:, :])
 
     def _symbolic_length(self, metric: ca.SX) -> ca.SX:
-        if not self._follows_configuration:
+        if not self.scaled.follows_configuration:
             return ca.SX(1.0 if self.length is None else self.length)
         revolute = [k for k, joint in enumerate(self.chain.joints) if not joint.prismatic]
         columns = metric[:, revolute]

@@ -64,12 +64,11 @@ def worst_case_function(arm: RobotArm, name: str = "worst_case") -> ca.Function:
         tie, those of one of them.
     """
     of_kind("arm", arm, RobotArm, "a RobotArm")
-    symbols, matrix, slope = statement(arm)
+    q, matrix, slope = statement(arm.scaled)
     left, right, joint = _worst(matrix)
     sigma = ca.norm_2(right)
-    given = [symbols[0], left, right / (sigma + _TINY)]
-    gradient = ca.Function("slope", [*symbols], [slope])(*given)
-    return ca.Function(name, [symbols[0]], [sigma, gradient, joint], ["q"], ["s", "g", "f"])
+    gradient = slope(left @ right.T / (sigma + _TINY))
+    return ca.Function(name, [q], [sigma, gradient, joint], ["q"], ["s", "g", "f"])
 
 
 def worst_case_code(arm: RobotArm, name: str = "worst_case") -> tuple[str, str]:

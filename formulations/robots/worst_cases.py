@@ -1,86 +1,200 @@
 """The worst case of an arm and its gradient at many configurations, or fast at one.
 
-J and the gradient of uᵀJ(q)v are CasADi's; the worst failure and its singular vectors u and v
-are those of `measures`.
+∂σ/∂J is that of `measures`; from there to ∂σ/∂q it is cross products of columns of J, in
+NumPy for many configurations and as CasADi's expressions for one.
 """
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any, cast
+from typing import Any, TypeAlias
 
 import casadi as ca
 import numpy as np
+import numpy.typing as npt
 
 from formulations import measures
-from formulations.joints.joint import ColumnModel
-from formulations.measures.jacobian import LARGEST_ENTRY
-from formulations.measures.worst_failure import worst_case_of_one
+from formulations.kinematics.chain import Chain
+from formulations.kinematics.forward import Kinematics, slope_of_columns, tip_columns
+from formulations.measures.many_failures import worst_case_of_one
+from formulations.robots.task import TaskSpace
 from nlp.arrays import FloatArray
 from nlp.problem import Evaluation
 
-# Configurations that are evaluated at once, a power of two.
-_AT_ONCE = 256
+# What is to be raised: from Jacobians (N, m, n) to values (N,) and slopes ∂/∂J (N, m, n).
+Value: TypeAlias = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
+# Configurations that are evaluated at once: their arrays stay in the processor's cache.
+_AT_ONCE = 1024
+_Entries: TypeAlias = npt.NDArray[Any]
 
 
-def worst_case_at(arm: ColumnModel, point: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return σ (eq. 5) and its gradient at one point, shape (n,), in the time of a tick."""
-    matrix, slope = _single_functions(arm)
-    jacobian = matrix(point)[0]
-    if not np.all(np.abs(jacobian) <= LARGEST_ENTRY):  # NaN, too
-        measures.worst_case_sigma_batch(jacobian[None])  # says what is wrong
-    sigma, left, right = worst_case_of_one(jacobian)
-    return np.asarray(sigma), slope(np.concatenate([point, left, right]))[0][:, 0]
+@dataclass(frozen=True)
+class ScaledChain:
+    """A chain, its task, and the length ℓ that J is in units of, if one is given."""
+
+    chain: Chain
+    task: TaskSpace
+    length: float | None
+
+    def __hash__(self) -> int:
+        """Look at some of it: the whole takes longer than a tenth of an evaluation."""
+        chain = self.chain
+        return hash((chain.robot, chain.tip, chain.locked_at, len(chain.joints), self.length))
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """(m, n): task dimension and number of joints."""
+        return len(self.task.directions), len(self.chain.joints)
+
+    @property
+    def follows_configuration(self) -> bool:
+        """Whether ℓ is that of each configuration."""
+        slides_only = all(self.chain.prismatic)
+        return self.length is None and self.task.linear and not slides_only
 
 
-def worst_cases(arm: ColumnModel, points: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return σ and its gradient at many points, shape (N, n)."""
-    rows = np.ascontiguousarray(points)
-    sigma, gradient = np.empty(len(rows)), np.empty(rows.shape)
-    done = 0
-    while done < len(rows):
-        # Powers of two: functions of few sizes are built, whatever the size of a batch.
-        part = slice(done, done + min(_AT_ONCE, 1 << (len(rows) - done).bit_length() - 1))
-        sigma[part], gradient[part] = _at_once(arm, rows[part])
-        done = part.stop
-    return sigma, gradient
+def worst_cases(arm: ScaledChain, points: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return σ (eq. 5) and its gradient at many points, shape (N, n), or fast at one, (n,)."""
+    if points.ndim == 1 and math.isfinite(points @ points):
+        matrix, slope = _single_functions(arm)
+        sigma, left, right = worst_case_of_one(matrix(points)[0])
+        weights = (left[:, None] * right).ravel()
+        return np.asarray(sigma), slope(np.concatenate((points, weights)))[0][:, 0]
+    return _at(arm, points, _worst)
+
+
+def smooth_worst_cases(
+    arm: ScaledChain, points: FloatArray, width: float
+) -> tuple[FloatArray, FloatArray]:
+    """Return the smooth worst case and its gradient at points, shape (N, n) or (n,)."""
+
+    def smooth(jacobians: FloatArray) -> tuple[FloatArray, FloatArray]:
+        found = measures.smooth_worst_case_batch(jacobians, width)
+        return found.value, found.gradient
+
+    if points.ndim == 1 and math.isfinite(points @ points):
+        matrix, slope = _single_functions(arm)
+        value, weights = smooth(matrix(points)[0][None])
+        return value[0], slope(np.concatenate((points, weights.ravel())))[0][:, 0]
+    return _at(arm, points, smooth)
+
+
+def _at(arm: ScaledChain, points: FloatArray, value: Value) -> tuple[FloatArray, FloatArray]:
+    """Return a value of J and its gradient at points, shape (N, n) or (n,)."""
+    if points.ndim == 1:
+        values, gradients = _at(arm, points[None], value)
+        return values[0], gradients[0]
+    kinematics = _kinematics(arm)
+    values, gradients = np.empty(len(points)), np.empty(points.shape)
+    for first in range(0, len(points), _AT_ONCE):
+        part = slice(first, first + _AT_ONCE)
+        columns, orientation = kinematics.motion_columns(np.ascontiguousarray(points[part].T))
+        if arm.task.frame == "tip":
+            turned = columns.reshape(len(columns), 2, 3, -1)
+            columns = np.einsum("ijb,khib->khjb", orientation, turned).reshape(columns.shape)
+        with np.errstate(divide="ignore", invalid="ignore"):  # no length: J is refused
+            scaled = _Scaled(arm, columns)
+        jacobians = np.ascontiguousarray(scaled.jacobian.transpose(2, 0, 1))
+        values[part], slopes = value(jacobians)
+        gradients[part] = scaled.slope(slopes.transpose(1, 2, 0)).T
+    return values, gradients
+
+
+def statement(arm: ScaledChain) -> tuple[ca.SX, ca.SX, Callable[[ca.SX], ca.SX]]:
+    """Return symbols q, J(q), and what makes ∂(Σ W_ik J_ik)/∂q, shape (n, 1), of W."""
+    q = ca.SX.sym("q", arm.shape[1])
+    columns, _, orientation = tip_columns(arm.chain, q)
+    if arm.task.frame == "tip":
+        columns = [ca.vertcat(orientation.T @ c[:3], orientation.T @ c[3:]) for c in columns]
+    scaled = _Scaled(arm, np.stack([_entries(column)[:, 0] for column in columns]))
+    return q, _symbols(scaled.jacobian), lambda w: _symbols(scaled.slope(_entries(w))[:, None])
+
+
+class _Scaled:
+    """The task's rows of J in units of ℓ, from the columns of the motions, (k, 6, ...).
+
+    Numbers with configurations last, or symbols.
+    """
+
+    def __init__(self, arm: ScaledChain, columns: _Entries) -> None:
+        self._arm, self._columns = arm, columns
+        self._slides = np.array(arm.chain.prismatic)
+        metric = np.zeros((arm.shape[1], *columns.shape[1:]), dtype=columns.dtype)
+        for motion, column in zip(arm.chain.motions, columns, strict=True):
+            metric[motion.variable] += motion.multiplier * column
+        self._metric = metric
+        self._turns = metric[~self._slides]
+        self._angular = _total(self._turns[:, 3:] ** 2)
+        self._length: Any = 1.0 if arm.length is None else arm.length
+        if arm.follows_configuration:
+            self._length = (_total(self._turns[:, :3] ** 2) / self._angular) ** 0.5
+        self._all = self._in_units(metric)
+
+    def _in_units(self, metric: _Entries) -> _Entries:
+        """Return linear rows over ℓ, and columns of slides times ℓ."""
+        scaled = metric.copy()
+        scaled[~self._slides, :3] /= self._length
+        scaled[self._slides, 3:] *= self._length
+        return scaled
+
+    @property
+    def jacobian(self) -> _Entries:
+        """J, shape (m, n, ...)."""
+        return self._all[:, self._arm.task.rows].swapaxes(0, 1)
+
+    def slope(self, weights: _Entries) -> _Entries:
+        """Return ∂(Σ W_ik J_ik)/∂q, shape (n, ...), of W with shape (m, n, ...)."""
+        arm, turns = self._arm, ~self._slides
+        full = np.zeros_like(self._all)
+        full[:, arm.task.rows] = weights.swapaxes(0, 1)
+        direct = self._in_units(full)
+        if arm.follows_configuration:
+            lost = _total((full * self._all)[turns, :3]) / self._length
+            gained = _total((full * self._metric)[self._slides, 3:])
+            share = (gained - lost) / self._angular
+            direct[turns, :3] += share / self._length * self._turns[:, :3]
+            direct[turns, 3:] -= share * self._length * self._turns[:, 3:]
+        motions = arm.chain.motions
+        driven = np.stack([motion.multiplier * direct[motion.variable] for motion in motions])
+        each = slope_of_columns(self._columns, driven, arm.task.frame == "tip")
+        result = np.zeros((arm.shape[1], *each.shape[1:]), dtype=each.dtype)
+        for motion, one in zip(motions, each, strict=True):
+            result[motion.variable] += motion.multiplier * one
+        return result
+
+
+def _worst(jacobians: FloatArray) -> tuple[FloatArray, FloatArray]:
+    worst = measures.worst_case_sigma_batch(jacobians)
+    return worst.sigma, worst.gradient
+
+
+def _total(entries: _Entries) -> _Entries:
+    """Return the sum over the first two axes, shape (1, ...): an array for symbols, too."""
+    return np.asarray(entries.sum(axis=0).sum(axis=0, keepdims=True))
+
+
+def _entries(matrix: ca.SX) -> _Entries:
+    """Return symbols as an array of objects, for NumPy's operations."""
+    rows, columns = matrix.shape
+    return np.array([[matrix[i, k] for k in range(columns)] for i in range(rows)], dtype=object)
+
+
+def _symbols(entries: _Entries) -> ca.SX:
+    matrix: ca.SX = ca.densify(ca.vertcat(*(ca.horzcat(*row) for row in entries)))
+    return matrix
 
 
 @lru_cache(maxsize=64)
-def statement(arm: ColumnModel) -> tuple[tuple[ca.SX, ...], ca.SX, ca.SX]:
-    """Return symbols (q, u, v), J(q), and the gradient of uᵀJ(q)v."""
-    q, u, v = arm.symbols(), ca.SX.sym("u", arm.shape[0]), ca.SX.sym("v", arm.shape[1])
-    matrix = ca.densify(arm.matrix(q))  # what follows has room for all entries
-    return (q, u, v), matrix, ca.densify(ca.gradient(ca.bilin(matrix, u, v), q))
+def _kinematics(arm: ScaledChain) -> Kinematics:
+    return Kinematics(arm.chain)
 
 
 @lru_cache(maxsize=64)
-def _single_functions(arm: ColumnModel) -> tuple[Evaluation, Evaluation]:
-    symbols, matrix, slope = statement(arm)
-    return Evaluation(symbols[0], [matrix]), Evaluation(ca.vertcat(*symbols), [slope])
-
-
-@lru_cache(maxsize=64)
-def _batch_functions(arm: ColumnModel, count: int) -> tuple[ca.Function, ca.Function]:
-    symbols, matrix, slope = statement(arm)
-    matrices = ca.Function("matrices", [symbols[0]], [matrix])
-    return matrices.map(count), ca.Function("slope", [*symbols], [slope]).map(count)
-
-
-def _at_once(arm: ColumnModel, rows: FloatArray) -> tuple[FloatArray, FloatArray]:
-    count, (m, n) = len(rows), arm.shape
-    matrices, slope = _batch_functions(arm, count)
-    stack, gradient = np.empty((count, n, m)), np.empty((count, n))
-    _call(matrices, stack, rows)
-    worst = measures.worst_case_sigma_batch(stack.transpose(0, 2, 1))
-    _call(slope, gradient, rows, worst.left, worst.right)
-    return worst.sigma, gradient
-
-
-def _call(function: ca.Function, result: FloatArray, *arguments: FloatArray) -> None:
-    """Evaluate on the memory of arrays: a row here is a column of CasADi, nothing is copied."""
-    buffer, evaluate = cast("Any", function).buffer()
-    for k, argument in enumerate(arguments):
-        buffer.set_arg(k, argument.data)
-    buffer.set_res(0, result.data)
-    evaluate()
+def _single_functions(arm: ScaledChain) -> tuple[Evaluation, Evaluation]:
+    q, matrix, slope = statement(arm)
+    weights = ca.SX.sym("W", *arm.shape)
+    flat = ca.vec(weights.T)  # as NumPy's ravel
+    return Evaluation(q, [matrix]), Evaluation(ca.vertcat(q, flat), [slope(weights)])
