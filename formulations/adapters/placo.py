@@ -35,7 +35,8 @@ class WorstCaseTask:
     Raises
     ------
     InputError
-        If a joint of the arm is not in the robot.
+        If a joint of the arm is not in the robot, or continuous: placo's half spaces are in
+        its positions, which for a continuous joint are (cos θ, sin θ).
     """
 
     def __init__(
@@ -48,9 +49,10 @@ class WorstCaseTask:
         width: float = 0.01,
     ) -> None:
         known = set(solver.robot.joint_names())
-        missing = [name for name in arm.chain.names if name not in known]
-        if missing:
-            raise InputError("arm", f"one with the joint {missing[0]}", "joints of the robot")
+        for name in arm.chain.names:
+            if name not in known or solver.robot.get_joint_size(name) != 1:
+                allowed = "joints of the robot that have one position in placo"
+                raise InputError("arm", f"one with the joint {name}", allowed)
         self.arm, self.target, self.gain, self.width = arm, target, gain, width
         self._robot = solver.robot
         self._columns = [solver.robot.get_joint_offset(name) for name in arm.chain.names]

@@ -1,0 +1,160 @@
+"""The worst case of one arm inside pink, mink, placo and JAX, against differences taken there.
+
+The arm has continuous joints, which pinocchio counts as (cos θ, sin θ), and a finger beside them.
+"""
+
+import numpy as np
+import pytest
+
+import lockedjoint as lj
+from formulations.robots.robot_arm import RobotArm
+
+AXES = ("0 0 1", "0 1 0", "0 0 1", "0 1 0")
+JOINTS = "".join(
+    f"""<joint name="j{k}" type="{"continuous" if k % 2 else "revolute"}"><parent link="l{k}"/>
+<child link="l{k + 1}"/><origin xyz="0.1 0.05 0.3"/><axis xyz="{axis}"/>
+<limit lower="-3" upper="3" effort="1" velocity="2"/></joint>"""
+    for k, axis in enumerate(AXES)
+)
+MASS = '<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>'
+LINKS = "".join(f'<link name="{n}">{MASS}</link>' for n in ("l1", "l2", "l3", "l4", "tool", "f"))
+URDF = f"""<robot name="arm"><link name="l0"/>{LINKS}
+<joint name="finger" type="prismatic"><parent link="l0"/><child link="f"/><axis xyz="1 0 0"/>
+<limit lower="0" upper="1" effort="1" velocity="2"/></joint>{JOINTS}
+<joint name="t" type="fixed"><parent link="l4"/><child link="tool"/><origin xyz="0.2 0 0.1"/></joint>
+</robot>"""
+TARGET, STEP = 5.0, 1e-6  # never reached, so that e = s − target
+
+
+@pytest.fixture(scope="module")
+def arm(tmp_path_factory):
+    path = tmp_path_factory.mktemp("adapters") / "arm.urdf"
+    path.write_text(URDF, encoding="utf-8")
+    return RobotArm.read(path, "tool", task="position")
+
+
+@pytest.fixture(params=range(3))
+def angles(request):
+    return np.random.default_rng(request.param).uniform(-2.9, 2.9, len(AXES))
+
+
+def slopes(value, size):
+    """Central differences of a function of a tangent vector."""
+    steps = STEP * np.eye(size)
+    return np.array([(value(step) - value(-step)) / (2 * STEP) for step in steps])
+
+
+def test_pink(arm, angles):
+    pink = pytest.importorskip("pink", reason="install pin-pink")
+    pin = pytest.importorskip("pinocchio")
+    from formulations.adapters.pink import WorstCaseBarrier, WorstCaseTask
+
+    model = pin.buildModelFromXML(URDF)
+    q = pin.neutral(model)
+    for name, angle in zip(arm.chain.names, angles, strict=True):
+        joint = model.joints[model.getJointId(name)]
+        q[joint.idx_q : joint.idx_q + joint.nq] = (
+            angle if joint.nq == 1 else (np.cos(angle), np.sin(angle))
+        )
+    configuration = pink.Configuration(model, model.createData(), q)
+    task = WorstCaseTask(arm, model, TARGET)
+    barrier = WorstCaseBarrier(arm, model, 0.1)
+    smooth = arm.smooth_worst_case(angles)[0]
+    assert task.compute_error(configuration) == pytest.approx(smooth - TARGET, abs=1e-12)
+    assert barrier.compute_barrier(configuration) == pytest.approx(smooth - 0.1, abs=1e-12)
+
+    def error(tangent):
+        moved = pink.Configuration(model, model.createData(), pin.integrate(model, q, tangent))
+        return task.compute_error(moved)[0]
+
+    expected = pytest.approx(slopes(error, model.nv), abs=1e-6)
+    assert task.compute_jacobian(configuration)[0] == expected
+    assert barrier.compute_jacobian(configuration)[0] == expected
+    assert WorstCaseTask(arm, model, -1.0).compute_error(configuration) == 0.0
+
+
+def test_mink(arm, angles):
+    mink = pytest.importorskip("mink", reason="install mink")
+    mujoco = pytest.importorskip("mujoco")
+    from formulations.adapters.mink import WorstCaseTask
+
+    model = mujoco.MjModel.from_xml_string(URDF)
+    q = model.qpos0.copy()
+    for name, angle in zip(arm.chain.names, angles, strict=True):
+        q[model.joint(name).qposadr] = angle
+    task = WorstCaseTask(arm, model, TARGET)
+
+    def error(tangent):
+        moved = q.copy()
+        mujoco.mj_integratePos(model, moved, tangent, 1.0)
+        configuration = mink.Configuration(model)
+        configuration.update(moved)
+        return task.compute_error(configuration)[0]
+
+    configuration = mink.Configuration(model)
+    configuration.update(q)
+    assert error(np.zeros(model.nv)) == pytest.approx(arm.smooth_worst_case(angles)[0] - TARGET)
+    expected = pytest.approx(slopes(error, model.nv), abs=1e-6)
+    assert task.compute_jacobian(configuration)[0] == expected
+
+
+def test_placo_has_no_half_spaces_of_continuous_joints(arm, tmp_path):
+    placo = pytest.importorskip("placo", reason="install placo")
+    from formulations.adapters.placo import WorstCaseTask
+
+    (tmp_path / "arm.urdf").write_text(URDF, encoding="utf-8")
+    robot = placo.RobotWrapper(str(tmp_path / "arm.urdf"), placo.Flags.ignore_collisions)
+    with pytest.raises(lj.InputError, match="j1"):
+        WorstCaseTask(arm, placo.KinematicsSolver(robot), TARGET)
+
+
+@pytest.mark.parametrize("weight", [1.0, None])
+def test_placo(arm, angles, weight, tmp_path):
+    """A step gains what it must, and no less: where only regularisation stands against it."""
+    placo = pytest.importorskip("placo", reason="install placo")
+    from formulations.adapters.placo import WorstCaseTask
+
+    (tmp_path / "arm.urdf").write_text(URDF.replace("continuous", "revolute"), encoding="utf-8")
+    robot = placo.RobotWrapper(str(tmp_path / "arm.urdf"), placo.Flags.ignore_collisions)
+    solver = placo.KinematicsSolver(robot)
+    solver.mask_fbase(True)
+    solver.add_regularization_task(1e-9)
+    for name, angle in zip(arm.chain.names, 0.8 * angles, strict=True):
+        robot.set_joint(name, angle)
+    robot.update_kinematics()
+    task = WorstCaseTask(arm, solver, TARGET, weight, gain=1e-5)
+    before = task.update()
+    assert before == pytest.approx(float(arm.smooth_worst_case(0.8 * angles)[0]))
+    solver.solve(True)
+    robot.update_kinematics()
+    gained = task.update() - before
+    assert gained == pytest.approx(1e-5 * (TARGET - before), rel=0.01)
+
+
+def test_jax(arm, angles):
+    jax = pytest.importorskip("jax", reason="install jax")
+    from formulations.adapters import jax as adapter
+
+    with jax.enable_x64(True):
+        many = np.stack([angles, angles[::-1]])
+        assert adapter.jacobian(arm)(many) == pytest.approx(
+            np.stack([arm.jacobian(q) for q in many]), abs=1e-12
+        )
+        sigma = jax.jit(adapter.worst_case(arm))(many)
+        assert sigma == pytest.approx(arm.worst_case(many)[0], abs=1e-12)
+        smooth = adapter.smooth_worst_case(arm, 0.02)
+        value, slope = arm.smooth_worst_case(many, 0.02)
+        assert smooth(many) == pytest.approx(value, abs=1e-12)
+        assert jax.vmap(jax.grad(smooth))(many) == pytest.approx(slope, abs=1e-9)
+        second = slopes(lambda step: arm.smooth_worst_case(angles + step, 0.02)[1], 4)
+        assert jax.hessian(smooth)(angles) == pytest.approx(second, abs=1e-4)
+
+
+def test_a_joint_that_the_model_has_not_is_named(arm):
+    pytest.importorskip("pink", reason="install pin-pink")
+    pin = pytest.importorskip("pinocchio")
+    from formulations.adapters.pink import WorstCaseTask
+
+    model = pin.buildModelFromXML(URDF.replace('"j2"', '"elbow"'))
+    with pytest.raises(lj.InputError, match="j2"):
+        WorstCaseTask(arm, model, TARGET)
