@@ -1,0 +1,112 @@
+"""Trajectories in time: against a double integrator's closed form, differences, pinocchio, ROS."""
+
+import json
+
+import numpy as np
+import pinocchio as pin
+import pytest
+import yaml
+
+from formulations.kinematics.chain_between import chain_between
+from formulations.kinematics.read_robot import read_robot
+from formulations.paths.timing import timed
+from nlp.errors import InputError
+
+pytest.importorskip("toppra", reason="install toppra")
+
+JOINTS = "".join(
+    f"""<joint name="j{k}" type="revolute"><parent link="l{k}"/><child link="l{k + 1}"/>
+<origin xyz="0.1 0 0.3"/><axis xyz="{axis}"/>
+<limit lower="-3" upper="3" effort="1" velocity="{1 + k}"/></joint>"""
+    for k, axis in enumerate(("0 0 1", "0 1 0", "1 0 0"))
+)
+URDF = f'<robot name="arm">{"".join(f"""<link name="l{k}"/>""" for k in range(4))}{JOINTS}</robot>'
+ACCELERATION = (3.0, 4.0, 5.0)
+
+
+@pytest.fixture(scope="module")
+def chain(tmp_path_factory):
+    path = tmp_path_factory.mktemp("timing") / "arm.urdf"
+    path.write_text(URDF, encoding="utf-8")
+    return chain_between(read_robot(path), "l3")
+
+
+@pytest.fixture(scope="module")
+def curve():
+    s = np.linspace(0, 1, 30)[:, None]
+    return np.sin(s * [2.0, 3.0, 4.0] + [0.0, 1.0, 2.0])
+
+
+@pytest.mark.parametrize("distance", [0.05, 2.0])
+def test_a_straight_way_takes_the_time_of_a_double_integrator(chain, distance):
+    way = np.linspace(0, 1, 20)[:, None] * [distance, 0.0, 0.0]
+    run = timed(chain, way, None, ACCELERATION)
+    v, a = 1.0, ACCELERATION[0]
+    best = distance / v + v / a if distance > v**2 / a else 2 * np.sqrt(distance / a)
+    assert best - 1e-9 <= run.duration <= 1.02 * best
+
+
+def test_limits_hold_and_derivatives_are_derivatives(chain, curve):
+    run = timed(chain, curve, None, ACCELERATION, step=1e-3)
+    assert np.all(np.abs(run.velocities) <= np.array([1, 2, 3]) * (1 + 1e-12))
+    assert np.all(np.abs(run.accelerations) <= np.array(ACCELERATION) * (1 + 1e-12))
+    assert max(run.speed, run.acceleration) == pytest.approx(1, abs=1e-3)
+    assert run.velocities[[0, -1]] == pytest.approx(np.zeros((2, 3)), abs=1e-9)
+    steps = np.diff(run.times)
+    middle = (run.velocities[1:] + run.velocities[:-1]) / 2
+    assert np.diff(run.positions, axis=0) == pytest.approx(middle * steps[:, None], abs=2e-5)
+    assert np.diff(run.velocities, axis=0) == pytest.approx(
+        run.accelerations[:-1] * steps[:, None], abs=5e-3
+    )
+
+
+def test_it_passes_the_samples_and_rests_at_stops(chain, curve):
+    run = timed(chain, curve, None, ACCELERATION, stops=[10], step=1e-3)
+    for sample in curve:
+        assert np.min(np.linalg.norm(run.positions - sample, axis=1)) < 3e-3
+    at = np.argmin(np.linalg.norm(run.positions - curve[10], axis=1))
+    assert run.velocities[at] == pytest.approx(np.zeros(3), abs=1e-9)
+    assert run.duration > timed(chain, curve, None, ACCELERATION).duration
+
+
+def test_the_tool_is_where_pinocchio_has_it(chain, curve):
+    model = pin.buildModelFromXML(URDF)
+    data, run = model.createData(), timed(chain, curve, None, ACCELERATION)
+    for k in range(0, len(run.times), 7):
+        pin.framesForwardKinematics(model, data, run.positions[k])
+        pose = pin.SE3ToXYZQUAT(data.oMf[model.getFrameId("l3")])
+        sign = np.sign(pose[3:] @ run.tool[k, 3:])
+        assert run.tool[k] == pytest.approx(np.r_[pose[:3], sign * pose[3:]], abs=1e-12)
+
+
+def test_ros_takes_it(chain, curve):
+    stores = pytest.importorskip("rosbags.typesys", reason="install rosbags")
+    types = stores.get_typestore(stores.Stores.ROS2_HUMBLE).types
+    run = timed(chain, curve, None, ACCELERATION)
+    read = yaml.safe_load(yaml.safe_dump(run.to_ros()))
+    point = types["trajectory_msgs/msg/JointTrajectoryPoint"]
+    duration = types["builtin_interfaces/msg/Duration"]
+    points = [
+        point(**{**p, "time_from_start": duration(**p["time_from_start"])}) for p in read["points"]
+    ]
+    head = types["std_msgs/msg/Header"](
+        types["builtin_interfaces/msg/Time"](**read["header"]["stamp"]), read["header"]["frame_id"]
+    )
+    message = types["trajectory_msgs/msg/JointTrajectory"](head, read["joint_names"], points)
+    times = [p.time_from_start.sec + 1e-9 * p.time_from_start.nanosec for p in message.points]
+    assert np.all(np.diff(times) > 0)
+    assert times == pytest.approx(run.times, abs=1e-9)
+    assert json.loads(json.dumps(run.to_dict()))["positions"] == run.positions.tolist()
+
+
+@pytest.mark.parametrize(
+    ("velocity", "acceleration", "words"),
+    [
+        ((1, 1), ACCELERATION, "velocity limits"),
+        (None, (1, 0, 1), "acceleration limits"),
+        ((1, 1, np.nan), ACCELERATION, "velocity limits"),
+    ],
+)
+def test_limits_that_are_none_are_refused(chain, curve, velocity, acceleration, words):
+    with pytest.raises(InputError, match=words):
+        timed(chain, curve, velocity, acceleration)
