@@ -1,17 +1,25 @@
-"""What all scripts of the results share: their options, a run, and its exit status."""
+"""What the scripts of the results share: options, a run, making rows and saving figures."""
 
 import argparse
 import sys
 import traceback
+from dataclasses import fields
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn, TypeVar
 
 import typer
 
 from formulations.commands.output import UNSUCCESSFUL, progress, run_study
+from formulations.io.files import write_bytes
 from formulations.io.study import Effort, Study
+from formulations.plot.style import content, kind_of
 from nlp.errors import LockedJointError
 from nlp.executors import default_workers
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+Row = TypeVar("Row")
 
 
 def study_of(file: str, **stated: Any) -> Study:
@@ -23,6 +31,20 @@ def study_of(file: str, **stated: Any) -> Study:
         command=f"python results/{path.stem}/{path.stem}.py",
         **stated,
     )
+
+
+def row_from(kind: type[Row], *sources: object, **stated: Any) -> Row:
+    """Return a row: a field that is not stated is that of the first source that has it."""
+    for name in (field.name for field in fields(kind)):  # type: ignore[arg-type]
+        having = [source for source in sources if hasattr(source, name)]
+        if having and name not in stated:
+            stated[name] = getattr(having[0], name)
+    return kind(**stated)
+
+
+def save(figure: "Figure", path: Path) -> None:
+    """Write a figure, in the format that the file's name asks for."""
+    write_bytes(path, content(figure, kind_of(path)))
 
 
 def main(study: Study, file: str) -> NoReturn:

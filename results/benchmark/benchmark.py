@@ -23,19 +23,18 @@ from unittest import mock
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from formulations.io.files import write_bytes
 from formulations.io.pages import groups, known
 from formulations.io.study import Effort, Study
 from formulations.io.table import HIDDEN, column
 from formulations.joints.arm import Arm
 from formulations.joints.models import arm
-from formulations.plot.style import BLUE, GREY, INK, ORANGE, SMALL, VERMILION, content, styled
+from formulations.plot.style import BLUE, GREY, INK, ORANGE, SMALL, VERMILION, styled
 from formulations.registry import formulation_of
 from formulations.solving.outcome import REACHED_BEST
 from nlp.arrays import FloatArray
 from nlp.starts import generator
 from results.benchmark.peers import CLASSICAL, DEFAULT, FAST, PEERS, NotRunError, Peer, Solve
-from results.script import parser, run, study_of
+from results.script import parser, run, save, study_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -59,11 +58,11 @@ _MARKS = "os^Dv<>Pp*hX"
 class BenchmarkRow:
     """One peer on one statement and size; NaN where it was not run.
 
-    Of the starts `asked`, it ran `starts` within the time limit; `success` and `near` of them are
-    within `REACHED_BEST` and `NEAR` of the best score of all peers.
-    Processor time, also that per success in each of three rounds, is without setting up, whose
-    wall time is `setup_seconds`. `relative` is time per success over that of the first peer,
-    this library's default. `note` says why it was not run, or stopped early.
+    Of the starts `asked`, it ran `starts` within the time limit; `success` and `near` of them
+    are within `REACHED_BEST` and `NEAR` of the best score of all peers. Processor time, in
+    each of three rounds per success, too, is without setting up, whose wall time is
+    `setup_seconds`. `relative` is time per success over that of the first peer, this
+    library's default. `note` says why it was not run, or stopped early.
     """
 
     formulation: str = field(metadata=HIDDEN)
@@ -310,7 +309,7 @@ def study(sizes: Sequence[int] = SIZES, time_limit: float = TIME_LIMIT) -> Study
                 )
                 yield from measured
                 rows += measured
-        write_bytes(folder / "cost.svg", content(drawn(rows), "svg"))
+        save(drawn(rows), folder / "cost.svg")
 
     return study_of(
         __file__,
