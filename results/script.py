@@ -3,9 +3,10 @@
 import argparse
 import sys
 import traceback
+from collections.abc import Callable, Iterator
 from dataclasses import fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NoReturn, TypeVar
+from typing import TYPE_CHECKING, Any, NoReturn, TypeAlias, TypeVar
 
 import typer
 
@@ -20,17 +21,18 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Row = TypeVar("Row")
+Compute: TypeAlias = Callable[[Effort, Path], Iterator[Any]]
 
 
-def study_of(file: str, **stated: Any) -> Study:
-    """Return the study of a script, which names it, its template and its command."""
-    path = Path(file)
-    return Study(
-        name=path.stem,
-        template=path.with_suffix(".md.j2"),
-        command=f"python results/{path.stem}/{path.stem}.py",
-        **stated,
-    )
+def study_of(file: str, compute: Compute, *rows: type[Any], **stated: Any) -> Study:
+    """Return the study of a script, which names it, its files and its command.
+
+    `rows` is the kind of the only table's rows, unless `tables` are stated.
+    """
+    name, template = Path(file).stem, Path(file).with_suffix(".md.j2")
+    command = f"python results/{name}/{name}.py"
+    stated = {"page": f"{name}.md", "tables": dict.fromkeys([name], *rows), **stated}
+    return Study(name=name, template=template, command=command, compute=compute, **stated)
 
 
 def row_from(kind: type[Row], *sources: object, **stated: Any) -> Row:

@@ -116,11 +116,10 @@ def _arm(jacobian: FloatArray) -> Manipulator:
 
 STUDY = study_of(
     __file__,
+    compute,
+    AtlasRow,
     title="the best Jacobian known of every kind of arm, beside the bounds",
-    page="atlas.md",
-    tables={"atlas": AtlasRow},
     takes="a minute",
-    compute=compute,
 )
 
 if __name__ == "__main__":

@@ -33,7 +33,8 @@ from formulations.registry import formulation_of
 from formulations.solving.outcome import REACHED_BEST
 from nlp.arrays import FloatArray
 from nlp.starts import generator
-from results.benchmark.peers import CLASSICAL, DEFAULT, FAST, PEERS, NotRunError, Peer, Solve
+from results.benchmark.other_libraries import NotRunError, Solve
+from results.benchmark.peers import CLASSICAL, DEFAULT, FAST, PEERS, Peer
 from results.script import parser, run, save, study_of
 
 if TYPE_CHECKING:
@@ -313,11 +314,10 @@ def study(sizes: Sequence[int] = SIZES, time_limit: float = TIME_LIMIT) -> Study
 
     return study_of(
         __file__,
+        compute,
+        BenchmarkRow,
         title="processor time per start and per success, beside other solvers, 7R to 20R",
-        page="benchmark.md",
-        tables={"benchmark": BenchmarkRow},
         takes="a quarter of an hour, on a machine that does nothing else",
-        compute=compute,
         long=True,
         settings={
             "time_limit": time_limit,

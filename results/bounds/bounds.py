@@ -198,11 +198,11 @@ def compute(effort: Effort, folder: Path) -> Iterator[BoundRow | RelaxationRow]:
 
 STUDY = study_of(
     __file__,
+    compute,
     title="how good any answer could be: eq. (6), the residual, max-min, existence",
     page="README.md",
     tables={"bounds": BoundRow, "relaxations": RelaxationRow},
     takes="half an hour, and 4 GB of memory",
-    compute=compute,
     long=True,
     settings={"sharpest": sharpest},
 )

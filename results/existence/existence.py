@@ -83,11 +83,11 @@ def compute(effort: Effort, folder: Path) -> Iterator[Fact | OptimalRow]:
 
 STUDY = study_of(
     __file__,
+    compute,
     title="for which n optimally failure-tolerant nR Jacobians exist, in exact arithmetic",
     page="README.md",
     tables={"existence": Fact, "optimal": OptimalRow},
     takes="seconds",
-    compute=compute,
     complain=lambda rows: (
         "the identity does not hold at a random matrix" * (Fact("verdict", _WRONG) in rows)
     ),

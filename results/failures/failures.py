@@ -168,11 +168,10 @@ def row_of(outcome: Outcome) -> FailureRow:
 
 STUDY = study_of(
     __file__,
+    compute,
+    FailureRow,
     title="several joints locked at once, joints that never fail, unequal probabilities",
-    page="failures.md",
-    tables={"failures": FailureRow},
     takes="three minutes",
-    compute=compute,
 )
 
 if __name__ == "__main__":

@@ -51,11 +51,11 @@ def compute(effort: Effort, folder: Path) -> Iterator[FigureRow]:
 
 STUDY = study_of(
     __file__,
+    compute,
     title="Figs. 1 and 3 from computed robots, the 7R optimum, trade-off, optima",
     page="README.md",
     tables={"figures": FigureRow, "trade-off": TradeOffRow},
     takes="under a minute, and matplotlib",
-    compute=compute,
 )
 
 if __name__ == "__main__":

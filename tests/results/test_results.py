@@ -40,8 +40,7 @@ from results.failures.failures import FailureRow
 from results.paths.paths import PATHS, PathRow
 from results.regenerate import STUDIES, front_page
 from results.robots.robots import RobotRow
-from results.workspaces.orders import FINAL_POINTS, HALF, OrderRow
-from results.workspaces.workspaces import WorkspaceRow
+from results.workspaces.workspaces import FINAL_POINTS, HALF, OrderRow, WorkspaceRow
 
 RESULTS = Path(__file__).parents[2] / "results"
 # What counts as the same optimum, and as the same bound.
