@@ -11,10 +11,9 @@ from scipy.spatial.transform import Rotation
 
 from formulations.kinematics.chain import narrowed
 from formulations.kinematics.forward import Kinematics
-from formulations.paths.polish import transcription
+from formulations.paths.plan import transcription
 from formulations.paths.search import PathSearch, plan_path
-from formulations.paths.self_motion_map import self_motion_map
-from formulations.paths.survival import follow, on_path, survivors
+from formulations.paths.survival import SelfMotionMap, follow, on_path, survivors
 from formulations.paths.waypoints import Poses, ToolPath, read_waypoints
 from formulations.robots.robot_arm import RobotArm
 from nlp.errors import InputError
@@ -107,12 +106,12 @@ def test_a_locked_joint_stays_and_the_pose_is_kept(arm):
 
 def test_the_map_has_every_configuration_and_foresees_its_failures(arm):
     kinematics, poses = line(arm)
-    found = self_motion_map(kinematics, poses, np.random.default_rng(0))
+    found = SelfMotionMap(kinematics, poses, np.random.default_rng(0))
     final = len(poses) - 1
     samples = range(0, final, 3)
     agree = []
     for k, ends in zip(samples, found.ends()[::3], strict=False):
-        points = found.points[k]
+        points = found.points(k)
         origin, rotation, _ = kinematics.forward(points)
         assert np.max(np.abs(kinematics.error(origin, rotation, *poses.at(k)))) < 1e-4
         # Nothing that random inverse kinematics finds is far from all points.
