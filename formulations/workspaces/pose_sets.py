@@ -35,26 +35,14 @@ class PoseSets(FailureSets):
     """What an arm reaches with one orientation of its tool, before and after every failure.
 
     Voxels stand for one random point each, so that an area or volume has a statistical error
-    and no bias from the grid. Curves that no random configuration leads to are missed.
-
-    Parameters
-    ----------
-    arm
-        The arm: four joints if it is planar, seven otherwise.
-    rotation
-        Orientation of the tool in the frame of the base, shape (3, 3).
-    voxel, step
-        See `FailureSets`.
-    progress
-        Is called with what is being done.
-    seed
-        Of points and configurations.
+    and no bias from the grid. Curves that no random configuration leads to are missed. The
+    rotation is that of the tool in the frame of the base, shape (3, 3).
 
     Raises
     ------
     InputError
-        If the arm has another number of joints, cannot turn its tool so, or the grid has too
-        many voxels.
+        If a planar arm has not four joints or another one not seven, the arm cannot turn its
+        tool so, or the grid has too many voxels.
     """
 
     sampled = True
@@ -94,7 +82,7 @@ class PoseSets(FailureSets):
                 configurations.append(curves[there].astype(np.float32))
                 owners.append(np.repeat(own[which], there.sum(axis=1)))
         self._q, self._owners = np.concatenate(configurations), np.concatenate(owners)
-        self._reached = {k: list(np.packbits(marked.T, axis=1)) for k, marked in bits.items()}
+        self._reached = {k: np.packbits(marked.T, axis=1) for k, marked in bits.items()}
 
     def before(self, limits: Ranges) -> Bits:
         """Voxels whose point is reached within limits, before a failure."""
@@ -160,16 +148,11 @@ class PoseSets(FailureSets):
     ) -> None:
         """Mark the slices that curves pass."""
         for k, places in self.slices.items():
-            unit = places[1] - places[0]
-            along = (curves[:, :, k] - places[0]) / unit
-            low = np.ceil(np.fmin(along[:, :-1], along[:, 1:]) - 1e-6)
-            high = np.floor(np.fmax(along[:, :-1], along[:, 1:]) + 1e-6)
-            passes = ~np.isnan(along[:, :-1]) & ~np.isnan(along[:, 1:])
-            while True:
-                passes &= low <= high
+            along = (curves[:, :, k] - places[0]) / (places[1] - places[0])
+            low = np.ceil(np.minimum(along[:, :-1], along[:, 1:]) - 1e-6)
+            high = np.floor(np.maximum(along[:, :-1], along[:, 1:]) + 1e-6)
+            while (passes := low <= high).any():
                 row, at = np.nonzero(passes)
-                if not len(row):
-                    break
                 place = low[row, at].astype(int)
                 if self.arm.steps[k].continuous:
                     place %= len(places)

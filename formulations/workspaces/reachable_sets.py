@@ -90,23 +90,11 @@ class _Reach:
 class ReachableSets(FailureSets):
     """The reachable sets of an arm, before and after every failure.
 
-    Parameters
-    ----------
-    arm
-        The arm. More joints move its tip than the workspace has dimensions.
-    voxel
-        Edge of the grid's cells, in metres.
-    step
-        Distance of the positions at which a revolute joint may lock, in radians; those
-        of a prismatic joint are two voxels apart.
-    progress
-        Is called with what is being done.
-
     Raises
     ------
     InputError
-        If too few joints move the tip, or the voxels are not above 0 or too small for the
-        memory.
+        If not more joints move the tip than the workspace has dimensions, or the voxels are not
+        above 0 or too small for the memory.
     """
 
     def __init__(
@@ -124,11 +112,9 @@ class ReachableSets(FailureSets):
         free = self._from_tip(arm.physical)
         for joint in np.flatnonzero(~np.array(arm.idle)).tolist():
             progress(f"failures of {arm.steps[joint].name}")
-            self.slices[joint] = self._positions(joint)
-            self._reached[joint] = [
-                np.packbits(self._base(self._to_base(free[joint], joint, float(place))))
-                for place in self.slices[joint]
-            ]
+            self.slices[joint] = places = self._positions(joint)
+            after = (self._to_base(free[joint], joint, place) for place in places.tolist())
+            self._reached[joint] = np.array([np.packbits(self._base(one)) for one in after])
 
     def before(self, limits: Ranges) -> Bits:
         """Voxels that are reached within limits, before a failure."""
@@ -294,13 +280,7 @@ def _shifted(cells: Bits, by: int) -> Bits:
 
 
 def check_grid(arm: SerialArm, voxel: float, step: float) -> list[_CylinderGrid]:
-    """Return the grid of each joint, for all that links of such lengths can reach.
-
-    Raises
-    ------
-    InputError
-        As `ReachableSets` does.
-    """
+    """Return the grid of each joint, for all that links of such lengths can reach."""
     solid = 2 if arm.is_planar else 3
     moving = len(arm.steps) - sum(arm.idle)
     if moving <= solid:

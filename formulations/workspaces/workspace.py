@@ -131,19 +131,8 @@ def workspace(
 ) -> Workspace:
     """Measure the failure-tolerant workspace of an arm, with any orientation of its tool.
 
-    Parameters
-    ----------
-    arm, limits
-        The arm, and the artificial limits of its joints.
-    voxel, step
-        See `ReachableSets`.
-    progress
-        Is called with what is being done.
-
-    Raises
-    ------
-    InputError
-        If a limit is outside the physical ones, or the grid cannot be made.
+    See `ReachableSets` for voxel and step. InputError if a limit is outside the physical ones,
+    or the grid cannot be made.
     """
     check_limits(arm, limits)
     return measured(ReachableSets(arm, voxel, step, progress), limits, progress)
@@ -205,13 +194,7 @@ def verified(
 
     A point passes if it is reached within the artificial limits, and with each joint at each
     of its slices, which include the next ones outside the limits, within the physical limits.
-
-    Returns
-    -------
-    numpy.ndarray
-        Which points pass, shape (sample,).
-    numpy.ndarray
-        How many voxels they are below the surface.
+    Returns which points pass, and how many voxels they are below the surface, (sample,) each.
     """
     arm, rng = sets.arm, np.random.default_rng(0)
     inner = (slice(1, -1),) * voxels.ndim
