@@ -12,16 +12,16 @@ from abc import ABC, abstractmethod
 import numpy as np
 import numpy.typing as npt
 
+from formulations.kinematics.link_chain import IntArray
 from formulations.kinematics.serial_arm import Bits, Ranges, SerialArm
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
 
 #: Default distance of the positions at which a joint may lock, in radians.
 SLICE = np.deg2rad(5.0)
-_TINY = 1e-9
+_TINY, _LEAST_SLICE = 1e-9, np.deg2rad(0.0999)
 # Random starts of the inverse kinematics of a point.
 _RESTARTS = 24
-_LEAST_SLICE = np.deg2rad(0.0999)
 
 
 class FailureSets(ABC):
@@ -47,7 +47,7 @@ class FailureSets(ABC):
     step: float
     dimension: int
     shape: tuple[int, ...]
-    corner: npt.NDArray[np.int_]
+    corner: IntArray
     slices: dict[int, FloatArray]
     # By joint, the packed voxels that are reached after each slice, shape (slices, bytes).
     _reached: dict[int, npt.NDArray[np.uint8]]
@@ -60,11 +60,15 @@ class FailureSets(ABC):
     def draw(self, rng: np.random.Generator) -> tuple[FloatArray, int] | None:
         """Draw a configuration, and its tip's voxel in the flat grid; None if it has none."""
 
-    @abstractmethod
     def points(
         self, voxels: Bits, rng: np.random.Generator, count: int
-    ) -> tuple[FloatArray, npt.NDArray[np.intp]]:
-        """Return points drawn from voxels, shape (count, 3), and which voxel each is in."""
+    ) -> tuple[FloatArray, IntArray]:
+        """Return random points of voxels, shape (count, 3), and which voxel each is in."""
+        centres, wide = self.centres(voxels), self.dimension
+        drawn = rng.integers(len(centres), size=count)
+        points = np.tile(self.arm.at_zero.end_effector, (count, 1))
+        points[:, :wide] = centres[drawn] + rng.uniform(-0.5, 0.5, (count, wide)) * self.voxel
+        return points, drawn
 
     @abstractmethod
     def _solved(
@@ -156,7 +160,7 @@ class FailureSets(ABC):
         places = np.linspace(moves.lower, moves.upper, count)
         return places[:-1] if moves.continuous else places
 
-    def _within(self, joint: int, limits: Ranges) -> npt.NDArray[np.intp]:
+    def _within(self, joint: int, limits: Ranges) -> IntArray:
         places = self.slices[joint]
         first, last = ((end - places[0]) / (places[1] - places[0]) for end in limits[joint])
         chosen = np.arange(np.floor(first + _TINY), np.ceil(last - _TINY) + 1).astype(int)

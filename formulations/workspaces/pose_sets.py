@@ -11,8 +11,8 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-import numpy.typing as npt
 
+from formulations.kinematics.link_chain import IntArray
 from formulations.kinematics.self_motion import SelfMotionPoses, arcs, solve_pose
 from formulations.kinematics.serial_arm import Bits, Ranges, SerialArm
 from formulations.workspaces.failure_sets import SLICE, FailureSets, check_step
@@ -68,9 +68,7 @@ class PoseSets(FailureSets):
         self._points[:, :wide] = (places + rng.uniform(-0.5, 0.5, places.shape)) * voxel
         self._points[:, wide:] = arm.at_zero.end_effector[wide:]
         near = np.flatnonzero(np.linalg.norm(self._points, axis=1) <= _reach(arm))
-        bits = {
-            k: np.zeros((len(places), len(slices)), bool) for k, slices in self.slices.items()
-        }
+        bits = {k: np.zeros((len(places), len(at)), bool) for k, at in self.slices.items()}
         configurations = [np.zeros((0, len(arm.steps)), dtype=np.float32)]
         owners = [np.zeros(0, dtype=np.intp)]
         for at in range(0, len(near), _CHUNK):
@@ -105,7 +103,7 @@ class PoseSets(FailureSets):
 
     def points(
         self, voxels: Bits, rng: np.random.Generator, count: int
-    ) -> tuple[FloatArray, npt.NDArray[np.intp]]:
+    ) -> tuple[FloatArray, IntArray]:
         """Return points of voxels, shape (count, 3), and which voxel each is in."""
         own = self._points[voxels.ravel()]
         drawn = rng.integers(len(own), size=count)
@@ -122,11 +120,11 @@ class PoseSets(FailureSets):
 
     def _curves(
         self, points: FloatArray, rng: np.random.Generator
-    ) -> list[tuple[npt.NDArray[np.intp], FloatArray]]:
+    ) -> list[tuple[IntArray, FloatArray]]:
         """Curves of points, as pairs of which points they are of and the curves."""
         lower, upper = np.transpose(self.arm.physical)
         low, high = self.arm.opened(lower, upper)
-        known: list[tuple[npt.NDArray[np.intp], FloatArray]] = []
+        known: list[tuple[IntArray, FloatArray]] = []
         reached_once = np.zeros(len(points), dtype=bool)
         for k in range(_ROUNDS):
             own = np.flatnonzero(reached_once) if k >= _PATIENCE else np.arange(len(points))
@@ -143,9 +141,7 @@ class PoseSets(FailureSets):
                 known.append((own, curves))
         return known
 
-    def _mark(
-        self, bits: dict[int, Bits], own: npt.NDArray[np.intp], curves: FloatArray
-    ) -> None:
+    def _mark(self, bits: dict[int, Bits], own: IntArray, curves: FloatArray) -> None:
         """Mark the slices that curves pass."""
         for k, places in self.slices.items():
             along = (curves[:, :, k] - places[0]) / (places[1] - places[0])
@@ -161,9 +157,9 @@ class PoseSets(FailureSets):
 
 
 def _on_known(
-    own: npt.NDArray[np.intp],
+    own: IntArray,
     q: FloatArray,
-    known: list[tuple[npt.NDArray[np.intp], FloatArray]],
+    known: list[tuple[IntArray, FloatArray]],
     endless: Bits,
     count: int,
 ) -> Bits:
@@ -182,7 +178,7 @@ def _on_known(
 
 def _grid_of(
     arm: SerialArm, rotation: FloatArray, voxel: float, step: float
-) -> tuple[npt.NDArray[np.int_], tuple[int, ...]]:
+) -> tuple[IntArray, tuple[int, ...]]:
     """Return corner and shape of the grid; InputError as `PoseSets`."""
     dimension, needed = (2, 4) if arm.is_planar else (3, 7)
     if len(arm.steps) != needed:

@@ -46,7 +46,11 @@ class _CylinderGrid:
     height: int
     inner: int  # of r, in cells
     radii: int
-    angles: int
+
+    @property
+    def angles(self) -> int:
+        """Number of cells in φ."""
+        return max(16, round(_TURN * (self.inner + self.radii)))
 
     @property
     def shape(self) -> tuple[int, int, int]:
@@ -129,16 +133,6 @@ class ReachableSets(FailureSets):
             return None
         return drawn, int(np.ravel_multi_index(tuple(place), self.shape))
 
-    def points(
-        self, voxels: Bits, rng: np.random.Generator, count: int
-    ) -> tuple[FloatArray, npt.NDArray[np.intp]]:
-        """Return random points of voxels, shape (count, 3), and which voxel each is in."""
-        centres, wide = self.centres(voxels), self.dimension
-        drawn = rng.integers(len(centres), size=count)
-        points = np.tile(self.arm.at_zero.end_effector, (count, 1))
-        points[:, :wide] = centres[drawn] + rng.uniform(-0.5, 0.5, (count, wide)) * self.voxel
-        return points, drawn
-
     def _solved(
         self, points: FloatArray, start: FloatArray, lower: FloatArray, upper: FloatArray
     ) -> Bits:
@@ -171,9 +165,8 @@ class ReachableSets(FailureSets):
             z, r = np.nonzero(cells.any(axis=2))
             low, high = max(int(z.min()) - 1, 0), min(int(z.max()) + 2, grid.height)
             near, far = max(int(r.min()) - 1, 0), min(int(r.max()) + 2, grid.radii)
-            new = replace(grid, bottom=grid.bottom + low, height=high - low, inner=near)
-            angles = max(16, round(_TURN * far))
-            cropped.append(replace(new, radii=far - near, angles=angles))
+            size = {"height": high - low, "radii": far - near}
+            cropped.append(replace(grid, bottom=grid.bottom + low, inner=near, **size))
         self._grids = cropped
         self._link()
 
@@ -305,4 +298,4 @@ def check_grid(arm: SerialArm, voxel: float, step: float) -> list[_CylinderGrid]
 
 def _grid(voxel: float, radii: int, planar: bool) -> _CylinderGrid:
     height = 1 if planar else 2 * radii + 1
-    return _CylinderGrid(voxel, -(height // 2), height, 0, radii, max(16, round(_TURN * radii)))
+    return _CylinderGrid(voxel, -(height // 2), height, 0, radii)

@@ -13,9 +13,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from scipy import ndimage
 
+from formulations.kinematics.link_chain import IntArray
 from formulations.kinematics.serial_arm import Bits, Ranges, SerialArm
 from formulations.workspaces.failure_sets import SLICE, FailureSets
 from formulations.workspaces.planar import closed_form
@@ -189,7 +189,7 @@ def _share(
 
 def verified(
     sets: FailureSets, limits: Ranges, voxels: Bits, sample: int = _SAMPLE
-) -> tuple[Bits, npt.NDArray[np.intp]]:
+) -> tuple[Bits, IntArray]:
     """Check a random sample of points in voxels by inverse kinematics.
 
     A point passes if it is reached within the artificial limits, and with each joint at each
