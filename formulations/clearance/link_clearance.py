@@ -40,8 +40,7 @@ from formulations.kinematics.chain import Bodies, Chain
 from formulations.kinematics.chain_between import bodies_of
 from formulations.kinematics.forward import Kinematics, body_frames
 from formulations.kinematics.link_chain import BoolArray, segment_distance
-from formulations.kinematics.read_urdf import urdf_tree
-from formulations.kinematics.read_xml import from_file, is_urdf, xml_root
+from formulations.kinematics.read_urdf import from_file, is_urdf, urdf_tree, xml_root
 from formulations.kinematics.tree import RobotTree
 from nlp.arrays import FloatArray
 from nlp.errors import InputError

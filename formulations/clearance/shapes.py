@@ -19,8 +19,7 @@ import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
 from formulations.kinematics.chain import LARGEST
-from formulations.kinematics.read_urdf import pose_of
-from formulations.kinematics.read_xml import attribute, numbers
+from formulations.kinematics.read_urdf import attribute, numbers, pose_of
 from nlp.arrays import FloatArray
 from nlp.errors import FileError, InputError, MissingLibraryError
 
