@@ -142,16 +142,14 @@ class LinkClearance:
 
     def _distances(self, configurations: FloatArray) -> FloatArray:
         rotations, origins = self.frames(configurations)
-
-        def placed(link: Link, point: FloatArray) -> FloatArray:
-            moved = np.einsum("ijb,j->ib", rotations[link.body], point)
-            return np.asarray(origins[link.body] + moved)
-
-        starts = np.stack([placed(link, link.capsule.start) for link in self.links])
-        ends = np.stack([placed(link, link.capsule.end) for link in self.links])
+        bodies = [link.body for link in self.links]
+        ends = np.array([[link.capsule.start, link.capsule.end] for link in self.links])
+        placed = np.einsum("kijb,kej->keib", rotations[bodies], ends) + origins[bodies, None]
         radii = np.array([link.capsule.radius for link in self.links])
-        first, second = (list(side) for side in zip(*self.pairs, strict=True))
-        gap = segment_distance(starts[first], ends[first], starts[second], ends[second], axis=1)
+        first, second = np.transpose(self.pairs)
+        gap = segment_distance(
+            *placed[first].swapaxes(0, 1), *placed[second].swapaxes(0, 1), axis=1
+        )
         return np.asarray(gap - (radii[first] + radii[second])[:, None])
 
     def is_kept(self, configurations: FloatArray) -> BoolArray:

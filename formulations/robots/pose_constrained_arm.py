@@ -172,6 +172,7 @@ class PoseConstrainedArm(RobotArm):
 
     pose: Pose | None = None
     clearance: LinkClearance | None = None
+    __hash__ = RobotArm.__hash__
 
     @property
     def description(self) -> str:
