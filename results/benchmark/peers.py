@@ -4,8 +4,8 @@ from collections.abc import Callable, Sequence
 from functools import partial
 
 from formulations import max_min, residual
-from formulations.formulation import Formulation
 from formulations.joints.arm import Arm
+from formulations.registry import Formulation
 from nlp.solver import Solver
 from results.benchmark import floor
 from results.benchmark import other_libraries as others

@@ -21,7 +21,6 @@ from formulations.measures.unequal_failures import (
 )
 from formulations.solving.case import Case
 from formulations.solving.outcome import Outcome
-from formulations.unequal_max_min import Goal, score
 from nlp.arrays import FloatArray
 from results.script import main, study_of
 
@@ -83,7 +82,11 @@ def unequal() -> tuple[Case, ...]:
 
 
 def _unequal(
-    model: str, task_dimension: int, failures: FailureModel, words: str, goal: Goal = "worst"
+    model: str,
+    task_dimension: int,
+    failures: FailureModel,
+    words: str,
+    goal: max_min.Goal = "worst",
 ) -> Case:
     settings = {"locked": failures.locked, "failures": failures, "goal": goal}
     return Case(max_min, arm(model, failures.joints, task_dimension), settings, words)
@@ -148,7 +151,7 @@ def row_of(outcome: Outcome) -> FailureRow:
     case, jacobian = outcome.case, outcome.best.jacobian
     k, settings = case.locked, case.settings
     failures = settings["failures"] or FailureModel.equally_likely(case.arm.shape[1], k)
-    value = score(jacobian, failures, settings["goal"]) if outcome.reached else float("nan")
+    value = outcome.case.score(jacobian) if outcome.reached else float("nan")
     bound = _bound(case, jacobian)
     return FailureRow(
         **counted(outcome),
