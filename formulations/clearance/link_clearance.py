@@ -147,9 +147,8 @@ class LinkClearance:
         placed = np.einsum("kijb,kej->keib", rotations[bodies], ends) + origins[bodies, None]
         radii = np.array([link.capsule.radius for link in self.links])
         first, second = np.transpose(self.pairs)
-        gap = segment_distance(
-            *placed[first].swapaxes(0, 1), *placed[second].swapaxes(0, 1), axis=1
-        )
+        (start, end), (other, far) = (placed[i].swapaxes(0, 1) for i in (first, second))
+        gap = segment_distance(start, end, other, far, axis=1)
         return np.asarray(gap - (radii[first] + radii[second])[:, None])
 
     def is_kept(self, configurations: FloatArray) -> BoolArray:
