@@ -1,16 +1,17 @@
-"""How near the links of a robot are to each other: capsules for the search, coal for the check.
+"""How near the links of a robot are to each other: by their geometry, as coal measures it.
 
-Every link has one capsule, fitted around its collision geometry, or around its visual geometry
-if it has no other. A capsule is the set of points within a radius of a segment. It contains the
-geometry, so that capsules that keep a distance keep the links at that distance or more.
+The geometry of a link is its collision geometry or, where it has none, its visual geometry. Two
+points of two links, fixed in them, can be no nearer to each other than the links have to be: a
+smooth condition on the joints' positions. A search begins without any, and adds those of the
+two nearest points wherever its answers leave links too near (an exchange method, as for
+semi-infinite programs). What meets all conditions and keeps the distance is an optimum of the
+problem with all distances.
 
-The distance of two segments is stated in CasADi for the nonlinear program: continuous, with a
-continuous gradient except where the segments are parallel. The answer is checked twice: the
-capsules in NumPy, by another formula; and the geometry itself, meshes too, by coal.
+Every link also has one capsule around its geometry: links whose capsules are far enough apart
+are not looked at more closely.
 
-Not looked at are links that one joint connects; pairs whose capsules are in contact at every
-one of 500 random configurations; and links two joints apart whose capsules are always nearer
-than asked for, as in wrists.
+Left out are links that one joint connects; pairs in contact at every one of 500 random
+configurations; and links two joints apart that are always nearer than asked for, as in wrists.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ import os
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from itertools import combinations
+from itertools import combinations, product
 from pathlib import Path
 from typing import Any
 
@@ -32,7 +33,6 @@ from formulations.clearance.shapes import (
     Shape,
     capsule_around,
     coal_library,
-    gap_squared,
     read_shapes,
     solid,
 )
@@ -48,8 +48,8 @@ from nlp.errors import InputError
 # Random configurations at which links are looked at: those in contact at all of them are left
 # out.
 _SAMPLES = 500
-# Pairs that come no nearer than this beyond what is asked for are no constraints, in metres.
-_NEAR = 0.1
+# What conditions ask for beyond the distance, in metres: the gate is the distance itself.
+_MARGIN = 1e-5
 # Pairs times configurations done together: memory stays bounded.
 _CHUNK = 100_000
 
@@ -82,6 +82,14 @@ class Closest:
 
 
 @dataclass(frozen=True, eq=False)
+class PointPair:
+    """Two points of two links, each in the frame of its body, metres; bodies by number."""
+
+    bodies: tuple[int, int]
+    points: tuple[FloatArray, FloatArray]
+
+
+@dataclass(frozen=True, eq=False)
 class LinkClearance:
     """The distance that links keep from each other.
 
@@ -97,6 +105,8 @@ class LinkClearance:
         Pairs of links that are looked at.
     left_out
         Pairs that are not, though no joint connects the two: see above.
+    conditions
+        Points that are to keep the distance.
     """
 
     least: float
@@ -105,6 +115,7 @@ class LinkClearance:
     links: tuple[Link, ...]
     pairs: tuple[tuple[int, int], ...]
     left_out: tuple[tuple[int, int], ...] = ()
+    conditions: tuple[PointPair, ...] = ()
 
     @property
     def visual(self) -> tuple[str, ...]:
@@ -151,55 +162,86 @@ class LinkClearance:
         gap = segment_distance(starts[first], ends[first], starts[second], ends[second], axis=1)
         return np.asarray(gap - (radii[first] + radii[second])[:, None])
 
-    def is_kept(self, configurations: FloatArray) -> BoolArray:
-        """Whether all pairs of capsules keep the distance, shape (B,)."""
-        return np.asarray(np.min(self.distances(configurations), axis=0) >= self.least - 1e-6)
+    def gaps(self, configurations: FloatArray) -> FloatArray:
+        """Least distance of all pairs at configurations (n, B), in metres, shape (B,).
 
-    def near(self, configurations: FloatArray) -> list[int]:
-        """Pairs that are, or come near to be, too close at one of these configurations."""
-        closest = np.min(self.distances(configurations), axis=1)
-        return [int(k) for k in np.flatnonzero(closest < self.least + _NEAR)]
-
-    def excess(self, positions: ca.SX, which: Sequence[int]) -> ca.SX:
-        """Squared distance of segments over what it has to be, for some pairs, by number.
-
-        At symbols of the joints' positions, shape (pairs, 1): at least 1 where one is kept.
+        By the geometry, but by capsules where these keep the distance.
         """
+        bounds = self.distances(configurations)
+        least = np.min(bounds, axis=0)
+        for k in np.flatnonzero(least < self.least):
+            near = np.flatnonzero(bounds[:, k] < self.least)
+            pairs = [self.pairs[i] for i in near]
+            found = [gap for gap, _ in self._nearest(configurations[:, k], pairs)]
+            others = np.delete(bounds[:, k], near)
+            least[k] = min(*found, np.min(others, initial=np.inf))
+        return np.asarray(least)
+
+    def is_kept(self, configurations: FloatArray) -> BoolArray:
+        """Whether all pairs keep the distance at configurations (n, B), shape (B,)."""
+        return np.asarray(self.gaps(configurations) >= self.least)
+
+    def violated(self, configuration: FloatArray) -> list[PointPair]:
+        """Return the nearest two points of every pair that is too near at a configuration."""
+        near = np.flatnonzero(self.distances(configuration[:, None])[:, 0] < self.least)
+        found = self._nearest(configuration, [self.pairs[i] for i in near])
+        return [points for gap, points in found if gap < self.least]
+
+    def shares(self, positions: ca.SX) -> ca.SX:
+        """State the conditions: squared distances over what they have to be, at least 1."""
         rotations, origins, _ = body_frames(self.bodies, positions)
-        points = [
-            [
-                origins[link.body] + rotations[link.body] @ ca.DM(point)
-                for point in (link.capsule.start, link.capsule.end)
-            ]
-            for link in self.links
-        ]
         rows = []
-        for i, j in (self.pairs[k] for k in which):
-            radii = self.links[i].capsule.radius + self.links[j].capsule.radius
-            rows.append(gap_squared(*points[i], *points[j]) / (radii + self.least) ** 2)
+        for pair in self.conditions:
+            first, second = (
+                origins[body] + rotations[body] @ ca.DM(point)
+                for body, point in zip(pair.bodies, pair.points, strict=True)
+            )
+            rows.append(ca.sumsqr(first - second) / (self.least + _MARGIN) ** 2)
         return ca.vertcat(*rows)
 
     def closest(self, configuration: FloatArray, pairs: Sequence[tuple[int, int]]) -> Closest:
         """Return the nearest of some pairs by the geometry itself, as coal measures it."""
+        gaps = [gap for gap, _ in self._nearest(configuration, pairs)]
+        nearest = int(np.argmin(gaps))
+        return Closest(gaps[nearest], self.names(pairs[nearest]))
+
+    def _nearest(
+        self, configuration: FloatArray, pairs: Sequence[tuple[int, int]]
+    ) -> list[tuple[float, PointPair]]:
+        """Return the distance of each pair of links, by coal, and its nearest points.
+
+        Of links in contact one point twice, which both have.
+        """
         coal = coal_library()
-        rotations, origins = self.frames(configuration[:, None])
-        placed = []
-        for link, own in zip(self.links, self._geometry, strict=True):
-            body = np.eye(4)
-            body[:3, :3], body[:3, 3] = rotations[link.body][..., 0], origins[link.body][:, 0]
-            whole = [body @ link.pose @ shape.pose for shape in link.shapes]
-            frames = [coal.Transform3s(pose[:3, :3], pose[:3, 3]) for pose in whole]
-            placed.append(list(zip(own, frames, strict=True)))
-        request = coal.DistanceRequest()
+        rotations, origins = (side[..., 0] for side in self.frames(configuration[:, None]))
+        placed: dict[int, list[tuple[Any, Any]]] = {}
+        for i in {i for pair in pairs for i in pair}:
+            link, body = self.links[i], np.eye(4)
+            body[:3, :3], body[:3, 3] = rotations[link.body], origins[link.body]
+            poses = [body @ link.pose @ shape.pose for shape in link.shapes]
+            frames = [coal.Transform3s(pose[:3, :3], pose[:3, 3]) for pose in poses]
+            placed[i] = list(zip(self._geometry[i], frames, strict=True))
         nearest = []
         for i, j in pairs:
-            gaps = [
-                coal.distance(*first, *second, request, coal.DistanceResult())
-                for first in placed[i]
-                for second in placed[j]
+            least, ends = np.inf, (np.zeros(3), np.zeros(3))
+            for first, second in product(placed[i], placed[j]):
+                found = coal.DistanceResult()
+                gap = coal.distance(*first, *second, coal.DistanceRequest(), found)
+                if gap < least:
+                    least = gap
+                    ends = found.getNearestPoint1().copy(), found.getNearestPoint2().copy()
+                    if gap <= 0:
+                        common = coal.CollisionResult()
+                        request = coal.CollisionRequest(coal.CollisionRequestFlag.CONTACT, 1)
+                        coal.collide(*first, *second, request, common)
+                        if common.isCollision():
+                            ends = (common.getContact(0).pos.copy(),) * 2
+            bodies = self.links[i].body, self.links[j].body
+            own = [
+                rotations[k].T @ (end - origins[k]) for k, end in zip(bodies, ends, strict=True)
             ]
-            nearest.append(Closest(min(gaps), self.names((i, j))))
-        return min(nearest, key=lambda pair: pair.distance)
+            nearest.append((float(least), PointPair(bodies, (own[0], own[1]))))
+        return nearest
 
     @cached_property
     def _geometry(self) -> list[list[Any]]:
@@ -264,16 +306,20 @@ def _read(path: Path, content: bytes) -> tuple[RobotTree, Geometry]:
 
 
 def _without_contacts(whole: LinkClearance, chain: Chain) -> LinkClearance:
-    """Leave out pairs whose capsules are always in contact, or in wrists always too near."""
+    """Leave out pairs that are always in contact, or in wrists always too near."""
     low, high = Kinematics(chain).ranges
     drawn = np.random.default_rng(1995).uniform(low, high, (len(low), _SAMPLES))
     largest, parents = np.max(whole.distances(drawn), axis=1), _parents(whole.bodies)
     pairs: list[tuple[int, int]] = []
     out: list[tuple[int, int]] = []
-    for pair, gap in zip(whole.pairs, largest.tolist(), strict=True):
+    for pair, bound in zip(whole.pairs, largest.tolist(), strict=True):
         first, second = (whole.links[i].body for i in pair)
         wrist = first == parents[parents[second]] or second == parents[parents[first]]
-        (out if gap < (whole.least if wrist else 0.0) else pairs).append(pair)
+        enough = whole.least if wrist else 0.0
+        apart = bound > enough or any(
+            whole.closest(point, [pair]).distance > enough for point in drawn.T
+        )
+        (pairs if apart else out).append(pair)
     if not pairs:
         allowed = "a robot with two links that are not always in contact"
         raise InputError("clearance", f"of {chain.robot}", allowed)

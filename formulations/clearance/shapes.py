@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import Any, TypeAlias
 from xml.etree.ElementTree import Element
 
-import casadi as ca
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
@@ -34,8 +33,6 @@ _SIZES = {
 _RIM = 32
 # Added to radii: rounding.
 _MARGIN = 1e-6
-# Added to squared lengths of segments, in square metres: a point is a segment, too.
-_TINY = 1e-10
 
 
 @dataclass(frozen=True, eq=False)
@@ -197,21 +194,3 @@ def _along(axis: FloatArray, points: FloatArray, extra: FloatArray) -> Capsule:
 def _volume(capsule: Capsule) -> float:
     length = float(np.linalg.norm(capsule.end - capsule.start))
     return capsule.radius**2 * (length + 4 / 3 * capsule.radius)
-
-
-def gap_squared(a: ca.SX, b: ca.SX, c: ca.SX, d: ca.SX) -> ca.SX:
-    """Squared distance of the segments a–b and c–d.
-
-    C. Ericson, "Real-Time Collision Detection" (2005), section 5.1.9.
-    """
-    u, v, w = b - a, d - c, a - c
-    uu, vv, uv = ca.sumsqr(u) + _TINY, ca.sumsqr(v) + _TINY, ca.dot(u, v)
-    uw, vw = ca.dot(u, w), ca.dot(v, w)
-    s = _within((uv * vw - vv * uw) / (uu * vv - uv**2 + _TINY * uu))
-    t = _within((uv * s + vw) / vv)
-    s = _within((uv * t - uw) / uu)
-    return ca.sumsqr(w + s * u - t * v)
-
-
-def _within(share: ca.SX) -> ca.SX:
-    return ca.fmin(ca.fmax(share, 0), 1)

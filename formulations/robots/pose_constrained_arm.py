@@ -184,13 +184,13 @@ class PoseConstrainedArm(RobotArm):
         return f"{super().description}{place}{apart}"
 
     def constraints(self, variables: ca.SX) -> tuple[Constraint, ...]:
-        """Return the pose, and the distances of pairs of links that come near each other."""
+        """Return the pose, and the conditions of the links' distances."""
         blocks: tuple[Constraint, ...] = ()
         if self.pose is not None:
             blocks = self.pose.constraints(*tip_kinematics(self.chain, variables)[1:])
-        if self.clearance is not None and self._near:
-            excess = self.clearance.excess(variables, self._near)
-            blocks += (Constraint("clearance", excess, 1.0, np.inf),)
+        if self.clearance is not None and self.clearance.conditions:
+            shares = self.clearance.shares(variables)
+            blocks += (Constraint("clearance", shares, 1.0, np.inf),)
         return blocks
 
     def sample(self, rng: np.random.Generator) -> FloatArray:
@@ -223,15 +223,13 @@ class PoseConstrainedArm(RobotArm):
         """
         if self.clearance is None:
             return self._at_pose
-        gaps = self.clearance.distances(self._at_pose)
-        least = np.min(gaps, axis=0)
-        count = max(int(np.sum(self.clearance.is_kept(self._at_pose))), _BEST)
+        least = self.clearance.gaps(self._at_pose)
+        count = max(int(np.sum(least >= self.clearance.least)), _BEST)
         order = np.argsort(-least)[:count]
         best = int(order[0])
         if least[best] < self.clearance.least - _SHORT:
-            pair = self.clearance.pairs[int(np.argmin(gaps[:, best]))]
-            first, second = self.clearance.names(pair)
-            nearest = f"{least[best]:.3g} m between capsules of {first} and {second} at best"
+            pair = self.clearance.closest(self._at_pose[:, best], self.clearance.pairs)
+            nearest = f"{pair.distance:.3g} m between {' and '.join(pair.links)} at best"
             allowed = f"at least {self.clearance.least:g} m at one of {len(least)} tried"
             raise RobotError(f"clearance of {self.description}", nearest, allowed)
         return np.asarray(self._at_pose[:, order])
@@ -296,11 +294,6 @@ class PoseConstrainedArm(RobotArm):
         rotation = self.pose.rotation[:, :, None]
         q, _ = solve_ik(self.kinematics, q, position, rotation, free, _ITERATIONS)
         return q, self.pose.reached(self.pose.errors(self.kinematics, q), _REACHED)
-
-    @cached_property
-    def _near(self) -> list[int]:
-        assert self.clearance is not None
-        return self.clearance.near(self._at_pose)
 
 
 def _runs(reached: BoolArray, points: FloatArray, half: float) -> Ranges:

@@ -134,8 +134,6 @@ class KeptClearance:
     ----------
     least
         The distance that was asked for, metres.
-    capsules
-        The least distance between capsules, metres.
     closest
         The nearest two links, by their geometry.
     pairs
@@ -149,7 +147,6 @@ class KeptClearance:
     """
 
     least: float
-    capsules: float
     closest: Closest
     pairs: int
     left_out: tuple[tuple[str, str], ...]
@@ -311,7 +308,6 @@ def _kept_clearance(arm: PoseConstrainedArm, configuration: FloatArray) -> KeptC
     left_out = clearance.left_out
     return KeptClearance(
         least=clearance.least,
-        capsules=float(np.min(clearance.distances(configuration[:, None]))),
         closest=clearance.closest(configuration, clearance.pairs),
         pairs=len(clearance.pairs),
         left_out=tuple(map(clearance.names, left_out)),

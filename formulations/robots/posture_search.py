@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import partial
 from types import MappingProxyType
 from typing import Any
@@ -11,6 +11,8 @@ from typing import Any
 import numpy as np
 
 from formulations import max_min, measures, registry
+from formulations.clearance.link_clearance import PointPair
+from formulations.joints.joint import ColumnModel
 from formulations.measures.unequal_failures import Scenarios, scenarios
 from formulations.registry import Formulation
 from formulations.robots.pose_constrained_arm import PoseConstrainedArm
@@ -23,6 +25,8 @@ from formulations.solving.solve import run
 from nlp.arrays import FloatArray, whole_number
 from nlp.errors import of_kind, one_of
 from nlp.options import CheckedOptions, OptionValue, check_options
+from nlp.solution import FEASIBLE
+from nlp.starts import generator
 
 # A start is the best of so many random configurations: a robot has many poor optima, and
 # near-singular postures from which max-min hardly moves. The best optimum of a seven-joint arm
@@ -47,6 +51,9 @@ OPTIONS: Mapping[str, OptionValue] = MappingProxyType(
 )
 # A polished posture may be worse by this share, which is rounding.
 _SAME = 1e-9
+# Where links are too near: so often conditions are added, those of so many answers at once that
+# are at least this far apart, in radians or metres.
+_EXCHANGES, _ANSWERS, _SAME_ANSWER = 30, 10, 1e-3
 # In one stage: a start is chosen for its worst case, which a residual stage would lose.
 _ENCODING = "schur-complement"
 
@@ -139,21 +146,55 @@ def searched(arm: RobotArm, search: Search) -> Outcome:
     near = free and search.stated is max_min and bool(structural_failures(arm))
     look = partial(
         run,
-        case,
         seed=search.seed,
         workers=search.workers,
         progress=search.progress,
-        sample=partial(_promising_start, arm, search),
         polish=partial(_careful_polish, arm, search.locked) if near else None,
     )
+    draw: Any = partial(_promising_start, arm, search)
+    points: list[FloatArray] = []
     outcome = Outcome(case, (), complete=True)
     for stage in _STAGES if search.starts is None else (search.starts,):
         first = len(outcome.records)
-        more = look(first=first, starts=stage - first)
+        look = partial(look, first=first, starts=stage - first, sample=draw)
+        if isinstance(arm, PoseConstrainedArm):  # its configurations are found once, here
+            points += [draw(generator(search.seed, k)) for k in range(first, stage)]
+            look = partial(look, sample=np.stack(points))
+        more = look(case)
+        for _ in range(_EXCHANGES):
+            if not (conditions := _violated(case.arm, more)):
+                break
+            case = search.case(_with_conditions(case.arm, conditions))
+            more = look(case)
         outcome = Outcome(case, outcome.records + more.records, more.complete)
         if enough(outcome) or not more.complete:
             break
     return outcome
+
+
+def _violated(arm: ColumnModel, outcome: Outcome) -> list[PointPair]:
+    """Return points that are too near at some of the answers that leave links too near."""
+    if not (isinstance(arm, PoseConstrainedArm) and arm.clearance and outcome.complete):
+        return []
+    points: list[PointPair] = []
+    seen: list[FloatArray] = []
+    for record in sorted(outcome.records, key=lambda record: -record.worst_case_sigma):
+        q = record.variables
+        if record.valid or not (record.converged and record.violation <= FEASIBLE):
+            continue
+        if all(np.max(np.abs(q - other)) > _SAME_ANSWER for other in seen):
+            points += arm.clearance.violated(q)
+            seen.append(q)
+        if len(seen) == _ANSWERS:
+            break
+    return points
+
+
+def _with_conditions(arm: ColumnModel, points: Sequence[PointPair]) -> PoseConstrainedArm:
+    assert isinstance(arm, PoseConstrainedArm)
+    assert arm.clearance is not None
+    conditions = (*arm.clearance.conditions, *points)
+    return replace(arm, clearance=replace(arm.clearance, conditions=conditions))
 
 
 def _promising_start(arm: RobotArm, search: Search, rng: np.random.Generator) -> FloatArray:
