@@ -190,7 +190,7 @@ def residual(
     as_json: cli.Json = False,
 ) -> None:
     """Bound the residual ½‖JJᵀ − (n/3)I‖² of unit revolute joints from below, globally."""
-    from formulations.bounds.so3_moments.residual_bound import residual_bound
+    from formulations.bounds.so3_moments.unit_revolute_bounds import residual_bound
 
     limit = residual_bound(
         preset, joints=joints, rigorous=rigorous, out=out, seed=seed, progress=progress
@@ -210,7 +210,7 @@ def max_min(
     as_json: cli.Json = False,
 ) -> None:
     """Bound the worst case of unit revolute joints after one locked joint, globally."""
-    from formulations.bounds.so3_moments.max_min_bound import max_min_bound
+    from formulations.bounds.so3_moments.unit_revolute_bounds import max_min_bound
 
     if joints > 7 and (rigorous or out is not None):
         allowed = "none for more than 7 joints: eq. (6) is attained, and needs no certificate"

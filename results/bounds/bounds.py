@@ -6,8 +6,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from formulations.bounds.so3_moments.max_min_bound import max_min_bound
-from formulations.bounds.so3_moments.residual_bound import residual_bound
+from formulations.bounds.so3_moments.unit_revolute_bounds import max_min_bound, residual_bound
 from formulations.bounds.worst_case import worst_case_bound
 from formulations.existence.relaxation import existence_relaxation
 from formulations.io.pages import outward

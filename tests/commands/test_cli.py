@@ -22,7 +22,7 @@ import typer.core
 import typer.main
 
 from formulations.__main__ import main
-from formulations.bounds.so3_moments import residual_bound
+from formulations.bounds.so3_moments import unit_revolute_bounds
 from formulations.commands.app import GROUPS, app
 
 ROOT = Path(__file__).parents[2]
@@ -355,7 +355,9 @@ def test_global_bounds(lockedjoint, tmp_path, monkeypatch):
     values = json.loads(eight.stdout)
     assert values["kind"] == "closed form"
     assert values["bound"] == pytest.approx(np.sqrt(2 / 3), abs=1e-9)
-    monkeypatch.setitem(residual_bound.RESIDUAL_PRESETS, "compact", residual_bound.DEGREE_4)
+    monkeypatch.setitem(
+        unit_revolute_bounds.RESIDUAL_PRESETS, "compact", unit_revolute_bounds.DEGREE_4
+    )
     low = lockedjoint.here("bound", "residual", cwd=tmp_path)
     assert low.returncode == 0, low.stderr
     assert "numerical" in low.stdout

@@ -20,9 +20,8 @@ import numpy as np
 from nlp.arrays import FloatArray
 from nlp.errors import LockedJointError
 
-_RELATIVE_RANK = 1e-8
 # Functions that are small where samples concentrate have ratios down to 3e-8; rounding, 1e-15.
-_WEIGHTED_RANK = 1e-10
+_RELATIVE_RANK = 1e-10
 _SEED = 7
 
 
@@ -106,55 +105,51 @@ def moment_program(values: FloatArray, blocks: Sequence[FloatArray]) -> MomentPr
     OutsideSpanError
         If the objective is not in the span of the entries.
     """
-    samples = len(values)
-    basis = _orthonormal_functions(blocks)
-    objective = basis.T @ values / samples
-    if np.abs(basis @ objective - values).max() > 1e-8 * np.abs(values).max():
-        raise OutsideSpanError("the objective is outside of the span of the blocks' entries")
-    return MomentProgram(objective, tuple(_expanded(block, basis) for block in blocks))
+    constant = np.ones(len(values))
+    return joined_program(
+        [blocks], [constant[:, None, None]], weights=constant, objective=values
+    )
 
 
 def joined_program(
-    first: Sequence[FloatArray],
-    second: Sequence[FloatArray],
+    spaces: Sequence[Sequence[FloatArray]],
     common: Sequence[FloatArray],
     *,
-    weights: FloatArray | None = None,
-    objective: FloatArray | None = None,
+    weights: FloatArray,
+    objective: FloatArray,
 ) -> MomentProgram:
-    """Return a program of blocks from two spaces of functions.
+    """Return a program of blocks from one or more spaces of functions.
 
-    Neither space contains the other; they share the span of the entries of the blocks `common`.
-    Each block, (samples, size, size), depends on the unknowns of its own space only, which the
-    solver makes use of. The samples of the second space are the first ones of the other.
-    Functions are orthonormal with respect to the positive weights of the samples. The objective
-    is a function of the first space, or 0. Raises what `moment_program` raises.
+    What the spaces share is the span of the entries of the blocks `common`. Each block,
+    (samples, size, size), depends on the unknowns of its own space only, which the solver makes
+    use of. The samples of the other spaces are the first ones of the first space. Functions are
+    orthonormal with respect to the positive weights of the samples. The objective is a function
+    of the first space. Raises what `moment_program` raises.
     """
-    samples = len(common[0])
-    roots = np.sqrt(np.ones(samples) if weights is None else weights / np.mean(weights))
+    roots = np.sqrt(weights / np.mean(weights))
     shared = _completed(common, roots[:, None], roots)
-    bases = []
-    for blocks in (first, second):
-        count = len(blocks[0])
-        bases.append(_completed(blocks, shared[:count], roots[:count]))
+    counts = [len(blocks[0]) for blocks in spaces]
+    bases = [
+        _completed(blocks, shared[:count], roots[:count])
+        for blocks, count in zip(spaces, counts, strict=True)
+    ]
     own = [basis.shape[1] - shared.shape[1] for basis in bases]
     moments = shared.shape[1] + sum(own)
     goals = np.zeros(moments)
-    if objective is not None:
-        goal = _coefficients(_inverse(bases[0]), bases[0], roots * objective)
-        goals[: len(goal)] = goal
     expanded = []
-    for blocks, basis, start in zip((first, second), bases, (0, own[0]), strict=True):
+    for number, (blocks, basis) in enumerate(zip(spaces, bases, strict=True)):
+        inverse = np.asarray(np.linalg.pinv(basis), dtype=float)
         places = np.arange(basis.shape[1])
-        places[shared.shape[1] :] += start
-        inverse = _inverse(basis)
+        places[shared.shape[1] :] += sum(own[:number])
+        if number == 0:
+            goals[places] = _coefficients(inverse, basis, roots * objective)
         for block in blocks:
             count, size = block.shape[:2]
             values = roots[:count, None] * block.reshape(count, -1)
             rows = _coefficients(inverse, basis, values).reshape(-1, size, size)
-            found = np.zeros((moments, size, size))
-            found[places] = 0.5 * (rows + rows.transpose(0, 2, 1))
-            expanded.append(found)
+            coefficients = np.zeros((moments, size, size))
+            coefficients[places] = 0.5 * (rows + rows.transpose(0, 2, 1))
+            expanded.append(coefficients)
     return MomentProgram(goals, tuple(expanded))
 
 
@@ -168,7 +163,7 @@ def _completed(
     samples = len(known)
     single = (known / roots[:, None]).T[:, :, None, None]
     vectors, strengths, _ = np.linalg.svd(_mixed([*blocks, *single]))
-    rank = int(np.sum(strengths > _WEIGHTED_RANK * strengths[0]))
+    rank = int(np.sum(strengths > _RELATIVE_RANK * strengths[0]))
     if rank >= samples - 1:
         raise TooFewSamplesError(f"{samples} samples for at least {rank} functions")
     frame = np.linalg.qr(known)[0]
@@ -177,10 +172,6 @@ def _completed(
         others -= frame @ (frame.T @ others)
     left = np.linalg.svd(others, full_matrices=False)[0][:, : rank - known.shape[1]]
     return np.hstack([known, np.sqrt(samples) * left])
-
-
-def _inverse(basis: FloatArray) -> FloatArray:
-    return np.asarray(np.linalg.pinv(basis), dtype=float)
 
 
 def _coefficients(inverse: FloatArray, basis: FloatArray, values: FloatArray) -> FloatArray:
@@ -213,13 +204,6 @@ def penalised_program(program: MomentProgram, penalty: float) -> MomentProgram:
     return MomentProgram(objective / penalty, (*blocks, remaining))
 
 
-def _expanded(block: FloatArray, basis: FloatArray) -> FloatArray:
-    """Return the coefficients of a block's entries, (functions, size, size), symmetric."""
-    samples, size = block.shape[:2]
-    found = (basis.T / samples @ block.reshape(samples, -1)).reshape(-1, size, size)
-    return np.asarray(0.5 * (found + found.transpose(0, 2, 1)))
-
-
 def margin_program(program: MomentProgram) -> MomentProgram:
     """Return the program whose smallest value is −s; the objective of the given one is left.
 
@@ -236,18 +220,6 @@ def margin_program(program: MomentProgram) -> MomentProgram:
     objective = np.zeros(program.moments + 1)
     objective[0], objective[-1] = shift, -1.0
     return MomentProgram(objective, tuple(blocks))
-
-
-def _orthonormal_functions(blocks: Sequence[FloatArray]) -> FloatArray:
-    """Return an orthonormal basis of the functions at the samples, the constant first."""
-    mixed = _mixed(blocks)
-    samples = len(mixed)
-    constant = np.ones((samples, 1))
-    vectors, strengths, _ = np.linalg.svd(mixed - constant @ (constant.T @ mixed / samples))
-    rank = int(np.sum(strengths > _RELATIVE_RANK * strengths[0]))
-    if rank >= samples - 2:
-        raise TooFewSamplesError(f"{samples} samples for at least {rank} functions")
-    return np.hstack([constant, np.sqrt(samples) * vectors[:, :rank]])
 
 
 def _mixed(blocks: Sequence[FloatArray]) -> FloatArray:

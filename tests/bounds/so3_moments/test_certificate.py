@@ -14,34 +14,32 @@ import pytest
 from formulations.bounds.closed_form import root_above
 from formulations.bounds.so3_moments import certificate as format_module
 from formulations.bounds.so3_moments import (
-    residual_bound,
     sampled_blocks,
     verification,
     worst_case_conditions,
 )
 from formulations.bounds.so3_moments.certificate import FILE_BYTES, BoundCertificate, read_any
 from formulations.bounds.so3_moments.certifying import search_certificate
-from formulations.bounds.so3_moments.max_min_bound import (
-    EXCLUDED,
-    prove_exclusion,
-    solve_exclusion,
-    without_objective,
-)
 from formulations.bounds.so3_moments.moment_program import MomentProgram
 from formulations.bounds.so3_moments.relaxation import refined_multipliers, solve_relaxation
-from formulations.bounds.so3_moments.residual_bound import RESIDUAL_PRESETS
-from formulations.bounds.so3_moments.row_sectors import RowSector, degree_sectors
-from formulations.bounds.so3_moments.sampled_blocks import SectorBlocks, sector_families
+from formulations.bounds.so3_moments.sampled_blocks import RowBlocks, sector_families
+from formulations.bounds.so3_moments.symmetric_rows import (
+    first_tableau,
+    projected_tableaux,
+    young_bases,
+)
+from formulations.bounds.so3_moments.unit_revolute_bounds import (
+    EXCLUDED,
+    RESIDUAL_PRESETS,
+    prove_exclusion,
+    residual_bound,
+)
 from formulations.bounds.so3_moments.verification import verify_bound
+from formulations.bounds.so3_moments.wigner import RowSector, degree_sectors
 from formulations.bounds.so3_moments.worst_case_conditions import (
     CONDITIONS,
     WorstCaseConditions,
     condition_families,
-)
-from formulations.bounds.so3_moments.young_basis import (
-    first_tableau,
-    projected_tableaux,
-    young_bases,
 )
 from formulations.existence.certificate import Certificate, CertificateError
 from formulations.existence.exact_jacobian import ExactJacobian
@@ -99,9 +97,9 @@ def exclusion():
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(worst_case_conditions, "largest_residual", lambda *_: LIMIT)
         families = condition_families(SMALL, 7, IMPOSSIBLE)
-    solved = solve_exclusion(families, 7, np.random.default_rng(0))
+    solved = solve_relaxation(families, 7, np.random.default_rng(0), exclusion=True, gap=1e-8)
     multipliers = refined_multipliers(solved.program, solved.multipliers)
-    constant = without_objective(solved).dual_value(multipliers)
+    constant = solved.identity.dual_value(multipliers)
     bound = root_above(Fraction(IMPOSSIBLE))
     return search_certificate(families, multipliers, constant, bound, 7, IMPOSSIBLE)
 
@@ -164,7 +162,7 @@ def test_other_factors_and_orders_prove_the_same(certificate):
 @pytest.mark.parametrize("sector", [RowSector(2, 0, 1, 4), RowSector(4, 2, 0, 4)])
 def test_projectors_are_those_of_the_bases(sector):
     """P from eigenvectors and P from averages over permutations are the same."""
-    for entry in SectorBlocks(sector, 6).rows:
+    for entry in RowBlocks(sector, 6).rows:
         places = entry.places
         exchanges = {j: entry.exchange(j) for place in places for j in place[:-1]}
         for shapes, bases in young_bases(exchanges, places).items():
@@ -180,7 +178,7 @@ def test_the_verifier_samples_no_blocks_and_finds_no_bases(certificate, monkeypa
         raise AssertionError("the verifier must not sample blocks or find bases")
 
     monkeypatch.setattr(sampled_blocks, "adapted_rows", searched)
-    monkeypatch.setattr(sampled_blocks.RowBlocks, "mean_squares", searched)
+    monkeypatch.setattr(sampled_blocks.RowBlocks, "evaluate", searched)
     path = tmp_path / "bound.json"
     path.write_text(certificate.to_json())
     assert verify_bound(read_any(path)).bound >= certificate.bound
@@ -525,25 +523,25 @@ def test_verify_and_bound_on_the_command_line(lockedjoint, document, tmp_path):
 
 def test_a_rigorous_bound_is_what_its_certificate_states(monkeypatch, tmp_path):
     few = degree_sectors(4, range(1), range(1))
-    monkeypatch.setitem(residual_bound.RESIDUAL_PRESETS, "compact", few)
+    monkeypatch.setitem(RESIDUAL_PRESETS, "compact", few)
     path = tmp_path / "folder" / "bound.json"
-    found = residual_bound.residual_bound(rigorous=True, joints=6, out=path)
+    found = residual_bound(rigorous=True, joints=6, out=path)
     verified = verify_bound(read_any(path))
     assert verified.bound == found.check["verified"]
     assert -1e-5 < verified.claimed < verified.bound < found.check["constant"]
     assert (found.kind, found.bound) == ("rigorous", max(0.0, verified.claimed))
     with pytest.raises(FileError):
-        residual_bound.residual_bound(rigorous=True, joints=6, out=tmp_path)
+        residual_bound(rigorous=True, joints=6, out=tmp_path)
 
 
 def test_nothing_is_reported_that_was_not_verified(monkeypatch, tmp_path):
     """With a constant that is 1 too large the solver claims ρ ≥ 1, where 0 is attained."""
     few = degree_sectors(4, range(1), range(1))
-    monkeypatch.setitem(residual_bound.RESIDUAL_PRESETS, "compact", few)
+    monkeypatch.setitem(RESIDUAL_PRESETS, "compact", few)
     value = MomentProgram.dual_value
     monkeypatch.setattr(MomentProgram, "dual_value", lambda *given: value(*given) + 1)
     with pytest.raises(CertificateError, match="prove only"):
-        residual_bound.residual_bound(rigorous=True, joints=6, out=tmp_path / "bound.json")
+        residual_bound(rigorous=True, joints=6, out=tmp_path / "bound.json")
     assert not list(tmp_path.iterdir())
 
 

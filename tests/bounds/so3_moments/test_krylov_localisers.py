@@ -3,12 +3,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from formulations.bounds.so3_moments.localisers import KrylovLocaliser
-from formulations.bounds.so3_moments.moment_program import margin_program
 from formulations.bounds.so3_moments.relaxation import (
     solve_relaxation,
 )
-from formulations.bounds.so3_moments.row_sectors import RowSector, degree_sectors
+from formulations.bounds.so3_moments.sampled_blocks import KrylovForm, sector_families
+from formulations.bounds.so3_moments.wigner import RowSector, degree_sectors
 from formulations.bounds.so3_moments.worst_case_conditions import (
     CONDITIONS,
     WorstCaseConditions,
@@ -42,10 +41,7 @@ def test_conditions_of_a_larger_worst_case_are_not_met(attained):
         for parity in (0, 1)
         for sector in degree_sectors(degree, range(1), range(1), parity)
     ]
-    families = [
-        [family for family in (KrylovLocaliser(s, 7, limit) for s in sectors) if family.rows]
-        for limit in (t - 1e-9, t + 0.1)
-    ]
+    families = [sector_families(sectors, 7, KrylovForm(limit)) for limit in (t - 1e-9, t + 0.1)]
     assert lowest_eigenvalue(families[0], where) > -1e-10
     assert lowest_eigenvalue(families[1], where) < -1e-3
 
@@ -61,12 +57,11 @@ def test_the_identity_of_an_exclusion_holds_with_the_plain_average(so3, plain):
     """Plain, scaled and Krylov blocks together, with the multipliers of the solver."""
     families = condition_families(SMALL, 7, 0.3265)
     rng = np.random.default_rng(0)
-    solved = solve_relaxation(families, 7, rng, adapt=margin_program, gap=1e-8)
+    solved = solve_relaxation(families, 7, rng, exclusion=True, gap=1e-8)
     cleaned = [nearest_semidefinite(x) for x in solved.multipliers]
     multipliers = [x / sum(np.trace(y) for y in cleaned) for x in cleaned]
     where = so3.haar_rotations(8, 1, 7)
-    identity = replace(solved.sampled, objective=np.zeros(solved.sampled.moments))
-    bound = identity.dual_value(multipliers)
+    bound = solved.identity.dual_value(multipliers)
     total, start = np.zeros(1), 0
     for family in families:
         own = multipliers[start : start + len(family.sizes)]

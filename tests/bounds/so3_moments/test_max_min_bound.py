@@ -5,12 +5,14 @@ import pytest
 from scipy.optimize import minimize
 
 from formulations.bounds.closed_form import largest_residual
-from formulations.bounds.so3_moments import max_min_bound as max_min_module
-from formulations.bounds.so3_moments import worst_case_conditions
+from formulations.bounds.so3_moments import unit_revolute_bounds, worst_case_conditions
 from formulations.bounds.so3_moments.global_bound import GlobalBound
-from formulations.bounds.so3_moments.max_min_bound import exclude_worst_case, max_min_bound
-from formulations.bounds.so3_moments.residual_bound import residual_bound
-from formulations.bounds.so3_moments.row_sectors import RowSector
+from formulations.bounds.so3_moments.unit_revolute_bounds import (
+    exclude_worst_case,
+    max_min_bound,
+    residual_bound,
+)
+from formulations.bounds.so3_moments.wigner import RowSector
 from formulations.bounds.so3_moments.worst_case_conditions import (
     WorstCaseConditions,
     condition_families,
@@ -115,7 +117,7 @@ def test_arguments_are_checked(bound, arguments):
 
 def test_an_exclusion_needs_a_negative_margin(monkeypatch):
     """With conditions that exclude nothing the plain bound is reported."""
-    monkeypatch.setattr(max_min_module, "CONDITIONS", SMALL)
+    monkeypatch.setattr(unit_revolute_bounds, "CONDITIONS", SMALL)
     result = max_min_bound("localised")
     assert result.kind == "closed form"
     assert result.bound == pytest.approx(np.sqrt(1 / 3), abs=1e-9)
