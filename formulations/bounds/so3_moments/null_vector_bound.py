@@ -1,8 +1,8 @@
 """Exclude a worst case σ² ≥ t with the signs of the columns fixed by the null vector of J.
 
 Two spaces of functions carry the pseudo-moments: of degree 12, invariant under the signs of the
-columns (`worst_case_conditions`), and of degree 8, not invariant. They share the functions of
-degree 8 that are. The conditions on the second space are those of `null_vector`.
+columns (`condition_families`), and of degree 8, not invariant (`unsigned_families`). They share
+the functions of degree 8 that are.
 
 One condition on the spectrum of JJᵀ, α(t) + β tr E³ − ρ ≥ 0, is maximised under all others: if
 the largest value is negative, t is excluded.

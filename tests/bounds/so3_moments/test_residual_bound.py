@@ -240,8 +240,3 @@ def test_isotropic_8r_stays_feasible(so3):
     y, left = moments_of(program, blocks)
     assert left < 1e-7
     assert program.objective[0] + program.objective[1:] @ y == pytest.approx(0, abs=1e-7)
-
-
-def test_presets_have_no_sector_that_another_contains():
-    assert RowSector(2, 0, 1, 6) in RESIDUAL_PRESETS["compact"]
-    assert RowSector(2, 0, 1, 4) not in RESIDUAL_PRESETS["compact"]
