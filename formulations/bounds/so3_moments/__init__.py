@@ -16,7 +16,7 @@ for seven joints, in results/bounds and docs/bounds.md:
 In reading order::
 
     wigner                 Wigner functions, their coupling, and which products are rows
-    symmetric_rows         the rows sorted by the representations of all symmetries
+    symmetric_rows         the rows sorted by all symmetries, permutations by `young_basis`
     sampled_blocks         moment matrices of these rows, and localisers, at configurations
     moment_program         the semidefinite program, which `predictor_corrector` solves
     relaxation             what all bounds share: sample, solve, check the identity

@@ -29,12 +29,9 @@ from formulations.bounds.so3_moments.sampled_blocks import (
     Selection,
     selection,
 )
-from formulations.bounds.so3_moments.symmetric_rows import (
-    PermutedRows,
-    Shapes,
-    tableau_contents,
-)
+from formulations.bounds.so3_moments.symmetric_rows import PermutedRows
 from formulations.bounds.so3_moments.wigner import LabelSet, RowSector
+from formulations.bounds.so3_moments.young_basis import Shapes, tableau_contents
 from formulations.existence.certificate import shown
 from formulations.existence.reading import Part, loaded, read_either
 from formulations.existence.tableaux import partitions

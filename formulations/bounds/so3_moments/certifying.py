@@ -35,8 +35,9 @@ from formulations.bounds.so3_moments.sampled_blocks import (
     RowBlocks,
     ScaledBlocks,
 )
-from formulations.bounds.so3_moments.symmetric_rows import AdaptedRows, Shapes, first_tableau
+from formulations.bounds.so3_moments.symmetric_rows import AdaptedRows
 from formulations.bounds.so3_moments.verification import verify_bound
+from formulations.bounds.so3_moments.young_basis import Shapes, first_tableau
 from formulations.existence.certificate import CertificateError
 from formulations.io.files import prepare_file, write_text
 from nlp.arrays import FloatArray, semidefinite_root

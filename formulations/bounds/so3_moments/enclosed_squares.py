@@ -33,12 +33,8 @@ from math import sqrt
 import numpy as np
 
 from formulations.bounds.so3_moments.sampled_blocks import RowBlocks
-from formulations.bounds.so3_moments.symmetric_rows import (
-    AdaptedRows,
-    PermutedRows,
-    young_form,
-    young_image,
-)
+from formulations.bounds.so3_moments.symmetric_rows import AdaptedRows, PermutedRows
+from formulations.bounds.so3_moments.young_basis import young_form, young_image
 from nlp.arrays import FloatArray
 from nlp.errors import LockedJointError
 

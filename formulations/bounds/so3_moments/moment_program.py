@@ -20,8 +20,9 @@ import numpy as np
 from nlp.arrays import FloatArray
 from nlp.errors import LockedJointError
 
+_RELATIVE_RANK = 1e-8
 # Functions that are small where samples concentrate have ratios down to 3e-8; rounding, 1e-15.
-_RELATIVE_RANK = 1e-10
+_WEIGHTED_RANK = 1e-10
 _SEED = 7
 
 
@@ -105,10 +106,12 @@ def moment_program(values: FloatArray, blocks: Sequence[FloatArray]) -> MomentPr
     OutsideSpanError
         If the objective is not in the span of the entries.
     """
-    constant = np.ones(len(values))
-    return joined_program(
-        [blocks], [constant[:, None, None]], weights=constant, objective=values
-    )
+    samples = len(values)
+    basis = _orthonormal_functions(blocks)
+    objective = basis.T @ values / samples
+    if np.abs(basis @ objective - values).max() > 1e-8 * np.abs(values).max():
+        raise OutsideSpanError("the objective is outside of the span of the blocks' entries")
+    return MomentProgram(objective, tuple(_expanded(block, basis) for block in blocks))
 
 
 def joined_program(
@@ -118,7 +121,7 @@ def joined_program(
     weights: FloatArray,
     objective: FloatArray,
 ) -> MomentProgram:
-    """Return a program of blocks from one or more spaces of functions.
+    """Return a program of blocks from several spaces of functions.
 
     What the spaces share is the span of the entries of the blocks `common`. Each block,
     (samples, size, size), depends on the unknowns of its own space only, which the solver makes
@@ -163,7 +166,7 @@ def _completed(
     samples = len(known)
     single = (known / roots[:, None]).T[:, :, None, None]
     vectors, strengths, _ = np.linalg.svd(_mixed([*blocks, *single]))
-    rank = int(np.sum(strengths > _RELATIVE_RANK * strengths[0]))
+    rank = int(np.sum(strengths > _WEIGHTED_RANK * strengths[0]))
     if rank >= samples - 1:
         raise TooFewSamplesError(f"{samples} samples for at least {rank} functions")
     frame = np.linalg.qr(known)[0]
@@ -204,6 +207,13 @@ def penalised_program(program: MomentProgram, penalty: float) -> MomentProgram:
     return MomentProgram(objective / penalty, (*blocks, remaining))
 
 
+def _expanded(block: FloatArray, basis: FloatArray) -> FloatArray:
+    """Return the coefficients of a block's entries, (functions, size, size), symmetric."""
+    samples, size = block.shape[:2]
+    found = (basis.T / samples @ block.reshape(samples, -1)).reshape(-1, size, size)
+    return np.asarray(0.5 * (found + found.transpose(0, 2, 1)))
+
+
 def margin_program(program: MomentProgram) -> MomentProgram:
     """Return the program whose smallest value is −s; the objective of the given one is left.
 
@@ -220,6 +230,18 @@ def margin_program(program: MomentProgram) -> MomentProgram:
     objective = np.zeros(program.moments + 1)
     objective[0], objective[-1] = shift, -1.0
     return MomentProgram(objective, tuple(blocks))
+
+
+def _orthonormal_functions(blocks: Sequence[FloatArray]) -> FloatArray:
+    """Return an orthonormal basis of the functions at the samples, the constant first."""
+    mixed = _mixed(blocks)
+    samples = len(mixed)
+    constant = np.ones((samples, 1))
+    vectors, strengths, _ = np.linalg.svd(mixed - constant @ (constant.T @ mixed / samples))
+    rank = int(np.sum(strengths > _RELATIVE_RANK * strengths[0]))
+    if rank >= samples - 2:
+        raise TooFewSamplesError(f"{samples} samples for at least {rank} functions")
+    return np.hstack([constant, np.sqrt(samples) * vectors[:, :rank]])
 
 
 def _mixed(blocks: Sequence[FloatArray]) -> FloatArray:

@@ -5,24 +5,15 @@ into groups, each with its own labels; only permutations within a group are need
 are given to joints in ascending order. Permutations of the joints with odd m and of the rest
 give shapes and tableaux; where the charge is 0, conjugation splits what belongs to a shape into
 even and odd.
-
-Permutations act on the rows of a block as in Young's orthogonal form. For a shape λ with
-standard tableaux T the columns of U_T are joint eigenvectors of the Jucys–Murphy elements
-X_{i+1} = s_i X_i s_i + s_i, where s_i exchanges i and i + 1, and
-
-    s_i U_T = U_T/r + √(1 − 1/r²) U_{T'},   r = content of i + 1 minus content of i,
-
-T' being T with i and i + 1 exchanged. So averages over all permutations follow from U alone:
-the average of |(U_T a)ᵀφ|² over permutations of the joints is that over all T.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cached_property
 from itertools import chain, permutations, product
-from math import prod, sqrt
+from math import prod
 from typing import TypeAlias
 
 import numpy as np
@@ -33,21 +24,10 @@ from formulations.bounds.so3_moments.wigner import (
     axis_exchange,
     coupled_tensors,
 )
-from formulations.existence.tableaux import (
-    Shape,
-    partitions,
-    row_reading_contents,
-    standard_tableaux,
-)
+from formulations.bounds.so3_moments.young_basis import Shapes, young_bases
 from nlp.arrays import FloatArray
 
 Assignment: TypeAlias = tuple[int, ...]
-# One shape for each of the groups of joints that are permuted among themselves.
-Shapes: TypeAlias = tuple[Shape, ...]
-Groups: TypeAlias = tuple[range, ...]
-Contents: TypeAlias = tuple[int, ...]
-# For each tableau the number of another one, and a distance, see `young_form`.
-Images: TypeAlias = tuple[tuple[int, int], ...]
 
 
 @dataclass(frozen=True)
@@ -224,116 +204,3 @@ def _collect(
 def _scale(entry: PermutedRows) -> float:
     """Return 1 over the root mean square of a plain row."""
     return float(np.sqrt(prod(2 * spin + 1 for spin in entry.spins)))
-
-
-def young_bases(
-    exchanges: Mapping[int, FloatArray], groups: Groups
-) -> dict[Shapes, FloatArray]:
-    """Return for each shape that occurs the bases U_T, (tableaux, rows, multiplicity).
-
-    `exchanges` holds the orthogonal (rows, rows) that exchanges joints i and i + 1, for each i
-    such that both are in one group. The tableaux are in the order of `tableau_contents`. All
-    bases together are orthonormal.
-    """
-    rows = len(next(iter(exchanges.values()))) if exchanges else 1
-    operator, weight = np.zeros((rows, rows)), 1
-    weights: list[list[int]] = []
-    for group in groups:
-        # The eigenvalues of X_{i+1} are whole and of size at most the number of joints before:
-        # with these weights, a mixed radix, those of the sum differ from tableau to tableau.
-        element = np.zeros((rows, rows))
-        weights.append([])
-        for place, joint in enumerate(group[:-1], start=1):
-            swap = exchanges[joint]
-            element = swap @ element @ swap + swap
-            operator += weight * element
-            weights[-1].append(weight)
-            weight *= 2 * place + 1
-    values, vectors = np.linalg.eigh(0.5 * (operator + operator.T))
-    found: dict[Shapes, FloatArray] = {}
-    for shapes in product(*(tuple(partitions(len(group))) for group in groups)):
-        contents = map(row_reading_contents, shapes)
-        wanted = sum(np.dot(a, b) for a, b in zip(weights, contents, strict=True))
-        first = vectors[:, np.abs(values - wanted) < 0.5]
-        if first.shape[1]:
-            found[shapes] = _all_tableaux(first, exchanges, groups, shapes)
-    return found
-
-
-def first_tableau(shapes: Shapes) -> int:
-    """Return the number of the tableau that is filled row after row."""
-    return tableau_contents(shapes).index(tuple(map(row_reading_contents, shapes)))
-
-
-def projected_tableaux(
-    rows: Sequence[int], exchanges: Mapping[int, FloatArray], groups: Groups, shapes: Shapes
-) -> FloatArray:
-    """Return the bases of all tableaux whose first is P e_i for some rows i.
-
-    P projects on what belongs to the first tableau. No eigenvectors are needed for that, so
-    other machines get the same to within rounding.
-    """
-    length = len(next(iter(exchanges.values()))) if exchanges else 1
-    return _all_tableaux(np.eye(length)[:, list(rows)], exchanges, groups, shapes)
-
-
-def _all_tableaux(
-    first: FloatArray, exchanges: Mapping[int, FloatArray], groups: Groups, shapes: Shapes
-) -> FloatArray:
-    """Return the bases of all tableaux whose first is the projection of `first`.
-
-    The mean over all permutations g of P_g U Y_gᵀ, where U is 0 but for the first tableau. All
-    permutations of the first j + 1 joints of a group are those of the first j, followed by
-    moving the last joint to any place.
-    """
-    tableaux = len(tableau_contents(shapes))
-    bases = np.zeros((tableaux, *first.shape))
-    bases[first_tableau(shapes)] = tableaux * first
-    for group in groups:
-        for end in range(1, len(group)):
-            moved, total = bases, bases.copy()
-            for joint in reversed(group[:end]):
-                moved = young_image(exchanges[joint] @ moved, young_form(shapes, groups)[joint])
-                total += moved
-            bases = total / (end + 1)
-    return bases
-
-
-def young_image(bases: FloatArray, images: Images) -> FloatArray:
-    """Return Σ_T' U_T' Y_{T'T} for the exchange of a joint and the next, (tableaux, …)."""
-    found = np.empty_like(bases)
-    for number, (goal, distance) in enumerate(images):
-        found[number] = bases[number] / distance
-        if abs(distance) > 1:
-            found[number] += sqrt(1 - 1 / distance**2) * bases[goal]
-    return found
-
-
-@cache
-def tableau_contents(shapes: Shapes) -> tuple[tuple[Contents, ...], ...]:
-    """Return the standard tableaux of a shape in each group, as contents of 2, 3, …; sorted."""
-    return tuple(product(*(sorted(standard_tableaux(shape)) for shape in shapes)))
-
-
-@cache
-def young_form(shapes: Shapes, groups: Groups) -> dict[int, Images]:
-    """Return Young's orthogonal form of the exchange of each joint i and the next.
-
-    For each tableau, in the order of `tableau_contents`: the number of the tableau with i and
-    i + 1 exchanged, and the distance r. If |r| = 1 there is no such tableau, and the number is
-    that of the tableau itself.
-    """
-    names = tableau_contents(shapes)
-    numbers = {name: number for number, name in enumerate(names)}
-    form: dict[int, Images] = {}
-    for position, group in enumerate(groups):
-        for place, joint in enumerate(group[:-1]):
-            images = []
-            for name in names:
-                boxes = [0, *name[position]]
-                distance = boxes[place + 1] - boxes[place]
-                boxes[place : place + 2] = boxes[place + 1], boxes[place]
-                goal = (*name[:position], tuple(boxes[1:]), *name[position + 1 :])
-                images.append((numbers.get(goal, numbers[name]), distance))
-            form[joint] = tuple(images)
-    return form

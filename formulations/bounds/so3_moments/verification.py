@@ -40,8 +40,9 @@ from formulations.bounds.so3_moments.invariants import (
     invariant_dimension,
 )
 from formulations.bounds.so3_moments.sampled_blocks import KrylovForm, RowBlocks
-from formulations.bounds.so3_moments.symmetric_rows import AdaptedRows, projected_tableaux
+from formulations.bounds.so3_moments.symmetric_rows import AdaptedRows
 from formulations.bounds.so3_moments.wigner import RowSector, random_rotations
+from formulations.bounds.so3_moments.young_basis import projected_tableaux
 from formulations.existence.certificate import CertificateError
 from nlp.arrays import FloatArray, Rng, one_blas_thread
 

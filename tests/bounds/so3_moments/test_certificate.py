@@ -23,11 +23,6 @@ from formulations.bounds.so3_moments.certifying import search_certificate
 from formulations.bounds.so3_moments.moment_program import MomentProgram
 from formulations.bounds.so3_moments.relaxation import refined_multipliers, solve_relaxation
 from formulations.bounds.so3_moments.sampled_blocks import RowBlocks, sector_families
-from formulations.bounds.so3_moments.symmetric_rows import (
-    first_tableau,
-    projected_tableaux,
-    young_bases,
-)
 from formulations.bounds.so3_moments.unit_revolute_bounds import (
     EXCLUDED,
     RESIDUAL_PRESETS,
@@ -40,6 +35,11 @@ from formulations.bounds.so3_moments.worst_case_conditions import (
     CONDITIONS,
     WorstCaseConditions,
     condition_families,
+)
+from formulations.bounds.so3_moments.young_basis import (
+    first_tableau,
+    projected_tableaux,
+    young_bases,
 )
 from formulations.existence.certificate import Certificate, CertificateError
 from formulations.existence.exact_jacobian import ExactJacobian

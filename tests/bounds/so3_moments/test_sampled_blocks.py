@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from formulations.bounds.so3_moments.sampled_blocks import KrylovForm, RowBlocks
-from formulations.bounds.so3_moments.symmetric_rows import young_bases, young_form
 from formulations.bounds.so3_moments.wigner import (
     RowSector,
     label_degree,
 )
 from formulations.bounds.so3_moments.worst_case_conditions import gram_form
+from formulations.bounds.so3_moments.young_basis import young_bases, young_form
 from nlp.errors import InputError
 
 SECTORS = [(0, 0, 0, 4), (2, 2, 1, 4), (2, 0, 2, 4), (4, 4, 1, 4), (3, 1, 1, 3), (6, 2, 0, 6)]
