@@ -25,7 +25,7 @@ from formulations.bounds.closed_form import (
     several_locked_bound,
     with_one_more_locked,
 )
-from formulations.existence.theorem import excludes
+from formulations.existence.verify import excludes
 from formulations.joints.arm import Arm
 from formulations.joints.kinds import FreeColumn, LeverRevolute, Prismatic, UnitRevolute
 from nlp.errors import of_kind

@@ -20,8 +20,7 @@ from typing import Any
 import numpy as np
 
 from formulations.existence.derive import rewriting
-from formulations.existence.equations import Frame
-from formulations.existence.graphs import ONE, Monomial, classes
+from formulations.existence.equations import ONE, Frame, Monomial, classes
 from formulations.existence.tableaux import IntArray, Shape, adapted_bases
 from nlp.arrays import FloatArray
 

@@ -8,8 +8,14 @@ from formulations.existence.derive import (
     squared_polynomials,
     symmetrised,
 )
-from formulations.existence.equations import class_sums, collected, combined, hermitian_product
-from formulations.existence.graphs import ONE, Monomial
+from formulations.existence.equations import (
+    ONE,
+    Monomial,
+    class_sums,
+    collected,
+    combined,
+    hermitian_product,
+)
 
 TRIANGLE = Monomial(((0, 1), (0, 2), (1, 2)), ((0, 1), (0, 2), (1, 2)))
 TRIANGLES = 35

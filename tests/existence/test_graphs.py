@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from formulations.existence.graphs import ONE, Monomial, canonical, classes, coloured_graphs
+from formulations.existence.equations import ONE, Monomial, canonical, classes, coloured_graphs
 
 pairs = st.lists(st.tuples(st.integers(0, 6), st.integers(0, 6)), max_size=4).map(tuple)
 monomials = st.builds(Monomial, pairs, pairs)

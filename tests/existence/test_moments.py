@@ -2,13 +2,12 @@
 
 from dataclasses import replace
 from functools import partial
-from itertools import chain, permutations
+from itertools import combinations_with_replacement, permutations, product
 
 import numpy as np
 import pytest
 
-from formulations.existence.equations import CHARGE, Frame, times
-from formulations.existence.graphs import Monomial, canonical
+from formulations.existence.equations import CHARGE, Frame, Monomial, canonical, times
 from formulations.existence.moments import EdgeMultisets, moment_blocks, solve_moment_equations
 from formulations.existence.tableaux import adapted_bases, standard_tableaux
 
@@ -34,9 +33,12 @@ def multiples_of_equations(multisets, frame, charge):
         every[c] = [monomial.conjugate() for monomial in every[c]]
     place = {row: k for k, row in enumerate(every[charge])}
     vectors = []
-    places = (frame._at(kind, frame.joints) for kind in frame._kinds)
-    for equation in chain(*places):
-        terms, own = frame.polynomial(equation), CHARGE[equation.kind]
+    entries = list(combinations_with_replacement(range(frame.joints), 2))
+    equations = [*product(("square", "tight-frame"), entries)]
+    if frame.redundant:
+        equations += [("row-sum", (joint,)) for joint in range(frame.joints)]
+    for kind, indices in equations:
+        terms, own = frame.polynomial(kind, indices), CHARGE[kind]
         conjugate = {term.conjugate(): value for term, value in terms.items()}
         for polynomial, sign in ((terms, 1), (conjugate, -1)):
             degree = max((term.degree for term in terms), default=multisets.order + 1)

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from formulations.existence.graphs import Monomial, canonical, classes
+from formulations.existence.equations import Monomial, canonical, classes
 from formulations.existence.moments import EdgeMultisets
 
 MULTISETS = EdgeMultisets(5, 2, True)

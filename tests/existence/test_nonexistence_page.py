@@ -9,8 +9,14 @@ from pathlib import Path
 import pytest
 
 from formulations.existence.derive import rewriting, squared_polynomials
-from formulations.existence.equations import Frame, class_sums, hermitian_product
-from formulations.existence.graphs import ONE, Monomial, canonical
+from formulations.existence.equations import (
+    ONE,
+    Frame,
+    Monomial,
+    canonical,
+    class_sums,
+    hermitian_product,
+)
 
 ROOT = Path(__file__).parents[2]
 

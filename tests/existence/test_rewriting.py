@@ -3,8 +3,7 @@ from fractions import Fraction
 import pytest
 
 from formulations.existence.derive import rewriting
-from formulations.existence.equations import Frame, combined
-from formulations.existence.graphs import ONE, Monomial, canonical, classes
+from formulations.existence.equations import ONE, Frame, Monomial, canonical, classes, combined
 
 
 def test_seven_joints_order_two_determines_every_moment():

@@ -5,7 +5,7 @@ from importlib.resources import files
 
 import pytest
 
-from formulations.existence import theorem
+import formulations.existence.verify as theorem
 from formulations.existence.certificate import CertificateError
 
 

@@ -12,9 +12,8 @@ import pytest
 
 import formulations.existence.verify as verification
 from formulations.existence.certificate import CertificateError, Square, Term
-from formulations.existence.evaluate import defects
 from formulations.existence.reading import read
-from formulations.existence.verify import TheoremReport, verify
+from formulations.existence.verify import TheoremReport, defects, verify
 
 RENAMED = cache(verification._renamed)
 
