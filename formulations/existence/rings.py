@@ -156,15 +156,10 @@ def _turns(m: int) -> npt.NDArray[Any]:
         sin_1 = _Sum.of(1, "sin 72°")
         sin_2 = 2 * cos_1 * sin_1  # sin 144°
         cosines = [_Sum.of(1), cos_1, cos_2, cos_2, cos_1]
-        sines = [_Sum.of(0), sin_1, sin_2, -1 * sin_2, -1 * sin_1]
-        return np.array([cosines, sines], dtype=object)
-    root, steps = (
-        (_Sum.of(1), ((1, 0), (0, 1), (-1, 0), (0, -1)))
-        if m == 4
-        else (
-            _Sum.of(half, "√3"),
-            ((1, 0), (half, 1), (-half, 1), (-1, 0), (-half, -1), (half, -1)),
-        )
-    )
-    exact = [[_Sum.of(cos), sin * root] for cos, sin in steps]
-    return np.array(exact, dtype=object).T[:, :: 2 if m == 3 else 1]
+        return np.array([cosines, [_Sum.of(0), sin_1, sin_2, -1 * sin_2, -1 * sin_1]])
+    if m == 4:
+        rational, unit = [(1, 0), (0, 1), (-1, 0), (0, -1)], _Sum.of(1)
+    else:
+        rational = [(2, 0), (1, 1), (-1, 1), (-2, 0), (-1, -1), (1, -1)][:: 6 // m]
+        rational, unit = [(half * cos, half * sin) for cos, sin in rational], _Sum.of(1, "√3")
+    return np.array([[_Sum.of(cos), sin * unit] for cos, sin in rational]).T

@@ -216,19 +216,7 @@ def defects(
 ) -> tuple[Fraction, ...]:
     """Return the value of the identity, averaged over S₇, at random matrices.
 
-    Parameters
-    ----------
-    certificate
-        The certificate to check.
-    samples
-        Number of random matrices.
-    seed
-        Seed of the random generator.
-
-    Returns
-    -------
-    tuple of Fraction
-        One exact number per matrix; all zero if the identity holds.
+    One exact number for each of the `samples` matrices; all are zero if the identity holds.
     """
     generator = np.random.default_rng(seed)
     return tuple(_defect(certificate, _violating(generator)) for _ in range(samples))
@@ -290,13 +278,7 @@ def package_certificate() -> Certificate:
 
 @lru_cache(maxsize=1)
 def verified() -> TheoremReport:
-    """Verify the package's certificate and return what was verified.
-
-    Raises
-    ------
-    CertificateError
-        If the identity does not hold.
-    """
+    """Verify the package's certificate; CertificateError if the identity does not hold."""
     return verify(package_certificate())
 
 

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from formulations.atlas.collection import problem_of, read_atlas
-from formulations.atlas.row import AtlasRow, row_of
+from formulations.atlas.entry import AtlasRow, row_of
 from formulations.io.files import write_bytes
 from formulations.io.study import Effort
 from formulations.max_min import NAME as MAX_MIN

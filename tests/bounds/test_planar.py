@@ -9,10 +9,9 @@ import pytest
 from formulations import measures
 from formulations.atlas.collection import page_of
 from formulations.atlas.entry import Entry
-from formulations.bounds import planar, planar_cells
+from formulations.bounds import planar
 from formulations.bounds.certified import sharpest_worst_case, sharpest_worst_case_of
-from formulations.bounds.planar import Multipliers, planar_bound
-from formulations.bounds.planar_cells import ARCS, TURN
+from formulations.bounds.planar import ARCS, TURN, Multipliers, planar_bound
 from formulations.joints.models import arm
 from nlp.errors import InputError
 
@@ -58,9 +57,9 @@ def located(jacobian, arcs):
 @pytest.mark.parametrize("seed", range(5))
 def test_every_jacobian_is_in_a_node(seed):
     jacobian = np.random.default_rng(seed).normal(size=(2, 6))
-    assert located(jacobian, ARCS)[1] in set(planar_cells.first_cells(6))
+    assert located(jacobian, ARCS)[1] in set(planar.first_cells(6))
     for arcs in (16, 64):
-        assert not planar_cells.is_crowded(located(jacobian, arcs)[1])
+        assert not planar.is_crowded(located(jacobian, arcs)[1])
 
 
 @pytest.mark.parametrize("measure", ["max-min", "manipulability"])
