@@ -158,8 +158,8 @@ def _turns(m: int) -> npt.NDArray[Any]:
         cosines = [_Sum.of(1), cos_1, cos_2, cos_2, cos_1]
         return np.array([cosines, [_Sum.of(0), sin_1, sin_2, -1 * sin_2, -1 * sin_1]])
     if m == 4:
-        rational, unit = [(1, 0), (0, 1), (-1, 0), (0, -1)], _Sum.of(1)
+        steps, unit = [(2, 0), (0, 2), (-2, 0), (0, -2)], _Sum.of(half)
     else:
-        rational = [(2, 0), (1, 1), (-1, 1), (-2, 0), (-1, -1), (1, -1)][:: 6 // m]
-        rational, unit = [(half * cos, half * sin) for cos, sin in rational], _Sum.of(1, "√3")
-    return np.array([[_Sum.of(cos), sin * unit] for cos, sin in rational]).T
+        steps = [(2, 0), (1, 1), (-1, 1), (-2, 0), (-1, -1), (1, -1)][:: 6 // m]
+        unit = _Sum.of(half, "√3")
+    return np.array([[_Sum.of(half * cos), sin * unit] for cos, sin in steps]).T

@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from formulations.existence.equations import (
-    ONE,
     Frame,
     Monomial,
     canonical,
@@ -143,12 +142,3 @@ def test_orbits_add_up_to_all_monomials():
     orders = list(permutations(range(7)))
     members = [{graph.relabel(order) for order in orders} for graph in coloured_graphs(7, 2, 1)]
     assert sum(map(len, members)) == len(set().union(*members)) == 231 * 21
-
-
-def test_monomials_multiply_and_know_their_size():
-    product = Monomial(w=((3, 1),)) * Monomial(w=((0, 2),), wbar=((5, 4),))
-    assert product == Monomial(((0, 2), (1, 3)), ((4, 5),))
-    assert product.degree == 3
-    assert product.vertices == (0, 1, 2, 3, 4, 5)
-    assert product * ONE == product
-    assert hash(product) == hash(Monomial(((1, 3), (2, 0)), ((4, 5),)))
