@@ -26,6 +26,7 @@ import math
 from collections.abc import Callable, Sequence
 from fractions import Fraction
 from functools import lru_cache
+from typing import Any
 
 from formulations.measures import eigenvalue_bound
 from nlp.arrays import whole_number
@@ -59,17 +60,18 @@ def block_trace_bound(joints: int, sizes: Sequence[int], traces: Sequence[float]
     if len(sizes) != len(traces) or not sizes or min(sizes) < 1:
         raise InputError("sizes", list(sizes), "one positive size for each trace")
     redundancy = whole_number("joints", joints, sum(sizes) + 1) - sum(sizes)
-    blocks = zip(sizes, traces, strict=True)
-    means = [(size, Fraction(positive("traces", trace)) / size) for size, trace in blocks]
-    top = min(mean for _, mean in means)
+    pairs = zip(sizes, traces, strict=True)
+    exact = [Fraction(positive("traces", trace)) / size for size, trace in pairs]
+    means = [float(mean) for mean in exact]
 
-    def is_below(t: float) -> bool:
-        exact = Fraction(t)
-        shares = (size / (mean - exact) for size, mean in means)
-        return exact < top and exact * sum(shares) < redundancy
+    def spent(t: Any, means: Sequence[Any]) -> Any:
+        return t * sum(size / (mean - t) for size, mean in zip(sizes, means, strict=True))
 
-    # t Σ m_B/(mean_B − t) rises from 0 to infinity, so bisection cannot miss the root.
-    return first_double(is_below, 0.0, math.nextafter(float(top), math.inf))
+    # What is spent rises from 0 to infinity with t, so bisection cannot miss the root.
+    high = first_double(lambda t: spent(t, means) < redundancy, 0.0, min(means))
+    while high < min(exact) and spent(Fraction(high), exact) < redundancy:
+        high = math.nextafter(high, math.inf)
+    return high
 
 
 def several_locked_bound(task_dimension: int, joints: int, trace: float, locked: int) -> float:

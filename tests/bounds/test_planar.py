@@ -13,7 +13,6 @@ from formulations.bounds import planar
 from formulations.bounds.certified import sharpest_worst_case, sharpest_worst_case_of
 from formulations.bounds.planar import ARCS, TURN, Multipliers, planar_bound
 from formulations.joints.models import arm
-from nlp.errors import InputError
 
 RECORD = json.loads((files("formulations.bounds") / "planar.json").read_text("utf-8"))
 
@@ -131,18 +130,3 @@ def test_all_that_give_bounds_give_the_same():
     nothing = np.zeros((2, 5)), np.random.default_rng(0).normal(size=(6, 7))
     assert [sharpest_worst_case_of(one, 2).value for one in nothing] == [0.0, 0.0]
     assert (scaled.value, scaled.kind) == (pytest.approx(3 * free.value), free.kind)
-
-
-@pytest.mark.parametrize(
-    ("n", "k", "level", "measure"),
-    [
-        (2, 1, 1.0, "max-min"),
-        (5, 4, 1.0, "max-min"),
-        (5, 2, 0.0, "max-min"),
-        (5, 2, float("nan"), "max-min"),
-        (5, 2, 1.0, "residual"),
-    ],
-)
-def test_what_is_out_of_range_is_refused(n, k, level, measure):
-    with pytest.raises(InputError, match=r"joints|locked|level|measure"):
-        planar_bound(n, k, level, measure)
