@@ -56,8 +56,8 @@ def atlas(
                 raise InputError(option_name, value, f"after `{context.invoked_subcommand}`")
         return
     from formulations.atlas.collection import read_atlas
+    from formulations.atlas.entry import AtlasRow, row_of
     from formulations.atlas.entry import entries as known_entries
-    from formulations.atlas.row import AtlasRow, row_of
     from formulations.io.table import Table
 
     models = list(dict.fromkeys(entry.model for entry in known_entries().values()))

@@ -60,15 +60,12 @@ def prove(
 
 def _prove_nonexistence(out: Path, to: str, as_json: bool) -> None:
     """Derive and write the certificate for seven joints."""
-    from formulations.existence.coq_data import coq_data
+    from formulations.existence.certificate import coq_data
     from formulations.existence.derive import derive
     from formulations.io.files import write_text
 
     certificate = derive()
-    if to == "coq":
-        write_text(out, coq_data(certificate))
-    else:
-        certificate.write(out)
+    write_text(out, coq_data(certificate) if to == "coq" else certificate.to_json())
     values: dict[str, Any] = {
         "file": str(out),
         "joints": certificate.joints,
@@ -117,7 +114,7 @@ def verify(
     from formulations.bounds.so3_moments.certificate import read_any
     from formulations.existence.certificate import Certificate
     from formulations.existence.exact_jacobian import ExactJacobian
-    from formulations.existence.theorem import package_certificate
+    from formulations.existence.verify import package_certificate
 
     certificate = package_certificate() if file is None else read_any(file)
     if isinstance(certificate, Certificate):
@@ -134,7 +131,7 @@ def verify(
 
 def _nonexistence(certificate: Any, samples: int) -> dict[str, Any]:
     from formulations.existence.certificate import CertificateError
-    from formulations.existence.evaluate import defects
+    from formulations.existence.verify import defects
     from formulations.existence.verify import verify as expand
 
     report = expand(certificate)

@@ -13,7 +13,7 @@ from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation
 
 from formulations import isotropy, max_min, measures, residual
-from formulations.existence.theorem import excludes
+from formulations.existence.verify import excludes
 from formulations.joints.arm import Arm
 from formulations.joints.kinds import UnitRevolute
 from formulations.measures.canonical import group_equivalent

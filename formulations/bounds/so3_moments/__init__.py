@@ -6,7 +6,7 @@ for seven joints, in results/bounds and docs/bounds.md:
 
 =====================================  ================================================
 ½‖JJᵀ − (7/3)I‖_F² ≥ 0.05682, proved   `residual_bound`, preset tight, rigorous; so do
-                                       both bounds of `formulations.bounds.free_levers`
+                                       both bounds of `formulations.bounds.closed_form`
 0.056826543, numerical                 preset tight
 0.05665, both ways                     preset compact, the quickest
 σ ≤ 0.572626, proved                   `max_min_bound`, preset localised, rigorous
