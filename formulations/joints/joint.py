@@ -38,6 +38,9 @@ class ColumnModel(Protocol):
     What inherits from it has variables without bounds unless it says otherwise.
     """
 
+    def __hash__(self) -> int:
+        return object.__hash__(self)
+
     @property
     def shape(self) -> tuple[int, int]:
         """(m, n): task dimension and number of joints."""
