@@ -20,24 +20,13 @@ _LEAST_PIVOT = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class Columns:
-    """A matrix J(x), ready for derivatives of functions of it.
+    """A matrix J(x), ready for derivatives of functions of it."""
 
-    Attributes
-    ----------
-    owner
-        k(p), the column that each variable moves.
-    matrix
-        Function of x: J, shape (m, n), and D, shape (m, len(owner)).
-    chain
-        Function of x: ∂vec(J)/∂x where a variable moves several columns; None elsewhere.
-    curvature
-        Function of x and vec(Y): second derivatives of ⟨Y, J⟩.
-    """
-
-    owner: tuple[int, ...]
-    matrix: ca.Function
+    owner: tuple[int, ...]  # k(p), the column that each variable moves
+    matrix: ca.Function  # of x: J, shape (m, n), and D, shape (m, len(owner))
+    # Of x: ∂vec(J)/∂x where a variable moves several columns; None elsewhere.
     chain: ca.Function | None
-    curvature: ca.Function
+    curvature: ca.Function  # of x and vec(Y): second derivatives of ⟨Y, J⟩
 
     @classmethod
     def of(cls, variables: ca.SX, matrix: ca.SX) -> Columns:
