@@ -149,8 +149,6 @@ def searched(arm: RobotArm, search: Search) -> Outcome:
         sample=partial(_promising_start, arm, search),
         polish=partial(_careful_polish, arm, search.locked) if near else None,
     )
-    if search.starts is not None:
-        whole_number("starts", search.starts, 1)
     outcome = Outcome(case, (), complete=True)
     for stage in _STAGES if search.starts is None else (search.starts,):
         first = len(outcome.records)
