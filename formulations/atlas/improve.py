@@ -25,9 +25,8 @@ import numpy as np
 from formulations import max_min, registry
 from formulations.atlas.collection import improved, read_atlas
 from formulations.atlas.entry import ENOUGH, RESOLUTION, Entry, EntryPage, Found
-from formulations.io.provenance import provenance
-from formulations.joints.arm import Arm
-from formulations.joints.symmetric import SymmetricArm
+from formulations.io.table import provenance
+from formulations.joints.arm import Arm, SymmetricArm
 from formulations.measures import trace, worst_case_sigma
 from formulations.solving.case import Case
 from formulations.solving.outcome import REACHED_BEST

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from formulations.io.provenance import provenance
+from formulations.io.table import provenance
 from formulations.solving.case import Case
 from formulations.solving.record import Record, judge
 from nlp.arrays import FloatArray

@@ -151,7 +151,7 @@ def submit(
     )
     from formulations.atlas.entry import RESOLUTION, Found
     from formulations.io.files import prepare_folder
-    from formulations.io.provenance import provenance
+    from formulations.io.table import provenance
     from formulations.measures.read_jacobians import only_jacobian
 
     if not 0 < len(by) <= 200 or not by.isprintable():
