@@ -10,8 +10,7 @@ from formulations.joints.arm import Arm
 from formulations.joints.kinds import UnitRevolute
 from formulations.measures.canonical import group_equivalent
 from formulations.reproduction import reference
-from formulations.reproduction.printed import nearest_unit_revolute
-from formulations.reproduction.solution_family import (
+from formulations.reproduction.eight_joints import (
     fills_tangent_space,
     least_slope,
     local_dimension,
@@ -19,6 +18,7 @@ from formulations.reproduction.solution_family import (
     symmetry_directions,
     trace_family,
 )
+from formulations.reproduction.reference import nearest_unit_revolute
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
 
