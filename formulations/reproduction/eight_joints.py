@@ -19,7 +19,7 @@ import casadi as ca
 import numpy as np
 
 from formulations import measures, residual
-from formulations.appendix import residuals
+from formulations.isotropy_equations import appendix_residuals
 from formulations.joints.arm import Arm
 from formulations.joints.kinds import UnitRevolute
 from formulations.measures.canonical import group_equivalent
@@ -287,7 +287,7 @@ def _family_directions(arm: Arm, point: FloatArray) -> FloatArray:
 
 
 def _equations(arm: Arm, angles: FloatArray) -> tuple[FloatArray, FloatArray]:
-    values, derivative = _with_derivative(arm, residuals)(angles)
+    values, derivative = _with_derivative(arm, appendix_residuals)(angles)
     return np.array(values).ravel(), np.array(derivative)
 
 

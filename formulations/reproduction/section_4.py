@@ -8,7 +8,8 @@ from collections.abc import Iterator
 import casadi as ca
 import numpy as np
 
-from formulations import appendix, measures
+from formulations import isotropy_equations as equations
+from formulations import measures
 from formulations.isotropy_equations import independent_rows, pairs, residuals, sampled
 from formulations.joints.arm import Arm
 from formulations.joints.kinds import UnitRevolute
@@ -118,22 +119,24 @@ def appendix_rows(seed: int = 0) -> Iterator[row.ReproductionRow]:
     # Left-hand sides of eqs. (23)–(43) from J alone.
     grams = [jacobian @ jacobian.T for jacobian in map(_ARM.jacobian, points)]
     entries = tuple(np.transpose(pairs(6)))
-    derived = np.array([appendix.SIGNS * (gram - 7 / 3 * np.eye(6))[entries] for gram in grams])
+    derived = np.array(
+        [equations.SIGNS * (gram - 7 / 3 * np.eye(6))[entries] for gram in grams]
+    )
 
     def errors(forms: ca.SX) -> list[float]:
         function = ca.Function("forms", [variables], [forms])
         values = [np.array(function(point)).ravel() for point in points]
         return list(np.max(np.abs(values - derived), axis=0))
 
-    printed = errors(appendix.closed_forms(variables, as_printed=True))
-    corrected = errors(appendix.closed_forms(variables))
+    printed = errors(equations.closed_forms(variables, as_printed=True))
+    corrected = errors(equations.closed_forms(variables))
     for k, (i, j) in enumerate(pairs(6)):
         entry = f"{_ROW_NAMES[i]}ᵀ{_ROW_NAMES[j]}" + (" − n/3" if i == j else "")
         verdict = row.misprint(printed[k], corrected[k])
         note = "printed with the opposite sign; 7/3 stands for n/3" if i == j else ""
         equation, quantity = f"({23 + k})", f"f_{k + 1} = {entry}, closed form"
         paper, ours = "as printed in the Appendix", f"equal {row.shown_error(printed[k])}"
-        if k + 1 == appendix.MISPRINTED and verdict is not row.Verdict.AGREES:
+        if k + 1 == equations.MISPRINTED and verdict is not row.Verdict.AGREES:
             paper, ours = "Σ −sinβ cosβ cosγ", "Σ −sinα cos²β cosγ"
             note = (
                 f"the print repeats f_18 and is off by up to {printed[k]:.2g}; ours equals J's "

@@ -173,7 +173,7 @@ def worst_case_rows(seed: int = 0, starts: int = 20) -> Iterator[row.Reproductio
 
 
 def _improvement_row(before: float, seed: int, starts: int) -> row.ReproductionRow:
-    build, sample = partial(max_min.build, ARM), partial(max_min.residual_minimum, ARM)
+    build, sample = partial(max_min.build, ARM), partial(residual.minimum, ARM)
     answers = row.optima(row.search(build, sample, starts, seed))
     sigmas = np.array([measures.worst_case_sigma(matrix) for matrix in answers])
     best = float(sigmas.max())

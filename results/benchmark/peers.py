@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from formulations import max_min, residual
-from formulations.formulation import Formulation
 from formulations.joints.arm import Arm
+from formulations.registry import Formulation
 from nlp.arrays import FloatArray
 from nlp.compiled import shared_library
 from nlp.solver import Solver

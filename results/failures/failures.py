@@ -22,7 +22,6 @@ from formulations.measures.unequal_failures import (
 )
 from formulations.solving.case import Case
 from formulations.solving.outcome import Outcome
-from formulations.unequal_max_min import Goal, score
 from results.script import main, study_of
 
 STARTS = 100
@@ -72,7 +71,7 @@ def unequal() -> tuple[Case, ...]:
     alike, mixed = FailureModel.equally_likely(7), FailureModel(_MIXED)
     planar = FailureModel((0.1, 0.2, 0.1, 0.1))
     ratios, twice = "in the ratio 2:2:2:4:4:1:1", "joint 1 twice as likely"
-    listed: tuple[tuple[str, int, FailureModel, Goal, str], ...] = (
+    listed: tuple[tuple[str, int, FailureModel, max_min.Goal, str], ...] = (
         *(
             ("unit-revolute", 6, FailureModel.equally_likely(7, never=never), "worst", words)
             for never, words in _NEVER.items()
@@ -144,7 +143,7 @@ def row_of(outcome: Outcome) -> FailureRow:
     settings, goal = case.settings, case.settings["goal"]
     m, n = jacobian.shape
     failures = settings["failures"] or FailureModel.equally_likely(n, case.locked)
-    value = score(jacobian, failures, goal) if outcome.reached else float("nan")
+    value = case.score(jacobian) if outcome.reached else float("nan")
     if settings["failures"] is None:
         assert isinstance(case.arm, Arm)
         bound = sharpest_worst_case(case.arm, case.locked).value
