@@ -56,16 +56,14 @@ def rows(seed: int = 0, starts: int = 50) -> Iterator[row.ReproductionRow]:
     yield from _printed_rows(printed, start)
     matrices = [ARM.jacobian(point) for point in angles]
     note = f"own solutions, polished; the value farthest from the paper's, to {_TOLERANCE:.0e}"
-    for equation, quantity, root, expected, measure in (
-        ("(48)", "singular values", 8, reference.SIGMA_8R, measures.singular_values),
-        (
-            *("(49)", "fσ_6 for f = 1, …, 8", 2, reference.WORST_CASE_8R),
-            measures.locked_singular_values,
-        ),
-    ):
-        paper, values = f"√({root}/3) = {row.shown(expected)}", list(map(measure, matrices))
-        show = row.farthest(expected)
-        yield row.compared(equation, quantity, paper, expected, values, note, _TOLERANCE, show)
+    sigma, worst = reference.SIGMA_8R, reference.WORST_CASE_8R
+    values = list(map(measures.singular_values, matrices))
+    paper, show = f"√(8/3) = {row.shown(sigma)}", row.farthest(sigma)
+    yield row.compared("(48)", "singular values", paper, sigma, values, note, _TOLERANCE, show)
+    values = list(map(measures.locked_singular_values, matrices))
+    paper, show = f"√(2/3) = {row.shown(worst)}", row.farthest(worst)
+    quantity = "fσ_6 for f = 1, …, 8"
+    yield row.compared("(49)", quantity, paper, worst, values, note, _TOLERANCE, show)
     yield _convergence_row(8, own, "after (46)", "immediately converges")
     for n in (9, 10, 12):
         others = solutions(n, seed, min(starts, 20))
@@ -135,11 +133,8 @@ def family_rows(
     start: FloatArray, others: list[FloatArray], steps: int = 20
 ) -> Iterator[row.ReproductionRow]:
     """Rows of the family of a solution's angles, `steps` along it, and those of others."""
-    where, size, filled = (
-        "after (46)",
-        local_dimension(ARM, start),
-        fills_tangent_space(ARM, start),
-    )
+    where, size = "after (46)", local_dimension(ARM, start)
+    filled = fills_tangent_space(ARM, start)
     quantity = "dimension of the family of 8R optima around (47)"
     ours = (
         f"{size.family} = {size.angles} angles − {size.symmetries} symmetries − "

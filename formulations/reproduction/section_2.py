@@ -23,10 +23,8 @@ def rows(seed: int = 0) -> Iterator[row.ReproductionRow]:
         ("any J, with σ² = tr JJᵀ/m", general, f"{count}; beyond the paper"),
     ):
         largest = max(map(_share_of_bound, matrices))
-        quantity, true = (
-            f"largest worst case over its bound, {which}",
-            largest <= 1 + row.ROUNDING,
-        )
+        quantity = f"largest worst case over its bound, {which}"
+        true = largest <= 1 + row.ROUNDING
         yield row.claim("(6)", quantity, "at most 1", row.shown(largest), true, note)
     shares = [_share_of_bound(reference.harmonic_jacobian(m, n)) for m, n in _SHAPES]
     quantity = "worst case over its bound, optimally failure-tolerant J"
@@ -47,11 +45,9 @@ def rows(seed: int = 0) -> Iterator[row.ReproductionRow]:
     quantity, paper = "R_i from the upper m rows of Vᵀ", "‖j_i‖² of the orthonormal rows"
     note = "Vᵀ partitioned after row m, against the measure computed from J"
     yield row.within("(7)–(9)", quantity, paper, float(np.max(np.abs(tops - known))), note)
-    note, show = (
-        "R_i from the upper, N_i from the lower rows of Vᵀ, the one farthest from 1",
-        row.farthest(1),
-    )
-    yield row.compared("(10)–(11)", "R_i + N_i", "1", 1, tops + bottoms, note, show=show)
+    sums, show = tops + bottoms, row.farthest(1)
+    note = "R_i from the upper, N_i from the lower rows of Vᵀ, the one farthest from 1"
+    yield row.compared("(10)–(11)", "R_i + N_i", "1", 1, sums, note, show=show)
 
 
 def _share_of_bound(matrix: FloatArray) -> float:

@@ -141,10 +141,8 @@ def _double_failure_rows(seed: int, starts: int) -> Iterator[row.ReproductionRow
     ours = f"(16) at α = π/4 from {len(best)} of {starts} starts" if same else "another J"
     note = "canonical forms agree modulo frame, order and signs"
     yield row.claim(where, quantity, _ODD, ours, same, note)
-    ours, true = (
-        row.shown(at_zero * (at_zero > row.ROUNDING)),
-        at_zero <= row.ROUNDING < at_best,
-    )
+    ours = row.shown(at_zero if at_zero > row.ROUNDING else 0.0)
+    true = at_zero <= row.ROUNDING < at_best
     quantity = "worst case of two failures at α = 0"
     note = "single failures do not tell α = 0 from the optimum, double failures do"
     yield row.claim(where, quantity, "not optimal", ours, true, note)

@@ -124,10 +124,8 @@ def _least_sum_of_squares(jacobian: FloatArray) -> float:
 
 def _singular_value_rows(exact: FloatArray) -> Iterator[row.ReproductionRow]:
     printed, papers = reference.NEARLY_OPTIMAL_7R, reference.SINGULAR_VALUES_7R
-    from_print, slack = (
-        measures.singular_values(printed),
-        reference.singular_value_slack(printed),
-    )
+    from_print = measures.singular_values(printed)
+    slack = reference.singular_value_slack(printed)
     note = f"of the printed matrix (44); rounded entries allow {slack:.1e} from the exact ones"
     paper = ", ".join(map(str, papers))
     yield row.compared("(44)", "singular values", paper, exact, from_print, note, slack)
