@@ -18,12 +18,12 @@ class RobotRow:
     """One arm: the columns of ``robots.csv``; NaN where a column does not apply.
 
     All σ are in units of the default characteristic length ℓ, in metres. The worst case is
-    eq. (5) at the best posture found; `worst_case_joint` is one of those whose failure it is. The
-    bound (6) is at the same ‖J‖_F. Arms of more joints may pass the best that seven revolute
-    joints are known to reach in six dimensions. Joints whose failure is fatal at every posture
-    are `structural`, and no search is made; `structural_ratio` is what the worst of them, or of
-    those that are nearly so, leaves, as a share of σ before it. `configuration` is in radians
-    and metres by joint.
+    eq. (5) at the best posture found, and `worst_case_joint` one of those whose failure it is.
+    The bound (6) is at the same ‖J‖_F. Arms of more joints may pass the best that seven
+    revolute joints are known to reach in six dimensions. Joints whose failure is fatal at every
+    posture are `structural`, and no search is made; `structural_ratio` is what the worst of
+    them, or of those that are nearly so, leaves, as a share of σ before it. `configuration` is
+    in radians and metres by joint.
     """
 
     arm: str
