@@ -8,7 +8,7 @@ from types import MappingProxyType
 import numpy as np
 
 from formulations.joints.joint import check_length
-from formulations.kinematics.self_motion import kept
+from formulations.kinematics.inverse import kept
 from formulations.measures import worst_case_sigma_batch
 from formulations.synthesis.dh import common_normals
 from formulations.synthesis.family import Family

@@ -62,7 +62,7 @@ class DenavitHartenberg:
         return [dict(zip(names, joint, strict=True)) for joint in joints]
 
     def csv(self) -> str:
-        """Return the table as `formulations.kinematics.read_dh` reads it, with every digit.
+        """Return the table as `formulations.kinematics.read_robot` reads it, with every digit.
 
         The base and the tool are two fixed rows each.
         """

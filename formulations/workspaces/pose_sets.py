@@ -3,7 +3,7 @@
 The arm has one joint more than a pose has dimensions: four joints in the plane, seven in space.
 The configurations of a pose are then curves, its self-motion, and a joint may lock at θ if and
 only if a curve within the physical limits passes θ. Curves are followed from random
-configurations at one random point in every voxel, see `formulations.kinematics.self_motion`.
+configurations at one random point in every voxel, see `formulations.kinematics.inverse`.
 """
 
 from __future__ import annotations
@@ -12,8 +12,8 @@ from collections.abc import Callable
 
 import numpy as np
 
+from formulations.kinematics.inverse import SelfMotionPoses, arcs, solve_pose
 from formulations.kinematics.link_chain import IntArray
-from formulations.kinematics.self_motion import SelfMotionPoses, arcs, solve_pose
 from formulations.kinematics.serial_arm import Bits, Ranges, SerialArm
 from formulations.workspaces.failure_sets import SLICE, FailureSets, check_step
 from nlp.arrays import FloatArray

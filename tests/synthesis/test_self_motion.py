@@ -8,8 +8,8 @@ import pytest
 from scipy.optimize import least_squares
 
 from formulations.__main__ import main
+from formulations.kinematics.inverse import SelfMotionPoses, arcs, covered, kept, solve_pose
 from formulations.kinematics.link_chain import LinkChain
-from formulations.kinematics.self_motion import SelfMotionPoses, arcs, covered, kept, solve_pose
 from formulations.reproduction import reference
 from formulations.synthesis.choice import choose_arrangement, rank
 from formulations.synthesis.criteria import CRITERIA, Sampling
