@@ -143,12 +143,12 @@ class LinkClearance:
     def _distances(self, configurations: FloatArray) -> FloatArray:
         rotations, origins = self.frames(configurations)
         bodies = [link.body for link in self.links]
-        ends = np.array([[link.capsule.start, link.capsule.end] for link in self.links])
-        placed = np.einsum("kijb,kej->keib", rotations[bodies], ends) + origins[bodies, None]
+        segments = np.array([[link.capsule.start, link.capsule.end] for link in self.links])
+        turned = np.einsum("kijb,kej->ekib", rotations[bodies], segments)
+        starts, ends = turned + origins[bodies]
         radii = np.array([link.capsule.radius for link in self.links])
         first, second = np.transpose(self.pairs)
-        (start, end), (other, far) = (placed[i].swapaxes(0, 1) for i in (first, second))
-        gap = segment_distance(start, end, other, far, axis=1)
+        gap = segment_distance(starts[first], ends[first], starts[second], ends[second], axis=1)
         return np.asarray(gap - (radii[first] + radii[second])[:, None])
 
     def is_kept(self, configurations: FloatArray) -> BoolArray:

@@ -104,26 +104,19 @@ def chain_between(
         raise InputError("tip", f"{tip}, which nothing moves relative to the base", allowed)
     variables = {driver.name: k for k, driver in enumerate(drivers)}
 
-    motions, pose = [], np.eye(4)
-    for joint in path:
-        pose = pose @ np.asarray(joint.origin)
-        if joint.type == "fixed":
-            continue
-        _, driver, k, c = driven[joint.name]
+    for joint, driver, k, c in driven.values():
         if driver.name in fixed or k == 0.0:
             value = k * fixed.get(driver.name, 0.0) + c
             check_limits(joint.name, value, joint.limit.lower, joint.limit.upper)
-            pose = pose @ _displacement(joint, value)
-            continue
-        motions.append(_motion_of(joint, pose, variables[driver.name], k, c))
-        pose = np.eye(4)
+    base = tree.root if base is None else base
+    bodies, places = _bodies(path, base, driven, variables, fixed)
     return Chain(
         robot=tree.name,
-        base=tree.root if base is None else base,
+        base=base,
         tip=tip,
         joints=drivers,
-        motions=tuple(motions),
-        end=frozen(pose @ offset),
+        motions=tuple(motion for _, motion in bodies),
+        end=frozen(places[tip][1] @ offset),
         locked_at=tuple(sorted(locked_at.items())),
         immobile=tuple(immobile.items()),
     )
@@ -137,18 +130,35 @@ def bodies_of(
     Joints that do not move the tip stay: at zero, or at the limit nearest to it. Body 0 holds
     the root; of each link, the number of its body, and its pose in the body's frame, 4×4.
     """
-    by_name = {joint.name: joint for joint in tree.joints}
+    joints, by_name = tree.parents_first, {joint.name: joint for joint in tree.joints}
+    driven = {
+        joint.name: _driven_joint(by_name, joint) for joint in joints if joint.type in MOVING
+    }
+    variables = {name: k for k, name in enumerate(chain.names)}
     fixed = dict((*chain.immobile, *chain.locked_at))
+    return _bodies(joints, tree.root, driven, variables, fixed)
+
+
+def _bodies(
+    joints: Sequence[TreeJoint],
+    root: str,
+    driven: Mapping[str, _Driven],
+    variables: Mapping[str, int],
+    fixed: Mapping[str, float],
+) -> tuple[Bodies, dict[str, tuple[int, FloatArray]]]:
+    """Return the bodies that joints, parents first, make, and where links are in them."""
     moving: list[tuple[int, Motion]] = []
-    places: dict[str, tuple[int, FloatArray]] = {tree.root: (0, np.eye(4))}
-    for joint in tree.parents_first:
+    places: dict[str, tuple[int, FloatArray]] = {root: (0, np.eye(4))}
+    for joint in joints:
         body, pose = places[joint.parent]
         pose = pose @ np.asarray(joint.origin)
         if joint.type in MOVING:
-            _, driver, multiplier, offset = _driven_joint(by_name, joint)
-            if driver.name in chain.names and multiplier != 0:
-                variable = chain.names.index(driver.name)
-                moving.append((body, _motion_of(joint, pose, variable, multiplier, offset)))
+            _, driver, multiplier, offset = driven[joint.name]
+            if driver.name in variables and multiplier != 0:
+                (x, y, z), slides = joint.axis.tolist(), joint.type == "prismatic"
+                variable = variables[driver.name]
+                motion = Motion(frozen(pose), (x, y, z), slides, variable, multiplier, offset)
+                moving.append((body, motion))
                 body, pose = len(moving), np.eye(4)
             else:
                 still = float(np.clip(0.0, driver.limit.lower, driver.limit.upper))
@@ -230,15 +240,6 @@ def _ranges(moving: Sequence[_Driven]) -> list[ChainJoint]:
         ChainJoint(name, driver.type == "prismatic", *ranges[name], speeds[name])
         for name, driver in drivers.items()
     ]
-
-
-def _motion_of(
-    joint: TreeJoint, before: FloatArray, variable: int, multiplier: float, offset: float
-) -> Motion:
-    """Return a joint's motion, from its pose relative to the frame moved before it, 4×4."""
-    x, y, z = joint.axis.tolist()
-    prismatic = joint.type == "prismatic"
-    return Motion(frozen(before), (x, y, z), prismatic, variable, multiplier, offset)
 
 
 def _displacement(joint: TreeJoint, value: float) -> FloatArray:

@@ -25,16 +25,8 @@ IntArray = npt.NDArray[np.int64]
 class LinkChain:
     """Joints in order, the one at the base first, and an end effector.
 
-    Parameters
-    ----------
-    directions
-        Unit directions of the axes, shape (…, n, 3).
-    points
-        The point of each axis where the joint sits, shape (…, n, 3).
-    prismatic
-        Which joints are prismatic, shape (…, n).
-    end_effector
-        Its position p, shape (…, 3).
+    Unit directions of the axes, and the point of each where the joint sits, shape (…, n, 3);
+    which joints are prismatic, (…, n); and the position p of the end effector, (…, 3).
     """
 
     directions: FloatArray

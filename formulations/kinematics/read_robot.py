@@ -92,11 +92,7 @@ def robot_file(source: str | os.PathLike[str]) -> Path:
     """Return the path of a robot's file, also for ``robot_descriptions:panda_description``.
 
     The package downloads what is not in its cache yet; with nothing in it, that is refused.
-
-    Raises
-    ------
-    InputError
-        If the package is not installed, or has no file of that name.
+    InputError if the package is not installed, or has no file of that name.
     """
     package, colon, name = os.fspath(source).partition(":")
     if package != _DESCRIPTIONS or not colon:

@@ -207,10 +207,7 @@ def numbers(
 ) -> list[float]:
     """Return the numbers of an attribute, as many as the default has.
 
-    Raises
-    ------
-    InputError
-        If there are more or fewer, or one is NaN or larger.
+    InputError if there are more or fewer, or one is NaN or larger.
     """
     text = default if element is None else element.get(name, default)
     count = len(default.split())

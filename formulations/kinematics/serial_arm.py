@@ -41,17 +41,7 @@ class Step(ChainJoint):
 
 @dataclass(frozen=True, eq=False)
 class SerialArm:
-    """Joints from base to tip, and the tip's pose in the frame of the last one.
-
-    Parameters
-    ----------
-    steps
-        The joints.
-    tip
-        Its point, shape (3,).
-    tip_orientation
-        Its orientation, shape (3, 3).
-    """
+    """Joints from base to tip, and the tip's point and orientation in the frame of the last."""
 
     steps: tuple[Step, ...]
     tip: FloatArray
@@ -61,10 +51,7 @@ class SerialArm:
     def from_chain(cls, chain: Chain) -> SerialArm:
         """Return the arm of a chain.
 
-        Raises
-        ------
-        InputError
-            If a joint moves others with it, or a prismatic joint has no limits.
+        InputError if a joint moves others with it, or a prismatic joint has no limits.
         """
         drivers = [motion.variable for motion in chain.motions]
         if drivers != list(range(len(chain.joints))):
@@ -107,13 +94,12 @@ class SerialArm:
     @cached_property
     def idle(self) -> tuple[bool, ...]:
         """Which joints cannot move the tip: those at the end whose axis it is on."""
-        still, point = [], self.tip
-        for step in reversed(self.steps):
-            still.append(bool(not step.prismatic and np.hypot(*point[:2]) < _TINY))
-            if not still[-1]:
+        idle, point = [False] * len(self.steps), self.tip
+        for k, step in reversed(list(enumerate(self.steps))):
+            if step.prismatic or np.hypot(*point[:2]) >= _TINY:
                 break
-            point = moved(step.placement, point)
-        return (*([False] * (len(self.steps) - len(still))), *reversed(still))
+            idle[k], point = True, moved(step.placement, point)
+        return tuple(idle)
 
     @cached_property
     def links(self) -> FloatArray:

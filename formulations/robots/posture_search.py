@@ -109,10 +109,7 @@ class Search:
     def case(self, arm: RobotArm) -> Case:
         """Return what is solved for an arm.
 
-        Raises
-        ------
-        InputError
-            If the formulation does not have a setting that is not at its default.
+        InputError if the formulation does not have a setting that is not at its default.
         """
         defaults = {"locked": 1, "failures": None, "goal": "worst"}
         settings: dict[str, Any] = {

@@ -30,27 +30,18 @@ def real(name):
 
 @pytest.mark.parametrize("declared", ARMS, ids=lambda one: f"{one.name}, {one.task}")
 def test_real_arms_agree_with_pinocchio(declared, made):
-    """Panda, iiwa, UR and all the rest, at random configurations, to 1e-9."""
+    """Panda, iiwa, UR and all the rest: limits, and J at random configurations to 1e-9."""
     model, arm = made.pinocchio_model(declared), declared.arm()
+    for joint in arm.chain.joints:
+        place = model.joints[model.getJointId(joint.name)]
+        limits = np.array([model.lowerPositionLimit, model.upperPositionLimit])[:, place.idx_q]
+        limits = limits if place.nq == 1 else (-np.inf, np.inf)
+        assert (joint.lower, joint.upper) == pytest.approx(tuple(limits))
     rng = np.random.default_rng(7)
     for _ in range(20):
         point = arm.sample(rng)
         ours, theirs = arm.metric_jacobian(point), made.of_pinocchio(model, arm.chain, point)
         assert np.max(np.abs(ours - theirs)) < 1e-9
-
-
-@pytest.mark.parametrize("name", ["Franka", "KUKA", "TIAGo,", "PR2"])
-def test_limits_are_those_that_pinocchio_reads(name):
-    declared = declared_as(name)
-    chain = declared.arm().chain
-    model = pin.buildModelFromUrdf(str(declared.path))
-    for joint in chain.joints:
-        place = model.joints[model.getJointId(joint.name)]
-        if place.nq == 1:
-            assert joint.lower == pytest.approx(model.lowerPositionLimit[place.idx_q])
-            assert joint.upper == pytest.approx(model.upperPositionLimit[place.idx_q])
-        else:
-            assert (joint.lower, joint.upper) == (-np.inf, np.inf)
 
 
 @pytest.mark.parametrize("task", ["all", "position", "wx,vz,vy", "orientation"])
@@ -175,6 +166,8 @@ def test_axes_that_all_meet_in_the_tip_have_no_lever_arm(made):
     arm = made.arm(made.urdf(joints), task="position")
     with pytest.raises(InputError, match="axes of all revolute joints meet"):
         arm.jacobian(np.zeros(4))
+    with pytest.raises(InputError, match="Jacobian 0 is not finite"):
+        arm.worst_case(np.zeros((2, 4)))
     turning = RobotArm(arm.chain, TaskSpace.parse("orientation"))
     assert np.linalg.norm(turning.jacobian(np.ones(4)), axis=0) == pytest.approx(np.ones(4))
 
@@ -259,13 +252,6 @@ def test_what_is_no_batch_of_postures():
     for points in (np.zeros(6), np.zeros((2, 2, 7)), np.full((1, 7), np.nan)):
         with pytest.raises(InputError, match=r"shape \(N, 7\)|Jacobian 0 is not finite"):
             real("Franka").worst_case(points)
-
-
-def test_worst_cases_without_a_length(made):
-    joints = made.serial(["0 0 0.2"] + ["0 0 0"] * 3, ("0 0 1", "0 1 0", "0 0 1", "0 1 0"))
-    arm = made.arm(made.urdf(joints), task="position")
-    with pytest.raises(InputError, match="Jacobian 0 is not finite"):
-        arm.worst_case(np.zeros((2, 4)))
 
 
 @pytest.mark.parametrize("text", ["", "vx,vx", "up", "position,vx", "vx,,vy"])
