@@ -10,7 +10,7 @@ from tqdm.auto import tqdm
 from formulations.campaign.declaration import Declaration
 from formulations.campaign.records import cell_of, task_of
 from formulations.solving.case import Case
-from nlp.dispatch import dispatch
+from nlp.executors import dispatch
 from nlp.starts import Chunk, packed
 from nlp.store import Store
 
@@ -20,15 +20,10 @@ CHUNK = 20
 
 @dataclass(frozen=True)
 class CampaignReport:
-    """How a campaign stands.
+    """How many records were asked for, were added by a run, and are still missing.
 
-    Attributes
-    ----------
-    asked, added, missing
-        Records that were asked for, that this run added, and that are still missing.
-    failed
-        Case, start and reason of those that raised an exception, ended their process or
-        exceeded the time limit.
+    Failed are case, start and reason of those that raised an exception, ended their process
+    or exceeded the time limit.
     """
 
     asked: int
@@ -48,27 +43,9 @@ def run(
 ) -> CampaignReport:
     """Solve every start that has no record yet, and keep the records as they arrive.
 
-    Parameters
-    ----------
-    declared
-        The campaign.
-    store
-        Where its records are, open for writing.
-    executor
-        Where to run; see `nlp.dispatch.dispatch`.
-    time_limit
-        Seconds that a start may take, from when it begins.
-    chunk
-        Starts that a worker is sent, and that one transaction keeps, at once.
-    capacity
-        How many chunks are under way at most; by default what the executor says of itself.
-    progress
-        Whether to show a bar, on a terminal or in a notebook.
-
-    Returns
-    -------
-    CampaignReport
-        If the user interrupted with Ctrl-C, `missing` says how much is left.
+    A chunk is what a worker is sent, and what one transaction keeps. For executor, time limit
+    and capacity see `nlp.executors.dispatch`. If the user interrupts with Ctrl-C, what is
+    missing of the report says how much is left.
 
     Raises
     ------
@@ -86,12 +63,12 @@ def run(
     ):
         try:
             for result in results:
-                label = result.chunk.label
-                failed += [(cases[label], start.index, start.reason) for start in result.failed]
+                case, cell = cases[result.label], cells[result.label]
+                failed += [(case, start.index, start.reason) for start in result.failed]
                 if result.finished:
-                    made = result.finished[0].result["environment"]  # one chunk, one process
-                    records = [(start.index, start.result) for start in result.finished]
-                    added += store.add(cells[label], records, made)
+                    records = list(result.finished.items())
+                    made = records[0][1]["environment"]  # one chunk, one process
+                    added += store.add(cell, records, made)
                 bar.update(len(result.finished) + len(result.failed))
         except KeyboardInterrupt:
             pass  # what is kept is kept, and the report says that it is not all

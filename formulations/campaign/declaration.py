@@ -1,23 +1,7 @@
 """A campaign's file: a grid of cases that TOML declares, checked whole before any work.
 
-::
-
-    starts = 1000                      # of each case
-    formulations = ["residual", "max-min", "isotropy"]
-    models = ["unit-revolute"]
-    joints = [7, 8]
-    # and, where the defaults are not what is wanted:
-    seed = 0
-    task_dimensions = [6]
-    encodings = ["two-stage"]          # of max-min
-    from_residual_minima = [false]     # of max-min
-    locked = [1]                       # of max-min and manipulability
-    solver = "ipopt"
-    compiled = false
-    [options]                          # of the solver, over the formulations' own
-    max_iter = 1000
-
-Any setting of a formulation is the name of a list; ``encodings`` stands for ``encoding``.
+docs/campaigns.md shows one. Any setting of a formulation is the name of a list; ``encodings``
+stands for ``encoding``.
 """
 
 import tomllib
@@ -62,13 +46,7 @@ class Declaration:
 def read(path: Path) -> Declaration:
     """Read a campaign's file and check all of it, every case included.
 
-    Raises
-    ------
-    FileError
-        If it cannot be read or is not TOML.
-    InputError
-        If a key is unknown or missing, or a value, a combination of values or a solver
-        option is not allowed.
+    FileError if it cannot be read or is not TOML, InputError if anything else is wrong in it.
     """
     raw = read_bytes(path, "campaign file", _MOST_BYTES)
     try:

@@ -27,7 +27,7 @@ from formulations.reproduction.solution_family import (
 )
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
-from nlp.solution import Solution
+from nlp.problem import Solution
 
 ARM = Arm.of(UnitRevolute(), 8)
 _TOLERANCE = 1e-9

@@ -6,8 +6,7 @@ import numpy as np
 
 from nlp.arrays import FloatArray
 from nlp.multistart import multistart
-from nlp.problem import Problem
-from nlp.solution import Solution
+from nlp.problem import Problem, Solution
 
 
 def search(

@@ -28,7 +28,7 @@ from formulations.reproduction.printed import (
 )
 from formulations.reproduction.searches import optima, search
 from nlp.arrays import FloatArray
-from nlp.solution import INFEASIBLE
+from nlp.problem import INFEASIBLE
 from nlp.solver import solve
 
 ARM = Arm.of(UnitRevolute(), 7)

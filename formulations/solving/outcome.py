@@ -15,7 +15,7 @@ from formulations.joints.arm import Arm
 from formulations.joints.joint import ColumnModel
 from formulations.measures.canonical import group_equivalent
 from formulations.solving.record import Record
-from nlp.solution import INFEASIBLE
+from nlp.problem import INFEASIBLE
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -10,7 +10,7 @@ import numpy as np
 from formulations import measures
 from formulations.solving.case import Case
 from nlp.arrays import FloatArray
-from nlp.solution import FEASIBLE, Solution, Status
+from nlp.problem import FEASIBLE, Solution, Status
 
 # Improves an arm's variables; says whether its own method converged.
 PolishMethod: TypeAlias = Callable[[FloatArray], tuple[FloatArray, bool]]
@@ -40,7 +40,7 @@ class Record:
     cpu_seconds
         Processor time of the start, drawing and all stages included.
     earlier
-        The solver's accounts of what was solved before; see `nlp.solution.Solution`.
+        The solver's accounts of what was solved before; see `nlp.problem.Solution`.
     polished
         Whether the method that improved the answer converged; None where there was none.
     """

@@ -18,9 +18,8 @@ import psutil
 import pytest
 
 from nlp import executors
-from nlp.dispatch import dispatch
 from nlp.errors import WorkerError
-from nlp.executors import LocalExecutor, end_idle_processes
+from nlp.executors import LocalExecutor, dispatch, end_idle_processes
 from nlp.multistart import multistart
 from nlp.problem import Problem
 from nlp.starts import Chunk, Task, packed
@@ -62,7 +61,7 @@ def chunks(payload, starts, size=10):
 
 def collect(results):
     results = list(results)
-    finished = sorted(start.result for result in results for start in result.finished)
+    finished = sorted(value for result in results for value in result.finished.values())
     return finished, {start.index: start.reason for r in results for start in r.failed}
 
 
@@ -192,7 +191,7 @@ def test_workers_that_hang_end_with_a_killed_parent():
 def test_all_workers_killed_from_outside(two):
     payload, seen = task_of(index_of), []
     for result in dispatch(chunks(payload, 200), two):
-        seen += [start.result for start in result.finished]
+        seen += result.finished.values()
         if len(seen) in (20, 100):
             for child in workers_of():
                 child.kill()
