@@ -15,7 +15,7 @@ import numpy as np
 
 from formulations.io.provenance import provenance
 from formulations.solving.case import Case
-from formulations.solving.record import Record, judge
+from formulations.solving.outcome import Record, judge
 from nlp.arrays import FloatArray
 from nlp.errors import InputError, StoreError, as_path, of_kind
 from nlp.problem import Solution, Status

@@ -12,8 +12,7 @@ import psutil
 import pytest
 
 from formulations import max_min, measures, residual
-from formulations.campaign.campaign import run
-from formulations.campaign.declaration import Declaration, declaration
+from formulations.campaign.campaign import Declaration, declaration, run
 from formulations.campaign.records import TIMES, cell_of, jacobian_of, open_store
 from formulations.campaign.tables import frame
 from formulations.joints.models import arm
