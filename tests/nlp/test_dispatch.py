@@ -47,6 +47,8 @@ def mischief(run, folder, kind, bad, once):
         mark.touch()
         if kind == "hang":
             time.sleep(600)
+        if kind == "leave":
+            os._exit(0)
         os.kill(os.getpid(), signal.SIGKILL)
     return run.index
 
@@ -82,7 +84,12 @@ def test_a_worker_that_fails_once_costs_nothing(tmp_path, two, kind):
 
 
 @pytest.mark.parametrize(
-    ("kind", "reason"), [("die", "ended its process"), ("hang", "exceeded the time limit")]
+    ("kind", "reason"),
+    [
+        ("die", "ended its process"),
+        ("leave", "ended its process"),
+        ("hang", "exceeded the time limit"),
+    ],
 )
 def test_a_start_that_always_fails_is_named_and_lost_alone(tmp_path, two, kind, reason):
     payload = task_of(partial(mischief, folder=tmp_path, kind=kind, bad=13, once=False))
@@ -96,17 +103,6 @@ def test_multistart_names_the_start_that_kills(tmp_path):
     judge = partial(mischief, folder=tmp_path, kind="die", bad=3, once=False)
     with pytest.raises(WorkerError, match="Start 3 ended its process"):
         multistart(parabola, sample, starts=12, workers=2, judge=judge)
-
-
-def leaves(run):
-    if run.index == 3:
-        os._exit(0)
-    return run.index
-
-
-def test_a_worker_that_ends_with_status_0_is_noticed(two):
-    _, failed = collect(dispatch(chunks(task_of(leaves), 20), two))
-    assert failed == {3: "ended its process"}
 
 
 def slow_parabola():

@@ -13,11 +13,6 @@ from nlp.problem import Constraint, Derivatives, Problem, Stage
 from nlp.solver import Solver
 from nlp.starts import Task
 
-x = ca.SX.sym("x")
-_GENERATOR = ca.CodeGenerator("twice")
-_GENERATOR.add(ca.Function("twice", [x], [2 * x]))
-TWICE = str(_GENERATOR.dump()).encode()
-
 
 def rosenbrock(constraints=()):
     x = ca.SX.sym("x", 2)
@@ -68,22 +63,6 @@ def test_compiled_once_and_by_content(cache, monkeypatch):
     Solver(rosenbrock([disc]), {}, "ipopt", True)
     assert len(runs) == 2
     assert len(list(cache.iterdir())) == 2, "libraries only, nothing half-made"
-
-
-def test_the_cache_is_found_by_other_processes(cache):
-    Solver(rosenbrock(), {}, "ipopt", True)
-    (library,) = cache.iterdir()
-    made = library.stat().st_mtime_ns
-    path = [p for p in sys.path if p]
-    code = (
-        f"import sys; sys.path[:0] = {path!r}\n"
-        "import importlib.util as u\n"
-        f"spec = u.spec_from_file_location('t', {__file__!r})\n"
-        "t = u.module_from_spec(spec); spec.loader.exec_module(t)\n"
-        "t.Solver(t.rosenbrock(), compiled=True)"
-    )
-    subprocess.run([sys.executable, "-c", code], check=True)
-    assert [p.stat().st_mtime_ns for p in cache.iterdir()] == [made]
 
 
 @pytest.mark.parametrize(
