@@ -26,8 +26,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from formulations.__main__ import main
-from formulations.campaign.campaign import run
-from formulations.campaign.declaration import declaration
+from formulations.campaign.campaign import declaration, run
 from formulations.campaign.records import open_store
 from formulations.commands.app import app
 from nlp.executors import LocalExecutor

@@ -65,8 +65,7 @@ def campaign(
     damaged records of other problems remain, if another process is writing the store, or if
     the store was removed meanwhile.
     """
-    from formulations.campaign.campaign import run
-    from formulations.campaign.declaration import read
+    from formulations.campaign.campaign import read, run
     from formulations.campaign.records import cell_of, open_store
 
     if workers is not None and (scheduler is not None or mpi):

@@ -23,8 +23,7 @@ from formulations.plot import (
 from formulations.plot.picture import Picture, Request
 from formulations.plot.style import Look, content, figure_class, kind_of, looking, read_look
 from formulations.robots.robot_assessment import RobotAssessment
-from formulations.solving.outcome import Outcome
-from formulations.solving.record import Record
+from formulations.solving.outcome import Outcome, Record
 from formulations.synthesis.manipulator import Manipulator
 from formulations.workspaces.workspace import Workspace
 from nlp.errors import InputError, of_kind

@@ -26,7 +26,7 @@ from formulations.measures.canonical import group_equivalent
 from formulations.reproduction import reference, row
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
-from nlp.solution import Solution
+from nlp.problem import Solution
 
 ARM = Arm.of(UnitRevolute(), 8)
 _TOLERANCE = 1e-9

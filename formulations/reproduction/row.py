@@ -13,8 +13,7 @@ import numpy.typing as npt
 
 from nlp.arrays import FloatArray
 from nlp.multistart import multistart
-from nlp.problem import Problem
-from nlp.solution import Solution
+from nlp.problem import Problem, Solution
 
 # Exact statements hold up to this; optima up to this, as Ipopt's tolerance is 1e-8 on log t.
 ROUNDING, SOLVER = 1e-12, 1e-7

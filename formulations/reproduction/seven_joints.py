@@ -19,7 +19,7 @@ from formulations.joints.kinds import UnitRevolute
 from formulations.measures.canonical import group_equivalent
 from formulations.reproduction import reference, row
 from nlp.arrays import FloatArray
-from nlp.solution import INFEASIBLE
+from nlp.problem import INFEASIBLE
 from nlp.solver import solve
 
 ARM = Arm.of(UnitRevolute(), 7)

@@ -10,8 +10,7 @@ import pytest
 import typer.testing
 
 from formulations import residual
-from formulations.campaign.campaign import run
-from formulations.campaign.declaration import Declaration, declaration
+from formulations.campaign.campaign import Declaration, declaration, run
 from formulations.campaign.records import COLUMNS, TIMES, open_store
 from formulations.commands.app import app
 from formulations.joints.models import arm
