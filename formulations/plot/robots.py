@@ -57,15 +57,8 @@ def draw_path(plan: PathPlan) -> Figure:
 def draw_workspace(workspace: Workspace) -> Figure:
     """Draw what is reached, and what of it is kept.
 
-    Parameters
-    ----------
-    workspace
-        That of a planar arm, which is drawn whole, or of a spatial one: its section
-        through the axis of the first joint, and that across it where most is kept.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
+    That of a planar arm is drawn whole; of a spatial one its section through the axis of the
+    first joint, and that across it where most is kept.
     """
     sets = workspace.sets
     layers = [

@@ -7,8 +7,7 @@ from pathlib import Path
 from formulations.io.files import write_bytes, write_text
 from formulations.io.study import Effort
 from formulations.plot.figures import FIGURES
-from formulations.plot.picture import Request
-from formulations.plot.style import content
+from formulations.plot.style import Request, content
 from results.script import main, study_of
 
 

@@ -17,7 +17,7 @@ from formulations.campaign.declaration import declaration
 from formulations.campaign.records import COLUMNS, open_store
 from formulations.campaign.tables import frame, grouped, optima
 from formulations.commands.app import app
-from formulations.commands.show import as_parquet
+from formulations.commands.campaign import as_parquet
 from nlp.errors import InputError, LockedJointError
 from nlp.executors import LocalExecutor
 
