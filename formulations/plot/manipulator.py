@@ -36,10 +36,7 @@ _FLOOR, _LINES, _LINKS, _JOINTS, _LETTERS = 0, 5, 10, 40, 60
 
 @dataclass(frozen=True)
 class View:
-    """From where the manipulator is looked at: the direction towards the eye, in degrees.
-
-    Azimuth is from x towards y, elevation above the xy-plane.
-    """
+    """Direction towards the eye, degrees: azimuth from x to y, elevation above their plane."""
 
     azimuth: float
     elevation: float
@@ -47,9 +44,8 @@ class View:
     @property
     def name(self) -> str:
         """From where it is, in words."""
-        if self.elevation == 90:
-            return "from above (against z)"
-        return f"azimuth {self.azimuth:g}°, elevation {self.elevation:g}°"
+        other = f"azimuth {self.azimuth:g}°, elevation {self.elevation:g}°"
+        return "from above (against z)" if self.elevation == 90 else other
 
     @property
     def frame(self) -> FloatArray:
@@ -102,14 +98,11 @@ def figure(manipulator: Manipulator) -> Figure:
     parts = {"link": _LINK, joint: _AXIS, "end effector": _TIP}
     views, listed = clear_views(manipulator), columns_text(manipulator)
     with style.styled(4.2 * len(views), 4.83 + 0.13 * manipulator.joints) as drawn:
-        from matplotlib.patches import Patch
-
         panels = drawn.subplots(1, len(views), squeeze=False)[0]
         for axes, view in zip(panels, views, strict=True):
             draw(manipulator, axes, view, scale=True)
             axes.set_title(view.name, fontsize=style.SMALL, color=style.GREY, loc="center")
-        patches = [Patch(color=colour, label=part) for part, colour in parts.items()]
-        drawn.legend(handles=patches, loc="outside upper center", ncols=3)
+        style.legend(drawn, parts, "upper", 3)
         drawn.supxlabel(listed, fontsize="x-small", color=style.INK, family="DejaVu Sans Mono")
     return drawn
 
@@ -144,12 +137,11 @@ def draw(
     view = view or clear_views(manipulator)[0]
     names = [str(i) if named else "" for i in range(manipulator.joints)]
     strokes = _Strokes(manipulator, axes, view, common_lever(manipulator), weight=weight)
-    in_plane = manipulator.task.in_plane
-    if not in_plane:
+    if not manipulator.task.in_plane:
         strokes.sphere()
         strokes.axis_lines()
     strokes.bodies()
-    if in_plane and columns:
+    if manipulator.task.in_plane and columns:
         strokes.columns(names)
     strokes.ends()
     strokes.links()
@@ -175,8 +167,7 @@ def draw_axes(
 
 def common_lever(manipulator: Manipulator) -> float:
     """Radius of the sphere about the end effector that all revolute axes touch; 0 if none."""
-    columns = manipulator.full_jacobian()[:3, ~manipulator.prismatic]
-    levers = np.linalg.norm(columns, axis=0)
+    levers = np.linalg.norm(manipulator.full_jacobian()[:3, ~manipulator.prismatic], axis=0)
     common = levers.size > 0 and float(np.ptp(levers)) < 1e-3 * float(np.max(levers))
     return float(np.mean(levers)) if common else 0.0
 
@@ -219,9 +210,8 @@ class _Strokes:
         self._axes.fill(*rim.T[:2], fc=style.PAPER, ec=style.PALE, lw=0.8, zorder=_FLOOR)
         equator = self._tip + self._view.project(circle)
         front = equator[:, 2] >= self._tip[2]
-        for part, dashes in ((front, "-"), (~front, (0, (2, 3)))):
-            drawn = self._part(equator, part, style.PALE, 0.6)
-            drawn.set(ls=dashes, zorder=_FLOOR + 1)
+        self._part(equator, front, style.PALE, 0.6).set_zorder(_FLOOR + 1)
+        self._part(equator, ~front, style.PALE, 0.6).set(ls=(0, (2, 3)), zorder=_FLOOR + 1)
 
     def axis_lines(self, width: float = 0.9) -> None:
         """Draw axes, paler where they are behind the sphere about the end effector."""
@@ -337,10 +327,8 @@ class _Strokes:
         x, y, _ = np.where(part[:, None], line, np.nan).T
         return self._axes.plot(x, y, color=colour, lw=width)[0]
 
-    def _line(
-        self, ends: FloatArray, colour: str, width: float, layer: float, cap: str
-    ) -> None:
-        [line] = self._axes.plot(*ends.T[:2], color=colour, lw=width * self._weight)
+    def _line(self, ends: FloatArray, colour: str, lw: float, layer: float, cap: str) -> None:
+        [line] = self._axes.plot(*ends.T[:2], color=colour, lw=lw * self._weight)
         line.set(zorder=layer, solid_capstyle=cap)
 
     def _arrow(self, start: FloatArray, shift: FloatArray, shrink: dict[str, float]) -> None:

@@ -8,6 +8,7 @@ import numpy as np
 
 from formulations.kinematics.serial_arm import Bits
 from formulations.paths.plan import PathPlan
+from formulations.plot import style
 from formulations.plot.style import BLUE, GREY, ORANGE, PALE, PAPER, SMALL, styled
 from formulations.workspaces.workspace import Workspace
 
@@ -68,8 +69,6 @@ def draw_workspace(workspace: Workspace) -> Figure:
     ]
     flat = workspace.dimension == 2
     with styled(*((4.6, 4.6) if flat else (7.4, 4.0))) as figure:
-        from matplotlib.patches import Patch
-
         unit = "m²" if flat else "m³"
         share = f"{100 * workspace.share:.0f} % of what is reached"
         figure.suptitle(f"{workspace.size:.3g} {unit} kept, {share}")
@@ -85,9 +84,8 @@ def draw_workspace(workspace: Workspace) -> Figure:
             for axes, axis, place in ((left, 1, across), (right, 2, level)):
                 height = (place + sets.corner[axis]) * sets.voxel
                 axes.set_title(f"{'xyz'[axis]} = {height:.2f} m", fontsize=SMALL)
-        patches = [Patch(color=colour, label=name) for name, colour in _LEGEND.items()]
         columns = 2 if flat else 3  # as many as there is room for
-        figure.legend(handles=patches, loc="outside lower center", ncols=columns)
+        style.legend(figure, _LEGEND, "lower", columns)
     return figure
 
 

@@ -239,6 +239,14 @@ def beside(
     axes.annotate(text, point, va="bottom" if by[1] > 0 else "top", color=colour, **where)
 
 
+def legend(figure: Figure, colours: Mapping[str, str], side: str, columns: int) -> None:
+    """Explain colours above (``upper``) or below (``lower``) all panels."""
+    from matplotlib.patches import Patch
+
+    patches = [Patch(color=colour, label=name) for name, colour in colours.items()]
+    figure.legend(handles=patches, loc=f"outside {side} center", ncols=columns)
+
+
 def kind_of(path: Path) -> str:
     """Return the format that a file's name asks for, one of `FORMATS`; else FileError."""
     kind = path.suffix.lower().removeprefix(".")
